@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rangecal/core/noise.hpp"
+#include "rangecal/core/outcome.hpp"
+#include "rangecal/core/recording.hpp"
+
+namespace rangecal {
+
+/// The four methods that stand side by side.
+enum class Method { closed_form, approximate, full, marginal };
+/// "closed-form", "approximate", "full", "marginal".
+const char* to_string(Method method);
+Method method_from_string(const std::string& text);
+
+/// A number with its standard deviation (absent where there is none; `why` says so).
+struct Estimate {
+  double value = 0.0;
+  std::optional<double> std_dev;
+};
+
+struct LandmarkEstimate {
+  int recording = 0;                  ///< which recording of the job
+  std::string label;
+  Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
+  std::optional<Eigen::Matrix2d> covariance;   ///< [m^2]
+};
+
+struct StopEstimate {
+  int recording = 0;
+  std::string label;
+  Pose2 pose;
+};
+
+/// What a calibration method delivers: f, the noise law, and where it has them landmarks and stops, with their
+/// uncertainties, or the reason why there are none.
+struct Calibration {
+  Method method = Method::marginal;
+  RecordingKind kind = RecordingKind::landmarks;
+  Outcome outcome = Outcome::failed;
+  std::string reason;                 ///< in words; empty when converged and nothing needs saying
+
+  Eigen::VectorXd alpha;              ///< order + 1 coefficients of f; alpha_i in m^(1-i)
+  std::optional<Eigen::MatrixXd> alpha_covariance;
+  std::string covariance_reason;      ///< why there is no covariance, or a caution about it
+  Noise noise;
+  std::vector<Estimate> noise_estimates;   ///< one per noise parameter
+  std::optional<Estimate> sigma_theta_rad;
+  std::optional<Estimate> sigma_s_m;       ///< only where it was estimated
+  std::optional<double> sigma_s_upper95_m; ///< one-sided 95 % limit from the profile where the estimate is 0
+  double range_min_m = 0.0, range_max_m = 0.0;   ///< distances over which it was fitted
+
+  std::map<std::string, std::map<std::string, double>> effects;   ///< id -> parameter -> value, for `correct`
+  std::vector<LandmarkEstimate> landmarks;
+  std::vector<StopEstimate> stops;
+  Counts counts;
+
+  std::optional<double> joint_nll;    ///< at this method's best stops [nats], constants included
+  std::optional<double> marginal_nll; ///< stops integrated out by Laplace's method [nats]; for pairs the plain NLL
+  std::optional<double> aic;          ///< 2 (marginal NLL + alpha, noise and landmark parameters)
+  std::string weakest_direction;      ///< in the user's parameters
+  int iterations = 0;
+  double seconds = 0.0;               ///< wall time of the solve, filled in by the caller that timed it
+
+  int order() const { return static_cast<int>(alpha.size()) - 1; }
+};
+
+}  // namespace rangecal

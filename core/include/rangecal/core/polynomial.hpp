@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace rangecal {
+
+/// f(d) = sum_i coefficients[i] d^i  (Alhashimi 2016, eq. 3), by Horner's rule. d in metres.
+template <typename Scalar, typename Coefficients>
+Scalar evaluate_polynomial(const Coefficients& coefficients, const Scalar& d) {
+  Scalar value(0.0);
+  for (Eigen::Index i = coefficients.size(); i-- > 0;) value = value * d + coefficients[i];
+  return value;
+}
+
+/// f'(d).
+double evaluate_derivative(const Eigen::VectorXd& coefficients, double d);
+
+/// The real roots in [low, high], ascending, of sum_i coefficients[i] d^i: closed form up to degree 2, eigenvalues
+/// of the balanced companion matrix above, each polished by Newton. A double root is returned once. A polynomial
+/// that vanishes identically has no roots here (there is nothing to tell).
+std::vector<double> real_roots(const Eigen::VectorXd& coefficients, double low, double high);
+
+}  // namespace rangecal
