@@ -12,8 +12,9 @@ namespace rangecal {
 /// Cost: linear in the number of rows.
 Recording load_recording(const std::string& folder);
 
-/// Writes the recording into `folder` (created if missing) so that load_recording gives it back: numbers with 17
-/// significant digits, each file through a temporary and a rename, so that none is left half-written.
+/// Writes the recording into `folder` (created if missing) so that load_recording gives it back, readings that were
+/// dropped excepted: numbers as the shortest text that reads back exactly, each file through a temporary and a rename,
+/// so that none is left half-written. Files of the format that this recording has no use for are removed.
 void save_recording(const Recording& recording, const std::string& folder);
 
 }  // namespace rangecal

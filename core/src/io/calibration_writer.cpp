@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/files.hpp"
+
+namespace rangecal {
+namespace {
+
+// Insertion order is the order of the report.
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json number(const std::optional<double>& value) { return value ? number(*value) : Json(nullptr); }
+
+Json vector(const Eigen::VectorXd& values) {
+  Json list = Json::array();
+  for (const double value : values) list.push_back(number(value));
+  return list;
+}
+
+template <typename Matrix>
+Json matrix(const std::optional<Matrix>& values) {
+  if (!values) return nullptr;
+  Json rows = Json::array();
+  for (Eigen::Index i = 0; i < values->rows(); ++i) rows.push_back(vector(values->row(i).transpose()));
+  return rows;
+}
+
+Json noise(const Calibration& calibration) {
+  Json object{{"law", to_string(calibration.noise.law)}, {"parameters", vector(calibration.noise.parameters)}};
+  Json deviations = Json::array();
+  for (const Estimate& estimate : calibration.noise_estimates) deviations.push_back(number(estimate.std_dev));
+  object["std"] = deviations;
+  return object;
+}
+
+void put_estimate(Json& object, const std::string& name, const std::optional<Estimate>& estimate) {
+  object[name] = estimate ? number(estimate->value) : Json(nullptr);
+  object[name + "_std"] = estimate ? number(estimate->std_dev) : Json(nullptr);
+}
+
+Json to_json(const Calibration& calibration) {
+  Json object;
+  object["format"] = "rangecal-calibration/1";
+  object["method"] = to_string(calibration.method);
+  object["kind"] = calibration.kind == RecordingKind::pairs ? "pairs" : "landmarks";
+  object["outcome"] = to_string(calibration.outcome);
+  object["reason"] = calibration.reason;
+  object["order"] = calibration.order() < 0 ? Json(nullptr) : Json(calibration.order());
+  object["alpha"] = vector(calibration.alpha);
+  object["covariance"] = matrix(calibration.alpha_covariance);
+  object["covariance_reason"] = calibration.covariance_reason;
+  object["noise"] = noise(calibration);
+  put_estimate(object, "sigma_theta_rad", calibration.sigma_theta_rad);
+  put_estimate(object, "sigma_s_m", calibration.sigma_s_m);
+  object["sigma_s_upper95_m"] = number(calibration.sigma_s_upper95_m);
+  object["range_m"] = Json::array({number(calibration.range_min_m), number(calibration.range_max_m)});
+  object["effects"] = Json::object();
+  for (const auto& [effect, parameters] : calibration.effects) {
+    object["effects"][effect] = Json::object();
+    for (const auto& [name, value] : parameters) object["effects"][effect][name] = number(value);
+  }
+  object["landmarks"] = Json::array();
+  for (const LandmarkEstimate& landmark : calibration.landmarks) {
+    object["landmarks"].push_back({{"recording", landmark.recording},
+                                   {"landmark", landmark.label},
+                                   {"x_m", number(landmark.position_m.x())},
+                                   {"y_m", number(landmark.position_m.y())},
+                                   {"covariance", matrix(landmark.covariance)}});
+  }
+  object["stops"] = Json::array();
+  for (const StopEstimate& stop : calibration.stops) {
+    object["stops"].push_back({{"recording", stop.recording},
+                               {"stop", stop.label},
+                               {"x_m", number(stop.pose.x_m)},
+                               {"y_m", number(stop.pose.y_m)},
+                               {"heading_rad", number(stop.pose.heading_rad)}});
+  }
+  const Counts& counts = calibration.counts;
+  object["counts"] = {{"read", counts.read}, {"used", counts.used}};
+  object["counts"]["dropped"] = Json::object();
+  for (const auto& [reason, count] : counts.dropped) object["counts"]["dropped"][reason] = count;
+  object["counts"]["cells_left_out"] = counts.cells_left_out;
+  object["nll"] = number(calibration.marginal_nll);
+  object["joint_nll"] = number(calibration.joint_nll);
+  object["aic"] = number(calibration.aic);
+  object["weakest_direction"] = calibration.weakest_direction;
+  object["iterations"] = calibration.iterations;
+  object["seconds"] = number(calibration.seconds);
+  return object;
+}
+
+}  // namespace
+
+std::string calibrations_to_json(const std::vector<Calibration>& calibrations) {
+  Json top;
+  if (calibrations.size() == 1) {
+    top = to_json(calibrations.front());
+  } else {
+    top["format"] = "rangecal-calibration/1";
+    top["methods"] = Json::array();
+    for (const Calibration& calibration : calibrations) top["methods"].push_back(to_json(calibration));
+  }
+  // Labels may hold bytes that are no UTF-8 when they were made in memory: those are replaced, never thrown over.
+  return top.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void save_calibrations(const std::vector<Calibration>& calibrations, const std::string& path) {
+  write_file(path, calibrations_to_json(calibrations));
+}
+
+}  // namespace rangecal

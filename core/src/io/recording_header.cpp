@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <limits>
+
+#include "io/recording_parts.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/yaml_reader.hpp"
+
+namespace rangecal::io {
+namespace {
+
+void read_sensor(const YamlReader& node, Sensor& sensor) {
+  node.allow_only({"name", "principle", "range_min_m", "range_max_m"});
+  if (node.has("name")) sensor.name = node.at("name").text();
+  if (node.has("principle")) sensor.principle = node.at("principle").text();
+  if (node.has("range_min_m")) sensor.range_min_m = node.at("range_min_m").not_negative();
+  if (node.has("range_max_m")) {
+    const YamlReader limit = node.at("range_max_m");
+    sensor.range_max_m = limit.number();
+    if (!(sensor.range_max_m > sensor.range_min_m)) limit.fail("is not above range_min_m");
+  }
+}
+
+void read_stop_model(const YamlReader& node, Recording& recording) {
+  node.allow_only({"sigma_xy_m", "sigma_heading_rad", "error"});
+  if (node.has("sigma_xy_m")) {
+    const YamlReader sigma = node.at("sigma_xy_m");
+    recording.estimate_sigma_xy = !sigma.is_map() && !sigma.is_list() && sigma.text() == "estimate";
+    if (!recording.estimate_sigma_xy) recording.sigma_xy_m = sigma.not_negative();
+  }
+  if (node.has("sigma_heading_rad")) recording.sigma_heading_rad = node.at("sigma_heading_rad").not_negative();
+  if (node.has("error")) {
+    const YamlReader error = node.at("error");
+    if (error.text() == "random_walk") {
+      recording.stop_error = StopErrorModel::random_walk;
+    } else if (error.text() != "independent") {
+      error.fail("'" + error.text().substr(0, 40) + "' is neither independent nor random_walk");
+    }
+  }
+}
+
+TapedDistance read_taped(const YamlReader& node) {
+  node.allow_only({"from", "to", "distance_m", "sigma_m"});
+  TapedDistance taped;
+  taped.from = node.at("from").text();
+  taped.to = node.at("to").text();
+  taped.distance_m = node.at("distance_m").positive();
+  taped.sigma_m = node.at("sigma_m").positive();
+  taped.line = node.line();
+  taped.field = node.field();
+  if (taped.from == taped.to) node.fail("goes from a landmark to itself");
+  return taped;
+}
+
+}  // namespace
+
+RecordingHeader read_header(const std::string& folder, Recording& recording) {
+  RecordingHeader header;
+  header.file = path_in(folder, "recording.yaml");
+  const YamlReader top = YamlReader::open(header.file);
+  top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances"});
+  const YamlReader format = top.at("format");
+  if (format.text() != "rangecal/1") format.fail("'" + format.text().substr(0, 40) + "' is not rangecal/1");
+  if (top.has("kind")) {
+    const YamlReader kind = top.at("kind");
+    if (kind.text() == "pairs") {
+      recording.kind = RecordingKind::pairs;
+    } else if (kind.text() != "landmarks") {
+      kind.fail("'" + kind.text().substr(0, 40) + "' is neither landmarks nor pairs");
+    }
+  }
+  if (top.has("sensor")) read_sensor(top.at("sensor"), recording.sensor);
+  if (top.has("stops")) read_stop_model(top.at("stops"), recording);
+  if (top.has("landmarks")) {
+    const YamlReader landmarks = top.at("landmarks");
+    landmarks.allow_only({"radius_m"});
+    if (landmarks.has("radius_m")) header.landmark_radius_m = landmarks.at("radius_m").not_negative();
+  }
+  if (top.has("known_distances")) {
+    for (const YamlReader& item : top.at("known_distances").items()) header.taped.push_back(read_taped(item));
+  }
+  return header;
+}
+
+}  // namespace rangecal::io

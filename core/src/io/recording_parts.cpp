@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/recording_parts.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <numbers>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
+
+namespace rangecal {
+
+Recording load_recording(const std::string& folder) {
+  std::error_code error;
+  if (!std::filesystem::exists(folder, error)) throw InputError(folder, 0, "", "no such folder");
+  if (!std::filesystem::is_directory(folder, error)) throw InputError(folder, 0, "", "is not a folder");
+  Recording recording;
+  recording.path = folder;
+  const io::RecordingHeader header = io::read_header(folder, recording);
+  if (recording.kind == RecordingKind::pairs) {
+    io::read_pairs_kind(folder, header, recording);
+  } else {
+    io::read_landmarks_kind(folder, header, recording);
+  }
+  return recording;
+}
+
+namespace io {
+
+std::string path_in(const std::string& folder, const char* file) {
+  return (std::filesystem::path(folder) / file).string();
+}
+
+bool read_landmark_list(const std::string& folder, const RecordingHeader& header, Recording& recording,
+                        LabelIndex& index) {
+  const std::string path = path_in(folder, "landmarks.csv");
+  if (!file_exists(path)) return false;
+  const CsvTable table = CsvTable::read(path);
+  const std::size_t label = table.require("landmark");
+  const auto radius = table.find("radius_m");
+  const auto reflectance = table.find("reflectance");
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    Landmark landmark;
+    landmark.label = table.label(row, label);
+    landmark.radius_m = header.landmark_radius_m;
+    if (index.find(landmark.label)) table.fail(row, label, "landmark '" + landmark.label + "' is listed twice");
+    if (radius && table.number(row, *radius)) {
+      landmark.radius_m = table.finite(row, *radius);
+      if (landmark.radius_m < 0.0) table.fail(row, *radius, "is negative");
+    }
+    if (reflectance && table.number(row, *reflectance)) landmark.reflectance = table.finite(row, *reflectance);
+    index.insert(landmark.label);
+    recording.landmarks.push_back(std::move(landmark));
+  }
+  return true;
+}
+
+int observed_landmark(const CsvTable& table, std::size_t row, std::size_t column, bool listed, double radius_m,
+                      Recording& recording, LabelIndex& index) {
+  const std::string label = table.label(row, column);
+  if (const auto known = index.find(label)) return *known;
+  if (listed) table.fail(row, column, "unknown landmark '" + label + "': landmarks.csv does not list it");
+  recording.landmarks.push_back({label, radius_m, std::nullopt});
+  return index.insert(label);
+}
+
+double checked_angle(const CsvTable& table, std::size_t row, std::size_t column, double angle) {
+  if (std::abs(angle) > 2.0 * std::numbers::pi) {
+    table.fail(row, column, "'" + std::string(table.text(row, column)) +
+                                "' is beyond +-2 pi rad: degrees, most likely; convert to radians");
+  }
+  return wrap_angle(angle);
+}
+
+const char* unusable(const Sensor& sensor, const std::optional<double>& range_m) {
+  if (!range_m) return "missing";
+  if (!std::isfinite(*range_m)) return "not finite";
+  if (*range_m == 0.0) return "zero";
+  if (*range_m < 0.0) return "negative";
+  if (*range_m < sensor.range_min_m) return "below range_min_m";
+  if (*range_m > sensor.range_max_m) return "above range_max_m";
+  return nullptr;
+}
+
+bool lost_at_limit(const char* reason) {
+  return reason != nullptr && (std::string_view(reason).starts_with("below") ||
+                               std::string_view(reason).starts_with("above"));
+}
+
+CovariateColumns::CovariateColumns(const CsvTable& table, std::initializer_list<const char*> known,
+                                   Covariates& covariates) {
+  for (std::size_t column = 0; column < table.columns().size(); ++column) {
+    const std::string& name = table.columns()[column];
+    const bool is_known = std::any_of(known.begin(), known.end(), [&](const char* other) { return name == other; });
+    if (name.empty() || is_known || !table.is_numeric(column)) continue;
+    columns.push_back(column);
+    values.push_back(&covariates[name]);
+  }
+}
+
+void CovariateColumns::append(const CsvTable& table, std::size_t row) {
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    values[i]->push_back(table.number(row, columns[i]).value_or(std::numeric_limits<double>::quiet_NaN()));
+  }
+}
+
+}  // namespace io
+}  // namespace rangecal

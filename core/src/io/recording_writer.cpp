@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
+
+#include "io/recording_parts.hpp"
+#include "rangecal/core/csv_table.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
+
+namespace rangecal {
+namespace {
+
+// The shortest text that reads back as exactly this number (at most 17 significant digits).
+std::string text_of(double value) { return std::isnan(value) ? "nan" : fmt::format("{}", value); }
+
+std::string text_of(const std::optional<double>& value) { return value ? text_of(*value) : ""; }
+
+class CsvText {
+ public:
+  explicit CsvText(const std::vector<std::string>& columns) { add(columns); }
+  void add(const std::vector<std::string>& fields) {
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      if (i > 0) text_ += ',';
+      text_ += csv_field(fields[i]);
+    }
+    text_ += '\n';
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+std::string header_text(const Recording& recording) {
+  const bool landmarks = recording.kind == RecordingKind::landmarks;
+  YAML::Emitter out;
+  out.SetDoublePrecision(17);
+  out << YAML::BeginMap << YAML::Key << "format" << YAML::Value << "rangecal/1";
+  out << YAML::Key << "kind" << YAML::Value << (landmarks ? "landmarks" : "pairs");
+  const Sensor& sensor = recording.sensor;
+  out << YAML::Key << "sensor" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  if (!sensor.name.empty()) out << YAML::Key << "name" << YAML::Value << YAML::DoubleQuoted << sensor.name;
+  if (!sensor.principle.empty()) {
+    out << YAML::Key << "principle" << YAML::Value << YAML::DoubleQuoted << sensor.principle;
+  }
+  out << YAML::Key << "range_min_m" << YAML::Value << text_of(sensor.range_min_m);
+  if (std::isfinite(sensor.range_max_m)) {
+    out << YAML::Key << "range_max_m" << YAML::Value << text_of(sensor.range_max_m);
+  }
+  out << YAML::EndMap;
+  if (landmarks) {
+    out << YAML::Key << "stops" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    out << YAML::Key << "sigma_xy_m" << YAML::Value
+        << (recording.estimate_sigma_xy ? "estimate" : text_of(recording.sigma_xy_m));
+    out << YAML::Key << "sigma_heading_rad" << YAML::Value << text_of(recording.sigma_heading_rad);
+    out << YAML::Key << "error" << YAML::Value
+        << (recording.stop_error == StopErrorModel::random_walk ? "random_walk" : "independent") << YAML::EndMap;
+    if (!recording.known_distances.empty()) {
+      out << YAML::Key << "known_distances" << YAML::Value << YAML::BeginSeq;
+      for (const KnownDistance& known : recording.known_distances) {
+        const auto label = [&](int i) { return recording.landmarks[static_cast<std::size_t>(i)].label; };
+        out << YAML::Flow << YAML::BeginMap;
+        out << YAML::Key << "from" << YAML::Value << YAML::DoubleQuoted << label(known.from);
+        out << YAML::Key << "to" << YAML::Value << YAML::DoubleQuoted << label(known.to);
+        out << YAML::Key << "distance_m" << YAML::Value << text_of(known.distance_m);
+        out << YAML::Key << "sigma_m" << YAML::Value << text_of(known.sigma_m) << YAML::EndMap;
+      }
+      out << YAML::EndSeq;
+    }
+  }
+  out << YAML::EndMap;
+  return std::string(out.c_str()) + "\n";
+}
+
+std::string stops_text(const Recording& recording) {
+  bool sigma_xy = false, sigma_heading = false, place = false;
+  for (const Stop& stop : recording.stops) {
+    sigma_xy = sigma_xy || stop.sigma_xy_m;
+    sigma_heading = sigma_heading || stop.sigma_heading_rad;
+    place = place || !stop.place.empty();
+  }
+  std::vector<std::string> columns{"stop", "x_m", "y_m", "heading_rad"};
+  if (sigma_xy) columns.push_back("sigma_xy_m");
+  if (sigma_heading) columns.push_back("sigma_heading_rad");
+  if (place) columns.push_back("place");
+  CsvText csv(columns);
+  for (const Stop& stop : recording.stops) {
+    std::vector<std::string> fields{stop.label, text_of(stop.commanded.x_m), text_of(stop.commanded.y_m),
+                                    text_of(stop.commanded.heading_rad)};
+    if (sigma_xy) fields.push_back(text_of(stop.sigma_xy_m));
+    if (sigma_heading) fields.push_back(text_of(stop.sigma_heading_rad));
+    if (place) fields.push_back(stop.place);
+    csv.add(fields);
+  }
+  return csv.text();
+}
+
+std::string landmarks_text(const Recording& recording) {
+  bool reflectance = false;
+  for (const Landmark& landmark : recording.landmarks) reflectance = reflectance || landmark.reflectance;
+  CsvText csv(reflectance ? std::vector<std::string>{"landmark", "radius_m", "reflectance"}
+                          : std::vector<std::string>{"landmark", "radius_m"});
+  for (const Landmark& landmark : recording.landmarks) {
+    std::vector<std::string> fields{landmark.label, text_of(landmark.radius_m)};
+    if (reflectance) fields.push_back(text_of(landmark.reflectance));
+    csv.add(fields);
+  }
+  return csv.text();
+}
+
+std::string observations_text(const Recording& recording) {
+  const Readings& readings = recording.readings;
+  const bool time = !readings.time_s.empty();
+  std::vector<std::string> columns{"stop", "landmark", "repeat"};
+  if (time) columns.push_back("time_s");
+  columns.insert(columns.end(), {"range_m", "bearing_rad"});
+  for (const auto& covariate : readings.covariates) columns.push_back(covariate.first);
+  CsvText csv(columns);
+  std::vector<std::string> fields;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    fields = {recording.stops[static_cast<std::size_t>(readings.stop[i])].label,
+              recording.landmarks[static_cast<std::size_t>(readings.landmark[i])].label,
+              std::to_string(readings.repeat[i])};
+    if (time) fields.push_back(text_of(readings.time_s[i]));
+    fields.push_back(text_of(readings.range_m[i]));
+    fields.push_back(text_of(readings.bearing_rad[i]));
+    for (const auto& covariate : readings.covariates) fields.push_back(text_of(covariate.second[i]));
+    csv.add(fields);
+  }
+  return csv.text();
+}
+
+std::string pairs_text(const Recording& recording) {
+  const Pairs& pairs = recording.pairs;
+  const bool batch = !pairs.batch.empty(), landmark = !pairs.landmark.empty();
+  const bool time = !pairs.time_s.empty(), bearing = !pairs.bearing_rad.empty();
+  std::vector<std::string> columns;
+  if (batch) columns.push_back("batch");
+  if (landmark) columns.push_back("landmark");
+  if (time) columns.push_back("time_s");
+  columns.insert(columns.end(), {"true_m", "reading_m"});
+  if (bearing) columns.push_back("bearing_rad");
+  for (const auto& covariate : pairs.covariates) columns.push_back(covariate.first);
+  CsvText csv(columns);
+  std::vector<std::string> fields;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    fields.clear();
+    if (batch) fields.push_back(pairs.batch[i] < 0 ? "" : pairs.batch_labels[static_cast<std::size_t>(pairs.batch[i])]);
+    if (landmark) fields.push_back(recording.landmarks[static_cast<std::size_t>(pairs.landmark[i])].label);
+    if (time) fields.push_back(text_of(pairs.time_s[i]));
+    fields.push_back(text_of(pairs.true_m[i]));
+    fields.push_back(text_of(pairs.reading_m[i]));
+    if (bearing) fields.push_back(text_of(pairs.bearing_rad[i]));
+    for (const auto& covariate : pairs.covariates) fields.push_back(text_of(covariate.second[i]));
+    csv.add(fields);
+  }
+  return csv.text();
+}
+
+std::string truth_stops_text(const Recording& recording) {
+  CsvText csv({"stop", "x_m", "y_m", "heading_rad"});
+  for (std::size_t i = 0; i < recording.truth.stops.size(); ++i) {
+    const auto& pose = recording.truth.stops[i];
+    if (!pose) continue;
+    csv.add({recording.stops[i].label, text_of(pose->x_m), text_of(pose->y_m), text_of(pose->heading_rad)});
+  }
+  return csv.text();
+}
+
+std::string truth_landmarks_text(const Recording& recording) {
+  CsvText csv({"landmark", "x_m", "y_m"});
+  for (std::size_t i = 0; i < recording.truth.landmarks.size(); ++i) {
+    const auto& position = recording.truth.landmarks[i];
+    if (position) csv.add({recording.landmarks[i].label, text_of(position->x()), text_of(position->y())});
+  }
+  return csv.text();
+}
+
+}  // namespace
+
+void save_recording(const Recording& recording, const std::string& folder) {
+  make_folder(folder);
+  // A file of the format that this recording has no use for is removed: load would take it for this recording's.
+  const auto put = [&](const char* name, bool wanted, std::string (*text)(const Recording&)) {
+    const std::string path = io::path_in(folder, name);
+    std::error_code ignored;
+    if (wanted) {
+      write_file(path, text(recording));
+    } else {
+      std::filesystem::remove(path, ignored);
+    }
+  };
+  const bool landmarks = recording.kind == RecordingKind::landmarks;
+  put("landmarks.csv", !recording.landmarks.empty(), landmarks_text);
+  put("stops.csv", landmarks, stops_text);
+  put("observations.csv", landmarks, observations_text);
+  put("pairs.csv", !landmarks, pairs_text);
+  put("truth_stops.csv", landmarks && !recording.truth.stops.empty(), truth_stops_text);
+  put("truth_landmarks.csv", landmarks && !recording.truth.landmarks.empty(), truth_landmarks_text);
+  put("recording.yaml", true, header_text);
+}
+
+}  // namespace rangecal

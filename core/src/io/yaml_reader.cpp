@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/core/yaml_reader.hpp"
+
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+
+namespace rangecal {
+namespace {
+
+constexpr std::size_t kLargestFile = 16u << 20;
+
+std::string shortened(const std::string& text) { return text.size() <= 40 ? text : text.substr(0, 40) + "..."; }
+
+[[noreturn]] void fail_at(const std::string& file, int line, const std::string& field, const std::string& what) {
+  throw InputError(file, line, "", field.empty() ? what : "field '" + field + "': " + what);
+}
+
+}  // namespace
+
+YamlReader YamlReader::open(const std::string& path) {
+  const std::string text = read_file(path);
+  if (text.size() > kLargestFile) throw InputError(path, 0, "", "is larger than 16 MB");
+  YAML::Node top;
+  try {
+    top = YAML::Load(text);
+  } catch (const YAML::Exception& error) {
+    throw InputError(path, error.mark.line + 1, "", "is not YAML: " + error.msg);
+  }
+  if (!top.IsMap()) throw InputError(path, 1, "", "is not a map of keys to values");
+  return YamlReader(top, path, "", 1);
+}
+
+YamlReader::YamlReader(YAML::Node node, std::string file, std::string field, int line)
+    : node_(std::move(node)), file_(std::move(file)), field_(std::move(field)), line_(line) {}
+
+void YamlReader::fail(const std::string& what) const { fail_at(file_, line_, field_, what); }
+
+void YamlReader::allow_only(std::initializer_list<const char*> keys) const {
+  if (!node_.IsMap()) fail("is not a map of keys to values");
+  std::set<std::string> seen;
+  for (const auto& entry : node_) {
+    if (!entry.first.IsScalar()) fail("a key is not a text");
+    const std::string key = entry.first.Scalar();
+    const int line = entry.first.Mark().line + 1;
+    const std::string name = field_.empty() ? shortened(key) : field_ + "." + shortened(key);
+    if (!seen.insert(key).second) fail_at(file_, line, name, "the key stands twice");
+    bool known = false;
+    std::string accepted;
+    for (const char* candidate : keys) {
+      known = known || key == candidate;
+      accepted += (accepted.empty() ? "" : ", ") + std::string(candidate);
+    }
+    if (!known) fail_at(file_, line, name, "unknown key; known here: " + accepted);
+  }
+}
+
+bool YamlReader::has(const char* key) const {
+  if (!node_.IsMap()) fail("is not a map of keys to values");
+  const YAML::Node child = node_[key];
+  return child.IsDefined() && !child.IsNull();
+}
+
+YamlReader YamlReader::at(const char* key) const {
+  const std::string name = field_.empty() ? key : field_ + "." + key;
+  if (!has(key)) fail_at(file_, line_, name, "is missing");
+  const YAML::Node child = node_[key];
+  return YamlReader(child, file_, name, child.Mark().line + 1);
+}
+
+std::vector<YamlReader> YamlReader::items() const {
+  if (!node_.IsSequence()) fail("is not a list");
+  std::vector<YamlReader> items;
+  for (const auto& entry : node_) {
+    items.emplace_back(entry, file_, field_ + "[" + std::to_string(items.size()) + "]", entry.Mark().line + 1);
+  }
+  return items;
+}
+
+std::string YamlReader::text() const {
+  if (!node_.IsScalar()) fail("is not a text");
+  return node_.Scalar();
+}
+
+double YamlReader::number() const {
+  double value = 0.0;
+  if (!node_.IsScalar()) fail("is not a number");
+  if (!YAML::convert<double>::decode(node_, value)) fail(fmt::format("'{}' is not a number", shortened(node_.Scalar())));
+  if (std::isnan(value)) fail("is not a number");
+  return value;
+}
+
+double YamlReader::positive() const {
+  const double value = number();
+  if (!(value > 0.0) || !std::isfinite(value)) fail(fmt::format("'{}' is not a positive number", shortened(node_.Scalar())));
+  return value;
+}
+
+double YamlReader::not_negative() const {
+  const double value = number();
+  if (!(value >= 0.0) || !std::isfinite(value)) fail(fmt::format("'{}' is not a number of at least 0", shortened(node_.Scalar())));
+  return value;
+}
+
+int YamlReader::whole(int at_least) const {
+  const double value = number();
+  if (value != std::floor(value) || value < at_least || value > std::numeric_limits<int>::max()) {
+    fail(fmt::format("'{}' is not a whole number of at least {}", shortened(node_.Scalar()), at_least));
+  }
+  return static_cast<int>(value);
+}
+
+std::vector<double> YamlReader::numbers() const {
+  std::vector<double> values;
+  for (const YamlReader& item : items()) {
+    const double value = item.number();
+    if (!std::isfinite(value)) item.fail("is not finite");
+    values.push_back(value);
+  }
+  return values;
+}
+
+}  // namespace rangecal
