@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# The README's two commands. Both install missing Debian packages first and build Release.
+PRESET ?= release
+BUILD  := build/release
+JOBS   ?= $(shell nproc)
+
+.PHONY: demo test build packages
+
+demo: build
+	$(BUILD)/apps/rangecal compare notebooks_data/field-layout
+
+test: build
+	ctest --test-dir $(BUILD) --output-on-failure -j $(JOBS)
+
+build: packages
+	@if [ -f $(BUILD)/CMakeCache.txt ]; then cmake --preset $(PRESET); \
+	 else cmake --preset $(PRESET) $$(command -v ninja >/dev/null && echo -G Ninja); fi
+	cmake --build $(BUILD) -j $(JOBS)
+
+packages:
+	@.ci/install

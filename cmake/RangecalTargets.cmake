@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: BSD-3-Clause
+include(GNUInstallDirs)
+
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  message(STATUS "No build type given: use a preset (cmake --preset release) for measured speed")
+endif()
+
+add_library(rangecal_options INTERFACE)
+target_compile_features(rangecal_options INTERFACE cxx_std_20)
+target_compile_options(rangecal_options INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor)
+if(RANGECAL_WARNINGS_AS_ERRORS)
+  target_compile_options(rangecal_options INTERFACE -Werror)
+endif()
+if(RANGECAL_SANITIZE)
+  target_compile_options(rangecal_options INTERFACE -fsanitize=address,undefined -fno-omit-frame-pointer)
+  target_link_options(rangecal_options INTERFACE -fsanitize=address,undefined)
+endif()
+
+# rangecal_module(NAME DEPENDS targets... PRIVATE_DEPENDS targets...)
+# A static library from NAME/src/**.cpp whose headers live in NAME/include/rangecal/NAME.
+function(rangecal_module name)
+  cmake_parse_arguments(ARG "" "" "DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp")
+  add_library(rangecal_${name} STATIC ${sources})
+  add_library(rangecal::${name} ALIAS rangecal_${name})
+  set_target_properties(rangecal_${name} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
+  target_include_directories(rangecal_${name}
+    PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
+    PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
+  target_compile_features(rangecal_${name} PUBLIC cxx_std_20)
+  target_link_libraries(rangecal_${name}
+    PUBLIC ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS} $<BUILD_INTERFACE:rangecal_options>)
+endfunction()

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "rangecal/core/noise.hpp"
+#include "rangecal/core/recording.hpp"
+
+namespace rangecal {
+
+/// Sufficient statistics of the repeats of one (stop, landmark), structure of arrays, ordered by stop. For the
+/// Gaussian likelihood a cell of R readings says all that its rows say, so a fit's cost does not grow with R.
+/// Readings with covariates that matter, or weights, come as cells of one reading behind the same interface.
+struct Cells {
+  std::vector<int> stop, landmark;        ///< indices into JointProblem
+  std::vector<double> count;              ///< R, the number of readings
+  std::vector<double> range_weight;       ///< weight of the squares of range: R, or the sum of robust weights
+  std::vector<double> bearing_weight;     ///< the same for bearing
+  std::vector<double> range_mean;         ///< weighted mean of y [m]
+  std::vector<double> range_mean_square;  ///< S^2: weighted mean square deviation about range_mean [m^2]
+  std::vector<double> bearing_mean;       ///< mean bearing, unwrapped about the cell's first reading [rad]
+  std::vector<double> bearing_mean_square;
+  std::vector<double> radius_m;           ///< of the cell's landmark
+  std::vector<int> stop_begin;            ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
+
+  std::size_t size() const { return stop.size(); }
+};
+
+/// What is known beforehand about one stop.
+struct StopPrior {
+  Pose2 commanded;
+  double sigma_xy_m = 0.0;          ///< 0: the position is exact
+  double sigma_heading_rad = 0.0;   ///< 0: the heading is exact
+  int place = 0;                    ///< stops of one place share one position error; places are numbered in order
+  bool opens_place = true;          ///< the first stop of its place: the one whose position error has the prior
+  bool chained = false;             ///< random walk: the error adds to that of the stop before
+  int recording = 0;
+};
+
+/// The 2021 problem as the estimators see it: one sensor, all recordings of the job laid end to end.
+struct JointProblem {
+  Cells cells;
+  std::vector<StopPrior> stops;
+  int place_count = 0;
+  std::vector<double> landmark_radius_m;       ///< one per landmark; its size is the number of landmarks
+  std::vector<int> landmark_recording;
+  std::vector<KnownDistance> known_distances;  ///< over the joint landmark indices
+  bool estimate_sigma_s = false;               ///< sigma_xy of the stops without one of their own is a parameter
+  std::vector<char> sigma_s_shared;            ///< per stop: it takes part in that parameter
+  double readings = 0.0;                       ///< N, the sum of the counts
+
+  int stop_count() const { return static_cast<int>(stops.size()); }
+  int landmark_count() const { return static_cast<int>(landmark_radius_m.size()); }
+};
+
+/// How a recording is turned into cells.
+enum class Grouping { cells, rows };
+
+/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, and
+/// for a place that is revisited under a random walk. Cost: linear in the readings.
+JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping = Grouping::cells);
+
+/// A point in the space of all unknowns of the 2021 problem.
+struct JointState {
+  Eigen::VectorXd alpha;                    ///< f(d) = sum alpha_i d^i
+  Noise noise;
+  double sigma_theta_rad = 0.02;
+  std::optional<double> sigma_s_m;          ///< where it is a parameter: replaces sigma_xy of the shared stops
+  std::vector<Pose2> stops;                 ///< true poses, one per stop
+  std::vector<Eigen::Vector2d> landmarks;   ///< axes [m]
+};
+
+/// sigma_xy of stop k under `state` [m].
+double sigma_xy_of(const JointProblem& problem, const JointState& state, int k);
+
+}  // namespace rangecal

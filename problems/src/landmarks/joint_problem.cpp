@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/problems/landmarks/joint_problem.hpp"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace {
+
+struct Offsets {
+  int stop = 0, landmark = 0;
+};
+
+void append_stops(const Recording& recording, int index, JointProblem& problem) {
+  const bool walk = recording.stop_error == StopErrorModel::random_walk;
+  std::map<std::string, int> places;
+  std::string previous_place;
+  for (std::size_t k = 0; k < recording.stops.size(); ++k) {
+    const Stop& stop = recording.stops[k];
+    StopPrior prior;
+    prior.commanded = stop.commanded;
+    prior.sigma_xy_m = stop.sigma_xy_m.value_or(recording.sigma_xy_m);
+    prior.sigma_heading_rad = stop.sigma_heading_rad.value_or(recording.sigma_heading_rad);
+    prior.chained = walk && k > 0;
+    prior.recording = index;
+    const auto known = stop.place.empty() ? places.end() : places.find(stop.place);
+    if (known == places.end()) {
+      prior.place = problem.place_count++;
+      if (!stop.place.empty()) places.emplace(stop.place, prior.place);
+    } else {
+      prior.place = known->second;
+      prior.opens_place = false;
+      if (walk && stop.place != previous_place)
+        throw InputError(recording.path + ": stop '" + stop.label + "' returns to place '" + stop.place +
+                         "', which a random walk cannot do; use error: independent");
+    }
+    previous_place = stop.place;
+    problem.stops.push_back(prior);
+    problem.sigma_s_shared.push_back(recording.estimate_sigma_xy && !stop.sigma_xy_m);
+  }
+  problem.estimate_sigma_s = problem.estimate_sigma_s || recording.estimate_sigma_xy;
+}
+
+/// Mean and mean square deviation of the readings `rows` (indices into the recording), appended as one cell.
+void append_cell(const Recording& recording, std::span<const int> rows, Offsets offset, Cells& cells) {
+  const Readings& r = recording.readings;
+  const double count = static_cast<double>(rows.size());
+  const double first_bearing = r.bearing_rad[rows[0]];
+  double range_sum = 0.0, turn_sum = 0.0;
+  for (int i : rows) {
+    range_sum += r.range_m[i];
+    turn_sum += wrap_angle(r.bearing_rad[i] - first_bearing);
+  }
+  const double range_mean = range_sum / count, turn_mean = turn_sum / count;
+  double range_square = 0.0, turn_square = 0.0;
+  for (int i : rows) {
+    const double range = r.range_m[i] - range_mean;
+    const double turn = wrap_angle(r.bearing_rad[i] - first_bearing) - turn_mean;
+    range_square += range * range;
+    turn_square += turn * turn;
+  }
+  const int landmark = r.landmark[rows[0]];
+  cells.stop.push_back(offset.stop + r.stop[rows[0]]);
+  cells.landmark.push_back(offset.landmark + landmark);
+  cells.count.push_back(count);
+  cells.range_weight.push_back(count);
+  cells.bearing_weight.push_back(count);
+  cells.range_mean.push_back(range_mean);
+  cells.range_mean_square.push_back(range_square / count);
+  cells.bearing_mean.push_back(wrap_angle(first_bearing + turn_mean));
+  cells.bearing_mean_square.push_back(turn_square / count);
+  cells.radius_m.push_back(recording.landmarks[landmark].radius_m);
+}
+
+void append_cells(const Recording& recording, Offsets offset, Grouping grouping, Cells& cells) {
+  const Readings& r = recording.readings;
+  std::vector<int> order(r.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
+  });
+  for (std::size_t begin = 0; begin < order.size();) {
+    std::size_t end = begin + 1;
+    if (grouping == Grouping::cells)
+      while (end < order.size() && r.stop[order[end]] == r.stop[order[begin]] &&
+             r.landmark[order[end]] == r.landmark[order[begin]])
+        ++end;
+    append_cell(recording, std::span(order).subspan(begin, end - begin), offset, cells);
+    begin = end;
+  }
+}
+
+}  // namespace
+
+JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping) {
+  JointProblem problem;
+  for (std::size_t index = 0; index < recordings.size(); ++index) {
+    const Recording& recording = recordings[index];
+    if (recording.kind != RecordingKind::landmarks)
+      throw InputError(recording.path + ": is a recording of kind pairs; this needs kind landmarks");
+    const Offsets offset{problem.stop_count(), problem.landmark_count()};
+    append_stops(recording, static_cast<int>(index), problem);
+    append_cells(recording, offset, grouping, problem.cells);
+    for (const Landmark& landmark : recording.landmarks) {
+      problem.landmark_radius_m.push_back(landmark.radius_m);
+      problem.landmark_recording.push_back(static_cast<int>(index));
+    }
+    for (KnownDistance taped : recording.known_distances) {
+      taped.from += offset.landmark;
+      taped.to += offset.landmark;
+      problem.known_distances.push_back(taped);
+    }
+  }
+  Cells& cells = problem.cells;
+  cells.stop_begin.assign(problem.stops.size() + 1, 0);
+  for (int stop : cells.stop) ++cells.stop_begin[stop + 1];
+  std::partial_sum(cells.stop_begin.begin(), cells.stop_begin.end(), cells.stop_begin.begin());
+  problem.readings = std::accumulate(cells.count.begin(), cells.count.end(), 0.0);
+  return problem;
+}
+
+double sigma_xy_of(const JointProblem& problem, const JointState& state, int k) {
+  return problem.sigma_s_shared[k] && state.sigma_s_m ? *state.sigma_s_m : problem.stops[k].sigma_xy_m;
+}
+
+}  // namespace rangecal

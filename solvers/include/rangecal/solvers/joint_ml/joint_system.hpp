@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rangecal/problems/landmarks/joint_problem.hpp"
+
+namespace rangecal {
+
+/// Which second derivatives of the joint NLL stand in the matrix.
+enum class HessianKind {
+  fisher,  ///< expected information: positive semidefinite everywhere
+  exact    ///< second derivatives at the point, as Laplace's method needs them
+};
+
+/// Where each unknown stands. Globals: gamma = (alpha, landmarks | tau, log sigma_theta, [log sigma_s]); the part
+/// before the bar is phi, the part after it sigma. tau: log sigma of a power law, or beta. Stops are grouped into
+/// nodes, one per place: (x, y) if the position is not exact, then one heading per stop whose heading is not exact.
+struct JointLayout {
+  JointLayout(const JointProblem& problem, int alpha_count, int tau_count, bool sigma_s_free);
+
+  int alpha_count = 0, landmark_begin = 0, tau_begin = 0, tau_count = 0, sigma_theta = 0, sigma_s = -1;
+  int phi_count = 0;    ///< alpha and landmarks
+  int global_count = 0;
+  int sigma_count() const { return global_count - phi_count; }
+
+  struct Node {
+    int dim = 0;                  ///< free coordinates
+    bool free_position = false;   ///< coordinates 0, 1 are the position error of the place
+    std::vector<int> stops;
+    std::vector<int> heading;     ///< per stop of the node: its coordinate in the node, or -1 where exact
+    std::vector<int> landmarks;   ///< distinct landmarks seen from here, in order
+    bool chained = false;         ///< coupled to the node before
+    std::size_t block = 0;        ///< offset of the node's doubles in the arena
+    std::size_t coordinate = 0;   ///< offset of its coordinates in the vector of all stop coordinates
+    int columns = 0;              ///< alpha, sigmas, then two per landmark
+  };
+  std::vector<Node> nodes;
+  std::vector<int> node_of_stop, slot_of_stop;  ///< slot: index within Node::stops
+  std::vector<int> slot_of_cell;                ///< index of the cell's landmark within Node::landmarks
+  std::size_t coordinates = 0;                  ///< all stop coordinates
+  std::size_t arena = 0;
+  bool chained = false;                         ///< any node is coupled to its predecessor
+};
+
+/// The joint NLL's value, gradient and Hessian in block form, and the elimination of the stops by Schur complement.
+///
+/// One pass over the cells fills per node its Hessian H (dim x dim), gradient g and coupling G to the few globals it
+/// touches; a second pass eliminates it: S = H_gg - sum_nodes G^T H^-1 G. Independent nodes touch only their own
+/// landmarks; a random walk is a block-tridiagonal chain, eliminated in order. Cost: linear in the cells and nodes
+/// (times the number of globals for a chain). Large problems use all cores with a fixed split, so that the bits do
+/// not depend on the number of threads.
+class JointSystem {
+ public:
+  JointSystem(const JointProblem& problem, int alpha_count, int tau_count, bool sigma_s_free = false);
+
+  const JointLayout& layout() const { return layout_; }
+  const JointProblem& problem() const { return problem_; }
+
+  /// Fills all blocks at `state`. Returns the NLL, constants included; +infinity outside the model's domain.
+  double assemble(const JointState& state, HessianKind kind);
+
+  /// Eliminates the stops from the assembled blocks with their diagonals scaled by (1 + damping). False if a node's
+  /// Hessian is not positive definite.
+  bool eliminate(double damping = 0.0);
+
+  /// After eliminate: Schur complement on the globals, gradient reduced to them, log det H_ss.
+  const Eigen::MatrixXd& schur() const { return schur_; }
+  const Eigen::VectorXd& reduced_gradient() const { return reduced_gradient_; }
+  double log_det_stops() const { return log_det_stops_; }
+  /// After assemble: gradient of the joint NLL with respect to the globals, and to all stop coordinates.
+  const Eigen::VectorXd& global_gradient() const { return gradient_; }
+  const Eigen::VectorXd& stop_gradient() const { return stop_gradient_; }
+
+  /// After eliminate: the stop coordinates that go with a change of the globals: u = -H^-1 (g + G gamma) with
+  /// `with_gradient`, else u = -H^-1 G gamma.
+  Eigen::VectorXd back_substitute(const Eigen::VectorXd& globals, bool with_gradient) const;
+  /// After eliminate: H^-1 rhs over the stop coordinates alone.
+  Eigen::VectorXd solve_stops(const Eigen::VectorXd& rhs) const;
+  /// G^T u: the globals' share of a vector over the stop coordinates.
+  Eigen::VectorXd couple(const Eigen::VectorXd& stop_vector) const;
+
+  /// After assemble(exact) and eliminate(0): gradient of 1/2 log det H_ss with respect to the globals, the stops
+  /// following their conditional optimum (implicit function theorem).
+  Eigen::VectorXd log_det_gradient(const JointState& state) const;
+  /// Second derivatives of 1/2 log det H_ss in the sigmas (sigma_count square), every block scaling as 1 / sigma^2.
+  Eigen::MatrixXd log_det_sigma_hessian(const JointState& state) const;
+  /// Diagonal block of H_ss^-1 of a node.
+  Eigen::MatrixXd stop_covariance(int node) const;
+
+  /// Adds the blocks of another assembly of the same problem, scaled; for averages over draws.
+  void accumulate(const JointSystem& other, double weight);
+  void clear();
+
+ private:
+  struct Accumulator;
+  template <int D>
+  double assemble_node(const JointState& state, HessianKind kind, int node, Accumulator& sum);
+  template <int D>
+  bool eliminate_node(int node, double damping, Eigen::MatrixXd& schur, Eigen::VectorXd& reduced, double& log_det);
+  bool eliminate_chain(double damping);
+  double assemble_chain_links(const JointState& state, HessianKind kind, Accumulator& sum);
+  double assemble_taped(const JointState& state, HessianKind kind);
+  void selected_inverse() const;
+
+  const JointProblem& problem_;
+  JointLayout layout_;
+  double nll_ = 0.0, log_det_stops_ = 0.0;
+  Eigen::VectorXd gradient_, stop_gradient_, reduced_gradient_;
+  Eigen::MatrixXd hessian_, schur_;
+  std::vector<double> arena_;                       ///< per node: H, factor of H, G
+  std::vector<Eigen::MatrixXd> link_;               ///< chained: coupling block H_{k,k-1}
+  std::vector<Eigen::MatrixXd> chain_coupling_;     ///< chained: G after elimination, dense over the globals
+  std::vector<Eigen::VectorXd> chain_gradient_;
+  mutable std::vector<Eigen::MatrixXd> inverse_diagonal_, inverse_below_;
+  mutable bool inverse_valid_ = false;
+};
+
+/// state + step, where step = (globals, stop coordinates) in the layout's order; log-sigmas are exponentiated.
+JointState step_state(const JointProblem& problem, const JointLayout& layout, const JointState& state,
+                      const Eigen::VectorXd& globals, const Eigen::VectorXd& stops);
+
+}  // namespace rangecal

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The random walk: links between neighbouring nodes, and the elimination of the block-tridiagonal chain they make.
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <numbers>
+
+#include "joint_ml/blocks.hpp"
+#include "joint_ml/chain_link.hpp"
+#include "joint_ml/joint_accumulator.hpp"
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+namespace rangecal {
+
+double JointSystem::assemble_chain_links(const JointState& state, HessianKind kind, Accumulator& sum) {
+  const bool exact = kind == HessianKind::exact;
+  const double log_two_pi = std::log(2.0 * std::numbers::pi);
+  const int sigma_column = layout_.alpha_count + layout_.sigma_count() - 1;
+  for (std::size_t j = 0; j < link_.size(); ++j)
+    link_[j].setZero(layout_.nodes[j].chained ? layout_.nodes[j].dim : 0,
+                     layout_.nodes[j].chained ? layout_.nodes[j - 1].dim : 0);
+  double nll = 0.0;
+  for (int k = 1; k < problem_.stop_count(); ++k) {
+    const StopPrior& prior = problem_.stops[k];
+    if (!prior.chained) continue;
+    const LinkCoordinates at(layout_, k);
+    const ChainLink link(problem_.stops[k - 1], prior, state.stops[k - 1], state.stops[k]);
+    const bool moves = prior.opens_place && layout_.nodes[at.node1].free_position;
+    const bool turns = prior.sigma_heading_rad > 0.0;
+    const double sigma = sigma_xy_of(problem_, state, k);
+    const double w_xy = moves ? 1.0 / (sigma * sigma) : 0.0;
+    const double w_h = turns ? 1.0 / (prior.sigma_heading_rad * prior.sigma_heading_rad) : 0.0;
+    const double chi_sq = w_xy * link.residual.squaredNorm();
+    if (moves) nll += 0.5 * chi_sq + 2.0 * std::log(sigma) + log_two_pi;
+    if (turns) nll += 0.5 * w_h * link.turn * link.turn + std::log(prior.sigma_heading_rad) + 0.5 * log_two_pi;
+
+    ChainLink::Vector6 gradient = w_xy * link.jacobian().transpose() * link.residual;
+    const ChainLink::Vector6 position_gradient = gradient;
+    gradient[2] -= w_h * link.turn;
+    gradient[5] += w_h * link.turn;
+    const ChainLink::Matrix6 hessian = link.hessian(w_xy, w_h, exact);
+    const bool sigma_free = moves && layout_.sigma_s >= 0 && problem_.sigma_s_shared[k];
+    if (sigma_free) {
+      sum.gradient[layout_.sigma_s] += 2.0 - chi_sq;
+      sum.hessian(layout_.sigma_s, layout_.sigma_s) += exact ? 2.0 * chi_sq : 4.0;
+    }
+    for (int a = 0; a < 6; ++a) {
+      if (at.coordinate[a] < 0) continue;
+      const JointLayout::Node& node = layout_.nodes[at.node_of(a)];
+      NodeBlocks<Eigen::Dynamic> b(node, arena_.data(), stop_gradient_.data());
+      b.g[at.coordinate[a]] += gradient[a];
+      if (sigma_free && exact) b.G(at.coordinate[a], sigma_column) -= 2.0 * position_gradient[a];
+      for (int e = 0; e < 6; ++e) {
+        if (at.coordinate[e] < 0) continue;
+        if (at.node_of(a) == at.node_of(e))
+          b.H(at.coordinate[a], at.coordinate[e]) += hessian(a, e);
+        else if (at.node_of(a) == at.node1)
+          link_[at.node1](at.coordinate[a], at.coordinate[e]) += hessian(a, e);
+      }
+    }
+  }
+  return nll;
+}
+
+bool JointSystem::eliminate_chain(double damping) {
+  const int p = layout_.global_count;
+  Eigen::MatrixXd schur = Eigen::MatrixXd::Zero(p, p);
+  Eigen::VectorXd reduced = Eigen::VectorXd::Zero(p);
+  log_det_stops_ = 0.0;
+  for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
+    const JointLayout::Node& node = layout_.nodes[j];
+    NodeBlocks<Eigen::Dynamic> b(node, arena_.data(), stop_gradient_.data());
+    Eigen::MatrixXd& coupling = chain_coupling_[j];
+    Eigen::VectorXd& gradient = chain_gradient_[j];
+    coupling.setZero(node.dim, p);
+    for (int e = 0; e < node.columns; ++e) coupling.col(b.global_of(e, layout_)) += b.G.col(e);
+    gradient = b.g;
+    const Eigen::MatrixXd own = b.H;
+    b.H.diagonal() *= 1.0 + damping;
+    if (node.chained) {  // H' = H - O H'_before^-1 O^T, and the same for coupling and gradient
+      const JointLayout::Node& before = layout_.nodes[j - 1];
+      const NodeView a(before, arena_.data());
+      const auto lower = a.L.triangularView<Eigen::Lower>();
+      const Eigen::MatrixXd half = lower.solve(link_[j].transpose());
+      b.H -= half.transpose() * half;
+      coupling -= half.transpose() * lower.solve(chain_coupling_[j - 1]);
+      gradient -= half.transpose() * lower.solve(chain_gradient_[j - 1]);
+    }
+    const bool good = factor_node(b, 0.0, log_det_stops_);
+    b.H = own;
+    if (!good) return false;
+    const auto lower = b.L.triangularView<Eigen::Lower>();
+    const Eigen::MatrixXd half = lower.solve(coupling);
+    schur.selfadjointView<Eigen::Upper>().rankUpdate(half.transpose(), -1.0);
+    reduced -= half.transpose() * lower.solve(gradient);
+  }
+  schur.diagonal() += (1.0 + damping) * hessian_.diagonal();
+  schur.triangularView<Eigen::StrictlyUpper>() += hessian_;
+  schur_ = schur.selfadjointView<Eigen::Upper>();
+  reduced_gradient_ = gradient_ + reduced;
+  return true;
+}
+
+Eigen::VectorXd JointSystem::solve_stops(const Eigen::VectorXd& rhs) const {
+  Eigen::VectorXd u = rhs;
+  const std::size_t nodes = layout_.nodes.size();
+  for (std::size_t j = 0; j < nodes; ++j) {
+    const JointLayout::Node& node = layout_.nodes[j];
+    const NodeView b(node, arena_.data());
+    auto own = u.segment(node.coordinate, node.dim);
+    if (node.chained) own -= link_[j] * u.segment(layout_.nodes[j - 1].coordinate, layout_.nodes[j - 1].dim);
+    b.L.triangularView<Eigen::Lower>().solveInPlace(own);
+    b.L.transpose().triangularView<Eigen::Upper>().solveInPlace(own);
+  }
+  if (!layout_.chained) return u;
+  for (std::size_t j = nodes - 1; j > 0; --j) {
+    const JointLayout::Node &node = layout_.nodes[j], &before = layout_.nodes[j - 1];
+    if (!node.chained) continue;
+    const NodeView a(before, arena_.data());
+    Eigen::VectorXd pull = link_[j].transpose() * u.segment(node.coordinate, node.dim);
+    a.L.triangularView<Eigen::Lower>().solveInPlace(pull);
+    a.L.transpose().triangularView<Eigen::Upper>().solveInPlace(pull);
+    u.segment(before.coordinate, before.dim) -= pull;
+  }
+  return u;
+}
+
+void JointSystem::selected_inverse() const {
+  if (inverse_valid_) return;
+  const std::size_t nodes = layout_.nodes.size();
+  inverse_diagonal_.resize(nodes);
+  inverse_below_.resize(nodes);
+  for (std::size_t j = nodes; j-- > 0;) {
+    const JointLayout::Node& node = layout_.nodes[j];
+    const NodeView b(node, arena_.data());
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(node.dim, node.dim);
+    b.L.triangularView<Eigen::Lower>().solveInPlace(inverse);
+    inverse = (inverse.transpose() * inverse).eval();
+    if (j + 1 < nodes && layout_.nodes[j + 1].chained) {  // C_jj = H'^-1 + H'^-1 O^T C_next O H'^-1
+      const Eigen::MatrixXd pull = link_[j + 1] * inverse;
+      inverse_below_[j + 1] = -inverse_diagonal_[j + 1] * pull;  // C_{j+1,j}
+      inverse -= pull.transpose() * inverse_below_[j + 1];
+    }
+    inverse_diagonal_[j] = inverse;
+  }
+  inverse_valid_ = true;
+}
+
+Eigen::MatrixXd JointSystem::stop_covariance(int node) const {
+  selected_inverse();
+  return inverse_diagonal_[node];
+}
+
+}  // namespace rangecal
