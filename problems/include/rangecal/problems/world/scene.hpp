@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rangecal/core/noise.hpp"
+#include "rangecal/core/recording.hpp"
+
+namespace rangecal {
+
+/// Landmarks to be drawn: uniform in a box, away from the path and from each other, all distances in metres.
+struct RandomLandmarks {
+  int count = 0;
+  Eigen::Vector2d box_min_m = Eigen::Vector2d::Zero(), box_max_m = Eigen::Vector2d::Zero();
+  double path_distance_min_m = 0.4;   ///< from the polyline through the stops, its two ends extended
+  double separation_min_m = 0.2;      ///< axis to axis
+  double radius_m = 0.0;
+};
+
+/// Readings at one known distance d [m].
+struct SceneBatch {
+  double distance_m = 0.0;
+  int readings = 0;
+};
+
+/// A distance to be taped, landmark to landmark, with the tape's standard deviation [m].
+struct SceneTape {
+  int from = 0, to = 0;
+  double sigma_m = 0.0;
+};
+
+/// What is simulated: docs/scene.md describes the file, docs/scene.schema.json its schema.
+struct Scene {
+  RecordingKind kind = RecordingKind::landmarks;
+
+  Sensor sensor;                      ///< name, principle, and the range outside which it reports nothing
+  Eigen::VectorXd alpha;              ///< f(d) = sum alpha_i d^i; alpha_i in m^(1-i)
+  Noise noise;                        ///< s(d) [m]
+  double sigma_theta_rad = 0.0;       ///< of a bearing
+
+  double sigma_xy_m = 0.01, sigma_heading_rad = 0.0;
+  StopErrorModel stop_error = StopErrorModel::independent;
+  std::vector<Stop> stops;            ///< commanded poses
+  std::vector<Landmark> landmarks;    ///< explicit ones, with their axes in `positions`
+  std::vector<Eigen::Vector2d> positions;
+  std::optional<RandomLandmarks> random_landmarks;
+  std::vector<SceneTape> tapes;
+  int repeats = 1;                    ///< readings of each visible (stop, landmark)
+  double visible_min_m = 0.0;         ///< true distances at which a landmark is seen
+  double visible_max_m = std::numeric_limits<double>::infinity();
+
+  std::vector<SceneBatch> batches;    ///< kind pairs
+};
+
+/// Reads a scene file. Throws InputError naming file, row and field for anything missing, malformed or unknown.
+Scene load_scene(const std::string& path);
+
+}  // namespace rangecal

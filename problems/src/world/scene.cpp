@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/problems/world/scene.hpp"
+
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/yaml_reader.hpp"
+
+namespace rangecal {
+namespace {
+
+double angle(const YamlReader& node) {
+  const double value = node.number();
+  if (!(std::abs(value) <= 2.0 * std::numbers::pi)) {
+    node.fail("is beyond +-2 pi rad: degrees, most likely; convert to radians");
+  }
+  return wrap_angle(value);
+}
+
+double coordinate(const YamlReader& node) {
+  const double value = node.number();
+  if (!std::isfinite(value)) node.fail("is not finite");
+  return value;
+}
+
+// Two numbers, the first not above the second.
+std::pair<double, double> interval(const YamlReader& node) {
+  const std::vector<double> values = node.numbers();
+  if (values.size() != 2 || values[0] > values[1]) node.fail("is not [low, high]");
+  return {values[0], values[1]};
+}
+
+Eigen::VectorXd coefficients(const YamlReader& node) {
+  const std::vector<double> values = node.numbers();
+  if (values.empty()) node.fail("holds no number");
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+void read_noise(const YamlReader& node, Scene& scene) {
+  node.allow_only({"law", "sigma", "beta"});
+  const YamlReader law = node.at("law");
+  try {
+    scene.noise.law = noise_law_from_string(law.text());
+  } catch (const InputError& error) {
+    law.fail(error.what());
+  }
+  if (scene.noise.law == NoiseLaw::polynomial) {
+    if (node.has("sigma")) node.at("sigma").fail("the polynomial law has beta in its place");
+    scene.noise.parameters = coefficients(node.at("beta"));
+  } else {
+    if (node.has("beta")) node.at("beta").fail("belongs to the polynomial law");
+    scene.noise.parameters = Eigen::VectorXd::Constant(1, node.at("sigma").positive());
+  }
+}
+
+void read_sensor(const YamlReader& node, Scene& scene) {
+  node.allow_only(
+      {"model", "name", "principle", "alpha", "noise", "sigma_theta_rad", "range_min_m", "range_max_m"});
+  if (node.has("model") && node.at("model").text() != "polynomial") {
+    node.at("model").fail("'" + node.at("model").text().substr(0, 40) + "' is not polynomial");
+  }
+  scene.sensor.name = node.has("name") ? node.at("name").text() : "simulated";
+  scene.sensor.principle = node.has("principle") ? node.at("principle").text() : "polynomial";
+  scene.alpha = coefficients(node.at("alpha"));
+  read_noise(node.at("noise"), scene);
+  if (scene.kind == RecordingKind::landmarks) scene.sigma_theta_rad = node.at("sigma_theta_rad").not_negative();
+  if (node.has("range_min_m")) scene.sensor.range_min_m = node.at("range_min_m").not_negative();
+  if (node.has("range_max_m")) {
+    scene.sensor.range_max_m = node.at("range_max_m").number();
+    if (!(scene.sensor.range_max_m > scene.sensor.range_min_m)) node.at("range_max_m").fail("is not above range_min_m");
+  }
+}
+
+void read_line(const YamlReader& node, Scene& scene) {
+  node.allow_only({"count", "start_m", "step_m", "direction_rad", "heading_rad"});
+  const int count = node.at("count").whole(1);
+  const double step = node.at("step_m").positive();
+  const double direction = node.has("direction_rad") ? angle(node.at("direction_rad")) : 0.0;
+  const double heading = node.has("heading_rad") ? angle(node.at("heading_rad")) : direction;
+  Eigen::Vector2d start = Eigen::Vector2d::Zero();
+  if (node.has("start_m")) {
+    const Eigen::VectorXd values = coefficients(node.at("start_m"));
+    if (values.size() != 2) node.at("start_m").fail("is not [x, y]");
+    start = values;
+  }
+  for (int k = 0; k < count; ++k) {
+    Stop stop;
+    stop.label = std::to_string(k);
+    stop.commanded = {start.x() + k * step * std::cos(direction), start.y() + k * step * std::sin(direction), heading};
+    scene.stops.push_back(std::move(stop));
+  }
+}
+
+void read_stop_list(const YamlReader& node, Scene& scene) {
+  std::set<std::string> seen;
+  for (const YamlReader& item : node.items()) {
+    item.allow_only({"stop", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad", "place"});
+    Stop stop;
+    stop.label = item.has("stop") ? item.at("stop").text() : std::to_string(scene.stops.size());
+    if (!seen.insert(stop.label).second) item.fail("stop '" + stop.label + "' stands twice");
+    stop.commanded.x_m = coordinate(item.at("x_m"));
+    stop.commanded.y_m = coordinate(item.at("y_m"));
+    if (item.has("heading_rad")) stop.commanded.heading_rad = angle(item.at("heading_rad"));
+    if (item.has("sigma_xy_m")) stop.sigma_xy_m = item.at("sigma_xy_m").not_negative();
+    if (item.has("sigma_heading_rad")) stop.sigma_heading_rad = item.at("sigma_heading_rad").not_negative();
+    if (item.has("place")) stop.place = item.at("place").text();
+    scene.stops.push_back(std::move(stop));
+  }
+}
+
+void read_stops(const YamlReader& node, Scene& scene) {
+  node.allow_only({"line", "list", "sigma_xy_m", "sigma_heading_rad", "error"});
+  if (node.has("line") == node.has("list")) node.fail("one of line and list is needed");
+  if (node.has("line")) read_line(node.at("line"), scene);
+  if (node.has("list")) read_stop_list(node.at("list"), scene);
+  if (scene.stops.empty()) node.fail("there is no stop");
+  if (node.has("sigma_xy_m")) scene.sigma_xy_m = node.at("sigma_xy_m").not_negative();
+  if (node.has("sigma_heading_rad")) scene.sigma_heading_rad = node.at("sigma_heading_rad").not_negative();
+  if (!node.has("error")) return;
+  const YamlReader error = node.at("error");
+  if (error.text() == "random_walk") {
+    scene.stop_error = StopErrorModel::random_walk;
+  } else if (error.text() != "independent") {
+    error.fail("'" + error.text().substr(0, 40) + "' is neither independent nor random_walk");
+  }
+}
+
+void read_random_landmarks(const YamlReader& node, double radius_m, Scene& scene) {
+  node.allow_only({"count", "x_m", "y_m", "path_distance_min_m", "separation_min_m"});
+  RandomLandmarks random;
+  random.count = node.at("count").whole(1);
+  const auto [x_low, x_high] = interval(node.at("x_m"));
+  const auto [y_low, y_high] = interval(node.at("y_m"));
+  random.box_min_m = {x_low, y_low};
+  random.box_max_m = {x_high, y_high};
+  if (node.has("path_distance_min_m")) random.path_distance_min_m = node.at("path_distance_min_m").not_negative();
+  if (node.has("separation_min_m")) random.separation_min_m = node.at("separation_min_m").not_negative();
+  random.radius_m = radius_m;
+  scene.random_landmarks = random;
+}
+
+void read_landmarks(const YamlReader& node, Scene& scene) {
+  node.allow_only({"list", "random", "radius_m"});
+  if (!node.has("list") && !node.has("random")) node.fail("one of list and random is needed");
+  const double radius = node.has("radius_m") ? node.at("radius_m").not_negative() : 0.0;
+  if (node.has("random")) read_random_landmarks(node.at("random"), radius, scene);
+  if (!node.has("list")) return;
+  std::set<std::string> seen;
+  for (const YamlReader& item : node.at("list").items()) {
+    item.allow_only({"landmark", "x_m", "y_m", "radius_m", "reflectance"});
+    Landmark landmark;
+    landmark.label = item.at("landmark").text();
+    if (!seen.insert(landmark.label).second) item.fail("landmark '" + landmark.label + "' stands twice");
+    landmark.radius_m = item.has("radius_m") ? item.at("radius_m").not_negative() : radius;
+    if (item.has("reflectance")) landmark.reflectance = item.at("reflectance").not_negative();
+    const Eigen::Vector2d position(coordinate(item.at("x_m")), coordinate(item.at("y_m")));
+    for (const Stop& stop : scene.stops) {
+      if ((position - Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() <= landmark.radius_m) {
+        item.fail("landmark '" + landmark.label + "' covers stop '" + stop.label + "'");
+      }
+    }
+    scene.landmarks.push_back(std::move(landmark));
+    scene.positions.push_back(position);
+  }
+}
+
+void read_tapes(const YamlReader& node, Scene& scene) {
+  const auto index_of = [&](const YamlReader& label) {
+    for (std::size_t i = 0; i < scene.landmarks.size(); ++i) {
+      if (scene.landmarks[i].label == label.text()) return static_cast<int>(i);
+    }
+    label.fail("unknown landmark '" + label.text() + "'");
+  };
+  for (const YamlReader& item : node.items()) {
+    item.allow_only({"from", "to", "sigma_m"});
+    const SceneTape tape{index_of(item.at("from")), index_of(item.at("to")), item.at("sigma_m").positive()};
+    if (tape.from == tape.to) item.fail("goes from a landmark to itself");
+    scene.tapes.push_back(tape);
+  }
+}
+
+void read_visibility(const YamlReader& node, Scene& scene) {
+  node.allow_only({"min_m", "max_m"});
+  if (node.has("min_m")) scene.visible_min_m = node.at("min_m").not_negative();
+  if (node.has("max_m")) scene.visible_max_m = node.at("max_m").number();
+  if (!(scene.visible_max_m > scene.visible_min_m)) node.fail("max_m is not above min_m");
+}
+
+void read_batches(const YamlReader& node, Scene& scene) {
+  node.allow_only({"distances_m", "readings"});
+  const int readings = node.at("readings").whole(1);
+  for (const YamlReader& item : node.at("distances_m").items()) scene.batches.push_back({item.positive(), readings});
+  if (scene.batches.empty()) node.at("distances_m").fail("holds no number");
+}
+
+}  // namespace
+
+Scene load_scene(const std::string& path) {
+  const YamlReader top = YamlReader::open(path);
+  Scene scene;
+  const YamlReader format = top.at("format");
+  if (format.text() != "rangecal-scene/1") {
+    format.fail("'" + format.text().substr(0, 40) + "' is not rangecal-scene/1");
+  }
+  const std::string kind = top.has("kind") ? top.at("kind").text() : "landmarks";
+  if (kind == "pairs") {
+    scene.kind = RecordingKind::pairs;
+    top.allow_only({"format", "kind", "sensor", "batches"});
+    read_sensor(top.at("sensor"), scene);
+    read_batches(top.at("batches"), scene);
+    return scene;
+  }
+  if (kind != "landmarks") top.at("kind").fail("'" + kind.substr(0, 40) + "' is neither landmarks nor pairs");
+  top.allow_only(
+      {"format", "kind", "sensor", "stops", "landmarks", "known_distances", "repeats", "visibility"});
+  read_sensor(top.at("sensor"), scene);
+  read_stops(top.at("stops"), scene);
+  read_landmarks(top.at("landmarks"), scene);
+  if (top.has("known_distances")) read_tapes(top.at("known_distances"), scene);
+  if (top.has("repeats")) scene.repeats = top.at("repeats").whole(1);
+  if (top.has("visibility")) read_visibility(top.at("visibility"), scene);
+  return scene;
+}
+
+}  // namespace rangecal
