@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <numeric>
+
+#include "joint_ml/newton_step.hpp"
+
+namespace rangecal {
+namespace {
+
+std::string name_of(const JointLayout& layout, int index) {
+  if (index < layout.landmark_begin) return fmt::format("alpha_{}", index);
+  if (index < layout.phi_count) {
+    const int landmark = (index - layout.landmark_begin) / 2;
+    return fmt::format("{} of landmark {}", (index - layout.landmark_begin) % 2 ? "y" : "x", landmark);
+  }
+  if (index < layout.sigma_theta) return fmt::format("noise parameter {}", index - layout.tau_begin);
+  return index == layout.sigma_theta ? "log sigma_theta" : "log sigma_s";
+}
+
+/// The direction in the user's parameters: its largest parts, in their own units.
+std::string name_direction(const Eigen::VectorXd& direction, const JointLayout& layout, const std::vector<int>& free) {
+  std::vector<int> order(direction.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
+  const double largest = direction[order[0]];
+  std::string text;
+  for (std::size_t i = 0; i < order.size() && i < 4; ++i) {
+    const double part = direction[order[i]] / largest;
+    if (std::abs(part) < 0.05) break;
+    text += fmt::format("{}{:+.2f} {}", i ? ", " : "", part, name_of(layout, free[order[i]]));
+  }
+  return text;
+}
+
+}  // namespace
+
+void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layout, const std::vector<int>& free,
+                         JointFit& fit) {
+  const Eigen::Index n = static_cast<Eigen::Index>(free.size());
+  fit.covariance.reset();
+  if (n == 0) {
+    fit.covariance = Eigen::MatrixXd::Zero(layout.global_count, layout.global_count);
+    return;
+  }
+  const Eigen::MatrixXd own = hessian(free, free);
+  Eigen::VectorXd scale = own.diagonal();
+  for (double& s : scale) s = s > 0.0 ? 1.0 / std::sqrt(s) : 1.0;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * own * scale.asDiagonal());
+  const double smallest = eigen.eigenvalues()[0];
+  const Eigen::VectorXd weakest = scale.cwiseProduct(eigen.eigenvectors().col(0));
+  fit.weakest_direction = name_direction(weakest, layout, free);
+  // Below this the direction is lost in rounding: the matrix has entries of order one and about eps * n error.
+  if (!(smallest > 1e-11)) {
+    fit.covariance_reason = "no covariance: the recording does not determine " + fit.weakest_direction;
+    if (fit.outcome == Outcome::converged) {
+      fit.outcome = Outcome::unobservable;
+      fit.reason = "the recording does not determine the direction " + fit.weakest_direction;
+    }
+    return;
+  }
+  const Eigen::MatrixXd inverse =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  fit.covariance = Eigen::MatrixXd::Zero(layout.global_count, layout.global_count);
+  (*fit.covariance)(free, free) = scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+}  // namespace rangecal

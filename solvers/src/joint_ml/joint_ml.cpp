@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/joint_ml/joint_ml.hpp"
+
+#include <fmt/core.h>
+
+#include <cmath>
+
+#include "joint_ml/newton_step.hpp"
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+namespace rangecal {
+namespace {
+
+/// The sigma that fell below collapse_ratio of its start, in words; empty if none did.
+std::string collapsed_sigma(const JointState& start, const JointState& now) {
+  if (now.sigma_theta_rad < collapse_ratio * start.sigma_theta_rad)
+    return fmt::format("sigma_theta went to 0 ({:.1e} rad and falling)", now.sigma_theta_rad);
+  if (now.noise.law != NoiseLaw::polynomial &&
+      now.noise.parameters[0] < collapse_ratio * start.noise.parameters[0])
+    return fmt::format("sigma_e went to 0 ({:.1e} and falling)", now.noise.parameters[0]);
+  return {};
+}
+
+}  // namespace
+
+JointFit solve_joint_block(const JointProblem& problem, const JointState& start, const JointOptions& options) {
+  JointFit fit;
+  fit.state = start;
+  JointSystem system(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()));
+  const std::vector<int> free = free_globals(system.layout(), options.held);
+  HessianKind kind = HessianKind::fisher;
+  double nll = system.assemble(fit.state, kind);
+  fit.start_nll = fit.joint_nll = nll;
+  fit.evaluations = 1;
+  if (!std::isfinite(nll)) {
+    fit.reason = "the start lies outside the model's domain: a distance, f(d) or a spread is not positive";
+    return fit;
+  }
+
+  double damping = 0.0;
+  bool converged = false;
+  const auto reassemble = [&](HessianKind wanted) {
+    kind = wanted;
+    system.assemble(fit.state, kind);
+    ++fit.evaluations;
+  };
+  for (fit.iterations = 0; fit.iterations < options.max_iterations; ++fit.iterations) {
+    std::optional<Eigen::VectorXd> globals;
+    if (system.eliminate(damping)) globals = newton_step(system.schur(), system.reduced_gradient(), free);
+    if (!globals) {
+      if (kind == HessianKind::exact)
+        reassemble(HessianKind::fisher);
+      else
+        damping = std::max(10.0 * damping, 1e-10);
+      if (damping > 1e6) break;
+      continue;
+    }
+    Eigen::VectorXd stops = system.back_substitute(*globals, true);
+    const double decrement_sq = -(system.global_gradient().dot(*globals) + system.stop_gradient().dot(stops));
+    fit.gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
+    const double factor = limit_step(system.layout(), fit.state.noise.law, *globals);
+    stops *= factor;
+    const JointState trial = step_state(problem, system.layout(), fit.state, *globals, stops);
+    const HessianKind next_kind = decrement_sq < 1.0 ? HessianKind::exact : kind;
+    const double trial_nll = system.assemble(trial, next_kind);
+    ++fit.evaluations;
+    // Near the optimum the decrease drowns in rounding; a step with so small a decrement is Newton's last.
+    const double rounding = 1e-12 * (1.0 + std::abs(nll));
+    if (trial_nll <= nll + rounding) {
+      fit.state = trial;
+      nll = std::min(nll, trial_nll);
+      kind = next_kind;
+      damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
+      if (fit.gradient_norm < options.gradient_tolerance) {
+        converged = true;
+        break;
+      }
+      const std::string collapsed = options.held.sigmas ? std::string() : collapsed_sigma(start, fit.state);
+      if (!collapsed.empty()) {
+        fit.outcome = Outcome::unbounded;
+        fit.reason = "the joint likelihood has no maximum here: " + collapsed + "; use the marginal method";
+        fit.joint_nll = trial_nll;
+        return fit;
+      }
+    } else {
+      if (fit.gradient_norm < options.gradient_tolerance) {  // nothing left to gain but rounding
+        reassemble(kind);
+        converged = true;
+        break;
+      }
+      reassemble(kind == HessianKind::exact ? HessianKind::fisher : kind);
+      damping = std::max(10.0 * damping, 1e-4);
+      if (damping > 1e8) break;
+    }
+  }
+  fit.joint_nll = nll;
+  fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
+  if (!converged)
+    fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
+  if (system.assemble(fit.state, HessianKind::fisher); system.eliminate())
+    describe_covariance(system.schur(), system.layout(), free, fit);
+  return fit;
+}
+
+}  // namespace rangecal

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/QR>
+#include <cmath>
+
+#include "joint_ml/blocks.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/solvers/joint_ml/joint_ml.hpp"
+
+namespace rangecal {
+
+void seed_curve_and_noise(const JointProblem& problem, int order, JointState& state) {
+  const Cells& c = problem.cells;
+  const Eigen::Index cells = static_cast<Eigen::Index>(c.size());
+  if (cells < order + 1) throw InputError("fewer cells than coefficients of the curve");
+  Eigen::VectorXd distance(cells), turn(cells);
+  Eigen::MatrixXd rows(cells, order + 1);
+  Eigen::VectorXd target(cells);
+  for (Eigen::Index i = 0; i < cells; ++i) {
+    const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
+    distance[i] = std::max(sight.d, 1e-3);
+    turn[i] = wrap_angle(c.bearing_mean[i] - sight.bearing);
+    // Weight R / d^4 (2016 eq. 21), floored so that one very near landmark does not decide alone.
+    const double weight = std::sqrt(c.count[i]) / std::max(distance[i] * distance[i], 0.04);
+    double power = weight;
+    for (int a = 0; a <= order; ++a, power *= distance[i]) rows(i, a) = power;
+    target[i] = weight * c.range_mean[i];
+  }
+  state.alpha = rows.colPivHouseholderQr().solve(target);
+
+  double range_sum = 0.0, turn_sum = 0.0;
+  Noise unit = state.noise;
+  if (unit.law == NoiseLaw::polynomial) {  // beta = sigma (0, 0, d^2) to begin with, made positive by a small floor
+    unit.parameters = Eigen::VectorXd::Zero(std::max<Eigen::Index>(order + 1, state.noise.parameters.size()));
+    unit.parameters[0] = 0.3;
+    unit.parameters[unit.parameters.size() - 1] = 0.3;
+  } else {
+    unit.parameters = Eigen::VectorXd::Ones(1);
+  }
+  for (Eigen::Index i = 0; i < cells; ++i) {
+    const double f = evaluate_polynomial(state.alpha, distance[i]);
+    const double s = std::max(unit.spread(distance[i], std::max(f, 1e-3)), 1e-9);
+    const double error = c.range_mean[i] - f;
+    range_sum += c.range_weight[i] * (error * error + c.range_mean_square[i]) / (s * s);
+    turn_sum += c.bearing_weight[i] * (turn[i] * turn[i] + c.bearing_mean_square[i]);
+  }
+  state.noise.law = unit.law;
+  state.noise.parameters = std::max(std::sqrt(range_sum / problem.readings), 1e-9) * unit.parameters;
+  state.sigma_theta_rad = std::max(std::sqrt(turn_sum / problem.readings), 1e-9);
+}
+
+JointState position_seed(const JointProblem& problem, int order, NoiseLaw law) {
+  JointState state;
+  state.noise.law = law;
+  for (const StopPrior& prior : problem.stops) state.stops.push_back(prior.commanded);
+  state.landmarks.assign(problem.landmark_count(), Eigen::Vector2d::Zero());
+  std::vector<double> weight(problem.landmark_count(), 0.0);
+  const Cells& c = problem.cells;
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    const Pose2& pose = state.stops[c.stop[i]];
+    const double reach = c.range_mean[i] + c.radius_m[i], direction = pose.heading_rad + c.bearing_mean[i];
+    const double w = c.count[i] / (reach * reach);
+    state.landmarks[c.landmark[i]] +=
+        w * Eigen::Vector2d(pose.x_m + reach * std::cos(direction), pose.y_m + reach * std::sin(direction));
+    weight[c.landmark[i]] += w;
+  }
+  for (std::size_t l = 0; l < weight.size(); ++l)
+    if (weight[l] > 0.0) state.landmarks[l] /= weight[l];
+  seed_curve_and_noise(problem, order, state);
+  return state;
+}
+
+}  // namespace rangecal

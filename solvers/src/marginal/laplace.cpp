@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "marginal/laplace.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "rangecal/solvers/marginal/marginal.hpp"
+
+namespace rangecal {
+
+double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  constexpr int max_iterations = 100;
+  const Eigen::VectorXd still = Eigen::VectorXd::Zero(system.layout().global_count);
+  HessianKind kind = HessianKind::exact;
+  double nll = system.assemble(state, kind), damping = 0.0;
+  ++evaluations;
+  if (!std::isfinite(nll)) return infinity;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    if (!system.eliminate(damping)) {
+      if (kind == HessianKind::exact)
+        kind = HessianKind::fisher;
+      else
+        damping = std::max(10.0 * damping, 1e-10);
+      if (damping > 1e8) return infinity;
+      system.assemble(state, kind);
+      ++evaluations;
+      continue;
+    }
+    const Eigen::VectorXd step = system.back_substitute(still, true);
+    const double decrement_sq = -system.stop_gradient().dot(step);
+    if (decrement_sq < 1e-18 * (1.0 + step.size()) && kind == HessianKind::exact && damping == 0.0) return nll;
+    const JointState trial = step_state(system.problem(), system.layout(), state, still, step);
+    const HessianKind next_kind = decrement_sq < 1.0 + 0.1 * step.size() ? HessianKind::exact : kind;
+    const double trial_nll = system.assemble(trial, next_kind);
+    ++evaluations;
+    if (trial_nll <= nll + 1e-12 * (1.0 + std::abs(nll))) {
+      state = trial;
+      nll = trial_nll;
+      kind = next_kind;
+      damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
+      if (decrement_sq < 1e-11 && kind == HessianKind::exact) {  // Newton's last step: its square is below rounding
+        if (!system.eliminate()) return infinity;
+        return nll;
+      }
+    } else {
+      damping = std::max(10.0 * damping, 1e-4);
+      kind = HessianKind::fisher;
+      if (damping > 1e8) return infinity;
+      system.assemble(state, kind);
+      ++evaluations;
+    }
+  }
+  return infinity;
+}
+
+double laplace_nll(const JointSystem& system, double joint_nll) {
+  const double dimension = static_cast<double>(system.layout().coordinates);
+  return joint_nll + 0.5 * system.log_det_stops() - 0.5 * dimension * std::log(2.0 * std::numbers::pi);
+}
+
+LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state) {
+  LaplaceValue value;
+  value.state = state;
+  JointSystem system(problem, static_cast<int>(state.alpha.size()), static_cast<int>(state.noise.parameters.size()));
+  int evaluations = 0;
+  value.joint_nll = settle_stops(system, value.state, evaluations);
+  value.ok = std::isfinite(value.joint_nll);
+  value.marginal_nll = value.ok ? laplace_nll(system, value.joint_nll) : value.joint_nll;
+  return value;
+}
+
+}  // namespace rangecal

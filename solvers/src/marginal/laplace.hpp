@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+namespace rangecal {
+
+/// Moves the stops of `state` to their conditional optimum and leaves `system` assembled (exact) and eliminated
+/// there. Returns the joint NLL, or +infinity if no positive definite optimum was found. Adds to `evaluations`.
+double settle_stops(JointSystem& system, JointState& state, int& evaluations);
+
+/// Laplace's marginal NLL from a settled system.
+double laplace_nll(const JointSystem& system, double joint_nll);
+
+}  // namespace rangecal

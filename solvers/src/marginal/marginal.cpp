@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/marginal/marginal.hpp"
+
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <limits>
+
+#include "joint_ml/newton_step.hpp"
+#include "marginal/laplace.hpp"
+
+namespace rangecal {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// The marginal likelihood of one problem, with the work space of its solves.
+class Marginal {
+ public:
+  Marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options)
+      : problem_(problem),
+        options_(options),
+        system_(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()),
+                options.estimate_sigma_s),
+        slopes_(Eigen::VectorXd::Zero(layout().sigma_count())) {}
+
+  const JointLayout& layout() const { return system_.layout(); }
+  JointSystem& system() { return system_; }
+  Eigen::VectorXd& slopes() { return slopes_; }
+  int evaluations = 0, iterations = 0;
+  double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
+
+  /// Settles the stops at `state`; value of l_s + slopes . (logs of) sigma.
+  double value(JointState& state) {
+    joint_nll = settle_stops(system_, state, evaluations);
+    if (!std::isfinite(joint_nll)) return infinity;
+    marginal_nll = laplace_nll(system_, joint_nll);
+    return marginal_nll + slopes_.dot(sigma_coordinates(state));
+  }
+
+  /// Hessian of l_s in the globals, as Newton's method uses it; after value().
+  Eigen::MatrixXd hessian(const JointState& state) {
+    Eigen::MatrixXd h = system_.schur();
+    const int ns = layout().sigma_count();
+    h.bottomRightCorner(ns, ns) += system_.log_det_sigma_hessian(state);
+    return h;
+  }
+
+  /// Newton's method from `state` over the globals not held. True if the gradient fell below the tolerance.
+  bool minimise(JointState& state, const Held& held, double tolerance) {
+    const std::vector<int> free = free_globals(layout(), held);
+    double current = value(state);
+    if (!std::isfinite(current)) return false;
+    for (int iteration = 0; iteration < options_.max_iterations; ++iteration, ++iterations) {
+      Eigen::VectorXd gradient = system_.global_gradient() + system_.log_det_gradient(state);
+      gradient.tail(layout().sigma_count()) += slopes_;
+      std::optional<Eigen::VectorXd> step = newton_step(hessian(state), gradient, free);
+      if (!step) step = fisher_step(state, gradient, free);
+      if (!step) return false;
+      const double decrement_sq = -gradient.dot(*step);
+      gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
+      limit_step(layout(), state.noise.law, *step);
+      Eigen::VectorXd stops = system_.back_substitute(*step, false);
+      bool accepted = false;
+      const double rounding = 1e-11 * (1.0 + std::abs(current));
+      for (double factor = 1.0; factor > 1e-6; factor *= 0.5) {
+        JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
+        const double trial_value = value(trial);
+        if (trial_value <= current + rounding) {
+          state = trial;
+          current = trial_value;
+          accepted = true;
+          break;
+        }
+      }
+      if (!accepted) {
+        value(state);
+        return gradient_norm < 1e-4;
+      }
+      if (gradient_norm < tolerance) return true;
+      if (collapsed(state)) return true;
+    }
+    return false;
+  }
+
+  /// 1/2 log det of the Hessian of l_s in the free part of phi, after value().
+  double half_log_det_phi(const Held& held) const {
+    Held phi_only = held;
+    phi_only.sigmas = true;
+    const std::vector<int> free = free_globals(layout(), phi_only);
+    if (free.empty()) return 0.0;
+    const Eigen::LLT<Eigen::MatrixXd> factor(system_.schur()(free, free));
+    if (factor.info() != Eigen::Success) return infinity;
+    return Eigen::MatrixXd(factor.matrixL()).diagonal().array().log().sum();
+  }
+
+  /// d(1/2 log det A)/dsigma along phi-hat(sigma), by central differences.
+  bool renew_slopes(const JointState& at, const Held& held) {
+    const Eigen::VectorXd before = slopes_;
+    const int keep_iterations = iterations;
+    Held phi_only = held;
+    phi_only.sigmas = true;
+    Eigen::VectorXd renewed(slopes_.size());
+    const std::vector<int> phi = free_globals(layout(), phi_only);
+    JointState home = at;
+    value(home);
+    const Eigen::MatrixXd schur = system_.schur();
+    std::vector<JointState> moved;
+    for (int j = 0; j < slopes_.size(); ++j)
+      for (int sign : {1, -1}) {  // predict phi-hat and the stops to first order, then one Newton polish
+        Eigen::VectorXd globals = Eigen::VectorXd::Zero(layout().global_count);
+        globals[layout().phi_count + j] = sign * step_of(at, j);
+        const Eigen::VectorXd pull = schur.col(layout().phi_count + j) * globals[layout().phi_count + j];
+        if (const auto follow = newton_step(schur, pull, phi)) globals += *follow;
+        moved.push_back(step_state(problem_, layout(), at, globals, system_.back_substitute(globals, false)));
+      }
+    for (int j = 0; j < slopes_.size(); ++j) {
+      double half_log_det[2];
+      for (int side = 0; side < 2; ++side) {
+        JointState& state = moved[2 * j + side];
+        if (!minimise(state, phi_only, 1e-3)) return false;
+        half_log_det[side] = half_log_det_phi(held);
+      }
+      renewed[j] = (half_log_det[0] - half_log_det[1]) / (2.0 * step_of(at, j));
+    }
+    iterations = keep_iterations;
+    slopes_ = renewed;
+    return slopes_.allFinite();
+  }
+
+  bool collapsed(const JointState& state) const {
+    return layout().sigma_s >= 0 && *state.sigma_s_m < 1e-6;
+  }
+
+ private:
+  Eigen::VectorXd sigma_coordinates(const JointState& state) const {
+    Eigen::VectorXd s(layout().sigma_count());
+    if (state.noise.law == NoiseLaw::polynomial)
+      s.head(layout().tau_count) = state.noise.parameters;
+    else
+      s[0] = std::log(state.noise.parameters[0]);
+    s[layout().tau_count] = std::log(state.sigma_theta_rad);
+    if (layout().sigma_s >= 0) s[layout().tau_count + 1] = std::log(*state.sigma_s_m);
+    return s;
+  }
+
+  /// Step of the central differences in sigma coordinate j: logs, or a small part of the largest beta.
+  double step_of(const JointState& state, int j) const {
+    const bool beta = state.noise.law == NoiseLaw::polynomial && j < layout().tau_count;
+    return beta ? 1e-3 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-3;
+  }
+
+  std::optional<Eigen::VectorXd> fisher_step(JointState& state, const Eigen::VectorXd& gradient,
+                                             const std::vector<int>& free) {
+    system_.assemble(state, HessianKind::fisher);
+    ++evaluations;
+    std::optional<Eigen::VectorXd> step;
+    for (double damping = 0.0; damping < 1e6 && !step; damping = std::max(10.0 * damping, 1e-10))
+      if (system_.eliminate(damping)) step = newton_step(system_.schur(), gradient, free);
+    return step;
+  }
+
+  const JointProblem& problem_;
+  const MarginalOptions& options_;
+  JointSystem system_;
+  Eigen::VectorXd slopes_;
+};
+
+/// Largest sigma_s at which the REML profile has risen by 1.645^2 / 2: the one-sided 95 % limit.
+std::optional<double> upper_limit(const JointProblem& problem, JointState state, const MarginalOptions& options);
+
+}  // namespace
+
+MarginalFit solve_marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options) {
+  MarginalFit fit;
+  fit.state = start;
+  if (options.estimate_sigma_s && !fit.state.sigma_s_m) fit.state.sigma_s_m = 0.02;
+  Marginal marginal(problem, start, options);
+  const double start_value = marginal.value(fit.state);
+  fit.start_nll = marginal.joint_nll;
+  if (!std::isfinite(start_value)) {
+    fit.reason = "the start lies outside the model's domain, or its stops have no optimum";
+    return fit;
+  }
+  bool converged = false;
+  for (int outer = 0; outer < options.max_outer; ++outer) {
+    const bool settled = marginal.minimise(fit.state, options.held, options.gradient_tolerance);
+    if (marginal.collapsed(fit.state)) {
+      MarginalOptions without = options;
+      without.estimate_sigma_s = false;
+      fit.state.sigma_s_m = 1e-6;  // below any resolution of the data: the stops stand where they were commanded
+      const JointState held = fit.state;
+      fit = solve_marginal(problem, held, without);
+      fit.sigma_s_upper95_m = upper_limit(problem, fit.state, without);
+      fit.state.sigma_s_m = 0.0;
+      return fit;
+    }
+    if (options.held.sigmas) {
+      converged = settled;
+      break;
+    }
+    const Eigen::VectorXd before = marginal.slopes();
+    if (!settled || !marginal.renew_slopes(fit.state, options.held)) break;
+    // A slope error of 1e-6 nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
+    if ((marginal.slopes() - before).lpNorm<Eigen::Infinity>() < 1e-6 * (1.0 + before.norm())) {
+      converged = true;
+      break;
+    }
+  }
+  marginal.value(fit.state);
+  fit.joint_nll = marginal.joint_nll;
+  fit.marginal_nll = marginal.marginal_nll;
+  fit.gradient_norm = marginal.gradient_norm;
+  fit.iterations = marginal.iterations;
+  fit.evaluations = marginal.evaluations;
+  fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
+  if (!converged)
+    fit.reason = fmt::format("no fixed point after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
+  describe_covariance(marginal.hessian(fit.state), marginal.layout(), free_globals(marginal.layout(), options.held), fit);
+  return fit;
+}
+
+namespace {
+
+std::optional<double> upper_limit(const JointProblem& problem, JointState state, const MarginalOptions& options) {
+  const auto profile = [&](double sigma_s) {
+    JointState at = state;
+    at.sigma_s_m = sigma_s;
+    Marginal marginal(problem, at, options);
+    if (!marginal.minimise(at, options.held, 1e-4) || !marginal.renew_slopes(at, options.held)) return infinity;
+    marginal.minimise(at, options.held, 1e-4);
+    return marginal.marginal_nll + marginal.half_log_det_phi(options.held);
+  };
+  const double rise = 0.5 * 1.6448536 * 1.6448536, floor = profile(1e-6);
+  double low = 1e-5, high = 1e-4;
+  while (high < 10.0 && profile(high) - floor < rise) {
+    low = high;
+    high *= 2.0;
+  }
+  if (high >= 10.0) return std::nullopt;
+  for (int step = 0; step < 12; ++step) {
+    const double middle = std::sqrt(low * high);
+    (profile(middle) - floor < rise ? low : high) = middle;
+  }
+  return std::sqrt(low * high);
+}
+
+}  // namespace
+
+}  // namespace rangecal

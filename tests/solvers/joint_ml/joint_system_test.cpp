@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Derivatives of the joint likelihood and of Laplace's log-determinant against central differences.
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+#include "support/joint_scenes.hpp"
+
+namespace rangecal {
+namespace {
+
+using testing::make_scene;
+using testing::SceneOptions;
+
+struct Case {
+  const char* name;
+  SceneOptions options;
+  bool sigma_s_free = false;
+};
+
+std::vector<Case> cases() {
+  SceneOptions plain{.stops = 6, .landmarks = 4};
+  SceneOptions headings = plain, walk = plain, walk_headings = plain, places = plain, polynomial = plain, repeats = plain;
+  headings.sigma_heading = 0.01;
+  headings.turns = true;
+  walk.walk = true;
+  walk_headings.walk = walk_headings.turns = true;
+  walk_headings.sigma_heading = 0.02;
+  places.places = places.turns = true;
+  places.sigma_heading = 0.01;
+  polynomial.law = NoiseLaw::polynomial;
+  repeats.repeats = 5;
+  repeats.law = NoiseLaw::f;
+  SceneOptions walk_places = walk_headings;
+  walk_places.places = true;
+  SceneOptions squared = plain, cubed = plain, constant = plain;
+  squared.law = NoiseLaw::d_squared;
+  cubed.law = NoiseLaw::f_cubed;
+  constant.law = NoiseLaw::constant;
+  return {{"plain", plain},           {"headings", headings}, {"walk", walk},       {"walk_headings", walk_headings},
+          {"places", places},         {"polynomial", polynomial}, {"repeats", repeats}, {"walk_places", walk_places},
+          {"d_squared", squared},     {"f_cubed", cubed},     {"constant", constant}, {"sigma_s", headings, true},
+          {"walk_sigma_s", walk_headings, true}};
+}
+
+class JointSystemTest : public ::testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    scene = make_scene(GetParam().name, GetParam().options);
+    state = scene.truth;
+    // Away from the truth and from the optimum, so that every term counts.
+    for (auto& landmark : state.landmarks) landmark += Eigen::Vector2d(0.02, -0.01);
+    state.alpha += Eigen::Vector3d(0.01, -0.02, 0.003);
+    if (GetParam().sigma_s_free) {
+      scene.problem.estimate_sigma_s = true;
+      scene.problem.sigma_s_shared.assign(scene.problem.stops.size(), 1);
+      state.sigma_s_m = 0.015;
+    }
+  }
+  JointSystem make_system() const {
+    return JointSystem(scene.problem, 3, static_cast<int>(state.noise.parameters.size()), GetParam().sigma_s_free);
+  }
+  /// The state moved along coordinate i of (globals, stops).
+  JointState moved(const JointLayout& layout, int i, double step) const {
+    Eigen::VectorXd globals = Eigen::VectorXd::Zero(layout.global_count);
+    Eigen::VectorXd stops = Eigen::VectorXd::Zero(layout.coordinates);
+    (i < layout.global_count ? globals[i] : stops[i - layout.global_count]) = step;
+    return step_state(scene.problem, layout, state, globals, stops);
+  }
+  testing::Scene scene;
+  JointState state;
+};
+
+TEST_P(JointSystemTest, ValueIsTheJointNll) {
+  JointSystem system = make_system();
+  EXPECT_NEAR(system.assemble(state, HessianKind::exact), joint_nll(scene.problem, state), 1e-9);
+}
+
+TEST_P(JointSystemTest, GradientMatchesDifferences) {
+  JointSystem system = make_system();
+  const JointLayout& layout = system.layout();
+  system.assemble(state, HessianKind::exact);
+  Eigen::VectorXd gradient(layout.global_count + layout.coordinates);
+  gradient << system.global_gradient(), system.stop_gradient();
+  for (int i = 0; i < gradient.size(); ++i) {
+    const double h = 1e-6;
+    const double numeric =
+        (joint_nll(scene.problem, moved(layout, i, h)) - joint_nll(scene.problem, moved(layout, i, -h))) / (2 * h);
+    // Rounding of the NLL (about 1e3) over the step: 1e3 * 1e-16 / 1e-6, and curvature^3 h^2.
+    EXPECT_NEAR(gradient[i], numeric, 1e-5 * (1.0 + std::abs(gradient[i]))) << "coordinate " << i;
+  }
+}
+
+TEST_P(JointSystemTest, SchurComplementAndStepMatchTheDenseHessian) {
+  JointSystem system = make_system();
+  const JointLayout& layout = system.layout();
+  const int p = layout.global_count, n = p + static_cast<int>(layout.coordinates);
+  Eigen::MatrixXd dense(n, n);
+  for (int i = 0; i < n; ++i) {  // differences of the analytic gradient
+    const double h = 1e-6;
+    Eigen::VectorXd up(n), down(n);
+    system.assemble(moved(layout, i, h), HessianKind::exact);
+    up << system.global_gradient(), system.stop_gradient();
+    system.assemble(moved(layout, i, -h), HessianKind::exact);
+    down << system.global_gradient(), system.stop_gradient();
+    dense.col(i) = (up - down) / (2 * h);
+  }
+  system.assemble(state, HessianKind::exact);
+  ASSERT_TRUE(system.eliminate());
+  const int q = n - p;
+  const Eigen::MatrixXd stops = dense.bottomRightCorner(q, q);
+  const Eigen::MatrixXd schur =
+      dense.topLeftCorner(p, p) - dense.topRightCorner(p, q) * stops.ldlt().solve(dense.bottomLeftCorner(q, p));
+  EXPECT_LT((system.schur() - schur).norm(), 1e-5 * schur.norm());
+  EXPECT_NEAR(system.log_det_stops(), stops.llt().matrixL().toDenseMatrix().diagonal().array().log().sum() * 2, 1e-5);
+  Eigen::VectorXd globals = Eigen::VectorXd::LinSpaced(p, -1e-3, 2e-3);
+  const Eigen::VectorXd expected =
+      -stops.ldlt().solve(system.stop_gradient() + dense.bottomLeftCorner(q, p) * globals);
+  EXPECT_LT((system.back_substitute(globals, true) - expected).norm(), 1e-6 * (1e-3 + expected.norm()));
+  const Eigen::MatrixXd inverse = stops.inverse();
+  for (std::size_t j = 0; j < layout.nodes.size(); ++j) {
+    const auto& node = layout.nodes[j];
+    const Eigen::MatrixXd block = inverse.block(node.coordinate, node.coordinate, node.dim, node.dim);
+    EXPECT_LT((system.stop_covariance(static_cast<int>(j)) - block).norm(), 1e-5 * block.norm());
+  }
+}
+
+TEST_P(JointSystemTest, FisherInformationIsTheExpectationOfTheHessian) {
+  // At the truth with the cells' means put at their expectation, the exact and the expected matrix agree.
+  JointState truth = scene.truth;
+  if (GetParam().sigma_s_free) truth.sigma_s_m = 0.015;
+  Cells& c = scene.problem.cells;
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    const Pose2& pose = truth.stops[c.stop[i]];
+    const Eigen::Vector2d v = truth.landmarks[c.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m);
+    const double d = v.norm() - c.radius_m[i], f = evaluate_polynomial(truth.alpha, d);
+    c.range_mean[i] = f;
+    c.range_mean_square[i] = std::pow(truth.noise.spread(d, f), 2);
+    c.bearing_mean[i] = wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad);
+    c.bearing_mean_square[i] = truth.sigma_theta_rad * truth.sigma_theta_rad;
+  }
+  if (GetParam().sigma_s_free || GetParam().options.walk) return;  // the stops' errors are not at their expectation
+  JointSystem exact = make_system(), fisher = make_system();
+  exact.assemble(truth, HessianKind::exact);
+  fisher.assemble(truth, HessianKind::fisher);
+  ASSERT_TRUE(exact.eliminate());
+  ASSERT_TRUE(fisher.eliminate());
+  EXPECT_LT((exact.schur() - fisher.schur()).norm(), 1e-8 * exact.schur().norm());
+}
+
+TEST_P(JointSystemTest, LogDeterminantGradientMatchesDifferences) {
+  // Central differences of 1/2 log det H_ss with the stops settled at each side.
+  const LaplaceValue home = laplace_marginal(scene.problem, state);
+  ASSERT_TRUE(home.ok);
+  state = home.state;
+  JointSystem system = make_system();
+  const JointLayout& layout = system.layout();
+  system.assemble(state, HessianKind::exact);
+  ASSERT_TRUE(system.eliminate());
+  const Eigen::VectorXd gradient = system.log_det_gradient(state);
+  for (int i = 0; i < layout.global_count; ++i) {
+    const double h = 1e-5;
+    const LaplaceValue up = laplace_marginal(scene.problem, moved(layout, i, h));
+    const LaplaceValue down = laplace_marginal(scene.problem, moved(layout, i, -h));
+    ASSERT_TRUE(up.ok && down.ok);
+    const double numeric =
+        ((up.marginal_nll - up.joint_nll) - (down.marginal_nll - down.joint_nll)) / (2 * h);
+    EXPECT_NEAR(gradient[i], numeric, 2e-5 * (1.0 + std::abs(numeric))) << "global " << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Shapes, JointSystemTest, ::testing::ValuesIn(cases()),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace rangecal
