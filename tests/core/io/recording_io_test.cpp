@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/core/recording_io.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/io/recording_folder.hpp"
+#include "rangecal/core/random.hpp"
+
+namespace rangecal {
+namespace {
+
+using test::RecordingFolder;
+using test::TemporaryFolder;
+using testing::ElementsAre;
+using testing::Pair;
+using testing::UnorderedElementsAre;
+
+const double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// Equal bit for bit, NaN to NaN.
+void expect_same(const std::vector<double>& a, const std::vector<double>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(a[i] == b[i] || (std::isnan(a[i]) && std::isnan(b[i])));
+}
+
+void expect_same(const Covariates& a, const Covariates& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (const auto& [name, values] : a) {
+    ASSERT_TRUE(b.contains(name)) << name;
+    expect_same(values, b.at(name));
+  }
+}
+
+void expect_same(const Pose2& a, const Pose2& b) {
+  EXPECT_EQ(a.x_m, b.x_m);
+  EXPECT_EQ(a.y_m, b.y_m);
+  EXPECT_EQ(a.heading_rad, b.heading_rad);
+}
+
+void expect_same(const Recording& a, const Recording& b) {
+  EXPECT_EQ(a.kind, b.kind);
+  EXPECT_EQ(a.sensor.name, b.sensor.name);
+  EXPECT_EQ(a.sensor.principle, b.sensor.principle);
+  EXPECT_EQ(a.sensor.range_min_m, b.sensor.range_min_m);
+  EXPECT_EQ(a.sensor.range_max_m, b.sensor.range_max_m);
+  EXPECT_EQ(a.estimate_sigma_xy, b.estimate_sigma_xy);
+  if (!a.estimate_sigma_xy) {
+    EXPECT_EQ(a.sigma_xy_m, b.sigma_xy_m);
+  }
+  EXPECT_EQ(a.sigma_heading_rad, b.sigma_heading_rad);
+  EXPECT_EQ(a.stop_error, b.stop_error);
+  ASSERT_EQ(a.stops.size(), b.stops.size());
+  for (std::size_t i = 0; i < a.stops.size(); ++i) {
+    EXPECT_EQ(a.stops[i].label, b.stops[i].label);
+    expect_same(a.stops[i].commanded, b.stops[i].commanded);
+    EXPECT_EQ(a.stops[i].sigma_xy_m, b.stops[i].sigma_xy_m);
+    EXPECT_EQ(a.stops[i].sigma_heading_rad, b.stops[i].sigma_heading_rad);
+    EXPECT_EQ(a.stops[i].place, b.stops[i].place);
+  }
+  ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
+  for (std::size_t i = 0; i < a.landmarks.size(); ++i) {
+    EXPECT_EQ(a.landmarks[i].label, b.landmarks[i].label);
+    EXPECT_EQ(a.landmarks[i].radius_m, b.landmarks[i].radius_m);
+    EXPECT_EQ(a.landmarks[i].reflectance, b.landmarks[i].reflectance);
+  }
+  ASSERT_EQ(a.known_distances.size(), b.known_distances.size());
+  for (std::size_t i = 0; i < a.known_distances.size(); ++i) {
+    EXPECT_EQ(a.known_distances[i].from, b.known_distances[i].from);
+    EXPECT_EQ(a.known_distances[i].to, b.known_distances[i].to);
+    EXPECT_EQ(a.known_distances[i].distance_m, b.known_distances[i].distance_m);
+    EXPECT_EQ(a.known_distances[i].sigma_m, b.known_distances[i].sigma_m);
+  }
+  EXPECT_EQ(a.readings.stop, b.readings.stop);
+  EXPECT_EQ(a.readings.landmark, b.readings.landmark);
+  EXPECT_EQ(a.readings.repeat, b.readings.repeat);
+  expect_same(a.readings.time_s, b.readings.time_s);
+  expect_same(a.readings.range_m, b.readings.range_m);
+  expect_same(a.readings.bearing_rad, b.readings.bearing_rad);
+  EXPECT_EQ(a.readings.row, b.readings.row);
+  expect_same(a.readings.covariates, b.readings.covariates);
+  expect_same(a.pairs.true_m, b.pairs.true_m);
+  expect_same(a.pairs.reading_m, b.pairs.reading_m);
+  EXPECT_EQ(a.pairs.batch, b.pairs.batch);
+  EXPECT_EQ(a.pairs.batch_labels, b.pairs.batch_labels);
+  EXPECT_EQ(a.pairs.landmark, b.pairs.landmark);
+  expect_same(a.pairs.time_s, b.pairs.time_s);
+  expect_same(a.pairs.bearing_rad, b.pairs.bearing_rad);
+  EXPECT_EQ(a.pairs.row, b.pairs.row);
+  expect_same(a.pairs.covariates, b.pairs.covariates);
+  EXPECT_EQ(a.counts.read, b.counts.read);
+  EXPECT_EQ(a.counts.used, b.counts.used);
+  EXPECT_EQ(a.counts.dropped, b.counts.dropped);
+  EXPECT_EQ(a.counts.cells_left_out, b.counts.cells_left_out);
+  ASSERT_EQ(a.truth.stops.size(), b.truth.stops.size());
+  for (std::size_t i = 0; i < a.truth.stops.size(); ++i) {
+    ASSERT_EQ(a.truth.stops[i].has_value(), b.truth.stops[i].has_value());
+    if (a.truth.stops[i]) expect_same(*a.truth.stops[i], *b.truth.stops[i]);
+  }
+  EXPECT_EQ(a.truth.landmarks, b.truth.landmarks);
+}
+
+Recording random_landmarks_recording(std::uint64_t seed) {
+  Random random(seed_from("random_landmarks_recording", {seed}));
+  Recording recording;
+  recording.sensor = {"odd: \"name\", #1", "triangulation", 0.1, seed % 2 ? 7.3 : std::numeric_limits<double>::infinity()};
+  recording.estimate_sigma_xy = seed % 3 == 0;
+  recording.sigma_xy_m = random.uniform();
+  recording.sigma_heading_rad = random.uniform();
+  recording.stop_error = seed % 2 ? StopErrorModel::random_walk : StopErrorModel::independent;
+  for (const char* label : {"0", "stop, with comma", " spaced ", "quote\"d"}) {
+    Stop stop;
+    stop.label = label;
+    stop.commanded = {random.normal(), random.normal() * 1e-9, random.uniform(-3.0, 3.0)};
+    if (random.index(2)) stop.sigma_xy_m = random.uniform();
+    if (random.index(2)) stop.sigma_heading_rad = random.uniform();
+    if (random.index(2)) stop.place = "place 1";
+    recording.stops.push_back(stop);
+    if (random.index(2)) {
+      recording.truth.stops.push_back(Pose2{random.normal(), random.normal(), random.uniform(-3.0, 3.0)});
+    } else {
+      recording.truth.stops.push_back(std::nullopt);
+    }
+  }
+  for (const char* label : {"A", "\xc3\x85ngstr\xc3\xb6m", "never seen"}) {
+    recording.landmarks.push_back({label, random.uniform(), random.index(2) ? std::optional(random.uniform()) : std::nullopt});
+    recording.truth.landmarks.push_back(Eigen::Vector2d(random.normal(), random.normal()));
+  }
+  recording.known_distances = {{0, 2, 1.0 / 3.0, 1e-3}};
+  Readings& readings = recording.readings;
+  for (int i = 0; i < 40; ++i) {
+    readings.stop.push_back(i % 4);
+    readings.landmark.push_back(i % 2);
+    readings.repeat.push_back(i / 4);
+    readings.time_s.push_back(random.uniform(0.0, 1e6));
+    readings.range_m.push_back(random.uniform(0.2, 7.0));
+    readings.bearing_rad.push_back(random.uniform(-3.14, 3.14));
+    readings.row.push_back(i + 2);
+    readings.covariates["intensity"].push_back(i % 7 == 0 ? kNaN : random.normal());
+    readings.covariates["temperature_c"].push_back(random.normal(20.0, 1e-7));
+  }
+  recording.counts.read = recording.counts.used = 40;
+  return recording;
+}
+
+TEST(RecordingIo, LandmarksReadBackAsWritten) {
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    const TemporaryFolder folder;
+    const Recording recording = random_landmarks_recording(seed);
+    save_recording(recording, folder.path());
+    SCOPED_TRACE(seed);
+    expect_same(recording, load_recording(folder.path()));
+  }
+}
+
+TEST(RecordingIo, PairsReadBackAsWrittenOverALandmarksRecording) {
+  const TemporaryFolder folder;
+  save_recording(random_landmarks_recording(1), folder.path());
+  Random random(seed_from("PairsReadBackAsWritten"));
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.landmarks = {{"A", 0.0, std::nullopt}, {"B", 0.1, 0.5}};
+  recording.pairs.batch_labels = {"first", "second"};
+  for (int i = 0; i < 20; ++i) {
+    recording.pairs.true_m.push_back(random.uniform(0.1, 5.0));
+    recording.pairs.reading_m.push_back(random.uniform(0.1, 5.0));
+    recording.pairs.batch.push_back(i < 8 ? 0 : i < 16 ? 1 : -1);
+    recording.pairs.landmark.push_back(i % 2);
+    recording.pairs.time_s.push_back(i * 0.1);
+    recording.pairs.bearing_rad.push_back(random.uniform(-3.0, 3.0));
+    recording.pairs.row.push_back(i + 2);
+    recording.pairs.covariates["speed_mps"].push_back(random.normal());
+  }
+  recording.counts.read = recording.counts.used = 20;
+  save_recording(recording, folder.path());
+  expect_same(recording, load_recording(folder.path()));
+  EXPECT_FALSE(std::filesystem::exists(folder.file("observations.csv")));
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+    EXPECT_EQ(entry.path().string().find(".partial"), std::string::npos);
+  }
+}
+
+TEST(RecordingIo, ColumnsInAnyOrderCrlfBomAndCovariates) {
+  RecordingFolder folder;
+  folder.write("observations.csv",
+               "\xef\xbb\xbf" "temperature_c,bearing_rad,note,landmark,range_m,stop\r\n"
+               "20.5,6.0,fine,A,1.5,0\r\n,0.1,\"so, so\",A,1.6,0\r\n21,0.2,,B,1.7,1\r\n");
+  const Recording recording = load_recording(folder.path());
+  EXPECT_THAT(recording.readings.range_m, ElementsAre(1.5, 1.6, 1.7));
+  EXPECT_THAT(recording.readings.repeat, ElementsAre(0, 1, 0));
+  EXPECT_THAT(recording.readings.row, ElementsAre(2, 3, 4));
+  EXPECT_NEAR(recording.readings.bearing_rad[0], 6.0 - 2.0 * std::numbers::pi, 1e-15);
+  EXPECT_TRUE(recording.readings.time_s.empty());
+  ASSERT_EQ(recording.readings.covariates.size(), 1u);   // the text column `note` is kept out
+  expect_same(recording.readings.covariates.at("temperature_c"), {20.5, kNaN, 21.0});
+  EXPECT_EQ(recording.landmarks[0].radius_m, 0.1);
+  EXPECT_EQ(recording.path, folder.path());
+}
+
+TEST(RecordingIo, SigmaMayBeEstimated) {
+  RecordingFolder folder;
+  folder.write("recording.yaml", "format: rangecal/1\nstops: {sigma_xy_m: estimate, error: random_walk}\n");
+  const Recording recording = load_recording(folder.path());
+  EXPECT_TRUE(recording.estimate_sigma_xy);
+  EXPECT_EQ(recording.stop_error, StopErrorModel::random_walk);
+}
+
+TEST(RecordingIo, UnusableReadingsAreDroppedAndCountedByReason) {
+  RecordingFolder folder;
+  std::string rows = "stop,landmark,repeat,range_m,bearing_rad\n0,A,0,,0\n0,A,1,nan,0\n0,A,2,inf,0\n0,A,3,0,0\n"
+                     "0,A,4,-1,0\n0,A,5,1.0,\n0,A,6,1.0,nan\n0,A,7,1.0,0\n1,B,0,0.1,0\n1,A,0,6.5,0\n";
+  folder.write("observations.csv", rows);
+  const Recording recording = load_recording(folder.path());
+  EXPECT_EQ(recording.counts.read, 10);
+  EXPECT_EQ(recording.counts.used, 1);
+  EXPECT_THAT(recording.counts.dropped,
+              UnorderedElementsAre(Pair("missing", 2), Pair("not finite", 3), Pair("zero", 1), Pair("negative", 1),
+                                   Pair("below range_min_m", 1), Pair("above range_max_m", 1)));
+  EXPECT_EQ(recording.counts.cells_left_out, 2);
+  EXPECT_THAT(recording.readings.row, ElementsAre(9));
+}
+
+// `lost` readings above the limit out of `readings` in the cell (0, A); one good reading elsewhere.
+Counts counts_of_cell(int readings, int lost) {
+  RecordingFolder folder;
+  std::string rows = "stop,landmark,range_m,bearing_rad\n1,B,2.0,0\n";
+  for (int i = 0; i < readings; ++i) rows += i < lost ? "0,A,6.5,0\n" : "0,A,5.9,0\n";
+  folder.write("observations.csv", rows);
+  return load_recording(folder.path()).counts;
+}
+
+TEST(RecordingIo, ACellCutByALimitIsLeftOutWhole) {
+  // 1 of 100 is not more than 1 %; 2 of 100 and 1 of 99 are.
+  EXPECT_EQ(counts_of_cell(100, 1).used, 100);
+  EXPECT_EQ(counts_of_cell(100, 1).cells_left_out, 0);
+  EXPECT_EQ(counts_of_cell(99, 1).used, 1);
+  const Counts counts = counts_of_cell(100, 2);
+  EXPECT_EQ(counts.used, 1);
+  EXPECT_EQ(counts.cells_left_out, 1);
+  EXPECT_THAT(counts.dropped, UnorderedElementsAre(Pair("above range_max_m", 2), Pair("cell cut by a limit", 98)));
+}
+
+TEST(RecordingIo, ABatchCutByALimitIsLeftOutWhole) {
+  RecordingFolder folder;
+  folder.make_pairs("batch,true_m,reading_m\nfar,6,5.9\nfar,6,6.1\nnear,1,1.0\nnear,1,1.1\n,3,6.1\n,3,3.0\n,,3.0\n");
+  const Recording recording = load_recording(folder.path());
+  EXPECT_THAT(recording.pairs.batch_labels, ElementsAre("near"));
+  EXPECT_THAT(recording.pairs.batch, ElementsAre(0, 0, -1));
+  EXPECT_THAT(recording.pairs.row, ElementsAre(4, 5, 7));
+  EXPECT_EQ(recording.counts.cells_left_out, 1);
+  EXPECT_THAT(recording.counts.dropped, UnorderedElementsAre(Pair("above range_max_m", 2), Pair("missing", 1),
+                                                             Pair("cell cut by a limit", 1)));
+}
+
+TEST(RecordingIo, AFolderThatCannotBeMadeIsNamed) {
+  const TemporaryFolder folder;
+  folder.write("file", "x");
+  EXPECT_THROW(save_recording(random_landmarks_recording(0), folder.file("file/inside")), InputError);
+  EXPECT_THROW(save_recording(random_landmarks_recording(0), folder.file("file")), InputError);
+}
+
+}  // namespace
+}  // namespace rangecal
