@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/problems/noise_shape.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <boost/math/special_functions/digamma.hpp>
+#include <fmt/format.h>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+
+const char* to_string(NoiseShape shape) {
+  switch (shape) {
+    case NoiseShape::gaussian: return "gaussian";
+    case NoiseShape::student_t: return "student-t";
+    case NoiseShape::contaminated: return "contaminated";
+    case NoiseShape::automatic: return "auto";
+  }
+  return "unknown";
+}
+
+NoiseShape noise_shape_from_string(const std::string& text) {
+  for (const NoiseShape shape : {NoiseShape::gaussian, NoiseShape::student_t, NoiseShape::contaminated,
+                                 NoiseShape::automatic}) {
+    if (text == to_string(shape)) return shape;
+  }
+  throw InputError(fmt::format("noise shape '{}': use gaussian, student-t, contaminated or auto", text));
+}
+
+int shape_parameter_count(NoiseShape shape) {
+  return shape == NoiseShape::student_t ? 1 : shape == NoiseShape::contaminated ? 2 : 0;
+}
+
+LogDensity log_density(const NoiseShapeParameters& shape, double z) {
+  static const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
+  LogDensity out;
+  switch (shape.shape) {
+    case NoiseShape::gaussian:
+      out.value = -0.5 * z * z - half_log_two_pi;
+      out.weight = 1.0;
+      break;
+    case NoiseShape::student_t: {
+      const double nu = shape.nu;
+      out.value = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi) -
+                  0.5 * (nu + 1.0) * std::log1p(z * z / nu);
+      out.weight = (nu + 1.0) / (nu + z * z);
+      out.in_shape[0] = 0.5 * (boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu -
+                               std::log1p(z * z / nu) + out.weight * z * z / nu);
+      break;
+    }
+    case NoiseShape::contaminated: {
+      const double p = shape.outlier_share, k = shape.outlier_scale;
+      const double inlier = std::log1p(-p) - 0.5 * z * z;
+      const double outlier = std::log(p / k) - 0.5 * z * z / (k * k);
+      const double high = std::fmax(inlier, outlier);
+      const double total = high + std::log(std::exp(inlier - high) + std::exp(outlier - high));
+      const double responsibility = std::exp(outlier - total);
+      out.value = total - half_log_two_pi;
+      out.weight = 1.0 - responsibility + responsibility / (k * k);
+      out.in_shape[0] = responsibility / p - (1.0 - responsibility) / (1.0 - p);
+      out.in_shape[1] = responsibility * (z * z / (k * k) - 1.0) / k;
+      break;
+    }
+    case NoiseShape::automatic:
+      throw InputError("noise shape auto has no density of its own");
+  }
+  out.derivative = -out.weight * z;
+  return out;
+}
+
+double standard_deviation(const NoiseShapeParameters& shape) {
+  switch (shape.shape) {
+    case NoiseShape::student_t:
+      return shape.nu > 2.0 ? std::sqrt(shape.nu / (shape.nu - 2.0)) : std::numeric_limits<double>::infinity();
+    case NoiseShape::contaminated:
+      return std::sqrt(1.0 - shape.outlier_share + shape.outlier_share * shape.outlier_scale * shape.outlier_scale);
+    default: return 1.0;
+  }
+}
+
+}  // namespace rangecal

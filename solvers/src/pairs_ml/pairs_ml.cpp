@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <fmt/format.h>
+
+#include "pairs_newton.hpp"
+#include "pairs_reml.hpp"
+#include "pairs_report.hpp"
+#include "pairs_shape.hpp"
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace {
+
+using pairs_ml::NewtonResult;
+using pairs_ml::ScaledPairs;
+
+int noise_count(const PairsOptions& options) {
+  return options.law == NoiseLaw::polynomial ? options.noise_order + 1 : 1;
+}
+
+PairsFit empty_fit(const PairsProblem& problem, Method method) {
+  PairsFit fit;
+  fit.calibration.method = method;
+  fit.calibration.kind = RecordingKind::pairs;
+  fit.calibration.counts = problem.counts;
+  if (problem.size() > 0) {
+    fit.calibration.range_min_m = problem.true_m.front();
+    fit.calibration.range_max_m = problem.true_m.back();
+  }
+  fit.nll = std::numeric_limits<double>::quiet_NaN();
+  return fit;
+}
+
+/// True, with the outcome and its reason set, where the model's domain excludes the readings.
+bool outside_domain(const PairsProblem& problem, const PairsOptions& options, Calibration& calibration) {
+  const bool power = options.law == NoiseLaw::f || options.law == NoiseLaw::f_squared || options.law == NoiseLaw::f_cubed;
+  if (options.law == NoiseLaw::d_squared && !(problem.true_m.front() > 0.0)) {
+    calibration.reason = fmt::format("noise law d2 needs distances above 0, got {} m", problem.true_m.front());
+  } else if (power && *std::min_element(problem.mean_m.begin(), problem.mean_m.end()) <= 0.0) {
+    calibration.reason = fmt::format("noise law {} needs readings above 0", to_string(options.law));
+  } else {
+    return false;
+  }
+  calibration.outcome = Outcome::failed;
+  return true;
+}
+
+std::string caution(const Calibration& calibration, const char* kind) {
+  return fmt::format("from the {} information at the estimate{}", kind,
+                     calibration.method == Method::full ? "; the noise is not corrected for the coefficients fitted" : "");
+}
+
+void set_nll(PairsFit& fit, double nll, int parameters) {
+  fit.nll = nll;
+  fit.calibration.joint_nll = fit.calibration.marginal_nll = nll;
+  fit.calibration.aic = 2.0 * (nll + parameters);
+}
+
+void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, const NewtonResult& gaussian, int order,
+                     const PairsOptions& options, Method method, PairsFit& fit) {
+  Calibration& calibration = fit.calibration;
+  pairs_ml::ShapeResult shaped =
+      pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law, options.noise_order, options.shape);
+  fit.shape = shaped.shape;
+  calibration.iterations = shaped.iterations;
+  calibration.outcome = shaped.outcome;
+  if (!is_usable(shaped.outcome)) {
+    calibration.reason = fmt::format("the {} likelihood did not reach an optimum", to_string(options.shape));
+    if (shaped.x.size() == 0) return;
+  }
+  pairs_ml::Vector x = shaped.x.head(scaled.unknowns());
+  fit.gradient_norm = shaped.gradient_norm;
+  double nll = shaped.nll;
+  if (method == Method::marginal) {
+    const PairsProblem rows = pairs_as_rows(problem, shaped.weights);
+    const ScaledPairs weighted(rows, order, options.law, options.noise_order, options.parallel_from);
+    NewtonResult start = pairs_ml::minimise(weighted, x, weighted.unknowns(), options.max_iterations, 1e-8);
+    const NewtonResult corrected = pairs_ml::restricted(weighted, start, options.max_iterations);
+    if (corrected.outcome == Outcome::converged) {
+      x = corrected.x;
+      const pairs_ml::ShapePairs likelihood(problem, scaled, options.law, options.shape);
+      nll = likelihood.evaluate(likelihood.internal(x, shaped.shape), nullptr);
+    }
+  }
+  calibration.alpha = scaled.alpha(x);
+  calibration.noise = scaled.noise(x);
+  set_nll(fit, nll, scaled.unknowns() + shape_parameter_count(options.shape));
+  calibration.covariance_reason =
+      shaped.covariance.size() > 0
+          ? caution(calibration, "observed")
+          : fmt::format("the {} shape sits at a limit of its parameters: no second derivatives", to_string(options.shape));
+  Eigen::MatrixXd covariance;
+  if (shaped.covariance.size() > 0) {
+    const Eigen::MatrixXd J = scaled.jacobian(x);
+    covariance = J * shaped.covariance * J.transpose();
+  }
+  pairs_ml::set_covariance(calibration, covariance, calibration.range_max_m);
+}
+
+/// One order, one shape. `method` full or marginal.
+PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method) {
+  PairsFit fit = empty_fit(problem, method);
+  Calibration& calibration = fit.calibration;
+  const int unknowns = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
+  if (problem.readings() < unknowns) {
+    calibration.outcome = Outcome::too_few_data;
+    calibration.reason = fmt::format("{} readings for {} unknowns", problem.row_true_m.size(), unknowns);
+    return fit;
+  }
+  if (outside_domain(problem, options, calibration)) return fit;
+
+  const int distinct = static_cast<int>(problem.size());
+  const int noise_unknowns = noise_count(options);
+  if (distinct < order + 1 || distinct < noise_unknowns) {
+    const Eigen::VectorXd unseen = pairs_ml::unseen_polynomial(problem.true_m);
+    PairsOptions reduced = options;
+    reduced.noise_order = std::min(options.noise_order, distinct - 1);
+    const int determined = std::min(order, distinct - 1);
+    fit = fit_order(problem, determined, reduced, method);
+    if (fit.calibration.outcome == Outcome::converged) fit.calibration.outcome = Outcome::unobservable;
+    const std::string where = distinct == 1 ? fmt::format("all readings are at {:.6g} m", problem.true_m.front())
+                                            : fmt::format("{} distinct distances", distinct);
+    fit.calibration.reason = fmt::format("{} cannot determine order {}: {} can be added to f unseen; order {} is given{}{}",
+                                         where, order, pairs_ml::name_direction(unseen), determined,
+                                         fit.calibration.reason.empty() ? "" : "; ", fit.calibration.reason);
+    fit.calibration.weakest_direction = pairs_ml::name_direction(unseen);
+    fit.calibration.alpha_covariance.reset();
+    for (Estimate& estimate : fit.calibration.noise_estimates) estimate.std_dev.reset();
+    fit.calibration.covariance_reason = "a direction of the parameters is not determined by the data";
+    return fit;
+  }
+
+  const ScaledPairs scaled(problem, order, options.law, options.noise_order, options.parallel_from);
+  pairs_ml::Vector seed;
+  NewtonResult best;
+  if (scaled.quick_seed(seed)) {
+    best = pairs_ml::minimise(scaled, seed, scaled.unknowns(), options.max_iterations, options.gradient_tolerance);
+  }
+  if (best.outcome != Outcome::converged) seed = scaled.seed();
+  if (best.outcome != Outcome::converged && scaled.perfect(seed)) {
+    calibration.outcome = Outcome::unbounded;
+    calibration.alpha = scaled.alpha(seed);
+    calibration.noise = scaled.noise(seed);
+    calibration.noise.parameters.setZero();
+    calibration.reason = "every residual can be zeroed: sigma goes to 0 and the likelihood has no maximum";
+    calibration.covariance_reason = "the likelihood has no maximum";
+    return fit;
+  }
+  if (best.outcome != Outcome::converged) {
+    best = pairs_ml::minimise(scaled, seed, scaled.unknowns(), options.max_iterations, options.gradient_tolerance);
+  }
+  fit.gradient_norm = best.gradient_norm;
+  if (best.outcome == Outcome::converged && options.shape != NoiseShape::gaussian) {
+    fit_other_shape(problem, scaled, best, order, options, method, fit);
+    return fit;
+  }
+  if (best.outcome == Outcome::converged && method == Method::marginal) {
+    best = pairs_ml::restricted(scaled, best, options.max_iterations);
+  }
+  calibration.outcome = best.outcome;
+  calibration.iterations = best.iterations;
+  if (!best.at.valid || best.at.information.size() == 0) {
+    calibration.outcome = Outcome::failed;
+    calibration.reason = "no start inside the model's domain (f and s above 0 at every distance) was found";
+    return fit;
+  }
+  if (scaled.perfect(best.x)) {
+    calibration.outcome = Outcome::unbounded;
+    calibration.reason = "every residual can be zeroed: sigma goes to 0 and the likelihood has no maximum";
+  } else if (best.outcome != Outcome::converged) {
+    calibration.reason = fmt::format("stopped after {} iterations at a scaled gradient norm of {:.3g}", best.iterations,
+                                     best.gradient_norm);
+  }
+  calibration.alpha = scaled.alpha(best.x);
+  calibration.noise = scaled.noise(best.x);
+  set_nll(fit, best.at.nll, scaled.unknowns());
+  calibration.covariance_reason = caution(calibration, "expected");
+  Eigen::MatrixXd covariance;
+  const Eigen::LLT<Eigen::MatrixXd> factor(best.at.information);
+  if (factor.info() == Eigen::Success && calibration.outcome == Outcome::converged) {
+    const Eigen::MatrixXd root = factor.matrixL().solve(scaled.jacobian(best.x).transpose());
+    covariance = root.transpose() * root;
+  }
+  pairs_ml::set_covariance(calibration, covariance, calibration.range_max_m);
+  return fit;
+}
+
+/// The orders asked for, of one shape; the lowest AIC of `full` decides.
+PairsFit fit_shape_orders(const PairsProblem& problem, const PairsOptions& options, Method method) {
+  const int low = options.order.value_or(1), high = options.order.value_or(options.max_order);
+  std::vector<OrderScore> scores;
+  PairsFit best;
+  double best_aic = std::numeric_limits<double>::infinity();
+  int best_order = low;
+  for (int order = low; order <= high; ++order) {
+    PairsFit fit = fit_order(problem, order, options, Method::full);
+    const int parameters = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
+    scores.push_back(pairs_ml::score_order(order, fit.nll, parameters, problem.readings(), fit.calibration.outcome));
+    const bool better = fit.calibration.outcome == Outcome::converged && scores.back().aic < best_aic;
+    if (better) best_aic = scores.back().aic;
+    if (better || order == low) {
+      best = std::move(fit);
+      best_order = order;
+    }
+  }
+  if (method == Method::marginal) {
+    const double gradient_norm = best.gradient_norm;
+    best = fit_order(problem, best_order, options, Method::marginal);
+    best.gradient_norm = gradient_norm;
+  }
+  best.orders = std::move(scores);
+  best.shape.shape = options.shape;
+  best.shapes = {{options.shape, best_aic}};
+  return best;
+}
+
+PairsFit fit_pairs(const PairsProblem& problem, const PairsOptions& options, Method method) {
+  options.check();
+  if (problem.size() == 0) {
+    PairsFit fit = empty_fit(problem, method);
+    fit.calibration.outcome = Outcome::too_few_data;
+    fit.calibration.reason = "no readings";
+    return fit;
+  }
+  if (options.shape != NoiseShape::automatic) return fit_shape_orders(problem, options, method);
+  PairsOptions one = options;
+  std::vector<std::pair<NoiseShape, double>> shapes;
+  NoiseShape chosen = NoiseShape::gaussian;
+  double best_aic = std::numeric_limits<double>::infinity();
+  for (const NoiseShape shape : {NoiseShape::gaussian, NoiseShape::student_t, NoiseShape::contaminated}) {
+    one.shape = shape;
+    const PairsFit fit = fit_shape_orders(problem, one, Method::full);
+    shapes.push_back(fit.shapes.front());
+    if (shapes.back().second < best_aic) {
+      best_aic = shapes.back().second;
+      chosen = shape;
+    }
+  }
+  one.shape = chosen;
+  PairsFit best = fit_shape_orders(problem, one, method);
+  best.shapes = std::move(shapes);
+  return best;
+}
+
+}  // namespace
+
+void PairsOptions::check() const {
+  const auto refuse = [](const std::string& what) { throw InputError("PairsOptions: " + what); };
+  const auto between = [&](const char* field, int value, int low, int high) {
+    if (value < low || value > high) refuse(fmt::format("{} = {} is outside of {} .. {}", field, value, low, high));
+  };
+  if (order) between("order", *order, 0, 8);
+  between("max_order", max_order, 1, 8);
+  between("noise_order", noise_order, 0, 4);
+  between("max_iterations", max_iterations, 1, 100000);
+  between("parallel_from", parallel_from, 1, std::numeric_limits<int>::max());
+  if (!(gradient_tolerance > 0.0 && gradient_tolerance < 1.0)) {
+    refuse(fmt::format("gradient_tolerance = {} is outside of (0, 1)", gradient_tolerance));
+  }
+}
+
+PairsFit full_pairs(const PairsProblem& problem, const PairsOptions& options) {
+  return fit_pairs(problem, options, Method::full);
+}
+
+PairsFit marginal_pairs(const PairsProblem& problem, const PairsOptions& options) {
+  return fit_pairs(problem, options, Method::marginal);
+}
+
+}  // namespace rangecal

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "pairs_report.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+namespace rangecal::pairs_ml {
+
+std::string name_direction(const Eigen::VectorXd& direction) {
+  const double largest = direction.cwiseAbs().maxCoeff();
+  std::string text;
+  for (Eigen::Index i = 0; i < direction.size(); ++i) {
+    if (std::abs(direction[i]) < 0.01 * largest) continue;
+    const char* sign = direction[i] < 0.0 ? (text.empty() ? "-" : " - ") : (text.empty() ? "" : " + ");
+    text += fmt::format("{}{:.3g} alpha_{}", sign, std::abs(direction[i]), i);
+  }
+  return text;
+}
+
+std::string weakest_direction(const Eigen::MatrixXd& alpha_covariance, double reference_m) {
+  const Eigen::Index n = alpha_covariance.rows();
+  Eigen::VectorXd in_metres(n);   // what one unit of alpha_i moves f by at the reference distance
+  for (Eigen::Index i = 0; i < n; ++i) in_metres[i] = i == 0 ? 1.0 : in_metres[i - 1] * reference_m;
+  const Eigen::MatrixXd metric = in_metres.asDiagonal() * alpha_covariance * in_metres.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(metric);
+  const double deviation = std::sqrt(std::fmax(0.0, eigen.eigenvalues()[n - 1]));
+  Eigen::VectorXd direction = eigen.eigenvectors().col(n - 1).cwiseQuotient(in_metres);
+  Eigen::Index largest = 0;
+  eigen.eigenvectors().col(n - 1).cwiseAbs().maxCoeff(&largest);
+  direction /= direction[largest];
+  return fmt::format("{} (one standard deviation moves f by {:.3g} m per unit at {:.3g} m)",
+                     name_direction(direction), deviation, reference_m);
+}
+
+Eigen::VectorXd unseen_polynomial(const std::vector<double>& distances) {
+  Eigen::VectorXd coefficients = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(distances.size()) + 1);
+  coefficients[0] = 1.0;
+  Eigen::Index degree = 0;
+  for (const double root : distances) {
+    for (Eigen::Index j = ++degree; j >= 0; --j) {
+      coefficients[j] = (j > 0 ? coefficients[j - 1] : 0.0) - root * coefficients[j];
+    }
+  }
+  return coefficients;
+}
+
+void set_covariance(Calibration& calibration, const Eigen::MatrixXd& covariance, double reference_m) {
+  const Eigen::Index n = calibration.alpha.size(), m = calibration.noise.parameters.size();
+  const bool usable = covariance.rows() == n + m && covariance.allFinite() &&
+                      (covariance.diagonal().array() > 0.0).all();
+  calibration.noise_estimates.clear();
+  for (Eigen::Index j = 0; j < m; ++j) {
+    Estimate estimate{calibration.noise.parameters[j], std::nullopt};
+    if (usable) estimate.std_dev = std::sqrt(covariance(n + j, n + j));
+    calibration.noise_estimates.push_back(estimate);
+  }
+  if (!usable) {
+    calibration.alpha_covariance.reset();
+    if (calibration.covariance_reason.empty()) calibration.covariance_reason = "the information matrix is singular";
+    return;
+  }
+  calibration.alpha_covariance = covariance.topLeftCorner(n, n);
+  calibration.weakest_direction = weakest_direction(*calibration.alpha_covariance, reference_m);
+}
+
+OrderScore score_order(int order, double nll, int parameters, double readings, Outcome outcome) {
+  const double k = parameters;
+  OrderScore score;
+  score.order = order;
+  score.nll = nll;
+  score.aic = 2.0 * (nll + k);
+  score.aicc = readings - k - 1.0 > 0.0 ? score.aic + 2.0 * k * (k + 1.0) / (readings - k - 1.0)
+                                        : std::numeric_limits<double>::infinity();
+  score.bic = 2.0 * nll + k * std::log(readings);
+  score.outcome = outcome;
+  return score;
+}
+
+}  // namespace rangecal::pairs_ml

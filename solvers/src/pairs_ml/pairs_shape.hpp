@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "pairs_newton.hpp"
+#include "rangecal/problems/noise_shape.hpp"
+
+namespace rangecal::pairs_ml {
+
+/// The row likelihood sum_i [ log s_i - log g(z_i) ], z_i = (y_i - f(d_i)) / s_i, g the shape's density, with its
+/// gradient in (x, shape) where the shape's parameters go by log(nu - 1), logit(2 p) and logit((k - 3) / 27).
+class ShapePairs {
+ public:
+  ShapePairs(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law, NoiseShape shape)
+      : problem_(problem), scaled_(scaled), law_(law), shape_(shape) {}
+
+  int unknowns() const { return scaled_.unknowns() + shape_parameter_count(shape_); }
+  /// Infinity, with no gradient, outside of the domain.
+  double evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient) const;
+  NoiseShapeParameters shape_at(const Eigen::VectorXd& x) const;
+  Eigen::VectorXd internal(const Vector& x, const NoiseShapeParameters& shape) const;
+  /// Robust weights of the rows at x.
+  std::vector<double> weights(const Eigen::VectorXd& x) const;
+
+ private:
+  const PairsProblem& problem_;
+  const ScaledPairs& scaled_;
+  NoiseLaw law_;
+  NoiseShape shape_;
+};
+
+struct ShapeResult {
+  Eigen::VectorXd x;                 ///< (x, shape), internal
+  NoiseShapeParameters shape;
+  double nll = 0.0, gradient_norm = 0.0;
+  Eigen::MatrixXd covariance;        ///< of x without the shape, from the observed information; empty if singular
+  std::vector<double> weights;
+  int iterations = 0;
+  Outcome outcome = Outcome::failed;
+};
+
+/// Minimises it: expectation-maximisation with the streaming Gaussian solver as its maximisation, from the Gaussian
+/// optimum and from least absolute deviations; then BFGS in whitened coordinates on the better one.
+ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian, NoiseLaw law,
+                      int noise_order, NoiseShape shape);
+
+}  // namespace rangecal::pairs_ml

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <Eigen/Cholesky>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "pairs_newton.hpp"
+
+namespace rangecal::pairs_ml {
+namespace {
+
+constexpr std::size_t chunk_cells = 8192;    // fixed, so that the sums do not depend on the threads
+constexpr std::size_t sample_cells = 1024;   // above 16 times as many, the seed comes from every k-th cell
+
+KernelLaw kernel_law(NoiseLaw law) {
+  switch (law) {
+    case NoiseLaw::f: return KernelLaw::power1;
+    case NoiseLaw::f_squared: return KernelLaw::power2;
+    case NoiseLaw::f_cubed: return KernelLaw::power3;
+    case NoiseLaw::d_squared: return KernelLaw::d_squared;
+    default: return KernelLaw::power0;
+  }
+}
+
+double power_of(NoiseLaw law) {
+  return law == NoiseLaw::f ? 1.0 : law == NoiseLaw::f_squared ? 2.0 : law == NoiseLaw::f_cubed ? 3.0 : 0.0;
+}
+
+}  // namespace
+
+Eigen::MatrixXd shift_matrix(int order, double center, double half_width) {
+  Eigen::MatrixXd shift = Eigen::MatrixXd::Zero(order + 1, order + 1);
+  Eigen::VectorXd column = Eigen::VectorXd::Zero(order + 1);   // ((d - center) / half_width)^k in powers of d
+  column[0] = 1.0;
+  for (int k = 0; k <= order; ++k) {
+    shift.col(k) = column;
+    for (int j = order; j >= 0; --j) column[j] = ((j > 0 ? column[j - 1] : 0.0) - center * column[j]) / half_width;
+  }
+  return shift;
+}
+
+ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, int noise_order, int parallel_from)
+    : problem_(problem),
+      order_(order),
+      noise_count_(law == NoiseLaw::polynomial ? noise_order + 1 : 1),
+      law_(law),
+      kernel_law_(kernel_law(law)),
+      power_(power_of(law)),
+      parallel_from_(parallel_from) {
+  const double low = problem.true_m.front(), high = problem.true_m.back();
+  center_ = 0.5 * (low + high);
+  half_width_ = high > low ? 0.5 * (high - low) : 1.0;
+  typical_ = std::abs(problem.mean_m[problem.size() / 2]);
+  if (!(typical_ > 0.0)) typical_ = 1.0;
+  log_constant_ = problem.readings() * 0.5 * std::log(2.0 * std::numbers::pi);
+  if (power_ > 0.0) log_constant_ += problem.readings() * power_ * std::log(typical_);
+  if (law == NoiseLaw::d_squared) {
+    for (std::size_t i = 0; i < problem.size(); ++i) log_constant_ += problem.count[i] * 2.0 * std::log(problem.true_m[i]);
+  }
+  if (!streams()) {
+    scaled_ = problem;
+    if (law == NoiseLaw::polynomial) {
+      for (double& d : scaled_.true_m) d = (d - center_) / half_width_;
+    }
+  } else if (problem.size() > chunk_cells) {
+    chunks_.resize((problem.size() + chunk_cells - 1) / chunk_cells);
+  }
+}
+
+KernelSums ScaledPairs::sum(const Vector& x, bool information, std::size_t stride, KernelLaw law) const {
+  KernelInput input;
+  input.d = problem_.true_m.data();
+  input.mean = problem_.mean_m.data();
+  input.mean_square = problem_.mean_square.data();
+  input.count = problem_.count.data();
+  input.weight = problem_.weight.data();
+  input.center = center_;
+  input.inverse_half_width = 1.0 / half_width_;
+  for (int k = 0; k <= order_; ++k) input.c[k] = x[k];
+  input.inverse_sigma_sq = std::exp(-2.0 * x[order_ + 1]);
+  input.inverse_f_scale = 1.0 / typical_;
+  input.stride = stride;
+  KernelSums total;
+  const std::size_t size = problem_.size();
+  if (size <= chunk_cells || stride > 1) {
+    input.end = size;
+    run_kernel(input, law, order_, problem_.single, information, total);
+    return total;
+  }
+  const auto run = [&](std::size_t chunk) {
+    KernelInput part = input;
+    part.begin = chunk * chunk_cells;
+    part.end = std::min(size, part.begin + chunk_cells);
+    chunks_[chunk] = KernelSums{};
+    run_kernel(part, law, order_, problem_.single, information, chunks_[chunk]);
+  };
+  if (size >= static_cast<std::size_t>(parallel_from_)) {
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, chunks_.size(), 2), [&](const auto& range) {
+      for (std::size_t chunk = range.begin(); chunk != range.end(); ++chunk) run(chunk);
+    });
+  } else {
+    for (std::size_t chunk = 0; chunk < chunks_.size(); ++chunk) run(chunk);
+  }
+  for (const KernelSums& part : chunks_) total.add(part, order_);
+  return total;
+}
+
+void ScaledPairs::finish(const KernelSums& sums, const Vector& x, bool information, Evaluation& out) const {
+  const int n = order_ + 1;
+  out.nll = log_constant_ + sums.count * x[n] + power_ * sums.log_f + 0.5 * sums.square;
+  out.valid = std::isfinite(out.nll) && (power_ == 0.0 || sums.min_f > 0.0);
+  out.gradient.resize(n + 1);
+  out.hessian.resize(n + 1, n + 1);
+  for (int j = 0; j < n; ++j) {
+    out.gradient[j] = sums.gradient[j];
+    out.hessian(j, n) = out.hessian(n, j) = sums.cross[j];
+    for (int k = 0; k < n; ++k) out.hessian(j, k) = sums.hessian[j + k];
+  }
+  out.gradient[n] = sums.count - sums.square;
+  out.hessian(n, n) = 2.0 * sums.square;
+  if (!information) return;
+  out.information.resize(n + 1, n + 1);
+  for (int j = 0; j < n; ++j) {
+    out.information(j, n) = out.information(n, j) = sums.information_cross[j];
+    for (int k = 0; k < n; ++k) out.information(j, k) = sums.information[j + k];
+  }
+  out.information(n, n) = 2.0 * sums.count;
+}
+
+void ScaledPairs::evaluate(const Vector& x, bool information, Evaluation& out) const {
+  if (streams()) {
+    finish(sum(x, information, 1, kernel_law_), x, information, out);
+    return;
+  }
+  const int n = order_ + 1;
+  if (law_ == NoiseLaw::polynomial) {
+    Noise in_t;
+    in_t.law = law_;
+    in_t.parameters = x.tail(noise_count_);
+    const PairsDerivatives exact = pairs_derivatives(scaled_, x.head(n), in_t);
+    out.nll = exact.nll;
+    out.gradient = exact.gradient;
+    out.hessian = exact.hessian;
+    out.information = exact.information;
+  } else {
+    const PairsDerivatives exact = pairs_derivatives(problem_, alpha(x), noise(x));
+    Eigen::MatrixXd J = Eigen::MatrixXd::Identity(n + 1, n + 1);
+    J.topLeftCorner(n, n) = shift_matrix(order_, center_, half_width_);
+    out.nll = exact.nll;
+    out.gradient = J.transpose() * exact.gradient;
+    out.hessian = J.transpose() * exact.hessian * J;
+    out.information = J.transpose() * exact.information * J;
+  }
+  out.valid = std::isfinite(out.nll);
+}
+
+Vector ScaledPairs::least_squares() const {
+  // Normal equations over powers of t in [-1, 1] (condition below 1e4 for order 4); s as d^p, d kept off 0.
+  const int n = order_ + 1;
+  const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / sample_cells);
+  const double power = law_ == NoiseLaw::d_squared ? 2.0 : power_;
+  const double floor = 0.05 * std::max(std::abs(center_), half_width_);
+  double moments[2 * max_unknowns] = {}, right[max_unknowns] = {};
+  for (std::size_t i = 0; i < size; i += stride) {
+    const double d = problem_.true_m[i], t = (d - center_) / half_width_;
+    const double scale = std::max(std::abs(d), floor), scale_sq = scale * scale;
+    double w = problem_.weight[i];
+    if (power == 1.0) w /= scale_sq;
+    if (power == 2.0) w /= scale_sq * scale_sq;
+    if (power == 3.0) w /= scale_sq * scale_sq * scale_sq;
+    double wy = w * problem_.mean_m[i];
+    for (int k = 0; k < n; ++k, wy *= t) right[k] += wy;
+    for (int k = 0; k < 2 * n - 1; ++k, w *= t) moments[k] += w;
+  }
+  Matrix A(n, n);
+  Vector b(n);
+  for (int j = 0; j < n; ++j) {
+    b[j] = right[j];
+    for (int k = 0; k < n; ++k) A(j, k) = moments[j + k];
+  }
+  return A.ldlt().solve(b);
+}
+
+bool ScaledPairs::quick_seed(Vector& x) const {
+  // One pass of the kernel at f = 0, sigma = 1 holds the normal equations of least squares with s as d^2 (constant
+  // noise: s constant), and with them its sum of squares.
+  const int n = order_ + 1;
+  const bool constant = law_ == NoiseLaw::constant;
+  if (!streams() || (!constant && !(problem_.true_m.front() > 0.02 * half_width_))) return false;
+  const std::size_t stride = problem_.size() >= 16 * sample_cells ? problem_.size() / sample_cells : 1;
+  const KernelSums sums =
+      sum(Vector::Zero(n + 1), false, stride, constant ? KernelLaw::power0 : KernelLaw::d_squared);
+  Matrix A(n, n);
+  Vector b(n);
+  for (int j = 0; j < n; ++j) {
+    b[j] = -sums.gradient[j];
+    for (int k = 0; k < n; ++k) A(j, k) = sums.hessian[j + k];
+  }
+  const Eigen::LLT<Matrix> factor(A);
+  if (factor.info() != Eigen::Success) return false;
+  const Vector c = factor.solve(b);
+  const double square = sums.square - c.dot(b);
+  if (!c.allFinite() || !(square > 1e-9 * sums.square)) return false;   // cancelled: the plain way sees better
+  x.resize(n + 1);
+  x.head(n) = c;
+  // sigma d^2 and sigma f^p agree at a typical reading.
+  x[n] = 0.5 * std::log(square / sums.count);
+  if (!constant && law_ != NoiseLaw::d_squared) x[n] += (2.0 - power_) * std::log(typical_);
+  if (stride > 1) x = refine_on_sample(x);
+  return true;
+}
+
+Vector ScaledPairs::seed() const {
+  const int n = order_ + 1;
+  const auto f_at = [&](const Vector& c, double d) {
+    const double t = (d - center_) / half_width_;
+    double f = 0.0;
+    for (int k = n - 1; k >= 0; --k) f = f * t + c[k];
+    return f;
+  };
+  const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / sample_cells);
+  // sigma^2 = mean of ((y - f)^2 + S^2) / (s / sigma)^2 at the seed; false where f leaves the domain.
+  const auto sigma_sq = [&](const Vector& c, double& out) {
+    double square = 0.0, count = 0.0;
+    for (std::size_t i = 0; i < size; i += stride) {
+      const double d = problem_.true_m[i], f = f_at(c, d), r = problem_.mean_m[i] - f;
+      if (power_ > 0.0 && !(f > 0.02 * std::abs(problem_.mean_m[i]))) return false;
+      double shape = 1.0;
+      if (law_ == NoiseLaw::d_squared) shape = d * d;
+      if (power_ >= 1.0) shape = f;
+      if (power_ >= 2.0) shape *= f;
+      if (power_ >= 3.0) shape *= f;
+      square += problem_.weight[i] * (r * r + problem_.mean_square[i]) / (shape * shape);
+      count += problem_.count[i];
+    }
+    out = square / count;
+    return true;
+  };
+  Vector c = least_squares();
+  double variance = 0.0;
+  if (!c.allFinite() || !sigma_sq(c, variance)) {
+    // Where least squares leaves f > 0: a straight line, or a constant, through the mean reading.
+    double y = 0.0, d = 0.0;
+    for (std::size_t i = 0; i < size; ++i) { y += problem_.mean_m[i]; d += problem_.true_m[i]; }
+    c = Vector::Zero(n);
+    c[0] = y / static_cast<double>(size);
+    if (n > 1 && d > 0.0 && problem_.true_m.front() > 0.0) {
+      c[0] = y / d * center_;
+      c[1] = y / d * half_width_;
+    }
+    if (!sigma_sq(c, variance)) variance = 1.0;
+  }
+  const double tiny = 1e-30 * (1.0 + typical_ * typical_);
+  Vector x = Vector::Zero(unknowns());
+  x.head(n) = c;
+  if (law_ == NoiseLaw::polynomial) {
+    x[n] = std::sqrt(std::max(variance, tiny));
+  } else {
+    x[n] = 0.5 * std::log(std::max(variance, tiny));
+  }
+  return streams() && size >= 16 * sample_cells ? refine_on_sample(x) : x;
+}
+
+Vector ScaledPairs::refine_on_sample(Vector x) const {
+  // The constant of finish counts all cells, which every value here shares.
+  const std::size_t stride = problem_.size() / sample_cells;
+  Evaluation at, there;
+  finish(sum(x, false, stride, kernel_law_), x, false, at);
+  for (int iteration = 0; iteration < 4 && at.valid; ++iteration) {
+    const Eigen::LLT<Matrix> factor(at.hessian);
+    if (factor.info() != Eigen::Success) break;
+    const Vector step = factor.solve(at.gradient);
+    const Vector trial = x - step;
+    finish(sum(trial, false, stride, kernel_law_), trial, false, there);
+    if (!there.valid || !(there.nll <= at.nll)) break;
+    const double decrement_sq = step.dot(at.gradient);
+    x = trial;
+    if (decrement_sq < 1e-2) break;   // the sample itself is further off than that
+    std::swap(at, there);
+  }
+  return x;
+}
+
+Eigen::VectorXd ScaledPairs::alpha(const Vector& x) const {
+  return shift_matrix(order_, center_, half_width_) * x.head(order_ + 1);
+}
+
+Noise ScaledPairs::noise(const Vector& x) const {
+  Noise noise;
+  noise.law = law_;
+  if (law_ == NoiseLaw::polynomial) {
+    noise.parameters = shift_matrix(noise_count_ - 1, center_, half_width_) * x.tail(noise_count_);
+  } else {
+    noise.parameters = Eigen::VectorXd::Constant(1, std::exp(x[order_ + 1]));
+  }
+  return noise;
+}
+
+Eigen::MatrixXd ScaledPairs::jacobian(const Vector& x) const {
+  const int n = order_ + 1;
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(unknowns(), unknowns());
+  J.topLeftCorner(n, n) = shift_matrix(order_, center_, half_width_);
+  if (law_ == NoiseLaw::polynomial) {
+    J.bottomRightCorner(noise_count_, noise_count_) = shift_matrix(noise_count_ - 1, center_, half_width_);
+  } else {
+    J(n, n) = std::exp(x[n]);
+  }
+  return J;
+}
+
+Vector ScaledPairs::from_user(const Eigen::VectorXd& user_alpha, const Noise& user_noise) const {
+  Vector x(unknowns());
+  x.head(order_ + 1) = shift_matrix(order_, center_, half_width_).triangularView<Eigen::Upper>().solve(user_alpha);
+  if (law_ == NoiseLaw::polynomial) {
+    x.tail(noise_count_) =
+        shift_matrix(noise_count_ - 1, center_, half_width_).triangularView<Eigen::Upper>().solve(user_noise.parameters);
+  } else {
+    x[order_ + 1] = std::log(user_noise.parameters[0]);
+  }
+  return x;
+}
+
+bool ScaledPairs::perfect(const Vector& x) const {
+  // A pass over all cells is only spent where sigma is that small: s at the typical reading, in parts of it.
+  if (streams() && law_ != NoiseLaw::d_squared) {
+    const double relative = std::exp(x[order_ + 1]) * std::pow(typical_, power_ - 1.0);
+    if (relative > 1e-6) return false;
+  }
+  double square = 0.0, scale = 0.0;
+  for (std::size_t i = 0; i < problem_.size(); ++i) {
+    const double t = (problem_.true_m[i] - center_) / half_width_;
+    double f = 0.0;
+    for (int k = order_; k >= 0; --k) f = f * t + x[k];
+    const double r = problem_.mean_m[i] - f;
+    square += problem_.weight[i] * (r * r + problem_.mean_square[i]);
+    scale += problem_.weight[i] * problem_.mean_m[i] * problem_.mean_m[i];
+  }
+  return !(square > 1e-26 * scale);   // residuals of 1e-13 of the readings: rounding
+}
+
+}  // namespace rangecal::pairs_ml
