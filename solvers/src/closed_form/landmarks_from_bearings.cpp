@@ -14,14 +14,15 @@
 namespace rangecal {
 namespace {
 
-constexpr double initial_sigma_theta = 0.02;   // [rad], where nothing repeats and none is given
+constexpr double initial_sigma_theta = 0.02;  // [rad], where nothing repeats and none is given
 
 /// One line of sight.
 struct Sight {
-  Eigen::Vector2d stop, along, across;   ///< across = (sin phi, -cos phi)
-  double R = 1.0, d = 0.0;               ///< repeats; measured distance to the axis [m]
+  Eigen::Vector2d stop, along, across;  ///< across = (sin phi, -cos phi)
+  double R = 1.0, d = 0.0;              ///< repeats; measured distance to the axis [m]
   double sigma_s_sq = 0.0, sigma_h_sq = 0.0;
-  double reading_variance = 0.0;         ///< var(d~) of the cell mean [m^2]
+  double own_sq = 0.0, own_h_sq = 0.0;  ///< the same without what a random walk brought from earlier stops
+  double reading_variance = 0.0;        ///< var(d~) of the cell mean [m^2]
   int landmark = 0;
 };
 
@@ -42,6 +43,8 @@ std::vector<Sight> sights_of(const JointProblem& problem, const BearingOptions& 
     s.d = cells.range_mean[c] + cells.radius_m[c];
     s.sigma_s_sq = stop_variance[cells.stop[c]].xy_sq;
     s.sigma_h_sq = stop_variance[cells.stop[c]].heading_sq;
+    s.own_sq = std::pow(options.sigma_s_m.value_or(prior.sigma_xy_m), 2);
+    s.own_h_sq = std::pow(prior.sigma_heading_rad, 2);
     s.landmark = cells.landmark[c];
     if (s.R >= 2.0) {
       s.reading_variance = cells.range_mean_square[c] / (s.R - 1.0);
@@ -62,9 +65,12 @@ double residual_variance(const Sight& s, double sigma_theta_sq) {
 
 double weight_of(const Sight& s, BearingWeights weights, double sigma_theta_sq) {
   switch (weights) {
-    case BearingWeights::paper: return 1.0 / s.reading_variance;
-    case BearingWeights::printed: return s.sigma_s_sq + sigma_theta_sq / s.reading_variance;
-    default: return 1.0 / std::max(residual_variance(s, sigma_theta_sq), 1e-300);
+    case BearingWeights::paper:
+      return 1.0 / s.reading_variance;
+    case BearingWeights::printed:
+      return s.sigma_s_sq + sigma_theta_sq / s.reading_variance;
+    default:
+      return 1.0 / std::max(residual_variance(s, sigma_theta_sq), 1e-300);
   }
 }
 
@@ -74,7 +80,8 @@ std::string direction_text(const Eigen::Vector2d& direction) {
   return text;
 }
 
-LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeights weights, double sigma_theta_sq) {
+LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeights weights,
+                           double sigma_theta_sq) {
   LandmarkFromBearings result;
   result.cells = static_cast<int>(sights.size());
   if (sights.size() < 2) {
@@ -92,7 +99,7 @@ LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeigh
   double noise_sq = 0.0, scale = 0.0;
   for (const Sight* s : sights) {
     centre += s->stop / n;
-    noise_sq += residual_variance(*s, sigma_theta_sq) / (s->d * s->d) / n;
+    noise_sq += (s->own_sq / (s->d * s->d) + sigma_theta_sq / s->R + s->own_h_sq) / n;
     scale = std::max(scale, weight_of(*s, weights, sigma_theta_sq));
   }
   Eigen::Matrix2d spread = Eigen::Matrix2d::Zero(), A = spread, M = spread;
@@ -114,8 +121,8 @@ LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeigh
   if (of_spread.eigenvalues()(0) < std::max(1e-13, 2.25 * noise_sq)) {
     result.weakest_direction = of_spread.eigenvectors().col(0);
     result.outcome = Outcome::unobservable;
-    result.reason = "its lines of sight are parallel: not determined along " +
-                    direction_text(result.weakest_direction);
+    result.reason =
+        "its lines of sight are parallel: not determined along " + direction_text(result.weakest_direction);
     return result;
   }
   const Eigen::Matrix2d A_inverse = A.inverse();
@@ -133,8 +140,8 @@ LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeigh
   return result;
 }
 
-/// sigma_theta^2 from the angles between the lines and the landmarks found, and from the repeats; 0 if there are no
-/// degrees of freedom or nothing is left for it.
+/// sigma_theta^2 from the angles between the lines and the landmarks found, and from the repeats; 0 if there
+/// are no degrees of freedom or nothing is left for it.
 double sigma_theta_sq_from(const JointProblem& problem, const std::vector<Sight>& sights,
                            const std::vector<LandmarkFromBearings>& landmarks) {
   std::vector<MomentTerm> terms;
@@ -166,14 +173,18 @@ double sigma_theta_sq_within(const JointProblem& problem) {
 
 const char* to_string(BearingWeights weights) {
   switch (weights) {
-    case BearingWeights::paper: return "paper";
-    case BearingWeights::printed: return "printed";
-    default: return "consistent";
+    case BearingWeights::paper:
+      return "paper";
+    case BearingWeights::printed:
+      return "printed";
+    default:
+      return "consistent";
   }
 }
 
 BearingWeights bearing_weights_from_string(const std::string& text) {
-  for (const BearingWeights w : {BearingWeights::paper, BearingWeights::printed, BearingWeights::consistent}) {
+  for (const BearingWeights w :
+       {BearingWeights::paper, BearingWeights::printed, BearingWeights::consistent}) {
     if (text == to_string(w)) return w;
   }
   throw InputError("bearing weights '" + text + "': paper, printed or consistent");
@@ -185,11 +196,12 @@ LandmarksFromBearings landmarks_from_bearings(const JointProblem& problem, const
   for (const Sight& s : sights) of_landmark[s.landmark].push_back(&s);
 
   LandmarksFromBearings result;
-  double sigma_theta_sq = options.sigma_theta_rad ? std::pow(*options.sigma_theta_rad, 2)
-                                                  : sigma_theta_sq_within(problem);
+  double sigma_theta_sq =
+      options.sigma_theta_rad ? std::pow(*options.sigma_theta_rad, 2) : sigma_theta_sq_within(problem);
   const auto solve_all = [&] {
     result.landmarks.clear();
-    for (const auto& lines : of_landmark) result.landmarks.push_back(solve(lines, options.weights, sigma_theta_sq));
+    for (const auto& lines : of_landmark)
+      result.landmarks.push_back(solve(lines, options.weights, sigma_theta_sq));
   };
   solve_all();
   for (int pass = 0; pass < 2 && !options.sigma_theta_rad; ++pass) {

@@ -12,9 +12,10 @@ struct MomentTerm {
 
 /// The x > 0 at which the squared residuals are what they should be:
 ///   sum_i residual_sq_i / (x scale_i + other_i) + within / x = dof,
-/// `within` the sum of scaled squares about the cell means (variance x). The left side falls with x, so there is one
-/// root or none. Returns 0 where `other` alone explains the residuals, or dof <= 0. (A Paule-Mandel estimate; with
-/// other = 0 and within = 0 it is the weighted residual sum of squares over its degrees of freedom.)
+/// `within` the sum of scaled squares about the cell means (variance x). The left side falls with x, so there
+/// is one root or none. Returns 0 where `other` alone explains the residuals, or dof <= 0. (A Paule-Mandel
+/// estimate; with other = 0 and within = 0 it is the weighted residual sum of squares over its degrees of
+/// freedom.)
 double variance_from_moments(const std::vector<MomentTerm>& terms, double within, double dof);
 
 }  // namespace rangecal

@@ -13,8 +13,8 @@ namespace {
 /// What the likelihood needs of one batch.
 struct BatchSums {
   double size = 0.0, mean = 0.0;
-  double successive_sq = 0.0;   ///< sum of (y_k - y_{k-1})^2
-  double deviation_sq = 0.0;    ///< sum of (y_k - mean)^2
+  double successive_sq = 0.0;  ///< sum of (y_k - y_{k-1})^2
+  double deviation_sq = 0.0;   ///< sum of (y_k - mean)^2
 };
 
 BatchSums sums_of(const std::vector<double>& y) {
@@ -38,7 +38,8 @@ NoiseOrderHypothesis judge(std::span<const BatchSums> batches, int power, Differ
   h.sigma_e_sq /= static_cast<double>(batches.size());
   for (const BatchSums& b : batches) {
     const double variance = std::pow(b.mean, 2 * power) * h.sigma_e_sq;
-    h.log_likelihood -= 0.5 * (b.size * std::log(2.0 * std::numbers::pi * variance) + b.deviation_sq / variance);
+    h.log_likelihood -=
+        0.5 * (b.size * std::log(2.0 * std::numbers::pi * variance) + b.deviation_sq / variance);
   }
   return h;
 }

@@ -34,14 +34,16 @@ double mean_squared_error(const Part& part, const PolynomialFit& fit, Polynomial
   return sum / weights;
 }
 
-/// A fold number 0 .. folds-1 per reading: a random permutation dealt out in turn, so that sizes differ by 1 at most.
+/// A fold number 0 .. folds-1 per reading: a random permutation dealt out in turn, so that sizes differ by 1
+/// at most.
 std::vector<int> deal(std::size_t readings, int folds, std::uint64_t seed) {
   std::vector<std::size_t> order(readings);
   std::iota(order.begin(), order.end(), 0u);
   Random random(seed);
   for (std::size_t k = readings; k > 1; --k) std::swap(order[k - 1], order[random.index(k)]);
   std::vector<int> fold(readings);
-  for (std::size_t k = 0; k < readings; ++k) fold[order[k]] = static_cast<int>(k % static_cast<std::size_t>(folds));
+  for (std::size_t k = 0; k < readings; ++k)
+    fold[order[k]] = static_cast<int>(k % static_cast<std::size_t>(folds));
   return fold;
 }
 
@@ -50,7 +52,8 @@ std::vector<Part> split(std::span<const double> d, std::span<const double> y, st
                         int folds, std::uint64_t seed) {
   std::vector<Part> parts(folds);
   const std::vector<int> fold = deal(d.size(), folds, seed);
-  for (std::size_t k = 0; k < d.size(); ++k) parts[fold[k]].add(d[k], y[k], weights.empty() ? 1.0 : weights[k]);
+  for (std::size_t k = 0; k < d.size(); ++k)
+    parts[fold[k]].add(d[k], y[k], weights.empty() ? 1.0 : weights[k]);
   return parts;
 }
 
@@ -61,7 +64,8 @@ double cross_validation_score(const std::vector<Part>& parts, int order, Polynom
     Part rest;
     for (std::size_t in = 0; in < parts.size(); ++in) {
       if (in == out) continue;
-      for (std::size_t k = 0; k < parts[in].d.size(); ++k) rest.add(parts[in].d[k], parts[in].y[k], parts[in].w[k]);
+      for (std::size_t k = 0; k < parts[in].d.size(); ++k)
+        rest.add(parts[in].d[k], parts[in].y[k], parts[in].w[k]);
     }
     const PolynomialFit fit = fit_polynomial(rest.d, rest.y, order, rest.w, basis);
     if (!fit.usable()) return infinity;
@@ -73,12 +77,15 @@ double cross_validation_score(const std::vector<Part>& parts, int order, Polynom
 }
 
 double criterion_score(const PolynomialFit& fit, int order, double N, OrderCriterion criterion) {
-  const double p = order + 2.0;   // alpha and sigma^2
+  const double p = order + 2.0;  // alpha and sigma^2
   if (!fit.usable() || N <= order + 1) return infinity;
   switch (criterion) {
-    case OrderCriterion::aic: return aic(fit.nll, p);
-    case OrderCriterion::aicc: return aicc(fit.nll, p, N);
-    default: return bic(fit.nll, p, N);
+    case OrderCriterion::aic:
+      return aic(fit.nll, p);
+    case OrderCriterion::aicc:
+      return aicc(fit.nll, p, N);
+    default:
+      return bic(fit.nll, p, N);
   }
 }
 
@@ -89,7 +96,8 @@ OrderSelection select_order(std::span<const double> d, std::span<const double> y
   if (options.min_order < 0 || options.max_order < options.min_order)
     throw InputError("select_order: orders from " + std::to_string(options.min_order) + " to " +
                      std::to_string(options.max_order));
-  if (options.folds < 2) throw InputError("select_order: folds = " + std::to_string(options.folds) + " is below 2");
+  if (options.folds < 2)
+    throw InputError("select_order: folds = " + std::to_string(options.folds) + " is below 2");
   const bool thirds = options.criterion == OrderCriterion::thirds;
   const bool folded = options.criterion == OrderCriterion::cross_validation;
   std::vector<Part> parts;
@@ -101,13 +109,18 @@ OrderSelection select_order(std::span<const double> d, std::span<const double> y
   double best = infinity;
   std::string last_reason = "no readings";
   for (int order = options.min_order; order <= options.max_order; ++order) {
-    const PolynomialFit fit = thirds ? fit_polynomial(parts[0].d, parts[0].y, order, parts[0].w, options.basis)
-                                     : fit_polynomial(d, y, order, weights, options.basis);
+    const PolynomialFit fit = thirds
+                                  ? fit_polynomial(parts[0].d, parts[0].y, order, parts[0].w, options.basis)
+                                  : fit_polynomial(d, y, order, weights, options.basis);
     double score = infinity;
-    if (!fit.usable()) last_reason = fit.reason;
-    else if (thirds) score = parts[1].d.empty() ? infinity : mean_squared_error(parts[1], fit, options.basis);
-    else if (folded) score = cross_validation_score(parts, order, options.basis);
-    else score = criterion_score(fit, order, static_cast<double>(y.size()), options.criterion);
+    if (!fit.usable())
+      last_reason = fit.reason;
+    else if (thirds)
+      score = parts[1].d.empty() ? infinity : mean_squared_error(parts[1], fit, options.basis);
+    else if (folded)
+      score = cross_validation_score(parts, order, options.basis);
+    else
+      score = criterion_score(fit, order, static_cast<double>(y.size()), options.criterion);
     selection.scores.push_back(score);
     if (score < best) {
       best = score;
@@ -120,7 +133,8 @@ OrderSelection select_order(std::span<const double> d, std::span<const double> y
     selection.reason = "no order can be scored: " + last_reason;
     return selection;
   }
-  if (thirds && !parts[2].d.empty()) selection.test_mse = mean_squared_error(parts[2], selection.fit, options.basis);
+  if (thirds && !parts[2].d.empty())
+    selection.test_mse = mean_squared_error(parts[2], selection.fit, options.basis);
   selection.outcome = Outcome::converged;
   return selection;
 }

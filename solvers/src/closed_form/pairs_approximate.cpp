@@ -14,7 +14,8 @@ namespace rangecal {
 PairsApproximate approximate_pairs_fit(std::span<const double> d, std::span<const double> y, int order) {
   std::vector<double> weights(d.size());
   for (std::size_t k = 0; k < d.size(); ++k) {
-    if (!(d[k] > 0.0)) throw InputError("approximate_pairs_fit: distance " + std::to_string(k) + " is not positive");
+    if (!(d[k] > 0.0))
+      throw InputError("approximate_pairs_fit: distance " + std::to_string(k) + " is not positive");
     weights[k] = std::pow(d[k], -4);
   }
   const PolynomialFit fit = fit_polynomial(d, y, order, weights);

@@ -11,7 +11,8 @@ namespace rangecal {
 namespace {
 
 std::vector<RangeSample> samples_of(const Recording& recording) {
-  if (recording.kind != RecordingKind::pairs) throw InputError("a calibration of pairs needs a recording of kind pairs");
+  if (recording.kind != RecordingKind::pairs)
+    throw InputError("a calibration of pairs needs a recording of kind pairs");
   std::vector<RangeSample> samples(recording.pairs.size());
   for (std::size_t k = 0; k < samples.size(); ++k) {
     samples[k].d = recording.pairs.true_m[k];
@@ -20,8 +21,8 @@ std::vector<RangeSample> samples_of(const Recording& recording) {
   return samples;
 }
 
-Calibration from_model(const Recording& recording, const std::vector<RangeSample>& samples, RangeWeighting weighting,
-                       const ClosedFormOptions& options) {
+Calibration from_model(const Recording& recording, const std::vector<RangeSample>& samples,
+                       RangeWeighting weighting, const ClosedFormOptions& options) {
   Calibration result;
   result.kind = RecordingKind::pairs;
   result.counts = recording.counts;

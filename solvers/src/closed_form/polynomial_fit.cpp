@@ -41,7 +41,8 @@ int count_distinct(std::span<const double> d) {
   return distinct;
 }
 
-/// T with alpha = T beta, where sum_j beta_j ((d - centre) / scale)^j = sum_i alpha_i d^i: binomial expansion.
+/// T with alpha = T beta, where sum_j beta_j ((d - centre) / scale)^j = sum_i alpha_i d^i: binomial
+/// expansion.
 Eigen::MatrixXd expansion(int order, double centre, double scale, PolynomialBasis basis) {
   Eigen::MatrixXd T = Eigen::MatrixXd::Zero(order + 1, order + 1);
   if (basis == PolynomialBasis::odd_powers) {
@@ -108,7 +109,7 @@ PolynomialFit fit_polynomial(std::span<const double> d, std::span<const double> 
     return fit;
   }
   Eigen::VectorXd beta = qr.solve(b);
-  beta += qr.solve(b - H * beta);   // one step of iterative refinement
+  beta += qr.solve(b - H * beta);  // one step of iterative refinement
   fit.rss = (b - H * beta).squaredNorm();
 
   const Eigen::MatrixXd R_inverse = R.triangularView<Eigen::Upper>().solve(Eigen::MatrixXd::Identity(p, p));
@@ -121,7 +122,8 @@ PolynomialFit fit_polynomial(std::span<const double> d, std::span<const double> 
   // Residuals below rounding are no evidence for a higher order: the variance in the likelihood stops there.
   const double rounding = 1e-12 * b.cwiseAbs().maxCoeff();
   const double variance = std::max({fit.sigma_sq_ml, rounding * rounding, 1e-300});
-  fit.nll = 0.5 * static_cast<double>(N) * (std::log(2.0 * std::numbers::pi * variance) + 1.0) - 0.5 * log_weights;
+  fit.nll =
+      0.5 * static_cast<double>(N) * (std::log(2.0 * std::numbers::pi * variance) + 1.0) - 0.5 * log_weights;
   fit.outcome = Outcome::converged;
   return fit;
 }

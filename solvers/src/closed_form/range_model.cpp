@@ -56,15 +56,16 @@ BetaFit fit_beta(const std::vector<RangeSample>& samples, const VectorXd& alpha)
       for (int i = 0; i <= 100 && positive; ++i)
         positive = evaluate_polynomial(fit.alpha, *low + (*high - *low) * i / 100.0) > 0.0;
       if (!positive) break;
-      for (std::size_t k = 0; k < w.size(); ++k) w[k] = weights[k] / std::pow(evaluate_polynomial(fit.alpha, d[k]), 2);
+      for (std::size_t k = 0; k < w.size(); ++k)
+        w[k] = weights[k] / std::pow(evaluate_polynomial(fit.alpha, d[k]), 2);
     }
     if (positive) return {fit.alpha, fit.sigma_sq * fit.cofactor};
   }
-  return {VectorXd::Zero(1), MatrixXd::Zero(1, 1)};   // all residuals are 0
+  return {VectorXd::Zero(1), MatrixXd::Zero(1, 1)};  // all residuals are 0
 }
 
-void fit_noise(const std::vector<RangeSample>& samples, const std::vector<Eigen::Matrix2d>& landmark_covariance,
-               NoiseLaw law, RangeModel& model) {
+void fit_noise(const std::vector<RangeSample>& samples,
+               const std::vector<Eigen::Matrix2d>& landmark_covariance, NoiseLaw law, RangeModel& model) {
   BetaFit beta;
   Noise shape = unit_noise(law);
   if (law == NoiseLaw::polynomial) {
@@ -81,26 +82,36 @@ void fit_noise(const std::vector<RangeSample>& samples, const std::vector<Eigen:
     within += s.R * s.mean_square / (g * g);
     dof += s.R;
   }
+  for (const RangeSample& s : samples) {
+    if (evaluate_polynomial(model.alpha, s.d) > 0.0) continue;
+    model.f_positive = false;
+    model.note = "f is not positive at every distance of the data";
+    break;
+  }
   double variance = variance_from_moments(terms, within, dof);
   const double whole = variance_from_moments(bare, within, dof);
   // Below a ten-thousandth of the residuals nothing is left that the stops do not explain.
   if (variance < 1e-4 * whole) {
     variance = whole;
-    model.note = "the errors of stops and landmarks alone explain the range residuals: the noise holds them whole";
+    if (!model.note.empty()) model.note += "; ";
+    model.note +=
+        "the errors of stops and landmarks alone explain the range residuals: the noise holds them whole";
   }
   const double sigma = std::sqrt(variance);
   model.noise = shape;
   model.noise.parameters = sigma * shape.parameters;
   for (Eigen::Index i = 0; i < model.noise.parameters.size(); ++i) {
     Estimate estimate{model.noise.parameters(i), std::nullopt};
-    if (law == NoiseLaw::polynomial) estimate.std_dev = sigma * std::sqrt(beta.covariance(i, i));
-    else if (dof > 0.0) estimate.std_dev = sigma / std::sqrt(2.0 * dof);
+    if (law == NoiseLaw::polynomial)
+      estimate.std_dev = sigma * std::sqrt(beta.covariance(i, i));
+    else if (dof > 0.0)
+      estimate.std_dev = sigma / std::sqrt(2.0 * dof);
     model.noise_estimates.push_back(estimate);
   }
 }
 
-/// G V G^T + sum_l B_l C_l B_l^T with alpha = G y: V the variances of the means given the landmarks, B_l = the response
-/// of alpha to landmark l.
+/// G V G^T + sum_l B_l C_l B_l^T with alpha = G y: V the variances of the means given the landmarks, B_l =
+/// the response of alpha to landmark l.
 MatrixXd alpha_covariance(const std::vector<RangeSample>& samples, const std::vector<double>& weights,
                           const std::vector<Eigen::Matrix2d>& landmark_covariance, const MatrixXd& cofactor,
                           const RangeModel& model) {
@@ -152,8 +163,8 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   }
   if (samples.size() < static_cast<std::size_t>(*order) + 2) {
     model.outcome = Outcome::too_few_data;
-    model.reason = std::to_string(samples.size()) + " distances are too few for order " + std::to_string(*order) +
-                   " and its noise";
+    model.reason = std::to_string(samples.size()) + " distances are too few for order " +
+                   std::to_string(*order) + " and its noise";
     return model;
   }
   double scatter = 0.0;
@@ -161,8 +172,9 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   for (const double distance : d) scatter += (distance - mean) * (distance - mean);
   if (*order >= 1 && !landmark_covariance.empty() && scatter < 4.0 * uncertainty) {
     model.outcome = Outcome::too_few_data;
-    model.reason = "the distances are all alike: they differ by less than twice their uncertainty, which leaves "
-                   "the slope of f undetermined";
+    model.reason =
+        "the distances are all alike: they differ by less than twice their uncertainty, which leaves "
+        "the slope of f undetermined";
     return model;
   }
   const PolynomialFit fit = fit_polynomial(d, y, *order, weights);

@@ -30,7 +30,7 @@ VectorXd derivative(const VectorXd& a) {
 struct Curve {
   const Calibration& calibration;
   double low, high;
-  std::vector<double> turning_points;   ///< f'(d) = 0 inside (low, high)
+  std::vector<double> turning_points;  ///< f'(d) = 0 inside (low, high)
 
   double f(double d) const { return evaluate_polynomial(calibration.alpha, d); }
   double slope(double d) const { return evaluate_derivative(calibration.alpha, d); }
@@ -38,7 +38,8 @@ struct Curve {
 
   double nll(double y, double d) const {
     const double s = spread(d), r = y - f(d);
-    if (!(s > 0.0)) return -std::numeric_limits<double>::infinity();   // no noise: the likelihood is not bounded
+    if (!(s > 0.0))
+      return -std::numeric_limits<double>::infinity();  // no noise: the likelihood is not bounded
     return std::log(s) + r * r / (2.0 * s * s) + 0.5 * std::log(2.0 * std::numbers::pi);
   }
   /// s'(d) along the curve.
@@ -46,10 +47,14 @@ struct Curve {
     const Noise& noise = calibration.noise;
     const double f_d = f(d), s = spread(d);
     switch (noise.law) {
-      case NoiseLaw::constant: return 0.0;
-      case NoiseLaw::d_squared: return 2.0 * s / d;
-      case NoiseLaw::polynomial: return evaluate_derivative(noise.parameters, d);
-      default: return noise.power_of_f() * s / f_d * slope(d);
+      case NoiseLaw::constant:
+        return 0.0;
+      case NoiseLaw::d_squared:
+        return 2.0 * s / d;
+      case NoiseLaw::polynomial:
+        return evaluate_derivative(noise.parameters, d);
+      default:
+        return noise.power_of_f() * s / f_d * slope(d);
     }
   }
   /// d NLL / d d.
@@ -66,8 +71,8 @@ std::vector<double> invert(const Curve& curve, double value) {
   return real_roots(shifted, curve.low, curve.high);
 }
 
-/// (y - f)(2 y - f) = 2 sigma^2 f^4: minima in f, inverted. q(f) = 2 sigma^2 f^4 - (y - f)(2 y - f) has the sign of the
-/// slope of the NLL in f > 0, so minima are where q rises through 0.
+/// (y - f)(2 y - f) = 2 sigma^2 f^4: minima in f, inverted. q(f) = 2 sigma^2 f^4 - (y - f)(2 y - f) has the
+/// sign of the slope of the NLL in f > 0, so minima are where q rises through 0.
 std::vector<double> minima_f_squared(const Curve& curve, double y) {
   const double sigma = curve.calibration.noise.parameters(0);
   VectorXd q(5);
@@ -133,7 +138,8 @@ std::vector<double> minima_bracketed(const Curve& curve, double y, const std::ve
 void add_turning_minima(const Curve& curve, double y, std::vector<double>& minima) {
   const double step = 1e-6 * (curve.high - curve.low);
   for (const double d : curve.turning_points) {
-    if (curve.nll(y, d) < curve.nll(y, d - step) && curve.nll(y, d) < curve.nll(y, d + step)) minima.push_back(d);
+    if (curve.nll(y, d) < curve.nll(y, d - step) && curve.nll(y, d) < curve.nll(y, d + step))
+      minima.push_back(d);
   }
 }
 
@@ -202,9 +208,14 @@ Correction correct(const Calibration& calibration, double reading_m, const Corre
 
   std::vector<double> minima;
   switch (calibration.noise.law) {
-    case NoiseLaw::f_squared: minima = minima_f_squared(curve, y); break;
-    case NoiseLaw::d_squared: minima = minima_d_squared(curve, y); break;
-    default: minima = minima_bracketed(curve, y, least_squares);
+    case NoiseLaw::f_squared:
+      minima = minima_f_squared(curve, y);
+      break;
+    case NoiseLaw::d_squared:
+      minima = minima_d_squared(curve, y);
+      break;
+    default:
+      minima = minima_bracketed(curve, y, least_squares);
   }
   add_turning_minima(curve, y, minima);
   std::erase_if(minima, [&](double d) { return !(curve.spread(d) > 0.0); });

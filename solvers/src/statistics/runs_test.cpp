@@ -75,8 +75,8 @@ RunsTest runs_test(std::span<const double> values, RunsDistribution distribution
   result.expected_runs = 1.0 + twice / n;
   const double variance = twice * (twice - n) / (n * n * (n - 1.0));
   result.z = variance > 0.0 ? (result.runs - result.expected_runs) / std::sqrt(variance) : 0.0;
-  result.exact = distribution == RunsDistribution::exact ||
-                 (distribution == RunsDistribution::automatic && n <= 1000.0);
+  result.exact =
+      distribution == RunsDistribution::exact || (distribution == RunsDistribution::automatic && n <= 1000.0);
   result.p_value = result.exact ? exact_p_value(result.runs, result.above, result.below)
                                 : std::erfc(std::abs(result.z) / std::sqrt(2.0));
   result.outcome = Outcome::converged;

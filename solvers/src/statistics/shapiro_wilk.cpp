@@ -20,9 +20,9 @@ double horner(std::initializer_list<double> coefficients, double x) {
   return value;
 }
 
-/// The weights of the upper half of the order statistics, largest first (Royston 1995, section 2): normal scores m,
-/// with the one or two outermost weights replaced by a polynomial in 1 / sqrt(N) and the others rescaled so that the
-/// squares of all N sum to 1.
+/// The weights of the upper half of the order statistics, largest first (Royston 1995, section 2): normal
+/// scores m, with the one or two outermost weights replaced by a polynomial in 1 / sqrt(N) and the others
+/// rescaled so that the squares of all N sum to 1.
 std::vector<double> upper_weights(int N) {
   const int half = N / 2;
   if (N == 3) return {std::sqrt(0.5)};
@@ -55,7 +55,8 @@ double upper_tail(double y, double mean, double sigma) {
 double p_value_of(double one_minus_w, int N) {
   const double n = N;
   if (N == 3) {
-    const double p = 6.0 / std::numbers::pi * (std::asin(std::sqrt(1.0 - one_minus_w)) - std::numbers::pi / 3.0);
+    const double p =
+        6.0 / std::numbers::pi * (std::asin(std::sqrt(1.0 - one_minus_w)) - std::numbers::pi / 3.0);
     return std::max(0.0, p);
   }
   const double y = std::log(one_minus_w);

@@ -15,7 +15,8 @@ namespace {
 using closed_form_tests::problem_of;
 using closed_form_tests::Scene;
 
-constexpr BearingWeights all_weights[] = {BearingWeights::paper, BearingWeights::printed, BearingWeights::consistent};
+constexpr BearingWeights all_weights[] = {BearingWeights::paper, BearingWeights::printed,
+                                          BearingWeights::consistent};
 
 TEST(LandmarksFromBearings, ExactOnNoiseFreeData) {
   Scene scene;
@@ -31,9 +32,9 @@ TEST(LandmarksFromBearings, ExactOnNoiseFreeData) {
 }
 
 TEST(LandmarksFromBearings, HandWorkedIntersection) {
-  // stops (0,0) and (2,0), heading pi/2 each, bearings -pi/4 and +pi/4: lines at 45 and 135 degrees meet in (1, 1).
-  // consistent weights, sigma_s = 0.1, sigma_theta = 0: both lines have variance 0.01, H^T H = I (perpendicular unit
-  // normals), so the covariance is 0.01 I
+  // stops (0,0) and (2,0), heading pi/2 each, bearings -pi/4 and +pi/4: lines at 45 and 135 degrees meet in
+  // (1, 1). consistent weights, sigma_s = 0.1, sigma_theta = 0: both lines have variance 0.01, H^T H = I
+  // (perpendicular unit normals), so the covariance is 0.01 I
   JointProblem problem = problem_of(Scene{.landmarks = {{1.0, 1.0}}, .stops = 2, .radius = 0.0});
   for (int k = 0; k < 2; ++k) {
     problem.stops[k].commanded = {2.0 * k, 0.0, std::numbers::pi / 2};
@@ -71,9 +72,10 @@ TEST(LandmarksFromBearings, SigmaThetaIsRecovered) {
   double mean = 0.0;
   for (std::uint64_t repeat = 0; repeat < 100; ++repeat) {
     Scene scene{.sigma_theta = 0.02, .sigma_s = 0.01, .sigma_e = 0.005};
-    mean += landmarks_from_bearings(problem_of(scene, seed_from("SigmaTheta", {repeat}))).sigma_theta_rad / 100;
+    mean +=
+        landmarks_from_bearings(problem_of(scene, seed_from("SigmaTheta", {repeat}))).sigma_theta_rad / 100;
   }
-  EXPECT_NEAR(mean, 0.02, 0.0006);   // one fit: 6 %; the mean of 100: 0.6 %, and 2 % for curvature
+  EXPECT_NEAR(mean, 0.02, 0.0006);  // one fit: 6 %; the mean of 100: 0.6 %, and 2 % for curvature
 }
 
 TEST(LandmarksFromBearings, CovariancePredictsTheScatter) {
@@ -89,7 +91,8 @@ TEST(LandmarksFromBearings, CovariancePredictsTheScatter) {
       square += e.dot(found.landmarks[l].covariance.inverse() * e) / (2.0 * 5 * repeats);
     }
   }
-  EXPECT_NEAR(square, 1.0, 0.15);   // chi-square: 2.6 % per standard deviation, stops shared among landmarks; bias
+  EXPECT_NEAR(square, 1.0,
+              0.15);  // chi-square: 2.6 % per standard deviation, stops shared among landmarks; bias
 }
 
 TEST(LandmarksFromBearings, RawPositionsStandWhereLinesAreParallel) {

@@ -44,10 +44,11 @@ TEST(NoiseOrder, HandWorked) {
 
 TEST(NoiseOrder, FindsThePower) {
   for (int power = 0; power < 4; ++power) {
-    const NoiseOrder order =
-        noise_order(batches_with(power, 0.01, 100, seed_from("NoiseOrder.FindsThePower", {std::uint64_t(power)})));
+    const NoiseOrder order = noise_order(
+        batches_with(power, 0.01, 100, seed_from("NoiseOrder.FindsThePower", {std::uint64_t(power)})));
     EXPECT_EQ(order.best_power, power);
-    // 900 readings: the standard deviation of the difference estimate of sigma^2 is sqrt(3/900) = 6 %; four of them
+    // 900 readings: the standard deviation of the difference estimate of sigma^2 is sqrt(3/900) = 6 %; four
+    // of them
     EXPECT_NEAR(order.hypotheses[power].sigma_e_sq, 1e-4, 0.24e-4);
   }
 }

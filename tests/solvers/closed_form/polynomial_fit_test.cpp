@@ -57,7 +57,8 @@ TEST(PolynomialFit, OddPowersExact) {
 TEST(PolynomialFit, WeightedAgreesWithR) {
   // R 4.2: x<-c(1.03,2.11,2.95,4.12,4.88,6.07); y<-c(1.2,2.3,3.1,4.6,5.1,6.9); w<-c(1,2,1,4,1,0.5)
   //        m<-lm(y~x+I(x^2),weights=w); coef(m); sum(w*resid(m)^2); AIC(m)
-  const std::vector<double> d{1.03, 2.11, 2.95, 4.12, 4.88, 6.07}, y{1.2, 2.3, 3.1, 4.6, 5.1, 6.9}, w{1, 2, 1, 4, 1, 0.5};
+  const std::vector<double> d{1.03, 2.11, 2.95, 4.12, 4.88, 6.07}, y{1.2, 2.3, 3.1, 4.6, 5.1, 6.9},
+      w{1, 2, 1, 4, 1, 0.5};
   const PolynomialFit fit = fit_polynomial(d, y, 2, w);
   EXPECT_NEAR(fit.alpha(0), 0.1442048883393481, 1e-10);
   EXPECT_NEAR(fit.alpha(1), 0.9889568597328664, 1e-10);
@@ -74,7 +75,7 @@ TEST(PolynomialFit, CofactorHandWorked) {
   EXPECT_NEAR(fit.cofactor(1, 1), 0.5, 1e-12);
   EXPECT_NEAR(fit.cofactor(0, 1), 0.0, 1e-12);
   EXPECT_NEAR(fit.alpha(1), 0.5, 1e-12);
-  EXPECT_NEAR(fit.rss, 1.0 / 6.0, 1e-12);   // residuals -1/6, 1/3, -1/6
+  EXPECT_NEAR(fit.rss, 1.0 / 6.0, 1e-12);  // residuals -1/6, 1/3, -1/6
 }
 
 TEST(PolynomialFit, DegenerateDataIsNamed) {
@@ -118,7 +119,7 @@ TEST(SelectOrder, EveryCriterionFindsTheCurveInNoise) {
     }
     EXPECT_EQ(low, 0);
     const bool splits = criterion == OrderCriterion::thirds || criterion == OrderCriterion::cross_validation;
-    EXPECT_GE(right, splits ? 20 : 30) << static_cast<int>(criterion);   // splits are known to overfit oftener
+    EXPECT_GE(right, splits ? 20 : 30) << static_cast<int>(criterion);  // splits are known to overfit oftener
   }
 }
 
@@ -141,7 +142,7 @@ TEST(PairsApproximate, PrintedSigmaIsHighOnThisCurveAndTheReweightedOneIsRight) 
   const PairsApproximate fit = approximate_pairs_fit(data.d, data.y, 2);
   // the standard deviation of sigma from 20000 readings is 0.5 %; four of them
   EXPECT_NEAR(std::sqrt(fit.sigma_e_sq_reweighted), 0.01, 0.0002);
-  double expected = 0.0;   // mean of (f/d)^4 over the readings: what the printed one estimates, over sigma_e^2
+  double expected = 0.0;  // mean of (f/d)^4 over the readings: what the printed one estimates, over sigma_e^2
   for (const double d : data.d) expected += std::pow((0.0525 + 0.8838 * d + 0.0584 * d * d) / d, 4) / 20000.0;
   EXPECT_NEAR(fit.sigma_e_sq_printed / 1e-4, expected, 0.05 * expected);
   EXPECT_GT(fit.sigma_e_sq_printed, 1.1 * 1e-4);
@@ -159,7 +160,8 @@ TEST(PairsApproximate, CovariancePredictsTheScatter) {
     const PairsApproximate fit = approximate_pairs_fit(d, y, 1);
     square += std::pow(fit.alpha(1) - 0.9, 2) / fit.alpha_covariance(1, 1) / 400.0;
   }
-  EXPECT_NEAR(square, 1.0, 0.35);   // 0.28 from above, and 38 degrees of freedom add 5 % to a t-variable's variance
+  EXPECT_NEAR(square, 1.0,
+              0.35);  // 0.28 from above, and 38 degrees of freedom add 5 % to a t-variable's variance
 }
 
 }  // namespace

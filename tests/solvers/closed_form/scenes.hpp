@@ -16,7 +16,7 @@ namespace rangecal::closed_form_tests {
 struct Scene {
   std::vector<Eigen::Vector2d> landmarks{{1.0, 2.0}, {2.5, -1.5}, {4.0, 1.2}, {0.5, -2.0}, {3.0, 3.0}};
   int stops = 20, repeats = 1;
-  double radius = 0.12, sigma_theta = 0.0, sigma_s = 0.0, sigma_e = 0.0;   ///< noise sigma_e f^2
+  double radius = 0.12, sigma_theta = 0.0, sigma_s = 0.0, sigma_e = 0.0;  ///< noise sigma_e f^2
   Eigen::VectorXd alpha{{0.0525, 0.8838, 0.0584}};
   bool straight = false;
 };
@@ -47,8 +47,8 @@ inline Recording record(const Scene& scene, std::uint64_t seed) {
         recording.readings.landmark.push_back(static_cast<int>(l));
         recording.readings.repeat.push_back(r);
         recording.readings.range_m.push_back(f + scene.sigma_e * f * f * random.normal());
-        recording.readings.bearing_rad.push_back(wrap_angle(std::atan2(v.y(), v.x()) - stop.commanded.heading_rad +
-                                                            scene.sigma_theta * random.normal()));
+        recording.readings.bearing_rad.push_back(wrap_angle(
+            std::atan2(v.y(), v.x()) - stop.commanded.heading_rad + scene.sigma_theta * random.normal()));
         recording.readings.row.push_back(static_cast<int>(recording.readings.row.size()) + 2);
       }
     }

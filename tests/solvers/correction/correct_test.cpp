@@ -12,7 +12,8 @@
 namespace rangecal {
 namespace {
 
-Calibration calibration_of(Eigen::VectorXd alpha, NoiseLaw law, double sigma, double low = 0.3, double high = 5.0) {
+Calibration calibration_of(Eigen::VectorXd alpha, NoiseLaw law, double sigma, double low = 0.3,
+                           double high = 5.0) {
   Calibration c;
   c.outcome = Outcome::converged;
   c.alpha = std::move(alpha);
@@ -55,8 +56,8 @@ TEST(Correct, LeastSquaresRoundTrip) {
 
 TEST(Correct, MaximumLikelihoodHandWorked) {
   // f(d) = d, s = sigma f^2, sigma^2 = 0.1, y = 1: (1 - f)(2 - f) = 0.2 f^4.
-  // f = 0.888: 0.112*1.112 = 0.124544 against 0.2*0.621801 = 0.124360; f = 0.889: 0.111*1.111 = 0.123321 against
-  // 0.2*0.624607 = 0.124921. Root at 0.888 + 0.001*0.000184/(0.000184 + 0.001600) = 0.88810.
+  // f = 0.888: 0.112*1.112 = 0.124544 against 0.2*0.621801 = 0.124360; f = 0.889: 0.111*1.111 = 0.123321
+  // against 0.2*0.624607 = 0.124921. Root at 0.888 + 0.001*0.000184/(0.000184 + 0.001600) = 0.88810.
   const Calibration c = calibration_of(Eigen::VectorXd{{0.0, 1.0}}, NoiseLaw::f_squared, std::sqrt(0.1));
   const Correction correction = correct(c, 1.0);
   ASSERT_FALSE(correction.maximum_likelihood.empty());
@@ -110,7 +111,8 @@ TEST(Correct, ReportsBothRootsOfACurveThatTurns) {
 }
 
 TEST(Correct, ReadingBeyondTheCurveGetsTheNearestPointWithAFlag) {
-  const Calibration turning = calibration_of(Eigen::VectorXd{{0.0, 2.0, -0.25}}, NoiseLaw::constant, 0.1, 0.5, 7.0);
+  const Calibration turning =
+      calibration_of(Eigen::VectorXd{{0.0, 2.0, -0.25}}, NoiseLaw::constant, 0.1, 0.5, 7.0);
   const Correction beyond = correct(turning, 4.2);
   EXPECT_TRUE(beyond.least_squares.empty());
   EXPECT_EQ(beyond.best_least_squares, -1);
@@ -125,7 +127,7 @@ TEST(Correct, ReadingBeyondTheCurveGetsTheNearestPointWithAFlag) {
   const Correction far = correct(line, 9.0);
   EXPECT_EQ(far.outcome, Outcome::failed);
   ASSERT_TRUE(far.nearest);
-  EXPECT_NEAR(far.nearest->distance_m, 5.47, 1e-9);   // 5 + 0.1 (5 - 0.3)
+  EXPECT_NEAR(far.nearest->distance_m, 5.47, 1e-9);  // 5 + 0.1 (5 - 0.3)
   EXPECT_TRUE(far.nearest->extrapolated);
   EXPECT_FALSE(far.reason.empty());
 }
@@ -151,7 +153,7 @@ TEST(Correct, StandardDeviationPredictsTheScatter) {
     const CorrectionRoot root = correct(c, f + 0.01 * f * f * random.normal()).least_squares.at(0);
     square += std::pow((root.distance_m - 2.0) / *root.std_dev_m, 2) / 2000.0;
   }
-  EXPECT_NEAR(square, 1.0, 0.13);   // four of sqrt(2 / 2000)
+  EXPECT_NEAR(square, 1.0, 0.13);  // four of sqrt(2 / 2000)
 }
 
 TEST(Correct, WrongInputIsNamed) {

@@ -26,8 +26,8 @@ TEST(RunsTest, ExactHandWorked) {
 }
 
 TEST(RunsTest, ExactOddNumberOfRuns) {
-  // median 2.5: signs - + + - ; n1 = n2 = 2, r = 3. C(4,2) = 6; P(2) = 2/6, P(3) = (1*1 + 1*1)/6 = 2/6, P(4) = 2/6.
-  // P(r <= 3) = P(r >= 3) = 4/6, p = min(1, 8/6) = 1
+  // median 2.5: signs - + + - ; n1 = n2 = 2, r = 3. C(4,2) = 6; P(2) = 2/6, P(3) = (1*1 + 1*1)/6 = 2/6, P(4)
+  // = 2/6. P(r <= 3) = P(r >= 3) = 4/6, p = min(1, 8/6) = 1
   const std::vector<double> values{1, 3, 4, 2};
   const RunsTest test = runs_test(values);
   EXPECT_EQ(test.runs, 3);
@@ -35,7 +35,8 @@ TEST(RunsTest, ExactOddNumberOfRuns) {
 }
 
 TEST(RunsTest, NormalHandWorked) {
-  // six values as above: var = 2*9*(18-6)/(36*5) = 1.2, z = (2-4)/sqrt(1.2) = -1.8257419; p = erfc(1.8257419/sqrt 2)
+  // six values as above: var = 2*9*(18-6)/(36*5) = 1.2, z = (2-4)/sqrt(1.2) = -1.8257419; p =
+  // erfc(1.8257419/sqrt 2)
   const std::vector<double> values{1, 2, 3, 4, 5, 6};
   const RunsTest test = runs_test(values, RunsDistribution::normal);
   EXPECT_FALSE(test.exact);

@@ -6,8 +6,8 @@
 
 namespace rangecal {
 
-/// Information criteria of a fit with negative log-likelihood `nll` [nats] and p free parameters on N readings;
-/// lower is better.
+/// Information criteria of a fit with negative log-likelihood `nll` [nats] and p free parameters on N
+/// readings; lower is better.
 ///
 ///   AIC  = 2 nll + 2 p                              (Akaike 1974)
 ///   AICc = AIC + 2 p (p + 1) / (N - p - 1)          (Hurvich and Tsai 1989); +infinity where N <= p + 1
