@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// R14. The reading depends on the direction in the sensor frame: a cover or mirror that is not concentric.
+//
+//   delta r = e_c cos b + e_s sin b     [m], b the direction in the sensor frame [rad]
+//
+// Acts on the reading, after the curve. Source: physics catalogue R14 (derived).
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class RangeEccentricity final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "range_eccentricity",
+        .kind = EffectKind::mean,
+        .channel = "range",
+        .covariate = "sensor_bearing",
+        .physics = "The range depends on the direction in the sensor frame once per turn: a cover, window or mirror is "
+                   "not concentric with the spin axis.",
+        .formula = "delta r = e_c cos b + e_s sin b [m]",
+        .source = "derived: first harmonic of the optical path over the direction",
+        .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
+        .settled_by = "record near and far landmarks in the same direction, at several headings",
+        .parameters = {{.name = "cosine_m", .typical = 0.0075, .low = -0.05, .high = 0.05},
+                       {.name = "sine_m", .typical = 0.0075, .low = -0.05, .high = 0.05}}};
+    return value;
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    return {.range = p[0] * std::cos(at.bearing) + p[1] * std::sin(at.bearing)};
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {
+    return {{"amplitude_m", std::hypot(p[0], p[1])}, {"phase_rad", std::atan2(p[1], p[0])}};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_range_eccentricity() { return std::make_unique<RangeEccentricity>(); }
+
+}  // namespace rangecal::effects

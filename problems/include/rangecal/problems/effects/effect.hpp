@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rangecal/problems/landmarks/joint_problem.hpp"
+
+namespace rangecal {
+
+/// What an effect changes first; it decides how it is tested and how held-out blocks are cut.
+enum class EffectKind {
+  mean,        ///< the mean of range or bearing, or the mean pose of the stops
+  noise,       ///< the variance of a reading
+  dependence,  ///< independence between readings, or between stops
+  tail,        ///< normality: outliers, skew
+  label,       ///< which landmark a reading belongs to
+  grid,        ///< values that sit on a grid
+  detection    ///< which readings are there at all
+};
+
+/// One parameter of an effect. Its full name is `effect.name`, the name ending in the unit.
+struct EffectParameter {
+  std::string name;          ///< "amplitude_m"
+  double typical = 0.0;      ///< typical size; also the scale of the half-normal prior of the evidence
+  double low = 0.0, high = 0.0;  ///< bounds set by physics
+  bool linear = true;        ///< the change is linear in it and vanishes with it: starts at 0, no grid
+  bool discrete = false;     ///< chosen from the start grid, never moved (a landmark, a stop, a change point)
+};
+
+struct EffectInfo {
+  std::string id;            ///< "range_eccentricity"
+  EffectKind kind = EffectKind::mean;
+  std::string channel;       ///< FORMAT's words: range, bearing, stop, range_noise, ...
+  std::string covariate;     ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
+  std::string physics;       ///< one sentence a person can act on
+  std::string formula;       ///< with symbols and units
+  std::string source;        ///< where the formula comes from
+  std::string visible_by;    ///< the design that makes it visible (a change of physics.md section 3)
+  std::string settled_by;    ///< what to record next to tell it from its twins
+  std::vector<EffectParameter> parameters;
+};
+
+/// What all readings of a job have in common.
+struct EffectContext {
+  RecordingKind kind = RecordingKind::landmarks;
+  int stop_count = 0, landmark_count = 0;
+  std::vector<std::string> landmark_labels;
+  std::vector<double> landmark_radius_m;
+  std::vector<Pose2> commanded;            ///< per stop
+  std::vector<double> path_m;              ///< per stop: path length driven so far, 0 at the first
+  std::vector<double> stop_time_s;         ///< per stop: time of its first reading, 0 at the start; empty: no times
+  double duration_s = 0.0;                 ///< last time minus first
+  double range_min_m = 0.0, range_max_m = 0.0;   ///< of the true distances, as fitted
+  double largest_cell = 1.0;               ///< most repeats of one (stop, landmark)
+  double headings = 0.0;                   ///< spread of the stops' headings [rad]
+  bool several_radii = false;
+  std::vector<std::string> covariates;     ///< names of the covariate columns
+};
+
+/// One reading as its effects see it; geometry under the current estimate.
+template <typename T>
+struct ReadingView {
+  T d;                        ///< true distance to the surface [m]
+  T axis_distance;            ///< to the axis [m]
+  T bearing;                  ///< predicted direction in the sensor frame [rad], (-pi, pi]
+  T f, slope;                 ///< f(d) [m], f'(d)
+  T curvature;                ///< f''(d) [1/m]
+  T spread;                   ///< standard deviation of the reading [m]
+  double radius = 0.0;        ///< of the landmark [m]
+  double heading = 0.0;       ///< of the stop, commanded [rad]
+  double time_s = 0.0;        ///< since the first reading; 0 without times
+  double time = 0.0;          ///< the same scaled to 0 .. 1 over the recording
+  int stop = 0, landmark = 0, repeat = 0;
+  const double* covariate = nullptr;       ///< values by EffectContext::covariates; NaN where empty
+  const EffectContext* context = nullptr;
+
+  /// Change of the reading when the distance before the curve changes by `delta` [m]: f(d + delta) - f(d).
+  T before_curve(const T& delta) const { return delta * (slope + 0.5 * curvature * delta); }
+};
+
+/// What an effect adds to a reading.
+template <typename T>
+struct ReadingChange {
+  T range{0.0};               ///< to the mean reading [m]
+  T bearing{0.0};             ///< to the mean bearing [rad]
+  T range_log_variance{0.0};  ///< to log s^2
+  T bearing_log_variance{0.0};
+};
+
+/// How the readings of one cell (repeats, in order of time) hang together.
+struct Dependence {
+  double range_cell_sigma_m = 0.0;         ///< error shared by all repeats of a cell
+  double bearing_cell_sigma_rad = 0.0;
+  double range_correlation = 0.0;          ///< AR(1) from repeat to repeat
+  double bearing_correlation = 0.0;
+};
+
+/// A physical effect that a model may leave out. One file per effect in problems/effects; being there registers it.
+class Effect {
+ public:
+  virtual ~Effect() = default;
+  virtual const EffectInfo& info() const = 0;
+  /// What the recording lacks for this effect to be modelled (a column, repeats, times); empty if nothing.
+  virtual std::string missing(const EffectContext&) const { return {}; }
+  /// Starts for the parameters that are not linear, one vector of all parameters each; linear ones at 0.
+  virtual std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const {
+    return {Eigen::VectorXd::Zero(static_cast<Eigen::Index>(info().parameters.size()))};
+  }
+  /// Change of one reading under parameters p.
+  virtual ReadingChange<double> reading(const ReadingView<double>&, const double* /*p*/) const { return {}; }
+  /// Change of the stops: commanded poses, sigmas, chain. `true` from acts_on_stops() makes it be called.
+  virtual bool acts_on_stops() const { return false; }
+  virtual void stops(const EffectContext&, const double* /*p*/, std::vector<StopPrior>&) const {}
+  virtual Dependence dependence(const double* /*p*/) const { return {}; }
+  /// What the user reads: names (ending in the unit) and values made from p, an amplitude and a phase from a cosine and
+  /// a sine, say. By default the parameters themselves.
+  virtual std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const;
+  /// Tail: degrees of freedom of a Student-t for both channels; infinity for normal.
+  virtual double degrees_of_freedom(const double* p) const;
+};
+
+/// Start grids are products of axes: every combination of the given values, in order; axes of one 0 for linear ones.
+std::vector<Eigen::VectorXd> grid_of(const std::vector<std::vector<double>>& axes);
+
+/// All effects of problems/effects, ordered by id. Generated from the folder's files at configure time.
+const std::vector<std::unique_ptr<Effect>>& effect_registry();
+/// The effect of that id, or nullptr.
+const Effect* find_effect(const std::string& id);
+
+}  // namespace rangecal

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/problems/effects/effect.hpp"
+
+#include <limits>
+
+namespace rangecal {
+
+double Effect::degrees_of_freedom(const double*) const { return std::numeric_limits<double>::infinity(); }
+
+std::vector<std::pair<std::string, double>> Effect::reported(const EffectContext&, const double* p) const {
+  std::vector<std::pair<std::string, double>> values;
+  for (std::size_t i = 0; i < info().parameters.size(); ++i)
+    values.emplace_back(info().parameters[i].name, p[i]);
+  return values;
+}
+
+std::vector<Eigen::VectorXd> grid_of(const std::vector<std::vector<double>>& axes) {
+  std::vector<Eigen::VectorXd> points{Eigen::VectorXd::Zero(static_cast<Eigen::Index>(axes.size()))};
+  for (std::size_t axis = 0; axis < axes.size(); ++axis) {
+    std::vector<Eigen::VectorXd> next;
+    for (const Eigen::VectorXd& point : points)
+      for (double value : axes[axis]) {
+        next.push_back(point);
+        next.back()[static_cast<Eigen::Index>(axis)] = value;
+      }
+    points = std::move(next);
+  }
+  return points;
+}
+
+const Effect* find_effect(const std::string& id) {
+  for (const auto& effect : effect_registry())
+    if (effect->info().id == id) return effect.get();
+  return nullptr;
+}
+
+}  // namespace rangecal
