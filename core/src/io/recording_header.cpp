@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cmath>
-#include <limits>
-
 #include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/yaml_reader.hpp"

@@ -2,7 +2,6 @@
 #include "rangecal/problems/world/scene.hpp"
 
 #include <cmath>
-#include <map>
 #include <numbers>
 #include <set>
 
