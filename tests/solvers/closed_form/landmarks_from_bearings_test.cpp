@@ -95,6 +95,28 @@ TEST(LandmarksFromBearings, CovariancePredictsTheScatter) {
               0.15);  // chi-square: 2.6 % per standard deviation, stops shared among landmarks; bias
 }
 
+TEST(LandmarksFromBearings, ConsistentWeightsAreTheMostAccurate) {
+  // docs/equations.md quotes these: sigma_theta 0.5 deg, sigma_s 5 cm, 400 random scenes
+  double square[3] = {0.0, 0.0, 0.0};
+  for (std::uint64_t number = 0; number < 400; ++number) {
+    Random random(seed_from("Weights.Scenes", {number}));
+    Scene scene{.sigma_theta = 0.0087, .sigma_s = 0.05, .sigma_e = 0.01};
+    for (std::size_t l = 0; l < scene.landmarks.size(); ++l)
+      scene.landmarks[l] = {random.uniform(0.0, 4.5), (l % 2 ? 1.0 : -1.0) * random.uniform(0.8, 3.0)};
+    const JointProblem problem = problem_of(scene, number);
+    for (int w = 0; w < 3; ++w) {
+      BearingOptions options;
+      options.weights = all_weights[w];
+      const auto found = landmarks_from_bearings(problem, options);
+      for (std::size_t l = 0; l < scene.landmarks.size(); ++l)
+        square[w] += (found.landmarks[l].position_m - scene.landmarks[l]).squaredNorm() / 2000.0;
+    }
+  }
+  EXPECT_NEAR(std::sqrt(square[0]), 0.043, 0.003);  // paper
+  EXPECT_NEAR(std::sqrt(square[1]), 0.041, 0.003);  // printed
+  EXPECT_NEAR(std::sqrt(square[2]), 0.033, 0.002);  // consistent
+}
+
 TEST(LandmarksFromBearings, RawPositionsStandWhereLinesAreParallel) {
   Scene scene{.landmarks = {{7.0, 0.0}}, .straight = true};
   scene.alpha = Eigen::VectorXd{{0.0, 1.0}};
