@@ -86,7 +86,7 @@ World vary(const World& world, Random& random) {
   out.sensor.range_zero_m = random.uniform(-0.005, 0.005);
   out.sensor.focal_mm = out.sensor.nominal_focal_mm * (1.0 + random.uniform(-0.005, 0.005));
   out.sensor.laser_angle_rad = random.uniform(-1.5e-4, 1.5e-4);
-  out.noise.speckle_per_m = random.uniform(0.003, 0.006);
+  out.noise.speckle_per_m = random.uniform(0.002, 0.006);
   out.noise.sigma_theta_rad = random.uniform(0.4, 0.6) * kDegree;
   for (Cylinder& landmark : out.landmarks) {
     landmark.x_m += random.uniform(-0.1, 0.1);

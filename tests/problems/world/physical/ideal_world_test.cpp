@@ -81,6 +81,36 @@ TEST(IdealWorld, CurveOfEachDesignIsAQuadraticToATenthOfAMillimetre) {
     }
 }
 
+TEST(IdealWorld, CleanWorldsAreTheSeedModel) {
+  // What a quadratic leaves of the range means, in units of their spread, bounds the noncentrality against
+  // the seed model from above; the spread is sigma f^2 exactly, and bearings are those of plane geometry.
+  Random random(seed_from("clean", {1}));
+  for (const World& design : {make_line_design(), make_turning_design()})
+    for (int unit = 0; unit < 10; ++unit) {
+      const World world = vary(design, random);
+      const Expected out = expected(world);
+      const Eigen::Index n = static_cast<Eigen::Index>(out.distance_m.size());
+      Eigen::MatrixXd powers(n, 3);
+      Eigen::VectorXd range(n);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const std::size_t k = static_cast<std::size_t>(i);
+        const double d = out.distance_m[k], f = out.range_mean_m[k], sd = out.range_sd_m[k];
+        EXPECT_NEAR(sd, world.noise.speckle_per_m * f * f, 1e-12);
+        powers.row(i) << 1.0 / sd, d / sd, d * d / sd;
+        range[i] = f / sd;
+        const Pose2& stop = world.robot.stops[static_cast<std::size_t>(out.stop[k])].commanded;
+        const Cylinder& landmark = world.landmarks[static_cast<std::size_t>(out.landmark[k])];
+        const double direction = std::atan2(landmark.y_m - stop.y_m, landmark.x_m - stop.x_m);
+        EXPECT_NEAR(wrap_angle(out.bearing_mean_rad[k] - direction + stop.heading_rad), 0.0, 1e-9);
+        EXPECT_EQ(out.detection[k], 1.0);
+        EXPECT_EQ(out.tail_share[k], 0.0);
+      }
+      EXPECT_LT((range - powers * powers.colPivHouseholderQr().solve(range)).squaredNorm(), 0.1);
+      EXPECT_EQ(out.cell_sd_m + out.smoothing + out.walk_sigma_m + out.bearing_grid_rad + out.range_step_m,
+                0.0);
+    }
+}
+
 TEST(IdealWorld, RepeatsHaveTheStatedMeanAndSpread) {
   World world = make_line_design();
   world.timing.repeats = 400;

@@ -171,6 +171,77 @@ TEST(Plants, EveryEffectChangesItsWorldAndNothingElseIsInIt) {
     }
 }
 
+TEST(Plants, TableNamesTheCatalogueAndItsPlaces) {
+  const std::set<std::string> channels{"range",
+                                       "bearing",
+                                       "stop",
+                                       "range_noise",
+                                       "bearing_noise",
+                                       "range_dependence",
+                                       "bearing_dependence",
+                                       "range_tail",
+                                       "bearing_tail",
+                                       "label",
+                                       "detection",
+                                       "grid"};
+  const std::set<std::string> covariates{"range", "disparity", "sensor_bearing", "heading", "time",
+                                         "stop",  "repeat",    "landmark",       "radius",  "constant",
+                                         "any",   "intensity", "temperature_c"};
+  std::set<std::string> ids;
+  for (const EffectInfo& info : effect_table()) {
+    EXPECT_TRUE(ids.insert(info.id).second) << info.id;
+    EXPECT_LE(info.typical, info.maximum) << info.id;
+    ASSERT_FALSE(info.channels.empty() || info.covariates.empty()) << info.id;
+    for (const std::string& channel : info.channels)
+      EXPECT_EQ(channels.count(channel), 1u) << info.id << channel;
+    for (const std::string& name : info.covariates) EXPECT_EQ(covariates.count(name), 1u) << info.id << name;
+  }
+  for (const char* id : {"range_offset",
+                         "arc_definition",
+                         "range_scale",
+                         "laser_pointing",
+                         "lens_distortion",
+                         "pixel_locking",
+                         "quantisation",
+                         "near_regime",
+                         "target_reflectance",
+                         "dark_target",
+                         "ambient_light",
+                         "mixed_pixels",
+                         "tilt",
+                         "warmup_drift",
+                         "range_eccentricity",
+                         "landmark_shape",
+                         "cyclic_error",
+                         "landmark_radius",
+                         "radius_scale",
+                         "bearing_offset",
+                         "bearing_drift",
+                         "beam_offset",
+                         "encoder_eccentricity",
+                         "encoder_ellipticity",
+                         "bearing_scale",
+                         "bearing_quantisation",
+                         "sweep_motion",
+                         "settling",
+                         "odometry_scale",
+                         "path_curvature",
+                         "heading_drift",
+                         "odometry_random_walk",
+                         "lever_arm",
+                         "wheel_slip",
+                         "moved_landmark",
+                         "label_swap",
+                         "dropout",
+                         "noise_law",
+                         "cell_effect",
+                         "stop_effect",
+                         "autocorrelated_noise",
+                         "heavy_tails",
+                         "reciprocal_noise"})
+    EXPECT_EQ(ids.count(id), 1u) << id;
+}
+
 TEST(Plants, VanishWithTheirSize) {
   for (const EffectInfo& info : effect_table()) {
     if (info.effect_class != EffectClass::mean && info.effect_class != EffectClass::absorbed) continue;

@@ -15,7 +15,7 @@ World make_turning_design();
 
 /// Another unit of the same design: landmarks shifted by up to 10 cm, other sensor constants (zero +-5 mm,
 /// scale
-/// +-0.5 %, pointing +-0.15 mrad), noise 0.003 to 0.006 f^2, bearings 0.4 to 0.6 degrees, other reflectances.
+/// +-0.5 %, pointing +-0.15 mrad), noise 0.002 to 0.006 f^2, bearings 0.4 to 0.6 degrees, other reflectances.
 World vary(const World& world, Random& random);
 
 }  // namespace rangecal::world
