@@ -34,42 +34,42 @@ int shape_parameter_count(NoiseShape shape) {
   return shape == NoiseShape::student_t ? 1 : shape == NoiseShape::contaminated ? 2 : 0;
 }
 
-LogDensity log_density(const NoiseShapeParameters& shape, double z) {
-  static const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
+ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {
+  const double nu = shape.nu;
+  constant_ = -0.5 * std::log(2.0 * std::numbers::pi);
+  if (shape.shape == NoiseShape::automatic) throw InputError("noise shape auto has no density of its own");
+  if (shape.shape == NoiseShape::student_t) {
+    constant_ = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
+    in_nu_ = boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu;
+  }
+}
+
+LogDensity ShapeDensity::operator()(double z) const {
   LogDensity out;
-  switch (shape.shape) {
-    case NoiseShape::gaussian:
-      out.value = -0.5 * z * z - half_log_two_pi;
-      out.weight = 1.0;
-      break;
-    case NoiseShape::student_t: {
-      const double nu = shape.nu;
-      out.value = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi) -
-                  0.5 * (nu + 1.0) * std::log1p(z * z / nu);
-      out.weight = (nu + 1.0) / (nu + z * z);
-      out.in_shape[0] = 0.5 * (boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu -
-                               std::log1p(z * z / nu) + out.weight * z * z / nu);
-      break;
-    }
-    case NoiseShape::contaminated: {
-      const double p = shape.outlier_share, k = shape.outlier_scale;
-      const double inlier = std::log1p(-p) - 0.5 * z * z;
-      const double outlier = std::log(p / k) - 0.5 * z * z / (k * k);
-      const double high = std::fmax(inlier, outlier);
-      const double total = high + std::log(std::exp(inlier - high) + std::exp(outlier - high));
-      const double responsibility = std::exp(outlier - total);
-      out.value = total - half_log_two_pi;
-      out.weight = 1.0 - responsibility + responsibility / (k * k);
-      out.in_shape[0] = responsibility / p - (1.0 - responsibility) / (1.0 - p);
-      out.in_shape[1] = responsibility * (z * z / (k * k) - 1.0) / k;
-      break;
-    }
-    case NoiseShape::automatic:
-      throw InputError("noise shape auto has no density of its own");
+  if (shape_.shape == NoiseShape::student_t) {
+    const double nu = shape_.nu, bend = std::log1p(z * z / nu);
+    out.value = constant_ - 0.5 * (nu + 1.0) * bend;
+    out.weight = (nu + 1.0) / (nu + z * z);
+    out.in_shape[0] = 0.5 * (in_nu_ - bend + out.weight * z * z / nu);
+  } else if (shape_.shape == NoiseShape::contaminated) {
+    const double p = shape_.outlier_share, k = shape_.outlier_scale;
+    const double inlier = std::log1p(-p) - 0.5 * z * z;
+    const double outlier = std::log(p / k) - 0.5 * z * z / (k * k);
+    const double high = std::fmax(inlier, outlier);
+    const double total = high + std::log(std::exp(inlier - high) + std::exp(outlier - high));
+    const double responsibility = std::exp(outlier - total);
+    out.value = total + constant_;
+    out.weight = 1.0 - responsibility + responsibility / (k * k);
+    out.in_shape[0] = responsibility / p - (1.0 - responsibility) / (1.0 - p);
+    out.in_shape[1] = responsibility * (z * z / (k * k) - 1.0) / k;
+  } else {
+    out.value = constant_ - 0.5 * z * z;
   }
   out.derivative = -out.weight * z;
   return out;
 }
+
+LogDensity log_density(const NoiseShapeParameters& shape, double z) { return ShapeDensity(shape)(z); }
 
 double standard_deviation(const NoiseShapeParameters& shape) {
   switch (shape.shape) {

@@ -63,10 +63,10 @@ void set_nll(PairsFit& fit, double nll, int parameters) {
 }
 
 void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, const NewtonResult& gaussian, int order,
-                     const PairsOptions& options, Method method, PairsFit& fit) {
+                     const PairsOptions& options, Method method, const pairs_ml::NestedFit* nested, PairsFit& fit) {
   Calibration& calibration = fit.calibration;
   pairs_ml::ShapeResult shaped =
-      pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law, options.noise_order, options.shape);
+      pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law, options.noise_order, options.shape, nested);
   fit.shape = shaped.shape;
   calibration.iterations = shaped.iterations;
   calibration.outcome = shaped.outcome;
@@ -93,8 +93,8 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
   set_nll(fit, nll, scaled.unknowns() + shape_parameter_count(options.shape));
   calibration.covariance_reason =
       shaped.covariance.size() > 0
-          ? caution(calibration, "observed")
-          : fmt::format("the {} shape sits at a limit of its parameters: no second derivatives", to_string(options.shape));
+          ? caution(calibration, "observed") + (shaped.at_limit ? "; a shape parameter is held at its limit" : "")
+          : fmt::format("the {} likelihood has no regular second derivatives at the estimate", to_string(options.shape));
   Eigen::MatrixXd covariance;
   if (shaped.covariance.size() > 0) {
     const Eigen::MatrixXd J = scaled.jacobian(x);
@@ -104,7 +104,8 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
 }
 
 /// One order, one shape. `method` full or marginal.
-PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method) {
+PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method,
+                   const pairs_ml::NestedFit* nested = nullptr) {
   PairsFit fit = empty_fit(problem, method);
   Calibration& calibration = fit.calibration;
   const int unknowns = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
@@ -157,7 +158,7 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   }
   fit.gradient_norm = best.gradient_norm;
   if (best.outcome == Outcome::converged && options.shape != NoiseShape::gaussian) {
-    fit_other_shape(problem, scaled, best, order, options, method, fit);
+    fit_other_shape(problem, scaled, best, order, options, method, nested, fit);
     return fit;
   }
   if (best.outcome == Outcome::converged && method == Method::marginal) {
@@ -198,8 +199,13 @@ PairsFit fit_shape_orders(const PairsProblem& problem, const PairsOptions& optio
   PairsFit best;
   double best_aic = std::numeric_limits<double>::infinity();
   int best_order = low;
-  for (int order = low; order <= high; ++order) {
-    PairsFit fit = fit_order(problem, order, options, Method::full);
+  // Shapes other than the Gaussian have several basins: each order starts from the one below, too.
+  const bool chained = options.shape != NoiseShape::gaussian;
+  pairs_ml::NestedFit nested, best_start;
+  for (int order = chained ? std::min(low, 1) : low; order <= high; ++order) {
+    PairsFit fit = fit_order(problem, order, options, Method::full, chained ? &nested : nullptr);
+    if (is_usable(fit.calibration.outcome)) nested = {fit.calibration.alpha, fit.calibration.noise, fit.shape};
+    if (order < low) continue;
     const int parameters = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
     scores.push_back(pairs_ml::score_order(order, fit.nll, parameters, problem.readings(), fit.calibration.outcome));
     const bool better = fit.calibration.outcome == Outcome::converged && scores.back().aic < best_aic;
@@ -207,11 +213,12 @@ PairsFit fit_shape_orders(const PairsProblem& problem, const PairsOptions& optio
     if (better || order == low) {
       best = std::move(fit);
       best_order = order;
+      best_start = nested;
     }
   }
   if (method == Method::marginal) {
     const double gradient_norm = best.gradient_norm;
-    best = fit_order(problem, best_order, options, Method::marginal);
+    best = fit_order(problem, best_order, options, Method::marginal, chained ? &best_start : nullptr);
     best.gradient_norm = gradient_norm;
   }
   best.orders = std::move(scores);

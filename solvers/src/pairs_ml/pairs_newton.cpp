@@ -45,7 +45,7 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
         break;
       }
     }
-    const Vector step = -factor.solve(at.gradient.head(free));
+    Vector step = -factor.solve(at.gradient.head(free));
     const double decrement = std::sqrt(std::fmax(0.0, -step.dot(at.gradient.head(free))));
     if (!std::isfinite(decrement)) break;
     if (has_information) {
@@ -57,6 +57,14 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
       }
     }
     const bool near = decrement < switch_norm;
+    if (pairs.log_sigma() && free == pairs.unknowns()) {
+      // For fixed coefficients log sigma has its optimum at log(S / N) / 2, S the sum of squares in units of s, of
+      // which Newton takes the first order: the rest is added. Of second order, so the speed near the optimum stays.
+      const double squares = 0.5 * at.hessian(free - 1, free - 1), readings = at.gradient[free - 1] + squares;
+      if (squares > 0.0 && readings > 0.0) {
+        step[free - 1] += 0.5 * std::log(squares / readings) - 0.5 * (1.0 - readings / squares);
+      }
+    }
     last_norm = decrement;
 
     const double slack = 1e-12 * (1.0 + std::abs(at.nll));

@@ -31,6 +31,7 @@ class ScaledPairs {
   ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, int noise_order, int parallel_from);
 
   int unknowns() const { return order_ + 1 + noise_count_; }
+  bool log_sigma() const { return law_ != NoiseLaw::polynomial; }   ///< the last unknown is log sigma
   int mean_unknowns() const { return order_ + 1; }
   void evaluate(const Vector& x, bool information, Evaluation& out) const;
   /// Least squares in one streaming pass, s as d^2; false where it cannot serve: take `seed` then.

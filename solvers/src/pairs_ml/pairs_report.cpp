@@ -13,7 +13,7 @@ std::string name_direction(const Eigen::VectorXd& direction) {
   const double largest = direction.cwiseAbs().maxCoeff();
   std::string text;
   for (Eigen::Index i = 0; i < direction.size(); ++i) {
-    if (std::abs(direction[i]) < 0.01 * largest) continue;
+    if (std::abs(direction[i]) < 1e-4 * largest) continue;
     const char* sign = direction[i] < 0.0 ? (text.empty() ? "-" : " - ") : (text.empty() ? "" : " + ");
     text += fmt::format("{}{:.3g} alpha_{}", sign, std::abs(direction[i]), i);
   }
@@ -27,12 +27,8 @@ std::string weakest_direction(const Eigen::MatrixXd& alpha_covariance, double re
   const Eigen::MatrixXd metric = in_metres.asDiagonal() * alpha_covariance * in_metres.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(metric);
   const double deviation = std::sqrt(std::fmax(0.0, eigen.eigenvalues()[n - 1]));
-  Eigen::VectorXd direction = eigen.eigenvectors().col(n - 1).cwiseQuotient(in_metres);
-  Eigen::Index largest = 0;
-  eigen.eigenvectors().col(n - 1).cwiseAbs().maxCoeff(&largest);
-  direction /= direction[largest];
-  return fmt::format("{} (one standard deviation moves f by {:.3g} m per unit at {:.3g} m)",
-                     name_direction(direction), deviation, reference_m);
+  const Eigen::VectorXd step = deviation * eigen.eigenvectors().col(n - 1).cwiseQuotient(in_metres);
+  return name_direction(step) + " (one standard deviation)";
 }
 
 Eigen::VectorXd unseen_polynomial(const std::vector<double>& distances) {

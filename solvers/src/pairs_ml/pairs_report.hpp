@@ -10,10 +10,11 @@
 
 namespace rangecal::pairs_ml {
 
-/// "0.71 alpha_0 - 0.70 alpha_1", leaving out what is below 1 % of the largest.
+/// "0.71 alpha_0 - 0.70 alpha_1", leaving out what is below 0.01 % of the largest.
 std::string name_direction(const Eigen::VectorXd& direction);
 
-/// The direction of largest variance of alpha, each alpha_i taken by what it moves f at `reference_m`.
+/// The direction of largest variance of alpha, each alpha_i taken by what it moves f at `reference_m`, as the step of
+/// one standard deviation along it.
 std::string weakest_direction(const Eigen::MatrixXd& alpha_covariance, double reference_m);
 
 /// Coefficients of the polynomial with roots at the distinct distances: what can be added to f unseen.

@@ -58,12 +58,65 @@ Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorX
   return 0.5 * (hessian + hessian.transpose());
 }
 
+bool at_limit(const NoiseShapeParameters& shape) {
+  if (shape.shape == NoiseShape::student_t) return shape.nu < 1.01 || shape.nu > 190.0;
+  return shape.outlier_share < 1e-4 || shape.outlier_share > 0.4999 ||
+         shape.outlier_scale < NoiseShapeParameters::scale_min + 0.01 ||
+         shape.outlier_scale > NoiseShapeParameters::scale_max - 0.05;
+}
+
 void scale_noise(Vector& x, int first, NoiseLaw law, double factor) {
   if (law == NoiseLaw::polynomial) {
     x.tail(x.size() - first) *= factor;
   } else {
     x[first] += std::log(factor);
   }
+}
+
+/// Least absolute deviations, in metres (relative_to constant) or parts of d^2 (d_squared), by reweighted least
+/// squares; the noise from the median deviation.
+/// Empty where f leaves the domain of the law.
+Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law, NoiseLaw relative_to,
+                      const Vector& gaussian) {
+  const int n = scaled.mean_unknowns();
+  const std::size_t size = problem.row_true_m.size();
+  PairsProblem rows = pairs_as_rows(problem);
+  rows.single = false;
+  Vector c;
+  std::vector<double> deviation(size), sorted;
+  for (int iteration = 0; iteration < 30; ++iteration) {
+    const ScaledPairs plain(rows, n - 1, relative_to, 0, 1 << 30);
+    Vector x;
+    if (!plain.quick_seed(x)) x = plain.seed();
+    if (!x.allFinite()) return {};
+    c = x.head(n);
+    const Eigen::VectorXd alpha = plain.alpha(x);
+    for (std::size_t i = 0; i < size; ++i) {
+      const double d = problem.row_true_m[i];
+      deviation[i] = std::abs(problem.row_reading_m[i] - evaluate_polynomial(alpha, d));
+      if (relative_to == NoiseLaw::d_squared) deviation[i] /= d * d;
+    }
+    sorted = deviation;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(size / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    const double median = std::max(*middle, 1e-12);
+    for (std::size_t i = 0; i < size; ++i) rows.weight[i] = 1.0 / std::max(deviation[i] / median, 0.05);
+  }
+  Vector x = gaussian;
+  x.head(n) = c;
+  x.tail(x.size() - n).setZero();
+  if (law == NoiseLaw::polynomial) x[n] = 1.0;   // sigma = 1, or a constant spread of 1 m, to be scaled
+  const Eigen::VectorXd alpha = scaled.alpha(x);
+  const Noise unit = scaled.noise(x);
+  for (std::size_t i = 0; i < size; ++i) {   // now in units of the law's spread
+    const double f = evaluate_polynomial(alpha, problem.row_true_m[i]);
+    deviation[i] = std::abs(problem.row_reading_m[i] - f);
+    if (unit.power_of_f() > 0 && !(f > 0.0)) return {};
+    deviation[i] /= unit.spread(problem.row_true_m[i], f);
+  }
+  std::nth_element(deviation.begin(), deviation.begin() + static_cast<std::ptrdiff_t>(size / 2), deviation.end());
+  scale_noise(x, n, law, 1.4826 * std::max(deviation[size / 2], 1e-12));
+  return x;
 }
 
 }  // namespace
@@ -106,13 +159,14 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
   const double power = noise.power_of_f();
   Eigen::VectorXd in_user = Eigen::VectorXd::Zero(first);
   double in_shape[2] = {0.0, 0.0}, nll = 0.0;
+  const ShapeDensity density_at(shape);
   for (std::size_t i = 0; i < problem_.row_true_m.size(); ++i) {
     const double d = problem_.row_true_m[i];
     const double f = evaluate_polynomial(alpha, d);
     const double s = noise.spread(d, f);
     if (!(s > 0.0) || (power > 0.0 && !(f > 0.0))) return infinity;
     const double z = (problem_.row_reading_m[i] - f) / s;
-    const LogDensity density = log_density(shape, z);
+    const LogDensity density = density_at(z);
     nll += std::log(s) - density.value;
     if (!gradient) continue;
     const double in_log_s = 1.0 + density.derivative * z;   // d/dlog s of log s - log g, dz/dlog s = -z
@@ -145,16 +199,17 @@ std::vector<double> ShapePairs::weights(const Eigen::VectorXd& x) const {
   const Vector gaussian = x.head(scaled_.unknowns());
   const Eigen::VectorXd alpha = scaled_.alpha(gaussian);
   const Noise noise = scaled_.noise(gaussian);
+  const ShapeDensity density_at(shape);
   std::vector<double> out;
   for (std::size_t i = 0; i < problem_.row_true_m.size(); ++i) {
     const double d = problem_.row_true_m[i], f = evaluate_polynomial(alpha, d);
-    out.push_back(log_density(shape, (problem_.row_reading_m[i] - f) / noise.spread(d, f)).weight);
+    out.push_back(density_at((problem_.row_reading_m[i] - f) / noise.spread(d, f)).weight);
   }
   return out;
 }
 
 ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian, NoiseLaw law,
-                      int noise_order, NoiseShape shape) {
+                      int noise_order, NoiseShape shape, const NestedFit* nested) {
   const ShapePairs pairs(problem, scaled, law, shape);
   const int n = scaled.mean_unknowns(), first = scaled.unknowns(), order = n - 1;
   const auto weighted_step = [&](const std::vector<double>& weights, Vector& x) {
@@ -164,34 +219,27 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
     if (fit.x.allFinite() && fit.outcome != Outcome::failed) x = fit.x;
   };
 
-  Vector robust_start = gaussian;   // least absolute deviations by reweighting, then the median spread
-  for (int iteration = 0; iteration < 15; ++iteration) {
-    const Eigen::VectorXd alpha = scaled.alpha(robust_start);
-    const Noise noise = scaled.noise(robust_start);
-    std::vector<double> z, weights;
-    for (std::size_t i = 0; i < problem.row_true_m.size(); ++i) {
-      const double d = problem.row_true_m[i], f = evaluate_polynomial(alpha, d);
-      z.push_back(std::abs(problem.row_reading_m[i] - f) / noise.spread(d, f));
-    }
-    std::vector<double> sorted = z;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
-    const double median = std::max(sorted[sorted.size() / 2], 1e-12);
-    for (const double value : z) weights.push_back(1.0 / std::max(value / median, 0.05));
-    const Vector before = robust_start;
-    weighted_step(weights, robust_start);
-    if (iteration < 14) continue;
-    robust_start.tail(first - n) = before.tail(first - n);
-    scale_noise(robust_start, n, law, 1.4826 * median);
+  std::vector<std::pair<Vector, NoiseShapeParameters>> starts;
+  NoiseShapeParameters plain;
+  plain.shape = shape;
+  starts.emplace_back(gaussian, plain);
+  scale_noise(starts.back().first, n, law, 0.6);
+  for (const NoiseLaw relative_to : {NoiseLaw::constant, NoiseLaw::d_squared}) {
+    if (relative_to == NoiseLaw::d_squared && !(problem.true_m.front() > 0.0)) continue;
+    const Vector robust = least_absolute(problem, scaled, law, relative_to, gaussian);
+    if (robust.size() > 0 && robust.allFinite()) starts.emplace_back(robust, plain);
+  }
+  if (nested && nested->alpha.size() > 0 && nested->alpha.size() <= n && nested->shape.shape == shape) {
+    Eigen::VectorXd alpha = Eigen::VectorXd::Zero(n);
+    alpha.head(nested->alpha.size()) = nested->alpha;
+    starts.emplace_back(scaled.from_user(alpha, nested->noise), nested->shape);
   }
 
   ShapeResult best;
   best.nll = std::numeric_limits<double>::infinity();
-  for (int start = 0; start < 2; ++start) {
-    Vector x = start == 0 ? gaussian : robust_start;
-    NoiseShapeParameters at;
-    at.shape = shape;
-    if (start == 0) scale_noise(x, n, law, 0.6);
-    for (int iteration = 0; iteration < 15; ++iteration) {
+  for (const auto& [start, at] : starts) {
+    Vector x = start;
+    for (int iteration = 0; iteration < 8; ++iteration) {
       const Eigen::VectorXd all = pairs.internal(x, at);
       weighted_step(pairs.weights(all), x);
     }
@@ -244,10 +292,20 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
     best.gradient_norm = norm;
     best.iterations = iterations;
     best.covariance.resize(0, 0);
-    if (hessian.size() > 0 && Eigen::LLT<Eigen::MatrixXd>(hessian).info() == Eigen::Success) {
-      best.covariance = hessian.inverse().topLeftCorner(first, first);
+    if (hessian.size() == 0) {
+      Eigen::VectorXd scale = Eigen::VectorXd::Constant(all.size(), 1e-3);
+      hessian = difference_hessian(pairs, all, scale);
     }
-    // A shape parameter at its limit (nu at 200, p at 0) flattens its own direction: the fit stands without it.
+    if (hessian.size() > 0) {
+      // A shape parameter at its limit (nu at 1 or 200, p at 0) flattens its own direction: it is held there then.
+      const NoiseShapeParameters reached = pairs.shape_at(all);
+      best.at_limit = at_limit(reached);
+      const Eigen::Index kept = best.at_limit ? first : all.size();
+      const Eigen::MatrixXd part = hessian.topLeftCorner(kept, kept);
+      if (Eigen::LLT<Eigen::MatrixXd>(part).info() == Eigen::Success) {
+        best.covariance = part.inverse().topLeftCorner(first, first);
+      }
+    }
     best.outcome = norm < 1e-3 || hessian.size() == 0 || best.covariance.size() == 0 ? Outcome::converged
                                                                                      : Outcome::not_converged;
   }

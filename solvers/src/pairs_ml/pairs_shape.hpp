@@ -36,13 +36,21 @@ struct ShapeResult {
   double nll = 0.0, gradient_norm = 0.0;
   Eigen::MatrixXd covariance;        ///< of x without the shape, from the observed information; empty if singular
   std::vector<double> weights;
+  bool at_limit = false;             ///< a shape parameter ran to its limit and is held there in the covariance
   int iterations = 0;
   Outcome outcome = Outcome::failed;
 };
 
+/// A fit of lower order, as one more start: the likelihood can then not fall with the order.
+struct NestedFit {
+  Eigen::VectorXd alpha;
+  Noise noise;
+  NoiseShapeParameters shape;
+};
+
 /// Minimises it: expectation-maximisation with the streaming Gaussian solver as its maximisation, from the Gaussian
-/// optimum and from least absolute deviations; then BFGS in whitened coordinates on the better one.
+/// optimum, from least absolute deviations and from `nested` (may be null); then BFGS in whitened coordinates.
 ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian, NoiseLaw law,
-                      int noise_order, NoiseShape shape);
+                      int noise_order, NoiseShape shape, const NestedFit* nested);
 
 }  // namespace rangecal::pairs_ml

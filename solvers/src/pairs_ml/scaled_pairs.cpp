@@ -14,7 +14,7 @@ namespace rangecal::pairs_ml {
 namespace {
 
 constexpr std::size_t chunk_cells = 8192;    // fixed, so that the sums do not depend on the threads
-constexpr std::size_t sample_cells = 1024;   // above 16 times as many, the seed comes from every k-th cell
+constexpr std::size_t sample_cells = 16384;   // above 4 times as many, the seed comes from every k-th cell
 
 KernelLaw kernel_law(NoiseLaw law) {
   switch (law) {
@@ -161,7 +161,7 @@ void ScaledPairs::evaluate(const Vector& x, bool information, Evaluation& out) c
 Vector ScaledPairs::least_squares() const {
   // Normal equations over powers of t in [-1, 1] (condition below 1e4 for order 4); s as d^p, d kept off 0.
   const int n = order_ + 1;
-  const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / sample_cells);
+  const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / 4096);
   const double power = law_ == NoiseLaw::d_squared ? 2.0 : power_;
   const double floor = 0.05 * std::max(std::abs(center_), half_width_);
   double moments[2 * max_unknowns] = {}, right[max_unknowns] = {};
@@ -191,7 +191,7 @@ bool ScaledPairs::quick_seed(Vector& x) const {
   const int n = order_ + 1;
   const bool constant = law_ == NoiseLaw::constant;
   if (!streams() || (!constant && !(problem_.true_m.front() > 0.02 * half_width_))) return false;
-  const std::size_t stride = problem_.size() >= 16 * sample_cells ? problem_.size() / sample_cells : 1;
+  const std::size_t stride = problem_.size() >= 4 * sample_cells ? problem_.size() / sample_cells : 1;
   const KernelSums sums =
       sum(Vector::Zero(n + 1), false, stride, constant ? KernelLaw::power0 : KernelLaw::d_squared);
   Matrix A(n, n);
@@ -207,9 +207,9 @@ bool ScaledPairs::quick_seed(Vector& x) const {
   if (!c.allFinite() || !(square > 1e-9 * sums.square)) return false;   // cancelled: the plain way sees better
   x.resize(n + 1);
   x.head(n) = c;
-  // sigma d^2 and sigma f^p agree at a typical reading.
+  // sigma d^2 and sigma f^p agree at the middle reading.
   x[n] = 0.5 * std::log(square / sums.count);
-  if (!constant && law_ != NoiseLaw::d_squared) x[n] += (2.0 - power_) * std::log(typical_);
+  if (power_ > 0.0) x[n] += 2.0 * std::log(problem_.true_m[problem_.size() / 2]) - power_ * std::log(typical_);
   if (stride > 1) x = refine_on_sample(x);
   return true;
 }
@@ -222,7 +222,7 @@ Vector ScaledPairs::seed() const {
     for (int k = n - 1; k >= 0; --k) f = f * t + c[k];
     return f;
   };
-  const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / sample_cells);
+  const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / 4096);
   // sigma^2 = mean of ((y - f)^2 + S^2) / (s / sigma)^2 at the seed; false where f leaves the domain.
   const auto sigma_sq = [&](const Vector& c, double& out) {
     double square = 0.0, count = 0.0;
@@ -262,7 +262,7 @@ Vector ScaledPairs::seed() const {
   } else {
     x[n] = 0.5 * std::log(std::max(variance, tiny));
   }
-  return streams() && size >= 16 * sample_cells ? refine_on_sample(x) : x;
+  return streams() && size >= 4 * sample_cells ? refine_on_sample(x) : x;
 }
 
 Vector ScaledPairs::refine_on_sample(Vector x) const {

@@ -316,6 +316,9 @@ TEST(FullPairs, RealRecordingsConverge) {
       EXPECT_EQ(full.calibration.outcome, Outcome::converged) << name << ": " << full.calibration.reason;
       EXPECT_EQ(marginal.calibration.outcome, Outcome::converged) << name << ": " << marginal.calibration.reason;
       EXPECT_LE(full.nll, marginal.nll + 1e-6);
+      for (std::size_t k = 1; k < full.orders.size(); ++k) {   // nested models: no order is worse than the one below
+        EXPECT_LE(full.orders[k].nll, full.orders[k - 1].nll + 1e-6) << name << " order " << full.orders[k].order;
+      }
     }
   }
 }

@@ -41,6 +41,17 @@ struct LogDensity {
 };
 LogDensity log_density(const NoiseShapeParameters& shape, double z);
 
+/// The same for many z: what does not depend on z is worked out once.
+class ShapeDensity {
+ public:
+  explicit ShapeDensity(const NoiseShapeParameters& shape);
+  LogDensity operator()(double z) const;
+
+ private:
+  NoiseShapeParameters shape_;
+  double constant_ = 0.0, in_nu_ = 0.0;
+};
+
 /// Standard deviation of z: 1, sqrt(nu / (nu - 2)) (infinite for nu <= 2), sqrt(1 - p + p k^2).
 double standard_deviation(const NoiseShapeParameters& shape);
 
