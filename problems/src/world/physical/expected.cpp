@@ -109,8 +109,8 @@ Expected expected(const World& world, const Placing& placing) {
   out.disparity_step_per_m = 1e3 * sensor.centroid_step_px * sensor.pitch_mm /
                              (sensor.nominal_focal_mm * sensor.nominal_baseline_mm);
   out.range_step_m = sensor.output_lsb_m;
-  const double to_next = world.timing.drive_s + world.timing.repeats * world.head.sweep_period_s;
-  const double first = 0.5 * world.head.sweep_period_s;
+  const double to_next = stop_period_s(world);
+  const double first = world.timing.wait_s + 0.5 * world.head.sweep_period_s;
   for (std::size_t k = 0; k < stops.size(); ++k) {
     Pose2 pose = sensor_pose(world, stops[k], static_cast<double>(k) * to_next + first, first, 0.0);
     pose.heading_rad = wrap_angle(pose.heading_rad);

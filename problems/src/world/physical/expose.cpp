@@ -14,9 +14,7 @@ namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
-double stop_time_s(const World& world, int stop) {
-  return stop * (world.timing.drive_s + world.timing.repeats * world.head.sweep_period_s);
-}
+double stop_time_s(const World& world, int stop) { return stop * stop_period_s(world); }
 
 double ambient_ratio(const AmbientLight& ambient, double beam_rad) {
   if (!(ambient.ratio > 0.0)) return 0.0;
@@ -54,7 +52,7 @@ double odd_bearing_rad(const Oddities& odd, double beam_rad, double rise_k) {
 Exposure expose_one(const World& world, const Pose2& robot_stop, int stop, int landmark, int repeat) {
   const Cylinder& cylinder = world.landmarks[static_cast<std::size_t>(landmark)];
   const double period = world.head.sweep_period_s;
-  const double middle = (repeat + 0.5) * period, start = stop_time_s(world, stop);
+  const double middle = world.timing.wait_s + (repeat + 0.5) * period, start = stop_time_s(world, stop);
   Exposure out;
   out.stop = stop, out.landmark = landmark, out.repeat = repeat;
 
@@ -94,6 +92,10 @@ Exposure expose_one(const World& world, const Pose2& robot_stop, int stop, int l
 }
 
 }  // namespace
+
+double stop_period_s(const World& world) {
+  return world.timing.drive_s + world.timing.wait_s + world.timing.repeats * world.head.sweep_period_s;
+}
 
 double run_length_s(const World& world) {
   const int last = static_cast<int>(world.robot.stops.size()) - 1;

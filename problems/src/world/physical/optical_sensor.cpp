@@ -8,7 +8,7 @@
 namespace rangecal::world {
 
 ThermalState thermal_state(const Thermal& thermal, double time_s) {
-  const double rise_k = thermal.rise_k * (1.0 - std::exp(-time_s / thermal.time_s));
+  const double rise_k = thermal.rise_k * (1.0 - std::exp(-(thermal.soaked_s + time_s) / thermal.time_s));
   return {thermal.start_c + rise_k, thermal.zero_m_per_k * rise_k, thermal.pointing_rad_per_k * rise_k,
           1.0 + thermal.baseline_per_k * rise_k};
 }

@@ -16,6 +16,7 @@ struct PlantEntry {
 };
 
 std::vector<PlantEntry> range_plants();
+std::vector<PlantEntry> surface_plants();
 std::vector<PlantEntry> bearing_plants();
 std::vector<PlantEntry> motion_plants();
 std::vector<PlantEntry> noise_plants();

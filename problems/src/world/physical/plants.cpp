@@ -16,7 +16,8 @@ namespace {
 const std::vector<PlantEntry>& entries() {
   static const std::vector<PlantEntry> all = [] {
     std::vector<PlantEntry> list;
-    for (auto part : {range_plants, bearing_plants, motion_plants, noise_plants, outside_plants})
+    for (auto part :
+         {range_plants, surface_plants, bearing_plants, motion_plants, noise_plants, outside_plants})
       for (PlantEntry& entry : part()) list.push_back(std::move(entry));
     return list;
   }();

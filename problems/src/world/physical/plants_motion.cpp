@@ -76,7 +76,7 @@ void moved_landmark(World& world, double size, Random& random) {
   const double direction = any_angle(random);
   Cylinder& landmark = world.landmarks[l];
   // somebody pushes it while the robot drives from one stop to the next
-  const double per_stop = world.timing.drive_s + world.timing.repeats * world.head.sweep_period_s;
+  const double per_stop = stop_period_s(world);
   const double stop = std::floor(random.uniform(0.3, 0.7) * static_cast<double>(world.robot.stops.size()));
   landmark.move_time_s = stop * per_stop - 0.5 * world.timing.drive_s;
   landmark.move_x_m = size * std::cos(direction);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Departures of the range sensor and of the surfaces it sees: R1 to R17 of the catalogue.
+// Departures of the range sensor: R1, R3 to R8, R10, R12 to R14 and R16 of the catalogue.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -17,26 +17,6 @@ double fs_mm_sq(const OpticalSensor& sensor) { return sensor.nominal_focal_mm * 
 void range_offset(World& world, double size, Random&) {
   world.sensor.range_zero_m += size;
   world.truth["range_offset.offset_m"] = size;
-}
-
-/// Mean depth of parallel beams over the inner share h of a circle, in radii: 1 - (h sqrt(1-h^2) + asin h) /
-/// (2h).
-double mean_depth(double h) { return 1.0 - (h * std::sqrt(1.0 - h * h) + std::asin(h)) / (2.0 * h); }
-
-void arc_definition(World& world, double size, Random&) {
-  double low = 1e-6, high = 1.0;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = 0.5 * (low + high);
-    (mean_depth(middle) < size ? low : high) = middle;
-  }
-  world.head.mean_of_hits = size > 0.0;
-  world.head.hit_share = high;
-  world.truth["arc_definition.kappa"] = size;
-}
-
-void radius_scale(World& world, double size, Random&) {
-  for (Cylinder& landmark : world.landmarks) landmark.radius_m *= 1.0 + size;
-  world.truth["radius_scale.scale"] = size;
 }
 
 void range_scale(World& world, double size, Random&) {
@@ -82,28 +62,6 @@ void near_regime(World& world, double size, Random& random) {
   world.truth["near_regime.offset_m"] = size;
 }
 
-void target_reflectance(World& world, double size, Random& random) {
-  const std::size_t l = any_landmark(world, random);
-  const bool penetrates = random.uniform() < 0.5;
-  if (penetrates) {
-    world.landmarks[l].penetration_m += size;
-  } else {  // a skewed spot: dr = -(d^2 / fs) dx, `size` at 1.5 m
-    world.landmarks[l].spot_skew_px -=
-        1e-3 * size / (1.5 * 1.5) * fs_mm_sq(world.sensor) / world.sensor.pitch_mm;
-  }
-  world.truth["target_reflectance.landmark"] = static_cast<double>(l);
-  world.truth["target_reflectance.power"] = penetrates ? 0.0 : 2.0;
-  world.truth["target_reflectance.amplitude_m"] =
-      penetrates ? size : size / (1.5 * 1.5);  // times (d / 1 m)^power
-}
-
-void dark_target(World& world, double size, Random& random) {
-  const std::size_t l = any_landmark(world, random);
-  world.landmarks[l].dark_reflectance = world.landmarks[l].reflectance / ((1.0 + size) * (1.0 + size));
-  world.truth["dark_target.landmark"] = static_cast<double>(l);
-  world.truth["dark_target.spread_factor"] = 1.0 + size;
-}
-
 void ambient_light(World& world, double size, Random& random) {
   world.ambient.ratio = size;
   world.ambient.half_width_rad = random.uniform(0.5, 1.0);
@@ -113,11 +71,6 @@ void ambient_light(World& world, double size, Random& random) {
   world.truth["ambient_light.direction_rad"] = world.ambient.direction_rad;
   world.truth["ambient_light.half_width_rad"] = world.ambient.half_width_rad;
   world.truth["ambient_light.spread_factor"] = std::sqrt(1.0 + size * widths * widths / 12.0);
-}
-
-void mixed_pixels(World& world, double size, Random&) {
-  world.noise.spot_radius_m = size;
-  world.truth["mixed_pixels.spot_radius_m"] = size;
 }
 
 void tilt(World& world, double size, Random& random) {
@@ -146,28 +99,12 @@ void range_eccentricity(World& world, double size, Random& random) {
   world.truth["range_eccentricity.sin_m"] = size * std::sin(world.head.cover_phase_rad);
 }
 
-void landmark_shape(World& world, double size, Random& random) {
-  const std::size_t l = any_landmark(world, random);
-  world.landmarks[l].out_of_round = size;
-  world.landmarks[l].long_axis_rad = any_angle(random);
-  world.truth["landmark_shape.landmark"] = static_cast<double>(l);
-  world.truth["landmark_shape.out_of_round"] = size;
-  world.truth["landmark_shape.axis_rad"] = world.landmarks[l].long_axis_rad;
-}
-
 void cyclic_error(World& world, double size, Random& random) {
   world.sensor.modulation_length_m = random.uniform(0.4, 1.2);
   world.sensor.crosstalk_phase_rad = any_angle(random);
   world.sensor.crosstalk = 2.0 * std::numbers::pi * size / world.sensor.modulation_length_m;
   world.truth["cyclic_error.amplitude_m"] = std::abs(size);
   world.truth["cyclic_error.wavelength_m"] = world.sensor.modulation_length_m;
-}
-
-void landmark_radius(World& world, double size, Random& random) {
-  const std::size_t l = any_landmark(world, random);
-  world.landmarks[l].radius_m += size;
-  world.truth["landmark_radius.landmark"] = static_cast<double>(l);
-  world.truth["landmark_radius.error_m"] = size;
 }
 
 }  // namespace
@@ -177,18 +114,6 @@ std::vector<PlantEntry> range_plants() {
   return {
       {{"range_offset", "m", 0.005, 0.03, absorbed, r, {"constant"}, true, "the firmware's zero is off"},
        range_offset},
-      {{"arc_definition",
-        "kappa",
-        0.2,
-        0.2146,
-        mean,
-        r,
-        {"radius"},
-        true,
-        "mean of the hits instead of the nearest point"},
-       arc_definition},
-      {{"radius_scale", "1", 0.05, 0.2, mean, r, {"radius"}, true, "all radii are larger than stated"},
-       radius_scale},
       {{"range_scale", "1", 0.0015, 0.02, absorbed, r, {"range"}, true, "baseline off"}, range_scale},
       {{"laser_pointing", "rad", 1e-4, 5e-4, absorbed, r, {"range"}, true, "laser turned against the camera"},
        laser_pointing},
@@ -232,38 +157,8 @@ std::vector<PlantEntry> range_plants() {
         true,
         "near table of the firmware is off"},
        near_regime},
-      {{"target_reflectance",
-        "m",
-        0.015,
-        0.06,
-        mean,
-        r,
-        {"landmark"},
-        true,
-        "light enters one surface, or its spot is skewed"},
-       target_reflectance},
-      {{"dark_target",
-        "sd factor - 1",
-        1.0,
-        4.0,
-        noise,
-        rn,
-        {"landmark", "intensity"},
-        true,
-        "one landmark returns less light"},
-       dark_target},
       {{"ambient_light", "B/S", 0.5, 5.0, noise, rn, {"sensor_bearing"}, true, "stray light in a sector"},
        ambient_light},
-      {{"mixed_pixels",
-        "m",
-        0.002,
-        0.01,
-        tail,
-        {"range_tail"},
-        {"radius", "landmark", "range", "any"},
-        true,
-        "footprint cut by the landmark's edge"},
-       mixed_pixels},
       {{"tilt",
         "rad",
         0.0873,
@@ -294,12 +189,8 @@ std::vector<PlantEntry> range_plants() {
         true,
         "eccentric ring sets the optical zero"},
        range_eccentricity},
-      {{"landmark_shape", "1", 0.05, 0.3, mean, r, {"landmark"}, true, "one landmark is out of round"},
-       landmark_shape},
       {{"cyclic_error", "m", 0.005, 0.04, mean, r, {"range"}, true, "a leaking phasor in a phase channel"},
        cyclic_error},
-      {{"landmark_radius", "m", 0.005, 0.03, mean, r, {"landmark", "radius"}, true, "one radius is wrong"},
-       landmark_radius},
   };
 }
 

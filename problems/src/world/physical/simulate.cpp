@@ -109,6 +109,13 @@ Recording simulate(const World& world, std::uint64_t seed) {
   recording.counts.used = static_cast<int>(recording.readings.size());
   // The device wrote what it saw; readings it did not see are missing from the file, not dropped by a reader.
   recording.counts.read = recording.counts.used;
+  Random tape(seed_from("world.tape", {seed}));
+  for (const Tape& taped : world.tapes) {
+    const Cylinder& a = world.landmarks.at(static_cast<std::size_t>(taped.from));
+    const Cylinder& b = world.landmarks.at(static_cast<std::size_t>(taped.to));
+    const double distance = std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) + taped.sigma_m * tape.normal();
+    recording.known_distances.push_back({taped.from, taped.to, distance, taped.sigma_m});
+  }
   const Expected truth = expected(world, placing_of(world, seed));
   for (const Pose2& stop : truth.stops) recording.truth.stops.emplace_back(stop);
   for (const Eigen::Vector2d& position : truth.landmark_positions_m)

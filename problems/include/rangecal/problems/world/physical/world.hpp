@@ -97,11 +97,13 @@ struct Robot {
 struct Timing {
   int repeats = 15;
   double drive_s = 60.0;  ///< from stop to stop
+  double wait_s = 0.0;    ///< at the stop, before the first sweep
 };
 
-/// Temperature of the base: start + rise (1 - exp(-t / time)).
+/// Temperature of the base: start + rise (1 - exp(-(soaked + t) / time)).
 struct Thermal {
   double start_c = 22.0, rise_k = 10.0, time_s = 400.0;
+  double soaked_s = 0.0;            ///< switched on this long before the first reading
   double zero_m_per_k = 0.0;        ///< expansion of the mount along the beam
   double pointing_rad_per_k = 0.0;  ///< base bends, laser turns
   double baseline_per_k = 0.0;      ///< expansion coefficient of the baseline
@@ -134,6 +136,12 @@ struct Driver {
   bool intensity = false, temperature = false;  ///< columns intensity, temperature_c
 };
 
+/// A distance taped from axis to axis.
+struct Tape {
+  int from = 0, to = 0;
+  double sigma_m = 0.002;
+};
+
 /// Departures that no catalogue names.
 struct Oddities {
   double guard_m = 0.0, guard_direction_rad = 0.0,
@@ -161,6 +169,7 @@ struct World {
   AmbientLight ambient;
   SpinningHead head;
   std::vector<Cylinder> landmarks;
+  std::vector<Tape> tapes;
   Robot robot;
   Timing timing;
   Thermal thermal;
@@ -171,6 +180,8 @@ struct World {
   std::map<std::string, double> truth;  ///< "effect.parameter_unit" -> value, of what was planted
 };
 
+/// Time from one stop to the next [s]: drive, wait, sweeps.
+double stop_period_s(const World& world);
 /// Duration of the run from the first reading to the last stop's [s].
 double run_length_s(const World& world);
 
