@@ -5,23 +5,11 @@
 
 #include <cmath>
 
+#include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
-namespace {
-
-/// The sigma that fell below collapse_ratio of its start, in words; empty if none did.
-std::string collapsed_sigma(const JointState& start, const JointState& now) {
-  if (now.sigma_theta_rad < collapse_ratio * start.sigma_theta_rad)
-    return fmt::format("sigma_theta went to 0 ({:.1e} rad and falling)", now.sigma_theta_rad);
-  if (now.noise.law != NoiseLaw::polynomial &&
-      now.noise.parameters[0] < collapse_ratio * start.noise.parameters[0])
-    return fmt::format("sigma_e went to 0 ({:.1e} and falling)", now.noise.parameters[0]);
-  return {};
-}
-
-}  // namespace
 
 JointFit solve_joint_block(const JointProblem& problem, const JointState& start, const JointOptions& options) {
   JointFit fit;
@@ -37,6 +25,11 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
     return fit;
   }
 
+  if (const std::string channel = unbounded_channel(problem, options.held); !channel.empty()) {
+    fit.outcome = Outcome::unbounded;
+    fit.reason = channel;
+    return fit;
+  }
   double damping = 0.0;
   bool converged = false;
   const auto reassemble = [&](HessianKind wanted) {

@@ -1,0 +1,363 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/joint_ml/joint_ceres.hpp"
+
+#include <ceres/cost_function.h>
+#include <ceres/iteration_callback.h>
+#include <ceres/ordered_groups.h>
+#include <ceres/problem.h>
+#include <ceres/sized_cost_function.h>
+#include <ceres/solver.h>
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <deque>
+#include <memory>
+
+#include "joint_ml/blocks.hpp"
+#include "joint_ml/chain_link.hpp"
+#include "joint_ml/collapse.hpp"
+#include "joint_ml/newton_step.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/problems/landmarks/stop_residual.hpp"
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+namespace rangecal {
+namespace {
+
+class StopCost : public ceres::CostFunction {
+ public:
+  explicit StopCost(StopResidual residual) : residual_(std::move(residual)) {
+    set_num_residuals(residual_.residual_count());
+    for (int size : residual_.block_sizes()) mutable_parameter_block_sizes()->push_back(size);
+  }
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    return residual_.evaluate(blocks, nullptr, residuals, jacobians);
+  }
+  StopResidual& residual() { return residual_; }
+
+ private:
+  StopResidual residual_;
+};
+
+class BearingSpreadCost : public ceres::CostFunction {
+ public:
+  explicit BearingSpreadCost(BearingSpreadResidual residual) : residual_(residual) {
+    set_num_residuals(3);
+    mutable_parameter_block_sizes()->push_back(residual.block_size);
+  }
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    return residual_.evaluate(blocks[0], nullptr, residuals, jacobians ? jacobians[0] : nullptr);
+  }
+  BearingSpreadResidual& residual() { return residual_; }
+
+ private:
+  BearingSpreadResidual residual_;
+};
+
+/// One link of a random walk over sigma: (increment) / sigma_xy [2], turn / sigma_heading [1], each where it has a
+/// prior. Blocks: the coordinates of the stop's place, and of the place before where it is another one.
+class LinkCost : public ceres::CostFunction {
+ public:
+  LinkCost(const JointProblem& problem, const JointLayout& layout, const JointState& reference, int stop)
+      : problem_(problem), reference_(reference), stop_(stop), at_(layout, stop) {
+    const StopPrior& prior = problem.stops[stop];
+    const bool moves = prior.opens_place && layout.nodes[at_.node1].free_position;
+    w_xy_ = moves ? 1.0 / sigma_xy_of(problem, reference, stop) : 0.0;
+    w_h_ = prior.sigma_heading_rad > 0.0 ? 1.0 / prior.sigma_heading_rad : 0.0;
+    set_num_residuals((w_xy_ > 0.0 ? 2 : 0) + (w_h_ > 0.0 ? 1 : 0));
+    for (int node : {at_.node0, at_.node1}) {
+      if (layout.nodes[node].dim == 0 || (!nodes_.empty() && nodes_[0] == node)) continue;
+      nodes_.push_back(node);
+      mutable_parameter_block_sizes()->push_back(layout.nodes[node].dim);
+    }
+  }
+  const std::vector<int>& nodes() const { return nodes_; }
+
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    Pose2 from = reference_.stops[stop_ - 1], to = reference_.stops[stop_];
+    double* moved[6] = {&from.x_m, &from.y_m, &from.heading_rad, &to.x_m, &to.y_m, &to.heading_rad};
+    for (int e = 0; e < 6; ++e)
+      if (at_.coordinate[e] >= 0) *moved[e] += blocks[block_of(at_.node_of(e))][at_.coordinate[e]];
+    const ChainLink link(problem_.stops[stop_ - 1], problem_.stops[stop_], from, to);
+    const Eigen::Matrix<double, 2, 6> slope = link.jacobian();
+    int row = 0;
+    if (w_xy_ > 0.0) {
+      residuals[0] = w_xy_ * link.residual[0];
+      residuals[1] = w_xy_ * link.residual[1];
+      row = 2;
+    }
+    if (w_h_ > 0.0) residuals[row] = w_h_ * link.turn;
+    if (!jacobians) return true;
+    for (std::size_t b = 0; b < nodes_.size(); ++b)
+      if (jacobians[b]) std::fill_n(jacobians[b], num_residuals() * parameter_block_sizes()[b], 0.0);
+    for (int e = 0; e < 6; ++e) {
+      if (at_.coordinate[e] < 0) continue;
+      const int block = block_of(at_.node_of(e)), size = parameter_block_sizes()[block];
+      if (!jacobians[block]) continue;
+      for (int i = 0; i < row; ++i) jacobians[block][i * size + at_.coordinate[e]] += w_xy_ * slope(i, e);
+      if (w_h_ > 0.0 && e % 3 == 2) jacobians[block][row * size + at_.coordinate[e]] += e == 2 ? -w_h_ : w_h_;
+    }
+    return true;
+  }
+
+ private:
+  int block_of(int node) const { return nodes_[0] == node ? 0 : 1; }
+
+  const JointProblem& problem_;
+  const JointState& reference_;
+  int stop_;
+  LinkCoordinates at_;
+  double w_xy_, w_h_;
+  std::vector<int> nodes_;
+};
+
+/// (|m_a - m_b| - t) / sigma_t
+class TapedCost : public ceres::SizedCostFunction<1, 2, 2> {
+ public:
+  explicit TapedCost(const KnownDistance& taped) : taped_(taped) {}
+  bool Evaluate(double const* const* m, double* residuals, double** jacobians) const override {
+    const Eigen::Vector2d v(m[1][0] - m[0][0], m[1][1] - m[0][1]);
+    const double length = v.norm(), weight = 1.0 / taped_.sigma_m;
+    residuals[0] = weight * (length - taped_.distance_m);
+    for (int b = 0; jacobians && b < 2; ++b) {
+      if (!jacobians[b]) continue;
+      const double factor = (b ? weight : -weight) / length;
+      jacobians[b][0] = factor * v.x();
+      jacobians[b][1] = factor * v.y();
+    }
+    return length > 0.0;
+  }
+
+ private:
+  KnownDistance taped_;
+};
+
+/// Whitens alpha over the seed's distances: T with T^T (sum R p p^T / s^2) T = 1, p the powers of d.
+Eigen::MatrixXd whitened_basis(const JointProblem& problem, const JointState& state) {
+  const Eigen::Index n = state.alpha.size();
+  const Cells& c = problem.cells;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd power(n);
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    const double d = Sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]).d;
+    power[0] = 1.0;
+    for (Eigen::Index a = 1; a < n; ++a) power[a] = d * power[a - 1];
+    const double s = state.noise.spread(d, power.dot(state.alpha));
+    information += (c.count[i] / (s * s)) * power * power.transpose();
+  }
+  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
+  if (factor.info() != Eigen::Success) return scale.asDiagonal();
+  return scale.asDiagonal() * Eigen::MatrixXd(factor.matrixU()).inverse();
+}
+
+/// The problem as Ceres sees it, with the unknowns it moves.
+class Program : public ceres::IterationCallback {
+ public:
+  Program(const JointProblem& problem, const JointState& start, const JointLayout& layout, const Held& held)
+      : problem_(problem), start_(start), layout_(layout), held_(held), basis_(whitened_basis(problem, start)),
+        coordinates_(layout.coordinates, 0.0), curve_(start.alpha.size(), 0.0), program_(program_options()) {
+    for (const Eigen::Vector2d& m : start.landmarks) landmarks_.insert(landmarks_.end(), {m.x(), m.y()});
+    if (start.noise.law == NoiseLaw::polynomial)
+      sigmas_.assign(start.noise.parameters.begin(), start.noise.parameters.end());
+    else
+      sigmas_.push_back(std::log(start.noise.parameters[0]));
+    sigmas_.push_back(std::log(start.sigma_theta_rad));
+    add_blocks();
+    add_links();
+    program_.AddParameterBlock(curve_.data(), static_cast<int>(curve_.size()));
+    program_.AddParameterBlock(sigmas_.data(), static_cast<int>(sigmas_.size()));
+    if (held.alpha) program_.SetParameterBlockConstant(curve_.data());
+    if (held.sigmas) program_.SetParameterBlockConstant(sigmas_.data());
+    for (int l = 0; held.landmarks && l < problem.landmark_count(); ++l)
+      if (program_.HasParameterBlock(&landmarks_[2 * l])) program_.SetParameterBlockConstant(&landmarks_[2 * l]);
+  }
+
+  JointState state() const {
+    JointState now = start_;
+    if (!held_.alpha)
+      now.alpha += basis_ * Eigen::Map<const Eigen::VectorXd>(curve_.data(), static_cast<Eigen::Index>(curve_.size()));
+    if (!held_.sigmas) {
+      if (now.noise.law == NoiseLaw::polynomial)
+        std::copy(sigmas_.begin(), sigmas_.end() - 1, now.noise.parameters.begin());
+      else
+        now.noise.parameters[0] = std::exp(sigmas_[0]);
+      now.sigma_theta_rad = std::exp(sigmas_.back());
+    }
+    for (std::size_t l = 0; l < now.landmarks.size(); ++l)
+      now.landmarks[l] = Eigen::Vector2d(landmarks_[2 * l], landmarks_[2 * l + 1]);
+    const Eigen::VectorXd still = Eigen::VectorXd::Zero(layout_.global_count);
+    return step_state(problem_, layout_, now, still, Eigen::Map<const Eigen::VectorXd>(coordinates_.data(), static_cast<Eigen::Index>(coordinates_.size())));
+  }
+
+  /// One run of Ceres's trust region.
+  ceres::Solver::Summary run(int iterations) {
+    ceres::Solver::Options options;
+    options.max_num_iterations = iterations;
+    options.max_num_consecutive_invalid_steps = 100;
+    options.function_tolerance = 0.0;
+    options.gradient_tolerance = 0.0;
+    options.parameter_tolerance = 1e-11;  // metres and logs of order one against standard deviations of 1e-4 and more
+    options.initial_trust_region_radius = 1e10;
+    options.max_trust_region_radius = 1e16;
+    options.use_nonmonotonic_steps = true;  // the last decreases drown in the rounding of the sum of squares
+    options.logging_type = ceres::SILENT;
+    options.callbacks.push_back(this);
+    options.update_state_every_iteration = true;
+    if (layout_.coordinates == 0)
+      options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+    else if (layout_.chained)
+      options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    else
+      options.linear_solver_type = ceres::DENSE_SCHUR;
+    if (options.linear_solver_type == ceres::DENSE_SCHUR) {
+      options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+      std::vector<double*> blocks;
+      program_.GetParameterBlocks(&blocks);
+      const double *begin = coordinates_.data(), *end = begin + coordinates_.size();
+      for (double* block : blocks)
+        options.linear_solver_ordering->AddElementToGroup(block, block >= begin && block < end ? 0 : 1);
+    }
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &program_, &summary);
+    return summary;
+  }
+
+  /// Moves the references of the floors' level to the present values.
+  bool set_reference() {
+    for (std::size_t j = 0; j < stop_costs_.size(); ++j)
+      if (StopResidual& residual = stop_costs_[j].residual();
+          !residual.set_reference(parameters_of(residual, j).data()))
+        return false;
+    bearing_cost_->residual().log_reference = sigmas_.back();
+    return true;
+  }
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    if (held_.sigmas) return ceres::SOLVER_CONTINUE;
+    JointState now = start_;
+    now.sigma_theta_rad = std::exp(sigmas_.back());
+    if (now.noise.law != NoiseLaw::polynomial) now.noise.parameters[0] = std::exp(sigmas_[0]);
+    collapsed = collapsed_sigma(start_, now);
+    return collapsed.empty() ? ceres::SOLVER_CONTINUE : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+
+  std::string collapsed;
+
+ private:
+  static ceres::Problem::Options program_options() {
+    ceres::Problem::Options options;
+    options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.disable_all_safety_checks = true;
+    return options;
+  }
+
+  std::vector<double*> parameters_of(const StopResidual& residual, std::size_t node) {
+    std::vector<double*> blocks = {curve_.data(), sigmas_.data()};
+    if (residual.coordinates() > 0) blocks.push_back(&coordinates_[layout_.nodes[node].coordinate]);
+    for (int l : residual.landmarks()) blocks.push_back(&landmarks_[2 * l]);
+    return blocks;
+  }
+
+  void add_blocks() {
+    for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
+      StopCost& cost = stop_costs_.emplace_back(StopResidual(problem_, start_, basis_, layout_.nodes[j].stops));
+      program_.AddResidualBlock(&cost, nullptr, parameters_of(cost.residual(), j));
+    }
+    BearingSpreadResidual bearing;
+    for (std::size_t i = 0; i < problem_.cells.size(); ++i)
+      bearing.square_sum += problem_.cells.bearing_weight[i] * problem_.cells.bearing_mean_square[i];
+    bearing.readings = problem_.readings;
+    bearing.log_reference = sigmas_.back();
+    bearing.block_size = static_cast<int>(sigmas_.size());
+    bearing.index = bearing.block_size - 1;
+    bearing_cost_ = std::make_unique<BearingSpreadCost>(bearing);
+    program_.AddResidualBlock(bearing_cost_.get(), nullptr, sigmas_.data());
+  }
+
+  void add_links() {
+    for (int k = 1; k < problem_.stop_count(); ++k) {
+      if (!problem_.stops[k].chained) continue;
+      LinkCost& link = link_costs_.emplace_back(problem_, layout_, start_, k);
+      if (link.num_residuals() == 0 || link.nodes().empty()) continue;
+      std::vector<double*> blocks;
+      for (int node : link.nodes()) blocks.push_back(&coordinates_[layout_.nodes[node].coordinate]);
+      program_.AddResidualBlock(&link, nullptr, blocks);
+    }
+    for (const KnownDistance& taped : problem_.known_distances)
+      program_.AddResidualBlock(&taped_costs_.emplace_back(taped), nullptr, &landmarks_[2 * taped.from],
+                                &landmarks_[2 * taped.to]);
+  }
+
+  const JointProblem& problem_;
+  const JointState& start_;
+  const JointLayout& layout_;
+  const Held held_;
+  Eigen::MatrixXd basis_;
+  std::vector<double> coordinates_, curve_, sigmas_, landmarks_;
+  std::deque<StopCost> stop_costs_;  ///< one per node
+  std::unique_ptr<BearingSpreadCost> bearing_cost_;
+  std::deque<LinkCost> link_costs_;
+  std::deque<TapedCost> taped_costs_;
+  ceres::Problem program_;
+};
+
+}  // namespace
+
+JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start, const JointOptions& options) {
+  JointFit fit;
+  fit.state = start;
+  JointSystem system(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()));
+  const std::vector<int> free = free_globals(system.layout(), options.held);
+  fit.start_nll = fit.joint_nll = system.assemble(start, HessianKind::fisher);
+  if (!std::isfinite(fit.start_nll)) {
+    fit.reason = "the start lies outside the model's domain: a distance, f(d) or a spread is not positive";
+    return fit;
+  }
+  if (const std::string channel = unbounded_channel(problem, options.held); !channel.empty()) {
+    fit.outcome = Outcome::unbounded;
+    fit.reason = channel;
+    return fit;
+  }
+  Program program(problem, start, system.layout(), options.held);
+  double last_norm = std::numeric_limits<double>::infinity();
+  for (int run = 0; run < 20 && fit.iterations < options.max_iterations; ++run) {
+    if (run > 0 && !program.set_reference()) break;
+    const ceres::Solver::Summary summary = program.run(options.max_iterations - fit.iterations);
+    fit.iterations += static_cast<int>(summary.iterations.size());
+    fit.evaluations += summary.num_residual_evaluations + summary.num_jacobian_evaluations;
+    fit.state = program.state();
+    if (!program.collapsed.empty()) {
+      fit.outcome = Outcome::unbounded;
+      fit.reason = "the joint likelihood has no maximum here: " + program.collapsed + "; use the marginal method";
+      fit.joint_nll = joint_nll(problem, fit.state);
+      return fit;
+    }
+    fit.joint_nll = system.assemble(fit.state, HessianKind::fisher);
+    ++fit.evaluations;
+    if (!system.eliminate()) break;
+    const auto step = newton_step(system.schur(), system.reduced_gradient(), free);
+    if (!step) break;
+    const Eigen::VectorXd stops = system.back_substitute(*step, true);
+    fit.gradient_norm =
+        std::sqrt(std::max(0.0, -(system.global_gradient().dot(*step) + system.stop_gradient().dot(stops))));
+    // Ceres compares sums of squares, whose rounding is about 1e-16 of N: no smaller norm can be told from its gain.
+    const double rounding = std::max(1e-6, std::sqrt(1e-14 * problem.readings));
+    const bool stalled = fit.gradient_norm < rounding && fit.gradient_norm > 0.5 * last_norm;
+    if (fit.gradient_norm < std::max(1e-6, options.gradient_tolerance) || stalled) {
+      fit.outcome = Outcome::converged;
+      break;
+    }
+    last_norm = fit.gradient_norm;
+  }
+  if (fit.outcome != Outcome::converged) {
+    fit.outcome = Outcome::not_converged;
+    fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
+  }
+  if (system.eliminate()) describe_covariance(system.schur(), system.layout(), free, fit);
+  return fit;
+}
+
+}  // namespace rangecal
