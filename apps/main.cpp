@@ -1,7 +1,95 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/core.h>
+#include <unistd.h>
 
-int main() {
-  fmt::print("rangecal {}\n", RANGECAL_VERSION);
-  return 0;
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include <fmt/core.h>
+#include <glog/logging.h>
+
+#include "commands.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+
+namespace {
+
+using namespace rangecal;
+
+/// The text on one line.
+std::string one_line(std::string text) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  for (char& c : text)
+    if (c == '\n' || c == '\r') c = ' ';
+  return text;
+}
+
+void complain(const std::string& what) { fmt::print(stderr, "rangecal: {}\n", one_line(what)); }
+
+/// Ceres logs through glog: to files in `log_dir` if one is given, else nowhere.
+void start_logging(const char* program, const std::string& log_dir) {
+  FLAGS_logtostderr = false;
+  FLAGS_stderrthreshold = google::GLOG_FATAL;
+  if (log_dir.empty()) {
+    FLAGS_minloglevel = google::GLOG_FATAL;
+  } else {
+    make_folder(log_dir);
+    if (::access(log_dir.c_str(), W_OK) != 0) throw InputError(log_dir + ": --log-dir cannot be written to");
+    FLAGS_log_dir = log_dir;
+    FLAGS_minloglevel = google::GLOG_INFO;
+  }
+  google::InitGoogleLogging(program);
+  LOG(INFO) << "rangecal " << RANGECAL_VERSION;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances."};
+  app.set_version_flag("--version", "rangecal " RANGECAL_VERSION);
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  rangecal compare notebooks_data/field-layout           four methods side by side\n"
+      "  rangecal calibrate my-recording --json cal.json        calibrate, keep the result\n"
+      "  echo 1.234 | rangecal correct cal.json                 true distance behind a reading\n"
+      "  rangecal simulate notebooks_data/scenes/field-layout.yaml -o sim --seed 7\n"
+      "\n"
+      "'rangecal COMMAND --help' explains a command. A recording is a folder with recording.yaml and CSV tables.\n"
+      "Exit codes: 0 done; 1 the work ran but could not deliver what was asked; 2 bad input or usage.");
+  std::string log_dir;
+  app.add_option("--log-dir", log_dir, "folder for the solver's log files (default: no logs)");
+  app.fallthrough();
+  app::Action chosen;
+  app::add_calibrate(app, chosen);
+  app::add_compare(app, chosen);
+  app::add_correct(app, chosen);
+  app::add_simulate(app, chosen);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help_or_version) {
+    return app.exit(help_or_version);
+  } catch (const CLI::ParseError& error) {
+    complain(one_line(error.what()) + "; see 'rangecal --help'");
+    return app::bad_input;
+  }
+  start_logging(argv[0], log_dir);
+  const int code = chosen();
+  if (std::fflush(stdout) != 0 || std::ferror(stdout)) {
+    complain("the results could not be written to stdout");
+    return app::not_delivered;
+  }
+  return code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const rangecal::InputError& error) {
+    complain(error.what());
+    return app::bad_input;
+  } catch (const std::exception& error) {
+    complain(std::string("internal error: ") + error.what());
+    return app::not_delivered;
+  }
 }

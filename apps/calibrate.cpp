@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <memory>
+
+#include <fmt/core.h>
+
+#include "commands.hpp"
+#include "comparison.hpp"
+#include "job_options.hpp"
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "summary.hpp"
+
+namespace rangecal::app {
+namespace {
+
+struct CalibrateCommand {
+  JobOptions job;
+  std::string method = "marginal", from, json;
+
+  int run() const {
+    CalibrateOptions options = job.parsed();
+    if (method != "all") {
+      try {
+        options.methods = {method_from_string(method)};
+      } catch (const InputError& error) {
+        throw InputError(std::string(error.what()) + ", all");
+      }
+    }
+    if (!from.empty()) options.from = load_calibration(from);
+    if (!json.empty()) probe(json);
+    const std::vector<Recording> recordings = load_recordings(job.recordings);
+    const CalibrationReport report = run_job(recordings, options);
+    const Calibration& best = recommended(report);
+    if (!json.empty()) save_calibrations(report.calibrations, json);
+
+    fmt::print("{}", summary_page(report, best, recordings, json));
+    if (options.from) fmt::print("{}", change_page(*options.from, best));
+    fmt::print("{}", numerics_page(report, best, recordings));
+    if (report.calibrations.size() > 1) {
+      std::vector<TruthScore> no_scores(report.calibrations.size());
+      fmt::print("\nAll methods\n{}{}", comparison_table(report, no_scores), footnotes(report, no_scores));
+    }
+    const bool contradicted = report.check && report.check->better_basin;
+    return best.outcome == Outcome::converged && !contradicted ? done : not_delivered;
+  }
+
+ private:
+  /// Says before the work begins that the file cannot be written, and leaves nothing behind.
+  static void probe(const std::string& path) {
+    if (file_exists(path)) return;
+    write_file(path, "");
+    std::remove(path.c_str());
+  }
+
+  static const Calibration& recommended(const CalibrationReport& report) {
+    for (auto c = report.calibrations.rbegin(); c != report.calibrations.rend(); ++c)
+      if (c->outcome == Outcome::converged) return *c;
+    return report.calibrations.back();
+  }
+};
+
+}  // namespace
+
+void add_calibrate(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("calibrate", "estimate the curve f, the noise, stops and landmarks");
+  const auto state = std::make_shared<CalibrateCommand>();
+  state->job.add_to(*command);
+  command
+      ->add_option("--method", state->method,
+                   "closed-form, approximate, full (joint maximum), marginal (stops integrated out; recommended), or all")
+      ->capture_default_str();
+  command->add_option("--from", state->from, "refine this calibration (JSON) and say what changed");
+  command->add_option("--json", state->json, "write the calibration to this file");
+  command->footer(
+      "The sensor reports y = f(d) + s e at the true distance d to a landmark's surface. Drive past landmarks at unknown\n"
+      "places, stop, record range and bearing to each: this command finds f, the noise, and where everything stood.\n"
+      "\n"
+      "Examples:\n"
+      "  rangecal calibrate notebooks_data/field-layout --json cal.json\n"
+      "  rangecal calibrate monday tuesday --order 2 --noise f2        two recordings of one sensor\n"
+      "  rangecal calibrate today --from cal.json --json new.json      has the sensor changed?\n"
+      "  rangecal calibrate wall-readings --noise-shape auto           known distances, outliers");
+  command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
+}
+
+}  // namespace rangecal::app

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+
+#include <CLI/CLI.hpp>
+
+namespace rangecal::app {
+
+/// Exit codes (FORMAT): done; the work ran but could not deliver; bad input or usage.
+enum Exit { done = 0, not_delivered = 1, bad_input = 2 };
+
+/// What a subcommand does once its options are parsed; returns the exit code.
+using Action = std::function<int()>;
+
+/// Each declares one subcommand and sets `chosen` when it is the one given.
+void add_calibrate(CLI::App& app, Action& chosen);
+void add_compare(CLI::App& app, Action& chosen);
+void add_correct(CLI::App& app, Action& chosen);
+void add_simulate(CLI::App& app, Action& chosen);
+
+}  // namespace rangecal::app

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <memory>
+
+#include <fmt/core.h>
+
+#include "commands.hpp"
+#include "comparison.hpp"
+#include "job_options.hpp"
+#include "text.hpp"
+
+namespace rangecal::app {
+namespace {
+
+int run(const JobOptions& job) {
+  const std::vector<Recording> recordings = load_recordings(job.recordings);
+  const CalibrationReport report = run_job(recordings, job.parsed());
+  const Calibration* stops = nullptr;
+  const Calibration* best = nullptr;
+  for (const Calibration& c : report.calibrations)
+    if (c.outcome == Outcome::converged) {
+      best = &c;
+      if (!c.stops.empty()) stops = &c;
+    }
+  std::vector<TruthScore> scores;
+  for (const Calibration& c : report.calibrations) {
+    if (c.outcome == Outcome::converged)
+      scores.push_back(score_against_truth(recordings, c, stops));
+    else
+      scores.emplace_back();
+  }
+  fmt::print("{}\n", wrapped(describe(recordings) + "; " + describe(report.calibrations[0].counts), 2));
+  if (best) fmt::print("{}\n", wrapped(describe_choice(*best, report), 2));
+  fmt::print("\n{}", comparison_table(report, scores));
+  fmt::print("{}", footnotes(report, scores));
+  if (report.check) fmt::print("{}\n", wrapped("check of the full likelihood: " + report.check->report, 2));
+  fmt::print("\n{}\n", wrapped(verdict(report, recordings), 0));
+  return best && best->method == Method::marginal ? done : not_delivered;
+}
+
+}  // namespace
+
+void add_compare(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("compare", "the four methods side by side, against ground truth where it exists");
+  const auto job = std::make_shared<JobOptions>();
+  job->add_to(*command);
+  command->footer(
+      "All methods share one order and noise law and are scored by the same two functions: the joint NLL at their best\n"
+      "stops and the marginal NLL with the stops integrated out. AIC uses the marginal one; lower is better.\n"
+      "\n"
+      "Example:\n"
+      "  rangecal compare notebooks_data/field-layout");
+  command->callback([job, &chosen] { chosen = [job] { return run(*job); }; });
+}
+
+}  // namespace rangecal::app

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "comparison.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include <fmt/core.h>
+
+#include "text.hpp"
+
+namespace rangecal::app {
+namespace {
+
+constexpr double degrees = 180.0 / std::numbers::pi;
+
+std::string or_dash(const std::optional<double>& value, const char* format, double factor = 1.0) {
+  return value ? fmt::format(fmt::runtime(format), factor * *value) : "-";
+}
+
+std::string named(const char* name, const std::string& unit) {
+  return unit.empty() ? name : fmt::format("{} [{}]", name, unit);
+}
+
+bool is_optimistic(const Calibration& c) { return c.method == Method::full && c.alpha_covariance; }
+
+class Table {
+ public:
+  explicit Table(const CalibrationReport& report) : report_(report) {}
+
+  /// A row of one cell per method; left out where every cell is "-".
+  void row(const std::string& name, const std::function<std::string(const Calibration&, std::size_t)>& cell) {
+    std::vector<std::string> cells{name};
+    bool any = false;
+    for (std::size_t i = 0; i < report_.calibrations.size(); ++i) {
+      cells.push_back(cell(report_.calibrations[i], i));
+      any = any || cells.back() != "-";
+    }
+    if (any) rows_.push_back(cells);
+  }
+
+  std::string text() const {
+    std::vector<std::size_t> width(report_.calibrations.size() + 1, 0);
+    for (const auto& cells : rows_)
+      for (std::size_t i = 0; i < cells.size(); ++i) width[i] = std::max(width[i], cells[i].size());
+    std::string result;
+    for (const auto& cells : rows_) {
+      std::string line;
+      for (std::size_t i = 0; i < cells.size(); ++i) line += fmt::format("{:<{}}", cells[i], width[i] + 3);
+      line.erase(line.find_last_not_of(' ') + 1);
+      result += line + "\n";
+    }
+    return result;
+  }
+
+ private:
+  const CalibrationReport& report_;
+  std::vector<std::vector<std::string>> rows_;
+};
+
+/// The method's marginal NLL above the best one's, in words; empty where one of them has none.
+std::string behind(const Calibration& c, const Calibration& best) {
+  if (!c.marginal_nll || !best.marginal_nll) return {};
+  return fmt::format("{:+.1f} nats", *c.marginal_nll - *best.marginal_nll);
+}
+
+}  // namespace
+
+std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
+  int order = -1;
+  Eigen::Index taus = 0;
+  NoiseLaw law = NoiseLaw::f_squared;
+  bool pairs = false;
+  for (const Calibration& c : report.calibrations) {
+    if (c.alpha.size() == 0) continue;
+    order = std::max(order, c.order());
+    if (c.noise.parameters.size() >= taus) law = c.noise.law;
+    taus = std::max(taus, c.noise.parameters.size());
+    pairs = c.kind == RecordingKind::pairs;
+  }
+  Table table(report);
+  table.row("", [](const Calibration& c, std::size_t) { return std::string(to_string(c.method)) + (is_optimistic(c) ? " *" : ""); });
+  table.row("outcome", [](const Calibration& c, std::size_t) { return std::string(to_string(c.outcome)); });
+  for (int i = 0; i <= order; ++i)
+    table.row(named(fmt::format("alpha_{}", i).c_str(), coefficient_unit(i)), [&](const Calibration& c, std::size_t) {
+      if (i > c.order()) return std::string("-");
+      std::optional<double> std_dev;
+      if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
+      return with_std(c.alpha[i], std_dev);
+    });
+  for (Eigen::Index j = 0; j < taus; ++j)
+    table.row(named(law == NoiseLaw::polynomial ? fmt::format("beta_{}", j).c_str() : "sigma_e",
+                    law_unit(law, static_cast<int>(j))),
+              [&](const Calibration& c, std::size_t) {
+                const std::size_t index = static_cast<std::size_t>(j);
+                if (c.alpha.size() == 0 || index >= c.noise_estimates.size()) return std::string("-");
+                return with_std(c.noise_estimates[index].value, c.noise_estimates[index].std_dev);
+              });
+  table.row("sigma_theta [deg]", [](const Calibration& c, std::size_t) {
+    if (!c.sigma_theta_rad || c.alpha.size() == 0) return std::string("-");
+    std::optional<double> std_dev = c.sigma_theta_rad->std_dev;
+    if (std_dev) *std_dev *= degrees;
+    return with_std(degrees * c.sigma_theta_rad->value, std_dev);
+  });
+  table.row("sigma_s [mm]", [](const Calibration& c, std::size_t) {
+    if (!c.sigma_s_m) return std::string("-");
+    if (c.sigma_s_upper95_m) return fmt::format("0 (< {:.2g} at 95 %)", 1e3 * *c.sigma_s_upper95_m);
+    std::optional<double> std_dev = c.sigma_s_m->std_dev;
+    if (std_dev) *std_dev *= 1e3;
+    return with_std(1e3 * c.sigma_s_m->value, std_dev);
+  });
+  if (!pairs) table.row("joint NLL", [](const Calibration& c, std::size_t) { return or_dash(c.joint_nll, "{:.2f}"); });
+  table.row(pairs ? "NLL" : "marginal NLL", [](const Calibration& c, std::size_t) { return or_dash(c.marginal_nll, "{:.2f}"); });
+  table.row("AIC", [](const Calibration& c, std::size_t) { return or_dash(c.aic, "{:.2f}"); });
+  table.row("time [ms]", [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
+  table.row("landmark RMSE [mm]", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_rmse_m, "{:.1f}", 1e3); });
+  table.row("range RMSE [mm]", [&](const Calibration&, std::size_t i) {
+    if (!scores[i].mse_ratio) return std::string("-");
+    return fmt::format("{:.1f} -> {:.1f}", 1e3 * scores[i].rmse_raw_m, 1e3 * scores[i].rmse_corrected_m);
+  });
+  table.row("MSE ratio", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].mse_ratio, "{:.2f}"); });
+  return table.text();
+}
+
+std::string footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
+  std::string text;
+  const auto line = [&](const std::string& sentence) { text += wrapped(sentence, 2) + "\n"; };
+  for (const Calibration& c : report.calibrations)
+    if (is_optimistic(c))
+      line(c.kind == RecordingKind::pairs
+               ? "* optimistic: its sigma_e is not corrected for the coefficients fitted, nor are its standard deviations"
+               : "* optimistic: its sigmas and standard deviations are too small, since it fits every stop to the same "
+                 "readings and does not pay for it");
+  for (const Calibration& c : report.calibrations)
+    if (!c.reason.empty()) line(fmt::format("{}: {}", to_string(c.method), c.reason));
+  bool truth = false, estimated = false;
+  for (const TruthScore& score : scores) {
+    truth = truth || score.mse_ratio;
+    estimated = estimated || (score.mse_ratio && score.estimated_stops);
+  }
+  if (truth)
+    line("MSE ratio: mean square error of the raw readings over that of the corrected ones; 1 is no gain, more is better");
+  if (estimated)
+    line("there is no truth for the stops: true distances are from the true landmarks to the stops as estimated by "
+         "the best method, so range RMSE and MSE ratio are only as good as these");
+  for (const std::string& note : report.notes) line("note: " + note);
+  return text;
+}
+
+std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings) {
+  const Calibration* best = nullptr;
+  const Calibration* full = nullptr;
+  for (Method method : {Method::closed_form, Method::approximate, Method::full, Method::marginal})
+    for (const Calibration& c : report.calibrations) {
+      if (c.method == Method::full) full = &c;
+      if (c.method == method && c.outcome == Outcome::converged) best = &c;
+    }
+  if (!best) {
+    const Calibration& last = report.calibrations.back();
+    return fmt::format("Trust none of them: {} ({}).", last.reason.empty() ? "no method converged" : last.reason,
+                       to_string(last.outcome));
+  }
+  if (best->method != Method::marginal)
+    return fmt::format("Trust {} only with care: marginal, the recommended method, ended as {}.",
+                       to_string(best->method), to_string(report.calibrations.back().outcome));
+  const bool pairs = recordings[0].kind == RecordingKind::pairs;
+  std::size_t stops = 0;
+  for (const Recording& recording : recordings) stops += recording.stops.size();
+  std::string text = pairs ? "Trust marginal: it has the exact likelihood and a sigma_e corrected for the coefficients fitted"
+                           : fmt::format("Trust marginal: it has the exact likelihood and integrates the {} uncertain stops "
+                                         "out, so neither curve nor sigmas are bent to fit them", stops);
+  if (full && full->outcome == Outcome::converged) {
+    if (pairs)
+      text += "; full differs by that correction only";
+    else if (full->sigma_theta_rad && best->sigma_theta_rad)
+      text += fmt::format("; full fits the stops along and gives away honest sigmas (its sigma_theta is {:+.0f} % off)",
+                          100.0 * (full->sigma_theta_rad->value / best->sigma_theta_rad->value - 1.0));
+  } else if (full) {
+    text += fmt::format("; full has no answer here ({})", to_string(full->outcome));
+  }
+  for (const Calibration& c : report.calibrations) {
+    if (c.method != Method::closed_form && c.method != Method::approximate) continue;
+    const bool approximate = c.method == Method::approximate;
+    if (c.outcome != Outcome::converged) {
+      text += fmt::format("; {} has no answer here ({})", to_string(c.method), to_string(c.outcome));
+      continue;
+    }
+    const std::string cost = behind(c, *best);
+    text += fmt::format("; {} {}{}", to_string(c.method),
+                        approximate ? (pairs ? "weighs readings as if noise grew with d^2"
+                                             : "weighs readings as if noise grew with d^2 and takes the commanded stops for true")
+                                    : (pairs ? "weighs all readings alike"
+                                             : "takes the commanded stops for true and uses no range to place landmarks"),
+                        cost.empty() ? std::string() : " (" + cost + ")");
+  }
+  return text + ".";
+}
+
+}  // namespace rangecal::app

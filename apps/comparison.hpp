@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rangecal/core/recording.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/calibrate/truth_score.hpp"
+
+namespace rangecal::app {
+
+/// One column per method: estimates with standard deviations, likelihoods, time, errors against ground truth.
+std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores);
+
+/// One sentence: which method to trust, why, and what each other gives away.
+std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings);
+
+/// The sentences under the table: what a mark in it means, and where true distances came from.
+std::string footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores);
+
+}  // namespace rangecal::app

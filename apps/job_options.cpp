@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "job_options.hpp"
+
+#include <unistd.h>
+
+#include <charconv>
+
+#include <fmt/core.h>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/recording_io.hpp"
+
+namespace rangecal::app {
+namespace {
+
+/// A line on stderr that the next one replaces; nothing where stderr is no terminal.
+class Progress {
+ public:
+  Progress() : shown_(::isatty(STDERR_FILENO) == 1) {}
+  ~Progress() {
+    if (shown_) fmt::print(stderr, "\r\033[K");
+  }
+  void say(const std::string& what) const {
+    if (shown_) fmt::print(stderr, "\r\033[K{} ...", what);
+  }
+
+ private:
+  bool shown_;
+};
+
+int order_from(const std::string& text) {
+  int order = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), order);
+  if (error != std::errc() || end != text.data() + text.size() || order < 0 || order > 8)
+    throw InputError("--order is '" + text + "', not a whole number from 0 to 8, nor auto");
+  return order;
+}
+
+}  // namespace
+
+void JobOptions::add_to(CLI::App& command) {
+  command.add_option("RECORDING", recordings, "recording folders; several share one sensor")->required();
+  command.add_option("--order", order, "order of the curve f: a number, or auto (1 to 4, by AIC)")->capture_default_str();
+  command
+      .add_option("--noise", noise,
+                  "how one reading's spread depends on the reading's mean f: constant, f, f2 (triangulation), f3, d2, "
+                  "polynomial, or auto (constant, f, f2, f3 by AIC)")
+      ->capture_default_str();
+  command.add_option("--solver", solver, "of the full likelihood: ceres or block; both reach the same optimum")
+      ->capture_default_str();
+  command
+      .add_option("--noise-shape", shape,
+                  "gaussian, student-t, contaminated (outliers), or auto by AIC; pairs recordings only")
+      ->capture_default_str();
+  command
+      .add_option("--weights", weights,
+                  "of the closed form's lines of sight (2021 paper): paper (eq. 22), printed (eq. 25), consistent")
+      ->capture_default_str();
+  command.add_flag("--check", check, "solve the full likelihood a second time with NLopt and say whether they agree");
+}
+
+CalibrateOptions JobOptions::parsed() const {
+  CalibrateOptions options;
+  if (order != "auto") options.order = order_from(order);
+  if (noise != "auto") options.noise = noise_law_from_string(noise);
+  options.solver = joint_solver_from_string(solver);
+  options.noise_shape = noise_shape_from_string(shape);
+  options.weights = bearing_weights_from_string(weights);
+  options.check = check;
+  return options;
+}
+
+CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOptions options) {
+  using Clock = std::chrono::steady_clock;
+  const Progress progress;
+  std::map<Method, double> seconds;
+  Clock::time_point begin;
+  options.on_progress = [&](const std::string& what) { progress.say(what); };
+  options.on_method = [&](Method method, bool begins) {
+    if (begins)
+      begin = Clock::now();
+    else
+      seconds[method] = std::chrono::duration<double>(Clock::now() - begin).count();
+  };
+  CalibrationReport report = calibrate_report(recordings, options);
+  for (Calibration& calibration : report.calibrations) calibration.seconds = seconds[calibration.method];
+  return report;
+}
+
+std::vector<Recording> load_recordings(const std::vector<std::string>& folders) {
+  std::vector<Recording> recordings;
+  for (const std::string& folder : folders) recordings.push_back(load_recording(folder));
+  return recordings;
+}
+
+}  // namespace rangecal::app

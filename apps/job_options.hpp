@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "rangecal/core/recording.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+
+namespace rangecal::app {
+
+/// The options that `calibrate` and `compare` share, as texts of the command line.
+struct JobOptions {
+  std::vector<std::string> recordings;
+  std::string order = "auto", noise = "auto", solver = "ceres", shape = "gaussian", weights = "consistent";
+  bool check = false;
+
+  void add_to(CLI::App& command);
+  /// Throws InputError for a text that is not accepted.
+  CalibrateOptions parsed() const;
+};
+
+/// Runs a job with progress on stderr where that is a terminal, and fills in each method's seconds.
+CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOptions options);
+
+std::vector<Recording> load_recordings(const std::vector<std::string>& folders);
+
+}  // namespace rangecal::app

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "rangecal/core/recording.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+
+namespace rangecal::app {
+
+/// The page a person reads first: what f is, the correction and the noise over the range, bearings, counts, outcome,
+/// what is least certain, what to do next. `json` names the file written, or is empty.
+std::string summary_page(const CalibrationReport& report, const Calibration& calibration,
+                         std::span<const Recording> recordings, const std::string& json);
+
+/// What `--from` found: how f moved, in millimetres over the range, and whether that is more than chance.
+std::string change_page(const Calibration& before, const Calibration& after);
+
+/// The numbers behind: landmarks, stops, likelihoods, iterations, weakest direction.
+std::string numerics_page(const CalibrationReport& report, const Calibration& calibration,
+                          std::span<const Recording> recordings);
+
+}  // namespace rangecal::app

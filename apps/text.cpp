@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "text.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/core.h>
+
+namespace rangecal::app {
+
+std::string with_std(double value, std::optional<double> std_dev) {
+  if (!std_dev || !(*std_dev > 0.0) || !std::isfinite(*std_dev)) return fmt::format("{:.5g}", value);
+  const int digits = 1 - static_cast<int>(std::floor(std::log10(*std_dev)));
+  if (digits > 7 || digits < -4) return fmt::format("{:.4g} +- {:.2g}", value, *std_dev);
+  const int places = std::max(0, digits);
+  return fmt::format("{:.{}f} +- {:.{}f}", value, places, *std_dev, places);
+}
+
+std::string coefficient_unit(int power) {
+  if (power == 0) return "m";
+  if (power == 1) return "";
+  return power == 2 ? "1/m" : fmt::format("1/m^{}", power - 1);
+}
+
+std::string law_in_words(NoiseLaw law) {
+  switch (law) {
+    case NoiseLaw::constant: return "sigma_e";
+    case NoiseLaw::f: return "sigma_e f";
+    case NoiseLaw::f_squared: return "sigma_e f^2";
+    case NoiseLaw::f_cubed: return "sigma_e f^3";
+    case NoiseLaw::d_squared: return "sigma_e d^2";
+    case NoiseLaw::polynomial: return "beta_0 + beta_1 d + ...";
+  }
+  return "";
+}
+
+std::string law_unit(NoiseLaw law, int index) {
+  switch (law) {
+    case NoiseLaw::constant: return "m";
+    case NoiseLaw::f: return "";
+    case NoiseLaw::f_squared:
+    case NoiseLaw::d_squared: return "1/m";
+    case NoiseLaw::f_cubed: return "1/m^2";
+    case NoiseLaw::polynomial: return coefficient_unit(index);
+  }
+  return "";
+}
+
+std::string describe(std::span<const Recording> recordings) {
+  std::size_t stops = 0, landmarks = 0, readings = 0;
+  for (const Recording& recording : recordings) {
+    stops += recording.stops.size();
+    landmarks += recording.landmarks.size();
+    readings += recording.kind == RecordingKind::pairs ? recording.pairs.size() : recording.readings.size();
+  }
+  const Recording& first = recordings[0];
+  std::string text = recordings.size() == 1 ? first.path : fmt::format("{} recordings", recordings.size());
+  if (!first.sensor.name.empty()) text += fmt::format(", sensor {}", first.sensor.name);
+  if (!first.sensor.principle.empty()) text += fmt::format(" ({})", first.sensor.principle);
+  if (first.kind == RecordingKind::pairs) return text + fmt::format(": {} readings at known distances", readings);
+  return text + fmt::format(": {} stops, {} landmarks, {} readings", stops, landmarks, readings);
+}
+
+std::string describe(const Counts& counts) {
+  std::string text = fmt::format("{} read, {} used", counts.read, counts.used);
+  std::string dropped;
+  for (const auto& [reason, count] : counts.dropped)
+    if (count > 0) dropped += fmt::format("{}{} {}", dropped.empty() ? "" : ", ", count, reason);
+  text += dropped.empty() ? "; none dropped" : "; dropped: " + dropped;
+  if (counts.cells_left_out > 0)
+    text += fmt::format("; {} (stop, landmark) cells left out whole, since a limit of the sensor cut them",
+                        counts.cells_left_out);
+  return text;
+}
+
+std::string describe_choice(const Calibration& calibration, const CalibrationReport& report) {
+  std::string text = fmt::format("order {}, noise {}", calibration.order(), law_in_words(calibration.noise.law));
+  if (report.models.empty()) return text + " (as asked)";
+  std::vector<ModelScore> models = report.models;
+  std::sort(models.begin(), models.end(), [](const auto& a, const auto& b) { return a.aic < b.aic; });
+  text += fmt::format(" (lowest AIC of {} models", models.size());
+  const auto next = std::find_if(models.begin(), models.end(), [&](const ModelScore& m) {
+    return m.order != calibration.order() || m.law != calibration.noise.law;
+  });
+  if (next != models.end() && std::isfinite(next->aic) && std::isfinite(models[0].aic))
+    text += fmt::format("; next: order {}, {}, AIC {:+.1f}", next->order, law_in_words(next->law),
+                        next->aic - models[0].aic);
+  return text + ")";
+}
+
+std::string wrapped(const std::string& text, std::size_t indent, std::size_t width) {
+  std::string result, line;
+  std::size_t begin = 0;
+  bool first = true;
+  const auto flush = [&] {
+    if (!first) result += "\n" + std::string(indent, ' ');
+    result += line;
+    line.clear();
+    first = false;
+  };
+  while (begin < text.size()) {
+    std::size_t end = text.find(' ', begin);
+    if (end == std::string::npos) end = text.size();
+    const std::string word = text.substr(begin, end - begin);
+    if (!line.empty() && indent + line.size() + 1 + word.size() > width) flush();
+    if (!word.empty()) line += (line.empty() ? "" : " ") + word;
+    begin = end + 1;
+  }
+  if (!line.empty()) flush();
+  return result;
+}
+
+}  // namespace rangecal::app

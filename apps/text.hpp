@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+
+#include "rangecal/core/calibration.hpp"
+#include "rangecal/core/recording.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+
+namespace rangecal::app {
+
+/// "0.0525 +- 0.0021": the value to the second digit of its standard deviation; alone where there is none.
+std::string with_std(double value, std::optional<double> std_dev);
+
+/// "m", "", "1/m", "1/m^2", ...: unit of a coefficient of d^power.
+std::string coefficient_unit(int power);
+/// "sigma_e f^2" and the like, and the unit of the law's parameter.
+std::string law_in_words(NoiseLaw law);
+std::string law_unit(NoiseLaw law, int index);
+
+/// "3 recordings of kind landmarks: 30 stops, 15 landmarks, 500 readings".
+std::string describe(std::span<const Recording> recordings);
+/// "500 read, 498 used; dropped: 2 zero".
+std::string describe(const Counts& counts);
+/// "order 2, noise sigma_e f^2; chosen by AIC among 10 models", runners-up included.
+std::string describe_choice(const Calibration& calibration, const CalibrationReport& report);
+
+/// Text broken at spaces to lines of `width`, each after the first indented.
+std::string wrapped(const std::string& text, std::size_t indent, std::size_t width = 100);
+
+}  // namespace rangecal::app

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/calibrate.hpp"
+
+#include <fmt/core.h>
+
+#include "calibrate/landmarks_job.hpp"
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+
+const char* to_string(JointSolver solver) { return solver == JointSolver::ceres ? "ceres" : "block"; }
+
+JointSolver joint_solver_from_string(const std::string& text) {
+  for (JointSolver solver : {JointSolver::ceres, JointSolver::block})
+    if (text == to_string(solver)) return solver;
+  throw InputError("solver is '" + text + "', not one of ceres, block");
+}
+
+void CalibrateOptions::check_values() const {
+  if (order && (*order < 0 || *order > 8)) throw InputError(fmt::format("order is {}, not 0 to 8", *order));
+  if (max_order < 1 || max_order > 8) throw InputError(fmt::format("max_order is {}, not 1 to 8", max_order));
+  if (from && (from->alpha.size() == 0 || !from->alpha.allFinite()))
+    throw InputError("the calibration to start from has no curve f (its outcome is " +
+                     std::string(to_string(from->outcome)) + ")");
+}
+
+std::vector<Method> methods_of(const CalibrateOptions& options) {
+  if (!options.methods.empty()) return options.methods;
+  return {Method::closed_form, Method::approximate, Method::full, Method::marginal};
+}
+
+void add_counts(const Counts& from, Counts& to) {
+  to.read += from.read;
+  to.used += from.used;
+  to.cells_left_out += from.cells_left_out;
+  for (const auto& [reason, count] : from.dropped) to.dropped[reason] += count;
+}
+
+CalibrationReport calibrate_report(std::span<const Recording> recordings, const CalibrateOptions& options) {
+  options.check_values();
+  if (recordings.empty()) throw InputError("no recording to calibrate");
+  for (const Recording& recording : recordings)
+    if (recording.kind != recordings[0].kind)
+      throw InputError(recording.path + ": kinds landmarks and pairs cannot be mixed in one job (" +
+                       recordings[0].path + " is of the other kind)");
+  CalibrationReport report;
+  if (recordings[0].kind == RecordingKind::pairs)
+    calibrate_pairs(recordings, options, report);
+  else
+    calibrate_landmarks(recordings, options, report);
+  return report;
+}
+
+std::vector<Calibration> calibrate(std::span<const Recording> recordings, const CalibrateOptions& options) {
+  return calibrate_report(recordings, options).calibrations;
+}
+
+}  // namespace rangecal

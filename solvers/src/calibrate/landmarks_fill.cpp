@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <regex>
+
+#include "calibrate/landmarks_job.hpp"
+#include "rangecal/solvers/calibrate/curve.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+namespace rangecal {
+namespace {
+
+void fill_range(const JointProblem& problem, const JointState& state, Calibration& result) {
+  const Cells& cells = problem.cells;
+  double low = std::numeric_limits<double>::infinity(), high = 0.0;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const Pose2& pose = state.stops[cells.stop[i]];
+    const double d =
+        (state.landmarks[cells.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm() - cells.radius_m[i];
+    low = std::min(low, d);
+    high = std::max(high, d);
+  }
+  result.range_min_m = std::max(0.0, low);
+  result.range_max_m = high;
+}
+
+void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibration& result) {
+  const int alphas = static_cast<int>(fit.state.alpha.size()), taus = static_cast<int>(fit.state.noise.parameters.size());
+  const Eigen::MatrixXd* covariance = fit.covariance ? &*fit.covariance : nullptr;
+  const JointLayout layout(problem, alphas, taus, covariance && covariance->rows() > alphas + 2 * problem.landmark_count() + taus + 1);
+  const bool logs = fit.state.noise.law != NoiseLaw::polynomial;
+  const auto std_dev = [&](int index, double factor) -> std::optional<double> {
+    if (!covariance || !((*covariance)(index, index) >= 0.0)) return std::nullopt;
+    return factor * std::sqrt((*covariance)(index, index));
+  };
+  if (covariance) result.alpha_covariance = covariance->topLeftCorner(alphas, alphas);
+  for (int j = 0; j < taus; ++j) {
+    const double value = fit.state.noise.parameters[j];
+    result.noise_estimates.push_back({value, std_dev(layout.tau_begin + j, logs ? value : 1.0)});
+  }
+  result.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, std_dev(layout.sigma_theta, fit.state.sigma_theta_rad)};
+  if (problem.estimate_sigma_s && fit.state.sigma_s_m) {
+    result.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
+    if (layout.sigma_s >= 0) result.sigma_s_m->std_dev = std_dev(layout.sigma_s, *fit.state.sigma_s_m);
+  }
+  for (int l = 0; covariance && l < problem.landmark_count(); ++l)
+    result.landmarks[l].covariance = covariance->block<2, 2>(layout.landmark_begin + 2 * l, layout.landmark_begin + 2 * l);
+}
+
+}  // namespace
+
+std::string with_labels(const std::string& text, const std::vector<std::string>& labels) {
+  static const std::regex pattern("landmark ([0-9]+)");
+  std::string result;
+  auto from = text.begin();
+  for (std::sregex_iterator match(text.begin(), text.end(), pattern), end; match != end; ++match) {
+    result.append(from, (*match)[0].first);
+    const std::size_t index = std::stoul((*match)[1].str());
+    result += "landmark " + (index < labels.size() ? labels[index] : (*match)[1].str());
+    from = (*match)[0].second;
+  }
+  result.append(from, text.end());
+  return result;
+}
+
+Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit) {
+  Calibration result;
+  result.method = method;
+  result.counts = job.counts;
+  result.outcome = fit.outcome;
+  result.reason = with_labels(fit.reason, job.landmark_labels);
+  result.iterations = fit.iterations;
+  if (fit.outcome == Outcome::unbounded || fit.outcome == Outcome::failed || fit.state.alpha.size() == 0) {
+    result.covariance_reason = "no optimum, so no covariance";
+    return result;
+  }
+  result.weakest_direction = with_labels(fit.weakest_direction, job.landmark_labels);
+  result.covariance_reason = with_labels(fit.covariance_reason, job.landmark_labels);
+  result.alpha = fit.state.alpha;
+  result.noise = fit.state.noise;
+  for (std::size_t l = 0; l < job.landmark_labels.size(); ++l)
+    result.landmarks.push_back(
+        {job.problem.landmark_recording[l], job.landmark_labels[l], fit.state.landmarks[l], std::nullopt});
+  for (std::size_t k = 0; k < job.stop_labels.size(); ++k)
+    result.stops.push_back({job.problem.stops[k].recording, job.stop_labels[k], fit.state.stops[k]});
+  fill_deviations(job.problem, fit, result);
+  fill_range(job.problem, fit.state, result);
+  if (method == Method::full && result.alpha_covariance)
+    result.covariance_reason =
+        "optimistic: the joint maximum fits the stops as if they were known afterwards, so its sigmas, and with them "
+        "these standard deviations, come out too small";
+  return result;
+}
+
+Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, int order, NoiseLaw law) {
+  ClosedFormOptions closed;
+  closed.order = order;
+  closed.noise_law = law;
+  closed.bearings.weights = job.options.weights;
+  if (job.problem.estimate_sigma_s) closed.bearings.sigma_s_m = job.default_sigma_s_m;
+  Calibration result = method == Method::closed_form ? closed_form_calibration(job.problem, closed)
+                                                     : approximate_joint_calibration(job.problem, closed);
+  result.method = method;
+  result.counts = job.counts;
+  result.reason = with_labels(result.reason, job.landmark_labels);
+  result.weakest_direction = with_labels(result.weakest_direction, job.landmark_labels);
+  for (std::size_t l = 0; l < result.landmarks.size() && l < job.landmark_labels.size(); ++l)
+    result.landmarks[l].label = job.landmark_labels[l];
+  if (result.alpha.size() == 0 && is_usable(result.outcome)) result.outcome = Outcome::failed;
+  return result;
+}
+
+void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
+           Calibration& calibration) {
+  if (calibration.alpha.size() == 0 || calibration.landmarks.size() != job.landmark_labels.size()) return;
+  JointState state;
+  state.alpha = calibration.alpha;
+  state.noise = calibration.noise;
+  if (calibration.sigma_theta_rad)
+    state.sigma_theta_rad = calibration.sigma_theta_rad->value;
+  else if (sigma_theta_rad)
+    state.sigma_theta_rad = *sigma_theta_rad;
+  if (job.problem.estimate_sigma_s) state.sigma_s_m = std::max(sigma_s_m.value_or(job.default_sigma_s_m), 1e-6);
+  for (const LandmarkEstimate& landmark : calibration.landmarks) state.landmarks.push_back(landmark.position_m);
+  for (std::size_t k = 0; k < job.problem.stops.size(); ++k)
+    state.stops.push_back(calibration.stops.size() == job.problem.stops.size() ? calibration.stops[k].pose
+                                                                               : job.problem.stops[k].commanded);
+  const LaplaceValue value = laplace_marginal(job.problem, state);
+  if (!value.ok) {
+    calibration.reason += std::string(calibration.reason.empty() ? "" : "; ") +
+                          "no likelihood: f, a distance or a spread is not positive at some reading";
+    return;
+  }
+  calibration.joint_nll = value.joint_nll;
+  calibration.marginal_nll = value.marginal_nll;
+  calibration.aic = 2.0 * (value.marginal_nll + job.parameters(state));
+}
+
+void name_what_is_open(const LandmarksJob& job, Calibration& calibration) {
+  if (!is_usable(calibration.outcome) || calibration.order() < 1) return;
+  const auto open = [&](const std::string& what) {
+    calibration.outcome = Outcome::unobservable;
+    calibration.reason = what + (calibration.reason.empty() ? "" : "; " + calibration.reason);
+    calibration.alpha_covariance.reset();
+    calibration.covariance_reason = "no covariance: " + what;
+    if (calibration.weakest_direction.empty()) calibration.weakest_direction = "alpha_0 against alpha_1";
+  };
+  double uncertain = 0.0;
+  for (int k = 0; k < job.problem.stop_count(); ++k) uncertain = std::max(uncertain, job.problem.stops[k].sigma_xy_m);
+  if (job.problem.stops.back().chained) uncertain = job.problem.stops[0].sigma_xy_m;
+  const double span = calibration.range_max_m - calibration.range_min_m;
+  if (span < std::max(8.0 * uncertain, 0.02 * calibration.range_max_m))
+    return open(fmt::format("all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not "
+                            "determined, only its value there",
+                            calibration.range_min_m, calibration.range_max_m));
+  if (!calibration.alpha_covariance) return;
+  for (const CurvePoint& point : curve_points(calibration))
+    if (point.std_dev_m && *point.std_dev_m > 0.5 * std::max(point.distance_m, 0.2 * calibration.range_max_m))
+      return open(fmt::format("f is not determined: its standard deviation is {:.2g} m at {:.2f} m; curve and "
+                              "landmarks can shift together unseen",
+                              *point.std_dev_m, point.distance_m));
+}
+
+}  // namespace rangecal

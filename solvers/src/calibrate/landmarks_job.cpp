@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "calibrate/landmarks_job.hpp"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/joint_ml/joint_ceres.hpp"
+
+namespace rangecal {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// The recording without the landmarks that no reading sees: nothing can be said about them.
+Recording without_unseen(const Recording& whole, std::vector<std::string>& unseen) {
+  std::vector<int> renumbered(whole.landmarks.size(), -1);
+  for (int l : whole.readings.landmark) renumbered[l] = 0;
+  if (std::find(renumbered.begin(), renumbered.end(), -1) == renumbered.end()) return whole;
+  Recording seen = whole;
+  seen.landmarks.clear();
+  seen.truth.landmarks.clear();
+  for (std::size_t l = 0; l < whole.landmarks.size(); ++l) {
+    if (renumbered[l] < 0) {
+      unseen.push_back(whole.landmarks[l].label);
+      continue;
+    }
+    renumbered[l] = static_cast<int>(seen.landmarks.size());
+    seen.landmarks.push_back(whole.landmarks[l]);
+  }
+  for (int& l : seen.readings.landmark) l = renumbered[l];
+  seen.known_distances.clear();
+  for (KnownDistance taped : whole.known_distances) {
+    taped.from = renumbered[taped.from];
+    taped.to = renumbered[taped.to];
+    if (taped.from >= 0 && taped.to >= 0) seen.known_distances.push_back(taped);
+  }
+  return seen;
+}
+
+std::optional<std::string> why_too_few(const JointProblem& problem, int order) {
+  std::set<int> places;
+  for (int stop : problem.cells.stop) places.insert(problem.stops[stop].place);
+  if (problem.readings < 1.0) return "no usable reading";
+  if (places.size() < 3)
+    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3", places.size());
+  const double unknowns = order + 1 + 2.0 * problem.landmark_count();
+  if (2.0 * static_cast<double>(problem.cells.size()) < unknowns + 2.0)
+    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks", problem.cells.size(),
+                       unknowns);
+  if (static_cast<int>(problem.cells.size()) < order + 2)
+    return fmt::format("{} distances for a curve of order {}", problem.cells.size(), order);
+  return std::nullopt;
+}
+
+}  // namespace
+
+LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOptions& wanted, CalibrationReport& report)
+    : options(wanted) {
+  std::vector<std::string> unseen;
+  for (const Recording& recording : all) {
+    recordings.push_back(without_unseen(recording, unseen));
+    add_counts(recording.counts, counts);
+    for (const Landmark& landmark : recordings.back().landmarks) landmark_labels.push_back(landmark.label);
+    for (const Stop& stop : recording.stops) stop_labels.push_back(stop.label);
+    if (recording.estimate_sigma_xy) default_sigma_s_m = std::max(recording.sigma_xy_m, 1e-3);
+  }
+  if (!unseen.empty())
+    report.notes.push_back(fmt::format("left out, never seen: landmark {}", fmt::join(unseen, ", ")));
+  problem = make_joint_problem(recordings);
+  too_few = why_too_few(problem, options.order.value_or(1));
+}
+
+std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
+  std::vector<JointState> candidates;
+  ClosedFormOptions closed;
+  closed.order = order;
+  closed.noise_law = law;
+  closed.bearings.weights = options.weights;
+  if (problem.estimate_sigma_s) closed.bearings.sigma_s_m = default_sigma_s_m;
+  const auto add = [&](auto&& make) {
+    try {
+      candidates.push_back(make());
+    } catch (const InputError&) {  // this seed does not exist for this problem; others may
+    }
+  };
+  add([&] { return closed_form_state(problem, closed); });
+  add([&] { return position_seed(problem, order, law); });
+  if (options.from && !candidates.empty()) {
+    JointState state = candidates.back();
+    const Calibration& from = *options.from;
+    for (std::size_t l = 0; l < landmark_labels.size(); ++l)
+      for (const LandmarkEstimate& landmark : from.landmarks)
+        if (landmark.label == landmark_labels[l] && landmark.recording == problem.landmark_recording[l])
+          state.landmarks[l] = landmark.position_m;
+    add([&] {
+      seed_curve_and_noise(problem, order, state);
+      return state;
+    });
+    if (from.order() <= order) {
+      state.alpha = Eigen::VectorXd::Zero(order + 1);
+      state.alpha.head(from.alpha.size()) = from.alpha;
+      if (from.noise.law == law) state.noise = from.noise;
+      if (from.sigma_theta_rad) state.sigma_theta_rad = from.sigma_theta_rad->value;
+      candidates.push_back(state);
+    }
+  }
+  std::optional<JointState> best;
+  double best_nll = infinity;
+  for (JointState& state : candidates) {
+    if (problem.estimate_sigma_s) state.sigma_s_m = default_sigma_s_m;
+    const double nll = joint_nll(problem, state);
+    if (nll < best_nll) {
+      best_nll = nll;
+      best = state;
+    }
+  }
+  return best;
+}
+
+JointFit LandmarksJob::full(const JointState& start) const {
+  return options.solver == JointSolver::block ? solve_joint_block(problem, start) : solve_joint_ceres(problem, start);
+}
+
+MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit) const {
+  MarginalOptions marginal;
+  marginal.estimate_sigma_s = problem.estimate_sigma_s;
+  MarginalFit best;
+  if (full_fit && full_fit->outcome == Outcome::converged && !problem.estimate_sigma_s) {
+    best = solve_marginal(problem, full_fit->state, marginal);
+    if (best.outcome == Outcome::converged) return best;
+  }
+  JointState held_start = start;
+  ClosedFormOptions closed;
+  closed.order = static_cast<int>(start.alpha.size()) - 1;
+  closed.noise_law = start.noise.law;
+  if (problem.estimate_sigma_s) closed.bearings.sigma_s_m = default_sigma_s_m;
+  const Calibration approximate = approximate_joint_calibration(problem, closed);
+  if (is_usable(approximate.outcome) && approximate.noise.parameters.allFinite() &&
+      approximate.noise.parameters.cwiseAbs().maxCoeff() > 0.0) {
+    if (approximate.noise.law == start.noise.law) held_start.noise = approximate.noise;
+    if (approximate.sigma_theta_rad && approximate.sigma_theta_rad->value > 0.0)
+      held_start.sigma_theta_rad = approximate.sigma_theta_rad->value;
+  }
+  JointOptions held;
+  held.held.sigmas = true;
+  for (const JointState& from : {held_start, start}) {
+    const JointFit fit = solve_joint_block(problem, from, held);
+    if (!std::isfinite(fit.joint_nll)) continue;
+    MarginalFit next = solve_marginal(problem, fit.state, marginal);
+    if (next.outcome == Outcome::converged || next.outcome == Outcome::unobservable) return next;
+    if (best.state.alpha.size() == 0 || next.marginal_nll < best.marginal_nll) best = next;
+  }
+  return best;
+}
+
+double LandmarksJob::parameters(const JointState& state) const {
+  return static_cast<double>(state.alpha.size() + state.noise.parameters.size()) + 1.0 +
+         2.0 * problem.landmark_count() + (problem.estimate_sigma_s ? 1.0 : 0.0);
+}
+
+std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models) const {
+  const int highest = std::min(options.max_order, static_cast<int>(problem.cells.size()) - 3);
+  const std::vector<NoiseLaw> laws =
+      options.noise ? std::vector<NoiseLaw>{*options.noise}
+                    : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+  int order = options.order.value_or(std::clamp(highest, 1, 2));
+  NoiseLaw law = options.noise.value_or(NoiseLaw::f_squared);
+  if (options.order && options.noise) return {order, law};
+
+  std::map<std::pair<int, NoiseLaw>, double> known;
+  std::optional<JointState> warm;
+  const auto aic_of = [&](int n, NoiseLaw candidate) {
+    const auto found = known.find({n, candidate});
+    if (found != known.end()) return found->second;
+    if (options.on_progress)
+      options.on_progress(fmt::format("trying order {} with noise law {}", n, to_string(candidate)));
+    ModelScore tried{n, candidate, infinity, infinity};
+    MarginalFit fit;
+    MarginalOptions marginal_options;
+    marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
+    if (warm) {
+      JointState start = *warm;
+      start.noise.law = candidate;
+      seed_curve_and_noise(problem, n, start);
+      fit = solve_marginal(problem, start, marginal_options);
+    }
+    if (fit.outcome != Outcome::converged)
+      if (const auto start = seed(n, candidate)) {
+        const JointFit joint = problem.estimate_sigma_s ? JointFit{} : solve_joint_block(problem, *start);
+        fit = marginal(*start, &joint);
+      }
+    if (fit.outcome == Outcome::converged) {
+      tried.nll = fit.marginal_nll;
+      tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
+      warm = fit.state;
+      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 1e-5) warm.reset();
+    }
+    models.push_back(tried);
+    return known[{n, candidate}] = tried.aic;
+  };
+  const auto best_law = [&] {
+    for (NoiseLaw candidate : laws)
+      if (aic_of(order, candidate) < aic_of(order, law)) law = candidate;
+  };
+  best_law();
+  const int first_order = order;
+  if (!options.order)
+    for (int n = 1; n <= std::max(1, highest); ++n)
+      if (aic_of(n, law) < aic_of(order, law)) order = n;
+  if (order != first_order) best_law();
+  if (!options.order && !std::isfinite(known[{order, law}])) order = 1;
+  return {order, law};
+}
+
+}  // namespace rangecal

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calibrate/landmarks_job.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/problems/pairs/pairs_problem.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/nlopt/nlopt_check.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+namespace rangecal {
+namespace {
+
+/// All recordings as one, for the closed forms.
+Recording joined(std::span<const Recording> recordings) {
+  Recording all = recordings[0];
+  for (const Recording& recording : recordings.subspan(1)) {
+    all.pairs.true_m.insert(all.pairs.true_m.end(), recording.pairs.true_m.begin(), recording.pairs.true_m.end());
+    all.pairs.reading_m.insert(all.pairs.reading_m.end(), recording.pairs.reading_m.begin(),
+                               recording.pairs.reading_m.end());
+    add_counts(recording.counts, all.counts);
+  }
+  return all;
+}
+
+PairsOptions pairs_options(const CalibrateOptions& options, std::optional<int> order, NoiseLaw law) {
+  PairsOptions wanted;
+  wanted.order = order;
+  wanted.max_order = options.max_order;
+  wanted.law = law;
+  wanted.noise_order = order.value_or(1);
+  wanted.shape = options.noise_shape;
+  return wanted;
+}
+
+/// Order and law by the AIC of the plain NLL.
+std::pair<int, NoiseLaw> choose_pairs_model(const PairsProblem& problem, const CalibrateOptions& options,
+                                            std::vector<ModelScore>& models) {
+  const std::vector<NoiseLaw> laws =
+      options.noise ? std::vector<NoiseLaw>{*options.noise}
+                    : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+  std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
+  if (options.order && options.noise) return best;
+  double lowest = std::numeric_limits<double>::infinity();
+  for (NoiseLaw law : laws) {
+    if (options.on_progress) options.on_progress(fmt::format("trying noise law {}", to_string(law)));
+    const PairsFit fit = full_pairs(problem, pairs_options(options, options.order, law));
+    for (const OrderScore& score : fit.orders) {
+      const bool usable = score.outcome == Outcome::converged;
+      models.push_back({score.order, law, score.nll, usable ? score.aic : std::numeric_limits<double>::infinity()});
+      if (usable && score.aic < lowest) {
+        lowest = score.aic;
+        best = {score.order, law};
+      }
+    }
+  }
+  return best;
+}
+
+/// The plain NLL and its AIC, the same functions for every method.
+void score_pairs(const PairsProblem& problem, Calibration& calibration) {
+  if (calibration.alpha.size() == 0 || !calibration.noise.parameters.allFinite()) return;
+  const double nll = pairs_nll(problem, calibration.alpha, calibration.noise);
+  if (!std::isfinite(nll)) return;
+  calibration.joint_nll = calibration.marginal_nll = nll;
+  calibration.aic = 2.0 * (nll + static_cast<double>(calibration.alpha.size() + calibration.noise.parameters.size()));
+}
+
+CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, const Calibration& full) {
+  CheckReport report;
+  if (full.outcome != Outcome::converged || start.alpha.size() != full.alpha.size() ||
+      full.noise.law == NoiseLaw::polynomial) {
+    report.report = "no check: there is no optimum of a power law to compare with";
+    return report;
+  }
+  const Eigen::Index n = full.alpha.size();
+  NloptProblem search;
+  search.objective = [&](const Eigen::VectorXd& x, Eigen::VectorXd* gradient) {
+    Noise noise = full.noise;
+    noise.parameters[0] = std::exp(x[n]);
+    if (!gradient) return pairs_nll(problem, x.head(n), noise);
+    const PairsDerivatives at = pairs_derivatives(problem, x.head(n), noise);
+    *gradient = at.gradient;
+    return at.nll;
+  };
+  search.seed.resize(n + 1);
+  const double sigma = start.noise.law == full.noise.law ? start.noise.parameters[0] : full.noise.parameters[0];
+  search.seed << start.alpha, std::log(std::max(sigma, 1e-9));
+  Noise seed_noise = full.noise;
+  seed_noise.parameters[0] = std::exp(search.seed[n]);
+  if (!std::isfinite(search.objective(search.seed, nullptr))) {
+    report.report = "no check: the seed lies outside the model's domain";
+    return report;
+  }
+  search.whitening = whitening_from_information(pairs_derivatives(problem, start.alpha, seed_noise).information);
+  search.lower = search.upper = search.seed;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double reach = 10.0 * search.whitening.row(i).norm() + std::abs(full.alpha[i] - start.alpha[i]);
+    search.lower[i] -= reach;
+    search.upper[i] += reach;
+    search.global_indices.push_back(static_cast<int>(i));
+  }
+  NloptOptions options;
+  options.reference_nll = full.joint_nll.value_or(std::numeric_limits<double>::quiet_NaN());
+  const NloptCheck check = nlopt_check(search, options);
+  report.agrees = check.agrees;
+  report.better_basin = check.better_basin;
+  report.nll = check.nll;
+  report.report = check.report;
+  return report;
+}
+
+std::string in_words(const NoiseShapeParameters& shape) {
+  if (shape.shape == NoiseShape::student_t) return fmt::format("student-t with nu = {:.3g}", shape.nu);
+  if (shape.shape == NoiseShape::contaminated)
+    return fmt::format("contaminated: {:.3g} % of the readings with {:.3g} times the spread", 100.0 * shape.outlier_share,
+                       shape.outlier_scale);
+  return {};
+}
+
+}  // namespace
+
+void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
+                     CalibrationReport& report) {
+  const Recording all = joined(recordings);
+  const PairsProblem problem = make_pairs_problem(recordings);
+  const auto [order, law] = choose_pairs_model(problem, options, report.models);
+  ClosedFormOptions closed;
+  closed.order = order;
+  closed.noise_law = law;
+  PairsOptions gaussian = pairs_options(options, order, law);
+  const bool shaped = options.noise_shape != NoiseShape::gaussian;
+  for (Method method : methods_of(options)) {
+    if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
+    if (options.on_method) options.on_method(method, true);
+    Calibration result;
+    if (method == Method::closed_form) {
+      result = closed_form_pairs(all, closed);
+    } else if (method == Method::approximate) {
+      result = approximate_pairs(all, closed);
+    } else {
+      const PairsFit fit = method == Method::full ? full_pairs(problem, gaussian) : marginal_pairs(problem, gaussian);
+      result = fit.calibration;
+      report.noise_shape = in_words(fit.shape);
+    }
+    if (options.on_method) options.on_method(method, false);
+    result.method = method;
+    result.kind = RecordingKind::pairs;
+    result.counts = all.counts;
+    if (!shaped) score_pairs(problem, result);
+    report.calibrations.push_back(std::move(result));
+  }
+  if (shaped && !report.noise_shape.empty())
+    report.notes.push_back("noise is " + report.noise_shape +
+                           "; sigma_e is its scale, and the closed forms, which know the gaussian only, have no NLL of it");
+  if (options.check && !shaped) {
+    Calibration full = full_pairs(problem, gaussian).calibration;
+    score_pairs(problem, full);
+    report.check = check_pairs(problem, closed_form_pairs(all, closed), full);
+  }
+}
+
+}  // namespace rangecal
