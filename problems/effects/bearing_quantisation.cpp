@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// B5. Beams lie on a grid of step Delta, and the bearing is the middle between first and last hit.
+//
+//   standard deviation  Delta / sqrt(24)     [rad]
+//     shared by the repeats of a (stop, landmark): it does not average out
+//
+// Source: physics catalogue B5 (derived: mean of two edges, each off by a uniform +-Delta / 2).
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class BearingQuantisation final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "bearing_quantisation",
+        .kind = EffectKind::grid,
+        .channel = "grid",
+        .covariate = "sensor_bearing",
+        .physics = "Bearings sit on the grid of the beams: they repeat within a stop and do not average out.",
+        .formula = "cell standard deviation Delta / sqrt(24) [rad], Delta beam spacing [rad]",
+        .source = "physics catalogue B5 (derived: variance Delta^2 / 24)",
+        .visible_by = "several sweeps at each stop",
+        .settled_by =
+            "rotate the sensor by a fraction of the beam spacing and repeat, or use larger landmarks",
+        .parameters = {
+            {.name = "step_rad", .typical = 0.01745, .low = 0.0, .high = 0.0873, .linear = false}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+    return grid_of({{0.25 * degree, 0.5 * degree, 0.72 * degree, 1.0 * degree, 2.0 * degree}});
+  }
+
+  std::string missing(const EffectContext& context) const override {
+    return either(lacks_stops(context, 1), lacks_repeats(context, 2));
+  }
+
+  Dependence dependence(const double* p) const override {
+    return {.bearing_cell_sigma_rad = p[0] / std::sqrt(24.0)};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_bearing_quantisation() { return std::make_unique<BearingQuantisation>(); }
+
+}  // namespace rangecal::effects

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// R16. Cyclic error of a phase-measuring sensor: a leaking signal adds to the modulation.
+//
+//   delta r = c cos(k d) + s sin(k d)     [m]
+//     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength
+//
+// Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: physics
+// catalogue R16; cyclic terms of surveying scanners: Lichti and Licht 2006.
+#include <cmath>
+#include <numbers>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class CyclicError final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "cyclic_error",
+        .kind = EffectKind::mean,
+        .channel = "range",
+        .covariate = "range",
+        .physics =
+            "The range wobbles with a constant period in d: crosstalk in the phase measurement of a "
+            "modulated laser.",
+        .formula =
+            "delta r = A sin(2 pi d / Lambda + psi) = c cos(k d) + s sin(k d) [m], k = 2 pi / Lambda [rad/m]",
+        .source = "physics catalogue R16; Lichti and Licht 2006 (cyclic terms)",
+        .visible_by = "ranges in steps under a quarter of the wavelength",
+        .settled_by = "move one stop by small steps along the line of sight",
+        .parameters = {
+            {.name = "cosine_m", .typical = 0.005, .low = -0.05, .high = 0.05},
+            {.name = "sine_m", .typical = 0.005, .low = -0.05, .high = 0.05},
+            {.name = "wavenumber_per_m", .typical = 10.0, .low = 2.0, .high = 140.0, .linear = false}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    constexpr double turn = 2.0 * std::numbers::pi;
+    const double span = context.range_max_m - context.range_min_m;
+    return grid_of({{0.0}, {0.0}, wavenumbers(turn / 2.0, turn / 0.05, span, 1.0, 400)});
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    return {.range = p[0] * std::cos(p[2] * at.d) + p[1] * std::sin(p[2] * at.d)};
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {
+    return {{"amplitude_m", std::hypot(p[0], p[1])},
+            {"phase_rad", std::atan2(p[0], p[1])},
+            {"wavelength_m", 2.0 * std::numbers::pi / p[2]}};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_cyclic_error() { return std::make_unique<CyclicError>(); }
+
+}  // namespace rangecal::effects

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// R11. The spot is clipped at the landmark's edge: its centroid moves in the scan plane, read as
+// disparity.
+//
+//   share of clipped hits  w / R,   error of one  +-(d / s) (w / 2)     [m]
+//   variance  s_r^2 + (w / R) (d w / (2 s))^2, tails of a Student-t with nu degrees of freedom
+//     w spot radius on the target [m], R radius of the landmark [m], s = 0.05 m baseline
+//
+// Source: physics catalogue R11 (derived: magnification d / s); clipping by half the spot radius and the
+// baseline of 50 mm are assumed, so w is known up to the factor (s / 0.05 m)^(2/3).
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class MixedPixels final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "mixed_pixels",
+        .kind = EffectKind::tail,
+        .channel = "range_tail",
+        .covariate = "radius",
+        .physics =
+            "Some readings miss by far, more on thin landmarks: the spot is cut by the landmark's edge.",
+        .formula =
+            "share w / R of hits is off by +-(d / s)(w / 2) [m], w spot radius [m], s = 0.05 m baseline; "
+            "Student-t with nu degrees of freedom",
+        .source = "physics catalogue R11 (derived); Curless and Levoy on spot shape",
+        .visible_by = "landmarks of several radii",
+        .settled_by =
+            "drop the outermost hit on each side and extract again; use larger landmarks before an empty "
+            "background",
+        .parameters = {{.name = "spot_radius_m", .typical = 0.002, .low = 0.0, .high = 0.02, .linear = false},
+                       {.name = "degrees_of_freedom",
+                        .typical = 4.0,
+                        .low = 2.0,
+                        .high = 100.0,
+                        .linear = false,
+                        .discrete = true}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+    return grid_of({{0.0005, 0.001, 0.002, 0.004, 0.008}, {3.0, 5.0}});
+  }
+
+  std::string missing(const EffectContext& context) const override {
+    return context.largest_cell >= 1.0 && (context.landmark_radius_m.empty() ||
+                                           *std::max_element(context.landmark_radius_m.begin(),
+                                                             context.landmark_radius_m.end()) <= 0.0)
+               ? "radius_m of the landmarks: a flat target has no edge"
+               : "";
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    constexpr double baseline_m = 0.05;
+    if (!(at.radius > 0.0)) return {};
+    const double error = 0.5 * at.d * p[0] / baseline_m, share = std::min(p[0] / at.radius, 1.0);
+    return {.range_log_variance = std::log1p(share * error * error / (at.spread * at.spread))};
+  }
+
+  double degrees_of_freedom(const double* p) const override { return p[1]; }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_mixed_pixels() { return std::make_unique<MixedPixels>(); }
+
+}  // namespace rangecal::effects

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// W1. A landmark was moved or pushed during the recording, between two stops.
+//
+//   from stop j on, landmark l:   delta d = n . delta [m],   delta b = t . delta / D [rad]
+//   n = (cos g, sin g), t = (-sin g, cos g), g = b + heading direction of the landmark in the world,
+//       delta [m], D axis distance [m]
+//
+// The range part acts before the curve. First order in delta / D. Source: physics catalogue W1.
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class MovedLandmark final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "moved_landmark",
+        .kind = EffectKind::mean,
+        .channel = "range",
+        .covariate = "landmark",
+        .physics = "One landmark was moved during the recording: from one stop on it stands elsewhere.",
+        .formula =
+            "from stop j on, landmark l: delta d = n . delta [m], delta b = t . delta / D [rad], n unit "
+            "vector to it, t across, delta [m]",
+        .source = "physics catalogue W1 (derived, first order)",
+        .visible_by = "each landmark seen before and after",
+        .settled_by = "drive the same stops again in reverse order",
+        .parameters = {
+            {.name = "x_m", .typical = 0.02, .low = -0.2, .high = 0.2},
+            {.name = "y_m", .typical = 0.02, .low = -0.2, .high = 0.2},
+            {.name = "landmark", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true},
+            {.name = "stop", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    return grid_of({{0.0},
+                    {0.0},
+                    indices(0, context.landmark_count - 1),
+                    indices(1, std::max(1, context.stop_count - 1), 40)});
+  }
+
+  std::string missing(const EffectContext& context) const override {
+    return either(lacks_stops(context, 3), lacks_landmarks(context, 2));
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    if (at.landmark != index_of(p[2]) || at.stop < index_of(p[3])) return {};
+    const double direction = at.bearing + at.heading, c = std::cos(direction), s = std::sin(direction);
+    return {.range = at.before_curve(c * p[0] + s * p[1]),
+            .bearing = (c * p[1] - s * p[0]) / at.axis_distance};
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
+                                                       const double* p) const override {
+    std::vector<std::pair<std::string, double>> values{{"landmark", p[2]},
+                                                       {"from_stop", p[3]},
+                                                       {"x_m", p[0]},
+                                                       {"y_m", p[1]},
+                                                       {"distance_m", std::hypot(p[0], p[1])}};
+    const auto stop = static_cast<std::size_t>(index_of(p[3]));
+    if (stop < context.stop_time_s.size()) values.emplace_back("from_time_s", context.stop_time_s[stop]);
+    return values;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_moved_landmark() { return std::make_unique<MovedLandmark>(); }
+
+}  // namespace rangecal::effects

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// M2. Unequal wheels: the robot turns by kappa per metre driven while it means to go straight.
+//
+//   heading  phi_k = phi_k,commanded + kappa l_k     [rad]
+//   position  s_k = s_(k-1) + Rot(kappa (l_(k-1) + l_k) / 2) (c_k - c_(k-1))     [m]
+//     l_k path length driven [m]; c_k commanded positions
+//
+// The chord of an arc has its mean direction; a lateral shift of kappa l^2 / 2 on a straight line. kappa =
+// (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: physics catalogue M2;
+// UMBmark (Borenstein and Feng).
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class PathCurvature final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "path_curvature",
+        .kind = EffectKind::mean,
+        .channel = "stop",
+        .covariate = "stop",
+        .physics = "The straight path is an arc: one wheel is larger than the other.",
+        .formula =
+            "phi_k += kappa l_k [rad], steps turned by kappa (l_(k-1) + l_k) / 2; kappa = (E_d - 1) / w_b "
+            "[1/m], l path length [m]",
+        .source = "physics catalogue M2 (derived); UMBmark (Borenstein and Feng)",
+        .visible_by = "several stops along a path",
+        .settled_by = "drive the same path forwards and backwards",
+        .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -0.2, .high = 0.2}}};
+    return value;
+  }
+
+  std::string missing(const EffectContext& context) const override { return lacks_stops(context, 3); }
+
+  bool acts_on_stops() const override { return true; }
+
+  void stops(const EffectContext& context, const double* p, std::vector<StopPrior>& stops) const override {
+    if (context.path_m.size() != stops.size()) return;
+    Pose2 commanded_before;
+    double path_before = 0.0, path_start = 0.0;
+    for (std::size_t k = 0; k < stops.size(); ++k) {
+      const Pose2 commanded = stops[k].commanded;
+      const bool first = k == 0 || stops[k].recording != stops[k - 1].recording;
+      if (first) path_start = context.path_m[k];
+      const double path = context.path_m[k] - path_start;
+      Pose2& pose = stops[k].commanded;
+      if (!first) {
+        const double turn = p[0] * 0.5 * (path_before + path);
+        const double dx = commanded.x_m - commanded_before.x_m, dy = commanded.y_m - commanded_before.y_m;
+        const Pose2& before = stops[k - 1].commanded;
+        pose.x_m = before.x_m + std::cos(turn) * dx - std::sin(turn) * dy;
+        pose.y_m = before.y_m + std::sin(turn) * dx + std::cos(turn) * dy;
+        pose.heading_rad += p[0] * path;
+      }
+      commanded_before = commanded;
+      path_before = path;
+    }
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_path_curvature() { return std::make_unique<PathCurvature>(); }
+
+}  // namespace rangecal::effects

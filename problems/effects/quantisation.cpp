@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// R7. Quantised centroid, or ranges written in whole millimetres.
+//
+//   steps of f^2 q and of u     [m]
+//   variance  s^2 + (f^4 q^2 + u^2) / 12
+//     q step of 1/r [1/m] (q = p q_px / (f s)), u least unit of the output [m]
+//
+// f the reading that the curve predicts. Adds to the log variance of range log(1 + (f^4 q^2 + u^2) / (12
+// s^2)); the grid itself is read off the values. Source: physics catalogue R7 (variance of a uniform
+// rounding error).
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class Quantisation final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "quantisation",
+        .kind = EffectKind::grid,
+        .channel = "grid",
+        .covariate = "range",
+        .physics =
+            "Ranges sit on a grid: the centroid is rounded to a fraction of a pixel (steps growing as d^2), "
+            "or the output to a unit.",
+        .formula =
+            "steps f^2 q [m] and u [m], q step of 1/r [1/m], u output unit [m]; variance + (f^4 q^2 + u^2) / "
+            "12",
+        .source = "physics catalogue R7 (derived: uniform rounding error)",
+        .visible_by = "200 sweeps at one near, one middle and one far stop",
+        .settled_by = "count the distinct values of 200 sweeps at one stop",
+        .parameters = {
+            {.name = "disparity_step_per_m", .typical = 0.001, .low = 0.0, .high = 0.05, .linear = false},
+            {.name = "output_step_m", .typical = 0.001, .low = 0.0, .high = 0.05, .linear = false}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+    std::vector<Eigen::VectorXd> grid;
+    for (double step : even_ratios(5e-5, 0.02, 12)) grid.push_back(point({step, 0.0}));
+    for (double step : {0.001, 0.002, 0.005, 0.01, 0.02}) grid.push_back(point({0.0, step}));
+    return grid;
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    const double disparity = at.f * at.f * p[0];
+    return {.range_log_variance =
+                std::log1p((disparity * disparity + p[1] * p[1]) / (12.0 * at.spread * at.spread))};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_quantisation() { return std::make_unique<Quantisation>(); }
+
+}  // namespace rangecal::effects

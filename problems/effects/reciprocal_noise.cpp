@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// N6. The noise enters before the reciprocal: on the spot's place x = f s / d.
+//
+//   cv = sigma_x / x = c d [-], c [1/m],   delta r = cv^2 d = c^2 d^3     [m], skewness about 6 cv
+//
+// Second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: physics
+// catalogue N6 (derived).
+#include "rangecal/problems/effects/effect.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class ReciprocalNoise final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "reciprocal_noise",
+        .kind = EffectKind::tail,
+        .channel = "range_tail",
+        .covariate = "range",
+        .physics =
+            "Far readings are skewed to the far side and too long on average: the noise sits on the spot's "
+            "place, before the division.",
+        .formula = "cv = c d [-], c [1/m]: delta r = cv^2 d [m], skewness about 6 cv",
+        .source = "physics catalogue N6 (derived: second moment of 1 / (1 + e))",
+        .visible_by = "many repeats at far ranges",
+        .settled_by = "200 sweeps at one near, one middle and one far stop: skewness grows with distance",
+        .parameters = {{.name = "cv_per_m", .typical = 0.02, .low = 0.0, .high = 0.2, .linear = false}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+    return grid_of({{0.005, 0.01, 0.02, 0.04}});
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    const double cv = p[0] * at.d;
+    return {.range = cv * cv * at.d};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_reciprocal_noise() { return std::make_unique<ReciprocalNoise>(); }
+
+}  // namespace rangecal::effects

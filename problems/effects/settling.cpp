@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// B7. The head still swings when the robot has stopped.
+//
+//   delta b = A exp(-t / T)     [rad]
+//     t since the stop's first reading [s] (T in s), or the number of the repeat where there are no times
+//     (T in repeats)
+//
+// Source: physics catalogue B7 (overdamped decay).
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class Settling final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "settling",
+        .kind = EffectKind::mean,
+        .channel = "bearing",
+        .covariate = "repeat",
+        .physics = "The first sweeps after a stop are turned: the sensor still swings on its mount.",
+        .formula =
+            "delta b = A exp(-t / T) [rad], t since the first reading of the stop [s], or repeats without "
+            "times",
+        .source = "physics catalogue B7 (derived: decay of an overdamped mount)",
+        .visible_by = "many sweeps at each stop",
+        .settled_by = "wait longer before the first reading",
+        .parameters = {{.name = "amplitude_rad", .typical = 0.01745, .low = -0.0873, .high = 0.0873},
+                       {.name = "time_s", .typical = 1.0, .low = 1e-2, .high = 1e3, .linear = false}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+    return grid_of({{0.0}, even_ratios(0.15, 15.0, 12)});
+  }
+
+  std::string missing(const EffectContext& context) const override {
+    return either(lacks_stops(context, 1), lacks_repeats(context, 3));
+  }
+
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    const bool timed =
+        at.context != nullptr && !at.context->stop_time_s.empty() && at.context->duration_s > 0.0;
+    const double since =
+        timed ? std::max(0.0, at.time_s - at.context->stop_time_s[static_cast<std::size_t>(at.stop)])
+              : at.repeat;
+    return {.bearing = p[0] * std::exp(-since / p[1])};
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
+                                                       const double* p) const override {
+    return {{"amplitude_rad", p[0]}, {context.stop_time_s.empty() ? "time_repeats" : "time_s", p[1]}};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_settling() { return std::make_unique<Settling>(); }
+
+}  // namespace rangecal::effects

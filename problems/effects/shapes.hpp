@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <initializer_list>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "rangecal/problems/effects/effect.hpp"
+
+/// What several effects share: axes of start grids, and what a recording lacks, in words.
+namespace rangecal::effects {
+
+inline constexpr double degree = std::numbers::pi / 180.0;
+
+/// A discrete parameter as the index that it stands for.
+inline int index_of(double parameter) { return static_cast<int>(std::lround(parameter)); }
+
+/// first, first + 1, ..., last; at most `most` of them, evenly thinned, ends kept. Empty if last < first.
+inline std::vector<double> indices(int first, int last, int most = 1 << 20) {
+  std::vector<double> values;
+  const int count = last - first + 1, kept = std::min(count, most);
+  for (int i = 0; i < kept; ++i)
+    values.push_back(first +
+                     (kept > 1 ? std::round(static_cast<double>(i) * (count - 1) / (kept - 1)) : 0.0));
+  return values;
+}
+
+/// `count` values from low to high, equal steps.
+inline std::vector<double> even_steps(double low, double high, int count) {
+  std::vector<double> values;
+  for (int i = 0; i < count; ++i) values.push_back(low + (high - low) * i / std::max(1, count - 1));
+  return values;
+}
+
+/// `count` values from low to high > 0, equal ratios.
+inline std::vector<double> even_ratios(double low, double high, int count) {
+  std::vector<double> values;
+  for (double exponent : even_steps(std::log(low), std::log(high), count))
+    values.push_back(std::exp(exponent));
+  return values;
+}
+
+/// Wavenumbers from low to high such that the phase k * span between neighbours changes by `step` [rad] at
+/// most, as far as `most` points allow.
+inline std::vector<double> wavenumbers(double low, double high, double span, double step, int most) {
+  const double wanted = std::ceil((high - low) * std::max(span, 0.0) / step) + 1.0;
+  return even_steps(low, high, static_cast<int>(std::clamp(wanted, 2.0, static_cast<double>(most))));
+}
+
+/// One grid point.
+inline Eigen::VectorXd point(std::initializer_list<double> values) {
+  Eigen::VectorXd p(static_cast<Eigen::Index>(values.size()));
+  std::copy(values.begin(), values.end(), p.data());
+  return p;
+}
+
+inline std::string lacks_times(const EffectContext& context) {
+  return context.duration_s > 0.0 ? "" : "times: a column time_s";
+}
+
+inline std::string lacks_repeats(const EffectContext& context, int needed) {
+  return context.largest_cell >= needed
+             ? ""
+             : "repeats: at least " + std::to_string(needed) + " readings of each landmark at each stop";
+}
+
+inline std::string lacks_landmarks(const EffectContext& context, int needed) {
+  return context.landmark_count >= needed
+             ? ""
+             : "landmarks: readings of at least " + std::to_string(needed) + ", labelled";
+}
+
+/// Effects on poses or predicted bearings need stops.
+inline std::string lacks_stops(const EffectContext& context, int needed) {
+  if (context.kind == RecordingKind::pairs) return "stops: a recording of kind landmarks, pairs have none";
+  return context.stop_count >= needed ? "" : "stops: at least " + std::to_string(needed);
+}
+
+/// The first of two complaints that says anything.
+inline std::string either(std::string first, std::string second) { return first.empty() ? second : first; }
+
+}  // namespace rangecal::effects

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// N3. An error shared by all readings of a stop: it stands elsewhere than stated, or is turned.
+//
+//   sigma_xy -> sigma_xy exp(g),   sigma_heading -> hypot(sigma_heading, sigma_phi)     [m], [rad]
+//
+// Acts on the priors of the stops. Where sigma_xy is 0 the position stays exact. Source: physics catalogue
+// N3.
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class StopEffect final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "stop_effect",
+        .kind = EffectKind::dependence,
+        .channel = "stop",
+        .covariate = "stop",
+        .physics = "The stops scatter more than stated: all landmarks of a stop share an error.",
+        .formula = "sigma_xy exp(g) [m], sqrt(sigma_heading^2 + sigma_phi^2) [rad] per stop",
+        .source = "physics catalogue N3 (derived)",
+        .visible_by = "several landmarks at each stop",
+        .settled_by = "mark the stops on the floor, or state sigma_xy_m and sigma_heading_rad as they are",
+        .parameters = {
+            {.name = "log_scale", .typical = 0.7, .low = -3.0, .high = 4.0, .linear = false},
+            {.name = "heading_sigma_rad", .typical = 0.00524, .low = 0.0, .high = 0.0873, .linear = false}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+    return {point({0.7, 0.0}),    point({1.4, 0.0}),   point({0.0, 0.005}),
+            point({0.0, 0.0175}), point({0.7, 0.005}), point({1.4, 0.0175})};
+  }
+
+  std::string missing(const EffectContext& context) const override { return lacks_stops(context, 4); }
+
+  bool acts_on_stops() const override { return true; }
+
+  void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
+    for (StopPrior& stop : stops) {
+      stop.sigma_xy_m *= std::exp(p[0]);
+      stop.sigma_heading_rad = std::hypot(stop.sigma_heading_rad, p[1]);
+    }
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {
+    return {{"spread_factor", std::exp(p[0])}, {"heading_sigma_rad", p[1]}};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_stop_effect() { return std::make_unique<StopEffect>(); }
+
+}  // namespace rangecal::effects

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// M6. One slip on the way: all stops from stop j on are moved along the heading there.
+//
+//   s_k = c_k + delta (cos phi_j, sin phi_j) for k >= j     [m]
+//     delta way lost or won [m], phi_j commanded heading of stop j
+//
+// Only within the recording of stop j. Source: physics catalogue M6.
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
+
+namespace rangecal::effects {
+namespace {
+
+class WheelSlip final : public Effect {
+ public:
+  const EffectInfo& info() const override {
+    static const EffectInfo value{
+        .id = "wheel_slip",
+        .kind = EffectKind::mean,
+        .channel = "stop",
+        .covariate = "stop",
+        .physics = "The wheels slipped once: all stops from one on are displaced along the way.",
+        .formula = "s_k = c_k + delta (cos phi_j, sin phi_j) [m] for k >= j",
+        .source = "physics catalogue M6 (derived)",
+        .visible_by = "stops before and after the slip",
+        .settled_by = "drive the same stops again in reverse order",
+        .parameters = {
+            {.name = "distance_m", .typical = 0.05, .low = -0.3, .high = 0.3},
+            {.name = "stop", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true}}};
+    return value;
+  }
+
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    return grid_of({{0.0}, indices(1, std::max(1, context.stop_count - 1))});
+  }
+
+  std::string missing(const EffectContext& context) const override { return lacks_stops(context, 3); }
+
+  bool acts_on_stops() const override { return true; }
+
+  void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
+    const auto from = static_cast<std::size_t>(index_of(p[1]));
+    if (from >= stops.size()) return;
+    const double heading = stops[from].commanded.heading_rad;
+    for (std::size_t k = from; k < stops.size() && stops[k].recording == stops[from].recording; ++k) {
+      stops[k].commanded.x_m += p[0] * std::cos(heading);
+      stops[k].commanded.y_m += p[0] * std::sin(heading);
+    }
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Effect> make_wheel_slip() { return std::make_unique<WheelSlip>(); }
+
+}  // namespace rangecal::effects
