@@ -88,4 +88,16 @@ bool factor_node(NodeBlocks<D>& b, double damping, double& log_det) {
   return true;
 }
 
+/// x = (L L^T)^-1 x, L column-major.
+inline void solve_factored(const double* L, int dim, double* x) {
+  for (int i = 0; i < dim; ++i) {
+    for (int k = 0; k < i; ++k) x[i] -= L[k * dim + i] * x[k];
+    x[i] /= L[i * dim + i];
+  }
+  for (int i = dim; i-- > 0;) {
+    for (int k = i + 1; k < dim; ++k) x[i] -= L[i * dim + k] * x[k];
+    x[i] /= L[i * dim + i];
+  }
+}
+
 }  // namespace rangecal

@@ -6,12 +6,11 @@
 
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/chain_link.hpp"
-#include "joint_ml/joint_accumulator.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
 
-double JointSystem::assemble_chain_links(const JointState& state, HessianKind kind, Accumulator& sum) {
+double JointSystem::assemble_chain_links(const JointState& state, HessianKind kind) {
   const bool exact = kind == HessianKind::exact;
   const double log_two_pi = std::log(2.0 * std::numbers::pi);
   const int sigma_column = layout_.alpha_count + layout_.sigma_count() - 1;
@@ -40,8 +39,8 @@ double JointSystem::assemble_chain_links(const JointState& state, HessianKind ki
     const ChainLink::Matrix6 hessian = link.hessian(w_xy, w_h, exact);
     const bool sigma_free = moves && layout_.sigma_s >= 0 && problem_.sigma_s_shared[k];
     if (sigma_free) {
-      sum.gradient[layout_.sigma_s] += 2.0 - chi_sq;
-      sum.hessian(layout_.sigma_s, layout_.sigma_s) += exact ? 2.0 * chi_sq : 4.0;
+      gradient_[layout_.sigma_s] += 2.0 - chi_sq;
+      hessian_(layout_.sigma_s, layout_.sigma_s) += exact ? 2.0 * chi_sq : 4.0;
     }
     for (int a = 0; a < 6; ++a) {
       if (at.coordinate[a] < 0) continue;
@@ -105,11 +104,9 @@ Eigen::VectorXd JointSystem::solve_stops(const Eigen::VectorXd& rhs) const {
   const std::size_t nodes = layout_.nodes.size();
   for (std::size_t j = 0; j < nodes; ++j) {
     const JointLayout::Node& node = layout_.nodes[j];
-    const NodeView b(node, arena_.data());
     auto own = u.segment(node.coordinate, node.dim);
     if (node.chained) own -= link_[j] * u.segment(layout_.nodes[j - 1].coordinate, layout_.nodes[j - 1].dim);
-    b.L.triangularView<Eigen::Lower>().solveInPlace(own);
-    b.L.transpose().triangularView<Eigen::Upper>().solveInPlace(own);
+    solve_factored(arena_.data() + node.block + node.dim * node.dim, node.dim, u.data() + node.coordinate);
   }
   if (!layout_.chained) return u;
   for (std::size_t j = nodes - 1; j > 0; --j) {
@@ -127,27 +124,30 @@ Eigen::VectorXd JointSystem::solve_stops(const Eigen::VectorXd& rhs) const {
 void JointSystem::selected_inverse() const {
   if (inverse_valid_) return;
   const std::size_t nodes = layout_.nodes.size();
-  inverse_diagonal_.resize(nodes);
-  inverse_below_.resize(nodes);
+  inverse_diagonal_.resize(layout_.squares);
+  inverse_below_.resize(layout_.chained ? nodes : 0);
   for (std::size_t j = nodes; j-- > 0;) {
     const JointLayout::Node& node = layout_.nodes[j];
-    const NodeView b(node, arena_.data());
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(node.dim, node.dim);
-    b.L.triangularView<Eigen::Lower>().solveInPlace(inverse);
-    inverse = (inverse.transpose() * inverse).eval();
-    if (j + 1 < nodes && layout_.nodes[j + 1].chained) {  // C_jj = H'^-1 + H'^-1 O^T C_next O H'^-1
-      const Eigen::MatrixXd pull = link_[j + 1] * inverse;
-      inverse_below_[j + 1] = -inverse_diagonal_[j + 1] * pull;  // C_{j+1,j}
-      inverse -= pull.transpose() * inverse_below_[j + 1];
+    const int dim = node.dim;
+    double* const inverse = inverse_diagonal_.data() + node.square;
+    std::fill_n(inverse, dim * dim, 0.0);
+    for (int i = 0; i < dim; ++i) {
+      inverse[i * dim + i] = 1.0;
+      solve_factored(arena_.data() + node.block + dim * dim, dim, inverse + i * dim);
     }
-    inverse_diagonal_[j] = inverse;
+    if (j + 1 < nodes && layout_.nodes[j + 1].chained) {  // C_jj = H'^-1 + H'^-1 O^T C_next O H'^-1
+      Eigen::Map<Eigen::MatrixXd> own(inverse, dim, dim);
+      const Eigen::MatrixXd pull = link_[j + 1] * own;
+      inverse_below_[j + 1] = -inverse_of(layout_.nodes[j + 1]) * pull;  // C_{j+1,j}
+      own -= pull.transpose() * inverse_below_[j + 1];
+    }
   }
   inverse_valid_ = true;
 }
 
 Eigen::MatrixXd JointSystem::stop_covariance(int node) const {
   selected_inverse();
-  return inverse_diagonal_[node];
+  return inverse_of(layout_.nodes[node]);
 }
 
 }  // namespace rangecal

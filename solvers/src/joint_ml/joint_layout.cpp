@@ -32,15 +32,21 @@ JointLayout::JointLayout(const JointProblem& problem, int alphas, int taus, bool
     node.heading.push_back(prior.sigma_heading_rad > 0.0 ? node.dim++ : -1);
     for (int i = problem.cells.stop_begin[k]; i < problem.cells.stop_begin[k + 1]; ++i) {
       const int landmark = problem.cells.landmark[i];
-      const auto found = std::find(node.landmarks.begin(), node.landmarks.end(), landmark);
-      slot_of_cell[i] = static_cast<int>(found - node.landmarks.begin());
-      if (found == node.landmarks.end()) node.landmarks.push_back(landmark);
+      const auto at = std::lower_bound(node.landmarks.begin(), node.landmarks.end(), landmark);
+      if (at == node.landmarks.end() || *at != landmark) node.landmarks.insert(at, landmark);
     }
+  }
+  for (std::size_t i = 0; i < problem.cells.size(); ++i) {
+    const std::vector<int>& seen = nodes[node_of_stop[problem.cells.stop[i]]].landmarks;
+    slot_of_cell[i] =
+        static_cast<int>(std::lower_bound(seen.begin(), seen.end(), problem.cells.landmark[i]) - seen.begin());
   }
   for (Node& node : nodes) {
     node.columns = alpha_count + sigma_count() + 2 * static_cast<int>(node.landmarks.size());
     node.block = arena;
     node.coordinate = coordinates;
+    node.square = squares;
+    squares += static_cast<std::size_t>(node.dim) * node.dim;
     arena += static_cast<std::size_t>(node.dim) * (2 * node.dim + node.columns);
     coordinates += node.dim;
   }

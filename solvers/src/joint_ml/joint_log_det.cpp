@@ -39,7 +39,7 @@ Eigen::VectorXd JointSystem::log_det_gradient(const JointState& state) const {
 
   for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
     const JointLayout::Node& node = layout_.nodes[j];
-    const Eigen::MatrixXd& covariance = inverse_diagonal_[j];
+    const Eigen::Map<const Eigen::MatrixXd> covariance = inverse_of(node);
     auto own = by_stop.segment(node.coordinate, node.dim);
     for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
       const int k = node.stops[slot], heading = node.heading[slot];
@@ -102,7 +102,7 @@ Eigen::VectorXd JointSystem::log_det_gradient(const JointState& state) const {
         const int p = at.coordinate[a], q = at.coordinate[e];
         if (p < 0 || q < 0) continue;
         if (at.node_of(a) == at.node_of(e))
-          covariance(a, e) = inverse_diagonal_[at.node_of(a)](p, q);
+          covariance(a, e) = inverse_of(layout_.nodes[at.node_of(a)])(p, q);
         else if (at.node_of(a) == at.node1)
           covariance(a, e) = inverse_below_[at.node1](p, q);
         else
@@ -159,7 +159,7 @@ Eigen::MatrixXd JointSystem::log_det_sigma_hessian(const JointState& state) cons
           share[0] += term.fisher_d_d * range_row * range_row.transpose();
       }
     }
-    for (Eigen::MatrixXd& matrix : share) matrix = inverse_diagonal_[j] * matrix;
+    for (Eigen::MatrixXd& matrix : share) matrix = inverse_of(node) * matrix;
     for (int a = 0; a < ns; ++a) {
       result(a, a) += 2.0 * share[a].trace();
       for (int e = 0; e < ns; ++e) result(a, e) -= 2.0 * (share[a] * share[e]).trace();

@@ -31,9 +31,10 @@ struct JointLayout {
     bool free_position = false;   ///< coordinates 0, 1 are the position error of the place
     std::vector<int> stops;
     std::vector<int> heading;     ///< per stop of the node: its coordinate in the node, or -1 where exact
-    std::vector<int> landmarks;   ///< distinct landmarks seen from here, in order
+    std::vector<int> landmarks;   ///< distinct landmarks seen from here, ascending
     bool chained = false;         ///< coupled to the node before
     std::size_t block = 0;        ///< offset of the node's doubles in the arena
+    std::size_t square = 0;       ///< offset of dim x dim doubles in an array of such blocks
     std::size_t coordinate = 0;   ///< offset of its coordinates in the vector of all stop coordinates
     int columns = 0;              ///< alpha, sigmas, then two per landmark
   };
@@ -41,7 +42,7 @@ struct JointLayout {
   std::vector<int> node_of_stop, slot_of_stop;  ///< slot: index within Node::stops
   std::vector<int> slot_of_cell;                ///< index of the cell's landmark within Node::landmarks
   std::size_t coordinates = 0;                  ///< all stop coordinates
-  std::size_t arena = 0;
+  std::size_t arena = 0, squares = 0;
   bool chained = false;                         ///< any node is coupled to its predecessor
 };
 
@@ -55,6 +56,8 @@ struct JointLayout {
 class JointSystem {
  public:
   JointSystem(const JointProblem& problem, int alpha_count, int tau_count, bool sigma_s_free = false);
+  ~JointSystem();
+  JointSystem(JointSystem&&) noexcept;
 
   const JointLayout& layout() const { return layout_; }
   const JointProblem& problem() const { return problem_; }
@@ -96,14 +99,22 @@ class JointSystem {
 
  private:
   struct Accumulator;
-  template <int D>
+  struct Elimination;
+  template <int NA>
   double assemble_node(const JointState& state, HessianKind kind, int node, Accumulator& sum);
-  template <int D>
-  bool eliminate_node(int node, double damping, Eigen::MatrixXd& schur, Eigen::VectorXd& reduced, double& log_det);
-  bool eliminate_chain(double damping);
-  double assemble_chain_links(const JointState& state, HessianKind kind, Accumulator& sum);
+  template <int NA>
+  void assemble_part(const JointState& state, HessianKind kind, std::size_t begin, std::size_t end, Accumulator& sum);
+  double assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node, Accumulator& sum);
+  void collect(const std::vector<Accumulator>& parts);
+  double assemble_chain_links(const JointState& state, HessianKind kind);
   double assemble_taped(const JointState& state, HessianKind kind);
+  template <int D>
+  bool eliminate_node(const JointLayout::Node& node, double damping, Elimination& sum);
+  bool eliminate_chain(double damping);
   void selected_inverse() const;
+  Eigen::Map<const Eigen::MatrixXd> inverse_of(const JointLayout::Node& node) const {
+    return {inverse_diagonal_.data() + node.square, node.dim, node.dim};
+  }
 
   const JointProblem& problem_;
   JointLayout layout_;
@@ -111,10 +122,14 @@ class JointSystem {
   Eigen::VectorXd gradient_, stop_gradient_, reduced_gradient_;
   Eigen::MatrixXd hessian_, schur_;
   std::vector<double> arena_;                       ///< per node: H, factor of H, G
+  std::vector<double> bearing_direction_;           ///< per cell: cos, sin of the mean bearing
+  std::vector<Accumulator> sums_;                   ///< work space of assemble, one per part
+  std::vector<Elimination> eliminations_;           ///< work space of eliminate
   std::vector<Eigen::MatrixXd> link_;               ///< chained: coupling block H_{k,k-1}
   std::vector<Eigen::MatrixXd> chain_coupling_;     ///< chained: G after elimination, dense over the globals
   std::vector<Eigen::VectorXd> chain_gradient_;
-  mutable std::vector<Eigen::MatrixXd> inverse_diagonal_, inverse_below_;
+  mutable std::vector<double> inverse_diagonal_;    ///< blocks of H_ss^-1, at JointLayout::Node::square
+  mutable std::vector<Eigen::MatrixXd> inverse_below_;
   mutable bool inverse_valid_ = false;
 };
 

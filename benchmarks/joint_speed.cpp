@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Time and memory per solve of the joint likelihood: block solver, our Ceres path, and a plain Ceres program.
+//
+// usage: joint_speed [largest K = 100000] [solves at K = 20 = 200] [threads of ours and plain alike: 1 by taskset]
+//
+// Each method runs in a process of its own from the same seed; memory is the peak of that process less what it held
+// before the solve. The plain program's tolerance is the loosest power of ten that ends within 1e-3 nats of the best.
+#include <fmt/core.h>
+#include <malloc.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "plain_ceres.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/joint_ml/joint_ceres.hpp"
+#include "rangecal/solvers/joint_ml/joint_ml.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+
+namespace {
+
+using namespace rangecal;
+
+/// K stops along a lane of landmarks, to and fro; each sees at most `sight` of the L landmarks, the nearest.
+JointProblem make_lane(int stops, int landmarks, int sight, std::uint64_t seed) {
+  Random random(seed_from("joint_speed", {static_cast<std::uint64_t>(stops), seed}));
+  JointProblem p;
+  const Eigen::Vector3d alpha(0.0525, 0.8838, 0.0584);
+  const double sigma_e = 0.05, sigma_theta = 0.0087, sigma_s = 0.02, radius = 0.12;
+  const double length = landmarks <= 5 ? 6.0 : landmarks * 0.6;
+  std::vector<Eigen::Vector2d> m;
+  for (int l = 0; l < landmarks; ++l) {
+    m.emplace_back(length * (l + 0.5) / landmarks, (l % 2 ? -1.0 : 1.0) * random.uniform(1.4, 2.6));
+    p.landmark_radius_m.push_back(radius);
+    p.landmark_recording.push_back(0);
+  }
+  Cells& c = p.cells;
+  c.stop_begin.push_back(0);
+  for (int k = 0; k < stops; ++k) {
+    StopPrior prior;
+    prior.commanded = {length * (k + 0.5) / stops, random.uniform(-0.5, 0.5), 0.0};
+    prior.sigma_xy_m = sigma_s;
+    prior.place = p.place_count++;
+    p.stops.push_back(prior);
+    p.sigma_s_shared.push_back(0);
+    const Eigen::Vector2d at(prior.commanded.x_m + random.normal(0, sigma_s), prior.commanded.y_m + random.normal(0, sigma_s));
+    std::vector<std::pair<double, int>> near;
+    for (int l = 0; l < landmarks; ++l) near.emplace_back((m[l] - at).norm(), l);
+    std::sort(near.begin(), near.end());
+    near.resize(std::min(sight, landmarks));
+    std::sort(near.begin(), near.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+    for (const auto& [distance, l] : near) {
+      const double f = evaluate_polynomial(alpha, distance - radius);
+      c.stop.push_back(k);
+      c.landmark.push_back(l);
+      c.count.push_back(1.0);
+      c.range_weight.push_back(1.0);
+      c.bearing_weight.push_back(1.0);
+      c.range_mean.push_back(f + random.normal(0, sigma_e * f));
+      c.range_mean_square.push_back(0.0);
+      c.bearing_mean.push_back(std::atan2(m[l].y() - at.y(), m[l].x() - at.x()) + random.normal(0, sigma_theta));
+      c.bearing_mean_square.push_back(0.0);
+      c.radius_m.push_back(radius);
+      p.readings += 1.0;
+    }
+    c.stop_begin.push_back(static_cast<int>(c.stop.size()));
+  }
+  return p;
+}
+
+struct Measured {
+  double milliseconds = 0.0, megabytes = 0.0, nll = 0.0;
+  int iterations = 0;
+};
+
+double resident_megabytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+using Solve = std::function<double(int& iterations)>;
+
+/// Runs `solve` `repeats` times in a child process; the fastest tenth counts, others share the machine.
+Measured in_child(const Solve& solve, int repeats) {
+  int ends[2];
+  if (pipe(ends) != 0) return {};
+  std::fflush(stdout);
+  const pid_t child = fork();
+  if (child == 0) {
+    Measured result;
+    malloc_trim(0);
+    const double before = resident_megabytes();
+    std::vector<double> times;
+    for (int i = 0; i < repeats; ++i) {
+      const auto begin = std::chrono::steady_clock::now();
+      result.nll = solve(result.iterations);
+      times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+    }
+    std::sort(times.begin(), times.end());
+    result.milliseconds = times[times.size() / 10];
+    result.megabytes = resident_megabytes() - before;
+    const ssize_t written = write(ends[1], &result, sizeof result);
+    _exit(written == sizeof result ? 0 : 1);
+  }
+  close(ends[1]);
+  Measured result;
+  if (read(ends[0], &result, sizeof result) != sizeof result) result.nll = std::numeric_limits<double>::quiet_NaN();
+  close(ends[0]);
+  int status = 0;
+  waitpid(child, &status, 0);
+  return result;
+}
+
+void run(int stops, int landmarks, int sight, int repeats) {
+  const JointProblem problem = make_lane(stops, landmarks, sight, 1);
+  const JointState seed = position_seed(problem, 2, NoiseLaw::f);
+  const Measured block = in_child(
+      [&](int& iterations) {
+        const JointFit fit = solve_joint_block(problem, seed);
+        iterations = fit.iterations;
+        return fit.joint_nll;
+      },
+      repeats);
+  const Measured ours = in_child(
+      [&](int& iterations) {
+        const JointFit fit = solve_joint_ceres(problem, seed);
+        iterations = fit.iterations;
+        return fit.joint_nll;
+      },
+      std::max(1, repeats / 2));
+  const auto plain_with = [&](double ratio, int times) {
+    Measured plain;
+    for (double tolerance = 1e-6; tolerance > 1e-16; tolerance *= 0.1) {
+      plain = in_child(
+          [&](int& iterations) {
+            return joint_nll(problem, benchmark::solve_plain_ceres(problem, seed, {ratio, tolerance}, &iterations));
+          },
+          1);
+      if (!(plain.nll < block.nll + 1e-3)) continue;
+      if (times == 1) break;
+      return in_child(
+          [&](int& iterations) {
+            return joint_nll(problem, benchmark::solve_plain_ceres(problem, seed, {ratio, tolerance}, &iterations));
+          },
+          times);
+    }
+    return plain;
+  };
+  const Measured plain = plain_with(1e-3, std::max(1, repeats / 2)), tight = plain_with(0.3, std::max(1, repeats / 2));
+  const auto print = [&](const char* name, const Measured& m) {
+    fmt::print("{:7d} {:3d} {:7d}  {:<34} {:12.4f} {:5d} {:8.1f} {:10.1f} {:8.2f} {:16.6f}{}\n", stops, landmarks,
+               static_cast<int>(problem.cells.size()), name, m.milliseconds, m.iterations, plain.milliseconds / m.milliseconds,
+               m.megabytes, m.megabytes / plain.megabytes, m.nll, m.nll < block.nll + 1e-3 ? "" : "  (more than 1e-3 off)");
+  };
+  print("block", block);
+  print("ours, by Ceres", ours);
+  print("plain Ceres", plain);
+  print("plain Ceres, floors near spreads", tight);
+  if (stops <= 1000) {
+    const JointState full = solve_joint_block(problem, seed).state;
+    print("marginal, after full", in_child(
+                                      [&](int& iterations) {
+                                        const MarginalFit fit = solve_marginal(problem, full);
+                                        iterations = fit.iterations;
+                                        return fit.joint_nll;
+                                      },
+                                      std::max(1, repeats / 10)));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int largest = argc > 1 ? std::atoi(argv[1]) : 100000, solves = argc > 2 ? std::atoi(argv[2]) : 200;
+  fmt::print("{:>7} {:>3} {:>7}  {:<34} {:>12} {:>5} {:>8} {:>10} {:>8} {:>16}\n", "K", "L", "cells", "method", "ms / solve",
+             "iter", "faster", "MB", "of plain", "NLL [nats]");
+  run(20, 5, 5, solves);
+  for (int stops : {1000, 10000, 100000})
+    if (stops <= largest) run(stops, 50, 10, stops <= 1000 ? std::max(1, solves / 20) : stops <= 10000 ? 3 : 1);
+  return 0;
+}

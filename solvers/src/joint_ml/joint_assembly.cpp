@@ -1,0 +1,365 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// One pass over the cells: value, gradient and Hessian blocks of the joint NLL. Each cell depends on its place only
+// through (d, bearing), so that the place's own blocks are sums of the landmark's with the sign turned.
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "joint_ml/blocks.hpp"
+#include "joint_ml/joint_accumulator.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/problems/landmarks/power_law_term.hpp"
+
+namespace rangecal {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+const double log_two_pi = std::log(2.0 * std::numbers::pi);
+constexpr int max_curve = 2 * RangeTerm<2>::max_coefficients;
+
+/// One cell's range share as the loop uses it: slopes along the line of sight, and with the curve's parameters.
+struct RangeShare {
+  double value, along, along_along;  ///< q, dq/dd, d2q/dd2 (exact or expected)
+  double cross[max_curve];           ///< d2q / dd dcurve_i
+};
+
+template <int NA>
+bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, double tau, double d, const Cells& c,
+                     std::size_t i, bool exact, double& product, RangeShare& share, double* gradient, double* hessian) {
+  const int na = NA > 0 ? NA : alpha_count, m = na + 1;
+  double power[max_curve], f = alpha[na - 1], slope = 0.0, bend = 0.0;
+  for (int a = na - 1; a-- > 0;) {
+    bend = bend * d + slope;
+    slope = slope * d + f;
+    f = f * d + alpha[a];
+  }
+  bend *= 2.0;
+  if (!(d > 0.0) || (law.power > 0 && !(f > 0.0))) return false;
+  const double R = c.count[i];
+  const PowerLawTerm term(law, f, R, c.range_weight[i], c.range_mean[i], c.range_mean_square[i]);
+  share.value = R * tau + 0.5 * term.chi_sq;
+  if (R == 1.0)
+    product *= f;  // one logarithm for many
+  else if (law.power > 0)
+    share.value += R * law.power * std::log(f);
+  share.along = term.by_f * slope;
+  const double aa = exact ? term.by_f_f : term.fisher_f_f(R);
+  const double at = exact ? term.by_f_tau : term.fisher_f_tau(R);
+  share.along_along = exact ? term.by_f_f * slope * slope + term.by_f * bend : aa * slope * slope;
+  power[0] = 1.0;
+  for (int a = 1; a < na; ++a) power[a] = d * power[a - 1];
+  for (int a = 0; a < na; ++a) {
+    gradient[a] += term.by_f * power[a];
+    const double scaled = aa * power[a];
+    for (int e = a; e < na; ++e) hessian[a * m + e] += scaled * power[e];
+    hessian[a * m + na] += at * power[a];
+    share.cross[a] = scaled * slope + (exact && a > 0 ? a * power[a - 1] * term.by_f : 0.0);
+  }
+  gradient[na] += term.by_tau;
+  hessian[na * m + na] += exact ? term.by_tau_tau() : 2.0 * R;
+  share.cross[na] = at * slope;
+  return true;
+}
+
+bool general_share(RangeTerm<2>& term, const JointState& state, double d, const Cells& c, std::size_t i, bool exact,
+                   RangeShare& share, double* gradient, double* hessian) {
+  if (!term.evaluate(d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha, state.noise))
+    return false;
+  const int na = term.coefficients(), nt = term.noise_parameters(), m = na + nt;
+  share.value = term.cost.value();
+  share.along = term.cost.first();
+  share.along_along = exact ? term.cost.second() : term.fisher_d_d;
+  const double aa = exact ? term.alpha_alpha : term.fisher_alpha_alpha;
+  const double at = exact ? term.alpha_tau : term.fisher_alpha_tau;
+  const double tt = exact ? term.tau_tau : term.fisher_tau_tau;
+  for (int a = 0; a < na; ++a) {
+    const Taylor<2> by_alpha = term.by_alpha(a);
+    const double power = term.power[a].value();
+    gradient[a] += by_alpha.value();
+    for (int e = a; e < na; ++e) hessian[a * m + e] += aa * power * term.power[e].value();
+    for (int j = 0; j < nt; ++j) hessian[a * m + na + j] += at * power * term.tau_slope(j);
+    share.cross[a] = exact ? by_alpha.first() : term.fisher_d_alpha * power;
+  }
+  for (int j = 0; j < nt; ++j) {
+    const Taylor<2> by_tau = term.by_tau(j);
+    gradient[na + j] += by_tau.value();
+    for (int e = j; e < nt; ++e) hessian[(na + j) * m + na + e] += tt * term.tau_slope(j) * term.tau_slope(e);
+    share.cross[na + j] = exact ? by_tau.first() : term.fisher_d_tau * term.tau_slope(j);
+  }
+  return true;
+}
+
+}  // namespace
+
+double JointSystem::assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node,
+                                    Accumulator& sum) {
+  NodeBlocks<Eigen::Dynamic> b(node, arena_.data(), stop_gradient_.data());
+  double nll = 0.0;
+  for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
+    const int k = node.stops[slot], heading = node.heading[slot];
+    const Pose2& pose = state.stops[k];
+    const StopPrior& prior = problem_.stops[k];
+    if (prior.chained) continue;
+    if (node.free_position && prior.opens_place) {
+      const double sigma = sigma_xy_of(problem_, state, k), information = 1.0 / (sigma * sigma);
+      const double ex = pose.x_m - prior.commanded.x_m, ey = pose.y_m - prior.commanded.y_m;
+      const double chi_sq = (ex * ex + ey * ey) * information;
+      nll += 0.5 * chi_sq + 2.0 * std::log(sigma) + log_two_pi;
+      b.g[0] += information * ex;
+      b.g[1] += information * ey;
+      b.H(0, 0) += information;
+      b.H(1, 1) += information;
+      if (layout_.sigma_s >= 0 && problem_.sigma_s_shared[k]) {
+        sum.sigma_s_gradient += 2.0 - chi_sq;
+        sum.sigma_s_hessian += exact ? 2.0 * chi_sq : 4.0;
+        const int column = layout_.alpha_count + layout_.sigma_count() - 1;
+        if (exact) {
+          b.G(0, column) -= 2.0 * information * ex;
+          b.G(1, column) -= 2.0 * information * ey;
+        }
+      }
+    }
+    if (heading >= 0) {
+      const double turn = wrap_angle(pose.heading_rad - prior.commanded.heading_rad);
+      const double information = 1.0 / (prior.sigma_heading_rad * prior.sigma_heading_rad);
+      nll += 0.5 * turn * turn * information + std::log(prior.sigma_heading_rad) + 0.5 * log_two_pi;
+      b.g[heading] += information * turn;
+      b.H(heading, heading) += information;
+    }
+  }
+  return nll;
+}
+
+template <int NA>
+double JointSystem::assemble_node(const JointState& state, HessianKind kind, int index, Accumulator& sum) {
+  const JointLayout::Node& node = layout_.nodes[index];
+  const Cells& c = problem_.cells;
+  const bool exact = kind == HessianKind::exact, moves = node.free_position;
+  const int na = NA > 0 ? NA : layout_.alpha_count, m = NA > 0 ? NA + 1 : sum.m, dim = node.dim;
+  double* const H = arena_.data() + node.block;
+  double* const G = H + 2 * dim * dim;
+  double* const g = stop_gradient_.data() + node.coordinate;
+  std::fill(H, H + dim * dim, 0.0);
+  std::fill(G, G + dim * node.columns, 0.0);
+  std::fill(g, g + dim, 0.0);
+  double nll = assemble_priors(state, exact, node, sum);
+
+  const NoiseLaw law = state.noise.law;
+  const bool power_law = law != NoiseLaw::polynomial && law != NoiseLaw::d_squared;
+  const double sigma = state.noise.parameters[0], tau = power_law ? std::log(sigma) : 0.0;
+  if (power_law && !(sigma > 0.0)) return infinity;
+  const PowerLaw power{state.noise.power_of_f(), 1.0 / (sigma * sigma)};
+  const double bearing_information = 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
+  const double per_reading = std::log(state.sigma_theta_rad) + log_two_pi;
+  const int first_landmark_column = na + layout_.sigma_count(), bearing_column = na + layout_.tau_count;
+  RangeTerm<2> general;
+  RangeShare share;
+  double product = 1.0, log_sum = 0.0;
+  double position[5] = {}, position_curve[2 * max_curve] = {}, position_bearing[2] = {};
+
+  for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
+    const int k = node.stops[slot], heading = node.heading[slot];
+    const Pose2& pose = state.stops[k];
+    const double ch = pose.heading_rad == 0.0 ? 1.0 : std::cos(pose.heading_rad);
+    const double sh = pose.heading_rad == 0.0 ? 0.0 : std::sin(pose.heading_rad);
+    for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i) {
+      const Eigen::Vector2d& axis = state.landmarks[c.landmark[i]];
+      const double vx = axis.x() - pose.x_m, vy = axis.y() - pose.y_m;
+      const double D = std::sqrt(vx * vx + vy * vy), inverse = 1.0 / D, nx = vx * inverse, ny = vy * inverse;
+      const double d = D - c.radius_m[i];
+      if (power_law) {
+        if (!power_law_share<NA>(power, state.alpha.data(), na, tau, d, c, i, exact, product, share,
+                                 sum.curve_gradient.data(), sum.curve_hessian.data()))
+          return infinity;
+        if (!(product > 1e-100 && product < 1e100)) {
+          log_sum += std::log(std::abs(product));
+          product = 1.0;
+        }
+      } else if (!general_share(general, state, d, c, i, exact, share, sum.curve_gradient.data(),
+                                sum.curve_hessian.data())) {
+        return infinity;
+      }
+
+      const double cb = bearing_direction_[2 * i], sb = bearing_direction_[2 * i + 1];
+      const double turn = bearing_error(cb * ch - sb * sh, sb * ch + cb * sh, vx, vy);
+      const double w = c.bearing_weight[i] * bearing_information, w_turn = w * turn;
+      const double chi_sq = w_turn * turn + w * c.bearing_mean_square[i];
+      nll += share.value + 0.5 * chi_sq + c.count[i] * per_reading;
+
+      // Along n = (nx, ny) and across t = (-ny, nx).
+      const double across = -w_turn * inverse;
+      const double gx = share.along * nx - across * ny, gy = share.along * ny + across * nx;
+      double nn = share.along_along, tt = w * inverse * inverse, nt = 0.0;
+      if (exact) {
+        tt += share.along * inverse;
+        nt = w_turn * inverse * inverse;
+      }
+      const double hxx = nn * nx * nx + (tt * ny - 2.0 * nt * nx) * ny;
+      const double hxy = (nn - tt) * nx * ny + nt * (nx * nx - ny * ny);
+      const double hyy = nn * ny * ny + (tt * nx + 2.0 * nt * ny) * nx;
+
+      double* const of = sum.landmark.data() + static_cast<std::size_t>(c.landmark[i]) * sum.stride;
+      of[0] += gx;
+      of[1] += gy;
+      of[2] += hxx;
+      of[3] += hxy;
+      of[4] += hyy;
+      for (int a = 0; a < m; ++a) {
+        const double cx = share.cross[a] * nx, cy = share.cross[a] * ny;
+        of[5 + 2 * a] += cx;
+        of[6 + 2 * a] += cy;
+        position_curve[2 * a] += cx;
+        position_curve[2 * a + 1] += cy;
+      }
+      sum.bearing_gradient += c.count[i] - chi_sq;
+      sum.bearing_hessian += exact ? 2.0 * chi_sq : 2.0 * c.count[i];
+      if (exact) {
+        const double cross = 2.0 * w_turn * inverse;
+        of[5 + 2 * m] -= cross * ny;
+        of[6 + 2 * m] += cross * nx;
+        position_bearing[0] -= cross * ny;
+        position_bearing[1] += cross * nx;
+      }
+      double* const column = G + dim * (first_landmark_column + 2 * layout_.slot_of_cell[i]);
+      if (moves) {
+        position[0] += gx;
+        position[1] += gy;
+        position[2] += hxx;
+        position[3] += hxy;
+        position[4] += hyy;
+        column[0] -= hxx;
+        column[1] -= hxy;
+        column[dim] -= hxy;
+        column[dim + 1] -= hyy;
+      }
+      if (heading >= 0) {
+        const double tx = -w * inverse * ny, ty = w * inverse * nx;
+        g[heading] += w_turn;
+        H[heading * dim + heading] += w;
+        if (moves) {
+          H[heading * dim] += tx;
+          H[heading * dim + 1] += ty;
+          H[heading] += tx;
+          H[dim + heading] += ty;
+        }
+        column[heading] -= tx;
+        column[dim + heading] -= ty;
+        if (exact) G[dim * bearing_column + heading] -= 2.0 * w_turn;
+      }
+    }
+  }
+  if (moves) {
+    g[0] -= position[0];
+    g[1] -= position[1];
+    H[0] += position[2];
+    H[1] += position[3];
+    H[dim] += position[3];
+    H[dim + 1] += position[4];
+    for (int a = 0; a < m; ++a)
+      for (int e = 0; e < 2; ++e) G[dim * a + e] -= position_curve[2 * a + e];  // tau follows alpha in the columns too
+    G[dim * bearing_column] -= position_bearing[0];
+    G[dim * bearing_column + 1] -= position_bearing[1];
+  }
+  if (power_law && power.power > 0) nll += power.power * (log_sum + std::log(std::abs(product)));
+  return nll;
+}
+
+template <int NA>
+void JointSystem::assemble_part(const JointState& state, HessianKind kind, std::size_t begin, std::size_t end,
+                                Accumulator& sum) {
+  for (std::size_t j = begin; j < end && std::isfinite(sum.nll); ++j)
+    sum.nll += assemble_node<NA>(state, kind, static_cast<int>(j), sum);
+}
+
+void JointSystem::collect(const std::vector<Accumulator>& parts) {
+  const Accumulator& s = parts[0];
+  const int na = layout_.alpha_count, m = s.m, landmark0 = layout_.landmark_begin;
+  const int landmarks = problem_.landmark_count(), eta = layout_.sigma_theta;
+  const auto global = [&](int curve) { return curve < na ? curve : layout_.tau_begin + curve - na; };
+  gradient_.setZero();
+  hessian_.setZero();
+  for (int a = 0; a < m; ++a) {
+    gradient_[global(a)] = s.curve_gradient[a];
+    for (int e = a; e < m; ++e) hessian_(global(a), global(e)) = s.curve_hessian[a * m + e];
+  }
+  gradient_[eta] = s.bearing_gradient;
+  hessian_(eta, eta) = s.bearing_hessian;
+  if (layout_.sigma_s >= 0) {
+    gradient_[layout_.sigma_s] = s.sigma_s_gradient;
+    hessian_(layout_.sigma_s, layout_.sigma_s) = s.sigma_s_hessian;
+  }
+  for (int l = 0; l < landmarks; ++l) {
+    const double* of = s.landmark.data() + static_cast<std::size_t>(l) * s.stride;
+    const int x = landmark0 + 2 * l;
+    gradient_[x] = of[0];
+    gradient_[x + 1] = of[1];
+    hessian_(x, x) = of[2];
+    hessian_(x, x + 1) = of[3];
+    hessian_(x + 1, x + 1) = of[4];
+    for (int a = 0; a < m; ++a)
+      for (int e = 0; e < 2; ++e) {
+        const int other = global(a);
+        hessian_(std::min(other, x + e), std::max(other, x + e)) = of[5 + 2 * a + e];
+      }
+    hessian_(x, eta) = of[5 + 2 * m];
+    hessian_(x + 1, eta) = of[6 + 2 * m];
+  }
+}
+
+double JointSystem::assemble(const JointState& state, HessianKind kind) {
+  inverse_valid_ = false;
+  const std::size_t nodes = layout_.nodes.size();
+  const int parts = part_count(nodes);
+  if (sums_.empty()) sums_.assign(parts, Accumulator(layout_, problem_.landmark_count()));
+  if (!(state.sigma_theta_rad > 0.0)) return infinity;
+  const NoiseLaw law = state.noise.law;
+  const int fixed = law == NoiseLaw::polynomial || law == NoiseLaw::d_squared ? 0 : layout_.alpha_count;
+  const auto run = [&](int part) {
+    Accumulator& sum = sums_[part];
+    sum.clear();
+    const std::size_t begin = nodes * part / parts, end = nodes * (part + 1) / parts;
+    if (fixed == 2)
+      assemble_part<2>(state, kind, begin, end, sum);
+    else if (fixed == 3)
+      assemble_part<3>(state, kind, begin, end, sum);
+    else if (fixed == 4)
+      assemble_part<4>(state, kind, begin, end, sum);
+    else
+      assemble_part<0>(state, kind, begin, end, sum);
+  };
+  if (parts == 1)
+    run(0);
+  else
+    tbb::parallel_for(0, parts, run);
+  for (int part = 1; part < parts; ++part) sums_[0].add(sums_[part]);
+  collect(sums_);
+  nll_ = sums_[0].nll;
+  if (layout_.chained) nll_ += assemble_chain_links(state, kind);
+  nll_ += assemble_taped(state, kind);
+  return std::isnan(nll_) ? infinity : nll_;
+}
+
+double JointSystem::assemble_taped(const JointState& state, HessianKind kind) {
+  double nll = 0.0;
+  for (const KnownDistance& taped : problem_.known_distances) {
+    const Eigen::Vector2d v = state.landmarks[taped.to] - state.landmarks[taped.from];
+    const double length = v.norm(), error = length - taped.distance_m;
+    const double information = 1.0 / (taped.sigma_m * taped.sigma_m);
+    const Eigen::Vector2d n = v / length;
+    nll += 0.5 * error * error * information + std::log(taped.sigma_m) + 0.5 * log_two_pi;
+    Eigen::Matrix2d h = information * n * n.transpose();
+    if (kind == HessianKind::exact)
+      h += (information * error / length) * (Eigen::Matrix2d::Identity() - n * n.transpose());
+    const int a = layout_.landmark_begin + 2 * taped.from, b = layout_.landmark_begin + 2 * taped.to;
+    gradient_.segment<2>(a) -= information * error * n;
+    gradient_.segment<2>(b) += information * error * n;
+    hessian_.block<2, 2>(a, a) += h;
+    hessian_.block<2, 2>(b, b) += h;
+    hessian_.block<2, 2>(std::min(a, b), std::max(a, b)) -= h;
+  }
+  return nll;
+}
+
+}  // namespace rangecal
