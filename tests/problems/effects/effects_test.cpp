@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What holds for every effect of the folder: registered, described, bounded, linear where it says so, smooth.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "problems/effects/example.hpp"
+
+namespace rangecal {
+namespace {
+
+using effects_testing::example_context;
+using effects_testing::example_reading;
+using effects_testing::example_stops;
+
+const std::vector<std::string> catalogue{"range_offset",
+                                         "arc_definition",
+                                         "range_scale",
+                                         "laser_pointing",
+                                         "lens_distortion",
+                                         "pixel_locking",
+                                         "quantisation",
+                                         "near_regime",
+                                         "target_reflectance",
+                                         "dark_target",
+                                         "ambient_light",
+                                         "mixed_pixels",
+                                         "tilt",
+                                         "warmup_drift",
+                                         "range_eccentricity",
+                                         "landmark_shape",
+                                         "cyclic_error",
+                                         "landmark_radius",
+                                         "radius_scale",
+                                         "bearing_offset",
+                                         "bearing_drift",
+                                         "beam_offset",
+                                         "encoder_eccentricity",
+                                         "encoder_ellipticity",
+                                         "bearing_scale",
+                                         "bearing_quantisation",
+                                         "sweep_motion",
+                                         "settling",
+                                         "odometry_scale",
+                                         "path_curvature",
+                                         "heading_drift",
+                                         "odometry_random_walk",
+                                         "lever_arm",
+                                         "wheel_slip",
+                                         "moved_landmark",
+                                         "label_swap",
+                                         "dropout",
+                                         "noise_law",
+                                         "cell_effect",
+                                         "stop_effect",
+                                         "autocorrelated_noise",
+                                         "heavy_tails",
+                                         "reciprocal_noise"};
+
+Eigen::Index size_of(const Effect& effect) {
+  return static_cast<Eigen::Index>(effect.info().parameters.size());
+}
+
+/// All that an effect changes, in one vector: the example reading at each stop, the stops, dependence and
+/// tail.
+Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p) {
+  const EffectContext context = example_context();
+  std::vector<double> all;
+  for (int k = 0; k < context.stop_count; ++k) {
+    ReadingView<double> at = example_reading(context);
+    at.stop = k;
+    at.d = 0.8 + 0.6 * k;
+    at.axis_distance = at.d + at.radius;
+    at.f = 1.02 * at.d;
+    at.bearing = -2.5 + k;
+    const ReadingChange<double> change = effect.reading(at, p.data());
+    all.insert(all.end(),
+               {change.range, change.bearing, change.range_log_variance, change.bearing_log_variance});
+  }
+  if (effect.acts_on_stops()) {
+    const std::vector<StopPrior> before = example_stops(context);
+    std::vector<StopPrior> after = before;
+    effect.stops(context, p.data(), after);
+    for (std::size_t k = 0; k < after.size(); ++k)
+      all.insert(
+          all.end(),
+          {after[k].commanded.x_m - before[k].commanded.x_m, after[k].commanded.y_m - before[k].commanded.y_m,
+           after[k].commanded.heading_rad - before[k].commanded.heading_rad,
+           after[k].sigma_xy_m - before[k].sigma_xy_m,
+           after[k].sigma_heading_rad - before[k].sigma_heading_rad, after[k].chained ? 1.0 : 0.0});
+  }
+  const Dependence dependence = effect.dependence(p.data());
+  all.insert(all.end(),
+             {dependence.range_cell_sigma_m, dependence.bearing_cell_sigma_rad, dependence.range_correlation,
+              dependence.bearing_correlation, 1.0 / effect.degrees_of_freedom(p.data())});
+  return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
+}
+
+/// Typical continuous parameters at the point of the start grid (discrete ones) where they change most.
+Eigen::VectorXd typical_point(const Effect& effect) {
+  Eigen::VectorXd best;
+  double most = -1.0;
+  for (const Eigen::VectorXd& start : effect.start_grid(example_context())) {
+    Eigen::VectorXd p = start;
+    for (Eigen::Index i = 0; i < p.size(); ++i) {
+      const EffectParameter& parameter = effect.info().parameters[static_cast<std::size_t>(i)];
+      if (!parameter.discrete) p[i] = parameter.typical;
+    }
+    const double size = changes(effect, p).norm();
+    if (size > most) {
+      most = size;
+      best = p;
+    }
+  }
+  return best;
+}
+
+TEST(Effects, TheWholeCatalogueIsRegistered) {
+  std::vector<std::string> ids;
+  for (const auto& effect : effect_registry()) ids.push_back(effect->info().id);
+  EXPECT_THAT(ids, testing::UnorderedElementsAreArray(catalogue));
+  EXPECT_EQ(find_effect("no_such_effect"), nullptr);
+}
+
+TEST(Effects, TextsAreThereAndChannelsAreThoseOfTheFormat) {
+  const std::set<std::string> channels{"range",
+                                       "bearing",
+                                       "stop",
+                                       "range_noise",
+                                       "bearing_noise",
+                                       "range_dependence",
+                                       "bearing_dependence",
+                                       "range_tail",
+                                       "bearing_tail",
+                                       "label",
+                                       "detection",
+                                       "grid"};
+  const std::set<std::string> covariates{"range",  "disparity", "sensor_bearing", "heading",  "time", "stop",
+                                         "repeat", "landmark",  "radius",         "constant", "any"};
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    SCOPED_TRACE(info.id);
+    EXPECT_TRUE(channels.count(info.channel)) << info.channel;
+    EXPECT_TRUE(covariates.count(info.covariate)) << info.covariate;
+    for (const std::string& text :
+         {info.physics, info.formula, info.source, info.visible_by, info.settled_by})
+      EXPECT_FALSE(text.empty());
+    EXPECT_EQ(info.physics.back(), '.');
+  }
+}
+
+TEST(Effects, ParametersAreNamedAndTypicalOnesWithinBounds) {
+  for (const auto& effect : effect_registry()) {
+    SCOPED_TRACE(effect->info().id);
+    EXPECT_FALSE(effect->info().parameters.empty());
+    std::set<std::string> names;
+    for (const EffectParameter& parameter : effect->info().parameters) {
+      SCOPED_TRACE(parameter.name);
+      EXPECT_TRUE(names.insert(parameter.name).second);
+      EXPECT_LT(parameter.low, parameter.high);
+      EXPECT_GT(parameter.typical, 0.0);
+      EXPECT_GE(parameter.typical, parameter.low);
+      EXPECT_LE(parameter.typical, parameter.high);
+      EXPECT_FALSE(parameter.linear && parameter.discrete);
+      if (parameter.linear) {
+        EXPECT_LE(parameter.low, 0.0);
+      }
+    }
+  }
+}
+
+TEST(Effects, StartGridsAreFilledAndWithinBounds) {
+  EffectContext near = example_context(), plain = example_context();
+  near.range_min_m = 0.2;
+  near.range_max_m = 12.0;
+  plain.covariates.clear();
+  plain.duration_s = 0.0;
+  plain.stop_time_s.clear();
+  for (const EffectContext& context : {example_context(), near, plain})
+    for (const auto& effect : effect_registry()) {
+      SCOPED_TRACE(effect->info().id);
+      const std::vector<Eigen::VectorXd> grid = effect->start_grid(context);
+      ASSERT_FALSE(grid.empty());
+      EXPECT_LE(grid.size(), 1200u);
+      for (const Eigen::VectorXd& p : grid) {
+        ASSERT_EQ(p.size(), size_of(*effect));
+        for (Eigen::Index i = 0; i < p.size(); ++i) {
+          const EffectParameter& parameter = effect->info().parameters[static_cast<std::size_t>(i)];
+          ASSERT_GE(p[i], parameter.low) << parameter.name;
+          ASSERT_LE(p[i], parameter.high) << parameter.name;
+          if (parameter.linear) {
+            ASSERT_EQ(p[i], 0.0) << parameter.name;
+          }
+        }
+      }
+    }
+}
+
+TEST(Effects, EveryEffectChangesSomethingButLabels) {
+  for (const auto& effect : effect_registry()) {
+    if (effect->info().kind == EffectKind::label) continue;
+    EXPECT_GT(changes(*effect, typical_point(*effect)).norm(), 0.0) << effect->info().id;
+  }
+}
+
+TEST(Effects, LinearParametersAreLinearAndVanishAtZero) {
+  for (const auto& effect : effect_registry()) {
+    const auto& parameters = effect->info().parameters;
+    if (std::none_of(parameters.begin(), parameters.end(), [](const auto& one) { return one.linear; }))
+      continue;
+    SCOPED_TRACE(effect->info().id);
+    const Eigen::VectorXd typical = typical_point(*effect);
+    const auto scaled = [&](double factor) {
+      Eigen::VectorXd p = typical;
+      for (std::size_t i = 0; i < parameters.size(); ++i)
+        if (parameters[i].linear) p[static_cast<Eigen::Index>(i)] *= factor;
+      return changes(*effect, p);
+    };
+    EXPECT_EQ(scaled(0.0).norm(), 0.0);
+    // The curve's bend, the arc of a curved path and asin add terms of second order: relative 1e-4 of what
+    // they are at the typical size in the first check, up to a tenth in the second.
+    EXPECT_LE((scaled(2e-4) - 2.0 * scaled(1e-4)).norm(), 1e-4 * scaled(1e-4).norm());
+    EXPECT_LE((scaled(2.0) - 2.0 * scaled(1.0)).norm(), 0.1 * scaled(1.0).norm());
+  }
+}
+
+TEST(Effects, ContinuousParametersActSmoothly) {
+  for (const auto& effect : effect_registry()) {
+    const Eigen::VectorXd typical = typical_point(*effect);
+    for (Eigen::Index i = 0; i < size_of(*effect); ++i) {
+      const EffectParameter& parameter = effect->info().parameters[static_cast<std::size_t>(i)];
+      if (parameter.discrete) continue;
+      SCOPED_TRACE(effect->info().id + "." + parameter.name);
+      const auto slope = [&](double step) {
+        Eigen::VectorXd above = typical, below = typical;
+        above[i] += step;
+        below[i] -= step;
+        return Eigen::VectorXd((changes(*effect, above) - changes(*effect, below)) / (2.0 * step));
+      };
+      // Truncation at a step h of 1e-5 typical sizes is below h^2 |f'''|; rounding about 1e-16 / h of the
+      // values.
+      const Eigen::VectorXd coarse = slope(2e-5 * parameter.typical), fine = slope(1e-5 * parameter.typical);
+      ASSERT_TRUE(fine.allFinite());
+      EXPECT_LE((coarse - fine).norm(), 1e-5 * fine.norm() + 1e-9 / parameter.typical);
+    }
+  }
+}
+
+TEST(Effects, WhatIsMissingIsSaid) {
+  const EffectContext full = example_context();
+  EffectContext bare = full, pairs = full;
+  bare.duration_s = 0.0;
+  bare.stop_time_s.clear();
+  bare.largest_cell = 1.0;
+  bare.covariates.clear();
+  pairs.kind = RecordingKind::pairs;
+  std::set<std::string> lacking, not_for_pairs;
+  for (const auto& effect : effect_registry()) {
+    EXPECT_EQ(effect->missing(full), "") << effect->info().id;
+    if (!effect->missing(bare).empty()) lacking.insert(effect->info().id);
+    if (!effect->missing(pairs).empty()) not_for_pairs.insert(effect->info().id);
+    if (effect->acts_on_stops()) {
+      EXPECT_FALSE(effect->missing(pairs).empty()) << effect->info().id;
+    }
+  }
+  EXPECT_THAT(lacking, testing::ElementsAre("autocorrelated_noise", "bearing_drift", "bearing_quantisation",
+                                            "cell_effect", "heading_drift", "settling", "warmup_drift"));
+  EXPECT_TRUE(not_for_pairs.count("lever_arm"));
+  EXPECT_FALSE(not_for_pairs.count("pixel_locking"));
+  EXPECT_THAT(find_effect("warmup_drift")->missing(bare), testing::HasSubstr("time_s"));
+  EXPECT_THAT(find_effect("cell_effect")->missing(bare), testing::HasSubstr("repeats"));
+}
+
+TEST(Effects, PhaseBetweenNeighbouringWavenumbersIsSmall) {
+  const EffectContext context = example_context();
+  // pixel locking: at most 2 rad over the span of 1/d, that is 1 rad about its middle; cyclic error: 1 rad
+  // over that of d
+  const auto locking = find_effect("pixel_locking")->start_grid(context);
+  const auto cyclic = find_effect("cyclic_error")->start_grid(context);
+  EXPECT_LE((locking[1][2] - locking[0][2]) * (1.0 / 0.5 - 1.0 / 4.5), 2.0 + 1e-9);
+  EXPECT_LE(cyclic.size(), 400u);
+  EXPECT_LE((cyclic[1][2] - cyclic[0][2]) * (4.5 - 0.5), 1.0 + 0.3);  // 491 points wanted, 400 given
+}
+
+}  // namespace
+}  // namespace rangecal

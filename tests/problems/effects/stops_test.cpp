@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What effects do to the stops of example.hpp: (0,0) (1,0) (2,0) heading 0; (2,0) (2,1) (2,2) heading 90
+// degrees.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "problems/effects/example.hpp"
+
+namespace rangecal {
+namespace {
+
+using effects_testing::example_context;
+using effects_testing::example_stops;
+
+std::vector<StopPrior> changed(const std::string& id, const std::vector<double>& p) {
+  const EffectContext context = example_context();
+  std::vector<StopPrior> stops = example_stops(context);
+  const Effect* effect = find_effect(id);
+  EXPECT_TRUE(effect->acts_on_stops());
+  effect->stops(context, p.data(), stops);
+  return stops;
+}
+
+void expect_pose(const StopPrior& stop, double x, double y, double heading) {
+  EXPECT_NEAR(stop.commanded.x_m, x, 1e-12);
+  EXPECT_NEAR(stop.commanded.y_m, y, 1e-12);
+  EXPECT_NEAR(stop.commanded.heading_rad, heading, 1e-12);
+}
+
+constexpr double quarter = std::numbers::pi / 2;
+
+TEST(EffectStops, OdometryScaleStretchesAboutTheFirstStop) {
+  const auto stops = changed("odometry_scale", {0.01});
+  expect_pose(stops[0], 0.0, 0.0, 0.0);
+  expect_pose(stops[5], 2.02, 2.02, quarter);
+}
+
+TEST(EffectStops, OdometryScaleStartsAnewInEachRecording) {
+  const EffectContext context = example_context();
+  std::vector<StopPrior> stops = example_stops(context);
+  for (int k = 3; k < 6; ++k) stops[static_cast<std::size_t>(k)].recording = 1;
+  const double p[] = {0.01};
+  find_effect("odometry_scale")->stops(context, p, stops);
+  expect_pose(stops[2], 2.02, 0.0, 0.0);
+  expect_pose(stops[3], 2.0, 0.0, quarter);
+  expect_pose(stops[5], 2.0, 2.02, quarter);
+}
+
+TEST(EffectStops, PathCurvatureTurnsStepsByTheirMeanHeading) {
+  // steps of 1 m turned by kappa times 0.5, 1.5, (none), 2.5, 3.5 m
+  const double k = 0.02;
+  const auto stops = changed("path_curvature", {k});
+  expect_pose(stops[1], std::cos(0.5 * k), std::sin(0.5 * k), k);
+  const double x2 = std::cos(0.5 * k) + std::cos(1.5 * k), y2 = std::sin(0.5 * k) + std::sin(1.5 * k);
+  expect_pose(stops[2], x2, y2, 2 * k);
+  expect_pose(stops[3], x2, y2, quarter + 2 * k);
+  expect_pose(stops[4], x2 - std::sin(2.5 * k), y2 + std::cos(2.5 * k), quarter + 3 * k);
+}
+
+TEST(EffectStops, PathCurvatureBendsALineByHalfKappaLengthSquared) {
+  // 1/2 * 0.02 * 2^2 = 0.04, to third order in kappa l
+  EXPECT_NEAR(changed("path_curvature", {0.02})[2].commanded.y_m, 0.04, 2e-5);
+}
+
+TEST(EffectStops, HeadingDriftFollowsTime) {
+  const auto stops = changed("heading_drift", {0.02});
+  expect_pose(stops[0], 0.0, 0.0, 0.0);
+  expect_pose(stops[1], 1.0, 0.0, 0.0025);          // 0.02 * 50 / 400
+  expect_pose(stops[4], 2.0, 1.0, quarter + 0.01);  // 0.02 * 200 / 400
+}
+
+TEST(EffectStops, HeadingAndBearingDriftAreTwins) {
+  // a heading that grows by h turns the bearing b = direction - heading by -h
+  const EffectContext context = example_context();
+  const auto stops = changed("heading_drift", {0.02});
+  auto at = effects_testing::example_reading(context);
+  at.stop = 4;
+  at.time = 200.0 / 400.0;
+  const double p[] = {-0.02};
+  EXPECT_NEAR(find_effect("bearing_drift")->reading(at, p).bearing,
+              -(stops[4].commanded.heading_rad - context.commanded[4].heading_rad), 1e-15);
+}
+
+TEST(EffectStops, LeverArmTurnsWithTheRobot) {
+  const auto stops = changed("lever_arm", {0.02, 0.01});
+  expect_pose(stops[0], 0.02, 0.01, 0.0);
+  expect_pose(stops[4], 2.0 - 0.01, 1.0 + 0.02, quarter);
+}
+
+TEST(EffectStops, WheelSlipMovesAllLaterStopsAlongTheHeading) {
+  const auto stops = changed("wheel_slip", {0.05, 4.0});
+  expect_pose(stops[3], 2.0, 0.0, quarter);
+  expect_pose(stops[4], 2.0, 1.05, quarter);
+  expect_pose(stops[5], 2.0, 2.05, quarter);
+}
+
+TEST(EffectStops, RandomWalkChainsEveryPlaceButTheFirst) {
+  const auto stops = changed("odometry_random_walk", {0.02});
+  EXPECT_FALSE(stops[0].chained);
+  EXPECT_EQ(stops[0].sigma_xy_m, 0.01);
+  EXPECT_TRUE(stops[1].chained);
+  EXPECT_EQ(stops[1].sigma_xy_m, 0.02);
+  EXPECT_FALSE(stops[3].chained) << "the sensor was turned there, not moved";
+  EXPECT_TRUE(stops[4].chained);
+}
+
+TEST(EffectStops, StopEffectWidensThePriors) {
+  const auto stops = changed("stop_effect", {std::log(3.0), 0.012});
+  EXPECT_NEAR(stops[2].sigma_xy_m, 0.03, 1e-15);
+  EXPECT_NEAR(stops[2].sigma_heading_rad, 0.013, 1e-15);  // 5, 12, 13
+}
+
+}  // namespace
+}  // namespace rangecal

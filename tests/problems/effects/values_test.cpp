@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// One hand-worked value per effect, for the reading of example.hpp. Before the curve: f(d + x) - f(d) = x
+// (0.9 + 0.05 x).
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "problems/effects/example.hpp"
+
+namespace rangecal {
+namespace {
+
+using effects_testing::example_context;
+using effects_testing::example_reading;
+
+constexpr double pi = std::numbers::pi;
+
+struct Case {
+  std::string id;
+  std::vector<double> p;
+  ReadingChange<double> expected;
+};
+
+std::vector<Case> cases() {
+  const double half = std::numbers::ln2;
+  return {
+      {"range_offset", {0.005}, {.range = 0.005}},
+      // x = 0.2 * 0.12 = 0.024: 0.0216 + 0.05 * 0.000576
+      {"arc_definition", {0.2}, {.range = 0.0216288}},
+      // x = -0.05 * 0.12 = -0.006: -0.0054 + 0.05 * 0.000036
+      {"radius_scale", {0.05}, {.range = -0.0053982}},
+      {"range_scale", {0.0015, 0.0}, {.range = 0.003}},   // 0.0015 * 2
+      {"range_scale", {0.0015, 1.0}, {.range = 0.0045}},  // 0.0015 / 10 * (35 - 20) * 2
+      {"laser_pointing", {0.002}, {.range = 0.008}},      // 0.002 * 4
+      {"lens_distortion", {0.002}, {.range = 0.001}},     // 0.002 / 2
+      // k / d = 100.5 pi: cos = 0, sin = 1; 4 * 0.002
+      {"pixel_locking", {0.001, 0.002, 201.0 * pi}, {.range = 0.008}},
+      // steps 2.1^2 * 0.005 = 0.02205 and 0.01: (0.0004862025 + 0.0001) / (12 * 0.0004) = 0.1221255208
+      {"quantisation", {0.005, 0.01}, {.range_log_variance = std::log(1.12212552083333)}},
+      {"near_regime", {0.005, 0.02, 2.5}, {.range = -0.005}},  // 0.005 + 0.02 * (2 - 2.5)
+      {"near_regime", {0.005, 0.02, 1.5}, {}},                 // beyond the limit
+      {"target_reflectance", {0.015, 1.0, 0.0}, {.range = 0.015}},
+      {"target_reflectance", {0.015, 1.0, 2.0}, {.range = 0.06}},  // 0.015 * 4
+      {"target_reflectance", {0.015, 0.0, 2.0}, {}},               // another landmark
+      {"dark_target", {1.4, 1.0}, {.range_log_variance = 1.4}},
+      {"dark_target", {1.4, 2.0}, {}},
+      // 0.2 rad from the sector's middle: 0.0005 * 4
+      {"ambient_light", {1.2, 0.0005, pi / 3 + 0.2, 0.5}, {.range = 0.002, .range_log_variance = 1.2}},
+      {"ambient_light", {1.2, 0.0005, pi / 3 - 2 * pi - 0.6, 0.5}, {}},
+      // error 2 / 0.05 * 0.001 = 0.04, share 0.002 / 0.12 = 1/60: 0.0016 / 60 / 0.0004 = 1/15
+      {"mixed_pixels", {0.002, 3.0}, {.range_log_variance = std::log(16.0 / 15.0)}},
+      // cos 120 = -0.5, sin 120 = 0.8660254038: x = 0.5 * (0.0076 + 0.0038) = 0.0057; 0.00513 + 0.05 *
+      // 0.00003249
+      {"tilt", {0.0076, 0.0}, {.range = 0.0051316245, .bearing = 0.0019 * 0.8660254037844386}},
+      // t / T = ln 2: (0.01 + 0.0025 * 4) / 2
+      {"warmup_drift", {0.01, 0.0025, 100.0 / half}, {.range = 0.01}},
+      {"range_eccentricity", {0.006, 0.004}, {.range = 0.003 + 0.004 * 0.8660254037844386}},
+      // cos 180 = -1: x = 0.12 * 0.05 = 0.006; 0.0054 + 0.05 * 0.000036
+      {"landmark_shape", {0.05, 0.02, 1.0}, {.range = 0.0054018}},
+      {"landmark_shape", {0.05, 0.02, 0.0}, {}},
+      {"cyclic_error", {0.003, 0.004, pi / 4}, {.range = 0.004}},  // k d = pi / 2
+      // x = -0.005: -0.0045 + 0.05 * 0.000025
+      {"landmark_radius", {0.005, 1.0}, {.range = -0.00449875}},
+      {"landmark_radius", {0.005, 2.0}, {}},
+      {"bearing_offset", {0.0175}, {.bearing = 0.0175}},
+      {"bearing_drift", {0.02}, {.bearing = 0.005}},  // 0.02 * 0.25
+      // q / D = 0.01: asin = 0.01 + 0.01^3 / 6 + 3 / 40 * 0.01^5
+      {"beam_offset", {0.0212, 0.03}, {.bearing = 0.03 - 0.0100001666741667}},
+      {"encoder_eccentricity", {0.004, 0.002}, {.bearing = 0.004 * 0.8660254037844386 + 0.001}},
+      {"encoder_ellipticity", {0.004, 0.002}, {.bearing = 0.004 * 0.8660254037844386 - 0.001}},
+      {"bearing_scale", {0.006}, {.bearing = 0.002 * pi}},  // 0.006 * pi / 3
+      // u = 0.06 / 6 = 0.01: x = -0.005, -0.0045 + 0.05 * 0.000025; 0.01 * 0.8660254038 / 2.12
+      {"sweep_motion", {0.06}, {.range = -0.00449875, .bearing = 0.008660254037844386 / 2.12}},
+      {"settling", {0.02, 2.0 / half}, {.bearing = 0.01}},  // 2 s after the stop's first: t / T = ln 2
+      // z = 0: lambda = sqrt(2 / pi) = 0.7978845608; variance 1 - 2 / pi
+      {"dropout", {2.1}, {.range = -0.015957691216, .range_log_variance = std::log(1.0 - 2.0 / pi)}},
+      {"dropout", {3.0}, {}},  // 45 standard deviations away
+      // u = log(2.1 / 1.5) = 0.3364722366: 2 * 0.3364722366 + 0.1132135660
+      {"noise_law", {2.0, 1.0}, {.range_log_variance = 0.7861580392}},
+      {"reciprocal_noise", {0.02}, {.range = 0.0032}},  // cv = 0.04: 0.0016 * 2
+      // n = (0, 1), t = (-1, 0): x = 0.01, 0.009 + 0.05 * 0.0001; -0.02 / 2.12
+      {"moved_landmark", {0.02, 0.01, 1.0, 2.0}, {.range = 0.009005, .bearing = -0.02 / 2.12}},
+      {"moved_landmark", {0.02, 0.01, 1.0, 4.0}, {}},  // before the move
+      {"moved_landmark", {0.02, 0.01, 0.0, 2.0}, {}},
+      // what these do lies elsewhere: in stops, dependence, tails, labels
+      {"label_swap", {0.0, 1.0, 3.0, 3.0}, {}},
+      {"heavy_tails", {4.0}, {}},
+      {"cell_effect", {0.005}, {}},
+      {"autocorrelated_noise", {0.6, 0.3}, {}},
+      {"bearing_quantisation", {0.0175}, {}},
+      {"odometry_scale", {0.01}, {}},
+      {"path_curvature", {0.02}, {}},
+      {"heading_drift", {0.02}, {}},
+      {"odometry_random_walk", {0.01}, {}},
+      {"lever_arm", {0.02, 0.01}, {}},
+      {"wheel_slip", {0.05, 2.0}, {}},
+      {"stop_effect", {0.7, 0.005}, {}},
+  };
+}
+
+TEST(EffectValues, ReadingsAgreeWithHandWorkedOnes) {
+  const EffectContext context = example_context();
+  const ReadingView<double> at = example_reading(context);
+  constexpr double tolerance = 1e-10;  // the values above are written with ten digits
+  for (const Case& one : cases()) {
+    SCOPED_TRACE(one.id);
+    const Effect* effect = find_effect(one.id);
+    ASSERT_NE(effect, nullptr);
+    ASSERT_EQ(effect->info().parameters.size(), one.p.size());
+    const ReadingChange<double> change = effect->reading(at, one.p.data());
+    EXPECT_NEAR(change.range, one.expected.range, tolerance);
+    EXPECT_NEAR(change.bearing, one.expected.bearing, tolerance);
+    EXPECT_NEAR(change.range_log_variance, one.expected.range_log_variance, tolerance);
+    EXPECT_NEAR(change.bearing_log_variance, one.expected.bearing_log_variance, tolerance);
+  }
+}
+
+TEST(EffectValues, EveryEffectHasAHandWorkedValue) {
+  const std::vector<Case> all = cases();
+  for (const auto& effect : effect_registry())
+    EXPECT_TRUE(std::any_of(all.begin(), all.end(), [&](const Case& one) {
+      return one.id == effect->info().id;
+    })) << effect->info().id;
+}
+
+TEST(EffectValues, SectorOfAmbientLightCrossesTheSeam) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  at.bearing = pi - 0.1;
+  const double p[] = {1.2, 0.0, -pi + 0.1, 0.25};  // 0.2 rad apart across the seam
+  EXPECT_EQ(find_effect("ambient_light")->reading(at, p).range_log_variance, 1.2);
+}
+
+TEST(EffectValues, SettlingCountsRepeatsWhereThereAreNoTimes) {
+  EffectContext context = example_context();
+  context.stop_time_s.clear();
+  context.duration_s = 0.0;
+  const ReadingView<double> at = example_reading(context);
+  const double p[] = {0.02, 2.0 / std::numbers::ln2};  // repeat 2: half of it is left
+  EXPECT_NEAR(find_effect("settling")->reading(at, p).bearing, 0.01, 1e-15);
+  EXPECT_EQ(find_effect("settling")->reported(context, p)[1].first, "time_repeats");
+}
+
+TEST(EffectValues, EmptyTemperatureChangesNothing) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  const double empty[] = {120.0, std::numeric_limits<double>::quiet_NaN()};
+  at.covariate = empty;
+  const double p[] = {0.0015, 1.0};
+  EXPECT_EQ(find_effect("range_scale")->reading(at, p).range, 0.0);
+}
+
+TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  for (double z :
+       {-19.9, -20.1, -60.0}) {  // both branches: mean of the truncated normal, c + s / z to 1 / z^2
+    const double p[] = {at.f + z * at.spread};
+    const ReadingChange<double> change = find_effect("dropout")->reading(at, p);
+    EXPECT_NEAR(at.f + change.range, p[0] + at.spread / z, 2.1 * at.spread / std::pow(-z, 3));
+    EXPECT_NEAR(change.range_log_variance, -2.0 * std::log(-z), 6.5 / (z * z));
+  }
+}
+
+TEST(EffectValues, DependenceAndTails) {
+  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, nu[] = {4.0}, edge[] = {0.002, 3.0};
+  EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0035721726,
+              1e-10);
+  EXPECT_EQ(find_effect("cell_effect")->dependence(sigma).range_cell_sigma_m, 0.005);
+  EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).range_correlation, 0.6);
+  EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).bearing_correlation, 0.3);
+  EXPECT_EQ(find_effect("heavy_tails")->degrees_of_freedom(nu), 4.0);
+  EXPECT_EQ(find_effect("mixed_pixels")->degrees_of_freedom(edge), 3.0);
+  EXPECT_TRUE(std::isinf(find_effect("tilt")->degrees_of_freedom(edge)));
+}
+
+TEST(EffectValues, AmplitudesAndPhasesAreReported) {
+  using testing::DoubleNear;
+  using testing::ElementsAre;
+  using testing::Pair;
+  const EffectContext context = example_context();
+  const double tilt[] = {0.0, 0.0025};  // tau = 0.05, 2 b0 = 90 degrees
+  EXPECT_THAT(
+      find_effect("tilt")->reported(context, tilt),
+      ElementsAre(Pair("angle_rad", DoubleNear(0.05, 1e-12)), Pair("axis_rad", DoubleNear(pi / 4, 1e-12))));
+  const double moved[] = {0.03, 0.04, 1.0, 3.0};
+  EXPECT_THAT(find_effect("moved_landmark")->reported(context, moved),
+              ElementsAre(Pair("landmark", 1.0), Pair("from_stop", 3.0), Pair("x_m", 0.03), Pair("y_m", 0.04),
+                          Pair("distance_m", DoubleNear(0.05, 1e-12)), Pair("from_time_s", 98.0)));
+  // A sin(b - psi) with A = 0.005: sine A cos psi, cosine -A sin psi, psi = 30 degrees
+  const double encoder[] = {0.005 * 0.8660254037844386, -0.0025};
+  const auto values = find_effect("encoder_eccentricity")->reported(context, encoder);
+  EXPECT_NEAR(values[0].second, 0.005, 1e-12);
+  EXPECT_NEAR(values[1].second, pi / 6, 1e-12);
+}
+
+}  // namespace
+}  // namespace rangecal
