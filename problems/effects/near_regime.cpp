@@ -44,7 +44,7 @@ class NearRegime final : public Effect {
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
     const double near = context.range_min_m, span = std::max(context.range_max_m - near, 0.0);
-    return grid_of({{0.0}, {0.0}, even_steps(near + 0.03 * span, near + 0.6 * span, 30)});
+    return grid_of({{0.0}, {0.0}, even_steps(near + 0.03 * span, near + 0.6 * span, 80)});
   }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // B7. The head still swings when the robot has stopped.
 //
-//   delta b = A exp(-t / T)     [rad]
-//     t since the stop's first reading [s] (T in s), or the number of the repeat where there are no times
-//     (T in repeats)
+//   delta b = -A exp(-t / T)     [rad]
+//     A yaw of the head at the stop's first reading [rad], t since the stop's first reading [s] (T in s), or
+//     the number of the repeat where there are no times (T in repeats)
 //
 // Source: physics catalogue B7 (overdamped decay).
 #include <algorithm>
@@ -25,7 +25,8 @@ class Settling final : public Effect {
         .covariate = "repeat",
         .physics = "The first sweeps after a stop are turned: the sensor still swings on its mount.",
         .formula =
-            "delta b = A exp(-t / T) [rad], t since the first reading of the stop [s], or repeats without "
+            "delta b = -A exp(-t / T) [rad], A yaw of the head, t since the first reading of the stop [s], "
+            "or repeats without "
             "times",
         .source = "physics catalogue B7 (derived: decay of an overdamped mount)",
         .visible_by = "many sweeps at each stop",
@@ -49,7 +50,7 @@ class Settling final : public Effect {
     const double since =
         timed ? std::max(0.0, at.time_s - at.context->stop_time_s[static_cast<std::size_t>(at.stop)])
               : at.repeat;
-    return {.bearing = p[0] * std::exp(-since / p[1])};
+    return {.bearing = -p[0] * std::exp(-since / p[1])};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext& context,

@@ -77,7 +77,7 @@ std::vector<Case> cases() {
       {"bearing_scale", {0.006}, {.bearing = 0.002 * pi}},  // 0.006 * pi / 3
       // u = 0.06 / 6 = 0.01: x = -0.005, -0.0045 + 0.05 * 0.000025; 0.01 * 0.8660254038 / 2.12
       {"sweep_motion", {0.06}, {.range = -0.00449875, .bearing = 0.008660254037844386 / 2.12}},
-      {"settling", {0.02, 2.0 / half}, {.bearing = 0.01}},  // 2 s after the stop's first: t / T = ln 2
+      {"settling", {0.02, 2.0 / half}, {.bearing = -0.01}},  // 2 s after the stop's first: t / T = ln 2
       // z = 0: lambda = sqrt(2 / pi) = 0.7978845608; variance 1 - 2 / pi
       {"dropout", {2.1}, {.range = -0.015957691216, .range_log_variance = std::log(1.0 - 2.0 / pi)}},
       {"dropout", {3.0}, {}},  // 45 standard deviations away
@@ -143,7 +143,7 @@ TEST(EffectValues, SettlingCountsRepeatsWhereThereAreNoTimes) {
   context.duration_s = 0.0;
   const ReadingView<double> at = example_reading(context);
   const double p[] = {0.02, 2.0 / std::numbers::ln2};  // repeat 2: half of it is left
-  EXPECT_NEAR(find_effect("settling")->reading(at, p).bearing, 0.01, 1e-15);
+  EXPECT_NEAR(find_effect("settling")->reading(at, p).bearing, -0.01, 1e-15);
   EXPECT_EQ(find_effect("settling")->reported(context, p)[1].first, "time_repeats");
 }
 
