@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <numeric>
@@ -35,6 +36,26 @@ std::string name_direction(const Eigen::VectorXd& direction, const JointLayout& 
   return text;
 }
 
+/// Inverse of a well-conditioned matrix of unit diagonal and its weakest direction, by power iteration on the inverse.
+/// False if it is not positive definite, or so nearly singular that rounding matters.
+bool invert(const Eigen::MatrixXd& matrix, Eigen::MatrixXd& inverse, Eigen::VectorXd& weakest) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(matrix);
+  if (factor.info() != Eigen::Success) return false;
+  inverse = factor.solve(Eigen::MatrixXd::Identity(matrix.rows(), matrix.cols()));
+  Eigen::Index start = 0;
+  inverse.diagonal().maxCoeff(&start);
+  weakest = inverse.col(start).normalized();
+  double largest = 0.0;
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    const Eigen::VectorXd next = inverse * weakest;
+    const double size = next.norm();
+    weakest = next / size;
+    if (std::abs(size - largest) < 1e-7 * size) break;
+    largest = size;
+  }
+  return inverse.allFinite() && largest < 1e9;
+}
+
 }  // namespace
 
 void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layout, const std::vector<int>& free,
@@ -48,12 +69,19 @@ void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layo
   const Eigen::MatrixXd own = hessian(free, free);
   Eigen::VectorXd scale = own.diagonal();
   for (double& s : scale) s = s > 0.0 ? 1.0 / std::sqrt(s) : 1.0;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * own * scale.asDiagonal());
-  const double smallest = eigen.eigenvalues()[0];
-  const Eigen::VectorXd weakest = scale.cwiseProduct(eigen.eigenvectors().col(0));
-  fit.weakest_direction = name_direction(weakest, layout, free);
-  // Below this the direction is lost in rounding: the matrix has entries of order one and about eps * n error.
-  if (!(smallest > 1e-11)) {
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * own * scale.asDiagonal();
+  Eigen::MatrixXd inverse;
+  Eigen::VectorXd weakest(n);
+  bool determined = invert(scaled, inverse, weakest);
+  if (!determined) {  // near the edge: an eigenvalue decomposition decides
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
+    weakest = eigen.eigenvectors().col(0);
+    // Below this the direction is lost in rounding: the matrix has entries of order one and about eps * n error.
+    determined = eigen.eigenvalues()[0] > 1e-11;
+    inverse = eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+  }
+  fit.weakest_direction = name_direction(scale.cwiseProduct(weakest), layout, free);
+  if (!determined) {
     fit.covariance_reason = "no covariance: the recording does not determine " + fit.weakest_direction;
     if (fit.outcome == Outcome::converged) {
       fit.outcome = Outcome::unobservable;
@@ -61,10 +89,9 @@ void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layo
     }
     return;
   }
-  const Eigen::MatrixXd inverse =
-      eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
   fit.covariance = Eigen::MatrixXd::Zero(layout.global_count, layout.global_count);
-  (*fit.covariance)(free, free) = scale.asDiagonal() * inverse * scale.asDiagonal();
+  for (Eigen::Index j = 0; j < n; ++j)
+    for (Eigen::Index i = 0; i < n; ++i) (*fit.covariance)(free[i], free[j]) = scale[i] * inverse(i, j) * scale[j];
 }
 
 }  // namespace rangecal

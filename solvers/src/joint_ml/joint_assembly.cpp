@@ -3,6 +3,7 @@
 // through (d, bearing), so that the place's own blocks are sums of the landmark's with the sign turned.
 #include <tbb/parallel_for.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -339,6 +340,52 @@ double JointSystem::assemble(const JointState& state, HessianKind kind) {
   if (layout_.chained) nll_ += assemble_chain_links(state, kind);
   nll_ += assemble_taped(state, kind);
   return std::isnan(nll_) ? infinity : nll_;
+}
+
+void JointSystem::profile_spreads(JointState& state) const {
+  const Cells& c = problem_.cells;
+  const std::size_t stops = problem_.stops.size();
+  const int parts = part_count(stops), na = static_cast<int>(state.alpha.size());
+  const int power = state.noise.power_of_f();
+  const bool plain = state.noise.law != NoiseLaw::polynomial && state.noise.law != NoiseLaw::d_squared;
+  std::vector<std::array<double, 2>> sums(parts, {0.0, 0.0});
+  const auto run = [&](int part) {
+    double range = 0.0, bearing = 0.0;
+    for (std::size_t k = stops * part / parts; k < stops * (part + 1) / parts; ++k) {
+      const Pose2& pose = state.stops[k];
+      const double ch = pose.heading_rad == 0.0 ? 1.0 : std::cos(pose.heading_rad);
+      const double sh = pose.heading_rad == 0.0 ? 0.0 : std::sin(pose.heading_rad);
+      for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i) {
+        const Eigen::Vector2d& axis = state.landmarks[c.landmark[i]];
+        const double vx = axis.x() - pose.x_m, vy = axis.y() - pose.y_m;
+        const double d = std::sqrt(vx * vx + vy * vy) - c.radius_m[i];
+        double f = state.alpha[na - 1];
+        for (int a = na - 1; a-- > 0;) f = f * d + state.alpha[a];
+        double s = state.noise.parameters[0];
+        if (plain)
+          for (int e = 0; e < power; ++e) s *= f;
+        else
+          s = state.noise.spread(d, f);
+        const double cb = bearing_direction_[2 * i], sb = bearing_direction_[2 * i + 1];
+        const double turn = bearing_error(cb * ch - sb * sh, sb * ch + cb * sh, vx, vy), e = c.range_mean[i] - f;
+        range += c.range_weight[i] * (e * e + c.range_mean_square[i]) / (s * s);
+        bearing += c.bearing_weight[i] * (turn * turn + c.bearing_mean_square[i]);
+      }
+    }
+    sums[part] = {range, bearing};
+  };
+  if (parts == 1)
+    run(0);
+  else
+    tbb::parallel_for(0, parts, run);
+  double range = 0.0, bearing = 0.0;
+  for (const auto& sum : sums) {
+    range += sum[0];
+    bearing += sum[1];
+  }
+  const double scale = std::sqrt(range / problem_.readings), sigma = std::sqrt(bearing / problem_.readings);
+  if (std::isfinite(scale) && scale > 0.0) state.noise.parameters *= scale;
+  if (std::isfinite(sigma) && sigma > 0.0) state.sigma_theta_rad = sigma;
 }
 
 double JointSystem::assemble_taped(const JointState& state, HessianKind kind) {

@@ -10,6 +10,13 @@
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
+namespace {
+
+// Squares of Newton's decrement [nats]: the exact Hessian serves below the first where it is positive definite, the
+// spreads are refitted in closed form after steps above the second, and a step below the third is the last.
+constexpr double exact_below = 30.0, profile_from = 0.5, last_above = 1e-6;
+
+}  // namespace
 
 JointFit solve_joint_block(const JointProblem& problem, const JointState& start, const JointOptions& options) {
   JointFit fit;
@@ -51,23 +58,26 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
     Eigen::VectorXd stops = system.back_substitute(*globals, true);
     const double decrement_sq = -(system.global_gradient().dot(*globals) + system.stop_gradient().dot(stops));
     fit.gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
+    if (fit.gradient_norm < options.gradient_tolerance && damping == 0.0) {
+      converged = true;
+      break;
+    }
     const double factor = limit_step(system.layout(), fit.state.noise.law, *globals);
-    stops *= factor;
-    const JointState trial = step_state(problem, system.layout(), fit.state, *globals, stops);
-    const HessianKind next_kind = decrement_sq < 1.0 ? HessianKind::exact : kind;
+    if (factor < 1.0) stops *= factor;
+    JointState trial = step_state(problem, system.layout(), fit.state, *globals, stops);
+    if (!options.held.sigmas && decrement_sq > profile_from) system.profile_spreads(trial);
+    // Newton's decrement is squared from step to step, so below the last bound the trial is the optimum, where the
+    // expected information is wanted for the covariance.
+    const HessianKind next_kind =
+        decrement_sq < exact_below && decrement_sq > last_above ? HessianKind::exact : HessianKind::fisher;
     const double trial_nll = system.assemble(trial, next_kind);
     ++fit.evaluations;
-    // Near the optimum the decrease drowns in rounding; a step with so small a decrement is Newton's last.
     const double rounding = 1e-12 * (1.0 + std::abs(nll));
     if (trial_nll <= nll + rounding) {
-      fit.state = trial;
+      std::swap(fit.state, trial);
       nll = std::min(nll, trial_nll);
       kind = next_kind;
       damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
-      if (fit.gradient_norm < options.gradient_tolerance) {
-        converged = true;
-        break;
-      }
       const std::string collapsed = options.held.sigmas ? std::string() : collapsed_sigma(start, fit.state);
       if (!collapsed.empty()) {
         fit.outcome = Outcome::unbounded;
@@ -76,8 +86,8 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
         return fit;
       }
     } else {
-      if (fit.gradient_norm < options.gradient_tolerance) {  // nothing left to gain but rounding
-        reassemble(kind);
+      if (decrement_sq < rounding) {  // nothing left to gain but rounding
+        reassemble(HessianKind::fisher);
         converged = true;
         break;
       }
@@ -90,8 +100,8 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
   fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
   if (!converged)
     fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
-  if (system.assemble(fit.state, HessianKind::fisher); system.eliminate())
-    describe_covariance(system.schur(), system.layout(), free, fit);
+  if (kind != HessianKind::fisher) reassemble(HessianKind::fisher);
+  if (system.eliminate()) describe_covariance(system.schur(), system.layout(), free, fit);
   return fit;
 }
 

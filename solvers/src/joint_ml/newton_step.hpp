@@ -21,22 +21,22 @@ inline std::vector<int> free_globals(const JointLayout& layout, const Held& held
   return free;
 }
 
-/// -hessian^-1 gradient over the `free` indices, zero elsewhere, after scaling to a unit diagonal. None if the
-/// hessian is not positive definite there.
+/// -hessian^-1 gradient over the `free` indices, zero elsewhere. None if the hessian is not positive definite there.
 inline std::optional<Eigen::VectorXd> newton_step(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
                                                   const std::vector<int>& free) {
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   Eigen::VectorXd step = Eigen::VectorXd::Zero(gradient.size());
   if (n == 0) return step;
-  Eigen::VectorXd scale = hessian.diagonal()(free);
-  if (!(scale.minCoeff() > 0.0)) return std::nullopt;
-  scale = scale.cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * hessian(free, free) * scale.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  Eigen::MatrixXd own(n, n);
+  Eigen::VectorXd moved(n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index i = j; i < n; ++i) own(i, j) = hessian(free[i], free[j]);
+    moved[j] = -gradient[free[j]];
+  }
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factor(own);
   if (factor.info() != Eigen::Success) return std::nullopt;
-  Eigen::VectorXd moved = scale.cwiseProduct(gradient(free));
   factor.solveInPlace(moved);
-  step(free) = -scale.cwiseProduct(moved);
+  for (Eigen::Index j = 0; j < n; ++j) step[free[j]] = moved[j];
   return step;
 }
 

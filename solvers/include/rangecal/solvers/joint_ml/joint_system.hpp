@@ -65,6 +65,10 @@ class JointSystem {
   /// Fills all blocks at `state`. Returns the NLL, constants included; +infinity outside the model's domain.
   double assemble(const JointState& state, HessianKind kind);
 
+  /// Scales the spread of the ranges and sigma_theta of `state` to where they minimise the joint NLL, all else held:
+  /// sigma^2 = sum W (e^2 + S^2) / u^2 / N with u = s / sigma, and likewise for the bearings.
+  void profile_spreads(JointState& state) const;
+
   /// Eliminates the stops from the assembled blocks with their diagonals scaled by (1 + damping). False if a node's
   /// Hessian is not positive definite.
   bool eliminate(double damping = 0.0);
