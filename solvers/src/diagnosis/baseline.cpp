@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/QR>
+#include <cmath>
+#include <set>
+
+#include "diagnosis/search.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/joint_ml/joint_ml.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Distances at a resolution below which two of them do not tell a coefficient apart.
+int distinct_distances(const Rows& rows, const JointState& state) {
+  std::set<long> seen;
+  for (double d : cell_geometry(rows, state).d) seen.insert(std::lround(d / 0.02));
+  return static_cast<int>(seen.size());
+}
+
+JointState start_of(const Rows& rows, int order, NoiseLaw law) {
+  if (!rows.pairs) return position_seed(rows.problem, order, law);
+  JointState state;
+  state.noise.law = law;
+  state.landmarks = {Eigen::Vector2d::Zero()};
+  for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
+  seed_curve_and_noise(rows.problem, order, state);
+  state.sigma_theta_rad = 1.0;
+  return state;
+}
+
+}  // namespace
+
+Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options) {
+  if (rows.size() < 8) throw InputError("fewer than 8 usable readings: nothing can be diagnosed");
+  Fit best;
+  if (options.simulation) {
+    const Calibration& given = *options.simulation;
+    JointState state = start_of(rows, static_cast<int>(given.alpha.size()) - 1, given.noise.law);
+    state.alpha = given.alpha;
+    state.noise = given.noise;
+    if (given.sigma_theta_rad && !rows.pairs) state.sigma_theta_rad = given.sigma_theta_rad->value;
+    refit_options.held.alpha = true;
+    refit_options.held.sigmas = rows.pairs || given.sigma_theta_rad.has_value();
+    best = refit(rows, {}, state, refit_options);
+    if (!best.ok) throw InputError("the simulation's calibration cannot be applied to this recording");
+    return best;
+  }
+  const int distances = distinct_distances(rows, start_of(rows, 1, NoiseLaw::f_squared));
+  const int order = std::clamp(distances - 2, 0, 2);
+  // The triangulation law first; another only where it is better by more than three nats.
+  for (NoiseLaw law : {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant, NoiseLaw::f_cubed}) {
+    JointState state = start_of(rows, order, law);
+    JointOptions full_options;
+    full_options.held.landmarks = rows.pairs;
+    const JointFit full = solve_joint_block(rows.problem, state, full_options);
+    if (full.outcome == Outcome::converged) state = full.state;
+    Fit fit = refit(rows, {}, state, refit_options);
+    if (fit.ok && (!best.ok || fit.nll < best.nll - 3.0)) best = fit;
+  }
+  if (!best.ok) throw InputError("the seed model cannot be fitted to this recording; run calibrate to see why");
+  return best;
+}
+
+}  // namespace rangecal::diagnosis

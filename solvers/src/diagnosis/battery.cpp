@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/battery.hpp"
+
+#include <boost/math/special_functions/gamma.hpp>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/solvers/covariance/cramer_rao.hpp"
+
+namespace rangecal::diagnosis {
+
+double log_chi_sq_survival(double statistic, int dof) {
+  const double half = 0.5 * statistic, shape = 0.5 * dof;
+  if (half < 300.0) return std::log(std::max(boost::math::gamma_q(shape, half), 1e-300));
+  return (shape - 1.0) * std::log(half) - half - std::lgamma(shape);  // leading term of the tail
+}
+
+Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
+    : rows_(rows), state_(state), working_(working_problem(rows, model, state)), projector_(rows, working_.problem, state) {
+  changes_ = row_changes(rows, projector_.geometry(), model);
+  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+  range_rows_.resize(n);
+  bearing_rows_.resize(n);
+  const Cells& c = working_.problem.cells;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int cell = rows.cell[i];
+    const bool alone = rows.cell_begin[cell + 1] - rows.cell_begin[cell] == 1;
+    range_rows_[i] = alone ? 0.0 : rows.range_m[i] - changes_.range[i] - c.range_mean[cell];
+    bearing_rows_[i] =
+        alone || rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes_.bearing[i] - c.bearing_mean[cell]);
+  }
+  remove_model_directions(model);
+  ask_variances();
+  ask_means();
+  ask_catalogue();
+  ask_dependence_and_tails();
+}
+
+void Battery::remove_model_directions(const Model& model) {
+  for (const ActiveEffect& active : model)
+    for (int j = 0; j < static_cast<int>(active.parameters.size()); ++j) {
+      if (active.effect->info().parameters[j].discrete) continue;
+      Signature x = effect_signature(rows_, projector_, active, j);
+      const double raw = projector_.raw_information(x);
+      if (!(raw > 0.0)) continue;
+      for (std::size_t a = 0; a < active_.size(); ++a) {
+        const double share = projector_.inner(x, active_projected_[a], active_[a]);
+        x.range -= share * active_[a].range;
+        x.bearing -= share * active_[a].bearing;
+        if (x.within() && active_[a].within()) {
+          x.range_rows -= share * active_[a].range_rows;
+          x.bearing_rows -= share * active_[a].bearing_rows;
+        }
+      }
+      Eigen::VectorXd projected = projector_.project(x);
+      const double information = projector_.inner(x, projected, x);
+      if (information < 1e-9 * raw) continue;
+      const double scale = 1.0 / std::sqrt(information);
+      x.range *= scale;
+      x.bearing *= scale;
+      if (x.within()) {
+        x.range_rows *= scale;
+        x.bearing_rows *= scale;
+      }
+      active_.push_back(x);
+      active_projected_.push_back(scale * projected);
+    }
+}
+
+void Battery::add_mean_signatures(Question question, std::vector<Signature> block) {
+  question.of = Question::Of::mean;
+  question.first_column = static_cast<int>(mean_projected_.size());
+  question.dof = 0;
+  question.statistic = 0.0;
+  double size_sq = 0.0;
+  std::vector<Signature> kept;
+  std::vector<Eigen::VectorXd> kept_projected;
+  for (Signature& x : block) {
+    const double raw = projector_.raw_information(x);
+    if (!(raw > 0.0)) continue;
+    const auto take_out = [&](const Signature& direction, const Eigen::VectorXd& projected_direction) {
+      const double share = projector_.inner(x, projected_direction, direction);
+      x.range -= share * direction.range;
+      x.bearing -= share * direction.bearing;
+      if (x.within() && direction.within()) {
+        x.range_rows -= share * direction.range_rows;
+        x.bearing_rows -= share * direction.bearing_rows;
+      }
+    };
+    for (std::size_t a = 0; a < active_.size(); ++a) take_out(active_[a], active_projected_[a]);
+    for (std::size_t a = 0; a < kept.size(); ++a) take_out(kept[a], kept_projected[a]);
+    Eigen::VectorXd projected = projector_.project(x);
+    const double information = projector_.inner(x, projected, x);
+    if (information < 1e-5 * raw) continue;  // the calibration absorbs it
+    const double scale = 1.0 / std::sqrt(information);
+    projected *= scale;
+    x.range *= scale;
+    x.bearing *= scale;
+    if (x.within()) {
+      x.range_rows *= scale;
+      x.bearing_rows *= scale;
+    }
+    double score = x.range.cwiseProduct(projector_.range_information).dot(projector_.range_residual) +
+                   x.bearing.cwiseProduct(projector_.bearing_information).dot(projector_.bearing_residual);
+    if (x.within())
+      score += x.range_rows.cwiseProduct(projector_.row_range_information).dot(range_rows_) +
+               x.bearing_rows.cwiseProduct(projector_.row_bearing_information).dot(bearing_rows_);
+    question.statistic += score * score;
+    size_sq += score * score * (question.channel == "bearing" ? x.bearing : x.range).squaredNorm() / projector_.cells();
+    ++question.dof;
+    kept.push_back(x);
+    kept_projected.push_back(projected);
+    mean_projected_.push_back(projected);
+    Signature within;
+    if (x.within()) {
+      within.range_rows = x.range_rows.cwiseProduct(projector_.row_range_information);
+      within.bearing_rows = x.bearing_rows.cwiseProduct(projector_.row_bearing_information);
+    }
+    mean_within_.push_back(std::move(within));
+  }
+  if (question.dof == 0) return;
+  question.size = std::sqrt(size_sq);
+  question.log_p = log_chi_sq_survival(question.statistic, question.dof);
+  questions.push_back(std::move(question));
+}
+
+void Battery::add_mean(Question question, const std::vector<Eigen::VectorXd>& shapes, bool bearing) {
+  std::vector<Signature> block;
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rows_.size()));
+  for (const Eigen::VectorXd& shape : shapes)
+    block.push_back(bearing ? signature_of_rows(rows_, none, shape) : signature_of_rows(rows_, shape, none));
+  add_mean_signatures(std::move(question), std::move(block));
+}
+
+void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>& shapes, bool bearing) {
+  const VarianceUnits& units = bearing ? bearing_units : range_units;
+  question.of = Question::Of::variance;
+  question.first_column = static_cast<int>(variance_columns_.size());
+  question.dof = 0;
+  question.statistic = 0.0;
+  std::vector<Eigen::VectorXd> kept;
+  double size_sq = 0.0;
+  const Eigen::VectorXd weight = 0.5 * units.dof;  // information of a log variance: dof / 2 per unit slope squared
+  const double total = weight.sum();
+  for (Eigen::VectorXd x : shapes) {
+    x.array() -= weight.dot(x) / total;  // the level belongs to the calibration's sigma
+    for (const Eigen::VectorXd& direction : kept) x -= weight.cwiseProduct(direction).dot(x) * direction;
+    const double information = weight.cwiseProduct(x).dot(x);
+    if (information < 1e-6 * total) continue;
+    x /= std::sqrt(information);
+    const double score = 0.5 * x.dot(units.square - units.dof);
+    question.statistic += score * score;
+    size_sq += score * score * weight.cwiseProduct(x).dot(x) / total;
+    ++question.dof;
+    kept.push_back(x);
+    variance_columns_.push_back(x);
+    variance_of_bearing_.push_back(bearing);
+  }
+  if (question.dof == 0) return;
+  question.size = std::sqrt(size_sq);
+  question.log_p = log_chi_sq_survival(question.statistic, question.dof);
+  questions.push_back(std::move(question));
+}
+
+void Battery::add_scalar(Question question, double z) {
+  question.of = Question::Of::scalar;
+  question.dof = 1;
+  question.statistic = z * z;
+  question.log_p = log_chi_sq_survival(z * z, 1);
+  questions.push_back(std::move(question));
+}
+
+const Question& Battery::strongest() const {
+  return *std::min_element(questions.begin(), questions.end(),
+                           [](const Question& a, const Question& b) { return a.log_p < b.log_p; });
+}
+
+double Battery::corrected(double log_p) const {
+  if (log_p > -30.0) return -std::expm1(effective_questions * std::log1p(-std::min(std::exp(log_p), 1.0 - 1e-16)));
+  return std::min(1.0, std::exp(log_p + std::log(effective_questions)));
+}
+
+void Battery::calibrate(int draws, std::uint64_t seed) {
+  const int cells = projector_.cells(), means = static_cast<int>(mean_projected_.size());
+  Eigen::MatrixXd columns(2 * cells, means);
+  bool within = false;
+  for (int j = 0; j < means; ++j) {
+    columns.col(j) = mean_projected_[j];
+    within = within || mean_within_[j].within();
+  }
+  const Eigen::VectorXd range_sd = projector_.range_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd bearing_sd =
+      rows_.pairs ? Eigen::VectorXd::Zero(cells).eval()
+                  : projector_.bearing_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse().eval();
+  JointState commanded;
+  commanded.alpha = Eigen::VectorXd::Zero(1);
+  const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
+  Eigen::MatrixXd noise(2 * cells, draws);
+  Eigen::VectorXd smallest(draws);
+  Eigen::MatrixXd row_noise_range, row_noise_bearing;
+  if (within) {
+    row_noise_range.resize(n, draws);
+    row_noise_bearing.resize(n, draws);
+  }
+  std::vector<Eigen::VectorXd> variance_scores(draws);
+  Eigen::MatrixXd scalars(std::max<std::size_t>(questions.size(), 1), draws);
+  for (int b = 0; b < draws; ++b) {
+    Random random(seed_from("battery", {seed, static_cast<std::uint64_t>(b)}));
+    for (int c = 0; c < cells; ++c) {
+      noise(c, b) = random.normal() * range_sd[c];
+      noise(cells + c, b) = random.normal() * bearing_sd[c];
+    }
+    if (!rows_.pairs) {
+      const std::vector<Pose2> drawn = draw_stops(working_.problem, commanded, random.bits());
+      std::vector<Eigen::Vector3d> moved(drawn.size());
+      for (std::size_t k = 0; k < drawn.size(); ++k) {
+        const Pose2& at = working_.problem.stops[k].commanded;
+        moved[k] = {drawn[k].x_m - at.x_m, drawn[k].y_m - at.y_m, drawn[k].heading_rad - at.heading_rad};
+      }
+      const Signature stops = projector_.of_stops(moved);
+      noise.col(b).head(cells) += stops.range;
+      noise.col(b).tail(cells) += stops.bearing;
+    }
+    if (within)
+      for (int c = 0; c < rows_.cell_count; ++c) {
+        const int begin = rows_.cell_begin[c], count = rows_.cell_begin[c + 1] - begin;
+        double range_mean = 0.0, bearing_mean = 0.0;
+        for (int i = begin; i < begin + count; ++i) {
+          row_noise_range(i, b) = random.normal() / std::sqrt(projector_.row_range_information[i]);
+          row_noise_bearing(i, b) =
+              rows_.pairs ? 0.0 : random.normal() / std::sqrt(projector_.row_bearing_information[i]);
+          range_mean += row_noise_range(i, b) / count;
+          bearing_mean += row_noise_bearing(i, b) / count;
+        }
+        for (int i = begin; i < begin + count; ++i) {
+          row_noise_range(i, b) -= range_mean;
+          row_noise_bearing(i, b) -= bearing_mean;
+        }
+      }
+    // chi-square units by Wilson and Hilferty's cube, good to a few per mille from two degrees of freedom on
+    const auto unit_noise = [&](const VarianceUnits& units) {
+      Eigen::VectorXd excess(units.dof.size());
+      for (Eigen::Index u = 0; u < excess.size(); ++u) {
+        const double dof = units.dof[u];
+        const double z = random.normal();
+        if (dof < 1e-3) {
+          excess[u] = 0.0;
+        } else if (dof < 1.5) {
+          excess[u] = dof * (z * z - 1.0);
+        } else {
+          const double k = 2.0 / (9.0 * dof);
+          excess[u] = dof * (std::pow(1.0 - k + z * std::sqrt(k), 3) - 1.0);
+        }
+      }
+      return excess;
+    };
+    const Eigen::VectorXd range_excess = unit_noise(range_units), bearing_excess = unit_noise(bearing_units);
+    variance_scores[b].resize(static_cast<Eigen::Index>(variance_columns_.size()));
+    for (std::size_t j = 0; j < variance_columns_.size(); ++j)
+      variance_scores[b][static_cast<Eigen::Index>(j)] =
+          0.5 * variance_columns_[j].dot(variance_of_bearing_[j] ? bearing_excess : range_excess);
+    for (std::size_t q = 0; q < questions.size(); ++q) scalars(static_cast<Eigen::Index>(q), b) = random.normal();
+  }
+  Eigen::MatrixXd scores = columns.transpose() * noise;
+  for (int j = 0; j < means; ++j)
+    if (mean_within_[j].within())
+      scores.row(j) += mean_within_[j].range_rows.transpose() * row_noise_range +
+                       mean_within_[j].bearing_rows.transpose() * row_noise_bearing;
+  for (int b = 0; b < draws; ++b) {
+    std::vector<double> largest;  // per number of degrees of freedom: the p-value falls with the statistic
+    for (std::size_t q = 0; q < questions.size(); ++q) {
+      const Question& question = questions[q];
+      double statistic = 0.0;
+      for (int j = 0; j < question.dof; ++j) {
+        const double score = question.of == Question::Of::mean       ? scores(question.first_column + j, b)
+                             : question.of == Question::Of::variance ? variance_scores[b][question.first_column + j]
+                                                                     : scalars(static_cast<Eigen::Index>(q), b);
+        statistic += score * score;
+      }
+      if (largest.size() <= static_cast<std::size_t>(question.dof)) largest.resize(question.dof + 1, 0.0);
+      largest[question.dof] = std::max(largest[question.dof], statistic);
+    }
+    smallest[b] = 0.0;
+    for (std::size_t dof = 1; dof < largest.size(); ++dof)
+      if (largest[dof] > 0.0)
+        smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[dof], static_cast<int>(dof)));
+  }
+  std::sort(smallest.begin(), smallest.end());
+  // The effective number of questions, from the 5 % point of the smallest p-value.
+  const double point = std::exp(smallest[std::max(0, static_cast<int>(0.05 * draws) - 1)]);
+  effective_questions = std::max(1.0, std::log1p(-0.05) / std::log1p(-std::min(point, 0.5)));
+}
+
+}  // namespace rangecal::diagnosis

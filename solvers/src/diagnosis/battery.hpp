@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/refit.hpp"
+
+namespace rangecal::diagnosis {
+
+/// One question asked of the residuals: null hypothesis "no structure of this shape in this channel".
+struct Question {
+  std::string channel, covariate, shape, group;
+  std::optional<double> from, to;
+  int dof = 1;
+  int first_column = -1;      ///< into the mean columns, or the variance columns
+  enum class Of { mean, variance, scalar } of = Of::mean;
+  const Effect* effect = nullptr;   ///< of the catalogue, with its start; null for a shape of no effect
+  Eigen::VectorXd start;
+  double statistic = 0.0;     ///< chi-square with `dof` degrees of freedom under the null
+  double size = 0.0;          ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
+  double log_p = 0.0;         ///< natural log of the p-value, before correction
+};
+
+/// The scan: score statistics for every channel x covariate x shape, projected onto what is left after the
+/// calibration and the model's own parameters, with one rate for the whole battery.
+class Battery {
+ public:
+  Battery(const Rows& rows, const Model& model, const JointState& state);
+
+  std::vector<Question> questions;
+  /// p-value of the question corrected for everything that was asked (effective number of independent questions).
+  double corrected(double log_p) const;
+  /// Simulates the smallest p-value of the battery under the fitted model; sets the effective number of questions.
+  void calibrate(int draws, std::uint64_t seed);
+  double effective_questions = 1000.0;
+  const Question& strongest() const;
+  const Projector& projector() const { return projector_; }
+  const WorkingProblem& working() const { return working_; }
+  const RowChanges& changes() const { return changes_; }
+  /// chi-square of the cell means and its degrees of freedom
+  double cell_chi_sq = 0.0, cell_dof = 0.0;
+  /// Leverage-corrected variance units: z^2 and degrees of freedom per cell, within and between, per channel.
+  struct VarianceUnits {
+    Eigen::VectorXd square, dof;  ///< first the within units of all cells, then the between units
+  };
+  VarianceUnits range_units, bearing_units;
+
+ private:
+  void add_mean(Question question, const std::vector<Eigen::VectorXd>& rows_shape, bool bearing);
+  void add_mean_signatures(Question question, std::vector<Signature> block);
+  void add_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing);
+  void add_scalar(Question question, double z);
+  void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
+                            const std::vector<Eigen::VectorXd>& bearing);
+  void ask_means();
+  void ask_catalogue();
+  void ask_variances();
+  void ask_dependence_and_tails();
+  void remove_model_directions(const Model& model);
+
+  const Rows& rows_;
+  JointState state_;
+  WorkingProblem working_;
+  Projector projector_;
+  RowChanges changes_;
+  Eigen::VectorXd range_rows_, bearing_rows_;      ///< corrected deviations from the cell means
+  std::vector<Signature> active_;                  ///< orthonormal in the projected metric
+  std::vector<Eigen::VectorXd> active_projected_;
+  std::vector<Eigen::VectorXd> mean_projected_;    ///< P x, normalised, per column
+  std::vector<Signature> mean_within_;             ///< rows' parts of normalised columns (empty if none)
+  std::vector<Eigen::VectorXd> variance_columns_;  ///< normalised slopes over the units of a channel
+  std::vector<char> variance_of_bearing_;
+};
+
+/// ln of the chi-square survival function, finite far into the tail.
+double log_chi_sq_survival(double statistic, int dof);
+
+}  // namespace rangecal::diagnosis

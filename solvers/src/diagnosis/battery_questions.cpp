@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the battery asks about the means: every channel against every covariate in a handful of shapes, and every
+// entry of the catalogue at every point of its start grid.
+#include <algorithm>
+#include <cmath>
+#include <fmt/core.h>
+#include <functional>
+#include <numbers>
+#include <set>
+
+#include "diagnosis/battery.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Knots at equal shares of the values.
+std::vector<double> quantiles(Eigen::VectorXd values, int count) {
+  std::sort(values.begin(), values.end());
+  std::vector<double> at;
+  for (int j = 0; j < count; ++j) {
+    const auto index = static_cast<Eigen::Index>(std::lround((values.size() - 1.0) * j / (count - 1.0)));
+    if (at.empty() || values[index] > at.back()) at.push_back(values[index]);
+  }
+  return at;
+}
+
+/// Hat functions over the knots: a free piecewise-linear curve.
+std::vector<Eigen::VectorXd> hats(const Eigen::VectorXd& values, const std::vector<double>& knots) {
+  std::vector<Eigen::VectorXd> shapes;
+  for (std::size_t j = 0; j < knots.size(); ++j) {
+    Eigen::VectorXd shape(values.size());
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      const double v = values[i];
+      double hat = 0.0;
+      if (v == knots[j]) hat = 1.0;
+      if (j > 0 && v >= knots[j - 1] && v < knots[j]) hat = (v - knots[j - 1]) / (knots[j] - knots[j - 1]);
+      if (j + 1 < knots.size() && v >= knots[j] && v < knots[j + 1]) hat = (knots[j + 1] - v) / (knots[j + 1] - knots[j]);
+      shape[i] = hat;
+    }
+    shapes.push_back(shape);
+  }
+  return shapes;
+}
+
+Eigen::VectorXd map(const Eigen::VectorXd& values, const std::function<double(double)>& f) {
+  return values.unaryExpr([&](double v) { return f(v); });
+}
+
+}  // namespace
+
+void Battery::ask_means() {
+  const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
+  const CellGeometry& g = projector_.geometry();
+  const auto per_row = [&](const std::function<double(std::size_t)>& value) {
+    Eigen::VectorXd values(n);
+    for (Eigen::Index i = 0; i < n; ++i) values[i] = value(static_cast<std::size_t>(i));
+    return values;
+  };
+  const Eigen::VectorXd d = per_row([&](std::size_t i) { return g.d[rows_.cell[i]]; });
+  const Eigen::VectorXd bearing = per_row([&](std::size_t i) { return g.bearing[rows_.cell[i]]; });
+  const Eigen::VectorXd time = per_row([&](std::size_t i) { return rows_.time_s[i]; });
+  const Eigen::VectorXd stop = per_row([&](std::size_t i) { return rows_.stop[i]; });
+  const double duration = std::max(rows_.context.duration_s, 1e-9);
+  const bool has_bearing = !rows_.pairs || bearing.cwiseAbs().maxCoeff() > 0.0;
+
+  for (bool of_bearing : {false, true}) {
+    if (of_bearing && rows_.pairs) continue;
+    const std::string channel = of_bearing ? "bearing" : "range";
+    const auto ask = [&](const std::string& covariate, const std::string& shape, std::vector<Eigen::VectorXd> shapes,
+                         std::optional<double> from = {}, std::optional<double> to = {}, const std::string& group = {}) {
+      Question q;
+      q.channel = channel;
+      q.covariate = covariate;
+      q.shape = shape;
+      q.from = from;
+      q.to = to;
+      q.group = group;
+      add_mean(std::move(q), shapes, of_bearing);
+    };
+    const auto smooth = [&](const std::string& covariate, const Eigen::VectorXd& values, int knots) {
+      const std::vector<double> at = quantiles(values, knots);
+      if (at.size() < 3) return;
+      ask(covariate, "smooth", hats(values, at));
+      for (std::size_t j = 0; j + 2 < at.size(); ++j)  // a bump over two neighbouring intervals
+        ask(covariate, "bump", {map(values, [&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })}, at[j], at[j + 2]);
+    };
+    ask("constant", "offset", {Eigen::VectorXd::Ones(n)});
+    ask("range", "linear", {d});
+    ask("range", "quadratic", {d.cwiseAbs2()});
+    ask("range", "cubic", {d.array().cube().matrix()});
+    ask("disparity", "linear", {d.cwiseInverse()});
+    smooth("range", d, 9);
+    if (has_bearing) {
+      ask("sensor_bearing", "linear", {bearing});
+      for (int k = 1; k <= 4; ++k)
+        ask("sensor_bearing", fmt::format("harmonic {}", k),
+            {map(bearing, [k](double b) { return std::cos(k * b); }), map(bearing, [k](double b) { return std::sin(k * b); })});
+      smooth("sensor_bearing", bearing, 9);
+    }
+    if (rows_.context.headings > 0.05) {
+      const Eigen::VectorXd heading = per_row([&](std::size_t i) { return rows_.heading_rad[i]; });
+      ask("heading", "harmonic 1", {heading.array().cos().matrix(), heading.array().sin().matrix()});
+      ask("heading", "harmonic 2", {(2.0 * heading).array().cos().matrix(), (2.0 * heading).array().sin().matrix()});
+    }
+    if (rows_.context.duration_s > 0.0) {
+      ask("time", "linear", {time});
+      ask("time", "quadratic", {time.cwiseAbs2()});
+      for (double share : {0.05, 0.15, 0.4})
+        ask("time", "exponential", {map(time, [&](double t) { return std::exp(-t / (share * duration)); })});
+      for (int j = 1; j < 12; ++j)
+        ask("time", "change point", {map(time, [&](double t) { return t > duration * j / 12.0 ? 1.0 : 0.0; })}, duration * j / 12.0);
+      for (int k = 1; k <= 40; ++k) {
+        const double omega = 2.0 * std::numbers::pi * k / (2.0 * duration);
+        ask("time", "periodic", {map(time, [&](double t) { return std::cos(omega * t); }), map(time, [&](double t) { return std::sin(omega * t); })});
+      }
+      smooth("time", time, 9);
+    }
+    if (rows_.context.largest_cell > 2) {
+      const Eigen::VectorXd repeat = per_row([&](std::size_t i) { return rows_.repeat[i]; });
+      ask("repeat", "linear", {repeat});
+      for (double t : {0.7, 2.0}) ask("repeat", "exponential", {map(repeat, [t](double r) { return std::exp(-r / t); })});
+    }
+    for (int l = 0; l < rows_.context.landmark_count && rows_.context.landmark_count > 1; ++l) {
+      const auto own = [&](std::size_t i) { return rows_.landmark[i] == l ? 1.0 : 0.0; };
+      const std::string& label = rows_.context.landmark_labels[l];
+      ask("landmark", "one group", {per_row(own)}, {}, {}, label);
+      ask("landmark", "one group, linear in range", {per_row([&](std::size_t i) { return own(i) * d[static_cast<Eigen::Index>(i)]; })}, {}, {}, label);
+      if (rows_.context.duration_s > 0.0)
+        for (int j = 1; j < 6; ++j)
+          ask("landmark", "one group, change point",
+              {per_row([&](std::size_t i) { return own(i) * (rows_.time_s[i] > duration * j / 6.0 ? 1.0 : 0.0); })}, duration * j / 6.0, {}, label);
+    }
+    if (!rows_.pairs && rows_.context.stop_count <= 400)
+      for (int k = 0; k < rows_.context.stop_count; ++k)
+        ask("stop", "one group", {per_row([&](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k, k, std::to_string(k));
+    if (rows_.context.several_radii)
+      ask("radius", "linear", {per_row([&](std::size_t i) { return rows_.radius_m[i]; })});
+    for (std::size_t column = 0; column < rows_.context.covariates.size(); ++column) {
+      const std::string& name = rows_.context.covariates[column];
+      double mean = 0.0, count = 0.0;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const double v = rows_.covariates[i * rows_.context.covariates.size() + column];
+        if (std::isfinite(v)) mean += v, count += 1.0;
+      }
+      if (count < 3) continue;
+      mean /= count;
+      const Eigen::VectorXd v = per_row([&](std::size_t i) {
+        const double value = rows_.covariates[i * rows_.context.covariates.size() + column];
+        return std::isfinite(value) ? value - mean : 0.0;
+      });
+      if (v.cwiseAbs().maxCoeff() < 1e-12) continue;
+      ask(name, "linear", {v});
+      ask(name, "quadratic", {v.cwiseAbs2()});
+      const std::vector<double> at = quantiles(v, 9);
+      for (std::size_t j = 1; j + 1 < at.size(); ++j)
+        ask(name, "threshold", {map(v, [&](double x) { return x > at[j] ? 1.0 : 0.0; })}, at[j] + mean);
+      if (at.size() >= 3) ask(name, "smooth", hats(v, at));
+    }
+  }
+}
+
+void Battery::ask_catalogue() {
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    if (!effect->missing(rows_.context).empty()) continue;
+    bool any_linear = false;
+    for (const EffectParameter& p : info.parameters) any_linear = any_linear || (p.linear && !p.discrete);
+    bool first = true, acts_on_mean = false, acts_on_variance = false;
+    for (const Eigen::VectorXd& start : effect->start_grid(rows_.context)) {
+      ActiveEffect active{effect.get(), start};
+      std::vector<Signature> block;
+      std::vector<Eigen::VectorXd> range_variance, bearing_variance;
+      for (int j = 0; j < static_cast<int>(info.parameters.size()); ++j) {
+        const EffectParameter& p = info.parameters[j];
+        if (p.discrete || (any_linear && !p.linear)) continue;
+        if (first || acts_on_mean) {
+          Signature x = effect_signature(rows_, projector_, active, j);
+          if (projector_.raw_information(x) > 0.0) {
+            acts_on_mean = true;
+            block.push_back(std::move(x));
+          }
+        }
+        if (first || acts_on_variance) {
+          Eigen::VectorXd range, bearing;
+          variance_signature(rows_, projector_.geometry(), active, j, range, bearing);
+          acts_on_variance = acts_on_variance || range.squaredNorm() + bearing.squaredNorm() > 0.0;
+          if (acts_on_variance) {
+            range_variance.push_back(range);
+            bearing_variance.push_back(bearing);
+          }
+        }
+      }
+      first = false;
+      Question q;
+      q.channel = info.channel;
+      q.covariate = info.covariate;
+      q.shape = "effect";
+      q.effect = effect.get();
+      q.start = start;
+      if (!block.empty()) add_mean_signatures(q, std::move(block));
+      if (acts_on_variance) ask_variance_of_rows(q, range_variance, bearing_variance);
+      if (!acts_on_mean && !acts_on_variance) break;
+    }
+  }
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "diagnosis/rows.hpp"
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
+
+namespace rangecal::diagnosis {
+
+/// What a cause does to the mean of every reading, per unit of its parameter: cell means of range [m] and bearing
+/// [rad], and where it changes within a cell the rows' deviations from them (empty otherwise).
+struct Signature {
+  Eigen::VectorXd range, bearing;
+  Eigen::VectorXd range_rows, bearing_rows;
+  bool within() const { return range_rows.size() > 0; }
+};
+
+/// Signatures from per-row changes: cell means and, where any cell varies, deviations.
+Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing);
+
+/// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely, stops
+/// against their prior. With W the readings' information, J the derivatives and K = J^T W J + prior,
+///   P x = W (x - J K^-1 J^T W x),   score s = x^T W r at the optimum,   information I = x^T P x.
+/// s / I estimates the parameter, s^2 / I is its chi-square. Cost per signature: linear in the cells and stops.
+class Projector {
+ public:
+  /// `problem` may be a working problem (weights, corrected readings) of the same cells as `rows`.
+  Projector(const Rows& rows, const JointProblem& problem, const JointState& state);
+
+  /// P x over the cells, as one vector (range, bearing), the calibration's share removed.
+  Eigen::VectorXd project(const Signature& x) const;
+  /// x^T P y given P y (and the rows' deviations of both).
+  double inner(const Signature& x, const Eigen::VectorXd& projected_y, const Signature& y) const;
+  /// x^T W r for the residuals of `problem` at `state`.
+  double score(const Signature& x) const;
+  /// x^T W x: the information before projection.
+  double raw_information(const Signature& x) const;
+  /// The change of (alpha, landmarks) that absorbs x: K^-1 J^T W x, and of the stops.
+  void absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const;
+  /// The readings' change when stops move by (dx, dy, dh) each.
+  Signature of_stops(const std::vector<Eigen::Vector3d>& moved) const;
+
+  int cells() const { return static_cast<int>(range_information.size()); }
+  const CellGeometry& geometry() const { return geometry_; }
+  const JointSystem& system() const { return system_; }
+
+  Eigen::VectorXd range_residual, bearing_residual;         ///< of the cell means [m], [rad]
+  Eigen::VectorXd range_information, bearing_information;   ///< W of the cell means
+  Eigen::VectorXd row_range_information, row_bearing_information;
+  Eigen::VectorXd row_range_residual, row_bearing_residual; ///< deviations from the cell means
+
+ private:
+  const Rows& rows_;
+  const JointProblem& problem_;
+  CellGeometry geometry_;
+  JointSystem system_;
+  Eigen::MatrixXd phi_factor_;              ///< inverse of the Schur complement on phi
+};
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/refit.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& projector, const Model& model) {
+  std::vector<FreeParameter> free;
+  for (std::size_t e = 0; e < model.size(); ++e) {
+    const auto& parameters = model[e].effect->info().parameters;
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      if (parameters[j].discrete) continue;
+      FreeParameter parameter{static_cast<int>(e), static_cast<int>(j), FreeParameter::Acts::numeric};
+      // At zero amplitude a period or a time constant has no slope; probe at the typical size.
+      ActiveEffect probe = model[e];
+      for (std::size_t a = 0; a < parameters.size(); ++a)
+        if (parameters[a].linear && probe.parameters[a] == 0.0) probe.parameters[a] = parameters[a].typical;
+      Eigen::VectorXd range, bearing;
+      variance_signature(rows, projector.geometry(), probe, parameter.index, range, bearing);
+      if (projector.raw_information(effect_signature(rows, projector, probe, parameter.index)) > 0.0)
+        parameter.acts = FreeParameter::Acts::mean;
+      else if (range.squaredNorm() + bearing.squaredNorm() > 0.0)
+        parameter.acts = FreeParameter::Acts::variance;
+      free.push_back(parameter);
+    }
+  }
+  return free;
+}
+
+double& value_of(Model& model, const FreeParameter& p) { return model[p.effect].parameters[p.index]; }
+
+const EffectParameter& info_of(const Model& model, const FreeParameter& p) {
+  return model[p.effect].effect->info().parameters[p.index];
+}
+
+/// Score and information of log-variance slopes g: sum g (z^2 - 1) / 2 and sum g^2 / 2, the channel's mean level,
+/// which the calibration's own sigma absorbs, taken out.
+struct VarianceScore {
+  Eigen::VectorXd range, bearing;   ///< centred slopes
+};
+
+VarianceScore centred(const Rows& rows, Eigen::VectorXd range, Eigen::VectorXd bearing) {
+  range.array() -= range.mean();
+  if (!rows.pairs) bearing.array() -= bearing.mean();
+  return {std::move(range), std::move(bearing)};
+}
+
+/// One Gauss-Newton step for all mean and variance parameters; fills the covariance. False if nothing can move.
+bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state, const Model& model,
+                       const std::vector<FreeParameter>& free, Eigen::VectorXd& step, Eigen::MatrixXd& covariance,
+                       double& promised) {
+  const Projector projector(rows, working.problem, state);
+  const Eigen::Index n = static_cast<Eigen::Index>(free.size());
+  Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  std::vector<Signature> signatures(n);
+  std::vector<Eigen::VectorXd> projected(n);
+  std::vector<VarianceScore> variance(n);
+  const RowChanges changes = row_changes(rows, projector.geometry(), model);
+  // Row residuals of the corrected readings, for within-cell signatures and for variances.
+  const Eigen::Index count = static_cast<Eigen::Index>(rows.size());
+  Eigen::VectorXd range_z(count), bearing_z(count), range_rows(count), bearing_rows(count);
+  const Cells& c = working.problem.cells;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const int cell = rows.cell[i];
+    range_rows[i] = rows.range_m[i] - changes.range[i] - c.range_mean[cell];
+    const double range = rows.range_m[i] - changes.range[i] - projector.geometry().f[cell];
+    const double bearing =
+        rows.pairs ? 0.0 : std::remainder(rows.bearing_rad[i] - changes.bearing[i] - projector.geometry().bearing[cell], 2.0 * std::numbers::pi);
+    bearing_rows[i] = rows.pairs ? 0.0 : std::remainder(rows.bearing_rad[i] - changes.bearing[i] - c.bearing_mean[cell], 2.0 * std::numbers::pi);
+    range_z[i] = range * range * std::exp(-changes.range_log_variance[i]) * projector.row_range_information[i];
+    bearing_z[i] = bearing * bearing * std::exp(-changes.bearing_log_variance[i]) * projector.row_bearing_information[i];
+  }
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const ActiveEffect& active = model[free[a].effect];
+    if (free[a].acts == FreeParameter::Acts::mean) {
+      signatures[a] = effect_signature(rows, projector, active, free[a].index);
+      projected[a] = projector.project(signatures[a]);
+      score[a] = signatures[a].range.cwiseProduct(projector.range_information).dot(projector.range_residual) +
+                 signatures[a].bearing.cwiseProduct(projector.bearing_information).dot(projector.bearing_residual);
+      if (signatures[a].within())
+        score[a] += signatures[a].range_rows.cwiseProduct(projector.row_range_information).dot(range_rows) +
+                    signatures[a].bearing_rows.cwiseProduct(projector.row_bearing_information).dot(bearing_rows);
+    } else if (free[a].acts == FreeParameter::Acts::variance) {
+      Eigen::VectorXd range, bearing;
+      variance_signature(rows, projector.geometry(), active, free[a].index, range, bearing);
+      variance[a] = centred(rows, range, bearing);
+      score[a] = 0.5 * (variance[a].range.dot(range_z) + (rows.pairs ? 0.0 : variance[a].bearing.dot(bearing_z)));
+    }
+  }
+  for (Eigen::Index a = 0; a < n; ++a) {
+    for (Eigen::Index b = 0; b <= a; ++b) {
+      if (free[a].acts != free[b].acts) continue;
+      if (free[a].acts == FreeParameter::Acts::mean)
+        information(a, b) = projector.inner(signatures[a], projected[b], signatures[b]);
+      else if (free[a].acts == FreeParameter::Acts::variance)
+        information(a, b) =
+            0.5 * (variance[a].range.dot(variance[b].range) + variance[a].bearing.dot(variance[b].bearing));
+      information(b, a) = information(a, b);
+    }
+    const double scale = std::max(info_of(model, free[a]).typical, 1e-12);
+    // A very wide prior (1000 typical sizes) keeps a direction that the calibration absorbs from running away.
+    information(a, a) += 1e-6 / (scale * scale);
+  }
+  Eigen::VectorXd diagonal = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = diagonal.asDiagonal() * information * diagonal.asDiagonal() +
+                                 1e-9 * Eigen::MatrixXd::Identity(n, n);
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() != Eigen::Success) return false;
+  step = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
+  covariance = diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
+  promised = 0.5 * score.dot(step);
+  return step.allFinite();
+}
+
+}  // namespace
+
+double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
+                       MarginalFit* detail) {
+  MarginalOptions marginal;
+  marginal.held = options.held;
+  marginal.held.landmarks = marginal.held.landmarks || rows.pairs;
+  marginal.gradient_tolerance = 1e-4;
+  double value = infinity;
+  // Twice at most: the second time with the effects at the new geometry (and the tails' new weights).
+  const int rounds = model.empty() ? 1 : 2;
+  for (int round = 0; round < rounds; ++round) {
+    const WorkingProblem working = working_problem(rows, model, state);
+    JointState start = state;
+    for (std::size_t k = 0; k < start.stops.size(); ++k) {  // exact coordinates follow the model's stops
+      const StopPrior& prior = working.problem.stops[k];
+      if (prior.sigma_heading_rad == 0.0) start.stops[k].heading_rad = prior.commanded.heading_rad;
+      if (prior.sigma_xy_m == 0.0) {
+        start.stops[k].x_m = prior.commanded.x_m;
+        start.stops[k].y_m = prior.commanded.y_m;
+      }
+    }
+    MarginalFit fit = solve_marginal(working.problem, start, marginal);
+    if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
+    state = fit.state;
+    value = fit.marginal_nll + working.constant;
+    if (detail) *detail = std::move(fit);
+  }
+  return value;
+}
+
+Fit refit(const Rows& rows, const Model& start_model, const JointState& start, const RefitOptions& options) {
+  Fit fit;
+  fit.model = start_model;
+  fit.state = start;
+  {
+    const WorkingProblem working = working_problem(rows, {}, start);
+    const Projector projector(rows, working.problem, start);
+    fit.free = free_parameters(rows, projector, start_model);
+  }
+  MarginalFit detail;
+  fit.nll = calibrate_under(rows, fit.model, fit.state, options, &detail);
+  if (!std::isfinite(fit.nll)) return fit;
+  const Eigen::Index n = static_cast<Eigen::Index>(fit.free.size());
+  fit.covariance = Eigen::MatrixXd::Zero(n, n);
+
+  for (const FreeParameter& p : fit.free) {  // line searches first: they set the scale of everything else
+    if (p.acts != FreeParameter::Acts::numeric) continue;
+    const EffectParameter& info = info_of(fit.model, p);
+    const auto value_at = [&](double x, JointState& state) {
+      Model trial = fit.model;
+      value_of(trial, p) = std::clamp(x, info.low, info.high);
+      return calibrate_under(rows, trial, state, options);
+    };
+    double best = value_of(fit.model, p);
+    const bool positive = info.low >= 0.0;
+    double spread = positive ? 2.0 : std::max(std::abs(info.typical), 1e-9);
+    for (int pass = 0; pass < 6; ++pass, spread = positive ? std::sqrt(spread) : 0.5 * spread) {
+      if (positive && best <= 0.0) best = info.typical;
+      bool moved = true;
+      for (int hop = 0; moved && hop < 4; ++hop) {
+        moved = false;
+        for (int side : {-1, 1}) {
+          const double x = positive ? best * std::pow(spread, side) : best + side * spread;
+          if (x < info.low || x > info.high) continue;
+          JointState state = fit.state;
+          const double value = value_at(x, state);
+          if (value < fit.nll - 1e-6) {
+            fit.nll = value;
+            fit.state = state;
+            best = x;
+            value_of(fit.model, p) = x;
+            moved = true;
+            break;
+          }
+        }
+      }
+    }
+  }
+
+  double damping = 1.0;
+  for (int iteration = 0; iteration < options.max_iterations && n > 0; ++iteration) {
+    const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+    Eigen::VectorXd step;
+    double promised = 0.0;
+    if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance, promised)) break;
+    if (promised < 1e-3) break;
+    bool accepted = false;
+    for (int attempt = 0; attempt < 5; ++attempt, damping *= 0.4) {
+      Model trial = fit.model;
+      for (Eigen::Index a = 0; a < n; ++a) {
+        if (fit.free[a].acts == FreeParameter::Acts::numeric) continue;
+        const EffectParameter& info = info_of(trial, fit.free[a]);
+        // A non-linear parameter moves by at most a third of its bounds at a time.
+        const double limit = info.linear ? infinity : 0.33 * (info.high - info.low);
+        double& value = value_of(trial, fit.free[a]);
+        value = std::clamp(value + std::clamp(damping * step[a], -limit, limit), info.low, info.high);
+      }
+      JointState state = fit.state;
+      MarginalFit trial_detail;
+      const double value = calibrate_under(rows, trial, state, options, &trial_detail);
+      if (value < fit.nll + 1e-7) {
+        accepted = fit.nll - value > 1e-3;
+        fit.model = trial;
+        fit.state = state;
+        fit.nll = value;
+        detail = trial_detail;
+        damping = std::min(1.0, 2.5 * damping);
+        break;
+      }
+    }
+    if (!accepted) break;
+  }
+  const int alphas = static_cast<int>(fit.state.alpha.size());
+  if (detail.covariance) {
+    fit.alpha_covariance = detail.covariance->topLeftCorner(alphas, alphas);
+    const int tau = static_cast<int>(detail.covariance->rows()) - 1 - static_cast<int>(fit.state.noise.parameters.size());
+    fit.noise_std = std::sqrt((*detail.covariance)(tau, tau));
+    fit.sigma_theta_std = fit.state.sigma_theta_rad * std::sqrt(detail.covariance->diagonal().tail(1)[0]);
+  }
+  fit.ok = true;
+  return fit;
+}
+
+}  // namespace rangecal::diagnosis

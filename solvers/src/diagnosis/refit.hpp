@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "diagnosis/working.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+
+namespace rangecal::diagnosis {
+
+/// A parameter of the model that moves.
+struct FreeParameter {
+  int effect = 0, index = 0;
+  enum class Acts { mean, variance, numeric } acts = Acts::mean;
+};
+
+/// A model fitted by marginal ML with all nuisances free.
+struct Fit {
+  Model model;
+  JointState state;
+  bool ok = false;
+  double nll = 0.0;                     ///< l_s of the readings themselves [nats]
+  std::vector<FreeParameter> free;
+  Eigen::MatrixXd covariance;           ///< of the free parameters, calibration marginalised
+  Eigen::MatrixXd alpha_covariance;
+  double sigma_theta_std = 0.0, noise_std = 0.0;
+};
+
+struct RefitOptions {
+  Held held;                            ///< alpha and noise of a given simulation
+  int max_iterations = 12;
+};
+
+/// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings, the
+/// effects' parameters by damped Gauss-Newton on their projected signatures (variance: Fisher scoring; dependence
+/// and tails: line searches on the exact value), in alternation until neither gains.
+Fit refit(const Rows& rows, const Model& model, const JointState& start, const RefitOptions& options);
+
+/// NLL of the model at its parameters with the calibration refitted; `state` moves to the fit.
+double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
+                       MarginalFit* detail = nullptr);
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/report.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Posterior probabilities over the answers that were fitted: softmax of log evidences, the baseline at 0.
+void fill_probabilities(const SearchResult& found, std::vector<Explanation>& explanations) {
+  std::vector<double> evidence{found.best.evidence};
+  for (const Candidate& rival : found.rivals) evidence.push_back(rival.evidence);
+  double highest = 0.0, total = 0.0;
+  for (double e : evidence) highest = std::max(highest, e);
+  for (const Candidate& other : found.tried)
+    if (other.fit.model.size() == found.best.fit.model.size()) highest = std::max(highest, other.evidence);
+  total = std::exp(-highest);
+  if (found.best.fit.model.size() == 1) {
+    for (const Candidate& other : found.tried) total += std::exp(other.evidence - highest);
+  } else {
+    for (double e : evidence) total += std::exp(e - highest);
+  }
+  for (std::size_t i = 0; i < explanations.size() && i < evidence.size(); ++i)
+    explanations[i].probability = std::exp(evidence[i] - highest) / total;
+}
+
+std::vector<std::string> ids_of(const Model& model) {
+  std::vector<std::string> ids;
+  for (const ActiveEffect& active : model) ids.push_back(active.effect->info().id);
+  return ids;
+}
+
+Explanation explain(const Rows& rows, const SearchResult& found, const Candidate& candidate) {
+  Explanation e;
+  e.effects = ids_of(candidate.fit.model);
+  e.parameters = effect_estimates(rows, candidate.fit);
+  e.nll = candidate.fit.nll;
+  e.p_value = found.first->corrected(log_chi_sq_survival(2.0 * std::max(0.0, candidate.gain), std::max(1, candidate.parameters)));
+  for (const ActiveEffect& active : candidate.fit.model) {
+    if (!e.physics.empty()) e.physics += " ";
+    e.physics += active.effect->info().physics;
+    if (e.separated_by.empty()) e.separated_by = active.effect->info().settled_by;
+  }
+  return e;
+}
+
+/// Unknowns of the calibration or of the robot that no reading can tell from an effect.
+std::vector<std::string> exact_twin_of(const std::string& id) {
+  if (id == "bearing_offset") return {"heading_zero"};
+  if (id == "bearing_drift") return {"heading_drift"};
+  if (id == "heading_drift") return {"bearing_drift"};
+  if (id == "radius_scale") return {"arc_definition"};
+  if (id == "arc_definition") return {"radius_scale"};
+  return {};
+}
+
+Finding finding_of(const Question& q, const SearchResult& found) {
+  Finding f;
+  f.channel = q.channel;
+  f.covariate = q.covariate;
+  f.shape = q.shape;
+  f.from = q.from;
+  f.to = q.to;
+  f.group = q.group;
+  f.size = q.size;
+  f.unit = q.channel == "range" ? "m" : q.channel == "bearing" ? "rad" : "";
+  f.p_value = found.first->corrected(q.log_p);
+  return f;
+}
+
+}  // namespace
+
+std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
+  std::vector<EffectEstimate> estimates;
+  for (std::size_t e = 0; e < fit.model.size(); ++e) {
+    const ActiveEffect& active = fit.model[e];
+    const std::string& id = active.effect->info().id;
+    const auto values = active.effect->reported(rows.context, active.parameters.data());
+    Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(values.size()), fit.covariance.cols());
+    for (std::size_t a = 0; a < fit.free.size(); ++a) {
+      if (fit.free[a].effect != static_cast<int>(e)) continue;
+      Eigen::VectorXd up = active.parameters, down = up;
+      const double sigma = std::sqrt(std::max(0.0, fit.covariance(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(a))));
+      const double step = std::max(1e-3 * sigma, 1e-9 * std::max(1.0, std::abs(up[fit.free[a].index])));
+      up[fit.free[a].index] += step;
+      down[fit.free[a].index] -= step;
+      const auto high = active.effect->reported(rows.context, up.data());
+      const auto low = active.effect->reported(rows.context, down.data());
+      for (std::size_t v = 0; v < values.size(); ++v) {
+        double difference = high[v].second - low[v].second;
+        if (values[v].first.find("_rad") != std::string::npos) difference = std::remainder(difference, 2.0 * M_PI);
+        slopes(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(a)) = difference / (2.0 * step);
+      }
+    }
+    for (std::size_t v = 0; v < values.size(); ++v) {
+      const Eigen::RowVectorXd row = slopes.row(static_cast<Eigen::Index>(v));
+      EffectEstimate estimate;
+      estimate.name = id + "." + values[v].first;
+      estimate.estimate = values[v].second;
+      estimate.std_dev = std::sqrt(std::max(0.0, (row * fit.covariance * row.transpose()).value()));
+      estimate.low95 = estimate.estimate - 1.959964 * estimate.std_dev;
+      estimate.high95 = estimate.estimate + 1.959964 * estimate.std_dev;
+      estimates.push_back(estimate);
+    }
+  }
+  return estimates;
+}
+
+Calibration calibration_of(const Rows& rows, std::span<const Recording> recordings, const Fit& fit) {
+  Calibration c;
+  c.method = Method::marginal;
+  c.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
+  c.outcome = Outcome::converged;
+  c.alpha = fit.state.alpha;
+  if (fit.alpha_covariance.size() > 0) c.alpha_covariance = fit.alpha_covariance;
+  c.noise = fit.state.noise;
+  c.noise_estimates = {{fit.state.noise.parameters[0], fit.noise_std * fit.state.noise.parameters[0]}};
+  if (!rows.pairs) c.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, fit.sigma_theta_std};
+  const CellGeometry g = cell_geometry(rows, fit.state);
+  c.range_min_m = *std::min_element(g.d.begin(), g.d.end());
+  c.range_max_m = *std::max_element(g.d.begin(), g.d.end());
+  c.marginal_nll = fit.nll;
+  int landmark = 0, stop = 0, index = 0;
+  for (const Recording& recording : recordings) {
+    c.counts.read += recording.counts.read;
+    c.counts.used += recording.counts.used;
+    c.counts.cells_left_out += recording.counts.cells_left_out;
+    for (const auto& [reason, count] : recording.counts.dropped) c.counts.dropped[reason] += count;
+    if (!rows.pairs) {
+      for (const Landmark& l : recording.landmarks)
+        c.landmarks.push_back({index, l.label, fit.state.landmarks[landmark++], std::nullopt});
+      for (const Stop& s : recording.stops) c.stops.push_back({index, s.label, fit.state.stops[stop++]});
+    }
+    ++index;
+  }
+  for (const ActiveEffect& active : fit.model)
+    for (std::size_t j = 0; j < active.effect->info().parameters.size(); ++j)
+      c.effects[active.effect->info().id][active.effect->info().parameters[j].name] = active.parameters[static_cast<Eigen::Index>(j)];
+  return c;
+}
+
+Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recordings, const SearchResult& found,
+                          const DiagnoseOptions& options) {
+  Diagnosis result;
+  result.verdict = found.verdict;
+  result.alarm_p_value = found.alarm_p;
+  result.baseline = calibration_of(rows, recordings, found.baseline);
+  const auto summary = [&](const Battery& battery, double nll) {
+    FitSummary s;
+    s.nll = nll;
+    s.rms_range_m = std::sqrt(battery.projector().range_residual.squaredNorm() / rows.cell_count);
+    s.rms_bearing_rad = std::sqrt(battery.projector().bearing_residual.squaredNorm() / rows.cell_count);
+    s.chi_sq_per_dof = battery.cell_chi_sq / std::max(1.0, battery.cell_dof);
+    return s;
+  };
+  result.before = result.after = summary(*found.first, found.baseline.nll);
+  result.corrected = result.baseline;
+  const double excess = std::max(1e-9, found.first->cell_chi_sq - found.first->cell_dof);
+
+  if (found.verdict == Verdict::explained) {
+    result.corrected = calibration_of(rows, recordings, found.best.fit);
+    if (found.last) result.after = summary(*found.last, found.best.fit.nll);
+    result.explanations.push_back(explain(rows, found, found.best));
+    for (const std::vector<std::string>& rival : [&] {
+           std::vector<std::vector<std::string>> sets;
+           for (const Candidate& c : found.rivals) sets.push_back(ids_of(c.fit.model));
+           return sets;
+         }())
+      result.explanations[0].indistinguishable_from.push_back(rival);
+    if (found.best.fit.model.size() == 1) {
+      const auto exact = exact_twin_of(found.best.fit.model[0].effect->info().id);
+      auto& sets = result.explanations[0].indistinguishable_from;
+      if (!exact.empty() && std::find(sets.begin(), sets.end(), exact) == sets.end()) {
+        if (sets.size() == 3) sets.pop_back();
+        sets.insert(sets.begin(), exact);
+      }
+    }
+    for (const Candidate& rival : found.rivals) result.explanations.push_back(explain(rows, found, rival));
+    fill_probabilities(found, result.explanations);
+    result.final_effects = result.explanations[0].effects;
+    // Where: the effect's own channel and covariate first, then what else the scan saw.
+    for (const ActiveEffect& active : found.best.fit.model) {
+      const EffectInfo& info = active.effect->info();
+      Question own;
+      for (const Question& q : found.first->questions)
+        if (q.effect == active.effect && q.statistic > own.statistic) own = q;
+      for (const Question& q : found.shapes)
+        if (own.dof == 1 && own.statistic == 0.0 && q.channel == info.channel) own = q;
+      own.channel = info.channel;
+      own.covariate = info.covariate;
+      Finding f = finding_of(own, found);
+      for (const Question& q : found.first->questions)  // the shape and place of the nearest finding of that covariate
+        if (!q.effect && q.channel == info.channel && q.covariate == info.covariate && (f.shape == "effect")) {
+          f.shape = q.shape;
+          f.from = q.from;
+          f.to = q.to;
+        }
+      f.share = std::min(1.0, own.statistic / excess);
+      result.location.push_back(f);
+    }
+  } else if (found.verdict == Verdict::unexplained) {
+    result.final_effects = {"generic"};
+    Explanation generic;
+    generic.effects = {"generic"};
+    generic.nll = found.baseline.nll;
+    generic.probability = 1.0;
+    generic.p_value = found.alarm_p;
+    generic.physics = "Nothing in the catalogue explains this mismatch; its place and size are given.";
+    result.explanations.push_back(generic);
+  }
+  if (found.verdict != Verdict::no_mismatch)
+    for (const Question& q : found.shapes) {
+      const bool seen = std::any_of(result.location.begin(), result.location.end(), [&](const Finding& f) {
+        return f.channel == q.channel && f.covariate == q.covariate;
+      });
+      if (seen) continue;
+      Finding f = finding_of(q, found);
+      f.share = std::min(1.0, q.statistic / excess);
+      result.location.push_back(f);
+    }
+  (void)options;
+  return result;
+}
+
+}  // namespace rangecal::diagnosis

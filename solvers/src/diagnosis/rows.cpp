@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <set>
+
+#include "joint_ml/blocks.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr double not_known = std::numeric_limits<double>::quiet_NaN();
+
+void add_covariates(const Covariates& columns, std::size_t row, Rows& rows) {
+  for (const std::string& name : rows.context.covariates) {
+    const auto found = columns.find(name);
+    rows.covariates.push_back(found == columns.end() ? not_known : found->second[row]);
+  }
+}
+
+void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time, Rows& rows) {
+  const Readings& r = recording.readings;
+  std::vector<int> order(r.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
+  });
+  for (std::size_t j = 0; j < order.size(); ++j) {
+    const int i = order[j];
+    const bool opens = j == 0 || r.stop[i] != r.stop[order[j - 1]] || r.landmark[i] != r.landmark[order[j - 1]];
+    if (opens) {
+      rows.cell_begin.push_back(static_cast<int>(rows.size()));
+      ++rows.cell_count;
+    }
+    rows.cell.push_back(rows.cell_count - 1);
+    rows.stop.push_back(first_stop + r.stop[i]);
+    rows.landmark.push_back(first_landmark + r.landmark[i]);
+    rows.repeat.push_back(static_cast<int>(rows.size()) - rows.cell_begin.back());
+    rows.file_row.push_back(r.row.empty() ? 0 : r.row[i]);
+    rows.range_m.push_back(r.range_m[i]);
+    rows.bearing_rad.push_back(r.bearing_rad[i]);
+    rows.time_s.push_back(r.time_s.empty() ? 0.0 : r.time_s[i] - first_time);
+    rows.radius_m.push_back(recording.landmarks[r.landmark[i]].radius_m);
+    rows.heading_rad.push_back(recording.stops[r.stop[i]].commanded.heading_rad);
+    add_covariates(r.covariates, i, rows);
+  }
+}
+
+void append_pair_rows(const Recording& recording, int first_landmark, double first_time, Rows& rows) {
+  const Pairs& p = recording.pairs;
+  JointProblem& problem = rows.problem;
+  Cells& c = problem.cells;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    rows.cell_begin.push_back(static_cast<int>(rows.size()));
+    rows.cell.push_back(rows.cell_count++);
+    rows.stop.push_back(problem.stop_count());
+    rows.landmark.push_back(p.landmark.empty() ? 0 : first_landmark + p.landmark[i]);
+    rows.repeat.push_back(0);
+    rows.file_row.push_back(p.row.empty() ? 0 : p.row[i]);
+    rows.range_m.push_back(p.reading_m[i]);
+    rows.bearing_rad.push_back(p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]);
+    rows.time_s.push_back(p.time_s.empty() ? 0.0 : p.time_s[i] - first_time);
+    rows.radius_m.push_back(0.0);
+    rows.heading_rad.push_back(0.0);
+    add_covariates(p.covariates, i, rows);
+
+    StopPrior prior;
+    prior.commanded = {-p.true_m[i], 0.0, 0.0};
+    prior.place = problem.place_count++;
+    c.stop.push_back(problem.stop_count());
+    problem.stops.push_back(prior);
+    problem.sigma_s_shared.push_back(0);
+    c.landmark.push_back(0);
+    c.count.push_back(1.0);
+    c.range_weight.push_back(1.0);
+    c.bearing_weight.push_back(1.0);
+    c.range_mean.push_back(p.reading_m[i]);
+    c.range_mean_square.push_back(0.0);
+    c.bearing_mean.push_back(0.0);
+    c.bearing_mean_square.push_back(1.0);  // with sigma_theta = 1 rad its slope is zero: the channel is silent
+    c.radius_m.push_back(0.0);
+    problem.readings += 1.0;
+  }
+}
+
+void fill_context(std::span<const Recording> recordings, Rows& rows) {
+  EffectContext& context = rows.context;
+  context.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
+  context.stop_count = rows.problem.stop_count();
+  for (const Recording& recording : recordings)
+    for (const Landmark& landmark : recording.landmarks) {
+      context.landmark_labels.push_back(landmark.label);
+      context.landmark_radius_m.push_back(landmark.radius_m);
+    }
+  context.landmark_count = static_cast<int>(context.landmark_labels.size());
+  double cosines = 0.0, sines = 0.0;
+  for (int k = 0; k < rows.problem.stop_count(); ++k) {
+    const StopPrior& prior = rows.problem.stops[k];
+    context.commanded.push_back(prior.commanded);
+    const bool starts = k == 0 || prior.recording != rows.problem.stops[k - 1].recording;
+    const Pose2& before = rows.problem.stops[std::max(k - 1, 0)].commanded;
+    const double step = std::hypot(prior.commanded.x_m - before.x_m, prior.commanded.y_m - before.y_m);
+    context.path_m.push_back(starts ? 0.0 : context.path_m.back() + step);
+    cosines += std::cos(prior.commanded.heading_rad);
+    sines += std::sin(prior.commanded.heading_rad);
+  }
+  const double mean_length = std::min(1.0, std::hypot(cosines, sines) / std::max(context.stop_count, 1));
+  context.headings = std::sqrt(std::max(0.0, -2.0 * std::log(std::max(mean_length, 1e-12))));
+  if (rows.size() > 0) context.duration_s = *std::max_element(rows.time_s.begin(), rows.time_s.end());
+  if (context.duration_s > 0.0) {
+    context.stop_time_s.assign(context.stop_count, 0.0);
+    std::vector<char> seen(context.stop_count, 0);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      double& first = context.stop_time_s[rows.stop[i]];
+      first = seen[rows.stop[i]] ? std::min(first, rows.time_s[i]) : rows.time_s[i];
+      seen[rows.stop[i]] = 1;
+    }
+  }
+  for (int c = 0; c < rows.cell_count; ++c)
+    context.largest_cell = std::max<double>(context.largest_cell, rows.cell_begin[c + 1] - rows.cell_begin[c]);
+  const std::set<double> radii(rows.radius_m.begin(), rows.radius_m.end());
+  context.several_radii = radii.size() > 1;
+}
+
+double first_time_of(const Recording& recording) {
+  const std::vector<double>& times =
+      recording.kind == RecordingKind::pairs ? recording.pairs.time_s : recording.readings.time_s;
+  return times.empty() ? 0.0 : *std::min_element(times.begin(), times.end());
+}
+
+}  // namespace
+
+Rows make_rows(std::span<const Recording> recordings) {
+  if (recordings.empty()) throw InputError("no recording given");
+  Rows rows;
+  rows.pairs = recordings[0].kind == RecordingKind::pairs;
+  std::set<std::string> names;
+  for (const Recording& recording : recordings) {
+    if ((recording.kind == RecordingKind::pairs) != rows.pairs)
+      throw InputError(recording.path + ": pairs and landmark recordings cannot be diagnosed together");
+    for (const auto& [name, values] : rows.pairs ? recording.pairs.covariates : recording.readings.covariates)
+      names.insert(name);
+  }
+  rows.context.covariates.assign(names.begin(), names.end());
+  if (!rows.pairs) rows.problem = make_joint_problem(recordings);
+  int first_stop = 0, first_landmark = 0;
+  for (const Recording& recording : recordings) {
+    if (rows.pairs)
+      append_pair_rows(recording, first_landmark, first_time_of(recording), rows);
+    else
+      append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), rows);
+    first_stop += static_cast<int>(recording.stops.size());
+    first_landmark += static_cast<int>(recording.landmarks.size());
+  }
+  rows.cell_begin.push_back(static_cast<int>(rows.size()));
+  if (rows.pairs) {
+    rows.problem.landmark_radius_m = {0.0};
+    rows.problem.landmark_recording = {0};
+    rows.problem.cells.stop_begin.resize(rows.problem.stops.size() + 1);
+    std::iota(rows.problem.cells.stop_begin.begin(), rows.problem.cells.stop_begin.end(), 0);
+    rows.nll_offset = -rows.problem.readings * (0.5 * std::log(2.0 * std::numbers::pi) + 0.5);
+  }
+  fill_context(recordings, rows);
+  return rows;
+}
+
+CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
+  const Cells& c = rows.problem.cells;
+  CellGeometry g;
+  const std::size_t cells = c.size();
+  for (auto* column : {&g.d, &g.axis_distance, &g.bearing, &g.f, &g.slope, &g.curvature, &g.spread}) column->resize(cells);
+  g.n.resize(cells);
+  g.t.resize(cells);
+  for (std::size_t i = 0; i < cells; ++i) {
+    const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
+    g.d[i] = sight.d;
+    g.axis_distance[i] = sight.axis_distance;
+    g.bearing[i] = rows.pairs ? rows.bearing_rad[i] : wrap_angle(sight.bearing);
+    g.n[i] = sight.n;
+    g.t[i] = sight.t;
+    double f = 0.0, slope = 0.0, curvature = 0.0;
+    for (Eigen::Index a = state.alpha.size(); a-- > 0;) {
+      curvature = curvature * sight.d + 2.0 * slope;
+      slope = slope * sight.d + f;
+      f = f * sight.d + state.alpha[a];
+    }
+    g.f[i] = f;
+    g.slope[i] = slope;
+    g.curvature[i] = curvature;
+    g.spread[i] = state.noise.spread(sight.d, f);
+  }
+  return g;
+}
+
+ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t i) {
+  const int c = rows.cell[i];
+  ReadingView<double> view;
+  view.d = g.d[c];
+  view.axis_distance = g.axis_distance[c];
+  view.bearing = g.bearing[c];
+  view.f = g.f[c];
+  view.slope = g.slope[c];
+  view.curvature = g.curvature[c];
+  view.spread = g.spread[c];
+  view.radius = rows.radius_m[i];
+  view.heading = rows.heading_rad[i];
+  view.time_s = rows.time_s[i];
+  view.time = rows.context.duration_s > 0.0 ? rows.time_s[i] / rows.context.duration_s : 0.0;
+  view.stop = rows.stop[i];
+  view.landmark = rows.landmark[i];
+  view.repeat = rows.repeat[i];
+  view.covariate = rows.context.covariates.empty() ? nullptr : &rows.covariates[i * rows.context.covariates.size()];
+  view.context = &rows.context;
+  return view;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "rangecal/core/recording.hpp"
+#include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/landmarks/joint_problem.hpp"
+
+namespace rangecal::diagnosis {
+
+/// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
+///
+/// Pairs are laid out as the joint problem too: every reading has an exact stop of its own on a line through one
+/// held landmark, so that d is the known distance; the bearing channel is switched off by a constant residual.
+struct Rows {
+  std::vector<int> cell, stop, landmark, repeat, file_row;
+  std::vector<double> range_m, bearing_rad, time_s, radius_m, heading_rad;
+  std::vector<double> covariates;          ///< row-major, by context.covariates
+  int cell_count = 0;
+  std::vector<int> cell_begin;             ///< rows of cell c: cell_begin[c] .. cell_begin[c+1]-1
+
+  EffectContext context;
+  JointProblem problem;                    ///< the seed model's: cells in the same order as `cell`
+  bool pairs = false;
+  double nll_offset = 0.0;                 ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
+
+  std::size_t size() const { return range_m.size(); }
+};
+
+Rows make_rows(std::span<const Recording> recordings);
+
+/// Geometry and model of every cell under a state.
+struct CellGeometry {
+  std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;
+  std::vector<Eigen::Vector2d> n, t;       ///< unit vector stop -> landmark, and across (world frame)
+};
+CellGeometry cell_geometry(const Rows& rows, const JointState& state);
+
+/// The view of row i that effects get.
+ReadingView<double> view_of(const Rows& rows, const CellGeometry& geometry, std::size_t i);
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/search.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
+constexpr int shortlist = 10;
+
+bool contains(const Model& model, const Effect* effect) {
+  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
+}
+
+struct Proposal {
+  const Effect* effect = nullptr;
+  Eigen::VectorXd start;
+  double promised = 0.0, log_p = 0.0, rank = 0.0;
+};
+
+/// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
+std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
+  std::map<std::string, Proposal> best;
+  for (const Question& q : battery.questions) {
+    if (!q.effect || contains(model, q.effect)) continue;
+    Proposal& p = best[q.effect->info().id];
+    const double promised = 0.5 * q.statistic;
+    if (!p.effect || promised > p.promised) {
+      p = {q.effect, q.start, promised, q.log_p, promised - q.dof};
+    }
+  }
+  // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose them.
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    if (best.count(info.id) || contains(model, effect.get()) || !effect->missing(rows.context).empty()) continue;
+    if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops()) continue;
+    for (const Question& q : battery.questions) {
+      if (q.effect) continue;
+      const bool same_channel = q.channel == info.channel ||
+                                (info.kind != EffectKind::mean && q.channel.substr(0, q.channel.find('_')) ==
+                                                                      info.channel.substr(0, info.channel.find('_')) &&
+                                 q.channel.find('_') != std::string::npos &&
+                                 q.channel.substr(q.channel.find('_')) == info.channel.substr(info.channel.find('_') == std::string::npos ? 0 : info.channel.find('_')));
+      const bool any_channel = info.kind == EffectKind::dependence && q.channel.find("_dependence") != std::string::npos;
+      const bool any_tail = info.kind == EffectKind::tail && q.channel.find("_tail") != std::string::npos;
+      if (!same_channel && !any_channel && !any_tail) continue;
+      if (q.log_p > -4.0) continue;
+      Proposal& p = best[info.id];
+      if (p.effect && 0.5 * q.statistic <= p.promised) continue;
+      const auto grid = effect->start_grid(rows.context);
+      if (grid.empty()) continue;
+      p = {effect.get(), grid[grid.size() / 2], 0.5 * q.statistic, q.log_p, 0.5 * q.statistic - q.dof};
+    }
+  }
+  std::vector<Proposal> order;
+  for (auto& [id, p] : best)
+    if (p.promised > 3.0) order.push_back(p);
+  std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
+  if (order.size() > shortlist) order.resize(shortlist);
+  return order;
+}
+
+/// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step does it.
+Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const RefitOptions& options) {
+  Model model = base.model;
+  model.push_back({proposal.effect, proposal.start});
+  Candidate candidate;
+  candidate.fit = refit(rows, model, base.state, options);
+  candidate.promised = proposal.promised;
+  candidate.log_p = proposal.log_p;
+  candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
+  candidate.parameters = static_cast<int>(candidate.fit.free.size());
+  candidate.evidence = candidate.fit.ok ? candidate.gain + log_occam(rows, candidate.fit) - log_occam(rows, base) : -1e9;
+  return candidate;
+}
+
+std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
+                               const RefitOptions& options) {
+  std::vector<Candidate> tried;
+  double best = 0.0;
+  for (const Proposal& proposal : proposals) {
+    if (proposal.promised < best - 15.0 && tried.size() >= 3) break;  // cannot come near the best any more
+    Candidate candidate = try_model(rows, base, proposal, options);
+    // A refit that does not deliver what its score promised has left the region where the score spoke.
+    if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {
+      if (!candidate.fit.ok || candidate.gain < 3.0) continue;
+    }
+    best = std::max(best, candidate.gain);
+    tried.push_back(std::move(candidate));
+  }
+  std::sort(tried.begin(), tried.end(), [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  return tried;
+}
+
+/// Findings by penalised gain, one per (channel, covariate).
+std::vector<Question> findings(const Rows& rows, const Battery& battery) {
+  std::vector<Question> shapes;
+  for (const Question& q : battery.questions)
+    if (!q.effect) shapes.push_back(q);
+  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
+  std::sort(shapes.begin(), shapes.end(), [&](const Question& a, const Question& b) {
+    return 0.5 * a.statistic - price * a.dof > 0.5 * b.statistic - price * b.dof;
+  });
+  std::vector<Question> kept;
+  for (Question& q : shapes) {
+    const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
+      return k.channel == q.channel && k.covariate == q.covariate;
+    });
+    if (!seen && battery.corrected(q.log_p) < 0.02) kept.push_back(std::move(q));
+    if (kept.size() == 5) break;
+  }
+  return kept;
+}
+
+double smallest_log_p(const Battery& battery) { return battery.strongest().log_p; }
+
+}  // namespace
+
+double log_occam(const Rows& rows, const Fit& fit) {
+  double occam = 0.0;
+  if (fit.free.empty()) return 0.0;
+  Eigen::MatrixXd scaled = fit.covariance;
+  const Eigen::Index n = scaled.rows();
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const FreeParameter& p = fit.free[static_cast<std::size_t>(a)];
+    const EffectParameter& info = fit.model[p.effect].effect->info().parameters[p.index];
+    const double scale = info.linear ? 3.0 * std::max(info.typical, 1e-12) : 0.5 * std::max(info.high - info.low, 1e-12);
+    const double z = info.linear ? fit.model[p.effect].parameters[p.index] / scale : 0.0;
+    occam -= std::min(0.5 * z * z, 2.0);  // sizes far beyond the typical cost two nats, never more
+    scaled.row(a) /= scale;
+    scaled.col(a) /= scale;
+    if (p.acts == FreeParameter::Acts::numeric) scaled(a, a) += 0.01;
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> factor(scaled);
+  for (Eigen::Index a = 0; a < n; ++a) occam += 0.5 * std::log(std::clamp(factor.vectorD()[a], 1e-8, 1.0));
+  for (const ActiveEffect& active : fit.model)
+    occam -= std::log(std::max<double>(1.0, static_cast<double>(active.effect->start_grid(rows.context).size())) );
+  return occam;
+}
+
+SearchResult search(const Rows& rows, const DiagnoseOptions& options) {
+  const auto report = [&](const char* stage, double fraction) {
+    if (options.progress) options.progress(stage, fraction);
+  };
+  SearchResult result;
+  RefitOptions refit_options;
+  report("fitting the seed model", 0.0);
+  result.baseline = fit_baseline(rows, options, refit_options);
+  report("scanning the residuals", 0.1);
+  result.first = std::make_unique<Battery>(rows, Model{}, result.baseline.state);
+  result.first->calibrate(options.null_draws, 1);
+  result.effective_questions = result.first->effective_questions;
+  result.alarm_p = result.first->corrected(smallest_log_p(*result.first));
+  result.shapes = findings(rows, *result.first);
+
+  if (options.force) {
+    Model model;
+    for (const std::string& id : *options.force) {
+      const Effect* effect = find_effect(id);
+      if (!effect) throw InputError("no effect is called '" + id + "'");
+      Proposal proposal{effect, effect->start_grid(rows.context).front(), 0.0, 0.0, 0.0};
+      for (const Proposal& p : propose(rows, *result.first, {}))
+        if (p.effect == effect) proposal = p;
+      for (const Question& q : result.first->questions)
+        if (q.effect == effect && 0.5 * q.statistic > proposal.promised)
+          proposal = {effect, q.start, 0.5 * q.statistic, q.log_p, 0.0};
+      Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
+      result.best = try_model(rows, base, proposal, refit_options);
+    }
+    result.best.gain = result.baseline.nll - result.best.fit.nll;
+    result.verdict = Verdict::explained;
+    return result;
+  }
+
+  if (result.alarm_p >= options.alarm_rate) return result;
+
+  // Greedy: the best single effects, then what is left, until the battery is clean.
+  report("explaining", 0.3);
+  std::vector<Candidate> singles = try_all(rows, result.baseline, propose(rows, *result.first, {}), refit_options);
+  result.tried = singles;
+  const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
+    battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state);
+    battery->effective_questions = result.effective_questions;
+    return battery->corrected(smallest_log_p(*battery)) > clean_rate;
+  };
+  const double free_curve_gain = [&] {
+    double best = 0.0;
+    for (const Question& q : result.first->questions)
+      if (!q.effect) best = std::max(best, 0.5 * q.statistic - q.dof);
+    return best;
+  }();
+
+  std::vector<Candidate> level;
+  for (std::size_t i = 0; i < singles.size() && i < 3; ++i) level.push_back(singles[i]);
+  for (int depth = 1; depth <= 3 && !level.empty(); ++depth) {
+    // Clean ones at this depth are explanations; the best is the answer, the others its rivals.
+    std::unique_ptr<Battery> battery;
+    std::vector<std::unique_ptr<Battery>> batteries;
+    bool found = false;
+    for (const Candidate& candidate : level) {
+      const bool is_clean = clean(candidate, battery);
+      if (is_clean && !found && (depth == 1 || candidate.gain > free_curve_gain - 5.0)) {
+        result.best = candidate;
+        result.last = std::move(battery);
+        result.verdict = Verdict::explained;
+        found = true;
+        break;
+      }
+      batteries.push_back(std::move(battery));
+      if (depth > 1) break;
+    }
+    if (found) break;
+    if (depth == 3) break;
+    report("combining effects", 0.3 + 0.15 * depth);
+    std::vector<Candidate> next;
+    for (std::size_t i = 0; i < level.size() && i < 2 && i < batteries.size(); ++i) {
+      std::vector<Proposal> proposals = propose(rows, *batteries[i], level[i].fit.model);
+      if (proposals.size() > 5) proposals.resize(5);
+      for (Candidate& candidate : try_all(rows, level[i].fit, proposals, refit_options)) {
+        candidate.gain = result.baseline.nll - candidate.fit.nll;
+        candidate.evidence = candidate.gain + log_occam(rows, candidate.fit);
+        next.push_back(std::move(candidate));
+      }
+    }
+    std::sort(next.begin(), next.end(), [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+    if (next.size() > 3) next.resize(3);
+    level = std::move(next);
+  }
+  if (result.verdict != Verdict::explained) {
+    result.verdict = Verdict::unexplained;
+    return result;
+  }
+  // Rivals: other clean models of the same size that the data do not reject.
+  const std::vector<Candidate>& others = result.best.fit.model.size() == 1 ? singles : level;
+  for (const Candidate& rival : others) {
+    if (rival.fit.model.back().effect == result.best.fit.model.back().effect) continue;
+    const bool close = result.best.evidence - rival.evidence < options.naming_gap_nats ||
+                       (rival.parameters <= result.best.parameters &&
+                        rival.fit.nll - result.best.fit.nll < options.naming_gap_nats);
+    if (close && result.rivals.size() < 3) result.rivals.push_back(rival);
+  }
+  return result;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "diagnosis/battery.hpp"
+#include "diagnosis/refit.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal::diagnosis {
+
+/// A catalogued model, fitted exactly.
+struct Candidate {
+  Fit fit;
+  double promised = 0.0;    ///< gain in nats that its projected score promised
+  double gain = 0.0;        ///< baseline NLL minus its NLL
+  double evidence = 0.0;    ///< log evidence against the baseline's, Laplace, typical sizes as priors
+  double log_p = 0.0;       ///< of its question in the battery that proposed it
+  int parameters = 0;
+};
+
+/// What the search found.
+struct SearchResult {
+  Fit baseline;
+  double effective_questions = 1.0;
+  double alarm_p = 1.0;                         ///< corrected, of the baseline's battery
+  Verdict verdict = Verdict::no_mismatch;
+  Candidate best;                               ///< the explanation, for `explained`
+  std::vector<Candidate> rivals;                ///< single-step alternatives the data do not reject, best first
+  std::vector<Question> shapes;                 ///< baseline's findings, best first, one per (channel, covariate)
+  std::unique_ptr<Battery> first, last;         ///< batteries of the baseline and of the final model
+  std::vector<Candidate> tried;
+};
+
+/// Baseline, scan, explanation by refits, greedy extension (issue: Bookkeeping to Explain).
+SearchResult search(const Rows& rows, const DiagnoseOptions& options);
+
+/// Fits the seed model by marginal ML: order 2 (less where the distances do not carry it), the noise law of highest
+/// marginal likelihood with the triangulation law preferred within 3 nats.
+Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options);
+
+/// Log evidence of a candidate's parameters: Laplace, half-normal priors of three typical sizes, a uniform prior over
+/// the start grid.
+double log_occam(const Rows& rows, const Fit& fit);
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/working.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "rangecal/core/angles.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Sufficient statistics of one cell and channel: values y with unit-variance multipliers m in order of time.
+struct CellStatistic {
+  double mean = 0.0, mean_square = 0.0, weight = 0.0, constant = 0.0;
+};
+
+/// y_i = mu + e_i (+ u): e AR(1) with correlation rho and variances s^2 m_i, u shared with variance s^2 ratio.
+/// Weighted so that  n log s + weight ((mean - mu)^2 + mean_square) / (2 s^2) + constant  is the exact NLL.
+CellStatistic cell_statistic(const double* y, const double* multiplier, int count, double rho, double shared_ratio) {
+  CellStatistic cell;
+  double one_sq = 0.0, one_y = 0.0;
+  std::vector<double> white_one(count), white_y(count);
+  const double root = std::sqrt(1.0 - rho * rho);
+  for (int i = 0; i < count; ++i) {
+    const double inverse = 1.0 / std::sqrt(multiplier[i]);
+    white_one[i] = inverse;
+    white_y[i] = y[i] * inverse;
+    cell.constant += 0.5 * std::log(multiplier[i]);
+  }
+  if (rho != 0.0) {
+    for (int i = count - 1; i > 0; --i) {
+      white_one[i] = (white_one[i] - rho * white_one[i - 1]) / root;
+      white_y[i] = (white_y[i] - rho * white_y[i - 1]) / root;
+    }
+    cell.constant += (count - 1) * std::log(root);
+  }
+  for (int i = 0; i < count; ++i) {
+    one_sq += white_one[i] * white_one[i];
+    one_y += white_one[i] * white_y[i];
+  }
+  cell.mean = one_y / one_sq;
+  double square = 0.0;
+  for (int i = 0; i < count; ++i) {
+    const double e = white_y[i] - cell.mean * white_one[i];
+    square += e * e;
+  }
+  cell.weight = one_sq / (1.0 + one_sq * shared_ratio);
+  cell.constant += 0.5 * std::log1p(one_sq * shared_ratio);
+  cell.mean_square = square / cell.weight;
+  return cell;
+}
+
+/// Weights (nu + 1) / (nu + z^2) of the rows at residuals z, and what the Student-t NLL differs by from the weighted one.
+double student_weights(double nu, double z, double& multiplier) {
+  const double weight = (nu + 1.0) / (nu + z * z);
+  multiplier *= 1.0 / weight;
+  const double normaliser = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
+  const double student = -normaliser + 0.5 * (nu + 1.0) * std::log1p(z * z / nu);
+  const double weighted = 0.5 * weight * z * z + 0.5 * std::log(2.0 * std::numbers::pi);
+  return student - weighted + 0.5 * std::log(weight);  // cell_statistic adds 1/2 log multiplier = -1/2 log weight
+}
+
+}  // namespace
+
+RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model) {
+  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+  RowChanges changes;
+  for (auto* column : {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
+    *column = Eigen::VectorXd::Zero(n);
+  for (const ActiveEffect& active : model)
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto change = active.effect->reading(view_of(rows, geometry, i), active.parameters.data());
+      changes.range[i] += change.range;
+      changes.bearing[i] += change.bearing;
+      changes.range_log_variance[i] += change.range_log_variance;
+      changes.bearing_log_variance[i] += change.bearing_log_variance;
+    }
+  return changes;
+}
+
+WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state) {
+  WorkingProblem working;
+  working.problem = rows.problem;
+  working.constant = rows.nll_offset;
+  if (model.empty()) return working;
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const RowChanges changes = row_changes(rows, geometry, model);
+  Dependence dependence;
+  double nu = std::numeric_limits<double>::infinity();
+  for (const ActiveEffect& active : model) {
+    const Dependence own = active.effect->dependence(active.parameters.data());
+    dependence.range_cell_sigma_m = std::hypot(dependence.range_cell_sigma_m, own.range_cell_sigma_m);
+    dependence.bearing_cell_sigma_rad = std::hypot(dependence.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
+    dependence.range_correlation += own.range_correlation;
+    dependence.bearing_correlation += own.bearing_correlation;
+    nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
+    if (active.effect->acts_on_stops())
+      active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
+  }
+  Cells& c = working.problem.cells;
+  std::vector<double> range, bearing, range_multiplier, bearing_multiplier;
+  for (int cell = 0; cell < rows.cell_count; ++cell) {
+    const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
+    range.resize(count);
+    bearing.resize(count);
+    range_multiplier.resize(count);
+    bearing_multiplier.resize(count);
+    const double s = geometry.spread[cell], sigma_theta = state.sigma_theta_rad, home = geometry.bearing[cell];
+    for (int j = 0; j < count; ++j) {
+      const int i = begin + j;
+      range[j] = rows.range_m[i] - changes.range[i];
+      bearing[j] = rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - home);
+      range_multiplier[j] = std::exp(changes.range_log_variance[i]);
+      bearing_multiplier[j] = rows.pairs ? 1.0 : std::exp(changes.bearing_log_variance[i]);
+      if (std::isfinite(nu)) {
+        const double z = (range[j] - geometry.f[cell]) / (s * std::sqrt(range_multiplier[j]));
+        working.constant += student_weights(nu, z, range_multiplier[j]);
+        if (!rows.pairs)
+          working.constant += student_weights(nu, bearing[j] / (sigma_theta * std::sqrt(bearing_multiplier[j])),
+                                              bearing_multiplier[j]);
+      }
+    }
+    const double range_ratio = std::pow(dependence.range_cell_sigma_m / s, 2);
+    const double bearing_ratio = std::pow(dependence.bearing_cell_sigma_rad / sigma_theta, 2);
+    const CellStatistic r =
+        cell_statistic(range.data(), range_multiplier.data(), count, dependence.range_correlation, range_ratio);
+    c.range_mean[cell] = r.mean;
+    c.range_mean_square[cell] = r.mean_square;
+    c.range_weight[cell] = r.weight;
+    working.constant += r.constant;
+    if (rows.pairs) continue;
+    const CellStatistic b =
+        cell_statistic(bearing.data(), bearing_multiplier.data(), count, dependence.bearing_correlation, bearing_ratio);
+    c.bearing_mean[cell] = wrap_angle(home + b.mean);
+    c.bearing_mean_square[cell] = b.mean_square;
+    c.bearing_weight[cell] = b.weight;
+    working.constant += b.constant;
+  }
+  return working;
+}
+
+Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active, int index) {
+  const EffectParameter& info = active.effect->info().parameters[index];
+  const double step = 1e-3 * std::max(std::abs(info.typical), 1e-9);
+  ActiveEffect up = active, down = active;
+  up.parameters[index] += step;
+  down.parameters[index] -= step;
+  Signature x;
+  const auto slope_at = [&](int i, double& range, double& bearing) {
+    const ReadingView<double> view = view_of(rows, projector.geometry(), static_cast<std::size_t>(i));
+    const auto high = active.effect->reading(view, up.parameters.data());
+    const auto low = active.effect->reading(view, down.parameters.data());
+    range = (high.range - low.range) / (2.0 * step);
+    bearing = (high.bearing - low.bearing) / (2.0 * step);
+  };
+  // Most effects are the same for all repeats of a cell: its first, second and last row tell.
+  x.range.resize(rows.cell_count);
+  x.bearing.resize(rows.cell_count);
+  bool varies = false;
+  for (int c = 0; c < rows.cell_count && !varies; ++c) {
+    const int first = rows.cell_begin[c], last = rows.cell_begin[c + 1] - 1;
+    slope_at(first, x.range[c], x.bearing[c]);
+    for (int i : {std::min(first + 1, last), last}) {
+      double range = 0.0, bearing = 0.0;
+      if (i == first) continue;
+      slope_at(i, range, bearing);
+      varies = varies || std::abs(range - x.range[c]) > 1e-12 * (1.0 + std::abs(range)) ||
+               std::abs(bearing - x.bearing[c]) > 1e-12 * (1.0 + std::abs(bearing));
+    }
+  }
+  if (varies) {
+    const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+    Eigen::VectorXd range(n), bearing(n);
+    for (int i = 0; i < n; ++i) slope_at(i, range[i], bearing[i]);
+    x = signature_of_rows(rows, range, bearing);
+  }
+  if (active.effect->acts_on_stops()) {
+    std::vector<StopPrior> high = rows.problem.stops, low = rows.problem.stops;
+    active.effect->stops(rows.context, up.parameters.data(), high);
+    active.effect->stops(rows.context, down.parameters.data(), low);
+    std::vector<Eigen::Vector3d> moved(high.size());
+    for (std::size_t k = 0; k < high.size(); ++k)
+      moved[k] = Eigen::Vector3d(high[k].commanded.x_m - low[k].commanded.x_m, high[k].commanded.y_m - low[k].commanded.y_m,
+                                 high[k].commanded.heading_rad - low[k].commanded.heading_rad) /
+                 (2.0 * step);
+    const Signature stops = projector.of_stops(moved);
+    x.range += stops.range;
+    x.bearing += stops.bearing;
+  }
+  return x;
+}
+
+void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,
+                        Eigen::VectorXd& range, Eigen::VectorXd& bearing) {
+  const double step = 1e-3 * std::max(std::abs(active.effect->info().parameters[index].typical), 1e-9);
+  Model up{active}, down{active};
+  up[0].parameters[index] += step;
+  down[0].parameters[index] -= step;
+  const RowChanges high = row_changes(rows, geometry, up), low = row_changes(rows, geometry, down);
+  range = (high.range_log_variance - low.range_log_variance) / (2.0 * step);
+  bearing = (high.bearing_log_variance - low.bearing_log_variance) / (2.0 * step);
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "diagnosis/projector.hpp"
+#include "diagnosis/rows.hpp"
+
+namespace rangecal::diagnosis {
+
+/// One effect of a model with its parameters.
+struct ActiveEffect {
+  const Effect* effect = nullptr;
+  Eigen::VectorXd parameters;
+};
+using Model = std::vector<ActiveEffect>;
+
+/// The seed model's problem on readings from which the model's effects were taken: corrected cell means, weights for
+/// changed variances and dependence, moved stops; `constant` completes its NLL to that of the readings themselves.
+struct WorkingProblem {
+  JointProblem problem;
+  double constant = 0.0;
+};
+
+/// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new state.
+WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);
+
+/// Per-row change of all of the model's effects.
+struct RowChanges {
+  Eigen::VectorXd range, bearing, range_log_variance, bearing_log_variance;
+};
+RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
+
+/// Derivative of the readings with respect to parameter `index` of `active`, stops included, by central differences.
+Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active, int index);
+
+/// Derivative of the log variances of the rows (range, bearing) with respect to it; zero if it has none.
+void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,
+                        Eigen::VectorXd& range, Eigen::VectorXd& bearing);
+
+}  // namespace rangecal::diagnosis
