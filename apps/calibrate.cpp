@@ -10,6 +10,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "summary.hpp"
+#include "text.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -42,7 +43,7 @@ struct CalibrateCommand {
       fmt::print("\nAll methods\n{}{}", comparison_table(report, no_scores), footnotes(report, no_scores));
     }
     const bool contradicted = report.check && report.check->better_basin;
-    return best.outcome == Outcome::converged && !contradicted ? done : not_delivered;
+    return has_answer(best) && !contradicted ? done : not_delivered;
   }
 
  private:
@@ -53,9 +54,10 @@ struct CalibrateCommand {
     std::remove(path.c_str());
   }
 
+  /// marginal where it was asked for, else the last method asked for.
   static const Calibration& recommended(const CalibrationReport& report) {
-    for (auto c = report.calibrations.rbegin(); c != report.calibrations.rend(); ++c)
-      if (c->outcome == Outcome::converged) return *c;
+    for (const Calibration& c : report.calibrations)
+      if (c.method == Method::marginal) return c;
     return report.calibrations.back();
   }
 };

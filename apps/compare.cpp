@@ -17,13 +17,13 @@ int run(const JobOptions& job) {
   const Calibration* stops = nullptr;
   const Calibration* best = nullptr;
   for (const Calibration& c : report.calibrations)
-    if (c.outcome == Outcome::converged) {
+    if (has_answer(c)) {
       best = &c;
       if (!c.stops.empty()) stops = &c;
     }
   std::vector<TruthScore> scores;
   for (const Calibration& c : report.calibrations) {
-    if (c.outcome == Outcome::converged)
+    if (has_answer(c))
       scores.push_back(score_against_truth(recordings, c, stops));
     else
       scores.emplace_back();
@@ -33,7 +33,7 @@ int run(const JobOptions& job) {
   fmt::print("\n{}", comparison_table(report, scores));
   fmt::print("{}", footnotes(report, scores));
   if (report.check) fmt::print("{}\n", wrapped("check of the full likelihood: " + report.check->report, 2));
-  fmt::print("\n{}\n", wrapped(verdict(report, recordings), 0));
+  fmt::print("\n{}\n", wrapped(verdict(report, recordings, scores), 0));
   return best && best->method == Method::marginal ? done : not_delivered;
 }
 

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <numbers>
 
 #include <fmt/core.h>
 
+#include "rangecal/solvers/calibrate/residual_check.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -23,7 +25,7 @@ std::string named(const char* name, const std::string& unit) {
   return unit.empty() ? name : fmt::format("{} [{}]", name, unit);
 }
 
-bool is_optimistic(const Calibration& c) { return c.method == Method::full && c.alpha_covariance; }
+bool is_optimistic(const Calibration& c) { return c.method == Method::full && has_answer(c) && c.alpha_covariance; }
 
 class Table {
  public:
@@ -84,7 +86,7 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
   table.row("outcome", [](const Calibration& c, std::size_t) { return std::string(to_string(c.outcome)); });
   for (int i = 0; i <= order; ++i)
     table.row(named(fmt::format("alpha_{}", i).c_str(), coefficient_unit(i)), [&](const Calibration& c, std::size_t) {
-      if (i > c.order()) return std::string("-");
+      if (i > c.order() || !has_answer(c)) return std::string("-");
       std::optional<double> std_dev;
       if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
       return with_std(c.alpha[i], std_dev);
@@ -94,25 +96,25 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
                     law_unit(law, static_cast<int>(j))),
               [&](const Calibration& c, std::size_t) {
                 const std::size_t index = static_cast<std::size_t>(j);
-                if (c.alpha.size() == 0 || index >= c.noise_estimates.size()) return std::string("-");
+                if (!has_answer(c) || index >= c.noise_estimates.size()) return std::string("-");
                 return with_std(c.noise_estimates[index].value, c.noise_estimates[index].std_dev);
               });
   table.row("sigma_theta [deg]", [](const Calibration& c, std::size_t) {
-    if (!c.sigma_theta_rad || c.alpha.size() == 0) return std::string("-");
+    if (!c.sigma_theta_rad || !has_answer(c)) return std::string("-");
     std::optional<double> std_dev = c.sigma_theta_rad->std_dev;
     if (std_dev) *std_dev *= degrees;
     return with_std(degrees * c.sigma_theta_rad->value, std_dev);
   });
   table.row("sigma_s [mm]", [](const Calibration& c, std::size_t) {
-    if (!c.sigma_s_m) return std::string("-");
+    if (!c.sigma_s_m || !has_answer(c)) return std::string("-");
     if (c.sigma_s_upper95_m) return fmt::format("0 (< {:.2g} at 95 %)", 1e3 * *c.sigma_s_upper95_m);
     std::optional<double> std_dev = c.sigma_s_m->std_dev;
     if (std_dev) *std_dev *= 1e3;
     return with_std(1e3 * c.sigma_s_m->value, std_dev);
   });
-  if (!pairs) table.row("joint NLL", [](const Calibration& c, std::size_t) { return or_dash(c.joint_nll, "{:.2f}"); });
-  table.row(pairs ? "NLL" : "marginal NLL", [](const Calibration& c, std::size_t) { return or_dash(c.marginal_nll, "{:.2f}"); });
-  table.row("AIC", [](const Calibration& c, std::size_t) { return or_dash(c.aic, "{:.2f}"); });
+  if (!pairs) table.row("joint NLL", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.joint_nll, "{:.2f}") : "-"; });
+  table.row(pairs ? "NLL" : "marginal NLL", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.marginal_nll, "{:.2f}") : "-"; });
+  table.row("AIC", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.aic, "{:.2f}") : "-"; });
   table.row("time [ms]", [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
   table.row("landmark RMSE [mm]", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_rmse_m, "{:.1f}", 1e3); });
   table.row("range RMSE [mm]", [&](const Calibration&, std::size_t i) {
@@ -132,8 +134,13 @@ std::string footnotes(const CalibrationReport& report, const std::vector<TruthSc
                ? "* optimistic: its sigma_e is not corrected for the coefficients fitted, nor are its standard deviations"
                : "* optimistic: its sigmas and standard deviations are too small, since it fits every stop to the same "
                  "readings and does not pay for it");
-  for (const Calibration& c : report.calibrations)
-    if (!c.reason.empty()) line(fmt::format("{}: {}", to_string(c.method), c.reason));
+  std::map<std::string, std::string> reasons;   // reason -> the methods that give it
+  for (const Calibration& c : report.calibrations) {
+    std::string& methods = reasons[c.reason];
+    methods += (methods.empty() ? "" : ", ") + std::string(to_string(c.method));
+  }
+  for (const auto& [reason, methods] : reasons)
+    if (!reason.empty()) line(methods + ": " + reason);
   bool truth = false, estimated = false;
   for (const TruthScore& score : scores) {
     truth = truth || score.mse_ratio;
@@ -148,52 +155,79 @@ std::string footnotes(const CalibrationReport& report, const std::vector<TruthSc
   return text;
 }
 
-std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings) {
-  const Calibration* best = nullptr;
-  const Calibration* full = nullptr;
-  for (Method method : {Method::closed_form, Method::approximate, Method::full, Method::marginal})
-    for (const Calibration& c : report.calibrations) {
-      if (c.method == Method::full) full = &c;
-      if (c.method == method && c.outcome == Outcome::converged) best = &c;
-    }
-  if (!best) {
-    const Calibration& last = report.calibrations.back();
-    return fmt::format("Trust none of them: {} ({}).", last.reason.empty() ? "no method converged" : last.reason,
-                       to_string(last.outcome));
+namespace {
+
+/// Where ground truth speaks against the method trusted, in words.
+std::string contradiction(const CalibrationReport& report, const std::vector<TruthScore>& scores, std::size_t best) {
+  const TruthScore& score = scores[best];
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    if (i == best || !score.landmark_rmse_m || !scores[i].landmark_rmse_m) continue;
+    if (*scores[i].landmark_rmse_m < 0.8 * *score.landmark_rmse_m)
+      return fmt::format("against the ground truth {} places the landmarks better ({:.0f} mm, {:.0f} mm by {})",
+                         to_string(report.calibrations[i].method), 1e3 * *scores[i].landmark_rmse_m,
+                         1e3 * *score.landmark_rmse_m, to_string(report.calibrations[best].method));
   }
-  if (best->method != Method::marginal)
+  if (score.mse_ratio && *score.mse_ratio < 1.0)
+    return fmt::format("against the ground truth it makes the readings worse (RMSE {:.0f} to {:.0f} mm)",
+                       1e3 * score.rmse_raw_m, 1e3 * score.rmse_corrected_m);
+  return {};
+}
+
+std::string what_full_gives_away(const Calibration& full, const Calibration& best) {
+  if (!has_answer(full)) return fmt::format("; full has no answer here ({})", to_string(full.outcome));
+  if (best.kind == RecordingKind::pairs) return "; full differs by that correction only";
+  if (!full.sigma_theta_rad || !best.sigma_theta_rad) return {};
+  const double off = 100.0 * (full.sigma_theta_rad->value / best.sigma_theta_rad->value - 1.0);
+  return fmt::format("; full fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})",
+                     std::abs(off), off < 0.0 ? "lower" : "higher");
+}
+
+}  // namespace
+
+std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings,
+                    const std::vector<TruthScore>& scores) {
+  std::size_t best = report.calibrations.size();
+  for (Method method : {Method::closed_form, Method::approximate, Method::full, Method::marginal})
+    for (std::size_t i = 0; i < report.calibrations.size(); ++i)
+      if (report.calibrations[i].method == method && has_answer(report.calibrations[i])) best = i;
+  if (best == report.calibrations.size()) {
+    const Calibration& last = report.calibrations.back();
+    return fmt::format("Trust none of them ({}): {}.", to_string(last.outcome),
+                       last.reason.empty() ? "no method has an answer" : last.reason);
+  }
+  const Calibration& trusted = report.calibrations[best];
+  if (trusted.method != Method::marginal)
     return fmt::format("Trust {} only with care: marginal, the recommended method, ended as {}.",
-                       to_string(best->method), to_string(report.calibrations.back().outcome));
-  const bool pairs = recordings[0].kind == RecordingKind::pairs;
+                       to_string(trusted.method), to_string(report.calibrations.back().outcome));
+  const bool pairs = trusted.kind == RecordingKind::pairs;
   std::size_t stops = 0;
   for (const Recording& recording : recordings) stops += recording.stops.size();
   std::string text = pairs ? "Trust marginal: it has the exact likelihood and a sigma_e corrected for the coefficients fitted"
                            : fmt::format("Trust marginal: it has the exact likelihood and integrates the {} uncertain stops "
                                          "out, so neither curve nor sigmas are bent to fit them", stops);
-  if (full && full->outcome == Outcome::converged) {
-    if (pairs)
-      text += "; full differs by that correction only";
-    else if (full->sigma_theta_rad && best->sigma_theta_rad)
-      text += fmt::format("; full fits the stops along and gives away honest sigmas (its sigma_theta is {:+.0f} % off)",
-                          100.0 * (full->sigma_theta_rad->value / best->sigma_theta_rad->value - 1.0));
-  } else if (full) {
-    text += fmt::format("; full has no answer here ({})", to_string(full->outcome));
-  }
   for (const Calibration& c : report.calibrations) {
+    if (c.method == Method::full) text += what_full_gives_away(c, trusted);
     if (c.method != Method::closed_form && c.method != Method::approximate) continue;
-    const bool approximate = c.method == Method::approximate;
-    if (c.outcome != Outcome::converged) {
+    if (!has_answer(c)) {
       text += fmt::format("; {} has no answer here ({})", to_string(c.method), to_string(c.outcome));
       continue;
     }
-    const std::string cost = behind(c, *best);
-    text += fmt::format("; {} {}{}", to_string(c.method),
-                        approximate ? (pairs ? "weighs readings as if noise grew with d^2"
-                                             : "weighs readings as if noise grew with d^2 and takes the commanded stops for true")
-                                    : (pairs ? "weighs all readings alike"
-                                             : "takes the commanded stops for true and uses no range to place landmarks"),
-                        cost.empty() ? std::string() : " (" + cost + ")");
+    const std::string cost = behind(c, trusted);
+    const char* how = c.method == Method::approximate
+                          ? (pairs ? "weighs readings as if noise grew with d^2"
+                                   : "weighs readings as if noise grew with d^2 and takes the commanded stops for true")
+                          : (pairs ? "weighs all readings alike"
+                                   : "takes the commanded stops for true and uses no range to place landmarks");
+    text += fmt::format("; {} {}{}", to_string(c.method), how, cost.empty() ? std::string() : " (" + cost + ")");
   }
+  std::vector<std::string> against{contradiction(report, scores, best)};
+  const ResidualCheck check = check_residuals(recordings, trusted);
+  if (report.noise_shape.empty() && check.suspicious()) against.push_back(outliers_in_words(check));
+  against.push_back(repeats_in_words(check));
+  std::erase(against, std::string());
+  for (std::size_t i = 0; i < against.size(); ++i) text += (i == 0 ? "; BUT " : ", and ") + against[i];
+  if (!against.empty())
+    text += ": the recording holds something that no method here models and no standard deviation above counts";
   return text + ".";
 }
 

@@ -14,8 +14,9 @@ namespace rangecal::app {
 /// One column per method: estimates with standard deviations, likelihoods, time, errors against ground truth.
 std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores);
 
-/// One sentence: which method to trust, why, and what each other gives away.
-std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings);
+/// One sentence: which method to trust, why, what each other gives away, and what speaks against it.
+std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings,
+                    const std::vector<TruthScore>& scores);
 
 /// The sentences under the table: what a mark in it means, and where true distances came from.
 std::string footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores);

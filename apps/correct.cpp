@@ -77,7 +77,7 @@ std::string why_unusable(double reading) {
 
 void print_root(double reading, const CorrectionRoot& root, int candidate, std::string flags) {
   const auto add = [&](const char* flag) { flags += (flags.empty() ? "" : "+") + std::string(flag); };
-  if (root.extrapolated) add("extrapolated");
+  if (root.extrapolated && flags != "out_of_range") add("extrapolated");
   if (root.turning_point) add("turning_point");
   const std::optional<double> std_dev = root.std_dev_total_m ? root.std_dev_total_m : root.std_dev_m;
   fmt::print("{},{:.6f},{},{},{}\n", reading, root.distance_m, std_dev ? fmt::format("{:.6f}", *std_dev) : "", candidate,

@@ -53,7 +53,7 @@ std::optional<double> stop_strain(const Calibration& c, std::span<const Recordin
   return std::sqrt(sum / count);
 }
 
-std::string advice(const Calibration& c, std::span<const Recording> recordings, const std::string& json) {
+std::string advice(const CalibrationReport& report, const Calibration& c, std::span<const Recording> recordings, const std::string& json) {
   const bool pairs = c.kind == RecordingKind::pairs;
   switch (c.outcome) {
     case Outcome::too_few_data:
@@ -75,6 +75,8 @@ std::string advice(const Calibration& c, std::span<const Recording> recordings, 
                     *strain));
   if (c.counts.read > 0 && c.counts.used < 0.9 * c.counts.read)
     add(fmt::format("{:.0f} % of the readings were dropped: see the reasons above", 100.0 - 100.0 * c.counts.used / c.counts.read));
+  if (pairs && report.noise_shape.empty() && check_residuals(recordings, c).suspicious())
+    add("try --noise-shape auto, which tells outliers from noise");
   if (c.method == Method::full && !pairs) add("use --method marginal for honest standard deviations");
   add(json.empty() ? "keep the result with --json cal.json, then 'rangecal correct cal.json readings.csv'"
                    : fmt::format("'rangecal correct {} readings.csv' turns readings into distances", json));
@@ -131,7 +133,7 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c, 
   std::string page = paragraph("Recording", describe(recordings));
   page += paragraph("Readings", describe(c.counts));
   page += paragraph("Outcome", outcome_in_words(c));
-  const bool curve = c.alpha.size() > 0 && (c.outcome == Outcome::converged || c.outcome == Outcome::not_converged);
+  const bool curve = has_answer(c) || (c.outcome == Outcome::not_converged && c.alpha.size() > 0);
   if (curve) {
     page += paragraph("Model", describe_choice(c, report));
     page += paragraph("Curve f", curve_in_words(c));
@@ -150,6 +152,16 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c, 
                                                    with_std(1e3 * c.sigma_s_m->value,
                                                             c.sigma_s_m->std_dev ? std::optional(1e3 * *c.sigma_s_m->std_dev)
                                                                                  : std::nullopt)));
+    const ResidualCheck check = check_residuals(recordings, c);
+    if (report.noise_shape.empty() && check.ranges > 0) {
+      std::string text = outliers_in_words(check);
+      if (check.suspicious())
+        text += ": outliers, or an effect that the model lacks, inflate the sigmas and may bend the curve";
+      else if (check.range_outliers + check.bearing_outliers < 3)
+        text += ": no sign of outliers";
+      if (const std::string repeats = repeats_in_words(check); !repeats.empty()) text += "; " + repeats + ", so most of that scatter is constant at a stop: an effect that the model lacks";
+      page += paragraph("Fit", text);
+    }
     const std::string loose = least_certain(c);
     if (!loose.empty()) page += paragraph("Loosest", loose);
     if (c.method == Method::full && c.alpha_covariance)
@@ -157,7 +169,7 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c, 
   } else if (!c.weakest_direction.empty()) {
     page += paragraph("Open", "what can change unseen: " + c.weakest_direction);
   }
-  page += paragraph("Next", advice(c, recordings, json));
+  page += paragraph("Next", advice(report, c, recordings, json));
   return page;
 }
 

@@ -88,6 +88,29 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
   return text + ")";
 }
 
+std::string outliers_in_words(const ResidualCheck& check) {
+  constexpr double tail = 6.334e-5;   // P(|z| > 4), z ~ N(0, 1)
+  std::string text = fmt::format("{} of {} ranges", check.range_outliers, check.ranges);
+  if (check.bearings > 0) text += fmt::format(" and {} of {} bearings", check.bearing_outliers, check.bearings);
+  return text + fmt::format(" lie beyond 4 sigma, where about {:.1f} would by chance", tail * (check.ranges + check.bearings));
+}
+
+std::string repeats_in_words(const ResidualCheck& check) {
+  const double range = check.range_repeats.value_or(1.0), bearing = check.bearing_repeats.value_or(1.0);
+  std::string text;
+  if (range < 0.5) text += fmt::format("ranges {:.1f} times better than sigma_e", 1.0 / range);
+  if (bearing < 0.5)
+    text += fmt::format("{}bearings {:.1f} times better than sigma_theta", text.empty() ? "" : " and ", 1.0 / bearing);
+  if (text.empty()) return {};
+  return "repeats at one stop agree in " + text +
+         " states";
+}
+
+bool has_answer(const Calibration& c) {
+  if (c.alpha.size() == 0) return false;
+  return c.outcome == Outcome::converged || (c.outcome == Outcome::unobservable && c.alpha_covariance);
+}
+
 std::string wrapped(const std::string& text, std::size_t indent, std::size_t width) {
   std::string result, line;
   std::size_t begin = 0;

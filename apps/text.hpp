@@ -8,6 +8,7 @@
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/calibrate/residual_check.hpp"
 
 namespace rangecal::app {
 
@@ -26,6 +27,14 @@ std::string describe(std::span<const Recording> recordings);
 std::string describe(const Counts& counts);
 /// "order 2, noise sigma_e f^2; chosen by AIC among 10 models", runners-up included.
 std::string describe_choice(const Calibration& calibration, const CalibrationReport& report);
+
+/// "31 of 1575 ranges and 12 of 1575 bearings lie beyond 4 sigma, where 0.1 and 0.1 would by chance".
+std::string outliers_in_words(const ResidualCheck& check);
+/// "repeats at one stop agree 5 times better than sigma_theta states"; empty where they do not.
+std::string repeats_in_words(const ResidualCheck& check);
+
+/// True where the curve is an answer: converged, or only something else than the curve is left open.
+bool has_answer(const Calibration& calibration);
 
 /// Text broken at spaces to lines of `width`, each after the first indented.
 std::string wrapped(const std::string& text, std::size_t indent, std::size_t width = 100);

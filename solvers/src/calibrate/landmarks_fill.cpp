@@ -8,6 +8,7 @@
 #include "calibrate/landmarks_job.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/covariance/cramer_rao.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
@@ -50,6 +51,13 @@ void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibrati
     result.landmarks[l].covariance = covariance->block<2, 2>(layout.landmark_begin + 2 * l, layout.landmark_begin + 2 * l);
 }
 
+/// Labels for landmark indices, the noise law's symbols for "noise parameter i".
+std::string in_user_words(const std::string& direction, const LandmarksJob& job, const JointState& state) {
+  const bool beta = state.noise.law == NoiseLaw::polynomial;
+  return std::regex_replace(with_labels(direction, job.landmark_labels), std::regex("noise parameter ([0-9]+)"),
+                            beta ? "beta_$1" : "log sigma_e");
+}
+
 }  // namespace
 
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels) {
@@ -77,7 +85,7 @@ Calibration calibration_from_fit(const LandmarksJob& job, Method method, const J
     result.covariance_reason = "no optimum, so no covariance";
     return result;
   }
-  result.weakest_direction = with_labels(fit.weakest_direction, job.landmark_labels);
+  result.weakest_direction = in_user_words(fit.weakest_direction, job, fit.state);
   result.covariance_reason = with_labels(fit.covariance_reason, job.landmark_labels);
   result.alpha = fit.state.alpha;
   result.noise = fit.state.noise;
@@ -110,6 +118,13 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
   for (std::size_t l = 0; l < result.landmarks.size() && l < job.landmark_labels.size(); ++l)
     result.landmarks[l].label = job.landmark_labels[l];
   if (result.alpha.size() == 0 && is_usable(result.outcome)) result.outcome = Outcome::failed;
+  if (result.outcome == Outcome::failed || result.outcome == Outcome::too_few_data) {  // no numbers beside no answer
+    result.alpha.resize(0);
+    result.alpha_covariance.reset();
+    result.noise_estimates.clear();
+    result.sigma_theta_rad.reset();
+    result.covariance_reason = "no estimate, so no covariance";
+  }
   return result;
 }
 
@@ -139,29 +154,39 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
   calibration.aic = 2.0 * (value.marginal_nll + job.parameters(state));
 }
 
-void name_what_is_open(const LandmarksJob& job, Calibration& calibration) {
-  if (!is_usable(calibration.outcome) || calibration.order() < 1) return;
-  const auto open = [&](const std::string& what) {
-    calibration.outcome = Outcome::unobservable;
-    calibration.reason = what + (calibration.reason.empty() ? "" : "; " + calibration.reason);
-    calibration.alpha_covariance.reset();
-    calibration.covariance_reason = "no covariance: " + what;
-    if (calibration.weakest_direction.empty()) calibration.weakest_direction = "alpha_0 against alpha_1";
-  };
-  double uncertain = 0.0;
-  for (int k = 0; k < job.problem.stop_count(); ++k) uncertain = std::max(uncertain, job.problem.stops[k].sigma_xy_m);
-  if (job.problem.stops.back().chained) uncertain = job.problem.stops[0].sigma_xy_m;
-  const double span = calibration.range_max_m - calibration.range_min_m;
-  if (span < std::max(8.0 * uncertain, 0.02 * calibration.range_max_m))
-    return open(fmt::format("all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not "
-                            "determined, only its value there",
-                            calibration.range_min_m, calibration.range_max_m));
-  if (!calibration.alpha_covariance) return;
-  for (const CurvePoint& point : curve_points(calibration))
-    if (point.std_dev_m && *point.std_dev_m > 0.5 * std::max(point.distance_m, 0.2 * calibration.range_max_m))
-      return open(fmt::format("f is not determined: its standard deviation is {:.2g} m at {:.2f} m; curve and "
-                              "landmarks can shift together unseen",
-                              *point.std_dev_m, point.distance_m));
+std::optional<std::string> what_is_open(const LandmarksJob& job, const JointState& state) {
+  if (state.alpha.size() < 2) return std::nullopt;
+  Calibration at;
+  at.alpha = state.alpha;
+  at.noise = state.noise;
+  fill_range(job.problem, state, at);
+  double uncertain = job.problem.stops[0].sigma_xy_m;
+  if (!job.problem.stops.back().chained)
+    for (const StopPrior& prior : job.problem.stops) uncertain = std::max(uncertain, prior.sigma_xy_m);
+  const double span = at.range_max_m - at.range_min_m;
+  if (span < std::max(8.0 * uncertain, 0.02 * at.range_max_m))
+    return fmt::format("all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not determined",
+                       at.range_min_m, at.range_max_m);
+  const auto bound = cramer_rao_bound(job.problem, state);
+  if (!bound) return "the information matrix is singular: curve and landmarks can shift together unseen";
+  at.alpha_covariance = bound->topLeftCorner(state.alpha.size(), state.alpha.size());
+  for (const CurvePoint& point : curve_points(at))
+    if (!(*point.std_dev_m < 0.25 * std::max(point.distance_m, 0.2 * at.range_max_m)))
+      return fmt::format("f is not determined (its standard deviation is {:.2g} m at {:.2f} m): curve and landmarks can "
+                         "shift together unseen",
+                         *point.std_dev_m, point.distance_m);
+  return std::nullopt;
+}
+
+void mark_open(const std::string& what, Calibration& calibration) {
+  if (calibration.alpha.size() == 0 || calibration.outcome == Outcome::failed) return;
+  calibration.outcome = Outcome::unobservable;
+  calibration.reason = what;
+  calibration.alpha_covariance.reset();
+  calibration.covariance_reason = "no covariance: " + what;
+  for (Estimate& estimate : calibration.noise_estimates) estimate.std_dev.reset();
+  for (LandmarkEstimate& landmark : calibration.landmarks) landmark.covariance.reset();
+  if (calibration.weakest_direction.empty()) calibration.weakest_direction = "alpha_0 against alpha_1 and the landmarks";
 }
 
 }  // namespace rangecal

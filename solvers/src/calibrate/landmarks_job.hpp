@@ -46,9 +46,12 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
 void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
            Calibration& calibration);
 
-/// Turns a curve that the data leave open (distances alike, or a standard deviation of f beyond half of the distance)
-/// into the outcome `unobservable`, covariance removed and the direction named.
-void name_what_is_open(const LandmarksJob& job, Calibration& calibration);
+/// What of the curve the recording leaves open, in words: distances that do not differ, or a standard deviation of f (by
+/// the expected information at `state`) beyond a quarter of the distance. None where f is determined.
+std::optional<std::string> what_is_open(const LandmarksJob& job, const JointState& state);
+
+/// Turns a calibration into the outcome `unobservable`, standard deviations removed.
+void mark_open(const std::string& what, Calibration& calibration);
 
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);

@@ -16,8 +16,14 @@ class Run {
   explicit Run(const LandmarksJob& job, int order, NoiseLaw law) : job_(job), seed_(job.seed(order, law)) {}
 
   const std::optional<JointState>& seed() const { return seed_; }
+  /// Where the likelihood stands best: the marginal's end, else the full's, else the seed.
+  std::optional<JointState> best_state;
+
   const JointFit* full() {
-    if (!full_ && seed_ && !job_.problem.estimate_sigma_s) full_ = job_.full(*seed_);
+    if (!full_ && seed_ && !job_.problem.estimate_sigma_s) {
+      full_ = job_.full(*seed_);
+      if (full_->outcome == Outcome::converged && !best_state) best_state = full_->state;
+    }
     return full_ ? &*full_ : nullptr;
   }
 
@@ -51,6 +57,7 @@ Calibration by_marginal(const LandmarksJob& job, Run& run) {
   const MarginalFit fit = job.marginal(*run.seed(), run.full());
   Calibration result = calibration_from_fit(job, Method::marginal, fit);
   result.sigma_s_upper95_m = fit.sigma_s_upper95_m;
+  if (fit.state.alpha.size() > 0 && std::isfinite(fit.joint_nll)) run.best_state = fit.state;
   return result;
 }
 
@@ -74,6 +81,8 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
       report.calibrations.push_back(named(job, method, Outcome::too_few_data, *job.too_few));
     return;
   }
+  if (job.problem.landmark_count() < 3)
+    report.notes.push_back("fewer than 3 landmarks: a moved landmark or a wrong label would go unnoticed");
   const auto [order, law] = job.choose_model(report.models);
   Run run(job, order, law);
   for (Method method : methods) {
@@ -89,10 +98,10 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     if (calibration.sigma_s_m) sigma_s = calibration.sigma_s_m->value;
     if (calibration.sigma_theta_rad) sigma_theta = calibration.sigma_theta_rad->value;
   }
-  for (Calibration& calibration : report.calibrations) {
-    score(job, sigma_s, sigma_theta, calibration);
-    name_what_is_open(job, calibration);
-  }
+  for (Calibration& calibration : report.calibrations) score(job, sigma_s, sigma_theta, calibration);
+  const std::optional<JointState> at = run.best_state ? run.best_state : run.seed();
+  if (const auto open = at ? what_is_open(job, *at) : std::nullopt)
+    for (Calibration& calibration : report.calibrations) mark_open(*open, calibration);
   if (options.check && !job.problem.estimate_sigma_s && run.seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
     report.check = check_joint(job, *run.seed(), *run.full());
