@@ -200,7 +200,7 @@ class Program : public ceres::IterationCallback {
     options.function_tolerance = 0.0;
     options.gradient_tolerance = 0.0;
     options.parameter_tolerance = 1e-11;  // metres and logs of order one against standard deviations of 1e-4 and more
-    options.initial_trust_region_radius = 1e10;
+    options.initial_trust_region_radius = 1e2;  // a first step too far takes many halvings of a larger one
     options.max_trust_region_radius = 1e16;
     options.use_nonmonotonic_steps = true;  // the last decreases drown in the rounding of the sum of squares
     options.logging_type = ceres::SILENT;
