@@ -10,6 +10,7 @@ find_package(TBB REQUIRED)
 find_package(glog REQUIRED)
 find_package(Boost 1.74 REQUIRED)
 find_package(Threads REQUIRED)
+find_package(OpenSSL 3 REQUIRED COMPONENTS Crypto)  # SHA-256 of sealed keys
 # The C++ flavour of NLopt carries the global searches; the C flavour would be found first.
 find_package(NLopt REQUIRED PATHS /usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/cmake/nlopt_cxx NO_DEFAULT_PATH)
 
