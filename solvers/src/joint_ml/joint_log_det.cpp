@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The gradient of 1/2 log det H_ss, which Laplace's method adds to the joint NLL. With C = H_ss^-1 held,
 // d(1/2 log det H) = 1/2 tr(C dH), a sum over cells and links; the stops follow by the implicit function theorem.
-#include <Eigen/Cholesky>
+#include <array>
 #include <cmath>
 
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/chain_link.hpp"
-#include "rangecal/core/angles.hpp"
+#include "joint_ml/joint_accumulator.hpp"
+#include "rangecal/problems/landmarks/power_law_term.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
@@ -26,6 +27,80 @@ double link_trace(const JointProblem& problem, const JointState& state, int k, c
   return (covariance * link.hessian(w_xy, 0.0, true)).trace();
 }
 
+/// One cell's range share to third order in d: derivatives q1, q2, q3 of q, and per parameter of the curve (alpha, then
+/// tau) the first and second derivative in d of dq/dparameter.
+struct ThirdOrder {
+  explicit ThirdOrder(const JointState& at)
+      : state(at), na(static_cast<int>(at.alpha.size())),
+        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared),
+        law{at.noise.power_of_f(), 1.0 / (at.noise.parameters[0] * at.noise.parameters[0])} {}
+
+  void evaluate(double d, const Cells& c, std::size_t i) {
+    if (!is_power) {
+      general.evaluate(d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha, state.noise);
+      q1 = general.cost.first();
+      q2 = general.cost.second();
+      q3 = general.cost.third();
+      for (int a = 0; a < na; ++a) {
+        const Taylor<3> by_alpha = general.by_alpha(a);
+        first[a] = by_alpha.first();
+        second[a] = by_alpha.second();
+      }
+      for (int e = 0; e < general.noise_parameters(); ++e) {
+        const Taylor<3> by_tau = general.by_tau(e);
+        first[na + e] = by_tau.first();
+        second[na + e] = by_tau.second();
+      }
+      return;
+    }
+    double f = 0.0, f1 = 0.0, f2 = 0.0, f3 = 0.0;  // Taylor coefficients first, then derivatives
+    for (int a = na; a-- > 0;) {
+      f3 = f3 * d + f2;
+      f2 = f2 * d + f1;
+      f1 = f1 * d + f;
+      f = f * d + state.alpha[a];
+    }
+    f2 *= 2.0;
+    f3 *= 6.0;
+    const PowerLawTerm term(law, f, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i]);
+    const double g1 = term.by_f, g2 = term.by_f_f, g3 = term.third(), g2_slope = g3 * f1 * f1 + g2 * f2;
+    q1 = g1 * f1;
+    q2 = g2 * f1 * f1 + g1 * f2;
+    q3 = g3 * f1 * f1 * f1 + 3.0 * g2 * f1 * f2 + g1 * f3;
+    double power = 1.0, power_1 = 0.0, power_2 = 0.0;  // d^a and its derivatives
+    for (int a = 0; a < na; ++a) {
+      first[a] = power_1 * g1 + power * g2 * f1;
+      second[a] = power_2 * g1 + 2.0 * power_1 * g2 * f1 + power * g2_slope;
+      power_2 = power_2 * d + 2.0 * power_1;
+      power_1 = power_1 * d + power;
+      power *= d;
+    }
+    first[na] = term.by_f_tau * f1;
+    second[na] = term.by_f_f_tau() * f1 * f1 + term.by_f_tau * f2;
+  }
+
+  const JointState& state;
+  int na;
+  bool is_power;
+  PowerLaw law;
+  RangeTerm<3> general;
+  double q1 = 0.0, q2 = 0.0, q3 = 0.0;
+  std::array<double, 2 * RangeTerm<3>::max_coefficients> first{}, second{};
+};
+
+/// Expected information of one cell's readings about d, for a law of one parameter.
+double expected_information(const JointState& state, double d, const Cells& c, std::size_t i) {
+  double f = 0.0, slope = 0.0;
+  for (Eigen::Index a = state.alpha.size(); a-- > 0;) {
+    slope = slope * d + f;
+    f = f * d + state.alpha[a];
+  }
+  const double s = state.noise.spread(d, f);
+  const int power = state.noise.power_of_f();
+  const double log_slope = state.noise.law == NoiseLaw::d_squared ? 2.0 / d : power > 0 ? power * slope / f : 0.0;
+  return c.range_weight[i] * slope * slope / (s * s) + 2.0 * c.count[i] * log_slope * log_slope;
+}
+
 }  // namespace
 
 Eigen::VectorXd JointSystem::log_det_gradient(const JointState& state) const {
@@ -35,58 +110,60 @@ Eigen::VectorXd JointSystem::log_det_gradient(const JointState& state) const {
   Eigen::VectorXd by_global = Eigen::VectorXd::Zero(layout_.global_count);
   Eigen::VectorXd by_stop = Eigen::VectorXd::Zero(layout_.coordinates);
   const double bearing_information = 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
-  RangeTerm<3> term;
+  ThirdOrder range(state);
 
-  for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
-    const JointLayout::Node& node = layout_.nodes[j];
-    const Eigen::Map<const Eigen::MatrixXd> covariance = inverse_of(node);
-    auto own = by_stop.segment(node.coordinate, node.dim);
+  for (const JointLayout::Node& node : layout_.nodes) {
+    const double* C = inverse_diagonal_.data() + node.square;
+    const int dim = node.dim;
+    const bool moves = node.free_position;
+    const double cxx = moves ? C[0] : 0.0, cxy = moves ? C[1] : 0.0, cyy = moves ? C[dim + 1] : 0.0;
+    double* const own = by_stop.data() + node.coordinate;
     for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
       const int k = node.stops[slot], heading = node.heading[slot];
-      Eigen::Matrix2d position = Eigen::Matrix2d::Zero();
-      if (node.free_position) position = covariance.topLeftCorner<2, 2>();
-      Eigen::Vector2d with_heading = Eigen::Vector2d::Zero();
-      if (node.free_position && heading >= 0) with_heading = covariance.block<2, 1>(0, heading);
-      const double turn_variance = heading >= 0 ? covariance(heading, heading) : 0.0;
+      const Pose2& pose = state.stops[k];
+      const double ch = std::cos(pose.heading_rad), sh = std::sin(pose.heading_rad);
+      const double cxh = moves && heading >= 0 ? C[heading * dim] : 0.0;
+      const double cyh = moves && heading >= 0 ? C[heading * dim + 1] : 0.0;
+      const double turn_variance = heading >= 0 ? C[heading * dim + heading] : 0.0;
       if (layout_.sigma_s >= 0 && problem_.sigma_s_shared[k] && problem_.stops[k].opens_place &&
           !problem_.stops[k].chained) {
         const double sigma = *state.sigma_s_m;
-        by_global[layout_.sigma_s] -= 2.0 * position.trace() / (sigma * sigma);
+        by_global[layout_.sigma_s] -= 2.0 * (cxx + cyy) / (sigma * sigma);
       }
       for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i) {
-        const Sight sight(state.landmarks[c.landmark[i]], state.stops[k], c.radius_m[i]);
-        term.evaluate(sight.d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha,
-                      state.noise);
-        const double inverse = 1.0 / sight.axis_distance, inverse_sq = inverse * inverse;
-        const Eigen::Vector2d &n = sight.n, &t = sight.t;
-        const double nn = n.dot(position * n), tt = t.dot(position * t), nt_ = n.dot(position * t);
-        const double n_h = n.dot(with_heading), t_h = t.dot(with_heading);
-        // Range: trace = q'' nn + q'/D tt; n turns by 1/D per metre across.
-        const double q1 = term.cost.first(), q2 = term.cost.second(), q3 = term.cost.third();
-        double along = q3 * nn + (q2 - q1 * inverse) * inverse * tt;
-        double across = 2.0 * (q2 - q1 * inverse) * inverse * nt_;
-        // Bearing: trace = w tt/D^2 + 2 w r nt/D^2 + w hh + 2 w t_h/D, r the bearing error.
+        const Eigen::Vector2d& axis = state.landmarks[c.landmark[i]];
+        const double vx = axis.x() - pose.x_m, vy = axis.y() - pose.y_m, D = std::sqrt(vx * vx + vy * vy);
+        const double inverse = 1.0 / D, inverse_sq = inverse * inverse, nx = vx * inverse, ny = vy * inverse;
+        range.evaluate(D - c.radius_m[i], c, i);
+        // C along n = (nx, ny) and across t = (-ny, nx).
+        const double nn = cxx * nx * nx + 2.0 * cxy * nx * ny + cyy * ny * ny, tt = cxx + cyy - nn;
+        const double mixed = (cyy - cxx) * nx * ny + cxy * (nx * nx - ny * ny);
+        const double n_h = nx * cxh + ny * cyh, t_h = nx * cyh - ny * cxh;
+        // Range: trace = q2 nn + q1/D tt; n turns by 1/D per metre across.
+        const double bend = (range.q2 - range.q1 * inverse) * inverse;
+        double along = range.q3 * nn + bend * tt, across = 2.0 * bend * mixed;
+        // Bearing: trace = w tt/D^2 + 2 w r mixed/D^2 + w hh + 2 w t_h/D, r the bearing error.
         const double w = c.bearing_weight[i] * bearing_information;
-        const double r = wrap_angle(c.bearing_mean[i] - sight.bearing);
-        const double bearing_trace =
-            w * (inverse_sq * (tt + 2.0 * r * nt_) + turn_variance + 2.0 * inverse * t_h);
-        along += -2.0 * w * inverse * inverse_sq * (tt + 2.0 * r * nt_) - 2.0 * w * inverse_sq * t_h;
+        const double cb = bearing_direction_[2 * i], sb = bearing_direction_[2 * i + 1];
+        const double r = bearing_error(cb * ch - sb * sh, sb * ch + cb * sh, vx, vy);
+        const double turned = inverse_sq * (tt + 2.0 * r * mixed);
+        along -= 2.0 * w * (inverse * turned + inverse_sq * t_h);
         // across: dn = t/D, dt = -n/D, dr = -1/D
-        across += w * inverse * inverse_sq * (-2.0 * nt_ - 2.0 * nt_ + 2.0 * r * (tt - nn)) -
-                  2.0 * w * inverse_sq * n_h;
-        const Eigen::Vector2d slope = along * n + across * t;
-        by_global.segment<2>(layout_.landmark_begin + 2 * c.landmark[i]) += slope;
-        if (node.free_position) own.head<2>() -= slope;
-        if (heading >= 0) own[heading] += 2.0 * w * inverse_sq * nt_;  // dr/dh = 1
-        by_global[layout_.sigma_theta] -= 2.0 * bearing_trace;
-        for (int a = 0; a < na; ++a) {
-          const Taylor<3> by_alpha = term.by_alpha(a);
-          by_global[a] += by_alpha.second() * nn + by_alpha.first() * inverse * tt;
+        across += w * inverse_sq * (inverse * (-4.0 * mixed + 2.0 * r * (tt - nn)) - 2.0 * n_h);
+        const double sx = along * nx - across * ny, sy = along * ny + across * nx;
+        double* const landmark = by_global.data() + layout_.landmark_begin + 2 * c.landmark[i];
+        landmark[0] += sx;
+        landmark[1] += sy;
+        if (moves) {
+          own[0] -= sx;
+          own[1] -= sy;
         }
-        for (int e = 0; e < nt; ++e) {
-          const Taylor<3> by_tau = term.by_tau(e);
-          by_global[layout_.tau_begin + e] += by_tau.second() * nn + by_tau.first() * inverse * tt;
-        }
+        if (heading >= 0) own[heading] += 2.0 * w * inverse_sq * mixed;  // dr/dh = 1
+        by_global[layout_.sigma_theta] -= 2.0 * w * (inverse_sq * (tt + 2.0 * r * mixed) + turn_variance + 2.0 * inverse * t_h);
+        const double side = inverse * tt;
+        for (int e = 0; e < na; ++e) by_global[e] += range.second[e] * nn + range.first[e] * side;
+        for (int e = 0; e < nt; ++e)
+          by_global[layout_.tau_begin + e] += range.second[na + e] * nn + range.first[na + e] * side;
       }
     }
   }
@@ -132,37 +209,72 @@ Eigen::MatrixXd JointSystem::log_det_sigma_hessian(const JointState& state) cons
   const int ns = layout_.sigma_count();
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(ns, ns);
   const double bearing_information = 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
-  const int range_index = layout_.tau_count == 1 ? 0 : -1;
-  RangeTerm<2> term;
-  std::vector<Eigen::MatrixXd> share(ns);
-  for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
-    const JointLayout::Node& node = layout_.nodes[j];
-    if (node.dim == 0) continue;
-    for (Eigen::MatrixXd& matrix : share) matrix.setZero(node.dim, node.dim);
-    Eigen::MatrixXd& bearing = share[layout_.sigma_theta - layout_.tau_begin];
+  // Which sigmas scale a share of H: the range's (laws of one parameter), the bearing's, the stops'.
+  const int of_share[3] = {layout_.tau_count == 1 ? 0 : -1, layout_.sigma_theta - layout_.tau_begin,
+                           layout_.sigma_s >= 0 ? ns - 1 : -1};
+  std::vector<double> share, scaled;
+  for (const JointLayout::Node& node : layout_.nodes) {
+    const int dim = node.dim, square = dim * dim;
+    if (dim == 0) continue;
+    share.assign(3 * square, 0.0);
+    scaled.resize(3 * square);
     for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
       const int k = node.stops[slot], heading = node.heading[slot];
-      if (layout_.sigma_s >= 0 && problem_.sigma_s_shared[k] && problem_.stops[k].opens_place)
-        share[ns - 1].topLeftCorner<2, 2>() += Eigen::Matrix2d::Identity() / (*state.sigma_s_m * *state.sigma_s_m);
+      const Pose2& pose = state.stops[k];
+      if (of_share[2] >= 0 && problem_.sigma_s_shared[k] && problem_.stops[k].opens_place) {
+        share[2 * square] += 1.0 / (*state.sigma_s_m * *state.sigma_s_m);
+        share[2 * square + dim + 1] += 1.0 / (*state.sigma_s_m * *state.sigma_s_m);
+      }
       for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i) {
-        const Sight sight(state.landmarks[c.landmark[i]], state.stops[k], c.radius_m[i]);
-        Eigen::VectorXd range_row = Eigen::VectorXd::Zero(node.dim), bearing_row = range_row;
+        const Eigen::Vector2d& axis = state.landmarks[c.landmark[i]];
+        const double vx = axis.x() - pose.x_m, vy = axis.y() - pose.y_m, D = std::sqrt(vx * vx + vy * vy);
+        const double inverse = 1.0 / D, nx = vx * inverse, ny = vy * inverse;
+        const double w = c.bearing_weight[i] * bearing_information;
+        double* const bearing = share.data() + square;
+        const double tx = -ny * inverse, ty = nx * inverse;
         if (node.free_position) {
-          range_row.head<2>() = sight.n;
-          bearing_row.head<2>() = sight.t / sight.axis_distance;
+          bearing[0] += w * tx * tx;
+          bearing[1] += w * tx * ty;
+          bearing[dim] += w * tx * ty;
+          bearing[dim + 1] += w * ty * ty;
+          if (of_share[0] >= 0) {
+            const double information = expected_information(state, D - c.radius_m[i], c, i);
+            share[0] += information * nx * nx;
+            share[1] += information * nx * ny;
+            share[dim] += information * nx * ny;
+            share[dim + 1] += information * ny * ny;
+          }
         }
-        if (heading >= 0) bearing_row[heading] = 1.0;
-        bearing += c.bearing_weight[i] * bearing_information * bearing_row * bearing_row.transpose();
-        if (range_index >= 0 &&
-            term.evaluate(sight.d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha,
-                          state.noise))
-          share[0] += term.fisher_d_d * range_row * range_row.transpose();
+        if (heading >= 0) {
+          bearing[heading * dim + heading] += w;
+          if (node.free_position) {
+            bearing[heading * dim] += w * tx;
+            bearing[heading * dim + 1] += w * ty;
+            bearing[heading] += w * tx;
+            bearing[dim + heading] += w * ty;
+          }
+        }
       }
     }
-    for (Eigen::MatrixXd& matrix : share) matrix = inverse_of(node) * matrix;
-    for (int a = 0; a < ns; ++a) {
-      result(a, a) += 2.0 * share[a].trace();
-      for (int e = 0; e < ns; ++e) result(a, e) -= 2.0 * (share[a] * share[e]).trace();
+    const double* C = inverse_diagonal_.data() + node.square;
+    for (int m = 0; m < 3; ++m)
+      for (int column = 0; column < dim; ++column)
+        for (int row = 0; row < dim; ++row) {
+          double sum = 0.0;
+          for (int e = 0; e < dim; ++e) sum += C[e * dim + row] * share[m * square + column * dim + e];
+          scaled[m * square + column * dim + row] = sum;
+        }
+    for (int m = 0; m < 3; ++m) {
+      if (of_share[m] < 0) continue;
+      for (int row = 0; row < dim; ++row) result(of_share[m], of_share[m]) += 2.0 * scaled[m * square + row * dim + row];
+      for (int o = 0; o < 3; ++o) {
+        if (of_share[o] < 0) continue;
+        double trace = 0.0;
+        for (int column = 0; column < dim; ++column)
+          for (int row = 0; row < dim; ++row)
+            trace += scaled[m * square + column * dim + row] * scaled[o * square + row * dim + column];
+        result(of_share[m], of_share[o]) -= 2.0 * trace;
+      }
     }
   }
   return result;
