@@ -117,6 +117,7 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
   table.row("AIC", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.aic, "{:.2f}") : "-"; });
   table.row("time [ms]", [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
   table.row("landmark RMSE [mm]", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_rmse_m, "{:.1f}", 1e3); });
+  table.row("landmark error / std", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_strain, "{:.2f}"); });
   table.row("range RMSE [mm]", [&](const Calibration&, std::size_t i) {
     if (!scores[i].mse_ratio) return std::string("-");
     return fmt::format("{:.1f} -> {:.1f}", 1e3 * scores[i].rmse_raw_m, 1e3 * scores[i].rmse_corrected_m);
@@ -160,14 +161,15 @@ namespace {
 /// Where ground truth speaks against the method trusted, in words.
 std::string contradiction(const CalibrationReport& report, const std::vector<TruthScore>& scores, std::size_t best) {
   const TruthScore& score = scores[best];
-  for (std::size_t i = 0; i < scores.size(); ++i) {
-    if (i == best || !score.landmark_rmse_m || !scores[i].landmark_rmse_m) continue;
-    if (*scores[i].landmark_rmse_m < 0.8 * *score.landmark_rmse_m)
-      return fmt::format("against the ground truth {} places the landmarks better ({:.0f} mm, {:.0f} mm by {})",
-                         to_string(report.calibrations[i].method), 1e3 * *scores[i].landmark_rmse_m,
-                         1e3 * *score.landmark_rmse_m, to_string(report.calibrations[best].method));
+  if (score.landmark_strain.value_or(0.0) > 2.0) {
+    std::string text = fmt::format("its landmarks are off by {:.1f} of their standard deviations", *score.landmark_strain);
+    for (std::size_t i = 0; i < scores.size(); ++i)
+      if (scores[i].landmark_rmse_m && *scores[i].landmark_rmse_m < 0.8 * *score.landmark_rmse_m)
+        return text + fmt::format(" ({:.0f} mm RMS, {} by {:.0f} mm)", 1e3 * *score.landmark_rmse_m,
+                                  to_string(report.calibrations[i].method), 1e3 * *scores[i].landmark_rmse_m);
+    return text;
   }
-  if (score.mse_ratio && *score.mse_ratio < 1.0)
+  if (score.mse_ratio && *score.mse_ratio < 0.95)
     return fmt::format("against the ground truth it makes the readings worse (RMSE {:.0f} to {:.0f} mm)",
                        1e3 * score.rmse_raw_m, 1e3 * score.rmse_corrected_m);
   return {};

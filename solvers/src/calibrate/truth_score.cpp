@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/calibrate/truth_score.hpp"
 
+#include <Eigen/LU>
 #include <cmath>
 #include <map>
 
@@ -43,11 +44,12 @@ TruthScore score_against_truth(std::span<const Recording> recordings, const Cali
   std::map<Key, Pose2> poses;
   if (stops)
     for (const StopEstimate& stop : stops->stops) poses[{stop.recording, stop.label}] = stop.pose;
-  std::map<Key, Eigen::Vector2d> estimates;
+  std::map<Key, const LandmarkEstimate*> estimates;
   for (const LandmarkEstimate& landmark : calibration.landmarks)
-    estimates[{landmark.recording, landmark.label}] = landmark.position_m;
+    estimates[{landmark.recording, landmark.label}] = &landmark;
 
-  double square = 0.0;
+  double square = 0.0, strain = 0.0;
+  int strained = 0;
   Sums sums;
   for (std::size_t index = 0; index < recordings.size(); ++index) {
     const Recording& recording = recordings[index];
@@ -61,8 +63,13 @@ TruthScore score_against_truth(std::span<const Recording> recordings, const Cali
     for (std::size_t l = 0; l < truth.landmarks.size(); ++l) {
       const auto found = estimates.find({number, recording.landmarks[l].label});
       if (!truth.landmarks[l] || found == estimates.end()) continue;
-      square += (found->second - *truth.landmarks[l]).squaredNorm();
+      const Eigen::Vector2d error = found->second->position_m - *truth.landmarks[l];
+      square += error.squaredNorm();
       ++score.landmarks;
+      if (const auto& covariance = found->second->covariance; covariance && covariance->determinant() > 0.0) {
+        strain += 0.5 * error.dot(covariance->inverse() * error);
+        ++strained;
+      }
     }
     if (!has_curve(calibration)) continue;
     for (std::size_t i = 0; i < recording.readings.size(); ++i) {
@@ -82,6 +89,7 @@ TruthScore score_against_truth(std::span<const Recording> recordings, const Cali
     }
   }
   if (score.landmarks > 0) score.landmark_rmse_m = std::sqrt(square / score.landmarks);
+  if (strained > 0) score.landmark_strain = std::sqrt(strain / strained);
   score.readings = sums.readings;
   if (sums.readings > 0 && sums.corrected > 0.0) {
     score.rmse_raw_m = std::sqrt(sums.raw / sums.readings);

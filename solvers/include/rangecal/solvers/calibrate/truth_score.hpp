@@ -14,6 +14,8 @@ namespace rangecal {
 struct TruthScore {
   std::optional<double> landmark_rmse_m;   ///< sqrt(mean |m_hat - m|^2) over landmarks with truth; no alignment
   int landmarks = 0;                       ///< compared
+  std::optional<double> landmark_strain;   ///< sqrt(mean e^T C^-1 e / 2), e the error of a landmark, C its covariance: 1
+                                           ///< where the covariances are honest; over landmarks that have one
   std::optional<double> mse_ratio;         ///< MSE(d, y) / MSE(d, d_hat) over the readings (Alhashimi 2021, eq. 31)
   double rmse_raw_m = 0.0, rmse_corrected_m = 0.0;   ///< the two under the roots
   int readings = 0;                        ///< compared

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <unistd.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "apps/run_binary.hpp"
+#include "rangecal/core/calibration_io.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+// The shipped recordings were simulated with this curve (notebooks_data/scenes).
+const Eigen::Vector3d true_alpha(0.0525, 0.8838, 0.0584);
+
+/// Every coefficient within four of its own standard deviations of the truth: 6e-5 per coefficient by chance, and
+/// the recordings are fixed.
+void expect_true_curve(const Calibration& calibration) {
+  ASSERT_EQ(calibration.order(), 2);
+  ASSERT_TRUE(calibration.alpha_covariance);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_LT(std::abs(calibration.alpha[i] - true_alpha[i]), 4.0 * std::sqrt((*calibration.alpha_covariance)(i, i))) << i;
+}
+
+TEST(CalibrateCommand, LandmarksToJsonAndBack) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  const RunResult result = run("calibrate " + shipped("field-layout") + " --json " + json);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("converged by marginal"));
+  EXPECT_THAT(result.out, HasSubstr("95 % band"));
+  EXPECT_THAT(result.out, HasSubstr("degrees"));
+  EXPECT_THAT(result.out, HasSubstr("500 read, 500 used"));
+  const Calibration calibration = load_calibration(json);
+  EXPECT_EQ(calibration.method, Method::marginal);
+  EXPECT_EQ(calibration.noise.law, NoiseLaw::f_squared);
+  EXPECT_EQ(calibration.landmarks.size(), 5u);
+  EXPECT_EQ(calibration.landmarks[0].label, "A");
+  EXPECT_TRUE(calibration.landmarks[0].covariance);
+  EXPECT_EQ(calibration.stops.size(), 10u);
+  EXPECT_GT(calibration.range_max_m, calibration.range_min_m);
+  expect_true_curve(calibration);
+  // AIC counts 3 alpha, sigma_e, sigma_theta and 5 landmarks: 15 parameters.
+  EXPECT_NEAR(*calibration.aic, 2.0 * (*calibration.marginal_nll + 15.0), 1e-9);
+  // The file is the library's: written again it is the same text.
+  EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json)));
+}
+
+TEST(CalibrateCommand, AllMethodsInOneFile) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  const RunResult result = run("calibrate " + shipped("field-layout") + " --method all --json " + json);
+  ASSERT_EQ(result.code, 0) << result.err;
+  const std::vector<Calibration> all = load_calibrations(json);
+  ASSERT_EQ(all.size(), 4u);
+  for (const Calibration& calibration : all) EXPECT_EQ(calibration.outcome, Outcome::converged) << to_string(calibration.method);
+  // Each maximum is the best by its own likelihood: full by the joint NLL, marginal by the marginal one up to the REML
+  // correction of its sigmas, which is far below 1 nat here (15 parameters, 1000 numbers).
+  for (const Calibration& other : {all[0], all[1], all[3]}) EXPECT_LT(*all[2].joint_nll, *other.joint_nll + 1e-6);
+  for (const Calibration& other : {all[0], all[1], all[2]}) EXPECT_LT(*all[3].marginal_nll, *other.marginal_nll + 0.5);
+  EXPECT_THAT(all[2].covariance_reason, HasSubstr("optimistic"));
+}
+
+TEST(CalibrateCommand, PairsRecordingWithCheck) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  const RunResult result = run("calibrate " + shipped("pairs-2016") + " --check --json " + json);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("agrees"));
+  const Calibration calibration = load_calibration(json);
+  EXPECT_EQ(calibration.kind, RecordingKind::pairs);
+  expect_true_curve(calibration);
+}
+
+TEST(CalibrateCommand, BothSolversReachOneOptimumAndNloptAgrees) {
+  const TemporaryFolder folder;
+  double nll[2] = {};
+  int i = 0;
+  for (const std::string solver : {"ceres", "block"}) {
+    const std::string json = folder.file(solver + ".json");
+    const RunResult result = run("calibrate " + shipped("2021-setting") + " --method full --order 2 --noise f --check --solver " +
+                                 solver + " --json " + json);
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_THAT(result.out, HasSubstr("agrees")) << solver;
+    nll[i++] = *load_calibration(json).joint_nll;
+  }
+  EXPECT_NEAR(nll[0], nll[1], 1e-6);
+}
+
+TEST(CalibrateCommand, FromAnotherCalibrationSaysWhatChanged) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  ASSERT_EQ(run("calibrate " + shipped("field-layout") + " --json " + json).code, 0);
+  const RunResult same = run("calibrate " + shipped("field-layout") + " --from " + json);
+  ASSERT_EQ(same.code, 0) << same.err;
+  EXPECT_THAT(same.out, HasSubstr("f moved by up to 0.0 mm"));
+  EXPECT_THAT(same.out, HasSubstr("within chance"));
+
+  Calibration other = load_calibration(json);
+  other.alpha[0] += 0.5;   // half a metre: beyond any chance
+  save_calibrations({other}, json);
+  const RunResult moved = run("calibrate " + shipped("field-layout") + " --from " + json);
+  ASSERT_EQ(moved.code, 0) << moved.err;
+  EXPECT_THAT(moved.out, HasSubstr("f moved by up to 500.0 mm"));
+  EXPECT_THAT(moved.out, HasSubstr("the change is significant"));
+}
+
+TEST(CalibrateCommand, TwoPlacesAreTooFew) {
+  const TemporaryFolder folder;
+  std::filesystem::copy(shipped("field-layout"), folder.path(), std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  std::string rows = "stop,landmark,range_m,bearing_rad\n";
+  for (const char* stop : {"0", "1"})
+    for (const char* rest : {"A,1.0,0.1", "B,2.0,-0.3", "C,1.5,0.7", "D,3.0,1.0"}) rows += std::string(stop) + "," + rest + "\n";
+  folder.write("observations.csv", rows);
+  const std::string json = folder.file("cal.json");
+  const RunResult result = run("calibrate " + folder.path() + " --json " + json);
+  EXPECT_EQ(result.code, 1) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("TOO FEW DATA"));
+  EXPECT_THAT(result.out, HasSubstr("at least 3 separate places"));
+  const std::vector<Calibration> written = load_calibrations(json);
+  ASSERT_EQ(written.size(), 1u);
+  EXPECT_EQ(written[0].outcome, Outcome::too_few_data);
+  EXPECT_EQ(written[0].alpha.size(), 0);
+  const RunResult corrected = run("correct " + json, "1.0\n");
+  EXPECT_EQ(corrected.code, 2);
+  EXPECT_THAT(corrected.err, HasSubstr("too_few_data"));
+}
+
+TEST(CalibrateCommand, NoFileIsLeftAfterAnError) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  EXPECT_EQ(run("calibrate /no/such/folder --json " + json).code, 2);
+  EXPECT_EQ(run("calibrate " + shipped("field-layout") + " --order x --json " + json).code, 2);
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  const RunResult nowhere = run("calibrate " + shipped("field-layout") + " --json " + folder.file("no/such/cal.json"));
+  EXPECT_EQ(nowhere.code, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("cal.json"));
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+TEST(CalibrateCommand, AnOldFileSurvivesAnErrorWhole) {
+  const TemporaryFolder folder;
+  folder.write("cal.json", "old\n");
+  EXPECT_EQ(run("calibrate /no/such/folder --json " + folder.file("cal.json")).code, 2);
+  EXPECT_EQ(slurp(folder.file("cal.json")), "old\n");
+}
+
+TEST(CalibrateCommand, FolderWithoutPermission) {
+  // Root reads and writes everywhere: the command then runs as nobody.
+  const TemporaryFolder folder;
+  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec |
+                                                  std::filesystem::perms::others_read | std::filesystem::perms::others_exec);
+  const bool root = ::geteuid() == 0;
+  const std::string as_nobody = root ? "setpriv --reuid=65534 --regid=65534 --clear-groups" : "";
+  if (root && run("--version", "", as_nobody).code != 0)
+    GTEST_SKIP() << "the binary cannot be run as nobody here (its folder is closed, or setpriv is missing)";
+  const TemporaryFolder data;
+  std::filesystem::copy(shipped("pairs-2016"), data.path(), std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  std::filesystem::permissions(data.path(), std::filesystem::perms::all);
+  const RunResult result = run("calibrate " + data.path() + " --json " + folder.file("cal.json"), "", as_nobody);
+  EXPECT_EQ(result.code, 2) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("cannot be written"));
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+
+  std::filesystem::permissions(data.file("pairs.csv"), std::filesystem::perms::none);
+  const RunResult closed = run("calibrate " + data.path(), "", as_nobody);
+  EXPECT_EQ(closed.code, 2) << closed.err;
+  EXPECT_THAT(closed.err, HasSubstr("pairs.csv"));
+}
+
+}  // namespace
+}  // namespace rangecal::test

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "apps/run_binary.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(CompareCommand, FourMethodsInOneTableAndOneSentence) {
+  const RunResult result = run("compare " + shipped("field-layout"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  for (const char* part : {"closed-form", "approximate", "full *", "marginal", "alpha_2 [1/m]", "sigma_e [1/m]",
+                           "sigma_theta [deg]", "joint NLL", "marginal NLL", "AIC", "time [ms]", "landmark RMSE [mm]",
+                           "MSE ratio", "* optimistic", "Trust marginal: "})
+    EXPECT_THAT(result.out, HasSubstr(part));
+  EXPECT_EQ(count_of(result.out, "Trust "), 1);
+  // The recording was simulated by the seed model, so nothing speaks against the fit.
+  EXPECT_THAT(result.out, ::testing::Not(HasSubstr("BUT")));
+}
+
+TEST(CompareCommand, PairsHaveNoLandmarks) {
+  const RunResult result = run("compare " + shipped("pairs-2016"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("MSE ratio"));
+  EXPECT_THAT(result.out, ::testing::Not(HasSubstr("landmark RMSE")));
+}
+
+TEST(CompareCommand, SeveralRecordingsShareOneSensor) {
+  const RunResult result = run("compare " + shipped("field-layout") + " " + shipped("2021-setting") + " --order 2 --noise f2");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("2 recordings"));
+  EXPECT_THAT(result.out, HasSubstr("600 readings"));
+}
+
+std::string recordings() {
+  const char* given = std::getenv("RANGECAL_RECORDINGS");
+  return given ? given : std::string(RANGECAL_SOURCE_DIR) + "/../shared/recordings";
+}
+
+class RealRecording : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(RealRecording, EndsInAConvergedFullLikelihood) {
+  const std::string folder = recordings() + "/rangecal/" + GetParam();
+  if (slurp(folder + "/recording.yaml").empty()) GTEST_SKIP() << "the recording " << folder << " is not here";
+  const RunResult result = run("calibrate " + folder + " --method full --order 2");
+  EXPECT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("converged by full"));
+}
+
+INSTANTIATE_TEST_SUITE_P(All, RealRecording,
+                         ::testing::Values("mrclam6-robot3", "brenner-lego", "mrclam6-robot1-pairs", "wall-sonar-calibration"),
+                         [](const auto& one) {
+                           std::string name = one.param;
+                           for (char& c : name)
+                             if (c == '-') c = '_';
+                           return name;
+                         });
+
+}  // namespace
+}  // namespace rangecal::test

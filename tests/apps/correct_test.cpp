@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "apps/run_binary.hpp"
+#include "rangecal/core/calibration_io.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// f(d) = 0.1 + 0.5 d over 0.5 to 4 m, s = 1 cm, alpha exact.
+Calibration line() {
+  Calibration calibration;
+  calibration.outcome = Outcome::converged;
+  calibration.alpha = Eigen::Vector2d(0.1, 0.5);
+  calibration.noise.law = NoiseLaw::constant;
+  calibration.noise.parameters = Eigen::VectorXd::Constant(1, 0.01);
+  calibration.range_min_m = 0.5;
+  calibration.range_max_m = 4.0;
+  return calibration;
+}
+
+class CorrectCommand : public ::testing::Test {
+ protected:
+  std::string save(const Calibration& calibration) {
+    save_calibrations({calibration}, folder.file("cal.json"));
+    return folder.file("cal.json");
+  }
+  TemporaryFolder folder;
+};
+
+TEST_F(CorrectCommand, OnePerLineFromStdin) {
+  // d = (y - 0.1) / 0.5: 1.1 -> 2, 0.6 -> 1; its standard deviation 0.01 / 0.5 = 0.02.
+  const RunResult result = run("correct " + save(line()), "1.1\n\n 0.6 \r\n");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(result.out,
+            "reading_m,distance_m,std_m,candidate,flag\n"
+            "1.1,2.000000,0.020000,1,ok\n"
+            "0.6,1.000000,0.020000,1,ok\n");
+}
+
+TEST_F(CorrectCommand, CsvByColumnName) {
+  folder.write("a.csv", "stop,range_m\n0,1.1\n1,\n2,0\n3,-1\n");
+  const RunResult result = run("correct " + save(line()) + " " + folder.file("a.csv"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(result.out,
+            "reading_m,distance_m,std_m,candidate,flag\n"
+            "1.1,2.000000,0.020000,1,ok\n"
+            ",,,,missing\n"
+            "0,,,,zero\n"
+            "-1,,,,negative\n");
+  folder.write("b.csv", "reading_m,range_m\n0.6,1.1\n");   // reading_m goes first
+  EXPECT_THAT(run("correct " + save(line()) + " " + folder.file("b.csv")).out, HasSubstr("0.6,1.000000"));
+}
+
+TEST_F(CorrectCommand, EveryPlausibleRootIsListed) {
+  // f(d) = 2 - 2 d + d^2 = 1 + (d - 1)^2 is 1.25 at d = 0.5 and at d = 1.5.
+  Calibration bowl = line();
+  bowl.alpha = Eigen::Vector3d(2.0, -2.0, 1.0);
+  bowl.range_min_m = 0.2;
+  bowl.range_max_m = 3.0;
+  const RunResult result = run("correct " + save(bowl), "1.25\n");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("1.25,0.500000,0.010000,"));
+  EXPECT_THAT(result.out, HasSubstr("1.25,1.500000,0.010000,"));
+  EXPECT_EQ(count_of(result.out, "ambiguous"), 2);
+}
+
+TEST_F(CorrectCommand, OutOfRangeIsFlagged) {
+  // Fitted to 4 m, sought to 4 + 0.1 * 3.5 m: 2.2 stands for d = 4.2 (extrapolated), 9 for none.
+  const RunResult result = run("correct " + save(line()), "2.2\n9\n");
+  EXPECT_THAT(result.out, HasSubstr("2.2,4.200000,0.020000,1,extrapolated\n"));
+  EXPECT_THAT(result.out, HasSubstr("out_of_range"));
+}
+
+TEST_F(CorrectCommand, MalformedLinesNameTheRow) {
+  const std::string json = save(line());
+  const RunResult text = run("correct " + json, "1.1\n1.2 m\n");
+  EXPECT_EQ(text.code, 2);
+  EXPECT_THAT(text.err, HasSubstr("stdin, row 2"));
+  EXPECT_EQ(text.out, "");
+  folder.write("a.csv", "reading_m\n1.1\nfar\n");
+  const RunResult csv = run("correct " + json + " " + folder.file("a.csv"));
+  EXPECT_EQ(csv.code, 2);
+  EXPECT_THAT(csv.err, HasSubstr("a.csv, row 3, column 'reading_m'"));
+  EXPECT_EQ(run("correct " + json, "").code, 2);
+  EXPECT_EQ(run("correct " + json, "distance\n1.1\n").code, 2);
+  EXPECT_EQ(run("correct " + json + " --roots all", "1.1\n").code, 2);
+}
+
+TEST_F(CorrectCommand, RefusesWhatIsNoCalibration) {
+  folder.write("cal.json", "{\"format\": ");
+  EXPECT_EQ(run("correct " + folder.file("cal.json"), "1.1\n").code, 2);
+  Calibration unbounded = line();
+  unbounded.outcome = Outcome::unbounded;
+  const RunResult result = run("correct " + save(unbounded), "1.1\n");
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, HasSubstr("unbounded"));
+}
+
+TEST_F(CorrectCommand, TakesWhatCalibrateWrote) {
+  const std::string json = folder.file("cal.json");
+  ASSERT_EQ(run("calibrate " + shipped("pairs-2016") + " --json " + json).code, 0);
+  for (const std::string roots : {"ls", "ml"}) {
+    // f(2) = 0.0525 + 2 * 0.8838 + 4 * 0.0584 = 2.0537; the fit knows it to a few mm.
+    const RunResult result = run("correct " + json + " --roots " + roots, "2.0537\n");
+    ASSERT_EQ(result.code, 0) << result.err;
+    const std::size_t comma = result.out.find("2.0537,") + 7;
+    EXPECT_NEAR(std::stod(result.out.substr(comma)), 2.0, 0.02) << result.out;
+  }
+}
+
+}  // namespace
+}  // namespace rangecal::test

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "apps/run_binary.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+/// One line on stderr that holds every one of `parts`, nothing on stdout, exit code 2.
+void expect_bad_input(const std::string& arguments, std::initializer_list<const char*> parts) {
+  const RunResult result = run(arguments);
+  EXPECT_EQ(result.code, 2) << arguments;
+  EXPECT_THAT(result.out, IsEmpty()) << arguments;
+  EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
+  EXPECT_EQ(result.err.rfind("rangecal: ", 0), 0u) << result.err;
+  for (const char* part : parts) EXPECT_THAT(result.err, HasSubstr(part)) << arguments;
+}
+
+TEST(Usage, HelpTeachesWithExamples) {
+  const RunResult top = run("--help");
+  EXPECT_EQ(top.code, 0);
+  for (const char* command : {"calibrate", "compare", "correct", "simulate"}) {
+    EXPECT_THAT(top.out, HasSubstr(command));
+    const RunResult help = run(std::string(command) + " --help");
+    EXPECT_EQ(help.code, 0) << command;
+    EXPECT_THAT(help.out, HasSubstr("Example")) << command;
+    EXPECT_THAT(help.out, HasSubstr(std::string("rangecal ") + command)) << command;
+  }
+}
+
+TEST(Usage, VersionIsPrinted) {
+  const RunResult result = run("--version");
+  EXPECT_EQ(result.code, 0);
+  EXPECT_THAT(result.out, ::testing::StartsWith("rangecal "));
+}
+
+TEST(Usage, WrongUsageIsOneLineAndCodeTwo) {
+  expect_bad_input("", {"subcommand"});
+  expect_bad_input("calibrat", {"calibrat"});
+  expect_bad_input("calibrate", {"RECORDING"});
+  expect_bad_input("calibrate --no-such-option x", {"no-such-option"});
+  const std::string field = shipped("field-layout");
+  expect_bad_input("calibrate " + field + " --method best", {"best", "marginal", "all"});
+  expect_bad_input("calibrate " + field + " --order two", {"--order", "two"});
+  expect_bad_input("calibrate " + field + " --order 9", {"--order", "9"});
+  expect_bad_input("calibrate " + field + " --noise loud", {"loud"});
+  expect_bad_input("compare " + field + " --solver g2o", {"g2o", "ceres"});
+  expect_bad_input("compare " + field + " --noise-shape round", {"round"});
+  expect_bad_input("compare " + field + " --weights heavy", {"heavy"});
+  expect_bad_input("compare " + field + " --noise-shape student-t", {"student-t", "pairs"});
+  expect_bad_input("simulate " + shipped("scenes/field-layout.yaml"), {"--output"});
+}
+
+TEST(Usage, InputThatIsMissingOrMixed) {
+  expect_bad_input("calibrate /no/such/folder", {"/no/such/folder"});
+  expect_bad_input("compare " + shipped("field-layout") + " " + shipped("pairs-2016"), {"mixed"});
+  expect_bad_input("simulate /no/such/scene.yaml -o /tmp/never", {"/no/such/scene.yaml"});
+  expect_bad_input("correct /no/such/calibration.json", {"/no/such/calibration.json"});
+  expect_bad_input("calibrate " + shipped("field-layout") + " --from /no/such.json", {"/no/such.json"});
+}
+
+TEST(Usage, MalformedTableNamesFileRowAndColumn) {
+  const TemporaryFolder folder;
+  std::filesystem::copy(shipped("field-layout"), folder.path(), std::filesystem::copy_options::recursive |
+                                                                    std::filesystem::copy_options::overwrite_existing);
+  folder.write("observations.csv", "stop,landmark,range_m,bearing_rad\n0,A,1.0,0.1\n0,B,far,0.1\n");
+  expect_bad_input("calibrate " + folder.path(), {"observations.csv", "row 3", "range_m"});
+}
+
+TEST(Usage, FullRefusesToEstimateSigmaAndNamesMarginal) {
+  const TemporaryFolder folder;
+  std::filesystem::copy(shipped("field-layout"), folder.path(), std::filesystem::copy_options::recursive |
+                                                                    std::filesystem::copy_options::overwrite_existing);
+  folder.write("recording.yaml",
+               "format: rangecal/1\nkind: landmarks\nsensor: {name: s, range_min_m: 0.1, range_max_m: 10}\n"
+               "stops: {sigma_xy_m: estimate}\n");
+  expect_bad_input("calibrate " + folder.path() + " --method full", {"sigma_xy_m", "marginal"});
+  const RunResult marginal = run("calibrate " + folder.path() + " --order 2 --noise f2");
+  EXPECT_EQ(marginal.code, 0) << marginal.err;
+  EXPECT_THAT(marginal.out, HasSubstr("sigma_s"));
+  const RunResult compare = run("compare " + folder.path() + " --order 2 --noise f2");
+  EXPECT_EQ(compare.code, 0) << compare.err;
+  EXPECT_THAT(compare.out, HasSubstr("unbounded"));
+}
+
+TEST(Usage, StdoutThatCannotBeWrittenIsAnError) {
+  const TemporaryFolder folder;
+  const std::string command = std::string(RANGECAL_BINARY) + " compare " + shipped("pairs-2016") + " > /dev/full 2> " +
+                              folder.file("err");
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_THAT(slurp(folder.file("err")), HasSubstr("stdout"));
+}
+
+TEST(Usage, LogFilesGoWhereAskedOnly) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(run("compare " + shipped("pairs-2016") + " --log-dir " + folder.file("logs")).code, 0);
+  EXPECT_FALSE(std::filesystem::is_empty(folder.file("logs")));
+  const RunResult quiet = run("compare " + shipped("field-layout"));
+  EXPECT_THAT(quiet.err, IsEmpty());
+}
+
+}  // namespace
+}  // namespace rangecal::test
