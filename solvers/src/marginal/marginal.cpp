@@ -23,7 +23,8 @@ class Marginal {
         options_(options),
         system_(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()),
                 options.estimate_sigma_s),
-        slopes_(Eigen::VectorXd::Zero(layout().sigma_count())) {}
+        slopes_(Eigen::VectorXd::Zero(layout().sigma_count())),
+        polish_(slopes_) {}
 
   const JointLayout& layout() const { return system_.layout(); }
   JointSystem& system() { return system_; }
@@ -31,10 +32,20 @@ class Marginal {
   int evaluations = 0, iterations = 0;
   double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
 
-  /// Settles the stops at `state`; value of l_s + slopes . (logs of) sigma.
-  double value(JointState& state) {
-    joint_nll = settle_stops(system_, state, evaluations);
+  /// Value of l_s + slopes . (logs of) sigma at `state`, whose stops are close to their conditional optimum: what is
+  /// left is taken to first order from their decrement. Where they are not close they are settled first.
+  double value(JointState& state, double close = 1e-3) {
+    joint_nll = system_.assemble(state, HessianKind::exact);
+    ++evaluations;
     if (!std::isfinite(joint_nll)) return infinity;
+    bool good = system_.eliminate();
+    stop_decrement_sq_ = good ? system_.stop_gradient().dot(system_.solve_stops(system_.stop_gradient())) : infinity;
+    if (!good || stop_decrement_sq_ > close) {
+      joint_nll = settle_stops(system_, state, evaluations);
+      if (!std::isfinite(joint_nll)) return infinity;
+      stop_decrement_sq_ = system_.stop_gradient().dot(system_.solve_stops(system_.stop_gradient()));
+    }
+    joint_nll -= 0.5 * stop_decrement_sq_;
     marginal_nll = laplace_nll(system_, joint_nll);
     return marginal_nll + slopes_.dot(sigma_coordinates(state));
   }
@@ -47,28 +58,31 @@ class Marginal {
     return h;
   }
 
-  /// Newton's method from `state` over the globals not held. True if the gradient fell below the tolerance.
+  /// Newton's method from `state` over the globals not held, the stops moving along. True if the gradient at `state`
+  /// fell below the tolerance.
   bool minimise(JointState& state, const Held& held, double tolerance) {
     const std::vector<int> free = free_globals(layout(), held);
     double current = value(state);
     if (!std::isfinite(current)) return false;
     for (int iteration = 0; iteration < options_.max_iterations; ++iteration, ++iterations) {
-      Eigen::VectorXd gradient = system_.global_gradient() + system_.log_det_gradient(state);
+      Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
       gradient.tail(layout().sigma_count()) += slopes_;
       std::optional<Eigen::VectorXd> step = newton_step(hessian(state), gradient, free);
       if (!step) step = fisher_step(state, gradient, free);
       if (!step) return false;
       const double decrement_sq = -gradient.dot(*step);
       gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
+      if (gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance)) return true;
       limit_step(layout(), state.noise.law, *step);
-      Eigen::VectorXd stops = system_.back_substitute(*step, false);
+      const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
-      const double rounding = 1e-11 * (1.0 + std::abs(current));
+      // The log-determinant at stops short of their optimum is off by about a tenth of what they lack [nats].
+      const double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
       for (double factor = 1.0; factor > 1e-6; factor *= 0.5) {
         JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
         const double trial_value = value(trial);
-        if (trial_value <= current + rounding) {
-          state = trial;
+        if (std::isfinite(trial_value) && trial_value <= current + slack + 0.3 * std::sqrt(stop_decrement_sq_)) {
+          std::swap(state, trial);
           current = trial_value;
           accepted = true;
           break;
@@ -78,7 +92,6 @@ class Marginal {
         value(state);
         return gradient_norm < 1e-4;
       }
-      if (gradient_norm < tolerance) return true;
       if (collapsed(state)) return true;
     }
     return false;
@@ -92,41 +105,55 @@ class Marginal {
     if (free.empty()) return 0.0;
     const Eigen::LLT<Eigen::MatrixXd> factor(system_.schur()(free, free));
     if (factor.info() != Eigen::Success) return infinity;
-    return Eigen::MatrixXd(factor.matrixL()).diagonal().array().log().sum();
+    return factor.matrixLLT().diagonal().array().log().sum();
   }
 
-  /// d(1/2 log det A)/dsigma along phi-hat(sigma), by central differences.
-  bool renew_slopes(const JointState& at, const Held& held) {
-    const Eigen::VectorXd before = slopes_;
-    const int keep_iterations = iterations;
+  /// d(1/2 log det A)/dsigma along phi-hat(sigma), by central differences. phi-hat and the stops are predicted to first
+  /// order (what the prediction leaves out is even in the step and cancels). A without the log-determinant's own part
+  /// predicts phi-hat only roughly: `polish` puts it right by one Newton step and keeps the difference that this made,
+  /// which changes little with sigma, for the renewals after it.
+  bool renew_slopes(const JointState& at, const Held& held, bool polish) {
     Held phi_only = held;
     phi_only.sigmas = true;
     Eigen::VectorXd renewed(slopes_.size());
     const std::vector<int> phi = free_globals(layout(), phi_only);
     JointState home = at;
-    value(home);
+    if (!std::isfinite(value(home))) return false;
     const Eigen::MatrixXd schur = system_.schur();
     std::vector<JointState> moved;
     for (int j = 0; j < slopes_.size(); ++j)
-      for (int sign : {1, -1}) {  // predict phi-hat and the stops to first order, then one Newton polish
+      for (int sign : {1, -1}) {
         Eigen::VectorXd globals = Eigen::VectorXd::Zero(layout().global_count);
         globals[layout().phi_count + j] = sign * step_of(at, j);
         const Eigen::VectorXd pull = schur.col(layout().phi_count + j) * globals[layout().phi_count + j];
         if (const auto follow = newton_step(schur, pull, phi)) globals += *follow;
-        moved.push_back(step_state(problem_, layout(), at, globals, system_.back_substitute(globals, false)));
+        moved.push_back(step_state(problem_, layout(), home, globals, system_.back_substitute(globals, false)));
       }
     for (int j = 0; j < slopes_.size(); ++j) {
-      double half_log_det[2];
+      double half_log_det[2], predicted[2];
       for (int side = 0; side < 2; ++side) {
         JointState& state = moved[2 * j + side];
-        if (!minimise(state, phi_only, 1e-3)) return false;
-        half_log_det[side] = half_log_det_phi(held);
+        if (!std::isfinite(value(state))) return false;
+        predicted[side] = half_log_det_phi(held);
+        if (polish) {
+          const Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
+          const auto step = newton_step(system_.schur(), gradient, phi);
+          if (!step) return false;
+          state = step_state(problem_, layout(), state, *step, system_.back_substitute(*step, true));
+          if (!std::isfinite(value(state))) return false;
+        }
+        half_log_det[side] = polish ? half_log_det_phi(held) : predicted[side];
       }
-      renewed[j] = (half_log_det[0] - half_log_det[1]) / (2.0 * step_of(at, j));
+      const double width = 2.0 * step_of(at, j);
+      renewed[j] = (half_log_det[0] - half_log_det[1]) / width;
+      if (polish)
+        polish_[j] = renewed[j] - (predicted[0] - predicted[1]) / width;
+      else
+        renewed[j] += polish_[j];
     }
-    iterations = keep_iterations;
+    if (!renewed.allFinite()) return false;
     slopes_ = renewed;
-    return slopes_.allFinite();
+    return true;
   }
 
   bool collapsed(const JointState& state) const {
@@ -164,7 +191,8 @@ class Marginal {
   const JointProblem& problem_;
   const MarginalOptions& options_;
   JointSystem system_;
-  Eigen::VectorXd slopes_;
+  Eigen::VectorXd slopes_, polish_;
+  double stop_decrement_sq_ = 0.0;
 };
 
 /// Largest sigma_s at which the REML profile has risen by 1.645^2 / 2: the one-sided 95 % limit.
@@ -184,8 +212,14 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     return fit;
   }
   bool converged = false;
+  double change = infinity;  // of the slopes, relative; a free sigma_s may be weakly determined and needs them closer
+  const double enough = options.estimate_sigma_s ? 1e-6 : 1e-4, polish_above = options.estimate_sigma_s ? 0.0 : 1e-3;
+  // A first guess of the slopes saves a solve; where it cannot be had, they start at zero.
+  if (!options.held.sigmas) marginal.renew_slopes(fit.state, options.held, false);
   for (int outer = 0; outer < options.max_outer; ++outer) {
-    const bool settled = marginal.minimise(fit.state, options.held, options.gradient_tolerance);
+    const bool last = converged || options.held.sigmas;
+    const double tolerance = last ? options.gradient_tolerance : outer == 0 ? 1e-2 : 1e-4;
+    const bool settled = marginal.minimise(fit.state, options.held, tolerance);
     if (marginal.collapsed(fit.state)) {
       MarginalOptions without = options;
       without.estimate_sigma_s = false;
@@ -196,19 +230,18 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
       fit.state.sigma_s_m = 0.0;
       return fit;
     }
-    if (options.held.sigmas) {
+    if (last || !settled) {
       converged = settled;
       break;
     }
     const Eigen::VectorXd before = marginal.slopes();
-    if (!settled || !marginal.renew_slopes(fit.state, options.held)) break;
-    // A slope error of 1e-6 nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
-    if ((marginal.slopes() - before).lpNorm<Eigen::Infinity>() < 1e-6 * (1.0 + before.norm())) {
-      converged = true;
-      break;
-    }
+    if (!marginal.renew_slopes(fit.state, options.held, change > polish_above)) break;
+    // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6 nats moves
+    // a log sigma by 1e-6 / (2 N): far below its standard deviation.
+    change = (marginal.slopes() - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm());
+    converged = change < enough && outer > 0;
   }
-  marginal.value(fit.state);
+  marginal.value(fit.state, 1e-12);
   fit.joint_nll = marginal.joint_nll;
   fit.marginal_nll = marginal.marginal_nll;
   fit.gradient_norm = marginal.gradient_norm;
@@ -228,7 +261,7 @@ std::optional<double> upper_limit(const JointProblem& problem, JointState state,
     JointState at = state;
     at.sigma_s_m = sigma_s;
     Marginal marginal(problem, at, options);
-    if (!marginal.minimise(at, options.held, 1e-4) || !marginal.renew_slopes(at, options.held)) return infinity;
+    if (!marginal.minimise(at, options.held, 1e-4) || !marginal.renew_slopes(at, options.held, true)) return infinity;
     marginal.minimise(at, options.held, 1e-4);
     return marginal.marginal_nll + marginal.half_log_det_phi(options.held);
   };
