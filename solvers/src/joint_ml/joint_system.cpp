@@ -194,6 +194,27 @@ Eigen::VectorXd JointSystem::back_substitute(const Eigen::VectorXd& globals, boo
   return solve_stops(rhs);
 }
 
+Eigen::MatrixXd JointSystem::dense_hessian() const {
+  const Eigen::Index p = layout_.global_count, n = p + static_cast<Eigen::Index>(layout_.coordinates);
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(n, n);
+  dense.topLeftCorner(p, p) = hessian_.selfadjointView<Eigen::Upper>();
+  for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
+    const JointLayout::Node& node = layout_.nodes[j];
+    const NodeView b(node, arena_.data());
+    const Eigen::Index at = p + static_cast<Eigen::Index>(node.coordinate);
+    dense.block(at, at, node.dim, node.dim) = b.H;
+    for (int e = 0; e < node.columns; ++e) {
+      dense.block(at, b.global_of(e, layout_), node.dim, 1) = b.G.col(e);
+      dense.block(b.global_of(e, layout_), at, 1, node.dim) = b.G.col(e).transpose();
+    }
+    if (!node.chained) continue;
+    const Eigen::Index before = p + static_cast<Eigen::Index>(layout_.nodes[j - 1].coordinate);
+    dense.block(at, before, link_[j].rows(), link_[j].cols()) = link_[j];
+    dense.block(before, at, link_[j].cols(), link_[j].rows()) = link_[j].transpose();
+  }
+  return dense;
+}
+
 void JointSystem::clear() {
   inverse_valid_ = false;
   std::fill(arena_.begin(), arena_.end(), 0.0);

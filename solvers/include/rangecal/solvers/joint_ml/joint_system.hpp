@@ -97,6 +97,9 @@ class JointSystem {
   /// Diagonal block of H_ss^-1 of a node.
   Eigen::MatrixXd stop_covariance(int node) const;
 
+  /// After assemble: the whole Hessian over (globals, stop coordinates). For checks: its size is quadratic in the stops.
+  Eigen::MatrixXd dense_hessian() const;
+
   /// Adds the blocks of another assembly of the same problem, scaled; for averages over draws.
   void accumulate(const JointSystem& other, double weight);
   void clear();
