@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // N5. Outliers everywhere: other lidars, specular hits.
 //
-//   (y - f) / s ~ Student-t with nu degrees of freedom     nu [-], both channels
+//   (y - f) / s ~ Student-t with nu degrees of freedom     nu [-], ranges
 //
 // Source: physics catalogue N5.
 #include "rangecal/problems/effects/effect.hpp"

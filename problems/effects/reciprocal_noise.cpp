@@ -3,7 +3,8 @@
 //
 //   cv = sigma_x / x = c d [-], c [1/m],   delta r = cv^2 d = c^2 d^3     [m], skewness about 6 cv
 //
-// Second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: physics
+// The likelihood is exact: x = 1 / y is Gaussian, so c is the sensor's own noise and no parameter of its own.
+// reading() gives the shift of the mean, for signatures: second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: physics
 // catalogue N6 (derived).
 #include "rangecal/problems/effects/effect.hpp"
 
@@ -25,13 +26,13 @@ class ReciprocalNoise final : public Effect {
         .source = "physics catalogue N6 (derived: second moment of 1 / (1 + e))",
         .visible_by = "many repeats at far ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop: skewness grows with distance",
-        .parameters = {{.name = "cv_per_m", .typical = 0.02, .low = 0.0, .high = 0.2, .linear = false}}};
+        .parameters = {{.name = "cv_per_m", .typical = 0.02, .low = 0.0, .high = 0.2, .linear = false, .discrete = true}}};
     return value;
   }
 
-  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
-    return grid_of({{0.005, 0.01, 0.02, 0.04}});
-  }
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override { return grid_of({{0.02}}); }
+
+  bool noise_before_reciprocal() const override { return true; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double cv = p[0] * at.d;

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/battery.hpp"
 
+#include <boost/math/distributions/normal.hpp>
+#include <boost/math/distributions/students_t.hpp>
 #include <boost/math/special_functions/gamma.hpp>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "rangecal/core/angles.hpp"
@@ -18,6 +22,17 @@ double log_chi_sq_survival(double statistic, int dof) {
   return (shape - 1.0) * std::log(half) - half - std::lgamma(shape);  // leading term of the tail
 }
 
+namespace {
+
+/// The normal quantile of a Student-t value's probability.
+double student_to_normal(double t, double nu) {
+  const double upper = boost::math::cdf(boost::math::complement(boost::math::students_t(nu), std::abs(t)));
+  const double z = boost::math::quantile(boost::math::complement(boost::math::normal(), std::max(upper, 1e-300)));
+  return t < 0.0 ? -z : z;
+}
+
+}  // namespace
+
 Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
     : rows_(rows), state_(state), working_(working_problem(rows, model, state)), projector_(rows, working_.problem, state) {
   changes_ = row_changes(rows, projector_.geometry(), model);
@@ -28,15 +43,42 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
   for (Eigen::Index i = 0; i < n; ++i) {
     const int cell = rows.cell[i];
     const bool alone = rows.cell_begin[cell + 1] - rows.cell_begin[cell] == 1;
-    range_rows_[i] = alone ? 0.0 : rows.range_m[i] - changes_.range[i] - c.range_mean[cell];
-    bearing_rows_[i] =
-        alone || rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes_.bearing[i] - c.bearing_mean[cell]);
+    range_rows_[i] = alone ? 0.0 : working_.range[i] - c.range_mean[cell];
+    const double home = projector_.geometry().bearing[cell];
+    bearing_rows_[i] = alone || rows.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
   }
+  score_rows(model);
   remove_model_directions(model);
   ask_variances();
   ask_means();
+  ask_periods();
   ask_catalogue();
   ask_dependence_and_tails();
+}
+
+void Battery::score_rows(const Model& model) {
+  double nu = std::numeric_limits<double>::infinity(), range_rho = 0.0, bearing_rho = 0.0;
+  for (const ActiveEffect& active : model) {
+    nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
+    const Dependence dependence = active.effect->dependence(active.parameters.data());
+    range_rho += dependence.range_correlation;
+    bearing_rho += dependence.bearing_correlation;
+  }
+  rescored_ = std::isfinite(nu) || range_rho != 0.0 || bearing_rho != 0.0;
+  const auto whiten = [&](const Eigen::VectorXd& rows, const Eigen::VectorXd& information,
+                          const Eigen::VectorXd& log_variance, double rho) {
+    Eigen::VectorXd scores =
+        rows.cwiseProduct((information.array() * (-log_variance).array().exp()).sqrt().matrix());
+    if (rho != 0.0)
+      for (int c = 0; c < rows_.cell_count; ++c)
+        for (int i = rows_.cell_begin[c + 1] - 1; i > rows_.cell_begin[c]; --i)
+          scores[i] = (scores[i] - rho * scores[i - 1]) / std::sqrt(1.0 - rho * rho);
+    return scores;
+  };
+  range_scores_ = whiten(range_rows_, projector_.row_range_information, changes_.range_log_variance, range_rho);
+  bearing_scores_ = whiten(bearing_rows_, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
+  if (std::isfinite(nu))
+    for (double& z : range_scores_) z = student_to_normal(z, nu);
 }
 
 void Battery::remove_model_directions(const Model& model) {
@@ -123,6 +165,7 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
   }
   if (question.dof == 0) return;
   question.size = std::sqrt(size_sq);
+  question.gain = 0.5 * question.statistic;
   question.log_p = log_chi_sq_survival(question.statistic, question.dof);
   questions.push_back(std::move(question));
 }
@@ -161,6 +204,25 @@ void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>
   }
   if (question.dof == 0) return;
   question.size = std::sqrt(size_sq);
+  // The score's chi-square overstates a large variance ratio. Fit the slopes: a few Newton steps on
+  // sum [dof g + square e^-g] / 2 with g = level + sum b x.
+  Eigen::MatrixXd design(units.dof.size(), static_cast<Eigen::Index>(kept.size()) + 1);
+  design.col(0).setOnes();
+  for (std::size_t j = 0; j < kept.size(); ++j) design.col(static_cast<Eigen::Index>(j) + 1) = kept[j];
+  Eigen::VectorXd slopes = Eigen::VectorXd::Zero(design.cols());
+  slopes[0] = std::log(std::max(1e-9, units.square.sum() / units.dof.sum()));
+  const auto cost = [&](const Eigen::VectorXd& b) {
+    const Eigen::ArrayXd g = (design * b).array();
+    return 0.5 * (units.dof.array() * g + units.square.array() * (-g).exp()).sum();
+  };
+  const double level = cost(slopes);
+  for (int step = 0; step < 4; ++step) {
+    const Eigen::ArrayXd g = (design * slopes).array();
+    const Eigen::VectorXd residual = (0.5 * (units.dof.array() - units.square.array() * (-g).exp())).matrix();
+    const Eigen::MatrixXd information = design.transpose() * weight.asDiagonal() * design;
+    slopes -= information.ldlt().solve(design.transpose() * residual).cwiseMax(-1.0).cwiseMin(1.0);
+  }
+  question.gain = std::max(0.0, level - cost(slopes));
   question.log_p = log_chi_sq_survival(question.statistic, question.dof);
   questions.push_back(std::move(question));
 }
@@ -169,6 +231,7 @@ void Battery::add_scalar(Question question, double z) {
   question.of = Question::Of::scalar;
   question.dof = 1;
   question.statistic = z * z;
+  question.gain = 0.5 * z * z;
   question.log_p = log_chi_sq_survival(z * z, 1);
   questions.push_back(std::move(question));
 }
@@ -274,19 +337,19 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
     for (std::size_t q = 0; q < questions.size(); ++q) {
       const Question& question = questions[q];
       double statistic = 0.0;
-      for (int j = 0; j < question.dof; ++j) {
+      const int dof = question.of == Question::Of::scalar ? 1 : question.dof;
+      for (int j = 0; j < dof; ++j) {
         const double score = question.of == Question::Of::mean       ? scores(question.first_column + j, b)
                              : question.of == Question::Of::variance ? variance_scores[b][question.first_column + j]
                                                                      : scalars(static_cast<Eigen::Index>(q), b);
         statistic += score * score;
       }
-      if (largest.size() <= static_cast<std::size_t>(question.dof)) largest.resize(question.dof + 1, 0.0);
-      largest[question.dof] = std::max(largest[question.dof], statistic);
+      if (largest.size() <= static_cast<std::size_t>(dof)) largest.resize(dof + 1, 0.0);
+      largest[dof] = std::max(largest[dof], statistic);
     }
     smallest[b] = 0.0;
-    for (std::size_t dof = 1; dof < largest.size(); ++dof)
-      if (largest[dof] > 0.0)
-        smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[dof], static_cast<int>(dof)));
+    for (std::size_t k = 1; k < largest.size(); ++k)
+      if (largest[k] > 0.0) smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[k], static_cast<int>(k)));
   }
   std::sort(smallest.begin(), smallest.end());
   // The effective number of questions, from the 5 % point of the smallest p-value.

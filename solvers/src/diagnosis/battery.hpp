@@ -21,6 +21,7 @@ struct Question {
   Eigen::VectorXd start;
   double statistic = 0.0;     ///< chi-square with `dof` degrees of freedom under the null
   double size = 0.0;          ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
+  double gain = 0.0;          ///< nats a fit of the shape would gain: statistic / 2, for variances the likelihood ratio
   double log_p = 0.0;         ///< natural log of the p-value, before correction
 };
 
@@ -59,6 +60,8 @@ class Battery {
   void ask_catalogue();
   void ask_variances();
   void ask_dependence_and_tails();
+  void ask_periods();
+  void score_rows(const Model& model);
   void remove_model_directions(const Model& model);
 
   const Rows& rows_;
@@ -67,6 +70,8 @@ class Battery {
   Projector projector_;
   RowChanges changes_;
   Eigen::VectorXd range_rows_, bearing_rows_;      ///< corrected deviations from the cell means
+  Eigen::VectorXd range_scores_, bearing_scores_;  ///< the same as normal scores under the model: variance 1 - 1/R
+  bool rescored_ = false;                          ///< the model has tails or correlation: scores are not deviations / s
   std::vector<Signature> active_;                  ///< orthonormal in the projected metric
   std::vector<Eigen::VectorXd> active_projected_;
   std::vector<Eigen::VectorXd> mean_projected_;    ///< P x, normalised, per column

@@ -2,6 +2,7 @@
 // What the battery asks beyond the means: variances, dependence between readings and between stops, tails.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -71,6 +72,10 @@ void Battery::ask_variances() {
       const double count = rows_.cell_begin[i + 1] - rows_.cell_begin[i];
       const double mean_square = bearing ? c.bearing_mean_square[i] : c.range_mean_square[i];
       units.square[i] = information * mean_square;
+      if (rescored_)
+        units.square[i] = (bearing ? bearing_scores_ : range_scores_)
+                              .segment(rows_.cell_begin[i], rows_.cell_begin[i + 1] - rows_.cell_begin[i])
+                              .squaredNorm();
       units.dof[i] = count - 1.0;
       double left = 1.0 - parameters / cells;
       if (!rows_.pairs) {
@@ -143,14 +148,63 @@ void Battery::ask_variances() {
   }
 }
 
+void Battery::ask_periods() {
+  // Lomb's periodogram of the deviations within the cells, over all periods that the repeats resolve. One question:
+  // the largest of F peaks, each chi-square with two degrees of freedom.
+  const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
+  if (!(rows_.context.duration_s > 0.0) || rows_.context.largest_cell < 4 || n < 50) return;
+  std::vector<double> gaps;
+  for (Eigen::Index i = 1; i < n; ++i)
+    if (rows_.cell[i] == rows_.cell[i - 1] && rows_.time_s[i] > rows_.time_s[i - 1])
+      gaps.push_back(rows_.time_s[i] - rows_.time_s[i - 1]);
+  if (gaps.empty()) return;
+  std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
+  const double step = 0.5 / rows_.context.duration_s;  // two points per resolvable frequency
+  const int count = std::min(4000, static_cast<int>(0.5 / gaps[gaps.size() / 2] / step));
+  for (bool of_bearing : {false, true}) {
+    if (of_bearing && rows_.pairs) continue;
+    const Eigen::ArrayXd scores = (of_bearing ? bearing_scores_ : range_scores_).array();
+    Eigen::ArrayXd cosine = Eigen::ArrayXd::Ones(n), sine = Eigen::ArrayXd::Zero(n), turn_c(n), turn_s(n), next(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      turn_c[i] = std::cos(2.0 * pi * step * rows_.time_s[i]);
+      turn_s[i] = std::sin(2.0 * pi * step * rows_.time_s[i]);
+    }
+    double best = 0.0, best_period = 0.0;
+    const double scale = scores.square().mean();
+    for (int f = 1; f <= count; ++f) {
+      next = cosine * turn_c - sine * turn_s;
+      sine = sine * turn_c + cosine * turn_s;
+      cosine = next;
+      const double power = 2.0 * (std::pow((scores * cosine).sum(), 2) + std::pow((scores * sine).sum(), 2)) /
+                           (static_cast<double>(n) * std::max(scale, 1e-12));
+      if (power > best) {
+        best = power;
+        best_period = 1.0 / (f * step);
+      }
+    }
+    Question q;
+    q.channel = of_bearing ? "bearing" : "range";
+    q.covariate = "time";
+    q.shape = fmt::format("periodic, {:.3g} s", best_period);
+    q.of = Question::Of::scalar;
+    q.dof = 2;
+    q.statistic = best;
+    q.gain = 0.5 * best;
+    q.log_p = std::min(0.0, log_chi_sq_survival(best, 2) + std::log(static_cast<double>(count)));
+    q.size = std::sqrt(best / static_cast<double>(n)) *
+             (of_bearing ? state_.sigma_theta_rad
+                         : Eigen::Map<const Eigen::VectorXd>(projector_.geometry().spread.data(), projector_.cells()).mean());
+    questions.push_back(std::move(q));
+  }
+}
+
 void Battery::ask_dependence_and_tails() {
   const int cells = rows_.cell_count;
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const std::string prefix = of_bearing ? "bearing" : "range";
     const VarianceUnits& units = of_bearing ? bearing_units : range_units;
-    const Eigen::VectorXd& rows = of_bearing ? bearing_rows_ : range_rows_;
-    const Eigen::VectorXd& information = of_bearing ? projector_.row_bearing_information : projector_.row_range_information;
+    const Eigen::VectorXd& scores = of_bearing ? bearing_scores_ : range_scores_;
     if (units.dof.head(cells).sum() > 0.5 * cells) {  // there are repeats
       Eigen::VectorXd between = Eigen::VectorXd::Zero(2 * cells);
       between.tail(cells).setOnes();
@@ -166,7 +220,7 @@ void Battery::ask_dependence_and_tails() {
         const int begin = rows_.cell_begin[c], end = rows_.cell_begin[c + 1];
         if (end - begin < 3) continue;
         const double scale = units.dof[c] / (end - begin);  // (R - 1) / R
-        for (int i = begin + 1; i < end; ++i) sum += rows[i] * rows[i - 1] * information[i];
+        for (int i = begin + 1; i < end; ++i) sum += scores[i] * scores[i - 1];
         sum += scale;
         pairs += (end - begin - 1) * scale;
       }
@@ -183,10 +237,9 @@ void Battery::ask_dependence_and_tails() {
       const int begin = rows_.cell_begin[c], end = rows_.cell_begin[c + 1];
       const double count = end - begin;
       for (int i = begin; i < end; ++i) {
-        const double variance_change = of_bearing ? changes_.bearing_log_variance[i] : changes_.range_log_variance[i];
-        const double root = std::sqrt(information[i] * std::exp(-variance_change));
-        double z = count > 2 ? rows[i] * root * std::sqrt(count / (count - 1.0))
-                             : (of_bearing ? projector_.bearing_residual[c] : projector_.range_residual[c]) * root;
+        const double z = count > 2 ? scores[i] * std::sqrt(count / (count - 1.0))
+                                   : (of_bearing ? projector_.bearing_residual[c] * std::sqrt(projector_.bearing_information[c])
+                                                 : projector_.range_residual[c] * std::sqrt(projector_.range_information[c]));
         n += 1.0;
         second += z * z;
         third += z * z * z;

@@ -3,7 +3,6 @@
 
 namespace rangecal::diagnosis {
 
-void add_held_out(const Rows&, const SearchResult&, const DiagnoseOptions&, Diagnosis&) {}
 void add_outlook(const Rows&, const SearchResult&, const DiagnoseOptions&, Diagnosis&) {}
 
 }  // namespace rangecal::diagnosis

@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+
+#include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -17,6 +18,8 @@ std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& pr
   std::vector<FreeParameter> free;
   for (std::size_t e = 0; e < model.size(); ++e) {
     const auto& parameters = model[e].effect->info().parameters;
+    const EffectKind kind = model[e].effect->info().kind;
+    if (kind == EffectKind::grid || kind == EffectKind::label) continue;  // bookkeeping gave their values
     for (std::size_t j = 0; j < parameters.size(); ++j) {
       if (parameters[j].discrete) continue;
       FreeParameter parameter{static_cast<int>(e), static_cast<int>(j), FreeParameter::Acts::numeric};
@@ -72,11 +75,10 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
   const Cells& c = working.problem.cells;
   for (Eigen::Index i = 0; i < count; ++i) {
     const int cell = rows.cell[i];
-    range_rows[i] = rows.range_m[i] - changes.range[i] - c.range_mean[cell];
-    const double range = rows.range_m[i] - changes.range[i] - projector.geometry().f[cell];
-    const double bearing =
-        rows.pairs ? 0.0 : std::remainder(rows.bearing_rad[i] - changes.bearing[i] - projector.geometry().bearing[cell], 2.0 * std::numbers::pi);
-    bearing_rows[i] = rows.pairs ? 0.0 : std::remainder(rows.bearing_rad[i] - changes.bearing[i] - c.bearing_mean[cell], 2.0 * std::numbers::pi);
+    const double home = projector.geometry().bearing[cell];
+    range_rows[i] = working.range[i] - c.range_mean[cell];
+    bearing_rows[i] = rows.pairs ? 0.0 : wrap_angle(working.bearing[i] + home - c.bearing_mean[cell]);
+    const double range = working.range[i] - projector.geometry().f[cell], bearing = working.bearing[i];
     range_z[i] = range * range * std::exp(-changes.range_log_variance[i]) * projector.row_range_information[i];
     bearing_z[i] = bearing * bearing * std::exp(-changes.bearing_log_variance[i]) * projector.row_bearing_information[i];
   }

@@ -5,12 +5,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace rangecal::diagnosis {
 namespace {
 
 /// Posterior probabilities over the answers that were fitted: softmax of log evidences, the baseline at 0.
 void fill_probabilities(const SearchResult& found, std::vector<Explanation>& explanations) {
+  if (found.best.fit.model.size() <= found.known.model.size()) {  // bookkeeping alone: it cannot happen by chance
+    explanations.front().probability = 1.0;
+    return;
+  }
   std::vector<double> evidence{found.best.evidence};
   for (const Candidate& rival : found.rivals) evidence.push_back(rival.evidence);
   double highest = 0.0, total = 0.0;
@@ -18,7 +23,7 @@ void fill_probabilities(const SearchResult& found, std::vector<Explanation>& exp
   for (const Candidate& other : found.tried)
     if (other.fit.model.size() == found.best.fit.model.size()) highest = std::max(highest, other.evidence);
   total = std::exp(-highest);
-  if (found.best.fit.model.size() == 1) {
+  if (found.best.fit.model.size() == found.known.model.size() + 1) {
     for (const Candidate& other : found.tried) total += std::exp(other.evidence - highest);
   } else {
     for (double e : evidence) total += std::exp(e - highest);
@@ -79,6 +84,12 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
     const ActiveEffect& active = fit.model[e];
     const std::string& id = active.effect->info().id;
     const auto values = active.effect->reported(rows.context, active.parameters.data());
+    if (active.effect->noise_before_reciprocal()) {  // its size is the sensor's own noise
+      const double sigma = fit.state.noise.parameters[0];
+      estimates.push_back({id + "." + values[0].first, sigma, sigma * fit.noise_std, sigma * (1.0 - 1.96 * fit.noise_std),
+                           sigma * (1.0 + 1.96 * fit.noise_std)});
+      continue;
+    }
     Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(values.size()), fit.covariance.cols());
     for (std::size_t a = 0; a < fit.free.size(); ++a) {
       if (fit.free[a].effect != static_cast<int>(e)) continue;
@@ -91,7 +102,7 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
       const auto low = active.effect->reported(rows.context, down.data());
       for (std::size_t v = 0; v < values.size(); ++v) {
         double difference = high[v].second - low[v].second;
-        if (values[v].first.find("_rad") != std::string::npos) difference = std::remainder(difference, 2.0 * M_PI);
+        if (values[v].first.find("_rad") != std::string::npos) difference = std::remainder(difference, 2.0 * std::numbers::pi);
         slopes(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(a)) = difference / (2.0 * step);
       }
     }
@@ -170,8 +181,8 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
            return sets;
          }())
       result.explanations[0].indistinguishable_from.push_back(rival);
-    if (found.best.fit.model.size() == 1) {
-      const auto exact = exact_twin_of(found.best.fit.model[0].effect->info().id);
+    if (found.best.fit.model.size() == found.known.model.size() + 1) {
+      const auto exact = exact_twin_of(found.best.fit.model.back().effect->info().id);
       auto& sets = result.explanations[0].indistinguishable_from;
       if (!exact.empty() && std::find(sets.begin(), sets.end(), exact) == sets.end()) {
         if (sets.size() == 3) sets.pop_back();
@@ -182,8 +193,10 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     fill_probabilities(found, result.explanations);
     result.final_effects = result.explanations[0].effects;
     // Where: the effect's own channel and covariate first, then what else the scan saw.
+    for (const Question& q : found.known.findings) result.location.push_back(finding_of(q, found));
     for (const ActiveEffect& active : found.best.fit.model) {
       const EffectInfo& info = active.effect->info();
+      if (info.kind == EffectKind::grid || info.kind == EffectKind::label || info.kind == EffectKind::detection) continue;
       Question own;
       for (const Question& q : found.first->questions)
         if (q.effect == active.effect && q.statistic > own.statistic) own = q;
@@ -221,6 +234,11 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       f.share = std::min(1.0, q.statistic / excess);
       result.location.push_back(f);
     }
+  result.notes = found.known.notes;
+  for (const auto& effect : effect_registry()) {
+    const std::string missing = effect->missing(rows.context);
+    if (!missing.empty()) result.notes.push_back(effect->info().id + " cannot be judged: " + missing);
+  }
   (void)options;
   return result;
 }

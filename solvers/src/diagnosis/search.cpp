@@ -13,10 +13,16 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
+constexpr double adequacy_rate = 0.003;  ///< p at which a free curve over a named effect's own covariate rejects it
 constexpr int shortlist = 10;
 
 bool contains(const Model& model, const Effect* effect) {
   return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
+}
+
+/// Found by bookkeeping, not by scores.
+bool is_bookkeeping(EffectKind kind) {
+  return kind == EffectKind::grid || kind == EffectKind::label || kind == EffectKind::detection;
 }
 
 struct Proposal {
@@ -29,12 +35,9 @@ struct Proposal {
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
   std::map<std::string, Proposal> best;
   for (const Question& q : battery.questions) {
-    if (!q.effect || contains(model, q.effect)) continue;
+    if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
     Proposal& p = best[q.effect->info().id];
-    const double promised = 0.5 * q.statistic;
-    if (!p.effect || promised > p.promised) {
-      p = {q.effect, q.start, promised, q.log_p, promised - q.dof};
-    }
+    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof};
   }
   // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose them.
   for (const auto& effect : effect_registry()) {
@@ -53,10 +56,10 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
       if (!same_channel && !any_channel && !any_tail) continue;
       if (q.log_p > -4.0) continue;
       Proposal& p = best[info.id];
-      if (p.effect && 0.5 * q.statistic <= p.promised) continue;
+      if (p.effect && q.gain <= p.promised) continue;
       const auto grid = effect->start_grid(rows.context);
       if (grid.empty()) continue;
-      p = {effect.get(), grid[grid.size() / 2], 0.5 * q.statistic, q.log_p, 0.5 * q.statistic - q.dof};
+      p = {effect.get(), grid[grid.size() / 2], q.gain, q.log_p, q.gain - q.dof};
     }
   }
   std::vector<Proposal> order;
@@ -105,8 +108,13 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
   for (const Question& q : battery.questions)
     if (!q.effect) shapes.push_back(q);
   const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
+  // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands back.
+  const auto worth = [&](const Question& q) {
+    const bool secondary = q.channel.find("_dependence") != std::string::npos || q.channel.find("_tail") != std::string::npos;
+    return (secondary ? 0.6 : 1.0) * q.gain - price * q.dof;
+  };
   std::sort(shapes.begin(), shapes.end(), [&](const Question& a, const Question& b) {
-    return 0.5 * a.statistic - price * a.dof > 0.5 * b.statistic - price * b.dof;
+    return worth(a) > worth(b);
   });
   std::vector<Question> kept;
   for (Question& q : shapes) {
@@ -145,7 +153,7 @@ double log_occam(const Rows& rows, const Fit& fit) {
   return occam;
 }
 
-SearchResult search(const Rows& rows, const DiagnoseOptions& options) {
+SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
   const auto report = [&](const char* stage, double fraction) {
     if (options.progress) options.progress(stage, fraction);
   };
@@ -159,6 +167,7 @@ SearchResult search(const Rows& rows, const DiagnoseOptions& options) {
   result.effective_questions = result.first->effective_questions;
   result.alarm_p = result.first->corrected(smallest_log_p(*result.first));
   result.shapes = findings(rows, *result.first);
+  result.known = known;
 
   if (options.force) {
     Model model;
@@ -169,8 +178,7 @@ SearchResult search(const Rows& rows, const DiagnoseOptions& options) {
       for (const Proposal& p : propose(rows, *result.first, {}))
         if (p.effect == effect) proposal = p;
       for (const Question& q : result.first->questions)
-        if (q.effect == effect && 0.5 * q.statistic > proposal.promised)
-          proposal = {effect, q.start, 0.5 * q.statistic, q.log_p, 0.0};
+        if (q.effect == effect && q.gain > proposal.promised) proposal = {effect, q.start, q.gain, q.log_p, 0.0};
       Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
       result.best = try_model(rows, base, proposal, refit_options);
     }
@@ -179,21 +187,48 @@ SearchResult search(const Rows& rows, const DiagnoseOptions& options) {
     return result;
   }
 
-  if (result.alarm_p >= options.alarm_rate) return result;
+  if (result.alarm_p >= options.alarm_rate && known.model.empty()) return result;
 
-  // Greedy: the best single effects, then what is left, until the battery is clean.
-  report("explaining", 0.3);
-  std::vector<Candidate> singles = try_all(rows, result.baseline, propose(rows, *result.first, {}), refit_options);
-  result.tried = singles;
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state);
     battery->effective_questions = result.effective_questions;
-    return battery->corrected(smallest_log_p(*battery)) > clean_rate;
+    if (battery->corrected(smallest_log_p(*battery)) < clean_rate) return false;
+    // In its own channel and covariate a free curve must find nothing more.
+    for (const ActiveEffect& active : candidate.fit.model)
+      for (const Question& q : battery->questions)
+        if (!q.effect && q.shape == "smooth" && q.channel == active.effect->info().channel &&
+            q.covariate == active.effect->info().covariate && q.log_p < std::log(adequacy_rate))
+          return false;
+    return true;
   };
+
+  // The root: the seed model with what bookkeeping found.
+  Candidate root;
+  root.fit = result.baseline;
+  const Battery* root_battery = result.first.get();
+  std::unique_ptr<Battery> known_battery;
+  if (!known.model.empty()) {
+    root.fit = refit(rows, known.model, result.baseline.state, refit_options);
+    root.gain = result.baseline.nll - root.fit.nll;
+    if (!root.fit.ok) root.fit = result.baseline;
+    if (clean(root, known_battery)) {
+      result.verdict = Verdict::explained;
+      result.best = std::move(root);
+      result.last = std::move(known_battery);
+      return result;
+    }
+    root_battery = known_battery.get();
+  }
+
+  // Greedy: the best single effects, then what is left, until the battery is clean.
+  report("explaining", 0.3);
+  std::vector<Candidate> singles = try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), refit_options);
+  for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
+  result.tried = singles;
   const double free_curve_gain = [&] {
     double best = 0.0;
     for (const Question& q : result.first->questions)
-      if (!q.effect) best = std::max(best, 0.5 * q.statistic - q.dof);
+      if (!q.effect) best = std::max(best, q.gain - q.dof);
     return best;
   }();
 
@@ -238,12 +273,11 @@ SearchResult search(const Rows& rows, const DiagnoseOptions& options) {
     return result;
   }
   // Rivals: other clean models of the same size that the data do not reject.
-  const std::vector<Candidate>& others = result.best.fit.model.size() == 1 ? singles : level;
+  const std::vector<Candidate>& others = result.best.fit.model.size() == known.model.size() + 1 ? singles : level;
   for (const Candidate& rival : others) {
     if (rival.fit.model.back().effect == result.best.fit.model.back().effect) continue;
     const bool close = result.best.evidence - rival.evidence < options.naming_gap_nats ||
-                       (rival.parameters <= result.best.parameters &&
-                        rival.fit.nll - result.best.fit.nll < options.naming_gap_nats);
+                       rival.fit.nll - result.best.fit.nll < options.naming_gap_nats;
     if (close && result.rivals.size() < 3) result.rivals.push_back(rival);
   }
   return result;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "diagnosis/battery.hpp"
+#include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/refit.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
@@ -33,10 +34,11 @@ struct SearchResult {
   std::vector<Question> shapes;                 ///< baseline's findings, best first, one per (channel, covariate)
   std::unique_ptr<Battery> first, last;         ///< batteries of the baseline and of the final model
   std::vector<Candidate> tried;
+  Bookkeeping known;
 };
 
-/// Baseline, scan, explanation by refits, greedy extension (issue: Bookkeeping to Explain).
-SearchResult search(const Rows& rows, const DiagnoseOptions& options);
+/// Baseline, scan, explanation by refits, greedy extension. `known`: what bookkeeping found; it is part of every model.
+SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options);
 
 /// Fits the seed model by marginal ML: order 2 (less where the distances do not carry it), the noise law of highest
 /// marginal likelihood with the triangulation law preferred within 3 nats.

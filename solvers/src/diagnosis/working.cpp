@@ -68,7 +68,8 @@ RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Mod
   RowChanges changes;
   for (auto* column : {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
     *column = Eigen::VectorXd::Zero(n);
-  for (const ActiveEffect& active : model)
+  for (const ActiveEffect& active : model) {
+    if (active.effect->noise_before_reciprocal() || active.effect->info().kind == EffectKind::grid) continue;
     for (Eigen::Index i = 0; i < n; ++i) {
       const auto change = active.effect->reading(view_of(rows, geometry, i), active.parameters.data());
       changes.range[i] += change.range;
@@ -76,6 +77,7 @@ RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Mod
       changes.range_log_variance[i] += change.range_log_variance;
       changes.bearing_log_variance[i] += change.bearing_log_variance;
     }
+  }
   return changes;
 }
 
@@ -83,18 +85,27 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   WorkingProblem working;
   working.problem = rows.problem;
   working.constant = rows.nll_offset;
-  if (model.empty()) return working;
   const CellGeometry geometry = cell_geometry(rows, state);
+  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+  working.range = Eigen::Map<const Eigen::VectorXd>(rows.range_m.data(), n);
+  working.bearing.setZero(n);
+  if (!rows.pairs)
+    for (Eigen::Index i = 0; i < n; ++i)
+      working.bearing[i] = wrap_angle(rows.bearing_rad[i] - geometry.bearing[rows.cell[i]]);
+  if (model.empty()) return working;
   const RowChanges changes = row_changes(rows, geometry, model);
   Dependence dependence;
   double nu = std::numeric_limits<double>::infinity();
+  bool reciprocal = false;
   for (const ActiveEffect& active : model) {
+    if (active.effect->info().kind == EffectKind::grid) continue;  // the spread as estimated holds its variance
     const Dependence own = active.effect->dependence(active.parameters.data());
     dependence.range_cell_sigma_m = std::hypot(dependence.range_cell_sigma_m, own.range_cell_sigma_m);
     dependence.bearing_cell_sigma_rad = std::hypot(dependence.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
     dependence.range_correlation += own.range_correlation;
     dependence.bearing_correlation += own.bearing_correlation;
     nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
+    reciprocal = reciprocal || active.effect->noise_before_reciprocal();
     if (active.effect->acts_on_stops())
       active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
   }
@@ -110,15 +121,19 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     for (int j = 0; j < count; ++j) {
       const int i = begin + j;
       range[j] = rows.range_m[i] - changes.range[i];
+      if (reciprocal && range[j] > 0.0) {  // 1/y ~ N(1/f, (s/f^2)^2): f^2 (1/f - 1/y) has spread s, dx = dy / y^2
+        const double f = geometry.f[cell];
+        working.constant += 2.0 * (std::log(range[j]) - std::log(f));
+        range[j] = 2.0 * f - f * f / range[j];
+      }
+      working.range[i] = range[j];
+      working.bearing[i] = bearing[j];
       bearing[j] = rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - home);
       range_multiplier[j] = std::exp(changes.range_log_variance[i]);
       bearing_multiplier[j] = rows.pairs ? 1.0 : std::exp(changes.bearing_log_variance[i]);
       if (std::isfinite(nu)) {
         const double z = (range[j] - geometry.f[cell]) / (s * std::sqrt(range_multiplier[j]));
         working.constant += student_weights(nu, z, range_multiplier[j]);
-        if (!rows.pairs)
-          working.constant += student_weights(nu, bearing[j] / (sigma_theta * std::sqrt(bearing_multiplier[j])),
-                                              bearing_multiplier[j]);
       }
     }
     const double range_ratio = std::pow(dependence.range_cell_sigma_m / s, 2);

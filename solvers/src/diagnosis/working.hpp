@@ -21,6 +21,7 @@ using Model = std::vector<ActiveEffect>;
 struct WorkingProblem {
   JointProblem problem;
   double constant = 0.0;
+  Eigen::VectorXd range, bearing;   ///< corrected readings per row; bearings relative to the cell's predicted one
 };
 
 /// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new state.

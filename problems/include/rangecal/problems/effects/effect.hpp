@@ -120,8 +120,10 @@ class Effect {
   /// What the user reads: names (ending in the unit) and values made from p, an amplitude and a phase from a cosine and
   /// a sine, say. By default the parameters themselves.
   virtual std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const;
-  /// Tail: degrees of freedom of a Student-t for both channels; infinity for normal.
+  /// Tail: degrees of freedom of a Student-t for the ranges; infinity for normal.
   virtual double degrees_of_freedom(const double* p) const;
+  /// True if the noise of range is Gaussian in 1/r instead of r (before the reciprocal); reading() is then not used.
+  virtual bool noise_before_reciprocal() const { return false; }
 };
 
 /// Start grids are products of axes: every combination of the given values, in order; axes of one 0 for linear ones.

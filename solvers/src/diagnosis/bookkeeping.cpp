@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/bookkeeping.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr double certain = -200.0;  ///< ln p of what cannot happen under the seed model
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<long>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+Question question(const char* channel, const char* covariate, const char* shape, double log_p) {
+  Question q;
+  q.channel = channel;
+  q.covariate = covariate;
+  q.shape = shape;
+  q.of = Question::Of::scalar;
+  q.log_p = log_p;
+  q.statistic = -2.0 * log_p;
+  q.gain = -log_p;
+  return q;
+}
+
+void correct_labels(Recording& recording, Bookkeeping& found) {
+  Readings& r = recording.readings;
+  const int landmarks = static_cast<int>(recording.landmarks.size());
+  std::vector<Eigen::Vector2d> at(r.size());
+  std::vector<std::vector<double>> xs(landmarks), ys(landmarks);
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    const Pose2& pose = recording.stops[r.stop[i]].commanded;
+    const double reach = r.range_m[i] + recording.landmarks[r.landmark[i]].radius_m;
+    const double direction = pose.heading_rad + r.bearing_rad[i];
+    at[i] = {pose.x_m + reach * std::cos(direction), pose.y_m + reach * std::sin(direction)};
+    xs[r.landmark[i]].push_back(at[i].x());
+    ys[r.landmark[i]].push_back(at[i].y());
+  }
+  std::vector<Eigen::Vector2d> centre(landmarks, Eigen::Vector2d::Constant(1e9));
+  for (int l = 0; l < landmarks; ++l)
+    if (xs[l].size() > 2) centre[l] = {median(xs[l]), median(ys[l])};
+  std::vector<double> scatter;
+  for (std::size_t i = 0; i < r.size(); ++i) scatter.push_back((at[i] - centre[r.landmark[i]]).norm());
+  const double usual = std::max(0.05, median(scatter));
+
+  // Mean position of each cell.
+  std::map<std::pair<int, int>, std::pair<Eigen::Vector2d, int>> cells;
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    auto& [sum, count] = cells.try_emplace({r.stop[i], r.landmark[i]}, Eigen::Vector2d::Zero(), 0).first->second;
+    sum += at[i];
+    ++count;
+  }
+  const auto misplaced = [&](int stop, int own, int other) {
+    const auto cell = cells.find({stop, own});
+    if (cell == cells.end()) return false;
+    const Eigen::Vector2d mean = cell->second.first / cell->second.second;
+    const double away = (mean - centre[own]).norm(), near = (mean - centre[other]).norm();
+    return away > 5.0 * usual && near < away / 3.0;
+  };
+  std::map<std::pair<int, int>, std::vector<int>> swaps;
+  for (int k = 0; k < static_cast<int>(recording.stops.size()); ++k)
+    for (int a = 0; a < landmarks; ++a)
+      for (int b = a + 1; b < landmarks; ++b)
+        if (misplaced(k, a, b) && misplaced(k, b, a)) swaps[{a, b}].push_back(k);
+  for (const auto& [pair, stops] : swaps) {
+    for (std::size_t i = 0; i < r.size(); ++i) {
+      if (std::find(stops.begin(), stops.end(), r.stop[i]) == stops.end()) continue;
+      if (r.landmark[i] == pair.first)
+        r.landmark[i] = pair.second;
+      else if (r.landmark[i] == pair.second)
+        r.landmark[i] = pair.first;
+    }
+    const Effect* effect = find_effect("label_swap");
+    Eigen::VectorXd p(4);
+    p << pair.first, pair.second, stops.front(), stops.back();
+    found.model.push_back({effect, p});
+    Question q = question("label", "landmark", "one group", certain);
+    q.from = stops.front();
+    q.to = stops.back();
+    q.group = recording.landmarks[pair.first].label + ", " + recording.landmarks[pair.second].label;
+    found.findings.push_back(q);
+    found.notes.push_back(fmt::format("the labels {} were exchanged at {} stop(s); they were put back before fitting",
+                                      q.group, stops.size()));
+  }
+}
+
+/// Share of values of the cells that repeat another of the same cell to the last digit, and the median step.
+struct GridEvidence {
+  double share = 0.0, step_over_spread = 0.0, step = 0.0, disparity_step = 0.0;
+  double disparity_scatter = 1.0, step_scatter = 1.0;   ///< relative scatter of the steps in 1/r and in r
+};
+
+GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values) {
+  GridEvidence evidence;
+  double same = 0.0, all = 0.0;
+  std::vector<double> steps, inverse_steps, ratios;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    std::vector<double> v(values.begin() + rows.cell_begin[c], values.begin() + rows.cell_begin[c + 1]);
+    if (v.size() < 5) continue;
+    std::sort(v.begin(), v.end());
+    double smallest = 1e9, mean = 0.0, square = 0.0;
+    for (std::size_t i = 1; i < v.size(); ++i) {
+      all += 1.0;
+      const double gap = v[i] - v[i - 1];
+      if (gap < 1e-7 * (1.0 + std::abs(v[i])))
+        same += 1.0;
+      else
+        smallest = std::min(smallest, gap);
+    }
+    for (double x : v) mean += x / static_cast<double>(v.size());
+    for (double x : v) square += (x - mean) * (x - mean) / static_cast<double>(v.size());
+    if (smallest < 1e8) {
+      steps.push_back(smallest);
+      inverse_steps.push_back(smallest / (mean * mean));
+      if (square > 0.0) ratios.push_back(smallest / std::sqrt(square));
+    }
+  }
+  if (all < 20.0 || steps.empty()) return evidence;
+  evidence.share = same / all;
+  evidence.step = median(steps);
+  evidence.disparity_step = median(inverse_steps);
+  evidence.step_over_spread = ratios.empty() ? 0.0 : median(ratios);
+  const auto scatter = [](const std::vector<double>& x, double centre) {
+    std::vector<double> off;
+    for (double v : x) off.push_back(std::abs(v / centre - 1.0));
+    return median(off);
+  };
+  evidence.step_scatter = scatter(steps, evidence.step);
+  evidence.disparity_scatter = scatter(inverse_steps, evidence.disparity_step);
+  return evidence;
+}
+
+}  // namespace
+
+Bookkeeping correct_labels(std::vector<Recording>& recordings) {
+  Bookkeeping found;
+  for (Recording& recording : recordings)
+    if (recording.kind == RecordingKind::landmarks) correct_labels(recording, found);
+  return found;
+}
+
+Bookkeeping find_grids_and_gaps(const Rows& rows) {
+  Bookkeeping found;
+  const GridEvidence range = grid_of_values(rows, rows.range_m), bearing = grid_of_values(rows, rows.bearing_rad);
+  // Rounding far below the spread repeats a value now and then; a sixth of all neighbours is a grid that matters.
+  constexpr double coarse = 1.0 / 6.0;
+  if (range.share > coarse) {
+    const Effect* effect = find_effect("quantisation");
+    Eigen::VectorXd p = Eigen::VectorXd::Zero(2);
+    if (range.disparity_scatter < range.step_scatter)
+      p[0] = range.disparity_step;
+    else
+      p[1] = range.step;
+    found.model.push_back({effect, p});
+    Question q = question("grid", "range", "steps", certain);
+    q.size = range.step;
+    found.findings.push_back(q);
+  }
+  if (!rows.pairs && bearing.share > coarse) {
+    const Effect* effect = find_effect("bearing_quantisation");
+    const auto& parameters = effect->info().parameters;
+    Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
+    p[0] = bearing.step;
+    found.model.push_back({effect, p});
+    Question q = question("grid", "sensor_bearing", "steps", certain);
+    q.size = bearing.step;
+    found.findings.push_back(q);
+  }
+  if (rows.pairs || rows.context.largest_cell < 3) return found;
+  // Missing readings: logistic score of "missing" against the mean reading of the landmark from that stop.
+  const double full = rows.context.largest_cell;
+  double missing = 0.0, expected = 0.0;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    missing += full - (rows.cell_begin[c + 1] - rows.cell_begin[c]);
+    expected += full;
+  }
+  const double rate = missing / expected;
+  if (missing < 5.0 || rate < 0.003) return found;
+  double mean_log = 0.0, score = 0.0, information = 0.0;
+  for (int c = 0; c < rows.cell_count; ++c) mean_log += std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) / rows.cell_count;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    const double x = std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) - mean_log;
+    score += x * (full - (rows.cell_begin[c + 1] - rows.cell_begin[c]) - full * rate);
+    information += x * x * full * rate * (1.0 - rate);
+  }
+  const double chi_sq = information > 0.0 ? score * score / information : 0.0;
+  if (chi_sq > 25.0) {
+    const Effect* effect = find_effect("dropout");
+    double far = 0.0;
+    for (double y : rows.range_m) far = std::max(far, y);
+    Eigen::VectorXd p(1);
+    p[0] = far;
+    found.model.push_back({effect, p});
+    Question q = question("detection", "range", "linear", log_chi_sq_survival(chi_sq, 1));
+    q.size = rate;
+    found.findings.push_back(q);
+    found.notes.push_back(fmt::format("{:.0f} readings ({:.1f} %) are missing, and more of them far away", missing, 100.0 * rate));
+  }
+  return found;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Held-out predictive density: fitted on four fifths of the blocks, asked about the last fifth,
+//   sum over folds of  l_s(all readings; theta of the rest) - l_s(the rest; theta of the rest),
+// stops integrated by Laplace's method in both.
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "diagnosis/generic.hpp"
+#include "diagnosis/outlook.hpp"
+#include "diagnosis/subset.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr int fold_count = 5;
+constexpr int parts_of_fold = 8;  ///< groups of blocks whose predictions give the standard error
+
+struct HeldOut {
+  double nll = 0.0;
+  std::vector<double> parts;  ///< predictive NLL of groups of blocks, each given the rest alone
+  bool ok = true;
+};
+
+RefitOptions refit_options_of(const Rows& rows, const DiagnoseOptions& options) {
+  RefitOptions refit_options;
+  if (options.simulation) {
+    refit_options.held.alpha = true;
+    refit_options.held.sigmas = rows.pairs || options.simulation->sigma_theta_rad.has_value();
+  }
+  return refit_options;
+}
+
+/// Parameters of dependence and tails, which have no score: one parabola through three values of l_s, the rest held.
+void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointState& state) {
+  for (const FreeParameter& p : full.free) {
+    if (p.acts != FreeParameter::Acts::numeric) continue;
+    const EffectParameter& info = model[p.effect].effect->info().parameters[p.index];
+    double& value = model[p.effect].parameters[p.index];
+    const double centre = value, step = 0.2 * std::max(std::abs(centre), 0.2 * info.typical);
+    const auto at = [&](double x) {
+      value = std::clamp(x, info.low, info.high);
+      JointState trial = state;
+      return laplace_value(rows, model, trial);
+    };
+    const double low = at(centre - step), high = at(centre + step), middle = at(centre);
+    const double curvature = low - 2.0 * middle + high;
+    const double shift = curvature > 0.0 ? std::clamp(0.5 * (low - high) / curvature, -2.0, 2.0) : 0.0;
+    const double there = at(centre + shift * step);
+    if (!(there <= middle)) value = centre;
+  }
+}
+
+/// The model fitted on a training part, from the fit to all readings.
+Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
+  const bool numeric = std::any_of(full.free.begin(), full.free.end(),
+                                   [](const FreeParameter& p) { return p.acts == FreeParameter::Acts::numeric; });
+  options.max_iterations = 2;
+  if (!numeric) return refit(rest, full.model, full.state, options);
+  Fit fit = full;
+  fit_numeric(rest, full, fit.model, full.state);
+  fit.nll = calibrate_under(rest, fit.model, fit.state, options);
+  fit.ok = std::isfinite(fit.nll);
+  return fit;
+}
+
+HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds, const Fit& full,
+                const RefitOptions& options) {
+  HeldOut held;
+  for (int f = 0; f < fold_count && held.ok; ++f) {
+    std::vector<char> out(folds.size()), ours(folds.size());
+    for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
+    if (std::find(out.begin(), out.end(), 1) == out.end()) continue;
+    const Rows rest = without_cells(rows, out);
+    const Fit fit = fit_part(rest, full, options);
+    if (!fit.ok) {
+      held.ok = false;
+      break;
+    }
+    const auto value = [&](const Rows& part) {
+      JointState state = fit.state;
+      return laplace_value(part, fit.model, state);
+    };
+    const double alone = value(rest);
+    // Cells that are never left out belong to the training part of every fold.
+    held.nll += value(rows) - alone;
+    for (int part = 0; part < parts_of_fold; ++part) {
+      bool any = false;
+      for (std::size_t c = 0; c < folds.size(); ++c) {
+        const bool member = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
+        ours[c] = folds[c] == f && !member;
+        any = any || member;
+      }
+      if (any) held.parts.push_back(value(without_cells(rows, ours)) - alone);
+    }
+    held.ok = std::isfinite(held.nll);
+  }
+  return held;
+}
+
+BlockKind block_kind(const Rows& rows, const Model& model) {
+  if (rows.pairs) return BlockKind::batches;
+  const bool moves_stops = std::any_of(model.begin(), model.end(), [](const ActiveEffect& active) {
+    return active.effect->acts_on_stops() || active.effect->info().channel == "stop";
+  });
+  return moves_stops ? BlockKind::stops : BlockKind::cells;
+}
+
+/// The unexplained mismatch gets the generic curve as its model.
+std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, const RefitOptions& options, Diagnosis& result) {
+  if (found.verdict != Verdict::unexplained || found.shapes.empty() || !found.first) return std::nullopt;
+  GenericModel generic = fit_generic_model(rows, found, options);
+  if (!generic.effect) return std::nullopt;
+  const WorkingProblem working = working_problem(rows, generic.fit.model, generic.fit.state);
+  const Projector projector(rows, working.problem, generic.fit.state);
+  result.after.nll = generic.fit.nll;
+  result.after.rms_range_m = std::sqrt(projector.range_residual.squaredNorm() / rows.cell_count);
+  result.after.rms_bearing_rad = std::sqrt(projector.bearing_residual.squaredNorm() / rows.cell_count);
+  if (result.explanations.empty()) result.explanations.emplace_back();
+  Explanation& explanation = result.explanations[0];
+  explanation.effects = {"generic"};
+  explanation.nll = generic.fit.nll;
+  explanation.parameters = effect_estimates(rows, generic.fit);
+  const double price = 2.0 * generic.curve.gain;
+  explanation.p_value = found.first->corrected(log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
+  // The score's gain, twice, is what the curve takes from the cells' chi-square (means only).
+  const bool of_mean = generic.effect->info().kind == EffectKind::mean;
+  const double dof = std::max(1.0, found.first->cell_dof - (of_mean ? static_cast<double>(generic.fit.free.size()) : 0.0));
+  const double chi_sq = of_mean ? std::max(0.0, found.first->cell_chi_sq - price) : found.first->cell_chi_sq;
+  result.after.chi_sq_per_dof = chi_sq / dof;
+  return generic;
+}
+
+}  // namespace
+
+void add_held_out(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options, Diagnosis& result) {
+  const RefitOptions refit_options = refit_options_of(rows, options);
+  const std::optional<GenericModel> generic = add_generic(rows, found, refit_options, result);
+  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : generic ? &generic->fit : nullptr;
+  if (!options.held_out) return;
+  const std::vector<int> blocks = blocks_of(rows, block_kind(rows, final_fit ? final_fit->model : Model{}));
+  const std::vector<int> folds = folds_of(rows, blocks, fold_count);
+  const HeldOut before = predict(rows, blocks, folds, found.baseline, refit_options);
+  if (!before.ok) return;
+  result.before.heldout_nll = before.nll;
+  result.before.heldout_std = 0.0;
+  if (!final_fit) {
+    result.after.heldout_nll = before.nll;
+    result.after.heldout_std = 0.0;
+    if (!result.explanations.empty()) result.explanations[0].heldout_nll = before.nll;
+    return;
+  }
+  const HeldOut after = predict(rows, blocks, folds, *final_fit, refit_options);
+  if (!after.ok) return;
+  result.after.heldout_nll = after.nll;
+  if (!result.explanations.empty()) result.explanations[0].heldout_nll = after.nll;
+  const std::size_t parts = std::min(before.parts.size(), after.parts.size());
+  if (parts < 2) return;
+  double mean = 0.0, square = 0.0;
+  for (std::size_t i = 0; i < parts; ++i) mean += (after.parts[i] - before.parts[i]) / static_cast<double>(parts);
+  for (std::size_t i = 0; i < parts; ++i) square += std::pow(after.parts[i] - before.parts[i] - mean, 2);
+  result.after.heldout_std = std::sqrt(square * static_cast<double>(parts) / static_cast<double>(parts - 1));
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/subset.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <numeric>
+
+#include "rangecal/core/random.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+template <typename T>
+std::vector<T> taken(const std::vector<T>& values, const std::vector<int>& order) {
+  std::vector<T> result;
+  if (values.empty()) return result;
+  result.reserve(order.size());
+  for (int i : order) result.push_back(values[static_cast<std::size_t>(i)]);
+  return result;
+}
+
+}  // namespace
+
+Rows without_cells(const Rows& rows, const std::vector<char>& out) {
+  std::vector<int> cells, kept;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    if (out[static_cast<std::size_t>(c)]) continue;
+    cells.push_back(c);
+    for (int i = rows.cell_begin[c]; i < rows.cell_begin[c + 1]; ++i) kept.push_back(i);
+  }
+  Rows part;
+  part.context = rows.context;
+  part.pairs = rows.pairs;
+  part.stop = taken(rows.stop, kept);
+  part.landmark = taken(rows.landmark, kept);
+  part.repeat = taken(rows.repeat, kept);
+  part.file_row = taken(rows.file_row, kept);
+  part.range_m = taken(rows.range_m, kept);
+  part.bearing_rad = taken(rows.bearing_rad, kept);
+  part.time_s = taken(rows.time_s, kept);
+  part.radius_m = taken(rows.radius_m, kept);
+  part.heading_rad = taken(rows.heading_rad, kept);
+  const std::size_t columns = rows.context.covariates.size();
+  for (int i : kept)
+    part.covariates.insert(part.covariates.end(), rows.covariates.begin() + static_cast<std::ptrdiff_t>(i * columns),
+                           rows.covariates.begin() + static_cast<std::ptrdiff_t>((i + 1) * columns));
+  part.cell_count = static_cast<int>(cells.size());
+  part.cell_begin.push_back(0);
+  for (int c : cells) {
+    const int count = rows.cell_begin[c + 1] - rows.cell_begin[c];
+    part.cell.insert(part.cell.end(), static_cast<std::size_t>(count), static_cast<int>(part.cell_begin.size()) - 1);
+    part.cell_begin.push_back(part.cell_begin.back() + count);
+  }
+  part.problem = rows.problem;
+  Cells& p = part.problem.cells;
+  for (auto member : {&Cells::stop, &Cells::landmark}) p.*member = taken(rows.problem.cells.*member, cells);
+  for (auto member : {&Cells::count, &Cells::range_weight, &Cells::bearing_weight, &Cells::range_mean, &Cells::range_mean_square,
+                      &Cells::bearing_mean, &Cells::bearing_mean_square, &Cells::radius_m})
+    p.*member = taken(rows.problem.cells.*member, cells);
+  p.stop_begin.assign(rows.problem.stops.size() + 1, 0);
+  for (int stop : p.stop) ++p.stop_begin[static_cast<std::size_t>(stop) + 1];
+  std::partial_sum(p.stop_begin.begin(), p.stop_begin.end(), p.stop_begin.begin());
+  part.problem.readings = std::accumulate(p.count.begin(), p.count.end(), 0.0);
+  if (rows.pairs) part.nll_offset = -part.problem.readings * (0.5 * std::log(2.0 * std::numbers::pi) + 0.5);
+  return part;
+}
+
+double laplace_value(const Rows& rows, const Model& model, JointState& state) {
+  double value = std::numeric_limits<double>::quiet_NaN();
+  for (int round = 0; round < (model.empty() ? 1 : 2); ++round) {  // the second with the effects at the new stops
+    const WorkingProblem working = working_problem(rows, model, state);
+    JointState start = state;
+    for (std::size_t k = 0; k < start.stops.size(); ++k) {
+      const StopPrior& prior = working.problem.stops[k];
+      if (prior.sigma_heading_rad == 0.0) start.stops[k].heading_rad = prior.commanded.heading_rad;
+      if (prior.sigma_xy_m == 0.0) {
+        start.stops[k].x_m = prior.commanded.x_m;
+        start.stops[k].y_m = prior.commanded.y_m;
+      }
+    }
+    const LaplaceValue laplace = laplace_marginal(working.problem, start);
+    if (!laplace.ok) return std::numeric_limits<double>::quiet_NaN();
+    state = laplace.state;
+    value = laplace.marginal_nll + working.constant;
+  }
+  return value;
+}
+
+std::vector<int> folds_of(const Rows& rows, const std::vector<int>& block_of_cell, int folds) {
+  const int blocks = block_of_cell.empty() ? 0 : 1 + *std::max_element(block_of_cell.begin(), block_of_cell.end());
+  std::vector<int> order(static_cast<std::size_t>(blocks)), fold_of_block(static_cast<std::size_t>(blocks));
+  std::iota(order.begin(), order.end(), 0);
+  const auto hash = [](int block) { return seed_from("held out", {static_cast<std::uint64_t>(block)}); };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return hash(a) < hash(b); });
+  for (int rank = 0; rank < blocks; ++rank) fold_of_block[static_cast<std::size_t>(order[rank])] = rank % folds;
+  std::vector<int> fold(block_of_cell.size());
+  for (std::size_t c = 0; c < fold.size(); ++c) fold[c] = fold_of_block[static_cast<std::size_t>(block_of_cell[c])];
+  if (rows.pairs) return fold;
+  const Cells& cells = rows.problem.cells;
+  for (int l = 0; l < rows.problem.landmark_count(); ++l)
+    for (int f = 0; f < folds; ++f) {
+      const auto left = [&](std::size_t c) { return cells.landmark[c] == l && fold[c] != f; };
+      int kept = 0;
+      for (std::size_t c = 0; c < fold.size(); ++c) kept += left(c);
+      for (std::size_t c = 0; kept < 3 && c < fold.size(); ++c)
+        if (cells.landmark[c] == l && fold[c] == f) {
+          fold[c] = -1;
+          ++kept;
+        }
+    }
+  return fold;
+}
+
+std::vector<int> blocks_of(const Rows& rows, BlockKind kind) {
+  std::vector<int> block(static_cast<std::size_t>(rows.cell_count));
+  if (kind == BlockKind::cells) {
+    std::iota(block.begin(), block.end(), 0);
+  } else if (kind == BlockKind::stops) {  // stops of one place stand and fall together
+    std::map<int, int> number;
+    for (std::size_t c = 0; c < block.size(); ++c) {
+      const int place = rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].place;
+      block[c] = number.emplace(place, static_cast<int>(number.size())).first->second;
+    }
+  } else {
+    std::map<double, int> batch;
+    for (std::size_t c = 0; c < block.size(); ++c) {
+      const double d = -rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].commanded.x_m;
+      block[c] = batch.emplace(d, static_cast<int>(batch.size())).first->second;
+    }
+    if (batch.size() < 5 || batch.size() > block.size() / 3) {
+      constexpr std::size_t parts = 25;
+      std::vector<int> order(block.size());
+      std::iota(order.begin(), order.end(), 0);
+      if (rows.context.duration_s > 0.0)
+        std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return rows.time_s[a] < rows.time_s[b]; });
+      for (std::size_t rank = 0; rank < order.size(); ++rank)
+        block[static_cast<std::size_t>(order[rank])] = static_cast<int>(rank * parts / order.size());
+    }
+  }
+  return block;
+}
+
+}  // namespace rangecal::diagnosis
