@@ -111,7 +111,8 @@ struct CorrectCommand {
   int run() const {
     if (roots != "ls" && roots != "ml") throw InputError("--roots is '" + roots + "', not ls or ml");
     const Calibration loaded = load_calibration(calibration);
-    if (!is_usable(loaded.outcome))
+    const bool open_curve = loaded.outcome == Outcome::unobservable && !loaded.alpha_covariance;
+    if (!is_usable(loaded.outcome) || open_curve)
       throw InputError(calibration + ": its outcome is " + to_string(loaded.outcome) + ", so it cannot correct readings");
     if (!loaded.effects.empty())
       throw InputError(calibration + ": holds the effect " + loaded.effects.begin()->first +

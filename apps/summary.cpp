@@ -195,11 +195,13 @@ std::string change_page(const Calibration& before, const Calibration& after) {
 std::string numerics_page(const CalibrationReport& report, const Calibration& c, std::span<const Recording> recordings) {
   std::string page = "\nNumerics\n";
   const auto line = [&](const std::string& text) { page += "  " + wrapped(text, 4) + "\n"; };
-  for (std::size_t j = 0; j < c.noise_estimates.size(); ++j)
+  const bool numbers = has_answer(c) || c.outcome == Outcome::not_converged;
+  for (std::size_t j = 0; numbers && j < c.noise_estimates.size(); ++j)
     line(fmt::format("{} = {} {}", c.noise.law == NoiseLaw::polynomial ? fmt::format("beta_{}", j) : "sigma_e",
                      with_std(c.noise_estimates[j].value, c.noise_estimates[j].std_dev),
                      law_unit(c.noise.law, static_cast<int>(j))));
   for (const LandmarkEstimate& l : c.landmarks) {
+    if (!numbers) break;
     std::optional<double> x, y;
     if (l.covariance) {
       x = std::sqrt((*l.covariance)(0, 0));

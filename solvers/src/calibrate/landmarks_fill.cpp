@@ -178,8 +178,13 @@ std::optional<std::string> what_is_open(const LandmarksJob& job, const JointStat
   return std::nullopt;
 }
 
-void mark_open(const std::string& what, Calibration& calibration) {
-  if (calibration.alpha.size() == 0 || calibration.outcome == Outcome::failed) return;
+void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state, Calibration& calibration) {
+  if (calibration.outcome == Outcome::too_few_data) return;
+  if (calibration.alpha.size() == 0) {
+    calibration.alpha = state.alpha;
+    calibration.noise = state.noise;
+    fill_range(job.problem, state, calibration);
+  }
   calibration.outcome = Outcome::unobservable;
   calibration.reason = what;
   calibration.alpha_covariance.reset();

@@ -50,8 +50,9 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
 /// the expected information at `state`) beyond a quarter of the distance. None where f is determined.
 std::optional<std::string> what_is_open(const LandmarksJob& job, const JointState& state);
 
-/// Turns a calibration into the outcome `unobservable`, standard deviations removed.
-void mark_open(const std::string& what, Calibration& calibration);
+/// Turns a calibration into the outcome `unobservable`, standard deviations removed; where it had no curve it gets that
+/// of `state`, one of the many that explain the readings. `too_few_data` stays.
+void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state, Calibration& calibration);
 
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);

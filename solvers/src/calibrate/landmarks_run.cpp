@@ -101,7 +101,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   for (Calibration& calibration : report.calibrations) score(job, sigma_s, sigma_theta, calibration);
   const std::optional<JointState> at = run.best_state ? run.best_state : run.seed();
   if (const auto open = at ? what_is_open(job, *at) : std::nullopt)
-    for (Calibration& calibration : report.calibrations) mark_open(*open, calibration);
+    for (Calibration& calibration : report.calibrations) mark_open(job, *open, *at, calibration);
   if (options.check && !job.problem.estimate_sigma_s && run.seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
     report.check = check_joint(job, *run.seed(), *run.full());

@@ -91,10 +91,10 @@ TruthScore score_against_truth(std::span<const Recording> recordings, const Cali
   if (score.landmarks > 0) score.landmark_rmse_m = std::sqrt(square / score.landmarks);
   if (strained > 0) score.landmark_strain = std::sqrt(strain / strained);
   score.readings = sums.readings;
-  if (sums.readings > 0 && sums.corrected > 0.0) {
+  if (sums.readings > 0) {
     score.rmse_raw_m = std::sqrt(sums.raw / sums.readings);
     score.rmse_corrected_m = std::sqrt(sums.corrected / sums.readings);
-    score.mse_ratio = sums.raw / sums.corrected;
+    if (sums.corrected > 0.0) score.mse_ratio = sums.raw / sums.corrected;
   }
   return score;
 }

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/calibrate.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
+#include "rangecal/solvers/calibrate/residual_check.hpp"
+#include "rangecal/solvers/calibrate/truth_score.hpp"
+
+namespace rangecal {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// K stops 0.3 m apart on the x axis, landmarks given, noise 0.01 f^2, bearings 0.5 degrees.
+Scene scene_with(int stops, std::vector<Eigen::Vector2d> positions, int repeats) {
+  Scene scene;
+  scene.sensor = {"demo", "triangulation", 0.05, 20.0};
+  scene.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
+  scene.noise.law = NoiseLaw::f_squared;
+  scene.noise.parameters = Eigen::VectorXd::Constant(1, 0.01);
+  scene.sigma_theta_rad = 0.0087;
+  for (int k = 0; k < stops; ++k) {
+    Stop stop;
+    stop.label = std::to_string(k);
+    stop.commanded = {0.3 * k, 0.0, 0.0};
+    scene.stops.push_back(stop);
+  }
+  for (std::size_t l = 0; l < positions.size(); ++l) scene.landmarks.push_back({"T" + std::to_string(l + 5), 0.0, {}});
+  scene.positions = positions;
+  scene.repeats = repeats;
+  return scene;
+}
+
+const std::vector<Eigen::Vector2d> around{{0.4, 0.7}, {1.6, -0.6}, {2.3, 1.7}, {0.9, -2.3}, {2.5, 4.1}};
+
+std::vector<Calibration> all_methods(const Recording& recording) {
+  CalibrateOptions options;
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  return calibrate(std::span(&recording, 1), options);
+}
+
+TEST(Calibrate, FourMethodsWithEveryField) {
+  const Recording recording = simulate(scene_with(10, around, 10), seed_from("four methods"));
+  const std::vector<Calibration> all = all_methods(recording);
+  ASSERT_EQ(all.size(), 4u);
+  for (const Calibration& c : all) {
+    EXPECT_EQ(c.outcome, Outcome::converged) << to_string(c.method) << c.reason;
+    EXPECT_EQ(c.order(), 2);
+    ASSERT_TRUE(c.alpha_covariance) << to_string(c.method);
+    EXPECT_TRUE(c.sigma_theta_rad && c.sigma_theta_rad->std_dev);
+    EXPECT_TRUE(c.joint_nll && c.marginal_nll && c.aic);
+    EXPECT_EQ(c.counts.used, 500);
+    ASSERT_EQ(c.landmarks.size(), 5u);
+    EXPECT_EQ(c.landmarks[2].label, "T7");
+    EXPECT_GT(c.range_max_m, 3.0);
+  }
+  EXPECT_EQ(all[3].stops.size(), 10u);
+  EXPECT_EQ(all[3].stops[4].label, "4");
+}
+
+TEST(Calibrate, OrderAndLawAreChosenByAic) {
+  const Recording recording = simulate(scene_with(20, around, 10), seed_from("choice"));
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
+  ASSERT_EQ(report.calibrations.size(), 1u);
+  EXPECT_EQ(report.calibrations[0].noise.law, NoiseLaw::f_squared);
+  EXPECT_GE(report.calibrations[0].order(), 2);   // order 1 is tens of nats worse; AIC may take one order too many
+  EXPECT_GE(report.models.size(), 7u);
+  for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 0.05);
+}
+
+TEST(Calibrate, FromStartsThereAndEndsAtTheSameOptimum) {
+  const Recording recording = simulate(scene_with(10, around, 5), seed_from("from"));
+  CalibrateOptions options;
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  options.methods = {Method::marginal};
+  const Calibration first = calibrate(std::span(&recording, 1), options)[0];
+  options.from = first;
+  const Calibration again = calibrate(std::span(&recording, 1), options)[0];
+  EXPECT_NEAR(*again.marginal_nll, *first.marginal_nll, 1e-7);
+}
+
+TEST(Calibrate, SigmaOfTheStopsIsEstimatedByMarginalOnly) {
+  Recording recording = simulate(scene_with(40, around, 4), seed_from("sigma_s"));
+  recording.estimate_sigma_xy = true;
+  const std::vector<Calibration> all = all_methods(recording);
+  EXPECT_EQ(all[2].outcome, Outcome::unbounded);
+  EXPECT_THAT(all[2].reason, HasSubstr("marginal"));
+  EXPECT_EQ(all[2].alpha.size(), 0);
+  ASSERT_EQ(all[3].outcome, Outcome::converged) << all[3].reason;
+  ASSERT_TRUE(all[3].sigma_s_m && all[3].sigma_s_m->std_dev);
+  EXPECT_LT(std::abs(all[3].sigma_s_m->value - 0.01), 4.0 * *all[3].sigma_s_m->std_dev);   // truth: 1 cm
+
+  CalibrateOptions options;
+  options.methods = {Method::full};
+  EXPECT_THROW(calibrate(std::span(&recording, 1), options), InputError);
+}
+
+TEST(Calibrate, LandmarkThatNobodySeesIsLeftOutAndNamed) {
+  Recording recording = simulate(scene_with(10, around, 5), seed_from("unseen"));
+  recording.landmarks.insert(recording.landmarks.begin(), Landmark{"ghost", 0.0, {}});
+  recording.truth.landmarks.insert(recording.truth.landmarks.begin(), std::nullopt);
+  for (int& l : recording.readings.landmark) ++l;
+  const CalibrationReport report = calibrate_report(std::span(&recording, 1), {});
+  EXPECT_EQ(report.calibrations[3].outcome, Outcome::converged) << report.calibrations[3].reason;
+  EXPECT_EQ(report.calibrations[3].landmarks.size(), 5u);
+  ASSERT_FALSE(report.notes.empty());
+  EXPECT_THAT(report.notes[0], HasSubstr("ghost"));
+}
+
+TEST(Calibrate, KindsDoNotMixAndNoneIsNothing) {
+  const Recording landmarks = simulate(scene_with(10, around, 1), seed_from("mix"));
+  Recording pairs;
+  pairs.kind = RecordingKind::pairs;
+  const std::vector<Recording> mixed{landmarks, pairs};
+  EXPECT_THROW(calibrate(mixed), InputError);
+  EXPECT_THROW(calibrate(std::span<const Recording>()), InputError);
+}
+
+// The recordings that a curve cannot be had from.
+
+TEST(Degenerate, TwoStops) {
+  for (const Calibration& c : all_methods(simulate(scene_with(2, around, 5), seed_from("two stops")))) {
+    EXPECT_EQ(c.outcome, Outcome::too_few_data) << to_string(c.method);
+    EXPECT_EQ(c.alpha.size(), 0);
+  }
+}
+
+TEST(Degenerate, TwoLandmarksWithoutRepeatsHaveNoJointMaximum) {
+  const std::vector<Calibration> all =
+      all_methods(simulate(scene_with(10, {around[0], around[1]}, 1), seed_from("two landmarks")));
+  EXPECT_EQ(all[2].outcome, Outcome::unbounded);
+  EXPECT_EQ(all[2].alpha.size(), 0);
+  EXPECT_THAT(all[2].reason, HasSubstr("sigma"));
+  EXPECT_EQ(all[3].outcome, Outcome::converged) << all[3].reason;   // the marginal likelihood is bounded
+}
+
+TEST(Degenerate, LandmarksAndPathOnOneLine) {
+  for (std::uint64_t seed = 0; seed < 5; ++seed) {
+    const Recording recording =
+        simulate(scene_with(10, {{4.0, 0.0}, {5.0, 0.0}, {6.0, 0.0}, {4.5, 0.0}}, 5), seed_from("collinear", {seed}));
+    for (const Calibration& c : all_methods(recording)) {
+      EXPECT_TRUE(c.outcome == Outcome::unobservable || c.outcome == Outcome::too_few_data)
+          << to_string(c.method) << " " << to_string(c.outcome) << " seed " << seed;
+      EXPECT_FALSE(c.alpha_covariance);
+    }
+  }
+}
+
+TEST(Degenerate, AllAtOneDistance) {
+  Scene scene = scene_with(4, {{2.0, 0.0}, {0.0, 2.0}, {-2.0, 0.0}, {0.0, -2.0}}, 5);
+  for (int k = 0; k < 4; ++k) scene.stops[k].commanded = {0.01 * (k % 2), 0.01 * (k / 2), 0.0};
+  for (std::uint64_t seed = 0; seed < 5; ++seed)
+    for (const Calibration& c : all_methods(simulate(scene, seed_from("one distance", {seed})))) {
+      EXPECT_TRUE(c.outcome == Outcome::unobservable || c.outcome == Outcome::too_few_data)
+          << to_string(c.method) << " " << to_string(c.outcome) << " seed " << seed;
+      EXPECT_FALSE(c.alpha_covariance);
+    }
+}
+
+TEST(Degenerate, DirectionIsNamedByLabel) {
+  const Recording recording =
+      simulate(scene_with(10, {{4.0, 0.0}, {5.0, 0.0}, {6.0, 0.0}, {4.5, 0.0}}, 5), seed_from("collinear", {0}));
+  EXPECT_THAT(all_methods(recording)[3].weakest_direction, HasSubstr("of landmark T"));
+}
+
+TEST(TruthScore, NoiseFreeCalibrationScoresItsBias) {
+  // One landmark seen at d = 1 and d = 2 by f(d) = 0.1 + d; the calibration has f exactly, the landmark 3 cm off in x.
+  Recording recording;
+  recording.stops.resize(2);
+  recording.stops[0].label = "a";
+  recording.stops[1].label = "b";
+  recording.stops[1].commanded.x_m = -1.0;
+  recording.landmarks = {{"L", 0.0, {}}};
+  recording.readings.stop = {0, 1};
+  recording.readings.landmark = {0, 0};
+  recording.readings.range_m = {1.1, 2.1};
+  recording.readings.bearing_rad = {0.0, 0.0};
+  recording.truth.landmarks = {Eigen::Vector2d(1.0, 0.0)};
+  recording.truth.stops = {Pose2{0.0, 0.0, 0.0}, Pose2{-1.0, 0.0, 0.0}};
+  Calibration c;
+  c.outcome = Outcome::converged;
+  c.alpha = Eigen::Vector2d(0.1, 1.0);
+  c.noise.law = NoiseLaw::constant;
+  c.range_min_m = 0.5;
+  c.range_max_m = 3.0;
+  c.landmarks = {{0, "L", {1.03, 0.0}, Eigen::Matrix2d::Identity() * 1e-4}};
+  const TruthScore score = score_against_truth(std::span(&recording, 1), c);
+  EXPECT_NEAR(*score.landmark_rmse_m, 0.03, 1e-12);
+  EXPECT_NEAR(*score.landmark_strain, std::sqrt(0.5 * 0.03 * 0.03 / 1e-4), 1e-9);   // sqrt(e^2 / (2 sigma^2))
+  EXPECT_NEAR(score.rmse_raw_m, 0.1, 1e-12);
+  EXPECT_LT(score.rmse_corrected_m, 1e-9);
+  EXPECT_FALSE(score.estimated_stops);
+}
+
+TEST(ResidualCheck, CountsWhatLiesBeyondFourSigma) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.pairs.true_m.assign(1000, 2.0);
+  recording.pairs.reading_m.assign(1000, 2.0);
+  Calibration c;
+  c.alpha = Eigen::Vector2d(0.0, 1.0);
+  c.noise.law = NoiseLaw::constant;   // sigma = 0.01 m: the limit is 2.04 m
+  recording.pairs.reading_m[0] = 2.039;
+  EXPECT_EQ(check_residuals(std::span(&recording, 1), c).range_outliers, 0);
+  for (int i = 0; i < 5; ++i) recording.pairs.reading_m[i] = 2.041;
+  const ResidualCheck check = check_residuals(std::span(&recording, 1), c);
+  EXPECT_EQ(check.range_outliers, 5);
+  EXPECT_TRUE(check.suspicious());
+}
+
+}  // namespace
+}  // namespace rangecal
