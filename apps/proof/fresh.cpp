@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "fresh.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <mutex>
+
+#include "rangecal/problems/world/physical/experiments.hpp"
+#include "twins.hpp"
+
+namespace rangecal::proof {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+Diagnosis ask(const Diagnose& diagnose, const Recording& recording, const DiagnoseOptions& options, double& seconds) {
+  const Clock::time_point begin = Clock::now();
+  Diagnosis out = diagnose(std::span<const Recording>(&recording, 1), options);
+  seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+  return out;
+}
+
+/// Only what the row scores is asked for; the row for speed asks for all.
+DiagnoseOptions options_for(const std::string& row) {
+  DiagnoseOptions options;
+  if (row == "speed") return options;
+  options.held_out = row == "lambda-100" || row == "lambda-400";
+  options.unseen = row == "absorbed";
+  options.next_experiments = row == "experiment";
+  return options;
+}
+
+/// An experiment of the menu after which none of the other sets leaves less than what tells it from the truth.
+bool menu_separates(const Case& c, const std::vector<std::vector<std::string>>& sets) {
+  for (const world::Experiment& experiment : world::experiments()) {
+    const std::string code = experiment.code;
+    if (code == "E7" || code == "E10" || code == "E11" || code == "E12") continue;  // they take effects away, or repeat
+    const SeedModel model(world::carry_out(c.clean, code));
+    const Signatures signatures(model, c.seed);
+    const Signal signal = projected(model, world::carry_out(c.planted, code));
+    bool all = true;
+    for (const std::vector<std::string>& set : sets) all = all && (set == c.truth || signatures.left(signal, set) >= 14.0);
+    if (all) return true;
+  }
+  return false;
+}
+
+void try_experiment(Score& score, const Case& c, const Diagnosis& diagnosis, const Diagnose& diagnose) {
+  if (score.result != Answer::right_set) return;  // nothing to shrink
+  const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
+  const auto settles = [&](const NextExperiment& next) {
+    return std::any_of(next.settles.begin(), next.settles.end(), [&](const std::string& id) {
+      return std::any_of(sets.begin(), sets.end(), [&](const std::vector<std::string>& set) {
+        return std::find(set.begin(), set.end(), id) != set.end();
+      });
+    });
+  };
+  const auto proposed = std::find_if(diagnosis.next_experiments.begin(), diagnosis.next_experiments.end(), settles);
+  const bool proposes = proposed != diagnosis.next_experiments.end();
+  if (!menu_separates(c, sets)) {
+    score.experiment = "none";
+    score.experiment_good = !proposes;
+    return;
+  }
+  score.experiment = proposes ? proposed->code : "nothing proposed";
+  score.experiment_good = false;
+  if (!proposes) return;
+  const auto& menu = world::experiments();
+  if (std::none_of(menu.begin(), menu.end(), [&](const auto& e) { return proposed->code == e.code; })) return;
+  DiagnoseOptions options = options_for("");
+  double seconds = 0.0;
+  const Diagnosis after =
+      ask(diagnose, record(c, world::carry_out(c.planted, proposed->code), 1), options, seconds);
+  const std::vector<std::vector<std::string>> now = answer_sets(after);
+  const bool gone = proposed->code == "E10" || proposed->code == "E11" || proposed->code == "E12";
+  score.experiment_good = (now.size() == 1 && now[0] == c.truth) || (gone && now.empty());
+}
+
+Score diagnose_case(const Case& c, bool oracle, const Diagnose& diagnose) {
+  DiagnoseOptions options = options_for(c.row);
+  double seconds = 0.0;
+  if (c.row.starts_with("simulation-")) {
+    DiagnoseOptions plain = options_for("");
+    options.simulation = ask(diagnose, record(c, c.clean, 2), plain, seconds).baseline;
+  }
+  const Recording recording = record(c, c.planted);
+  Diagnosis diagnosis = ask(diagnose, recording, options, seconds);
+  if (c.row == "closed-loop") {
+    options.simulation = diagnosis.corrected;
+    diagnosis = ask(diagnose, recording, options, seconds);
+  }
+  Score out = score(c, diagnosis);
+  out.seconds = seconds;
+  if (c.row == "closed-loop")
+    out.result = diagnosis.verdict == Verdict::no_mismatch ? Answer::quiet : Answer::false_alarm;
+  const bool gains = c.row == "lambda-100" || c.row == "lambda-400" || c.row == "noise-50";
+  if (oracle && gains && diagnosis.verdict == Verdict::explained) add_gain(out, c, recording, diagnosis, diagnose);
+  if (c.row == "experiment") try_experiment(out, c, diagnosis, diagnose);
+  return out;
+}
+
+struct Job {
+  std::string row, design;
+  int index = 0;
+};
+
+std::vector<Job> jobs_of(const FreshOptions& options) {
+  std::vector<Job> jobs;
+  const std::vector<std::string>& rows = options.rows.empty() ? row_names() : options.rows;
+  const bool both = options.design == "both";
+  for (const std::string& row : rows) {
+    int count = options.worlds;
+    if (row == "clean") count = (both ? 2 : 1) * ((5 * options.worlds + 2) / 3);
+    if (row == "simulation-alike" || row == "simulation-alpha" || row == "closed-loop")
+      count = (2 * options.worlds + 2) / 3;
+    if (row == "speed") count = std::min(options.worlds, 40);
+    for (int i = 0; i < count; ++i)
+      jobs.push_back({row, both ? (i % 2 == 0 ? "line" : "turning") : options.design, i});
+  }
+  return jobs;
+}
+
+}  // namespace
+
+void add_gain(Score& score, const Case& c, const Recording& recording, const Diagnosis& diagnosis,
+              const Diagnose& diagnose) {
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  options.force = c.truth;
+  double seconds = 0.0;
+  const Diagnosis oracle = ask(diagnose, recording, options, seconds);
+  const double reached = diagnosis.before.nll - diagnosis.after.nll, possible = diagnosis.before.nll - oracle.after.nll;
+  if (!(possible > 0.0)) return;
+  score.gain_ratio = reached / possible;
+  score.gain_excess_nats = reached - possible;
+}
+
+Score run_case(const std::string& row, std::uint64_t seed, int index, const std::string& design, bool oracle,
+               const Diagnose& diagnose, std::vector<std::string>* out_of_reach) {
+  const Case c = draw_case(row, seed, index, design);
+  if (out_of_reach) *out_of_reach = c.out_of_reach;
+  try {
+    return diagnose_case(c, oracle, diagnose);
+  } catch (const std::exception& error) {
+    const Diagnosis nothing;
+    Score out = score(c, nothing);
+    if (c.truth.empty()) out.result = Answer::false_alarm;
+    if (c.row == "absorbed" || c.row == "closed-loop") out.result = Answer::false_alarm;
+    out.answer = "threw";
+    out.error = error.what();
+    return out;
+  }
+}
+
+FreshResult run_fresh(const FreshOptions& options, const Diagnose& diagnose) {
+  const std::vector<Job> jobs = jobs_of(options);
+  FreshResult out;
+  out.scores.resize(jobs.size());
+  std::vector<std::vector<std::string>> unreached(jobs.size());
+  std::atomic<int> done{0};
+  std::mutex reporting;
+  const auto run = [&](std::size_t i) {
+    const Job& job = jobs[i];
+    out.scores[i] =
+        run_case(job.row, options.seed, job.index, job.design, options.oracle, diagnose, &unreached[i]);
+    const int now = ++done;
+    if (!options.progress) return;
+    const std::lock_guard<std::mutex> lock(reporting);
+    options.progress(now, static_cast<int>(jobs.size()));
+  };
+  // Small tasks, so that slow worlds do not leave a core idle; those for speed one by one.
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, jobs.size(), 1), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i != range.end(); ++i)
+      if (jobs[i].row != "speed") run(i);
+  }, tbb::simple_partitioner{});
+  for (std::size_t i = 0; i < jobs.size(); ++i)
+    if (jobs[i].row == "speed") run(i);
+  for (const auto& names : unreached)
+    for (const std::string& name : names) ++out.out_of_reach[name];
+  return out;
+}
+
+}  // namespace rangecal::proof

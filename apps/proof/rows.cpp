@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/physical/designs.hpp"
+#include "rangecal/problems/world/physical/plants.hpp"
+#include "twins.hpp"
+
+namespace rangecal::proof {
+namespace {
+
+using world::EffectClass;
+using world::EffectInfo;
+
+template <typename Condition>
+std::vector<std::string> ids(const Condition& wanted) {
+  std::vector<std::string> out;
+  for (const EffectInfo& info : world::effect_table())
+    if (wanted(info)) out.push_back(info.id);
+  return out;
+}
+
+std::vector<std::string> candidates(const std::string& row, const std::string& design) {
+  const bool line = design == "line";
+  if (row == "noise-50")
+    return ids([](const EffectInfo& e) {
+      return e.catalogued && e.effect_class != EffectClass::mean && e.effect_class != EffectClass::absorbed;
+    });
+  if (row == "outside") return ids([](const EffectInfo& e) { return !e.catalogued; });
+  if (row == "absorbed") {
+    std::vector<std::string> out{"range_offset", "range_scale", "laser_pointing", "odometry_scale"};
+    if (line) out.insert(out.end(), {"lever_arm", "tilt", "radius_scale", "arc_definition"});
+    return out;
+  }
+  if (row == "twins") {
+    std::vector<std::string> out{"bearing_offset", "bearing_drift", "heading_drift"};
+    if (!line) out.insert(out.end(), {"radius_scale", "arc_definition"});
+    return out;
+  }
+  if (row == "simulation-alpha") return {"range_offset", "range_scale", "laser_pointing"};
+  if (row == "experiment")
+    return {"target_reflectance", "landmark_radius", "bearing_offset",  "bearing_drift", "heading_drift",
+            "path_curvature",     "sweep_motion",    "arc_definition",  "radius_scale",  "range_eccentricity",
+            "encoder_eccentricity", "lever_arm",     "warmup_drift",    "beam_offset"};
+  return ids([](const EffectInfo& e) { return e.catalogued && e.effect_class == EffectClass::mean; });
+}
+
+double target_of(const std::string& row) {
+  if (row == "noise-50") return 50.0;
+  if (row == "outside" || row == "simulation-alpha") return 400.0;
+  if (row == "pair") return 250.0;
+  return row.starts_with("lambda-") ? std::stod(row.substr(7)) : 100.0;
+}
+
+double any_sign(const EffectInfo& info, Random& random) {
+  const bool one_sided = info.id == "arc_definition" || info.id == "pixel_locking";
+  const bool has_sign = info.effect_class == EffectClass::mean || info.effect_class == EffectClass::absorbed;
+  const bool minus = random.uniform() < 0.5;
+  return minus && has_sign && !one_sided ? -1.0 : 1.0;
+}
+
+void take(Case& c, const std::string& id, const Sized& sized) {
+  c.planted = sized.planted;
+  c.truth = {id};
+  c.sizes = {sized.size};
+  c.value = sized.value;
+}
+
+/// Labels and grids show at any size: one between half and twice the typical.
+Sized free_size(const SeedModel& model, const EffectInfo& info, std::uint64_t effect_seed, double sign, double low,
+                double high, Random& random) {
+  double size = std::min(info.maximum, info.typical * random.uniform(low, high));
+  if (info.effect_class == EffectClass::label) size = std::max(1.0, std::round(size));
+  Random draw(effect_seed);
+  Sized out{sign * size, 0.0, world::apply(model.clean(), info.id, sign * size, draw)};
+  const bool mean = info.effect_class == EffectClass::absorbed || info.effect_class == EffectClass::mean;
+  out.value = mean ? noncentrality(model, out.planted) : oracle_nats(model, out.planted);
+  return out;
+}
+
+std::optional<Sized> draw_size(const std::string& row, const SeedModel& model, const EffectInfo& info,
+                               std::uint64_t effect_seed, Random& random) {
+  const double sign = any_sign(info, random);
+  if (row == "absorbed") {
+    const Sized sized = free_size(model, info, effect_seed, sign, 0.5, 1.0, random);
+    return sized.value < 1.0 ? std::optional<Sized>(sized) : std::nullopt;
+  }
+  if (info.effect_class == EffectClass::label || info.effect_class == EffectClass::grid)
+    return free_size(model, info, effect_seed, sign, 0.5, 2.0, random);
+  const bool mean = info.effect_class == EffectClass::mean || info.effect_class == EffectClass::absorbed;
+  if (row == "simulation-alpha")
+    return size_for(model, info.id, target_of(row), Measure::lambda, effect_seed, sign, &model.state().alpha);
+  if (mean) return size_for(model, info.id, target_of(row), Measure::lambda, effect_seed, sign);
+  const double nats = row == "noise-50" ? target_of(row) : 0.5 * target_of(row);
+  std::optional<Sized> sized = size_for(model, info.id, nats, Measure::nats, effect_seed, sign);
+  if (sized && std::abs(sized->size) < 0.1 * info.typical)  // smaller ones are no such effect
+    return free_size(model, info, effect_seed, sign, 0.1, 0.2, random);
+  return sized;
+}
+
+void draw_single(Case& c, const SeedModel& model, Random& random) {
+  std::vector<std::string> left = candidates(c.row, c.design);
+  while (!left.empty()) {
+    const auto pick = static_cast<std::ptrdiff_t>(random.index(left.size()));
+    const std::string id = left[static_cast<std::size_t>(pick)];
+    left.erase(left.begin() + pick);
+    const EffectInfo& info = world::effect_info(id);
+    c.effect_seed = random.bits();
+    const std::optional<Sized> sized = draw_size(c.row, model, info, c.effect_seed, random);
+    if (sized) {
+      const bool mean = info.effect_class == EffectClass::mean || info.effect_class == EffectClass::absorbed;
+      c.in_nats = !mean;
+      take(c, id, *sized);
+      return;
+    }
+    c.out_of_reach.push_back(id + " (" + c.design + ")");
+  }
+  throw InputError("no effect reaches the target of row '" + c.row + "' in design '" + c.design + "'");
+}
+
+/// Two effects, each of the noncentrality asked for after the other's catalogue signature is projected out too.
+void draw_pair(Case& c, const SeedModel& model, Random& random) {
+  const Signatures signatures(model, c.seed);
+  const std::vector<std::string> all = candidates(c.row, c.design);
+  const double target = target_of(c.row);
+  for (int draw = 0; draw < 400; ++draw) {
+    const std::string names[2] = {all[random.index(all.size())], all[random.index(all.size())]};
+    const std::uint64_t seeds[2] = {random.bits(), random.bits()};
+    const double signs[2] = {any_sign(world::effect_info(names[0]), random),
+                             any_sign(world::effect_info(names[1]), random)};
+    if (names[0] == names[1]) continue;
+    std::optional<Sized> sized[2];
+    double left[2] = {0.0, 0.0};
+    bool reached = true;
+    for (int i = 0; i < 2 && reached; ++i) {
+      sized[i] = size_for(model, names[i], target, Measure::lambda, seeds[i], signs[i]);
+      if (!(reached = sized[i].has_value())) {
+        c.out_of_reach.push_back(names[i] + " (" + c.design + ")");
+        continue;
+      }
+      const std::string other[1] = {names[1 - i]};
+      left[i] = signatures.left(projected(model, sized[i]->planted), other);
+      reached = left[i] > 0.1 * target;  // else the two are near twins, and not two effects to be told
+      if (reached && left[i] < 0.98 * target)
+        sized[i] = size_for(model, names[i], target * target / left[i], Measure::lambda, seeds[i], signs[i]);
+      reached = reached && sized[i].has_value();
+    }
+    if (!reached) continue;
+    Random second(seeds[1]);
+    take(c, names[0], *sized[0]);
+    c.effect_seed = seeds[0];
+    c.planted = world::apply(c.planted, names[1], sized[1]->size, second);
+    c.truth.push_back(names[1]);
+    c.sizes.push_back(sized[1]->size);
+    c.value = target;
+    return;
+  }
+  throw InputError("no pair of effects reaches the target in design '" + c.design + "'");
+}
+
+}  // namespace
+
+const std::vector<std::string>& row_names() {
+  static const std::vector<std::string> names{
+      "clean",  "lambda-30", "lambda-50", "lambda-100",        "lambda-400",       "noise-50",         "absorbed",    "twins",
+      "outside", "pair",     "experiment", "simulation-effect", "simulation-alike", "simulation-alpha", "closed-loop", "speed"};
+  return names;
+}
+
+Case draw_case(const std::string& row, std::uint64_t seed, int index, const std::string& design) {
+  if (std::find(row_names().begin(), row_names().end(), row) == row_names().end())
+    throw InputError("row '" + row + "' is not one of the proof");
+  if (design != "line" && design != "turning") throw InputError("design '" + design + "' is not line or turning");
+  Case c;
+  c.row = row, c.design = design, c.index = index;
+  // Worlds against a simulation, and those for speed, are those of lambda 100: the same draws.
+  const bool same_as_100 = row == "simulation-effect" || row == "closed-loop" || row == "speed";
+  const std::string drawn = same_as_100 ? "lambda-100" : row;
+  std::uint64_t number = 0;
+  while (row_names()[number] != drawn) ++number;
+  c.seed = seed_from("prove", {seed, number, static_cast<std::uint64_t>(index), design == "line" ? 0ULL : 1ULL});
+  Random random(c.seed);
+  c.clean = world::vary(design == "line" ? world::make_line_design() : world::make_turning_design(), random);
+  c.planted = c.clean;
+  if (row == "clean" || row == "simulation-alike") {
+    c.value = noncentrality(c.clean);
+    return c;
+  }
+  const SeedModel model(c.clean);
+  if (row == "pair")
+    draw_pair(c, model, random);
+  else
+    draw_single(c, model, random);
+  return c;
+}
+
+Recording record(const Case& c, const world::World& world, std::uint64_t run) {
+  return world::simulate(world, seed_from("prove.recording", {c.seed, run}));
+}
+
+}  // namespace rangecal::proof

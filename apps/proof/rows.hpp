@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "scoring.hpp"
+
+namespace rangecal::proof {
+
+/// The kinds of worlds that the proof draws.
+///   clean                      nothing planted
+///   lambda-30/-50/-100/-400    one effect on the means, of that noncentrality
+///   noise-50                   noise, tails, dependence, labels, gaps, grids that the oracle sees with 50 nats
+///   absorbed                   what calibration takes up, at half to all of its typical size
+///   twins                      exact twins that show, lambda 100
+///   outside                    outside the catalogue, lambda 400 (200 nats)
+///   pair                       two effects, lambda 250 each after the other
+///   simulation-effect, -alike, -alpha, closed-loop    against a simulation
+///   experiment                 effects with twins, lambda 100, and the experiment that is proposed
+///   speed                      lambda 100, one world after the other
+const std::vector<std::string>& row_names();
+
+/// World number `index` of a row. The same (row, seed, index, design) gives the same world; design "line" or "turning".
+/// Throws InputError for an unknown row or design.
+Case draw_case(const std::string& row, std::uint64_t seed, int index, const std::string& design);
+
+/// The recording of a case: the noise comes from the case's seed; `run` tells several runs apart.
+Recording record(const Case& the_case, const world::World& world, std::uint64_t run = 0);
+
+}  // namespace rangecal::proof

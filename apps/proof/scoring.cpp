@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "scoring.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/problems/world/physical/plants.hpp"
+#include "twins.hpp"
+
+namespace rangecal::proof {
+namespace {
+
+constexpr double told_apart = 7.0;  // noncentrality from which on two effects are not twins
+
+std::vector<std::string> sorted(std::vector<std::string> names) {
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+bool contains(const std::vector<std::string>& all, const std::string& one) {
+  return std::find(all.begin(), all.end(), one) != all.end();
+}
+
+/// Twins by the world: mean effects by their signatures, noise effects by their log variances.
+bool twin_in_world(const Case& c, const std::vector<std::string>& names) {
+  const SeedModel model(c.clean);
+  const Signatures signatures(model, c.seed);
+  const bool mean = std::all_of(c.truth.begin(), c.truth.end(), [](const std::string& id) {
+    const world::EffectClass kind = world::effect_info(id).effect_class;
+    return kind == world::EffectClass::mean || kind == world::EffectClass::absorbed;
+  });
+  if (mean) return signatures.left(projected(model, c.planted), names) < told_apart;
+  return world::effect_info(c.truth.at(0)).effect_class == world::EffectClass::noise &&
+         signatures.variance_left(c.planted, names) < told_apart;
+}
+
+bool is_named(const Diagnosis& diagnosis, const std::string& id) {
+  for (const std::vector<std::string>& twins : diagnosis.twins)
+    if (contains(twins, id)) return true;
+  for (const Unseen& unseen : diagnosis.unseen)
+    if (unseen.effect == id && std::isfinite(unseen.harm_m)) return true;
+  return false;
+}
+
+}  // namespace
+
+const char* to_string(Answer answer) {
+  switch (answer) {
+    case Answer::quiet:
+      return "quiet";
+    case Answer::false_alarm:
+      return "false alarm";
+    case Answer::right_name:
+      return "right name";
+    case Answer::right_set:
+      return "right set";
+    case Answer::wrong_name:
+      return "wrong name";
+    case Answer::wrong_set:
+      return "wrong set";
+    case Answer::missed:
+      return "missed";
+    case Answer::unexplained:
+      return "unexplained";
+  }
+  return "";
+}
+
+std::vector<std::vector<std::string>> answer_sets(const Diagnosis& diagnosis) {
+  if (diagnosis.verdict == Verdict::no_mismatch) return {};
+  if (diagnosis.verdict == Verdict::unexplained) return {{"generic"}};
+  std::vector<std::vector<std::string>> sets{sorted(diagnosis.final_effects)};
+  if (!diagnosis.explanations.empty())
+    for (const std::vector<std::string>& twin : diagnosis.explanations[0].indistinguishable_from)
+      if (const auto names = sorted(twin); std::find(sets.begin(), sets.end(), names) == sets.end())
+        sets.push_back(names);
+  return sets;
+}
+
+std::string in_words(const std::vector<std::vector<std::string>>& sets) {
+  std::string out;
+  for (const std::vector<std::string>& set : sets) {
+    if (!out.empty()) out += " | ";
+    for (std::size_t i = 0; i < set.size(); ++i) out += (i > 0 ? "+" : "") + set[i];
+  }
+  return out.empty() ? "no_mismatch" : out;
+}
+
+Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& truth,
+                const std::function<bool(const std::vector<std::string>&)>& is_twin) {
+  if (truth.empty()) return diagnosis.verdict == Verdict::no_mismatch ? Answer::quiet : Answer::false_alarm;
+  if (diagnosis.verdict == Verdict::no_mismatch) return Answer::missed;
+  if (diagnosis.verdict == Verdict::unexplained) return Answer::unexplained;
+  const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
+  const std::vector<std::string> wanted = sorted(truth);
+  if (sets.size() == 1) return sets[0] == wanted ? Answer::right_name : Answer::wrong_name;
+  if (sets.size() > 3 || std::find(sets.begin(), sets.end(), wanted) == sets.end()) return Answer::wrong_set;
+  for (const std::vector<std::string>& set : sets)
+    if (set != wanted && !is_twin(set)) return Answer::wrong_set;
+  return Answer::right_set;
+}
+
+bool is_located(const Diagnosis& diagnosis, const std::vector<std::string>& truth) {
+  if (diagnosis.location.empty()) return false;
+  const Finding& first = diagnosis.location.front();
+  return std::any_of(truth.begin(), truth.end(), [&](const std::string& id) {
+    const world::EffectInfo& info = world::effect_info(id);
+    return contains(info.channels, first.channel) && contains(info.covariates, first.covariate);
+  });
+}
+
+std::pair<int, int> coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth) {
+  int covered = 0, intervals = 0;
+  if (diagnosis.explanations.empty()) return {0, 0};
+  for (const EffectEstimate& estimate : diagnosis.explanations[0].parameters) {
+    const auto found = truth.find(estimate.name);
+    if (found == truth.end() || !(estimate.std_dev > 0.0)) continue;
+    ++intervals;
+    covered += found->second >= estimate.low95 && found->second <= estimate.high95;
+  }
+  return {covered, intervals};
+}
+
+Score score(const Case& c, const Diagnosis& diagnosis) {
+  Score out;
+  out.row = c.row, out.design = c.design, out.index = c.index, out.seed = c.seed;
+  for (const std::string& id : c.truth) out.planted += (out.planted.empty() ? "" : "+") + id;
+  if (c.truth.empty()) out.planted = "clean";
+  out.size = c.sizes.empty() ? 0.0 : c.sizes[0];
+  out.value = c.value;
+  const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
+  out.answer = in_words(sets);
+  out.set_size = static_cast<int>(sets.size());
+  out.result =
+      classify(diagnosis, c.truth, [&](const std::vector<std::string>& set) { return twin_in_world(c, set); });
+  if (!diagnosis.explanations.empty()) out.probability = diagnosis.explanations[0].probability;
+  out.alarm_p = diagnosis.alarm_p_value;
+  if (!diagnosis.location.empty())
+    out.location = diagnosis.location[0].channel + "/" + diagnosis.location[0].covariate;
+  out.located = is_located(diagnosis, c.truth);
+  const bool named = diagnosis.verdict == Verdict::explained;
+  if (named && out.result == Answer::right_name)
+    std::tie(out.covered, out.intervals) = coverage(diagnosis, c.planted.truth);
+  if (named && diagnosis.before.heldout_nll && diagnosis.after.heldout_nll)
+    out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
+  if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);
+  if (c.truth.size() == 2 && named && sets.size() == 1)
+    out.partly_right = sets[0].size() == 1 && contains(c.truth, sets[0][0]);
+  return out;
+}
+
+}  // namespace rangecal::proof

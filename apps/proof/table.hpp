@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "scoring.hpp"
+
+namespace rangecal::proof {
+
+/// Wilson's 95 % interval of a proportion of `hits` in `trials`: (p + z^2/2n -+ z sqrt(p(1-p)/n + z^2/4n^2)) / (1 + z^2/n),
+/// z = 1.95996. (0, 1) without trials.
+std::pair<double, double> wilson(int hits, int trials);
+
+/// One line of the table.
+struct Line {
+  std::string what, required;
+  int worlds = 0;
+  double figure = 0.0, low = 0.0, high = 0.0;  ///< low > high: a figure without an interval
+  bool met = false, percent = true;
+};
+/// The table of the proof from the scores of its worlds: lines for the rows that were run.
+std::vector<Line> proof_lines(const std::vector<Score>& scores);
+
+/// The table in text: lines, what was missed per row, confusion, set sizes, seconds.
+std::string proof_text(const std::vector<Score>& scores, const std::map<std::string, int>& out_of_reach);
+/// One line per world.
+std::string proof_csv(const std::vector<Score>& scores);
+
+}  // namespace rangecal::proof
