@@ -18,5 +18,6 @@ void add_calibrate(CLI::App& app, Action& chosen);
 void add_compare(CLI::App& app, Action& chosen);
 void add_correct(CLI::App& app, Action& chosen);
 void add_simulate(CLI::App& app, Action& chosen);
+void add_prove(CLI::App& app, Action& chosen);
 
 }  // namespace rangecal::app
