@@ -59,6 +59,7 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
 void Battery::score_rows(const Model& model) {
   double nu = std::numeric_limits<double>::infinity(), range_rho = 0.0, bearing_rho = 0.0;
   for (const ActiveEffect& active : model) {
+    if (active.effect->info().kind == EffectKind::grid) continue;
     nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
     const Dependence dependence = active.effect->dependence(active.parameters.data());
     range_rho += dependence.range_correlation;

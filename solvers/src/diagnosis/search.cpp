@@ -25,6 +25,20 @@ bool is_bookkeeping(EffectKind kind) {
   return kind == EffectKind::grid || kind == EffectKind::label || kind == EffectKind::detection;
 }
 
+bool has_grid(const Bookkeeping& known) {
+  return std::any_of(known.model.begin(), known.model.end(),
+                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::grid; });
+}
+
+/// A question about dependence, tails or spread of a channel whose values sit on a grid.
+bool on_grid(const Bookkeeping& known, const Question& q) {
+  const auto suffix = q.channel.find('_');
+  if (suffix == std::string::npos) return false;
+  return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
+    return f.channel == "grid" && (f.covariate == "range") == (q.channel.substr(0, suffix) == "range");
+  });
+}
+
 struct Proposal {
   const Effect* effect = nullptr;
   Eigen::VectorXd start;
@@ -64,7 +78,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   }
   std::vector<Proposal> order;
   for (auto& [id, p] : best)
-    if (p.promised > 3.0) order.push_back(p);
+    if (p.promised > 3.0) order.push_back(p);  // less cannot pass the battery's rate
   std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
   if (order.size() > shortlist) order.resize(shortlist);
   return order;
@@ -192,7 +206,12 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state);
     battery->effective_questions = result.effective_questions;
-    if (battery->corrected(smallest_log_p(*battery)) < clean_rate) return false;
+    // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and a
+    // further name needs overwhelming evidence.
+    double smallest = 0.0;
+    for (const Question& q : battery->questions)
+      if (!on_grid(known, q)) smallest = std::min(smallest, q.log_p);
+    if (battery->corrected(smallest) < (has_grid(known) ? 1e-5 : clean_rate)) return false;
     // In its own channel and covariate a free curve must find nothing more.
     for (const ActiveEffect& active : candidate.fit.model)
       for (const Question& q : battery->questions)

@@ -126,9 +126,9 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
         working.constant += 2.0 * (std::log(range[j]) - std::log(f));
         range[j] = 2.0 * f - f * f / range[j];
       }
+      bearing[j] = rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - home);
       working.range[i] = range[j];
       working.bearing[i] = bearing[j];
-      bearing[j] = rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - home);
       range_multiplier[j] = std::exp(changes.range_log_variance[i]);
       bearing_multiplier[j] = rows.pairs ? 1.0 : std::exp(changes.bearing_log_variance[i]);
       if (std::isfinite(nu)) {
