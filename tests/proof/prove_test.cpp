@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "proof/fresh.hpp"
+#include "proof/sealed.hpp"
+#include "proof/table.hpp"
+#include "proof/twins.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/problems/world/physical/designs.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace rangecal::proof {
+namespace {
+
+using testing::HasSubstr;
+
+Diagnosis explained(std::vector<std::string> effects, std::vector<std::vector<std::string>> twins = {}) {
+  Diagnosis d;
+  d.verdict = Verdict::explained;
+  d.final_effects = effects;
+  Explanation best;
+  best.effects = effects;
+  best.indistinguishable_from = twins;
+  d.explanations.push_back(best);
+  return d;
+}
+
+bool never(const std::vector<std::string>&) { return false; }
+bool always(const std::vector<std::string>&) { return true; }
+
+TEST(Wilson, ByHand) {
+  // 8 of 10, z = 1.96: centre (0.8 + 0.19207) / 1.38415 = 0.71674, half (1.96 sqrt(0.016 + 0.0096036)) / 1.38415 = 0.22658
+  const auto [low, high] = wilson(8, 10);
+  EXPECT_NEAR(low, 0.4902, 1e-3);
+  EXPECT_NEAR(high, 0.9433, 1e-3);
+  EXPECT_EQ(wilson(0, 0).second, 1.0);
+  EXPECT_NEAR(wilson(0, 300).second, 3.8415 / 303.8415, 1e-4);  // z^2 / (n + z^2)
+}
+
+TEST(Classify, EveryClass) {
+  const std::vector<std::string> truth{"tilt"};
+  const Diagnosis quiet;
+  EXPECT_EQ(classify(quiet, {}, never), Answer::quiet);
+  EXPECT_EQ(classify(quiet, truth, never), Answer::missed);
+  EXPECT_EQ(classify(explained({"tilt"}), {}, never), Answer::false_alarm);
+  EXPECT_EQ(classify(explained({"tilt"}), truth, never), Answer::right_name);
+  EXPECT_EQ(classify(explained({"lever_arm"}), truth, always), Answer::wrong_name);
+  EXPECT_EQ(classify(explained({"lever_arm"}, {{"tilt"}}), truth, always), Answer::right_set);
+  EXPECT_EQ(classify(explained({"lever_arm"}, {{"tilt"}}), truth, never), Answer::wrong_set);
+  EXPECT_EQ(classify(explained({"lever_arm"}, {{"range_scale"}}), truth, always), Answer::wrong_set);
+  EXPECT_EQ(classify(explained({"a"}, {{"b"}, {"c"}, {"tilt"}}), truth, always), Answer::wrong_set);
+  EXPECT_EQ(classify(explained({"tilt", "lever_arm"}), {"lever_arm", "tilt"}, never), Answer::right_name);
+  Diagnosis generic = explained({"generic"});
+  generic.verdict = Verdict::unexplained;
+  EXPECT_EQ(classify(generic, truth, always), Answer::unexplained);
+}
+
+TEST(Coverage, CountsIntervalsThatHaveATruth) {
+  Diagnosis d = explained({"tilt"});
+  d.explanations[0].parameters = {{"tilt.angle_rad", 0.1, 0.01, 0.08, 0.12}, {"tilt.other", 1.0, 0.1, 0.8, 1.2}};
+  EXPECT_EQ(coverage(d, {{"tilt.angle_rad", 0.09}}), std::make_pair(1, 1));
+  EXPECT_EQ(coverage(d, {{"tilt.angle_rad", 0.19}}), std::make_pair(0, 1));
+}
+
+TEST(Twins, ExactTwinsLeaveNothingAndStrangersDo) {
+  const Case c = draw_case("twins", 5, 1, "turning");
+  const SeedModel model(c.clean);
+  const Signatures signatures(model, c.seed);
+  const Signal signal = projected(model, c.planted);
+  const double lambda = signal.squared_norm();
+  EXPECT_NEAR(lambda, 100.0, 3.0);
+  const std::vector<std::string> truth = c.truth, stranger{"pixel_locking"}, nobody{"no_such_effect"};
+  EXPECT_LT(signatures.left(signal, truth), 7.0);
+  EXPECT_GT(signatures.left(signal, stranger), 60.0);
+  EXPECT_NEAR(signatures.left(signal, nobody), lambda, 1e-6 * lambda);
+}
+
+TEST(DrawCase, SameSeedSameWorldOtherSeedOther) {
+  const Case a = draw_case("pair", 7, 3, "line"), b = draw_case("pair", 7, 3, "line"), c = draw_case("pair", 8, 3, "line");
+  EXPECT_EQ(a.truth, b.truth);
+  EXPECT_EQ(a.sizes, b.sizes);
+  EXPECT_EQ(record(a, a.planted).readings.range_m, record(b, b.planted).readings.range_m);
+  EXPECT_NE(a.sizes, c.sizes);
+  EXPECT_EQ(a.truth.size(), 2u);
+  EXPECT_THROW(draw_case("no-row", 1, 0, "line"), InputError);
+}
+
+TEST(Fresh, CountsAnswersAndPrintsTheTable) {
+  // A diagnosis that never alarms is right on clean worlds and misses all others.
+  FreshOptions options;
+  options.worlds = 3, options.seed = 1, options.rows = {"clean", "lambda-100"};
+  const FreshResult result =
+      run_fresh(options, [](std::span<const Recording>, const DiagnoseOptions&) { return Diagnosis{}; });
+  ASSERT_EQ(result.scores.size(), 13u);  // 5 clean worlds a design, 3 others
+  const std::vector<Line> lines = proof_lines(result.scores);
+  EXPECT_EQ(lines[0].what, "clean, line: alarm");
+  EXPECT_TRUE(lines[0].met);
+  EXPECT_EQ(lines[2].figure, 0.0);
+  EXPECT_FALSE(lines[2].met);
+  EXPECT_THAT(proof_text(result.scores, {}), HasSubstr("no_mismatch x"));
+}
+
+TEST(Sealed, ShaOfAbc) {  // FIPS 180-2, appendix B.1
+  EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+}
+
+TEST(Sealed, CommitmentFailsOnAChangedKey) {
+  const test::TemporaryFolder folder;
+  const std::string home = folder.path() + "/sealed";
+  make_concealed(home, 2, 11);
+  const std::vector<std::string> recordings = concealed_recordings(home);
+  ASSERT_EQ(recordings.size(), 2u);
+  const auto silent = [](std::span<const Recording>, const DiagnoseOptions&) { return Diagnosis{}; };
+  const SealedAnswer answer = answer_sealed(recordings[0], silent);
+  EXPECT_NO_THROW(score_sealed(answer, silent));
+  std::string key = read_file(key_file(recordings[0]));
+  key[key.find("nonce") + 10] ^= 1;
+  write_file(key_file(recordings[0]), key);
+  try {
+    open_key(recordings[0]);
+    FAIL() << "a changed key was accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("does not match the commitment"));
+  }
+}
+
+}  // namespace
+}  // namespace rangecal::proof
