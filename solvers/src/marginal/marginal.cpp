@@ -3,6 +3,8 @@
 
 #include <fmt/core.h>
 
+#include <boost/math/tools/minima.hpp>
+
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
@@ -92,7 +94,6 @@ class Marginal {
         value(state);
         return gradient_norm < 1e-4;
       }
-      if (collapsed(state)) return true;
     }
     return false;
   }
@@ -156,10 +157,6 @@ class Marginal {
     return true;
   }
 
-  bool collapsed(const JointState& state) const {
-    return layout().sigma_s >= 0 && *state.sigma_s_m < 1e-6;
-  }
-
  private:
   Eigen::VectorXd sigma_coordinates(const JointState& state) const {
     Eigen::VectorXd s(layout().sigma_count());
@@ -195,8 +192,61 @@ class Marginal {
   double stop_decrement_sq_ = 0.0;
 };
 
-/// Largest sigma_s at which the REML profile has risen by 1.645^2 / 2: the one-sided 95 % limit.
-std::optional<double> upper_limit(const JointProblem& problem, JointState state, const MarginalOptions& options);
+/// The REML criterion l_s + 1/2 log det A, minimised over all but sigma_s, as a function of sigma_s [m]. `options`
+/// without a free sigma_s. Starts where the last value ended; +infinity where there is no optimum.
+class SigmaSProfile {
+ public:
+  SigmaSProfile(const JointProblem& problem, JointState state, const MarginalOptions& options)
+      : problem_(problem), state_(std::move(state)), options_(options) {}
+
+  double operator()(double sigma_s) {
+    JointState at = state_;
+    at.sigma_s_m = sigma_s;
+    Marginal marginal(problem_, at, options_);
+    const Held& held = options_.held;
+    if (!marginal.minimise(at, held, 1e-2)) return infinity;
+    for (int renewal = 0; renewal < 2 && !held.sigmas; ++renewal)
+      if (!marginal.renew_slopes(at, held, renewal == 0) || !marginal.minimise(at, held, 1e-5)) return infinity;
+    const double value = marginal.marginal_nll + marginal.half_log_det_phi(held);
+    if (std::isfinite(value)) state_ = at;
+    return value;
+  }
+  const JointState& state() const { return state_; }
+
+ private:
+  const JointProblem& problem_;
+  JointState state_;
+  MarginalOptions options_;
+};
+
+constexpr double no_sigma_s = 1e-6;  ///< [m]: below any resolution of the data, the stops stand where commanded
+
+/// Largest sigma_s at which the profile has risen by 1.645^2 / 2: the one-sided 95 % limit.
+std::optional<double> upper_limit(SigmaSProfile& profile) {
+  const double rise = 0.5 * 1.6448536 * 1.6448536, floor = profile(no_sigma_s);
+  double low = 1e-5, high = 1e-4;
+  while (high < 10.0 && profile(high) - floor < rise) {
+    low = high;
+    high *= 2.0;
+  }
+  if (high >= 10.0) return std::nullopt;
+  for (int step = 0; step < 12; ++step) {
+    const double middle = std::sqrt(low * high);
+    (profile(middle) - floor < rise ? low : high) = middle;
+  }
+  return std::sqrt(low * high);
+}
+
+/// sigma_s at the minimum of the profile, no_sigma_s where it falls to the end. A fixed point in the slopes creeps here:
+/// slope and likelihood pull sigma_s against each other, and nearly cancel wherever it is small.
+double search_sigma_s(SigmaSProfile& profile) {
+  const auto cost = [&](double log_sigma) {
+    const double value = profile(std::exp(log_sigma));
+    return std::isfinite(value) ? value : 1e100;
+  };
+  const auto [log_sigma, value] = boost::math::tools::brent_find_minima(cost, std::log(1e-5), std::log(1.0), 26);
+  return profile(no_sigma_s) <= value + 1e-7 ? no_sigma_s : std::exp(log_sigma);
+}
 
 }  // namespace
 
@@ -204,6 +254,9 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
   MarginalFit fit;
   fit.state = start;
   if (options.estimate_sigma_s && !fit.state.sigma_s_m) fit.state.sigma_s_m = 0.02;
+  MarginalOptions without = options;
+  without.estimate_sigma_s = false;
+  SigmaSProfile profile(problem, fit.state, without);
   Marginal marginal(problem, start, options);
   const double start_value = marginal.value(fit.state);
   fit.start_nll = marginal.joint_nll;
@@ -211,25 +264,27 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     fit.reason = "the start lies outside the model's domain, or its stops have no optimum";
     return fit;
   }
+  if (options.estimate_sigma_s && !options.held.sigmas) {
+    const double sigma_s = search_sigma_s(profile), nll = fit.start_nll;
+    fit.state = profile.state();
+    fit.state.sigma_s_m = sigma_s;
+    if (sigma_s == no_sigma_s) {
+      fit = solve_marginal(problem, JointState(fit.state), without);
+      fit.start_nll = nll;
+      fit.sigma_s_upper95_m = upper_limit(profile);
+      fit.state.sigma_s_m = 0.0;
+      return fit;
+    }
+  }
   bool converged = false;
   double change = infinity;  // of the slopes, relative; a free sigma_s may be weakly determined and needs them closer
-  const double enough = options.estimate_sigma_s ? 1e-6 : 1e-4, polish_above = options.estimate_sigma_s ? 0.0 : 1e-3;
+  const double enough = options.estimate_sigma_s ? 1e-5 : 1e-4, polish_above = options.estimate_sigma_s ? 0.0 : 1e-3;
   // A first guess of the slopes saves a solve; where it cannot be had, they start at zero.
   if (!options.held.sigmas) marginal.renew_slopes(fit.state, options.held, false);
   for (int outer = 0; outer < options.max_outer; ++outer) {
     const bool last = converged || options.held.sigmas;
     const double tolerance = last ? options.gradient_tolerance : outer == 0 ? 1e-2 : 1e-4;
     const bool settled = marginal.minimise(fit.state, options.held, tolerance);
-    if (marginal.collapsed(fit.state)) {
-      MarginalOptions without = options;
-      without.estimate_sigma_s = false;
-      fit.state.sigma_s_m = 1e-6;  // below any resolution of the data: the stops stand where they were commanded
-      const JointState held = fit.state;
-      fit = solve_marginal(problem, held, without);
-      fit.sigma_s_upper95_m = upper_limit(problem, fit.state, without);
-      fit.state.sigma_s_m = 0.0;
-      return fit;
-    }
     if (last || !settled) {
       converged = settled;
       break;
@@ -253,32 +308,5 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
   describe_covariance(marginal.hessian(fit.state), marginal.layout(), free_globals(marginal.layout(), options.held), fit);
   return fit;
 }
-
-namespace {
-
-std::optional<double> upper_limit(const JointProblem& problem, JointState state, const MarginalOptions& options) {
-  const auto profile = [&](double sigma_s) {
-    JointState at = state;
-    at.sigma_s_m = sigma_s;
-    Marginal marginal(problem, at, options);
-    if (!marginal.minimise(at, options.held, 1e-4) || !marginal.renew_slopes(at, options.held, true)) return infinity;
-    marginal.minimise(at, options.held, 1e-4);
-    return marginal.marginal_nll + marginal.half_log_det_phi(options.held);
-  };
-  const double rise = 0.5 * 1.6448536 * 1.6448536, floor = profile(1e-6);
-  double low = 1e-5, high = 1e-4;
-  while (high < 10.0 && profile(high) - floor < rise) {
-    low = high;
-    high *= 2.0;
-  }
-  if (high >= 10.0) return std::nullopt;
-  for (int step = 0; step < 12; ++step) {
-    const double middle = std::sqrt(low * high);
-    (profile(middle) - floor < rise ? low : high) = middle;
-  }
-  return std::sqrt(low * high);
-}
-
-}  // namespace
 
 }  // namespace rangecal

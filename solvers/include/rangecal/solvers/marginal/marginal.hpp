@@ -37,10 +37,13 @@ struct MarginalFit : JointFit {
 /// `marginal`: phi = (alpha, landmarks) minimise l_s; sigma = (noise, sigma_theta, sigma_s where asked) minimise
 /// l_s at phi-hat(sigma) + 1/2 log det A, A = d2 l_s / dphi2 (REML, flat prior on phi). Solved as a fixed point: with
 /// the REML slopes c = d(1/2 log det A)/dsigma held, l_s + c . sigma is one smooth function, minimised by Newton's
-/// method with the stops at their conditional optimum; then c is renewed by central differences along phi-hat(sigma).
+/// method with the stops moving along towards their conditional optimum; then c is renewed by central differences along
+/// phi-hat(sigma). A free sigma_s is searched on the REML criterion with all else profiled out, since the fixed point
+/// creeps where it is small; the fixed point then only refines it.
 /// A is taken from the joint Hessian's Schur complement; the second derivative of 1/2 log det H_ss in phi, which is
-/// smaller by the number of readings per stop, is left out of A (not of the gradient).
-/// Cost: linear in the cells per iteration; about 15 to 40 evaluations.
+/// smaller by the number of readings per stop, is left out of A (not of the gradient). gradient_norm is that of all
+/// globals not held, at the estimate.
+/// Cost: linear in the cells per evaluation; 30 to 50 evaluations, twenty times as many with sigma_s free.
 MarginalFit solve_marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options = {});
 
 }  // namespace rangecal
