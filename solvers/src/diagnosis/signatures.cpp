@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/signatures.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr int most_starts = 12;   ///< points of a start grid that are looked at
+constexpr double absorbed_share = 1e-9;
+
+/// Changes of the readings, means and log variances, as signatures; nearly all effects are alike for all repeats.
+struct Changes {
+  Signature mean;
+  Eigen::VectorXd range_variance, bearing_variance;
+};
+
+Changes changes_of(const Rows& rows, const CellGeometry& geometry, const Model& model) {
+  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+  const auto at = [&](int i) {
+    ReadingChange<double> sum;
+    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
+    for (const ActiveEffect& active : model) {
+      const auto change = active.effect->reading(view, active.parameters.data());
+      sum.range += change.range;
+      sum.bearing += change.bearing;
+      sum.range_log_variance += change.range_log_variance;
+      sum.bearing_log_variance += change.bearing_log_variance;
+    }
+    return sum;
+  };
+  const auto same = [](const ReadingChange<double>& a, const ReadingChange<double>& b) {
+    return std::abs(a.range - b.range) + std::abs(a.bearing - b.bearing) + std::abs(a.range_log_variance - b.range_log_variance) +
+               std::abs(a.bearing_log_variance - b.bearing_log_variance) < 1e-12;
+  };
+  Changes changes;
+  changes.mean.range = changes.mean.bearing = Eigen::VectorXd::Zero(rows.cell_count);
+  Eigen::VectorXd range_variance = Eigen::VectorXd::Zero(rows.cell_count), bearing_variance = range_variance;
+  bool varies = false;
+  for (int c = 0; c < rows.cell_count && !varies; ++c) {
+    const int first = rows.cell_begin[c], last = rows.cell_begin[c + 1] - 1;
+    const ReadingChange<double> one = at(first);
+    changes.mean.range[c] = one.range;
+    changes.mean.bearing[c] = one.bearing;
+    range_variance[c] = one.range_log_variance;
+    bearing_variance[c] = one.bearing_log_variance;
+    varies = last > first && (!same(one, at(first + 1)) || !same(one, at(last)));
+  }
+  Eigen::VectorXd range_rows(n), bearing_rows(n);
+  if (varies) {
+    Eigen::VectorXd range(n), bearing(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const ReadingChange<double> one = at(static_cast<int>(i));
+      range[i] = one.range;
+      bearing[i] = one.bearing;
+      range_rows[i] = one.range_log_variance;
+      bearing_rows[i] = one.bearing_log_variance;
+    }
+    changes.mean = signature_of_rows(rows, range, bearing);
+  } else if (range_variance.squaredNorm() + bearing_variance.squaredNorm() > 0.0) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      range_rows[i] = range_variance[rows.cell[i]];
+      bearing_rows[i] = bearing_variance[rows.cell[i]];
+    }
+  } else {
+    return changes;
+  }
+  if (range_rows.squaredNorm() + bearing_rows.squaredNorm() > 0.0) {
+    changes.range_variance = std::move(range_rows);
+    changes.bearing_variance = std::move(bearing_rows);
+  }
+  return changes;
+}
+
+/// The model's problem with the spreads in the weights.
+WorkingProblem with_held_spreads(const Rows& rows, const Model& model, const JointState& state, const CellGeometry& geometry) {
+  WorkingProblem working = working_problem(rows, model, state);
+  for (std::size_t c = 0; c < geometry.spread.size(); ++c)
+    working.problem.cells.range_weight[c] /= geometry.spread[c] * geometry.spread[c];
+  return working;
+}
+
+JointState with_unit_spread(JointState state) {
+  state.noise.law = NoiseLaw::constant;
+  state.noise.parameters = Eigen::VectorXd::Ones(1);
+  return state;
+}
+
+}  // namespace
+
+Space::Space(const Rows& rows, const Model& model, const JointState& state)
+    : rows_(rows),
+      model_(model),
+      geometry_(cell_geometry(rows, state)),
+      working_(with_held_spreads(rows, model, state, geometry_)),
+      projector_(rows, working_.problem, with_unit_spread(state)) {
+  for (Eigen::Index i = 0; i < projector_.row_range_information.size(); ++i)
+    projector_.row_range_information[i] /= std::pow(geometry_.spread[static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)])], 2);
+  std::vector<Direction> active;
+  for (const ActiveEffect& effect : model)
+    for (int j = 0; j < static_cast<int>(effect.parameters.size()); ++j) {
+      if (effect.effect->info().parameters[static_cast<std::size_t>(j)].discrete) continue;
+      Direction d = slope(effect, j);
+      const double before = d.raw;
+      for (const Direction& unit : active) take_out(d, unit);
+      d.information = inner(d, d);
+      if (!(d.information > absorbed_share * before) || d.information <= 0.0) continue;
+      const double scale = 1.0 / std::sqrt(d.information);
+      d.mean.range *= scale;
+      d.mean.bearing *= scale;
+      d.mean.range_rows *= scale;
+      d.mean.bearing_rows *= scale;
+      d.projected *= scale;
+      d.range_variance *= scale;
+      d.bearing_variance *= scale;
+      active.push_back(std::move(d));
+    }
+  active_ = std::move(active);
+}
+
+double Space::inner(const Direction& a, const Direction& b) const {
+  double sum = projector_.inner(a.mean, b.projected, b.mean);
+  if (a.range_variance.size() > 0 && b.range_variance.size() > 0)
+    sum += 0.5 * (a.range_variance.dot(b.range_variance) + a.bearing_variance.dot(b.bearing_variance));
+  return sum;
+}
+
+void Space::take_out(Direction& a, const Direction& unit) const {
+  const double share = inner(a, unit);
+  a.mean.range -= share * unit.mean.range;
+  a.mean.bearing -= share * unit.mean.bearing;
+  if (unit.mean.within()) {
+    if (!a.mean.within()) {
+      a.mean.range_rows = Eigen::VectorXd::Zero(unit.mean.range_rows.size());
+      a.mean.bearing_rows = a.mean.range_rows;
+    }
+    a.mean.range_rows -= share * unit.mean.range_rows;
+    a.mean.bearing_rows -= share * unit.mean.bearing_rows;
+  }
+  if (unit.range_variance.size() > 0) {
+    if (a.range_variance.size() == 0) a.range_variance = a.bearing_variance = Eigen::VectorXd::Zero(unit.range_variance.size());
+    a.range_variance -= share * unit.range_variance;
+    a.bearing_variance -= share * unit.bearing_variance;
+  }
+  a.projected -= share * unit.projected;
+}
+
+Space::Direction Space::finish(Signature mean, Eigen::VectorXd range_variance, Eigen::VectorXd bearing_variance) const {
+  Direction d;
+  d.mean = std::move(mean);
+  d.raw = projector_.raw_information(d.mean);
+  d.projected = projector_.project(d.mean);
+  if (range_variance.size() > 0) {
+    range_variance.array() -= range_variance.mean();
+    bearing_variance.array() -= bearing_variance.mean();
+    if (rows_.pairs) bearing_variance.setZero();
+    d.range_variance = std::move(range_variance);
+    d.bearing_variance = std::move(bearing_variance);
+  }
+  for (const Direction& unit : active_) take_out(d, unit);
+  d.information = std::max(0.0, inner(d, d));
+  return d;
+}
+
+Space::Direction Space::of_signature(Signature mean) const { return finish(std::move(mean), {}, {}); }
+
+Space::Direction Space::change(const Model& model) const {
+  Changes changes = changes_of(rows_, geometry_, model);
+  const std::vector<StopPrior>& before = rows_.problem.stops;
+  std::vector<StopPrior> after = before;
+  bool moves = false;
+  for (const ActiveEffect& active : model)
+    if (active.effect->acts_on_stops()) {
+      active.effect->stops(rows_.context, active.parameters.data(), after);
+      moves = true;
+    }
+  if (moves) {
+    std::vector<Eigen::Vector3d> moved(before.size());
+    for (std::size_t k = 0; k < before.size(); ++k)
+      moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m, after[k].commanded.y_m - before[k].commanded.y_m,
+                  after[k].commanded.heading_rad - before[k].commanded.heading_rad};
+    const Signature stops = projector_.of_stops(moved);
+    changes.mean.range += stops.range;
+    changes.mean.bearing += stops.bearing;
+  }
+  return finish(std::move(changes.mean), std::move(changes.range_variance), std::move(changes.bearing_variance));
+}
+
+Space::Direction Space::slope(const ActiveEffect& active, int index) const {
+  Eigen::VectorXd range, bearing;
+  variance_signature(rows_, geometry_, active, index, range, bearing);
+  if (range.squaredNorm() + bearing.squaredNorm() == 0.0) range.resize(0), bearing.resize(0);
+  return finish(effect_signature(rows_, projector_, active, index), std::move(range), std::move(bearing));
+}
+
+double Space::left(Direction a, std::vector<Direction> span) const {
+  std::vector<Direction> units;
+  for (Direction& d : span) {
+    const double before = inner(d, d);
+    for (const Direction& unit : units) take_out(d, unit);
+    const double information = inner(d, d);
+    if (!(information > 1e-6 * before) || !(information > 0.0)) continue;
+    const double scale = 1.0 / std::sqrt(information);
+    d.mean.range *= scale;
+    d.mean.bearing *= scale;
+    d.mean.range_rows *= scale;
+    d.mean.bearing_rows *= scale;
+    d.projected *= scale;
+    d.range_variance *= scale;
+    d.bearing_variance *= scale;
+    units.push_back(std::move(d));
+  }
+  for (const Direction& unit : units) take_out(a, unit);
+  return std::max(0.0, inner(a, a));
+}
+
+std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  const EffectContext& context = space.rows().context;
+  if (info.kind == EffectKind::label || info.kind == EffectKind::grid || !effect.missing(context).empty()) return std::nullopt;
+  std::vector<Eigen::VectorXd> grid = effect.start_grid(context);
+  if (grid.empty()) return std::nullopt;
+  if (grid.size() > most_starts) {
+    std::vector<Eigen::VectorXd> thinned;
+    for (int j = 0; j < most_starts; ++j) thinned.push_back(grid[static_cast<std::size_t>(j) * (grid.size() - 1) / (most_starts - 1)]);
+    grid = std::move(thinned);
+  }
+  std::optional<TypicalEffect> best;
+  const auto consider = [&](const Eigen::VectorXd& parameters, int index) {
+    TypicalEffect candidate;
+    candidate.active = {&effect, parameters};
+    candidate.index = index;
+    candidate.direction = space.change({candidate.active});
+    candidate.noncentrality = candidate.direction.information + shape_noncentrality(space, candidate.active);
+    const bool better = !best || candidate.noncentrality > best->noncentrality ||
+                        (best->noncentrality < 1e-6 && candidate.direction.raw > best->direction.raw);
+    if (better) best = std::move(candidate);
+  };
+  const int count = static_cast<int>(info.parameters.size());
+  for (const Eigen::VectorXd& start : grid) {
+    bool linear = false;
+    for (int j = 0; j < count; ++j) {
+      if (!info.parameters[static_cast<std::size_t>(j)].linear || info.parameters[static_cast<std::size_t>(j)].discrete) continue;
+      linear = true;
+      Eigen::VectorXd p = start;
+      for (int a = 0; a < count; ++a)
+        if (info.parameters[static_cast<std::size_t>(a)].linear) p[a] = 0.0;
+      p[j] = info.parameters[static_cast<std::size_t>(j)].typical;
+      consider(p, j);
+    }
+    if (linear) continue;
+    double largest = 0.0;  // in typical sizes; of signed parameters, which are coordinates of one thing, the length
+    for (int j = 0; j < count; ++j) {
+      const EffectParameter& parameter = info.parameters[static_cast<std::size_t>(j)];
+      if (parameter.discrete) continue;
+      const double size = std::abs(start[j]) / std::max(parameter.typical, 1e-12);
+      largest = parameter.low < 0.0 ? std::hypot(largest, size) : std::max(largest, size);
+    }
+    Eigen::VectorXd p = start;
+    for (int j = 0; j < count; ++j)
+      if (largest > 0.0 && !info.parameters[static_cast<std::size_t>(j)].discrete) p[j] /= largest;
+    consider(p, -1);
+  }
+  return best;
+}
+
+ActiveEffect scaled(const TypicalEffect& typical, double factor) {
+  ActiveEffect active = typical.active;
+  const auto& parameters = active.effect->info().parameters;
+  for (Eigen::Index j = 0; j < active.parameters.size(); ++j)
+    if (typical.index >= 0 ? j == typical.index : !parameters[static_cast<std::size_t>(j)].discrete) active.parameters[j] *= factor;
+  return active;
+}
+
+double harm_of(const Space& space, const TypicalEffect& typical) {
+  const EffectInfo& info = typical.active.effect->info();
+  const Projector& projector = space.projector();
+  const CellGeometry& g = space.geometry();
+  Eigen::VectorXd phi, stops;
+  projector.absorbed(typical.direction.mean, phi, stops);
+  const int alphas = projector.system().layout().alpha_count;
+  const auto [low, high] = std::minmax_element(g.d.begin(), g.d.end());
+  const bool of_curve = (info.kind == EffectKind::mean || info.kind == EffectKind::tail) && info.channel.substr(0, 5) == "range" &&
+                        (info.covariate == "range" || info.covariate == "disparity");
+  constexpr int points = 400;
+  double square = 0.0;
+  for (int j = 0; j < points; ++j) {
+    const double d = *low + (*high - *low) * (j + 0.5) / points;
+    // The nearest cell lends f, its slope and spread: they are taken along the fitted curve.
+    std::size_t near = 0;
+    for (std::size_t c = 1; c < g.d.size(); ++c)
+      if (std::abs(g.d[c] - d) < std::abs(g.d[near] - d)) near = c;
+    const double step = d - g.d[near];
+    ReadingView<double> view = view_of(space.rows(), g, static_cast<std::size_t>(space.rows().cell_begin[static_cast<int>(near)]));
+    view.d = d;
+    view.f = g.f[near] + step * (g.slope[near] + 0.5 * step * g.curvature[near]);
+    view.slope = g.slope[near] + step * g.curvature[near];
+    double error = 0.0;
+    for (int a = alphas; a-- > 0;) error = error * d + phi[a];
+    if (of_curve) error -= typical.active.effect->reading(view, typical.active.parameters.data()).range;
+    square += std::pow(error / view.slope, 2);
+  }
+  return std::sqrt(square / points);
+}
+
+}  // namespace rangecal::diagnosis
