@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <memory>
-
 #include <fmt/core.h>
+
+#include <memory>
 
 #include "commands.hpp"
 #include "comparison.hpp"
@@ -70,13 +70,16 @@ void add_calibrate(CLI::App& app, Action& chosen) {
   state->job.add_to(*command);
   command
       ->add_option("--method", state->method,
-                   "closed-form, approximate, full (joint maximum), marginal (stops integrated out; recommended), or all")
+                   "closed-form, approximate, full (joint maximum), marginal (stops integrated out; "
+                   "recommended), or all")
       ->capture_default_str();
   command->add_option("--from", state->from, "refine this calibration (JSON) and say what changed");
   command->add_option("--json", state->json, "write the calibration to this file");
   command->footer(
-      "The sensor reports y = f(d) + s e at the true distance d to a landmark's surface. Drive past landmarks at unknown\n"
-      "places, stop, record range and bearing to each: this command finds f, the noise, and where everything stood.\n"
+      "The sensor reports y = f(d) + s e at the true distance d to a landmark's surface. Drive past "
+      "landmarks at unknown\n"
+      "places, stop, record range and bearing to each: this command finds f, the noise, and where everything "
+      "stood.\n"
       "\n"
       "Examples:\n"
       "  rangecal calibrate notebooks_data/field-layout --json cal.json\n"

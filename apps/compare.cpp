@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <memory>
-
 #include <fmt/core.h>
+
+#include <memory>
 
 #include "commands.hpp"
 #include "comparison.hpp"
@@ -40,12 +40,15 @@ int run(const JobOptions& job) {
 }  // namespace
 
 void add_compare(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("compare", "the four methods side by side, against ground truth where it exists");
+  CLI::App* command =
+      app.add_subcommand("compare", "the four methods side by side, against ground truth where it exists");
   const auto job = std::make_shared<JobOptions>();
   job->add_to(*command);
   command->footer(
-      "All methods share one order and noise law and are scored by the same two functions: the joint NLL at their best\n"
-      "stops and the marginal NLL with the stops integrated out. AIC uses the marginal one; lower is better.\n"
+      "All methods share one order and noise law and are scored by the same two functions: the joint NLL at "
+      "their best\n"
+      "stops and the marginal NLL with the stops integrated out. AIC uses the marginal one; lower is "
+      "better.\n"
       "\n"
       "Example:\n"
       "  rangecal compare notebooks_data/field-layout");

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "comparison.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <numbers>
-
-#include <fmt/core.h>
 
 #include "rangecal/solvers/calibrate/residual_check.hpp"
 #include "text.hpp"
@@ -25,7 +25,9 @@ std::string named(const char* name, const std::string& unit) {
   return unit.empty() ? name : fmt::format("{} [{}]", name, unit);
 }
 
-bool is_optimistic(const Calibration& c) { return c.method == Method::full && has_answer(c) && c.alpha_covariance; }
+bool is_optimistic(const Calibration& c) {
+  return c.method == Method::full && has_answer(c) && c.alpha_covariance;
+}
 
 class Table {
  public:
@@ -82,15 +84,18 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
     pairs = c.kind == RecordingKind::pairs;
   }
   Table table(report);
-  table.row("", [](const Calibration& c, std::size_t) { return std::string(to_string(c.method)) + (is_optimistic(c) ? " *" : ""); });
+  table.row("", [](const Calibration& c, std::size_t) {
+    return std::string(to_string(c.method)) + (is_optimistic(c) ? " *" : "");
+  });
   table.row("outcome", [](const Calibration& c, std::size_t) { return std::string(to_string(c.outcome)); });
   for (int i = 0; i <= order; ++i)
-    table.row(named(fmt::format("alpha_{}", i).c_str(), coefficient_unit(i)), [&](const Calibration& c, std::size_t) {
-      if (i > c.order() || !has_answer(c)) return std::string("-");
-      std::optional<double> std_dev;
-      if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
-      return with_std(c.alpha[i], std_dev);
-    });
+    table.row(named(fmt::format("alpha_{}", i).c_str(), coefficient_unit(i)),
+              [&](const Calibration& c, std::size_t) {
+                if (i > c.order() || !has_answer(c)) return std::string("-");
+                std::optional<double> std_dev;
+                if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
+                return with_std(c.alpha[i], std_dev);
+              });
   for (Eigen::Index j = 0; j < taus; ++j)
     table.row(named(law == NoiseLaw::polynomial ? fmt::format("beta_{}", j).c_str() : "sigma_e",
                     law_unit(law, static_cast<int>(j))),
@@ -112,17 +117,28 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
     if (std_dev) *std_dev *= 1e3;
     return with_std(1e3 * c.sigma_s_m->value, std_dev);
   });
-  if (!pairs) table.row("joint NLL", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.joint_nll, "{:.2f}") : "-"; });
-  table.row(pairs ? "NLL" : "marginal NLL", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.marginal_nll, "{:.2f}") : "-"; });
-  table.row("AIC", [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.aic, "{:.2f}") : "-"; });
-  table.row("time [ms]", [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
-  table.row("landmark RMSE [mm]", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_rmse_m, "{:.1f}", 1e3); });
-  table.row("landmark error / std", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_strain, "{:.2f}"); });
+  if (!pairs)
+    table.row("joint NLL", [](const Calibration& c, std::size_t) {
+      return has_answer(c) ? or_dash(c.joint_nll, "{:.2f}") : "-";
+    });
+  table.row(pairs ? "NLL" : "marginal NLL", [](const Calibration& c, std::size_t) {
+    return has_answer(c) ? or_dash(c.marginal_nll, "{:.2f}") : "-";
+  });
+  table.row("AIC",
+            [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.aic, "{:.2f}") : "-"; });
+  table.row("time [ms]",
+            [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
+  table.row("landmark RMSE [mm]", [&](const Calibration&, std::size_t i) {
+    return or_dash(scores[i].landmark_rmse_m, "{:.1f}", 1e3);
+  });
+  table.row("landmark error / std",
+            [&](const Calibration&, std::size_t i) { return or_dash(scores[i].landmark_strain, "{:.2f}"); });
   table.row("range RMSE [mm]", [&](const Calibration&, std::size_t i) {
     if (!scores[i].mse_ratio) return std::string("-");
     return fmt::format("{:.1f} -> {:.1f}", 1e3 * scores[i].rmse_raw_m, 1e3 * scores[i].rmse_corrected_m);
   });
-  table.row("MSE ratio", [&](const Calibration&, std::size_t i) { return or_dash(scores[i].mse_ratio, "{:.2f}"); });
+  table.row("MSE ratio",
+            [&](const Calibration&, std::size_t i) { return or_dash(scores[i].mse_ratio, "{:.2f}"); });
   return table.text();
 }
 
@@ -131,27 +147,32 @@ std::string footnotes(const CalibrationReport& report, const std::vector<TruthSc
   const auto line = [&](const std::string& sentence) { text += wrapped(sentence, 2) + "\n"; };
   for (const Calibration& c : report.calibrations)
     if (is_optimistic(c))
-      line(c.kind == RecordingKind::pairs
-               ? "* optimistic: its sigma_e is not corrected for the coefficients fitted, nor are its standard deviations"
-               : "* optimistic: its sigmas and standard deviations are too small, since it fits every stop to the same "
-                 "readings and does not pay for it");
-  std::map<std::string, std::string> reasons;   // reason -> the methods that give it
+      line(c.kind == RecordingKind::pairs ? "* optimistic: its sigma_e is not corrected for the coefficients "
+                                            "fitted, nor are its standard deviations"
+                                          : "* optimistic: its sigmas and standard deviations are too small, "
+                                            "since it fits every stop to the same "
+                                            "readings and does not pay for it");
+  std::map<std::string, std::string> reasons;  // reason -> the methods that give it
   for (const Calibration& c : report.calibrations) {
     std::string& methods = reasons[c.reason];
     methods += (methods.empty() ? "" : ", ") + std::string(to_string(c.method));
   }
   for (const auto& [reason, methods] : reasons)
-    if (!reason.empty()) line(methods + ": " + reason);
+    if (!reason.empty()) line(methods + ": " + shortened(reason));
   bool truth = false, estimated = false;
   for (const TruthScore& score : scores) {
     truth = truth || score.mse_ratio;
     estimated = estimated || (score.mse_ratio && score.estimated_stops);
   }
   if (truth)
-    line("MSE ratio: mean square error of the raw readings over that of the corrected ones; 1 is no gain, more is better");
+    line(
+        "MSE ratio: mean square error of the raw readings over that of the corrected ones; 1 is no gain, "
+        "more is better");
   if (estimated)
-    line("there is no truth for the stops: true distances are from the true landmarks to the stops as estimated by "
-         "the best method, so range RMSE and MSE ratio are only as good as these");
+    line(
+        "there is no truth for the stops: true distances are from the true landmarks to the stops as "
+        "estimated by "
+        "the best method, so range RMSE and MSE ratio are only as good as these");
   for (const std::string& note : report.notes) line("note: " + note);
   return text;
 }
@@ -159,10 +180,12 @@ std::string footnotes(const CalibrationReport& report, const std::vector<TruthSc
 namespace {
 
 /// Where ground truth speaks against the method trusted, in words.
-std::string contradiction(const CalibrationReport& report, const std::vector<TruthScore>& scores, std::size_t best) {
+std::string contradiction(const CalibrationReport& report, const std::vector<TruthScore>& scores,
+                          std::size_t best) {
   const TruthScore& score = scores[best];
   if (score.landmark_strain.value_or(0.0) > 2.0) {
-    std::string text = fmt::format("its landmarks are off by {:.1f} of their standard deviations", *score.landmark_strain);
+    std::string text =
+        fmt::format("its landmarks are off by {:.1f} of their standard deviations", *score.landmark_strain);
     for (std::size_t i = 0; i < scores.size(); ++i)
       if (scores[i].landmark_rmse_m && *scores[i].landmark_rmse_m < 0.8 * *score.landmark_rmse_m)
         return text + fmt::format(" ({:.0f} mm RMS, {} by {:.0f} mm)", 1e3 * *score.landmark_rmse_m,
@@ -180,8 +203,9 @@ std::string what_full_gives_away(const Calibration& full, const Calibration& bes
   if (best.kind == RecordingKind::pairs) return "; full differs by that correction only";
   if (!full.sigma_theta_rad || !best.sigma_theta_rad) return {};
   const double off = 100.0 * (full.sigma_theta_rad->value / best.sigma_theta_rad->value - 1.0);
-  return fmt::format("; full fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})",
-                     std::abs(off), off < 0.0 ? "lower" : "higher");
+  return fmt::format(
+      "; full fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})",
+      std::abs(off), off < 0.0 ? "lower" : "higher");
 }
 
 }  // namespace
@@ -195,7 +219,7 @@ std::string verdict(const CalibrationReport& report, std::span<const Recording> 
   if (best == report.calibrations.size()) {
     const Calibration& last = report.calibrations.back();
     return fmt::format("Trust none of them ({}): {}.", to_string(last.outcome),
-                       last.reason.empty() ? "no method has an answer" : last.reason);
+                       last.reason.empty() ? "no method has an answer" : shortened(last.reason));
   }
   const Calibration& trusted = report.calibrations[best];
   if (trusted.method != Method::marginal)
@@ -204,9 +228,13 @@ std::string verdict(const CalibrationReport& report, std::span<const Recording> 
   const bool pairs = trusted.kind == RecordingKind::pairs;
   std::size_t stops = 0;
   for (const Recording& recording : recordings) stops += recording.stops.size();
-  std::string text = pairs ? "Trust marginal: it has the exact likelihood and a sigma_e corrected for the coefficients fitted"
-                           : fmt::format("Trust marginal: it has the exact likelihood and integrates the {} uncertain stops "
-                                         "out, so neither curve nor sigmas are bent to fit them", stops);
+  std::string text =
+      pairs
+          ? "Trust marginal: it has the exact likelihood and a sigma_e corrected for the coefficients fitted"
+          : fmt::format(
+                "Trust marginal: it has the exact likelihood and integrates the {} uncertain stops "
+                "out, so neither curve nor sigmas are bent to fit them",
+                stops);
   for (const Calibration& c : report.calibrations) {
     if (c.method == Method::full) text += what_full_gives_away(c, trusted);
     if (c.method != Method::closed_form && c.method != Method::approximate) continue;
@@ -215,12 +243,14 @@ std::string verdict(const CalibrationReport& report, std::span<const Recording> 
       continue;
     }
     const std::string cost = behind(c, trusted);
-    const char* how = c.method == Method::approximate
-                          ? (pairs ? "weighs readings as if noise grew with d^2"
-                                   : "weighs readings as if noise grew with d^2 and takes the commanded stops for true")
-                          : (pairs ? "weighs all readings alike"
-                                   : "takes the commanded stops for true and uses no range to place landmarks");
-    text += fmt::format("; {} {}{}", to_string(c.method), how, cost.empty() ? std::string() : " (" + cost + ")");
+    const char* how =
+        c.method == Method::approximate
+            ? (pairs ? "weighs readings as if noise grew with d^2"
+                     : "weighs readings as if noise grew with d^2 and takes the commanded stops for true")
+            : (pairs ? "weighs all readings alike"
+                     : "takes the commanded stops for true and uses no range to place landmarks");
+    text +=
+        fmt::format("; {} {}{}", to_string(c.method), how, cost.empty() ? std::string() : " (" + cost + ")");
   }
   std::vector<std::string> against{contradiction(report, scores, best)};
   const ResidualCheck check = check_residuals(recordings, trusted);
@@ -229,7 +259,8 @@ std::string verdict(const CalibrationReport& report, std::span<const Recording> 
   std::erase(against, std::string());
   for (std::size_t i = 0; i < against.size(); ++i) text += (i == 0 ? "; BUT " : ", and ") + against[i];
   if (!against.empty())
-    text += ": the recording holds something that no method here models and no standard deviation above counts";
+    text +=
+        ": the recording holds something that no method here models and no standard deviation above counts";
   return text + ".";
 }
 

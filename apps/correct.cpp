@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/correction/correct.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -9,8 +11,6 @@
 #include <memory>
 #include <numeric>
 #include <optional>
-
-#include <fmt/core.h>
 
 #include "commands.hpp"
 #include "rangecal/core/calibration_io.hpp"
@@ -47,7 +47,9 @@ std::vector<std::string_view> lines_of(std::string_view text) {
 std::vector<double> readings_from(const std::string& text, const std::string& name) {
   std::vector<double> readings;
   const std::vector<std::string_view> lines = lines_of(text);
-  const auto blank = [](std::string_view line) { return line.find_first_not_of(" \t\r") == std::string_view::npos; };
+  const auto blank = [](std::string_view line) {
+    return line.find_first_not_of(" \t\r") == std::string_view::npos;
+  };
   const auto first = std::find_if_not(lines.begin(), lines.end(), blank);
   if (first == lines.end()) throw InputError(name, 0, "", "holds no reading");
   if (number_of(*first)) {
@@ -55,7 +57,8 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
       if (blank(lines[i])) continue;
       const auto reading = number_of(lines[i]);
       if (!reading)
-        throw InputError(name, static_cast<long>(i + 1), "", "'" + std::string(lines[i]) + "' is not a number");
+        throw InputError(name, static_cast<long>(i + 1), "",
+                         "'" + std::string(lines[i]) + "' is not a number");
       readings.push_back(*reading);
     }
     return readings;
@@ -63,7 +66,8 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   const CsvTable table = CsvTable::parse(text, name);
   auto column = table.find("reading_m");
   if (!column) column = table.find("range_m");
-  if (!column) throw InputError(name, 1, "", "there is no column reading_m or range_m, and the first line is no number");
+  if (!column)
+    throw InputError(name, 1, "", "there is no column reading_m or range_m, and the first line is no number");
   for (std::size_t row = 0; row < table.rows(); ++row)
     readings.push_back(table.number(row, *column).value_or(std::nan("")));
   return readings;
@@ -80,8 +84,8 @@ void print_root(double reading, const CorrectionRoot& root, int candidate, std::
   if (root.extrapolated && flags != "out_of_range") add("extrapolated");
   if (root.turning_point) add("turning_point");
   const std::optional<double> std_dev = root.std_dev_total_m ? root.std_dev_total_m : root.std_dev_m;
-  fmt::print("{},{:.6f},{},{},{}\n", reading, root.distance_m, std_dev ? fmt::format("{:.6f}", *std_dev) : "", candidate,
-             flags.empty() ? "ok" : flags);
+  fmt::print("{},{:.6f},{},{},{}\n", reading, root.distance_m, std_dev ? fmt::format("{:.6f}", *std_dev) : "",
+             candidate, flags.empty() ? "ok" : flags);
 }
 
 void print_correction(const Calibration& calibration, double reading, bool maximum_likelihood) {
@@ -113,14 +117,16 @@ struct CorrectCommand {
     const Calibration loaded = load_calibration(calibration);
     const bool open_curve = loaded.outcome == Outcome::unobservable && !loaded.alpha_covariance;
     if (!is_usable(loaded.outcome) || open_curve)
-      throw InputError(calibration + ": its outcome is " + to_string(loaded.outcome) + ", so it cannot correct readings");
+      throw InputError(calibration + ": its outcome is " + to_string(loaded.outcome) +
+                       ", so it cannot correct readings");
     if (!loaded.effects.empty())
       throw InputError(calibration + ": holds the effect " + loaded.effects.begin()->first +
                        ", which correct cannot undo in this version");
     if (loaded.outcome == Outcome::unobservable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
     const bool from_stdin = file == "-";
-    const std::string text = from_stdin ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(file);
+    const std::string text =
+        from_stdin ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(file);
     const std::vector<double> readings = readings_from(text, from_stdin ? "stdin" : file);
     fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
     for (double reading : readings) print_correction(loaded, reading, roots == "ml");
@@ -131,7 +137,8 @@ struct CorrectCommand {
 }  // namespace
 
 void add_correct(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("correct", "turn raw readings into distances with standard deviations");
+  CLI::App* command =
+      app.add_subcommand("correct", "turn raw readings into distances with standard deviations");
   const auto state = std::make_shared<CorrectCommand>();
   command->add_option("CALIBRATION", state->calibration, "what 'calibrate --json' wrote")->required();
   command
@@ -139,13 +146,17 @@ void add_correct(CLI::App& app, Action& chosen) {
                    "CSV with a column reading_m or range_m, or one reading per line; - or nothing: stdin")
       ->capture_default_str();
   command
-      ->add_option("--roots", state->roots,
-                   "ls: distances where f(d) is the reading; ml: the most likely distances (2016 paper, eq. 27)")
+      ->add_option(
+          "--roots", state->roots,
+          "ls: distances where f(d) is the reading; ml: the most likely distances (2016 paper, eq. 27)")
       ->capture_default_str();
   command->footer(
-      "Prints CSV: reading_m, distance_m, std_m (noise of the reading and uncertainty of f together), candidate (1 is\n"
-      "the most likely; every distance that explains the reading is listed), flag: ok, or ambiguous, extrapolated\n"
-      "(outside the distances fitted), turning_point, out_of_range (nearest distance given), or why there is none:\n"
+      "Prints CSV: reading_m, distance_m, std_m (noise of the reading and uncertainty of f together), "
+      "candidate (1 is\n"
+      "the most likely; every distance that explains the reading is listed), flag: ok, or ambiguous, "
+      "extrapolated\n"
+      "(outside the distances fitted), turning_point, out_of_range (nearest distance given), or why there is "
+      "none:\n"
       "missing, zero, negative, not_finite.\n"
       "\n"
       "Examples:\n"

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "job_options.hpp"
 
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <charconv>
-
-#include <fmt/core.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -40,23 +39,28 @@ int order_from(const std::string& text) {
 
 void JobOptions::add_to(CLI::App& command) {
   command.add_option("RECORDING", recordings, "recording folders; several share one sensor")->required();
-  command.add_option("--order", order, "order of the curve f: a number, or auto (1 to 4, by AIC)")->capture_default_str();
+  command.add_option("--order", order, "order of the curve f: a number, or auto (1 to 4, by AIC)")
+      ->capture_default_str();
   command
       .add_option("--noise", noise,
-                  "how one reading's spread depends on the reading's mean f: constant, f, f2 (triangulation), f3, d2, "
+                  "how one reading's spread depends on the reading's mean f: constant, f, f2 "
+                  "(triangulation), f3, d2, "
                   "polynomial, or auto (constant, f, f2, f3 by AIC)")
       ->capture_default_str();
-  command.add_option("--solver", solver, "of the full likelihood: ceres or block; both reach the same optimum")
+  command
+      .add_option("--solver", solver, "of the full likelihood: ceres or block; both reach the same optimum")
       ->capture_default_str();
   command
       .add_option("--noise-shape", shape,
                   "gaussian, student-t, contaminated (outliers), or auto by AIC; pairs recordings only")
       ->capture_default_str();
   command
-      .add_option("--weights", weights,
-                  "of the closed form's lines of sight (2021 paper): paper (eq. 22), printed (eq. 25), consistent")
+      .add_option(
+          "--weights", weights,
+          "of the closed form's lines of sight (2021 paper): paper (eq. 22), printed (eq. 25), consistent")
       ->capture_default_str();
-  command.add_flag("--check", check, "solve the full likelihood a second time with NLopt and say whether they agree");
+  command.add_flag("--check", check,
+                   "solve the full likelihood a second time with NLopt and say whether they agree");
 }
 
 CalibrateOptions JobOptions::parsed() const {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
 #include <cstdint>
 #include <memory>
-
-#include <fmt/core.h>
 
 #include "commands.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -21,7 +21,8 @@ void add_simulate(CLI::App& app, Action& chosen) {
   const auto options = std::make_shared<Options>();
   command->add_option("SCENE", options->scene, "scene file (docs/scene.md)")->required();
   command->add_option("-o,--output", options->folder, "folder of the recording, made if missing")->required();
-  command->add_option("--seed", options->seed, "the same seed makes the same recording")->capture_default_str();
+  command->add_option("--seed", options->seed, "the same seed makes the same recording")
+      ->capture_default_str();
   command->footer(
       "Example:\n"
       "  rangecal simulate notebooks_data/scenes/field-layout.yaml -o sim --seed 7 && rangecal compare sim");

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "summary.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-
-#include <fmt/core.h>
 
 #include "rangecal/solvers/calibrate/curve.hpp"
 #include "text.hpp"
@@ -19,17 +19,35 @@ std::string paragraph(const char* title, const std::string& text) {
   return fmt::format("{:<10} {}\n", title, wrapped(text, 11));
 }
 
+const char* what_converged(Method method) {
+  switch (method) {
+    case Method::closed_form:
+      return "computed by closed-form";
+    case Method::approximate:
+      return "converged by approximate: its alternation stands still";
+    case Method::full:
+      return "converged by full: this is the joint maximum";
+    case Method::marginal:
+      return "converged by marginal: this is the optimum";
+  }
+  return "";
+}
+
 std::string outcome_in_words(const Calibration& c) {
   switch (c.outcome) {
     case Outcome::converged:
-      return fmt::format("converged by {}: this is the optimum{}", to_string(c.method),
-                         c.reason.empty() ? "" : "; " + c.reason);
+      return fmt::format("{}{}", what_converged(c.method),
+                         c.reason.empty() ? "" : "; " + shortened(c.reason));
     case Outcome::not_converged:
       return "NOT CONVERGED: the numbers below are where the search stopped, not an answer; " + c.reason;
-    case Outcome::unbounded: return "UNBOUNDED, no answer: " + c.reason;
-    case Outcome::unobservable: return "NOT DETERMINED by this recording: " + c.reason;
-    case Outcome::too_few_data: return "TOO FEW DATA: " + c.reason;
-    case Outcome::failed: return "FAILED: " + c.reason;
+    case Outcome::unbounded:
+      return "UNBOUNDED, no answer: " + shortened(c.reason);
+    case Outcome::unobservable:
+      return "NOT DETERMINED by this recording: " + shortened(c.reason);
+    case Outcome::too_few_data:
+      return "TOO FEW DATA: " + shortened(c.reason);
+    case Outcome::failed:
+      return "FAILED: " + shortened(c.reason);
   }
   return {};
 }
@@ -44,37 +62,48 @@ std::optional<double> stop_strain(const Calibration& c, std::span<const Recordin
       if (k >= c.stops.size()) return std::nullopt;
       const Pose2& pose = c.stops[k++].pose;
       const double sigma = stop.sigma_xy_m.value_or(recording.sigma_xy_m);
-      if (recording.stop_error != StopErrorModel::independent || recording.estimate_sigma_xy || !(sigma > 0.0))
+      if (recording.stop_error != StopErrorModel::independent || recording.estimate_sigma_xy ||
+          !(sigma > 0.0))
         return std::nullopt;
-      sum += std::pow((pose.x_m - stop.commanded.x_m) / sigma, 2) + std::pow((pose.y_m - stop.commanded.y_m) / sigma, 2);
+      sum += std::pow((pose.x_m - stop.commanded.x_m) / sigma, 2) +
+             std::pow((pose.y_m - stop.commanded.y_m) / sigma, 2);
       count += 2;
     }
   if (count == 0) return std::nullopt;
   return std::sqrt(sum / count);
 }
 
-std::string advice(const CalibrationReport& report, const Calibration& c, std::span<const Recording> recordings, const std::string& json) {
+std::string advice(const CalibrationReport& report, const Calibration& c,
+                   std::span<const Recording> recordings, const std::string& json) {
   const bool pairs = c.kind == RecordingKind::pairs;
   switch (c.outcome) {
     case Outcome::too_few_data:
       return pairs ? "record readings at more distances, several at each"
-                   : "record from at least 3 separate places, with 3 or more landmarks in view of each, repeats at each";
+                   : "record from at least 3 separate places, with 3 or more landmarks in view of each, "
+                     "repeats at each";
     case Outcome::unobservable:
       return pairs ? "record at more distances, or ask for a lower --order"
-                   : "spread the landmarks to both sides of the path and over the distances you care about, or tape one "
+                   : "spread the landmarks to both sides of the path and over the distances you care about, "
+                     "or tape one "
                      "distance between two landmarks (known_distances in recording.yaml)";
-    case Outcome::unbounded: return "use --method marginal, or record several repeats at each stop";
+    case Outcome::unbounded:
+      return "use --method marginal, or record several repeats at each stop";
     case Outcome::not_converged:
-    case Outcome::failed: return "try --order 1 and --noise f2, and look for swapped labels or wrong units in the recording";
-    case Outcome::converged: break;
+    case Outcome::failed:
+      return "try --order 1 and --noise f2, and look for swapped labels or wrong units in the recording";
+    case Outcome::converged:
+      break;
   }
   std::string text;
   const auto add = [&](const std::string& sentence) { text += (text.empty() ? "" : "; ") + sentence; };
   if (const auto strain = stop_strain(c, recordings); strain && *strain > 1.25)
-    add(fmt::format("stops had to move by {:.1f} times their stated sigma_xy_m: state a larger one, or 'sigma_xy_m: estimate'",
+    add(
+        fmt::format("stops had to move by {:.1f} times their stated sigma_xy_m: state a larger one, or "
+                    "'sigma_xy_m: estimate'",
                     *strain));
   if (c.counts.read > 0 && c.counts.used < 0.9 * c.counts.read)
-    add(fmt::format("{:.0f} % of the readings were dropped: see the reasons above", 100.0 - 100.0 * c.counts.used / c.counts.read));
+    add(fmt::format("{:.0f} % of the readings were dropped: see the reasons above",
+                    100.0 - 100.0 * c.counts.used / c.counts.read));
   if (pairs && report.noise_shape.empty() && check_residuals(recordings, c).suspicious())
     add("try --noise-shape auto, which tells outliers from noise");
   if (c.method == Method::full && !pairs) add("use --method marginal for honest standard deviations");
@@ -93,27 +122,32 @@ std::string curve_in_words(const Calibration& c) {
     const std::string bracketed = std_dev ? "(" + term + ")" : term;
     text += (i ? " + " : "") + bracketed + (i == 0 ? "" : i == 1 ? " d" : fmt::format(" d^{}", i));
   }
-  return text + fmt::format("; d the true distance in m, fitted from {:.2f} to {:.2f} m", c.range_min_m, c.range_max_m);
+  return text + fmt::format("; d the true distance in m, fitted from {:.2f} to {:.2f} m", c.range_min_m,
+                            c.range_max_m);
 }
 
 std::string curve_table(const Calibration& c) {
-  std::string text = "\n  true distance    sensor says    correction to add    95 % band    one reading scatters\n";
+  std::string text =
+      "\n  true distance    sensor says    correction to add    95 % band    one reading scatters\n";
   for (const CurvePoint& p : curve_points(c)) {
-    const std::string band = p.std_dev_m ? fmt::format("+- {:.1f} mm", 1.96e3 * *p.std_dev_m) : std::string("unknown");
-    text += fmt::format("  {:>10.3f} m  {:>10.3f} m  {:>14.1f} mm {:>15}  {:>14.1f} mm\n", p.distance_m, p.reading_m,
-                        1e3 * (p.distance_m - p.reading_m), band, 1e3 * p.noise_m);
+    const std::string band =
+        p.std_dev_m ? fmt::format("+- {:.1f} mm", 1.96e3 * *p.std_dev_m) : std::string("unknown");
+    text += fmt::format("  {:>10.3f} m  {:>10.3f} m  {:>14.1f} mm {:>15}  {:>14.1f} mm\n", p.distance_m,
+                        p.reading_m, 1e3 * (p.distance_m - p.reading_m), band, 1e3 * p.noise_m);
   }
   return text + "\n";
 }
 
 std::string least_certain(const Calibration& c) {
   const std::vector<CurvePoint> points = curve_points(c, 41);
-  const auto worst = std::max_element(points.begin(), points.end(), [](const CurvePoint& a, const CurvePoint& b) {
-    return a.std_dev_m.value_or(0.0) < b.std_dev_m.value_or(0.0);
-  });
+  const auto worst =
+      std::max_element(points.begin(), points.end(), [](const CurvePoint& a, const CurvePoint& b) {
+        return a.std_dev_m.value_or(0.0) < b.std_dev_m.value_or(0.0);
+      });
   std::string text;
   if (worst != points.end() && worst->std_dev_m)
-    text = fmt::format("the curve at {:.2f} m (standard deviation {:.1f} mm)", worst->distance_m, 1e3 * *worst->std_dev_m);
+    text = fmt::format("the curve at {:.2f} m (standard deviation {:.1f} mm)", worst->distance_m,
+                       1e3 * *worst->std_dev_m);
   const LandmarkEstimate* loosest = nullptr;
   double spread = 0.0;
   for (const LandmarkEstimate& l : c.landmarks)
@@ -122,14 +156,15 @@ std::string least_certain(const Calibration& c) {
       loosest = &l;
     }
   if (loosest)
-    text += fmt::format("{}landmark {} ({:.1f} mm)", text.empty() ? "" : "; ", loosest->label, 1e3 * std::sqrt(spread));
+    text += fmt::format("{}landmark {} ({:.1f} mm)", text.empty() ? "" : "; ", loosest->label,
+                        1e3 * std::sqrt(spread));
   return text;
 }
 
 }  // namespace
 
-std::string summary_page(const CalibrationReport& report, const Calibration& c, std::span<const Recording> recordings,
-                         const std::string& json) {
+std::string summary_page(const CalibrationReport& report, const Calibration& c,
+                         std::span<const Recording> recordings, const std::string& json) {
   std::string page = paragraph("Recording", describe(recordings));
   page += paragraph("Readings", describe(c.counts));
   page += paragraph("Outcome", outcome_in_words(c));
@@ -145,13 +180,15 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c, 
                                                 with_std(degrees * c.sigma_theta_rad->value, std_dev)));
     }
     if (c.sigma_s_m)
-      page += paragraph("Stops", c.sigma_s_upper95_m
-                                     ? fmt::format("no position error found: sigma_s = 0, below {:.2g} mm with 95 % confidence",
-                                                   1e3 * *c.sigma_s_upper95_m)
-                                     : fmt::format("position error per axis sigma_s = {} mm",
-                                                   with_std(1e3 * c.sigma_s_m->value,
-                                                            c.sigma_s_m->std_dev ? std::optional(1e3 * *c.sigma_s_m->std_dev)
-                                                                                 : std::nullopt)));
+      page += paragraph(
+          "Stops",
+          c.sigma_s_upper95_m
+              ? fmt::format("no position error found: sigma_s = 0, below {:.2g} mm with 95 % confidence",
+                            1e3 * *c.sigma_s_upper95_m)
+              : fmt::format("position error per axis sigma_s = {} mm",
+                            with_std(1e3 * c.sigma_s_m->value,
+                                     c.sigma_s_m->std_dev ? std::optional(1e3 * *c.sigma_s_m->std_dev)
+                                                          : std::nullopt)));
     const ResidualCheck check = check_residuals(recordings, c);
     if (report.noise_shape.empty() && check.ranges > 0) {
       std::string text = outliers_in_words(check);
@@ -159,13 +196,16 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c, 
         text += ": outliers, or an effect that the model lacks, inflate the sigmas and may bend the curve";
       else if (check.range_outliers + check.bearing_outliers < 3)
         text += ": no sign of outliers";
-      if (const std::string repeats = repeats_in_words(check); !repeats.empty()) text += "; " + repeats + ", so most of that scatter is constant at a stop: an effect that the model lacks";
+      if (const std::string repeats = repeats_in_words(check); !repeats.empty())
+        text += "; " + repeats +
+                ", so most of that scatter is constant at a stop: an effect that the model lacks";
       page += paragraph("Fit", text);
     }
     const std::string loose = least_certain(c);
     if (!loose.empty()) page += paragraph("Loosest", loose);
     if (c.method == Method::full && c.alpha_covariance)
-      page += paragraph("Caution", "standard deviations of full are optimistic: use --method marginal for honest ones");
+      page += paragraph("Caution",
+                        "standard deviations of full are optimistic: use --method marginal for honest ones");
   } else if (!c.weakest_direction.empty()) {
     page += paragraph("Open", "what can change unseen: " + c.weakest_direction);
   }
@@ -177,27 +217,35 @@ std::string change_page(const Calibration& before, const Calibration& after) {
   if (after.alpha.size() == 0 || !(after.range_max_m > after.range_min_m)) return {};
   const CurveChange change = compare_curves(before, after);
   std::string page = "\nWhat changed against --from, over the range fitted now\n";
-  page += fmt::format("  f moved by up to {:.1f} mm (RMS {:.1f} mm)\n", 1e3 * change.largest_m, 1e3 * change.rms_m);
+  page += fmt::format("  f moved by up to {:.1f} mm (RMS {:.1f} mm)\n", 1e3 * change.largest_m,
+                      1e3 * change.rms_m);
   for (const CurveChange::At& at : change.at)
-    page += fmt::format("  {:>10.3f} m  {:>8.1f} mm{}\n", at.distance_m, 1e3 * at.change_m,
-                        at.std_dev_m ? fmt::format("  (standard deviation {:.1f} mm)", 1e3 * *at.std_dev_m) : std::string());
+    page += fmt::format(
+        "  {:>10.3f} m  {:>8.1f} mm{}\n", at.distance_m, 1e3 * at.change_m,
+        at.std_dev_m ? fmt::format("  (standard deviation {:.1f} mm)", 1e3 * *at.std_dev_m) : std::string());
   if (!change.p_value) return page + "  significance: unknown, since the new calibration has no covariance\n";
-  page += "  " + wrapped(fmt::format("{}: chi-square {:.1f} with {} degrees of freedom, p = {:.2g}{}",
-                                     *change.p_value < 0.05 ? "the change is significant" : "the change is within chance",
-                                     *change.chi_sq, change.degrees_of_freedom, *change.p_value,
-                                     change.first_taken_as_exact
-                                         ? " (the calibration before states no uncertainty and is taken as exact)"
-                                         : " (both taken as independent; where they share data the change is more significant)"),
-                         2) + "\n";
+  page +=
+      "  " +
+      wrapped(fmt::format(
+                  "{}: chi-square {:.1f} with {} degrees of freedom, p = {:.2g}{}",
+                  *change.p_value < 0.05 ? "the change is significant" : "the change is within chance",
+                  *change.chi_sq, change.degrees_of_freedom, *change.p_value,
+                  change.first_taken_as_exact
+                      ? " (the calibration before states no uncertainty and is taken as exact)"
+                      : " (both taken as independent; where they share data the change is more significant)"),
+              2) +
+      "\n";
   return page;
 }
 
-std::string numerics_page(const CalibrationReport& report, const Calibration& c, std::span<const Recording> recordings) {
+std::string numerics_page(const CalibrationReport& report, const Calibration& c,
+                          std::span<const Recording> recordings) {
   std::string page = "\nNumerics\n";
   const auto line = [&](const std::string& text) { page += "  " + wrapped(text, 4) + "\n"; };
   const bool numbers = has_answer(c) || c.outcome == Outcome::not_converged;
   for (std::size_t j = 0; numbers && j < c.noise_estimates.size(); ++j)
-    line(fmt::format("{} = {} {}", c.noise.law == NoiseLaw::polynomial ? fmt::format("beta_{}", j) : "sigma_e",
+    line(fmt::format("{} = {} {}",
+                     c.noise.law == NoiseLaw::polynomial ? fmt::format("beta_{}", j) : "sigma_e",
                      with_std(c.noise_estimates[j].value, c.noise_estimates[j].std_dev),
                      law_unit(c.noise.law, static_cast<int>(j))));
   for (const LandmarkEstimate& l : c.landmarks) {
@@ -213,15 +261,14 @@ std::string numerics_page(const CalibrationReport& report, const Calibration& c,
   }
   if (const auto strain = stop_strain(c, recordings))
     line(fmt::format("stops moved by {:.2f} sigma_xy_m (RMS per axis)", *strain));
-  if (!c.covariance_reason.empty()) line("covariance: " + c.covariance_reason);
+  if (!c.covariance_reason.empty()) line("covariance: " + shortened(c.covariance_reason));
   if (!c.weakest_direction.empty()) line("weakest direction: " + c.weakest_direction);
   if (c.joint_nll && c.kind == RecordingKind::landmarks) line(fmt::format("joint NLL {:.6f}", *c.joint_nll));
   if (c.marginal_nll)
-    line(fmt::format("{} {:.6f}, AIC {:.4f}", c.kind == RecordingKind::pairs ? "NLL" : "marginal NLL", *c.marginal_nll,
-                     c.aic.value_or(NAN)));
+    line(fmt::format("{} {:.6f}, AIC {:.4f}", c.kind == RecordingKind::pairs ? "NLL" : "marginal NLL",
+                     *c.marginal_nll, c.aic.value_or(NAN)));
   line(fmt::format("{} iterations, {:.2f} ms", c.iterations, 1e3 * c.seconds));
-  if (report.check)
-    line(fmt::format("check of the full likelihood: {}", report.check->report));
+  if (report.check) line(fmt::format("check of the full likelihood: {}", report.check->report));
   for (const std::string& note : report.notes) line("note: " + note);
   return page;
 }

@@ -9,8 +9,8 @@
 
 namespace rangecal::app {
 
-/// The page a person reads first: what f is, the correction and the noise over the range, bearings, counts, outcome,
-/// what is least certain, what to do next. `json` names the file written, or is empty.
+/// The page a person reads first: what f is, the correction and the noise over the range, bearings, counts,
+/// outcome, what is least certain, what to do next. `json` names the file written, or is empty.
 std::string summary_page(const CalibrationReport& report, const Calibration& calibration,
                          std::span<const Recording> recordings, const std::string& json);
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "text.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <fmt/core.h>
 
 namespace rangecal::app {
 
@@ -24,24 +24,35 @@ std::string coefficient_unit(int power) {
 
 std::string law_in_words(NoiseLaw law) {
   switch (law) {
-    case NoiseLaw::constant: return "sigma_e";
-    case NoiseLaw::f: return "sigma_e f";
-    case NoiseLaw::f_squared: return "sigma_e f^2";
-    case NoiseLaw::f_cubed: return "sigma_e f^3";
-    case NoiseLaw::d_squared: return "sigma_e d^2";
-    case NoiseLaw::polynomial: return "beta_0 + beta_1 d + ...";
+    case NoiseLaw::constant:
+      return "sigma_e";
+    case NoiseLaw::f:
+      return "sigma_e f";
+    case NoiseLaw::f_squared:
+      return "sigma_e f^2";
+    case NoiseLaw::f_cubed:
+      return "sigma_e f^3";
+    case NoiseLaw::d_squared:
+      return "sigma_e d^2";
+    case NoiseLaw::polynomial:
+      return "beta_0 + beta_1 d + ...";
   }
   return "";
 }
 
 std::string law_unit(NoiseLaw law, int index) {
   switch (law) {
-    case NoiseLaw::constant: return "m";
-    case NoiseLaw::f: return "";
+    case NoiseLaw::constant:
+      return "m";
+    case NoiseLaw::f:
+      return "";
     case NoiseLaw::f_squared:
-    case NoiseLaw::d_squared: return "1/m";
-    case NoiseLaw::f_cubed: return "1/m^2";
-    case NoiseLaw::polynomial: return coefficient_unit(index);
+    case NoiseLaw::d_squared:
+      return "1/m";
+    case NoiseLaw::f_cubed:
+      return "1/m^2";
+    case NoiseLaw::polynomial:
+      return coefficient_unit(index);
   }
   return "";
 }
@@ -57,7 +68,8 @@ std::string describe(std::span<const Recording> recordings) {
   std::string text = recordings.size() == 1 ? first.path : fmt::format("{} recordings", recordings.size());
   if (!first.sensor.name.empty()) text += fmt::format(", sensor {}", first.sensor.name);
   if (!first.sensor.principle.empty()) text += fmt::format(" ({})", first.sensor.principle);
-  if (first.kind == RecordingKind::pairs) return text + fmt::format(": {} readings at known distances", readings);
+  if (first.kind == RecordingKind::pairs)
+    return text + fmt::format(": {} readings at known distances", readings);
   return text + fmt::format(": {} stops, {} landmarks, {} readings", stops, landmarks, readings);
 }
 
@@ -74,7 +86,8 @@ std::string describe(const Counts& counts) {
 }
 
 std::string describe_choice(const Calibration& calibration, const CalibrationReport& report) {
-  std::string text = fmt::format("order {}, noise {}", calibration.order(), law_in_words(calibration.noise.law));
+  std::string text =
+      fmt::format("order {}, noise {}", calibration.order(), law_in_words(calibration.noise.law));
   if (report.models.empty()) return text + " (as asked)";
   std::vector<ModelScore> models = report.models;
   std::sort(models.begin(), models.end(), [](const auto& a, const auto& b) { return a.aic < b.aic; });
@@ -89,10 +102,12 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
 }
 
 std::string outliers_in_words(const ResidualCheck& check) {
-  constexpr double tail = 6.334e-5;   // P(|z| > 4), z ~ N(0, 1)
+  constexpr double tail = 6.334e-5;  // P(|z| > 4), z ~ N(0, 1)
   std::string text = fmt::format("{} of {} ranges", check.range_outliers, check.ranges);
-  if (check.bearings > 0) text += fmt::format(" and {} of {} bearings", check.bearing_outliers, check.bearings);
-  return text + fmt::format(" lie beyond 4 sigma, where about {:.1f} would by chance", tail * (check.ranges + check.bearings));
+  if (check.bearings > 0)
+    text += fmt::format(" and {} of {} bearings", check.bearing_outliers, check.bearings);
+  return text + fmt::format(" lie beyond 4 sigma, where about {:.1f} would by chance",
+                            tail * (check.ranges + check.bearings));
 }
 
 std::string repeats_in_words(const ResidualCheck& check) {
@@ -100,15 +115,30 @@ std::string repeats_in_words(const ResidualCheck& check) {
   std::string text;
   if (range < 0.5) text += fmt::format("ranges {:.1f} times better than sigma_e", 1.0 / range);
   if (bearing < 0.5)
-    text += fmt::format("{}bearings {:.1f} times better than sigma_theta", text.empty() ? "" : " and ", 1.0 / bearing);
+    text += fmt::format("{}bearings {:.1f} times better than sigma_theta", text.empty() ? "" : " and ",
+                        1.0 / bearing);
   if (text.empty()) return {};
-  return "repeats at one stop agree in " + text +
-         " states";
+  return "repeats at one stop agree in " + text + " states";
 }
 
 bool has_answer(const Calibration& c) {
   if (c.alpha.size() == 0) return false;
   return c.outcome == Outcome::converged || (c.outcome == Outcome::unobservable && c.alpha_covariance);
+}
+
+std::string shortened(const std::string& reason) {
+  const std::string separator = "; landmark ";
+  const std::size_t second = reason.find(separator);
+  if (second == std::string::npos) return reason;
+  std::size_t more = 0, last = second;
+  for (std::size_t at = second; at != std::string::npos; at = reason.find(separator, at + 1)) {
+    ++more;
+    last = at;
+  }
+  if (more < 2) return reason;
+  const std::size_t rest = reason.find("; ", last + 1);
+  return reason.substr(0, second) + fmt::format("; and {} more landmarks likewise", more) +
+         (rest == std::string::npos ? "" : reason.substr(rest));
 }
 
 std::string wrapped(const std::string& text, std::size_t indent, std::size_t width) {

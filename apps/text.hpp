@@ -36,6 +36,9 @@ std::string repeats_in_words(const ResidualCheck& check);
 /// True where the curve is an answer: converged, or only something else than the curve is left open.
 bool has_answer(const Calibration& calibration);
 
+/// A reason that says the same of many landmarks, with the first of them and how many more there are.
+std::string shortened(const std::string& reason);
+
 /// Text broken at spaces to lines of `width`, each after the first indented.
 std::string wrapped(const std::string& text, std::size_t indent, std::size_t width = 100);
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <unistd.h>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -18,13 +17,15 @@ using ::testing::HasSubstr;
 // The shipped recordings were simulated with this curve (notebooks_data/scenes).
 const Eigen::Vector3d true_alpha(0.0525, 0.8838, 0.0584);
 
-/// Every coefficient within four of its own standard deviations of the truth: 6e-5 per coefficient by chance, and
-/// the recordings are fixed.
+/// Every coefficient within four of its own standard deviations of the truth: 6e-5 per coefficient by chance,
+/// and the recordings are fixed.
 void expect_true_curve(const Calibration& calibration) {
   ASSERT_EQ(calibration.order(), 2);
   ASSERT_TRUE(calibration.alpha_covariance);
   for (int i = 0; i < 3; ++i)
-    EXPECT_LT(std::abs(calibration.alpha[i] - true_alpha[i]), 4.0 * std::sqrt((*calibration.alpha_covariance)(i, i))) << i;
+    EXPECT_LT(std::abs(calibration.alpha[i] - true_alpha[i]),
+              4.0 * std::sqrt((*calibration.alpha_covariance)(i, i)))
+        << i;
 }
 
 TEST(CalibrateCommand, LandmarksToJsonAndBack) {
@@ -58,11 +59,14 @@ TEST(CalibrateCommand, AllMethodsInOneFile) {
   ASSERT_EQ(result.code, 0) << result.err;
   const std::vector<Calibration> all = load_calibrations(json);
   ASSERT_EQ(all.size(), 4u);
-  for (const Calibration& calibration : all) EXPECT_EQ(calibration.outcome, Outcome::converged) << to_string(calibration.method);
-  // Each maximum is the best by its own likelihood: full by the joint NLL, marginal by the marginal one up to the REML
-  // correction of its sigmas, which is far below 1 nat here (15 parameters, 1000 numbers).
-  for (const Calibration& other : {all[0], all[1], all[3]}) EXPECT_LT(*all[2].joint_nll, *other.joint_nll + 1e-6);
-  for (const Calibration& other : {all[0], all[1], all[2]}) EXPECT_LT(*all[3].marginal_nll, *other.marginal_nll + 0.5);
+  for (const Calibration& calibration : all)
+    EXPECT_EQ(calibration.outcome, Outcome::converged) << to_string(calibration.method);
+  // Each maximum is the best by its own likelihood: full by the joint NLL, marginal by the marginal one up to
+  // the REML correction of its sigmas, which is far below 1 nat here (15 parameters, 1000 numbers).
+  for (const Calibration& other : {all[0], all[1], all[3]})
+    EXPECT_LT(*all[2].joint_nll, *other.joint_nll + 1e-6);
+  for (const Calibration& other : {all[0], all[1], all[2]})
+    EXPECT_LT(*all[3].marginal_nll, *other.marginal_nll + 0.5);
   EXPECT_THAT(all[2].covariance_reason, HasSubstr("optimistic"));
 }
 
@@ -83,8 +87,9 @@ TEST(CalibrateCommand, BothSolversReachOneOptimumAndNloptAgrees) {
   int i = 0;
   for (const std::string solver : {"ceres", "block"}) {
     const std::string json = folder.file(solver + ".json");
-    const RunResult result = run("calibrate " + shipped("2021-setting") + " --method full --order 2 --noise f --check --solver " +
-                                 solver + " --json " + json);
+    const RunResult result =
+        run("calibrate " + shipped("2021-setting") + " --method full --order 2 --noise f --check --solver " +
+            solver + " --json " + json);
     ASSERT_EQ(result.code, 0) << result.err;
     EXPECT_THAT(result.out, HasSubstr("agrees")) << solver;
     nll[i++] = *load_calibration(json).joint_nll;
@@ -102,7 +107,7 @@ TEST(CalibrateCommand, FromAnotherCalibrationSaysWhatChanged) {
   EXPECT_THAT(same.out, HasSubstr("within chance"));
 
   Calibration other = load_calibration(json);
-  other.alpha[0] += 0.5;   // half a metre: beyond any chance
+  other.alpha[0] += 0.5;  // half a metre: beyond any chance
   save_calibrations({other}, json);
   const RunResult moved = run("calibrate " + shipped("field-layout") + " --from " + json);
   ASSERT_EQ(moved.code, 0) << moved.err;
@@ -112,10 +117,13 @@ TEST(CalibrateCommand, FromAnotherCalibrationSaysWhatChanged) {
 
 TEST(CalibrateCommand, TwoPlacesAreTooFew) {
   const TemporaryFolder folder;
-  std::filesystem::copy(shipped("field-layout"), folder.path(), std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  std::filesystem::copy(
+      shipped("field-layout"), folder.path(),
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
   std::string rows = "stop,landmark,range_m,bearing_rad\n";
   for (const char* stop : {"0", "1"})
-    for (const char* rest : {"A,1.0,0.1", "B,2.0,-0.3", "C,1.5,0.7", "D,3.0,1.0"}) rows += std::string(stop) + "," + rest + "\n";
+    for (const char* rest : {"A,1.0,0.1", "B,2.0,-0.3", "C,1.5,0.7", "D,3.0,1.0"})
+      rows += std::string(stop) + "," + rest + "\n";
   folder.write("observations.csv", rows);
   const std::string json = folder.file("cal.json");
   const RunResult result = run("calibrate " + folder.path() + " --json " + json);
@@ -137,7 +145,8 @@ TEST(CalibrateCommand, NoFileIsLeftAfterAnError) {
   EXPECT_EQ(run("calibrate /no/such/folder --json " + json).code, 2);
   EXPECT_EQ(run("calibrate " + shipped("field-layout") + " --order x --json " + json).code, 2);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
-  const RunResult nowhere = run("calibrate " + shipped("field-layout") + " --json " + folder.file("no/such/cal.json"));
+  const RunResult nowhere =
+      run("calibrate " + shipped("field-layout") + " --json " + folder.file("no/such/cal.json"));
   EXPECT_EQ(nowhere.code, 2);
   EXPECT_THAT(nowhere.err, HasSubstr("cal.json"));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
@@ -153,16 +162,20 @@ TEST(CalibrateCommand, AnOldFileSurvivesAnErrorWhole) {
 TEST(CalibrateCommand, FolderWithoutPermission) {
   // Root reads and writes everywhere: the command then runs as nobody.
   const TemporaryFolder folder;
-  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec |
-                                                  std::filesystem::perms::others_read | std::filesystem::perms::others_exec);
+  std::filesystem::permissions(folder.path(),
+                               std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec |
+                                   std::filesystem::perms::others_read | std::filesystem::perms::others_exec);
   const bool root = ::geteuid() == 0;
   const std::string as_nobody = root ? "setpriv --reuid=65534 --regid=65534 --clear-groups" : "";
   if (root && run("--version", "", as_nobody).code != 0)
     GTEST_SKIP() << "the binary cannot be run as nobody here (its folder is closed, or setpriv is missing)";
   const TemporaryFolder data;
-  std::filesystem::copy(shipped("pairs-2016"), data.path(), std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  std::filesystem::copy(
+      shipped("pairs-2016"), data.path(),
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
   std::filesystem::permissions(data.path(), std::filesystem::perms::all);
-  const RunResult result = run("calibrate " + data.path() + " --json " + folder.file("cal.json"), "", as_nobody);
+  const RunResult result =
+      run("calibrate " + data.path() + " --json " + folder.file("cal.json"), "", as_nobody);
   EXPECT_EQ(result.code, 2) << result.err;
   EXPECT_THAT(result.err, HasSubstr("cannot be written"));
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));

@@ -14,9 +14,10 @@ using ::testing::HasSubstr;
 TEST(CompareCommand, FourMethodsInOneTableAndOneSentence) {
   const RunResult result = run("compare " + shipped("field-layout"));
   ASSERT_EQ(result.code, 0) << result.err;
-  for (const char* part : {"closed-form", "approximate", "full *", "marginal", "alpha_2 [1/m]", "sigma_e [1/m]",
-                           "sigma_theta [deg]", "joint NLL", "marginal NLL", "AIC", "time [ms]", "landmark RMSE [mm]",
-                           "MSE ratio", "* optimistic", "Trust marginal: "})
+  for (const char* part :
+       {"closed-form", "approximate", "full *", "marginal", "alpha_2 [1/m]", "sigma_e [1/m]",
+        "sigma_theta [deg]", "joint NLL", "marginal NLL", "AIC", "time [ms]", "landmark RMSE [mm]",
+        "MSE ratio", "* optimistic", "Trust marginal: "})
     EXPECT_THAT(result.out, HasSubstr(part));
   EXPECT_EQ(count_of(result.out, "Trust "), 1);
   // The recording was simulated by the seed model, so nothing speaks against the fit.
@@ -31,7 +32,8 @@ TEST(CompareCommand, PairsHaveNoLandmarks) {
 }
 
 TEST(CompareCommand, SeveralRecordingsShareOneSensor) {
-  const RunResult result = run("compare " + shipped("field-layout") + " " + shipped("2021-setting") + " --order 2 --noise f2");
+  const RunResult result =
+      run("compare " + shipped("field-layout") + " " + shipped("2021-setting") + " --order 2 --noise f2");
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("2 recordings"));
   EXPECT_THAT(result.out, HasSubstr("600 readings"));
@@ -53,7 +55,8 @@ TEST_P(RealRecording, EndsInAConvergedFullLikelihood) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, RealRecording,
-                         ::testing::Values("mrclam6-robot3", "brenner-lego", "mrclam6-robot1-pairs", "wall-sonar-calibration"),
+                         ::testing::Values("mrclam6-robot3", "brenner-lego", "mrclam6-robot1-pairs",
+                                           "wall-sonar-calibration"),
                          [](const auto& one) {
                            std::string name = one.param;
                            for (char& c : name)

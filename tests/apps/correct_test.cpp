@@ -51,7 +51,7 @@ TEST_F(CorrectCommand, CsvByColumnName) {
             ",,,,missing\n"
             "0,,,,zero\n"
             "-1,,,,negative\n");
-  folder.write("b.csv", "reading_m,range_m\n0.6,1.1\n");   // reading_m goes first
+  folder.write("b.csv", "reading_m,range_m\n0.6,1.1\n");  // reading_m goes first
   EXPECT_THAT(run("correct " + save(line()) + " " + folder.file("b.csv")).out, HasSubstr("0.6,1.000000"));
 }
 

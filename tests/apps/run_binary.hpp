@@ -22,12 +22,14 @@ inline std::string slurp(const std::string& path) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// Runs `rangecal ARGUMENTS` through the shell, with `input` on stdin; `before` stands in front of the command.
-inline RunResult run(const std::string& arguments, const std::string& input = "", const std::string& before = "") {
+/// Runs `rangecal ARGUMENTS` through the shell, with `input` on stdin; `before` stands in front of the
+/// command.
+inline RunResult run(const std::string& arguments, const std::string& input = "",
+                     const std::string& before = "") {
   const TemporaryFolder folder;
   folder.write("in", input);
-  const std::string command = before + " " + RANGECAL_BINARY + " " + arguments + " < " + folder.file("in") + " > " +
-                              folder.file("out") + " 2> " + folder.file("err");
+  const std::string command = before + " " + RANGECAL_BINARY + " " + arguments + " < " + folder.file("in") +
+                              " > " + folder.file("out") + " 2> " + folder.file("err");
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, slurp(folder.file("out")), slurp(folder.file("err"))};
 }

@@ -19,7 +19,8 @@ TEST(SimulateCommand, SameSeedSameFiles) {
   EXPECT_THAT(first.out, HasSubstr("20 stops, 5 landmarks, 100 readings"));
   ASSERT_EQ(run(scene + folder.file("b") + " --seed 7").code, 0);
   ASSERT_EQ(run(scene + folder.file("c") + " --seed 8").code, 0);
-  for (const char* file : {"observations.csv", "stops.csv", "truth_stops.csv", "truth_landmarks.csv", "recording.yaml"}) {
+  for (const char* file :
+       {"observations.csv", "stops.csv", "truth_stops.csv", "truth_landmarks.csv", "recording.yaml"}) {
     const std::string text = slurp(folder.file("a/") + file);
     EXPECT_FALSE(text.empty()) << file;
     EXPECT_EQ(text, slurp(folder.file("b/") + file)) << file;

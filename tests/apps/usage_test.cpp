@@ -68,16 +68,18 @@ TEST(Usage, InputThatIsMissingOrMixed) {
 
 TEST(Usage, MalformedTableNamesFileRowAndColumn) {
   const TemporaryFolder folder;
-  std::filesystem::copy(shipped("field-layout"), folder.path(), std::filesystem::copy_options::recursive |
-                                                                    std::filesystem::copy_options::overwrite_existing);
+  std::filesystem::copy(
+      shipped("field-layout"), folder.path(),
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
   folder.write("observations.csv", "stop,landmark,range_m,bearing_rad\n0,A,1.0,0.1\n0,B,far,0.1\n");
   expect_bad_input("calibrate " + folder.path(), {"observations.csv", "row 3", "range_m"});
 }
 
 TEST(Usage, FullRefusesToEstimateSigmaAndNamesMarginal) {
   const TemporaryFolder folder;
-  std::filesystem::copy(shipped("field-layout"), folder.path(), std::filesystem::copy_options::recursive |
-                                                                    std::filesystem::copy_options::overwrite_existing);
+  std::filesystem::copy(
+      shipped("field-layout"), folder.path(),
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
   folder.write("recording.yaml",
                "format: rangecal/1\nkind: landmarks\nsensor: {name: s, range_min_m: 0.1, range_max_m: 10}\n"
                "stops: {sigma_xy_m: estimate}\n");
@@ -92,8 +94,8 @@ TEST(Usage, FullRefusesToEstimateSigmaAndNamesMarginal) {
 
 TEST(Usage, StdoutThatCannotBeWrittenIsAnError) {
   const TemporaryFolder folder;
-  const std::string command = std::string(RANGECAL_BINARY) + " compare " + shipped("pairs-2016") + " > /dev/full 2> " +
-                              folder.file("err");
+  const std::string command = std::string(RANGECAL_BINARY) + " compare " + shipped("pairs-2016") +
+                              " > /dev/full 2> " + folder.file("err");
   const int status = std::system(command.c_str());
   EXPECT_EQ(WEXITSTATUS(status), 1);
   EXPECT_THAT(slurp(folder.file("err")), HasSubstr("stdout"));

@@ -28,7 +28,8 @@ Eigen::MatrixXd padded(const std::optional<Eigen::MatrixXd>& covariance, Eigen::
 double chi_square(const Eigen::VectorXd& delta, const Eigen::MatrixXd& covariance, int& rank) {
   Eigen::VectorXd scale = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * covariance * scale.asDiagonal());
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * covariance *
+                                                             scale.asDiagonal());
   const Eigen::VectorXd turned = eigen.eigenvectors().transpose() * scale.cwiseProduct(delta);
   double sum = 0.0;
   rank = 0;
@@ -65,8 +66,10 @@ std::vector<CurvePoint> curve_points(const Calibration& calibration, int count) 
 }
 
 CurveChange compare_curves(const Calibration& before, const Calibration& after) {
-  if (before.alpha.size() == 0 || !before.alpha.allFinite()) throw InputError("the calibration before has no curve f");
-  if (after.alpha.size() == 0 || !after.alpha.allFinite()) throw InputError("the calibration after has no curve f");
+  if (before.alpha.size() == 0 || !before.alpha.allFinite())
+    throw InputError("the calibration before has no curve f");
+  if (after.alpha.size() == 0 || !after.alpha.allFinite())
+    throw InputError("the calibration after has no curve f");
   const double low = after.range_min_m, high = after.range_max_m;
   if (!(low >= 0.0) || !(high > low)) throw InputError("the range fitted by the calibration after is empty");
 

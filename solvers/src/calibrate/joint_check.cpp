@@ -14,7 +14,7 @@ namespace rangecal {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr Eigen::Index most_unknowns = 400;   // SLSQP factors a dense matrix of that size at every step
+constexpr Eigen::Index most_unknowns = 400;  // SLSQP factors a dense matrix of that size at every step
 
 /// Columns of one standard deviation of (globals, stops) under the expected information at `system`, which is
 /// assembled and eliminated: globals by the Schur complement, stops given the globals by their own block.
@@ -27,7 +27,8 @@ Eigen::MatrixXd whitening_of(const JointSystem& system) {
   for (Eigen::Index j = 0; j < globals; ++j)
     whitening.col(j).tail(stops) = system.back_substitute(outer.col(j), false);
   Eigen::MatrixXd covariance(stops, stops);
-  for (Eigen::Index j = 0; j < stops; ++j) covariance.col(j) = system.solve_stops(Eigen::VectorXd::Unit(stops, j));
+  for (Eigen::Index j = 0; j < stops; ++j)
+    covariance.col(j) = system.solve_stops(Eigen::VectorXd::Unit(stops, j));
   if (stops > 0)
     whitening.bottomRightCorner(stops, stops) =
         Eigen::MatrixXd(Eigen::LLT<Eigen::MatrixXd>(0.5 * (covariance + covariance.transpose())).matrixL());
@@ -47,8 +48,8 @@ CheckReport check_joint(const LandmarksJob& job, const JointState& seed, const J
   const Eigen::Index globals = system.layout().global_count;
   const Eigen::Index stops = static_cast<Eigen::Index>(system.layout().coordinates);
   if (globals + stops > most_unknowns) {
-    report.report = fmt::format("no check: {} unknowns, and NLopt's dense methods are for up to {}", globals + stops,
-                                most_unknowns);
+    report.report = fmt::format("no check: {} unknowns, and NLopt's dense methods are for up to {}",
+                                globals + stops, most_unknowns);
     return report;
   }
   if (!std::isfinite(system.assemble(seed, HessianKind::fisher)) || !system.eliminate()) {
@@ -74,7 +75,8 @@ CheckReport check_joint(const LandmarksJob& job, const JointState& seed, const J
   const Eigen::Index alphas = seed.alpha.size();
   problem.lower = problem.upper = problem.seed;
   for (Eigen::Index i = 0; i < alphas; ++i) {
-    const double reach = 10.0 * problem.whitening.row(i).norm() + std::abs(fit.state.alpha[i] - seed.alpha[i]);
+    const double reach =
+        10.0 * problem.whitening.row(i).norm() + std::abs(fit.state.alpha[i] - seed.alpha[i]);
     problem.lower[i] = -reach;
     problem.upper[i] = reach;
     problem.global_indices.push_back(static_cast<int>(i));

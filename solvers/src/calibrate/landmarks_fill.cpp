@@ -29,9 +29,12 @@ void fill_range(const JointProblem& problem, const JointState& state, Calibratio
 }
 
 void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibration& result) {
-  const int alphas = static_cast<int>(fit.state.alpha.size()), taus = static_cast<int>(fit.state.noise.parameters.size());
+  const int alphas = static_cast<int>(fit.state.alpha.size()),
+            taus = static_cast<int>(fit.state.noise.parameters.size());
   const Eigen::MatrixXd* covariance = fit.covariance ? &*fit.covariance : nullptr;
-  const JointLayout layout(problem, alphas, taus, covariance && covariance->rows() > alphas + 2 * problem.landmark_count() + taus + 1);
+  const JointLayout layout(
+      problem, alphas, taus,
+      covariance && covariance->rows() > alphas + 2 * problem.landmark_count() + taus + 1);
   const bool logs = fit.state.noise.law != NoiseLaw::polynomial;
   const auto std_dev = [&](int index, double factor) -> std::optional<double> {
     if (!covariance || !((*covariance)(index, index) >= 0.0)) return std::nullopt;
@@ -42,20 +45,22 @@ void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibrati
     const double value = fit.state.noise.parameters[j];
     result.noise_estimates.push_back({value, std_dev(layout.tau_begin + j, logs ? value : 1.0)});
   }
-  result.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, std_dev(layout.sigma_theta, fit.state.sigma_theta_rad)};
+  result.sigma_theta_rad =
+      Estimate{fit.state.sigma_theta_rad, std_dev(layout.sigma_theta, fit.state.sigma_theta_rad)};
   if (problem.estimate_sigma_s && fit.state.sigma_s_m) {
     result.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
     if (layout.sigma_s >= 0) result.sigma_s_m->std_dev = std_dev(layout.sigma_s, *fit.state.sigma_s_m);
   }
   for (int l = 0; covariance && l < problem.landmark_count(); ++l)
-    result.landmarks[l].covariance = covariance->block<2, 2>(layout.landmark_begin + 2 * l, layout.landmark_begin + 2 * l);
+    result.landmarks[l].covariance =
+        covariance->block<2, 2>(layout.landmark_begin + 2 * l, layout.landmark_begin + 2 * l);
 }
 
 /// Labels for landmark indices, the noise law's symbols for "noise parameter i".
 std::string in_user_words(const std::string& direction, const LandmarksJob& job, const JointState& state) {
   const bool beta = state.noise.law == NoiseLaw::polynomial;
-  return std::regex_replace(with_labels(direction, job.landmark_labels), std::regex("noise parameter ([0-9]+)"),
-                            beta ? "beta_$1" : "log sigma_e");
+  return std::regex_replace(with_labels(direction, job.landmark_labels),
+                            std::regex("noise parameter ([0-9]+)"), beta ? "beta_$1" : "log sigma_e");
 }
 
 }  // namespace
@@ -98,7 +103,8 @@ Calibration calibration_from_fit(const LandmarksJob& job, Method method, const J
   fill_range(job.problem, fit.state, result);
   if (method == Method::full && result.alpha_covariance)
     result.covariance_reason =
-        "optimistic: the joint maximum fits the stops as if they were known afterwards, so its sigmas, and with them "
+        "optimistic: the joint maximum fits the stops as if they were known afterwards, so its sigmas, and "
+        "with them "
         "these standard deviations, come out too small";
   return result;
 }
@@ -118,7 +124,8 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
   for (std::size_t l = 0; l < result.landmarks.size() && l < job.landmark_labels.size(); ++l)
     result.landmarks[l].label = job.landmark_labels[l];
   if (result.alpha.size() == 0 && is_usable(result.outcome)) result.outcome = Outcome::failed;
-  if (result.outcome == Outcome::failed || result.outcome == Outcome::too_few_data) {  // no numbers beside no answer
+  if (result.outcome == Outcome::failed ||
+      result.outcome == Outcome::too_few_data) {  // no numbers beside no answer
     result.alpha.resize(0);
     result.alpha_covariance.reset();
     result.noise_estimates.clear();
@@ -138,11 +145,14 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
     state.sigma_theta_rad = calibration.sigma_theta_rad->value;
   else if (sigma_theta_rad)
     state.sigma_theta_rad = *sigma_theta_rad;
-  if (job.problem.estimate_sigma_s) state.sigma_s_m = std::max(sigma_s_m.value_or(job.default_sigma_s_m), 1e-6);
-  for (const LandmarkEstimate& landmark : calibration.landmarks) state.landmarks.push_back(landmark.position_m);
+  if (job.problem.estimate_sigma_s)
+    state.sigma_s_m = std::max(sigma_s_m.value_or(job.default_sigma_s_m), 1e-6);
+  for (const LandmarkEstimate& landmark : calibration.landmarks)
+    state.landmarks.push_back(landmark.position_m);
   for (std::size_t k = 0; k < job.problem.stops.size(); ++k)
-    state.stops.push_back(calibration.stops.size() == job.problem.stops.size() ? calibration.stops[k].pose
-                                                                               : job.problem.stops[k].commanded);
+    state.stops.push_back(calibration.stops.size() == job.problem.stops.size()
+                              ? calibration.stops[k].pose
+                              : job.problem.stops[k].commanded);
   const LaplaceValue value = laplace_marginal(job.problem, state);
   if (!value.ok) {
     calibration.reason += std::string(calibration.reason.empty() ? "" : "; ") +
@@ -165,20 +175,23 @@ std::optional<std::string> what_is_open(const LandmarksJob& job, const JointStat
     for (const StopPrior& prior : job.problem.stops) uncertain = std::max(uncertain, prior.sigma_xy_m);
   const double span = at.range_max_m - at.range_min_m;
   if (span < std::max(8.0 * uncertain, 0.02 * at.range_max_m))
-    return fmt::format("all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not determined",
-                       at.range_min_m, at.range_max_m);
+    return fmt::format(
+        "all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not determined",
+        at.range_min_m, at.range_max_m);
   const auto bound = cramer_rao_bound(job.problem, state);
   if (!bound) return "the information matrix is singular: curve and landmarks can shift together unseen";
   at.alpha_covariance = bound->topLeftCorner(state.alpha.size(), state.alpha.size());
   for (const CurvePoint& point : curve_points(at))
     if (!(*point.std_dev_m < 0.25 * std::max(point.distance_m, 0.2 * at.range_max_m)))
-      return fmt::format("f is not determined (its standard deviation is {:.2g} m at {:.2f} m): curve and landmarks can "
-                         "shift together unseen",
-                         *point.std_dev_m, point.distance_m);
+      return fmt::format(
+          "f is not determined (its standard deviation is {:.2g} m at {:.2f} m): curve and landmarks can "
+          "shift together unseen",
+          *point.std_dev_m, point.distance_m);
   return std::nullopt;
 }
 
-void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state, Calibration& calibration) {
+void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state,
+               Calibration& calibration) {
   if (calibration.outcome == Outcome::too_few_data) return;
   if (calibration.alpha.size() == 0) {
     calibration.alpha = state.alpha;
@@ -191,7 +204,8 @@ void mark_open(const LandmarksJob& job, const std::string& what, const JointStat
   calibration.covariance_reason = "no covariance: " + what;
   for (Estimate& estimate : calibration.noise_estimates) estimate.std_dev.reset();
   for (LandmarkEstimate& landmark : calibration.landmarks) landmark.covariance.reset();
-  if (calibration.weakest_direction.empty()) calibration.weakest_direction = "alpha_0 against alpha_1 and the landmarks";
+  if (calibration.weakest_direction.empty())
+    calibration.weakest_direction = "alpha_0 against alpha_1 and the landmarks";
 }
 
 }  // namespace rangecal

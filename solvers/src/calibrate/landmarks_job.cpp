@@ -50,11 +50,12 @@ std::optional<std::string> why_too_few(const JointProblem& problem, int order) {
   for (int stop : problem.cells.stop) places.insert(problem.stops[stop].place);
   if (problem.readings < 1.0) return "no usable reading";
   if (places.size() < 3)
-    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3", places.size());
+    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3",
+                       places.size());
   const double unknowns = order + 1 + 2.0 * problem.landmark_count();
   if (2.0 * static_cast<double>(problem.cells.size()) < unknowns + 2.0)
-    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks", problem.cells.size(),
-                       unknowns);
+    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks",
+                       problem.cells.size(), unknowns);
   if (static_cast<int>(problem.cells.size()) < order + 2)
     return fmt::format("{} distances for a curve of order {}", problem.cells.size(), order);
   return std::nullopt;
@@ -62,7 +63,8 @@ std::optional<std::string> why_too_few(const JointProblem& problem, int order) {
 
 }  // namespace
 
-LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOptions& wanted, CalibrationReport& report)
+LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOptions& wanted,
+                           CalibrationReport& report)
     : options(wanted) {
   std::vector<std::string> unseen;
   for (const Recording& recording : all) {
@@ -126,7 +128,8 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
 }
 
 JointFit LandmarksJob::full(const JointState& start) const {
-  return options.solver == JointSolver::block ? solve_joint_block(problem, start) : solve_joint_ceres(problem, start);
+  return options.solver == JointSolver::block ? solve_joint_block(problem, start)
+                                              : solve_joint_ceres(problem, start);
 }
 
 MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit) const {
@@ -169,8 +172,9 @@ double LandmarksJob::parameters(const JointState& state) const {
 std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models) const {
   const int highest = std::min(options.max_order, static_cast<int>(problem.cells.size()) - 3);
   const std::vector<NoiseLaw> laws =
-      options.noise ? std::vector<NoiseLaw>{*options.noise}
-                    : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+      options.noise
+          ? std::vector<NoiseLaw>{*options.noise}
+          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
   int order = options.order.value_or(std::clamp(highest, 1, 2));
   NoiseLaw law = options.noise.value_or(NoiseLaw::f_squared);
   if (options.order && options.noise) return {order, law};

@@ -14,45 +14,48 @@
 
 namespace rangecal {
 
-/// The recordings of kind landmarks of one calibration job, laid end to end, with the labels that the joint problem's
-/// indices stand for.
+/// The recordings of kind landmarks of one calibration job, laid end to end, with the labels that the joint
+/// problem's indices stand for.
 struct LandmarksJob {
   LandmarksJob(std::span<const Recording> all, const CalibrateOptions& wanted, CalibrationReport& report);
 
-  std::vector<Recording> recordings;      ///< without the landmarks that no reading sees
+  std::vector<Recording> recordings;  ///< without the landmarks that no reading sees
   CalibrateOptions options;
   JointProblem problem;
   std::vector<std::string> landmark_labels, stop_labels;
   Counts counts;
-  std::optional<std::string> too_few;     ///< why no method can work, in words
-  double default_sigma_s_m = 0.01;        ///< where sigma_s is estimated: its start
+  std::optional<std::string> too_few;  ///< why no method can work, in words
+  double default_sigma_s_m = 0.01;     ///< where sigma_s is estimated: its start
 
-  std::optional<JointState> seed(int order, NoiseLaw law) const;   ///< the better of all seeds by joint NLL
+  std::optional<JointState> seed(int order, NoiseLaw law) const;  ///< the better of all seeds by joint NLL
   JointFit full(const JointState& start) const;
   /// From `full` where it converged, else from the fit with sigmas held.
   MarginalFit marginal(const JointState& seed, const JointFit* full) const;
   /// Order and noise law, by the AIC of the marginal NLL; every model tried goes to `models`.
   std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models) const;
 
-  double parameters(const JointState& state) const;   ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated
+  double parameters(
+      const JointState& state) const;  ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated
 };
 
 /// The job's answer by one method: estimates, covariances, labels, range and counts; not yet its scores.
 Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit);
 Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, int order, NoiseLaw law);
 
-/// joint_nll, marginal_nll and aic by the same two functions for every method. `sigma_s_m` where it was estimated;
-/// `sigma_theta_rad` stands in where the method has none.
+/// joint_nll, marginal_nll and aic by the same two functions for every method. `sigma_s_m` where it was
+/// estimated; `sigma_theta_rad` stands in where the method has none.
 void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
            Calibration& calibration);
 
-/// What of the curve the recording leaves open, in words: distances that do not differ, or a standard deviation of f (by
-/// the expected information at `state`) beyond a quarter of the distance. None where f is determined.
+/// What of the curve the recording leaves open, in words: distances that do not differ, or a standard
+/// deviation of f (by the expected information at `state`) beyond a quarter of the distance. None where f is
+/// determined.
 std::optional<std::string> what_is_open(const LandmarksJob& job, const JointState& state);
 
-/// Turns a calibration into the outcome `unobservable`, standard deviations removed; where it had no curve it gets that
-/// of `state`, one of the many that explain the readings. `too_few_data` stays.
-void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state, Calibration& calibration);
+/// Turns a calibration into the outcome `unobservable`, standard deviations removed; where it had no curve it
+/// gets that of `state`, one of the many that explain the readings. `too_few_data` stays.
+void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state,
+               Calibration& calibration);
 
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);

@@ -45,19 +45,25 @@ Calibration named(const LandmarksJob& job, Method method, Outcome outcome, const
 
 Calibration by_full(const LandmarksJob& job, Run& run) {
   if (job.problem.estimate_sigma_s)
-    return named(job, Method::full, Outcome::unbounded,
-                 "with sigma_xy_m: estimate the joint likelihood has no maximum: sigma_s goes to 0; use marginal");
+    return named(
+        job, Method::full, Outcome::unbounded,
+        "with sigma_xy_m: estimate the joint likelihood has no maximum: sigma_s goes to 0; use marginal");
   const JointFit* fit = run.full();
   if (!fit) return named(job, Method::full, Outcome::failed, "no start inside the model's domain was found");
   return calibration_from_fit(job, Method::full, *fit);
 }
 
 Calibration by_marginal(const LandmarksJob& job, Run& run) {
-  if (!run.seed()) return named(job, Method::marginal, Outcome::failed, "no start inside the model's domain was found");
+  if (!run.seed())
+    return named(job, Method::marginal, Outcome::failed, "no start inside the model's domain was found");
   const MarginalFit fit = job.marginal(*run.seed(), run.full());
   Calibration result = calibration_from_fit(job, Method::marginal, fit);
   result.sigma_s_upper95_m = fit.sigma_s_upper95_m;
-  if (fit.state.alpha.size() > 0 && std::isfinite(fit.joint_nll)) run.best_state = fit.state;
+  if (fit.state.alpha.size() > 0 && std::isfinite(fit.joint_nll)) {
+    run.best_state = fit.state;
+    // An estimate of 0 has no density; a micrometre is below what any recording resolves.
+    if (run.best_state->sigma_s_m) run.best_state->sigma_s_m = std::max(*run.best_state->sigma_s_m, 1e-6);
+  }
   return result;
 }
 
@@ -72,7 +78,8 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
                        std::count(options.methods.begin(), options.methods.end(), Method::full) > 0;
   for (const Recording& recording : recordings)
     if (by_name && recording.estimate_sigma_xy)
-      throw InputError(recording.path + ": method full cannot estimate sigma_xy_m, its likelihood has no maximum there; "
+      throw InputError(recording.path +
+                       ": method full cannot estimate sigma_xy_m, its likelihood has no maximum there; "
                        "use --method marginal, or give sigma_xy_m a value");
   const LandmarksJob job(recordings, options, report);
   const std::vector<Method> methods = methods_of(options);
@@ -88,9 +95,10 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
-    report.calibrations.push_back(method == Method::full       ? by_full(job, run)
-                                  : method == Method::marginal ? by_marginal(job, run)
-                                                               : calibration_by_closed_form(job, method, order, law));
+    report.calibrations.push_back(method == Method::full ? by_full(job, run)
+                                  : method == Method::marginal
+                                      ? by_marginal(job, run)
+                                      : calibration_by_closed_form(job, method, order, law));
     if (options.on_method) options.on_method(method, false);
   }
   std::optional<double> sigma_s, sigma_theta;

@@ -19,7 +19,8 @@ namespace {
 Recording joined(std::span<const Recording> recordings) {
   Recording all = recordings[0];
   for (const Recording& recording : recordings.subspan(1)) {
-    all.pairs.true_m.insert(all.pairs.true_m.end(), recording.pairs.true_m.begin(), recording.pairs.true_m.end());
+    all.pairs.true_m.insert(all.pairs.true_m.end(), recording.pairs.true_m.begin(),
+                            recording.pairs.true_m.end());
     all.pairs.reading_m.insert(all.pairs.reading_m.end(), recording.pairs.reading_m.begin(),
                                recording.pairs.reading_m.end());
     add_counts(recording.counts, all.counts);
@@ -41,8 +42,9 @@ PairsOptions pairs_options(const CalibrateOptions& options, std::optional<int> o
 std::pair<int, NoiseLaw> choose_pairs_model(const PairsProblem& problem, const CalibrateOptions& options,
                                             std::vector<ModelScore>& models) {
   const std::vector<NoiseLaw> laws =
-      options.noise ? std::vector<NoiseLaw>{*options.noise}
-                    : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+      options.noise
+          ? std::vector<NoiseLaw>{*options.noise}
+          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
   std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
   if (options.order && options.noise) return best;
   double lowest = std::numeric_limits<double>::infinity();
@@ -51,7 +53,8 @@ std::pair<int, NoiseLaw> choose_pairs_model(const PairsProblem& problem, const C
     const PairsFit fit = full_pairs(problem, pairs_options(options, options.order, law));
     for (const OrderScore& score : fit.orders) {
       const bool usable = score.outcome == Outcome::converged;
-      models.push_back({score.order, law, score.nll, usable ? score.aic : std::numeric_limits<double>::infinity()});
+      models.push_back(
+          {score.order, law, score.nll, usable ? score.aic : std::numeric_limits<double>::infinity()});
       if (usable && score.aic < lowest) {
         lowest = score.aic;
         best = {score.order, law};
@@ -67,7 +70,8 @@ void score_pairs(const PairsProblem& problem, Calibration& calibration) {
   const double nll = pairs_nll(problem, calibration.alpha, calibration.noise);
   if (!std::isfinite(nll)) return;
   calibration.joint_nll = calibration.marginal_nll = nll;
-  calibration.aic = 2.0 * (nll + static_cast<double>(calibration.alpha.size() + calibration.noise.parameters.size()));
+  calibration.aic =
+      2.0 * (nll + static_cast<double>(calibration.alpha.size() + calibration.noise.parameters.size()));
 }
 
 CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, const Calibration& full) {
@@ -88,7 +92,8 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
     return at.nll;
   };
   search.seed.resize(n + 1);
-  const double sigma = start.noise.law == full.noise.law ? start.noise.parameters[0] : full.noise.parameters[0];
+  const double sigma =
+      start.noise.law == full.noise.law ? start.noise.parameters[0] : full.noise.parameters[0];
   search.seed << start.alpha, std::log(std::max(sigma, 1e-9));
   Noise seed_noise = full.noise;
   seed_noise.parameters[0] = std::exp(search.seed[n]);
@@ -96,7 +101,8 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
     report.report = "no check: the seed lies outside the model's domain";
     return report;
   }
-  search.whitening = whitening_from_information(pairs_derivatives(problem, start.alpha, seed_noise).information);
+  search.whitening =
+      whitening_from_information(pairs_derivatives(problem, start.alpha, seed_noise).information);
   search.lower = search.upper = search.seed;
   for (Eigen::Index i = 0; i < n; ++i) {
     const double reach = 10.0 * search.whitening.row(i).norm() + std::abs(full.alpha[i] - start.alpha[i]);
@@ -117,8 +123,8 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
 std::string in_words(const NoiseShapeParameters& shape) {
   if (shape.shape == NoiseShape::student_t) return fmt::format("student-t with nu = {:.3g}", shape.nu);
   if (shape.shape == NoiseShape::contaminated)
-    return fmt::format("contaminated: {:.3g} % of the readings with {:.3g} times the spread", 100.0 * shape.outlier_share,
-                       shape.outlier_scale);
+    return fmt::format("contaminated: {:.3g} % of the readings with {:.3g} times the spread",
+                       100.0 * shape.outlier_share, shape.outlier_scale);
   return {};
 }
 
@@ -143,7 +149,8 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
     } else if (method == Method::approximate) {
       result = approximate_pairs(all, closed);
     } else {
-      const PairsFit fit = method == Method::full ? full_pairs(problem, gaussian) : marginal_pairs(problem, gaussian);
+      const PairsFit fit =
+          method == Method::full ? full_pairs(problem, gaussian) : marginal_pairs(problem, gaussian);
       result = fit.calibration;
       report.noise_shape = in_words(fit.shape);
     }
@@ -155,8 +162,9 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
     report.calibrations.push_back(std::move(result));
   }
   if (shaped && !report.noise_shape.empty())
-    report.notes.push_back("noise is " + report.noise_shape +
-                           "; sigma_e is its scale, and the closed forms, which know the gaussian only, have no NLL of it");
+    report.notes.push_back(
+        "noise is " + report.noise_shape +
+        "; sigma_e is its scale, and the closed forms, which know the gaussian only, have no NLL of it");
   if (options.check && !shaped) {
     Calibration full = full_pairs(problem, gaussian).calibration;
     score_pairs(problem, full);

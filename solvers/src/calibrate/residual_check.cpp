@@ -11,7 +11,7 @@
 namespace rangecal {
 namespace {
 
-constexpr double limit = 4.0;   // standard deviations
+constexpr double limit = 4.0;  // standard deviations
 
 void add_range(const Calibration& calibration, double d, double y, ResidualCheck& check) {
   const double f = evaluate_polynomial(calibration.alpha, d);
@@ -48,8 +48,8 @@ struct Pooled {
   double range_sq = 0.0, range_dof = 0.0, bearing_sq = 0.0, bearing_dof = 0.0;
 };
 
-void check_landmarks(const Recording& recording, int index, const Calibration& calibration, ResidualCheck& check,
-                     Pooled& pooled) {
+void check_landmarks(const Recording& recording, int index, const Calibration& calibration,
+                     ResidualCheck& check, Pooled& pooled) {
   Repeats ranges, bearings;
   std::map<std::string, Eigen::Vector2d> landmarks;
   for (const LandmarkEstimate& l : calibration.landmarks)
@@ -105,7 +105,7 @@ ResidualCheck check_residuals(std::span<const Recording> recordings, const Calib
       for (std::size_t i = 0; i < recording.pairs.size(); ++i)
         add_range(calibration, recording.pairs.true_m[i], recording.pairs.reading_m[i], check);
   }
-  constexpr double fewest = 20.0;   // degrees of freedom: the ratio is then known to 16 %
+  constexpr double fewest = 20.0;  // degrees of freedom: the ratio is then known to 16 %
   if (pooled.range_dof >= fewest) check.range_repeats = std::sqrt(pooled.range_sq / pooled.range_dof);
   if (pooled.bearing_dof >= fewest) check.bearing_repeats = std::sqrt(pooled.bearing_sq / pooled.bearing_dof);
   return check;

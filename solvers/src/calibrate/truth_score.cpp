@@ -32,8 +32,8 @@ void add_reading(const Calibration& calibration, double d, double y, Sums& sums)
 }
 
 bool has_curve(const Calibration& c) {
-  return c.alpha.size() > 0 && c.alpha.allFinite() && c.noise.parameters.allFinite() && c.range_min_m >= 0.0 &&
-         c.range_max_m > c.range_min_m;
+  return c.alpha.size() > 0 && c.alpha.allFinite() && c.noise.parameters.allFinite() &&
+         c.range_min_m >= 0.0 && c.range_max_m > c.range_min_m;
 }
 
 }  // namespace

@@ -125,7 +125,7 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
     const int determined = std::min(order, distinct - 1);
     fit = fit_order(problem, determined, reduced, method);
     if (fit.calibration.outcome == Outcome::converged) fit.calibration.outcome = Outcome::unobservable;
-    const std::string where = distinct == 1 ? fmt::format("all readings are at {:.6g} m", problem.true_m.front())
+    const std::string where = distinct == 1 ? fmt::format("the one distance {:.6g} m", problem.true_m.front())
                                             : fmt::format("{} distinct distances", distinct);
     fit.calibration.reason = fmt::format("{} cannot determine order {}: {} can be added to f unseen; order {} is given{}{}",
                                          where, order, pairs_ml::name_direction(unseen), determined,

@@ -31,7 +31,8 @@ Scene scene_with(int stops, std::vector<Eigen::Vector2d> positions, int repeats)
     stop.commanded = {0.3 * k, 0.0, 0.0};
     scene.stops.push_back(stop);
   }
-  for (std::size_t l = 0; l < positions.size(); ++l) scene.landmarks.push_back({"T" + std::to_string(l + 5), 0.0, {}});
+  for (std::size_t l = 0; l < positions.size(); ++l)
+    scene.landmarks.push_back({"T" + std::to_string(l + 5), 0.0, {}});
   scene.positions = positions;
   scene.repeats = repeats;
   return scene;
@@ -72,7 +73,8 @@ TEST(Calibrate, OrderAndLawAreChosenByAic) {
   const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
   ASSERT_EQ(report.calibrations.size(), 1u);
   EXPECT_EQ(report.calibrations[0].noise.law, NoiseLaw::f_squared);
-  EXPECT_GE(report.calibrations[0].order(), 2);   // order 1 is tens of nats worse; AIC may take one order too many
+  EXPECT_GE(report.calibrations[0].order(),
+            2);  // order 1 is tens of nats worse; AIC may take one order too many
   EXPECT_GE(report.models.size(), 7u);
   for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 0.05);
 }
@@ -98,7 +100,7 @@ TEST(Calibrate, SigmaOfTheStopsIsEstimatedByMarginalOnly) {
   EXPECT_EQ(all[2].alpha.size(), 0);
   ASSERT_EQ(all[3].outcome, Outcome::converged) << all[3].reason;
   ASSERT_TRUE(all[3].sigma_s_m && all[3].sigma_s_m->std_dev);
-  EXPECT_LT(std::abs(all[3].sigma_s_m->value - 0.01), 4.0 * *all[3].sigma_s_m->std_dev);   // truth: 1 cm
+  EXPECT_LT(std::abs(all[3].sigma_s_m->value - 0.01), 4.0 * *all[3].sigma_s_m->std_dev);  // truth: 1 cm
 
   CalibrateOptions options;
   options.methods = {Method::full};
@@ -141,13 +143,13 @@ TEST(Degenerate, TwoLandmarksWithoutRepeatsHaveNoJointMaximum) {
   EXPECT_EQ(all[2].outcome, Outcome::unbounded);
   EXPECT_EQ(all[2].alpha.size(), 0);
   EXPECT_THAT(all[2].reason, HasSubstr("sigma"));
-  EXPECT_EQ(all[3].outcome, Outcome::converged) << all[3].reason;   // the marginal likelihood is bounded
+  EXPECT_EQ(all[3].outcome, Outcome::converged) << all[3].reason;  // the marginal likelihood is bounded
 }
 
 TEST(Degenerate, LandmarksAndPathOnOneLine) {
   for (std::uint64_t seed = 0; seed < 5; ++seed) {
-    const Recording recording =
-        simulate(scene_with(10, {{4.0, 0.0}, {5.0, 0.0}, {6.0, 0.0}, {4.5, 0.0}}, 5), seed_from("collinear", {seed}));
+    const Recording recording = simulate(scene_with(10, {{4.0, 0.0}, {5.0, 0.0}, {6.0, 0.0}, {4.5, 0.0}}, 5),
+                                         seed_from("collinear", {seed}));
     for (const Calibration& c : all_methods(recording)) {
       EXPECT_TRUE(c.outcome == Outcome::unobservable || c.outcome == Outcome::too_few_data)
           << to_string(c.method) << " " << to_string(c.outcome) << " seed " << seed;
@@ -168,13 +170,14 @@ TEST(Degenerate, AllAtOneDistance) {
 }
 
 TEST(Degenerate, DirectionIsNamedByLabel) {
-  const Recording recording =
-      simulate(scene_with(10, {{4.0, 0.0}, {5.0, 0.0}, {6.0, 0.0}, {4.5, 0.0}}, 5), seed_from("collinear", {0}));
+  const Recording recording = simulate(scene_with(10, {{4.0, 0.0}, {5.0, 0.0}, {6.0, 0.0}, {4.5, 0.0}}, 5),
+                                       seed_from("collinear", {0}));
   EXPECT_THAT(all_methods(recording)[3].weakest_direction, HasSubstr("of landmark T"));
 }
 
 TEST(TruthScore, NoiseFreeCalibrationScoresItsBias) {
-  // One landmark seen at d = 1 and d = 2 by f(d) = 0.1 + d; the calibration has f exactly, the landmark 3 cm off in x.
+  // One landmark seen at d = 1 and d = 2 by f(d) = 0.1 + d; the calibration has f exactly, the landmark 3 cm
+  // off in x.
   Recording recording;
   recording.stops.resize(2);
   recording.stops[0].label = "a";
@@ -196,7 +199,7 @@ TEST(TruthScore, NoiseFreeCalibrationScoresItsBias) {
   c.landmarks = {{0, "L", {1.03, 0.0}, Eigen::Matrix2d::Identity() * 1e-4}};
   const TruthScore score = score_against_truth(std::span(&recording, 1), c);
   EXPECT_NEAR(*score.landmark_rmse_m, 0.03, 1e-12);
-  EXPECT_NEAR(*score.landmark_strain, std::sqrt(0.5 * 0.03 * 0.03 / 1e-4), 1e-9);   // sqrt(e^2 / (2 sigma^2))
+  EXPECT_NEAR(*score.landmark_strain, std::sqrt(0.5 * 0.03 * 0.03 / 1e-4), 1e-9);  // sqrt(e^2 / (2 sigma^2))
   EXPECT_NEAR(score.rmse_raw_m, 0.1, 1e-12);
   EXPECT_LT(score.rmse_corrected_m, 1e-9);
   EXPECT_FALSE(score.estimated_stops);
@@ -209,7 +212,7 @@ TEST(ResidualCheck, CountsWhatLiesBeyondFourSigma) {
   recording.pairs.reading_m.assign(1000, 2.0);
   Calibration c;
   c.alpha = Eigen::Vector2d(0.0, 1.0);
-  c.noise.law = NoiseLaw::constant;   // sigma = 0.01 m: the limit is 2.04 m
+  c.noise.law = NoiseLaw::constant;  // sigma = 0.01 m: the limit is 2.04 m
   recording.pairs.reading_m[0] = 2.039;
   EXPECT_EQ(check_residuals(std::span(&recording, 1), c).range_outliers, 0);
   for (int i = 0; i < 5; ++i) recording.pairs.reading_m[i] = 2.041;

@@ -21,17 +21,18 @@ const char* to_string(JointSolver solver);
 JointSolver joint_solver_from_string(const std::string& text);
 
 struct CalibrateOptions {
-  std::vector<Method> methods;         ///< in the order wanted; empty: all four
-  std::optional<int> order;            ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
-  int max_order = 4;                   ///< of that search
-  std::optional<NoiseLaw> noise;       ///< nullopt: constant, f, f2, f3 by AIC of the same
+  std::vector<Method> methods;    ///< in the order wanted; empty: all four
+  std::optional<int> order;       ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
+  int max_order = 4;              ///< of that search
+  std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same
   JointSolver solver = JointSolver::ceres;
-  NoiseShape noise_shape = NoiseShape::gaussian;   ///< kind pairs; landmarks know the Gaussian only
-  BearingWeights weights = BearingWeights::consistent;   ///< of the closed form's lines of sight
-  bool check = false;                  ///< minimise the full likelihood a second time with NLopt
-  std::optional<Calibration> from;     ///< start from this one's alpha and noise, and landmarks whose labels match
-  std::function<void(const std::string&)> on_progress;      ///< told in words what begins
-  std::function<void(Method, bool)> on_method;              ///< told when a method begins (true) and ends (false)
+  NoiseShape noise_shape = NoiseShape::gaussian;        ///< kind pairs; landmarks know the Gaussian only
+  BearingWeights weights = BearingWeights::consistent;  ///< of the closed form's lines of sight
+  bool check = false;  ///< minimise the full likelihood a second time with NLopt
+  std::optional<Calibration>
+      from;  ///< start from this one's alpha and noise, and landmarks whose labels match
+  std::function<void(const std::string&)> on_progress;  ///< told in words what begins
+  std::function<void(Method, bool)> on_method;          ///< told when a method begins (true) and ends (false)
 
   /// Throws InputError naming the bad field and its value.
   void check_values() const;
@@ -41,41 +42,44 @@ struct CalibrateOptions {
 struct ModelScore {
   int order = 0;
   NoiseLaw law = NoiseLaw::f_squared;
-  double nll = 0.0, aic = 0.0;         ///< marginal (pairs: plain) [nats]; infinity where it did not converge
+  double nll = 0.0, aic = 0.0;  ///< marginal (pairs: plain) [nats]; infinity where it did not converge
 };
 
 /// What the second program said about the full likelihood's optimum.
 struct CheckReport {
-  bool agrees = false;                 ///< NLL within 1e-6 nats
-  bool better_basin = false;           ///< something lower than the optimum was found
-  double nll = 0.0;                    ///< lowest NLL of the second program [nats]
-  std::string report;                  ///< one sentence
+  bool agrees = false;        ///< NLL within 1e-6 nats
+  bool better_basin = false;  ///< something lower than the optimum was found
+  double nll = 0.0;           ///< lowest NLL of the second program [nats]
+  std::string report;         ///< one sentence
 };
 
 struct CalibrationReport {
-  std::vector<Calibration> calibrations;   ///< one per method, in the order asked for
-  std::vector<ModelScore> models;          ///< tried, in the order of trial; empty where nothing was to choose
-  std::vector<std::string> notes;          ///< what was done to the input, one sentence each
+  std::vector<Calibration> calibrations;  ///< one per method, in the order asked for
+  std::vector<ModelScore> models;         ///< tried, in the order of trial; empty where nothing was to choose
+  std::vector<std::string> notes;         ///< what was done to the input, one sentence each
   std::optional<CheckReport> check;
-  std::string noise_shape;                 ///< of the pairs' likelihood where it is not Gaussian, with its parameters
+  std::string noise_shape;  ///< of the pairs' likelihood where it is not Gaussian, with its parameters
 };
 
-/// Calibrates one sensor from one or several recordings of one kind. Order and noise law are chosen once, with the
-/// recommended method's likelihood, and shared by all methods, so that these can be compared.
+/// Calibrates one sensor from one or several recordings of one kind. Order and noise law are chosen once,
+/// with the recommended method's likelihood, and shared by all methods, so that these can be compared.
 ///
-/// Of the iterative methods each starts from the better of closed form and position seed (by joint NLL); `marginal`
-/// from the optimum of `full` or, where that is unbounded or sigma_xy_m is estimated, from the fit with all sigmas held
-/// at the approximate estimate. All methods are scored by the same two functions (laplace_marginal at their alpha,
-/// noise and landmarks); AIC = 2 (marginal NLL + parameters of alpha, noise, sigma_theta and landmarks, sigma_s where
-/// estimated).
+/// Of the iterative methods each starts from the better of closed form and position seed (by joint NLL);
+/// `marginal` from the optimum of `full` or, where that is unbounded or sigma_xy_m is estimated, from the fit
+/// with all sigmas held at the approximate estimate. All methods are scored by the same two functions
+/// (laplace_marginal at their alpha, noise and landmarks); AIC = 2 (marginal NLL + parameters of alpha,
+/// noise, sigma_theta and landmarks, sigma_s where estimated).
 ///
-/// Throws InputError for recordings of different kinds, options out of range, and `full` asked by name where sigma_xy_m
-/// is `estimate` (asked for as one of all, it is reported as unbounded). Everything else is an outcome: fewer than 3
-/// places to stand or fewer readings than unknowns: too_few_data; distances that do not differ, landmarks and path on
-/// one line: unobservable with the direction named. Cost: about 10 marginal solves where order and law are searched.
-CalibrationReport calibrate_report(std::span<const Recording> recordings, const CalibrateOptions& options = {});
+/// Throws InputError for recordings of different kinds, options out of range, and `full` asked by name where
+/// sigma_xy_m is `estimate` (asked for as one of all, it is reported as unbounded). Everything else is an
+/// outcome: fewer than 3 places to stand or fewer readings than unknowns: too_few_data; distances that do not
+/// differ, landmarks and path on one line: unobservable with the direction named. Cost: about 10 marginal
+/// solves where order and law are searched.
+CalibrationReport calibrate_report(std::span<const Recording> recordings,
+                                   const CalibrateOptions& options = {});
 
 /// The same, the calibrations alone.
-std::vector<Calibration> calibrate(std::span<const Recording> recordings, const CalibrateOptions& options = {});
+std::vector<Calibration> calibrate(std::span<const Recording> recordings,
+                                   const CalibrateOptions& options = {});
 
 }  // namespace rangecal

@@ -9,14 +9,15 @@
 
 namespace rangecal {
 
-/// Readings that lie further from the model than noise would put them: |y - f(d)| > 4 s(d), or a bearing off by more
-/// than 4 sigma_theta. Under the model 6.3e-5 of the readings do. Many more means outliers or an effect that the model
-/// lacks, either of which inflates the sigmas.
+/// Readings that lie further from the model than noise would put them: |y - f(d)| > 4 s(d), or a bearing off
+/// by more than 4 sigma_theta. Under the model 6.3e-5 of the readings do. Many more means outliers or an
+/// effect that the model lacks, either of which inflates the sigmas.
 struct ResidualCheck {
-  int ranges = 0, bearings = 0;             ///< readings looked at
+  int ranges = 0, bearings = 0;  ///< readings looked at
   int range_outliers = 0, bearing_outliers = 0;
-  /// Spread of the repeats of one (stop, landmark) over what the calibration states, pooled; 1 where the noise is
-  /// independent from reading to reading. Absent where there are fewer than 20 repeats more than cells.
+  /// Spread of the repeats of one (stop, landmark) over what the calibration states, pooled; 1 where the
+  /// noise is independent from reading to reading. Absent where there are fewer than 20 repeats more than
+  /// cells.
   std::optional<double> range_repeats, bearing_repeats;
   /// True where repeats agree so much better than stated that most of the noise must be constant at a stop.
   bool mostly_constant_at_stops() const;
@@ -24,8 +25,9 @@ struct ResidualCheck {
   bool suspicious() const;
 };
 
-/// Distances and directions are those of the calibration's landmarks and stops (commanded stops where it has none); for
-/// pairs the true distances. Zero readings where the calibration has no curve. Cost: linear in the readings.
+/// Distances and directions are those of the calibration's landmarks and stops (commanded stops where it has
+/// none); for pairs the true distances. Zero readings where the calibration has no curve. Cost: linear in the
+/// readings.
 ResidualCheck check_residuals(std::span<const Recording> recordings, const Calibration& calibration);
 
 }  // namespace rangecal
