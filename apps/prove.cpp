@@ -94,11 +94,11 @@ int prove_sealed(const ProveOptions& o) {
   }
   if (!o.out.empty()) write_file(o.out, written.dump(2) + "\n");
   std::vector<proof::Score> scores;
-  fmt::print("{:<44} {:<40} {:<40} {}\n", "recording", "planted", "answer", "");
+  fmt::print("{:<44} {:<14} {:<40} {}\n", "recording", "", "planted", "answer");
   for (const proof::SealedAnswer& answer : answers) {
     scores.push_back(proof::score_sealed(answer, blind));
-    fmt::print("{:<44} {:<40} {:<40} {}\n", answer.recording, scores.back().planted, scores.back().answer,
-               to_string(scores.back().result));
+    fmt::print("{:<44} {:<14} {:<40} {}\n", answer.recording, to_string(scores.back().result), scores.back().planted,
+               scores.back().answer);
   }
   write_csv(o, scores);
   fmt::print("\n{} commitments checked\n\n{}", scores.size(), proof::proof_text(scores, {}));

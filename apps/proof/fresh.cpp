@@ -128,12 +128,15 @@ std::vector<Job> jobs_of(const FreshOptions& options) {
 
 void add_gain(Score& score, const Case& c, const Recording& recording, const Diagnosis& diagnosis,
               const Diagnose& diagnose) {
+  for (const std::string& id : c.truth)
+    if (find_effect(id) == nullptr) return;  // outside the catalogue: there is no true effect to refit
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
   options.force = c.truth;
   double seconds = 0.0;
   const Diagnosis oracle = ask(diagnose, recording, options, seconds);
-  const double reached = diagnosis.before.nll - diagnosis.after.nll, possible = diagnosis.before.nll - oracle.after.nll;
+  const double best = oracle.explanations.empty() ? oracle.after.nll : oracle.explanations[0].nll;
+  const double reached = diagnosis.before.nll - diagnosis.after.nll, possible = diagnosis.before.nll - best;
   if (!(possible > 0.0)) return;
   score.gain_ratio = reached / possible;
   score.gain_excess_nats = reached - possible;
