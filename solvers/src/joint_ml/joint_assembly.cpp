@@ -3,95 +3,20 @@
 // through (d, bearing), so that the place's own blocks are sums of the landmark's with the sign turned.
 #include <tbb/parallel_for.h>
 
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/joint_accumulator.hpp"
+#include "joint_ml/range_share.hpp"
 #include "rangecal/core/angles.hpp"
-#include "rangecal/problems/landmarks/power_law_term.hpp"
 
 namespace rangecal {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 const double log_two_pi = std::log(2.0 * std::numbers::pi);
-constexpr int max_curve = 2 * RangeTerm<2>::max_coefficients;
-
-/// One cell's range share as the loop uses it: slopes along the line of sight, and with the curve's parameters.
-struct RangeShare {
-  double value, along, along_along;  ///< q, dq/dd, d2q/dd2 (exact or expected)
-  double cross[max_curve];           ///< d2q / dd dcurve_i
-};
-
-template <int NA>
-bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, double tau, double d, const Cells& c,
-                     std::size_t i, bool exact, double& product, RangeShare& share, double* gradient, double* hessian) {
-  const int na = NA > 0 ? NA : alpha_count, m = na + 1;
-  double power[max_curve], f = alpha[na - 1], slope = 0.0, bend = 0.0;
-  for (int a = na - 1; a-- > 0;) {
-    bend = bend * d + slope;
-    slope = slope * d + f;
-    f = f * d + alpha[a];
-  }
-  bend *= 2.0;
-  if (!(d > 0.0) || (law.power > 0 && !(f > 0.0))) return false;
-  const double R = c.count[i];
-  const PowerLawTerm term(law, f, R, c.range_weight[i], c.range_mean[i], c.range_mean_square[i]);
-  share.value = R * tau + 0.5 * term.chi_sq;
-  if (R == 1.0)
-    product *= f;  // one logarithm for many
-  else if (law.power > 0)
-    share.value += R * law.power * std::log(f);
-  share.along = term.by_f * slope;
-  const double aa = exact ? term.by_f_f : term.fisher_f_f(R);
-  const double at = exact ? term.by_f_tau : term.fisher_f_tau(R);
-  share.along_along = exact ? term.by_f_f * slope * slope + term.by_f * bend : aa * slope * slope;
-  power[0] = 1.0;
-  for (int a = 1; a < na; ++a) power[a] = d * power[a - 1];
-  for (int a = 0; a < na; ++a) {
-    gradient[a] += term.by_f * power[a];
-    const double scaled = aa * power[a];
-    for (int e = a; e < na; ++e) hessian[a * m + e] += scaled * power[e];
-    hessian[a * m + na] += at * power[a];
-    share.cross[a] = scaled * slope + (exact && a > 0 ? a * power[a - 1] * term.by_f : 0.0);
-  }
-  gradient[na] += term.by_tau;
-  hessian[na * m + na] += exact ? term.by_tau_tau() : 2.0 * R;
-  share.cross[na] = at * slope;
-  return true;
-}
-
-bool general_share(RangeTerm<2>& term, const JointState& state, double d, const Cells& c, std::size_t i, bool exact,
-                   RangeShare& share, double* gradient, double* hessian) {
-  if (!term.evaluate(d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha, state.noise))
-    return false;
-  const int na = term.coefficients(), nt = term.noise_parameters(), m = na + nt;
-  share.value = term.cost.value();
-  share.along = term.cost.first();
-  share.along_along = exact ? term.cost.second() : term.fisher_d_d;
-  const double aa = exact ? term.alpha_alpha : term.fisher_alpha_alpha;
-  const double at = exact ? term.alpha_tau : term.fisher_alpha_tau;
-  const double tt = exact ? term.tau_tau : term.fisher_tau_tau;
-  for (int a = 0; a < na; ++a) {
-    const Taylor<2> by_alpha = term.by_alpha(a);
-    const double power = term.power[a].value();
-    gradient[a] += by_alpha.value();
-    for (int e = a; e < na; ++e) hessian[a * m + e] += aa * power * term.power[e].value();
-    for (int j = 0; j < nt; ++j) hessian[a * m + na + j] += at * power * term.tau_slope(j);
-    share.cross[a] = exact ? by_alpha.first() : term.fisher_d_alpha * power;
-  }
-  for (int j = 0; j < nt; ++j) {
-    const Taylor<2> by_tau = term.by_tau(j);
-    gradient[na + j] += by_tau.value();
-    for (int e = j; e < nt; ++e) hessian[(na + j) * m + na + e] += tt * term.tau_slope(j) * term.tau_slope(e);
-    share.cross[na + j] = exact ? by_tau.first() : term.fisher_d_tau * term.tau_slope(j);
-  }
-  return true;
-}
-
 }  // namespace
 
 double JointSystem::assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node,
@@ -274,41 +199,6 @@ void JointSystem::assemble_part(const JointState& state, HessianKind kind, std::
     sum.nll += assemble_node<NA>(state, kind, static_cast<int>(j), sum);
 }
 
-void JointSystem::collect(const std::vector<Accumulator>& parts) {
-  const Accumulator& s = parts[0];
-  const int na = layout_.alpha_count, m = s.m, landmark0 = layout_.landmark_begin;
-  const int landmarks = problem_.landmark_count(), eta = layout_.sigma_theta;
-  const auto global = [&](int curve) { return curve < na ? curve : layout_.tau_begin + curve - na; };
-  gradient_.setZero();
-  hessian_.setZero();
-  for (int a = 0; a < m; ++a) {
-    gradient_[global(a)] = s.curve_gradient[a];
-    for (int e = a; e < m; ++e) hessian_(global(a), global(e)) = s.curve_hessian[a * m + e];
-  }
-  gradient_[eta] = s.bearing_gradient;
-  hessian_(eta, eta) = s.bearing_hessian;
-  if (layout_.sigma_s >= 0) {
-    gradient_[layout_.sigma_s] = s.sigma_s_gradient;
-    hessian_(layout_.sigma_s, layout_.sigma_s) = s.sigma_s_hessian;
-  }
-  for (int l = 0; l < landmarks; ++l) {
-    const double* of = s.landmark.data() + static_cast<std::size_t>(l) * s.stride;
-    const int x = landmark0 + 2 * l;
-    gradient_[x] = of[0];
-    gradient_[x + 1] = of[1];
-    hessian_(x, x) = of[2];
-    hessian_(x, x + 1) = of[3];
-    hessian_(x + 1, x + 1) = of[4];
-    for (int a = 0; a < m; ++a)
-      for (int e = 0; e < 2; ++e) {
-        const int other = global(a);
-        hessian_(std::min(other, x + e), std::max(other, x + e)) = of[5 + 2 * a + e];
-      }
-    hessian_(x, eta) = of[5 + 2 * m];
-    hessian_(x + 1, eta) = of[6 + 2 * m];
-  }
-}
-
 double JointSystem::assemble(const JointState& state, HessianKind kind) {
   inverse_valid_ = false;
   const std::size_t nodes = layout_.nodes.size();
@@ -340,73 +230,6 @@ double JointSystem::assemble(const JointState& state, HessianKind kind) {
   if (layout_.chained) nll_ += assemble_chain_links(state, kind);
   nll_ += assemble_taped(state, kind);
   return std::isnan(nll_) ? infinity : nll_;
-}
-
-void JointSystem::profile_spreads(JointState& state) const {
-  const Cells& c = problem_.cells;
-  const std::size_t stops = problem_.stops.size();
-  const int parts = part_count(stops), na = static_cast<int>(state.alpha.size());
-  const int power = state.noise.power_of_f();
-  const bool plain = state.noise.law != NoiseLaw::polynomial && state.noise.law != NoiseLaw::d_squared;
-  std::vector<std::array<double, 2>> sums(parts, {0.0, 0.0});
-  const auto run = [&](int part) {
-    double range = 0.0, bearing = 0.0;
-    for (std::size_t k = stops * part / parts; k < stops * (part + 1) / parts; ++k) {
-      const Pose2& pose = state.stops[k];
-      const double ch = pose.heading_rad == 0.0 ? 1.0 : std::cos(pose.heading_rad);
-      const double sh = pose.heading_rad == 0.0 ? 0.0 : std::sin(pose.heading_rad);
-      for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i) {
-        const Eigen::Vector2d& axis = state.landmarks[c.landmark[i]];
-        const double vx = axis.x() - pose.x_m, vy = axis.y() - pose.y_m;
-        const double d = std::sqrt(vx * vx + vy * vy) - c.radius_m[i];
-        double f = state.alpha[na - 1];
-        for (int a = na - 1; a-- > 0;) f = f * d + state.alpha[a];
-        double s = state.noise.parameters[0];
-        if (plain)
-          for (int e = 0; e < power; ++e) s *= f;
-        else
-          s = state.noise.spread(d, f);
-        const double cb = bearing_direction_[2 * i], sb = bearing_direction_[2 * i + 1];
-        const double turn = bearing_error(cb * ch - sb * sh, sb * ch + cb * sh, vx, vy), e = c.range_mean[i] - f;
-        range += c.range_weight[i] * (e * e + c.range_mean_square[i]) / (s * s);
-        bearing += c.bearing_weight[i] * (turn * turn + c.bearing_mean_square[i]);
-      }
-    }
-    sums[part] = {range, bearing};
-  };
-  if (parts == 1)
-    run(0);
-  else
-    tbb::parallel_for(0, parts, run);
-  double range = 0.0, bearing = 0.0;
-  for (const auto& sum : sums) {
-    range += sum[0];
-    bearing += sum[1];
-  }
-  const double scale = std::sqrt(range / problem_.readings), sigma = std::sqrt(bearing / problem_.readings);
-  if (std::isfinite(scale) && scale > 0.0) state.noise.parameters *= scale;
-  if (std::isfinite(sigma) && sigma > 0.0) state.sigma_theta_rad = sigma;
-}
-
-double JointSystem::assemble_taped(const JointState& state, HessianKind kind) {
-  double nll = 0.0;
-  for (const KnownDistance& taped : problem_.known_distances) {
-    const Eigen::Vector2d v = state.landmarks[taped.to] - state.landmarks[taped.from];
-    const double length = v.norm(), error = length - taped.distance_m;
-    const double information = 1.0 / (taped.sigma_m * taped.sigma_m);
-    const Eigen::Vector2d n = v / length;
-    nll += 0.5 * error * error * information + std::log(taped.sigma_m) + 0.5 * log_two_pi;
-    Eigen::Matrix2d h = information * n * n.transpose();
-    if (kind == HessianKind::exact)
-      h += (information * error / length) * (Eigen::Matrix2d::Identity() - n * n.transpose());
-    const int a = layout_.landmark_begin + 2 * taped.from, b = layout_.landmark_begin + 2 * taped.to;
-    gradient_.segment<2>(a) -= information * error * n;
-    gradient_.segment<2>(b) += information * error * n;
-    hessian_.block<2, 2>(a, a) += h;
-    hessian_.block<2, 2>(b, b) += h;
-    hessian_.block<2, 2>(std::min(a, b), std::max(a, b)) -= h;
-  }
-  return nll;
 }
 
 }  // namespace rangecal
