@@ -124,6 +124,27 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
   return step.allFinite();
 }
 
+/// Coordinates that are not free follow the model's commanded poses: exact ones, and those of stops that share the
+/// position error of the stop that opened their place.
+void follow_commanded(const std::vector<StopPrior>& priors, std::vector<Pose2>& stops) {
+  std::vector<int> opener;
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    const StopPrior& prior = priors[k];
+    if (prior.sigma_heading_rad == 0.0) stops[k].heading_rad = prior.commanded.heading_rad;
+    if (prior.opens_place) {
+      if (opener.size() <= static_cast<std::size_t>(prior.place)) opener.resize(prior.place + 1, -1);
+      opener[prior.place] = static_cast<int>(k);
+      if (prior.sigma_xy_m > 0.0) continue;
+      stops[k].x_m = prior.commanded.x_m;
+      stops[k].y_m = prior.commanded.y_m;
+    } else {
+      const int first = opener[prior.place];
+      stops[k].x_m = stops[first].x_m + prior.commanded.x_m - priors[first].commanded.x_m;
+      stops[k].y_m = stops[first].y_m + prior.commanded.y_m - priors[first].commanded.y_m;
+    }
+  }
+}
+
 }  // namespace
 
 double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
@@ -138,14 +159,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   for (int round = 0; round < rounds; ++round) {
     const WorkingProblem working = working_problem(rows, model, state);
     JointState start = state;
-    for (std::size_t k = 0; k < start.stops.size(); ++k) {  // exact coordinates follow the model's stops
-      const StopPrior& prior = working.problem.stops[k];
-      if (prior.sigma_heading_rad == 0.0) start.stops[k].heading_rad = prior.commanded.heading_rad;
-      if (prior.sigma_xy_m == 0.0) {
-        start.stops[k].x_m = prior.commanded.x_m;
-        start.stops[k].y_m = prior.commanded.y_m;
-      }
-    }
+    follow_commanded(working.problem.stops, start.stops);
     MarginalFit fit = solve_marginal(working.problem, start, marginal);
     if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
     state = fit.state;

@@ -185,7 +185,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       const auto exact = exact_twin_of(found.best.fit.model.back().effect->info().id);
       auto& sets = result.explanations[0].indistinguishable_from;
       if (!exact.empty() && std::find(sets.begin(), sets.end(), exact) == sets.end()) {
-        if (sets.size() == 3) sets.pop_back();
+        if (sets.size() == 2) sets.pop_back();  // three members in all
         sets.insert(sets.begin(), exact);
       }
     }

@@ -112,6 +112,11 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
   }
   const double mean_length = std::min(1.0, std::hypot(cosines, sines) / std::max(context.stop_count, 1));
   context.headings = std::sqrt(std::max(0.0, -2.0 * std::log(std::max(mean_length, 1e-12))));
+  if (rows.size() > 0) {  // the readings stand for the distances: start grids need no more
+    const auto [nearest, farthest] = std::minmax_element(rows.range_m.begin(), rows.range_m.end());
+    context.range_min_m = *nearest;
+    context.range_max_m = *farthest;
+  }
   if (rows.size() > 0) context.duration_s = *std::max_element(rows.time_s.begin(), rows.time_s.end());
   if (context.duration_s > 0.0) {
     context.stop_time_s.assign(context.stop_count, 0.0);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/search.hpp"
 
-#include <Eigen/Cholesky>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -84,6 +84,9 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   return order;
 }
 
+/// One nat per parameter that was fitted or chosen (AIC).
+double price_of(const ActiveEffect& active) { return static_cast<double>(active.effect->info().parameters.size()); }
+
 /// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step does it.
 Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const RefitOptions& options) {
   Model model = base.model;
@@ -94,7 +97,7 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   candidate.log_p = proposal.log_p;
   candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
   candidate.parameters = static_cast<int>(candidate.fit.free.size());
-  candidate.evidence = candidate.fit.ok ? candidate.gain + log_occam(rows, candidate.fit) - log_occam(rows, base) : -1e9;
+  candidate.evidence = candidate.fit.ok ? candidate.gain - price_of(candidate.fit.model.back()) : -1e9;
   return candidate;
 }
 
@@ -145,26 +148,44 @@ double smallest_log_p(const Battery& battery) { return battery.strongest().log_p
 
 }  // namespace
 
-double log_occam(const Rows& rows, const Fit& fit) {
-  double occam = 0.0;
-  if (fit.free.empty()) return 0.0;
-  Eigen::MatrixXd scaled = fit.covariance;
-  const Eigen::Index n = scaled.rows();
-  for (Eigen::Index a = 0; a < n; ++a) {
-    const FreeParameter& p = fit.free[static_cast<std::size_t>(a)];
-    const EffectParameter& info = fit.model[p.effect].effect->info().parameters[p.index];
-    const double scale = info.linear ? 3.0 * std::max(info.typical, 1e-12) : 0.5 * std::max(info.high - info.low, 1e-12);
-    const double z = info.linear ? fit.model[p.effect].parameters[p.index] / scale : 0.0;
-    occam -= std::min(0.5 * z * z, 2.0);  // sizes far beyond the typical cost two nats, never more
-    scaled.row(a) /= scale;
-    scaled.col(a) /= scale;
-    if (p.acts == FreeParameter::Acts::numeric) scaled(a, a) += 0.01;
+double separation(const Rows& rows, const JointState& state, const Fit& a, const Fit& b) {
+  const WorkingProblem working = working_problem(rows, {}, state);
+  const Projector projector(rows, working.problem, state);
+  const ActiveEffect &cause = a.model.back(), &rival = b.model.back();
+  Signature x;
+  x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
+  bool any = false;
+  for (int j = 0; j < static_cast<int>(cause.parameters.size()); ++j) {  // to first order: sum of slope times size
+    const EffectParameter& info = cause.effect->info().parameters[j];
+    if (info.discrete || !info.linear || cause.parameters[j] == 0.0) continue;
+    const Signature part = effect_signature(rows, projector, cause, j);
+    any = any || projector.raw_information(part) > 0.0;
+    x.range += cause.parameters[j] * part.range;
+    x.bearing += cause.parameters[j] * part.bearing;
+    if (!part.within()) continue;
+    if (!x.within()) x.range_rows = x.bearing_rows = Eigen::VectorXd::Zero(part.range_rows.size());
+    x.range_rows += cause.parameters[j] * part.range_rows;
+    x.bearing_rows += cause.parameters[j] * part.bearing_rows;
   }
-  const Eigen::LDLT<Eigen::MatrixXd> factor(scaled);
-  for (Eigen::Index a = 0; a < n; ++a) occam += 0.5 * std::log(std::clamp(factor.vectorD()[a], 1e-8, 1.0));
-  for (const ActiveEffect& active : fit.model)
-    occam -= std::log(std::max<double>(1.0, static_cast<double>(active.effect->start_grid(rows.context).size())) );
-  return occam;
+  if (!any) return -1.0;
+  std::vector<Signature> directions;
+  for (int j = 0; j < static_cast<int>(rival.parameters.size()); ++j) {
+    if (rival.effect->info().parameters[j].discrete) continue;
+    Signature y = effect_signature(rows, projector, rival, j);
+    if (projector.raw_information(y) > 0.0) directions.push_back(std::move(y));
+  }
+  if (directions.empty()) return -1.0;
+  const Eigen::Index n = static_cast<Eigen::Index>(directions.size());
+  const Eigen::VectorXd projected_x = projector.project(x);
+  const double whole = projector.inner(x, projected_x, x);
+  Eigen::MatrixXd information(n, n);
+  Eigen::VectorXd cross(n);
+  for (Eigen::Index e = 0; e < n; ++e) {
+    const Eigen::VectorXd projected = projector.project(directions[e]);
+    for (Eigen::Index f = 0; f < n; ++f) information(f, e) = projector.inner(directions[f], projected, directions[e]);
+    cross[e] = projector.inner(x, projected, directions[e]);
+  }
+  return std::max(0.0, whole - cross.dot(information.completeOrthogonalDecomposition().solve(cross)));
 }
 
 SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
@@ -279,7 +300,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       if (proposals.size() > 5) proposals.resize(5);
       for (Candidate& candidate : try_all(rows, level[i].fit, proposals, refit_options)) {
         candidate.gain = result.baseline.nll - candidate.fit.nll;
-        candidate.evidence = candidate.gain + log_occam(rows, candidate.fit);
+        candidate.evidence = candidate.gain;
+        for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= price_of(active);
         next.push_back(std::move(candidate));
       }
     }
@@ -295,9 +317,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const std::vector<Candidate>& others = result.best.fit.model.size() == known.model.size() + 1 ? singles : level;
   for (const Candidate& rival : others) {
     if (rival.fit.model.back().effect == result.best.fit.model.back().effect) continue;
-    const bool close = result.best.evidence - rival.evidence < options.naming_gap_nats ||
-                       rival.fit.nll - result.best.fit.nll < options.naming_gap_nats;
-    if (close && result.rivals.size() < 3) result.rivals.push_back(rival);
+    const double gap = result.best.evidence - rival.evidence;
+    // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
+    const double apart = separation(rows, result.baseline.state, result.best.fit, rival.fit);
+    const bool close = apart > 7.0 ? gap < 0.5 : gap < options.naming_gap_nats;
+    if (close && result.rivals.size() < 2) result.rivals.push_back(rival);
   }
   return result;
 }

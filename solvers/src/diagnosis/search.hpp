@@ -18,7 +18,7 @@ struct Candidate {
   Fit fit;
   double promised = 0.0;    ///< gain in nats that its projected score promised
   double gain = 0.0;        ///< baseline NLL minus its NLL
-  double evidence = 0.0;    ///< log evidence against the baseline's, Laplace, typical sizes as priors
+  double evidence = 0.0;    ///< gain less one nat per parameter chosen (AIC): what models are ranked by
   double log_p = 0.0;       ///< of its question in the battery that proposed it
   int parameters = 0;
 };
@@ -44,8 +44,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 /// marginal likelihood with the triangulation law preferred within 3 nats.
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options);
 
-/// Log evidence of a candidate's parameters: Laplace, half-normal priors of three typical sizes, a uniform prior over
-/// the start grid.
-double log_occam(const Rows& rows, const Fit& fit);
+/// Noncentrality left between two models' last effects: what `a` does to the readings at its fitted size, after the
+/// calibration and every direction of `b`'s effect at its fit were projected out. Small: this design cannot tell them
+/// apart, whatever the noise. Negative if either does not act on the mean.
+double separation(const Rows& rows, const JointState& state, const Fit& a, const Fit& b);
 
 }  // namespace rangecal::diagnosis
