@@ -14,6 +14,8 @@ namespace {
 using Index = Eigen::Index;
 using std::size_t;
 
+constexpr double enough = 3.0;  // noncentrality below which a closer fit decides nothing
+
 /// Squared length of x left by the columns, whose coefficients stay within +-limits (physical sizes).
 double left_by(const Eigen::MatrixXd& columns, const Eigen::VectorXd& limits, const Eigen::VectorXd& x) {
   if (columns.cols() == 0) return x.squaredNorm();
@@ -176,23 +178,26 @@ double Signatures::left(const Signal& signal, std::span<const std::string> effec
   struct Choice {
     Eigen::MatrixXd columns;
     Eigen::VectorXd limits;
+    Point point;
   };
-  std::vector<Choice> chosen(effects.size(), Choice{Eigen::MatrixXd(x.size(), 0), Eigen::VectorXd(0)});
+  const auto choice_at = [&](const std::string& id, const Point& point) {
+    const Columns c = columns(id, point);
+    Choice out{Eigen::MatrixXd(x.size(), c.means.cols()), c.limits, point};
+    for (Index j = 0; j < c.means.cols(); ++j)
+      out.columns.col(j) = joined(model_.project(c.means.col(j)), c.rows.col(j));
+    return out;
+  };
+  std::vector<Choice> chosen(effects.size(), Choice{Eigen::MatrixXd(x.size(), 0), Eigen::VectorXd(0), Point(0)});
   std::vector<std::vector<Choice>> choices(effects.size());
   for (size_t e = 0; e < effects.size(); ++e) {
     if (effects[e] == "heading_zero") {
       Eigen::VectorXd means = Eigen::VectorXd::Zero(signal.means.size());
       for (int c = 0; c < model_.cells(); ++c) means[model_.cells() + c] = 1.0 / model_.bearing_sd_rad(c);
       chosen[e] = {joined(model_.project(means), Eigen::VectorXd::Zero(signal.rows.size())),
-                   Eigen::VectorXd::Constant(1, 1e6)};
+                   Eigen::VectorXd::Constant(1, 1e6), Point(0)};
       continue;
     }
-    for (const Point& point : grid(effects[e])) {
-      const Columns c = columns(effects[e], point);
-      Eigen::MatrixXd all(x.size(), c.means.cols());
-      for (Index j = 0; j < c.means.cols(); ++j) all.col(j) = joined(model_.project(c.means.col(j)), c.rows.col(j));
-      choices[e].push_back({std::move(all), c.limits});
-    }
+    for (const Point& point : grid(effects[e])) choices[e].push_back(choice_at(effects[e], point));
   }
   double best = std::numeric_limits<double>::infinity();
   for (int round = 0; round < (effects.size() > 1 ? 2 : 1); ++round)
@@ -214,6 +219,19 @@ double Signatures::left(const Signal& signal, std::span<const std::string> effec
       double least = value(chosen[e]);
       for (const Choice& choice : choices[e])
         if (const double now = value(choice); now < least) least = now, chosen[e] = choice;
+      // Parameters that are neither linear nor discrete: a pattern search around the best start.
+      for (Index j = 0; least >= enough && j < chosen[e].point.size(); ++j) {
+        const EffectParameter& parameter = find_effect(effects[e])->info().parameters[static_cast<size_t>(j)];
+        if (parameter.linear || parameter.discrete || !std::isfinite(parameter.high - parameter.low)) continue;
+        double step = 0.05 * (parameter.high - parameter.low);
+        for (int halving = 0; halving < 6; ++halving, step *= 0.5)
+          for (const double way : {-step, step}) {
+            Point point = chosen[e].point;
+            point[j] = std::clamp(point[j] + way, parameter.low, parameter.high);
+            Choice choice = choice_at(effects[e], point);
+            if (const double now = value(choice); now < least) least = now, chosen[e] = std::move(choice);
+          }
+      }
       best = std::min(best, least);
     }
   return effects.empty() ? x.squaredNorm() : best;
