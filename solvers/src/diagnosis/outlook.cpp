@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "diagnosis/next_experiments.hpp"
 #include "diagnosis/unseen.hpp"
 
 namespace rangecal::diagnosis {
@@ -15,9 +16,12 @@ void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOpti
   own.context.range_max_m = *std::max_element(d.begin(), d.end());
   const Space space(own, fit.model, fit.state);
   const std::vector<TypicalEffect> effects = catalogue_of(space);
-  result.twins = find_twins(space, effects);
+  // Twins are a matter of the design: they are asked of the seed model, whatever was named.
+  const Space seed(own, {}, fit.state);
+  result.twins = find_twins(seed, catalogue_of(seed));
   const double threshold = detection_threshold(options.alarm_rate, found.effective_questions);
   if (options.unseen) result.unseen = find_unseen(space, effects, threshold);
+  if (options.next_experiments) add_next_experiments(space, found, options, fit.state, effects, result);
 }
 
 }  // namespace rangecal::diagnosis

@@ -12,69 +12,6 @@ namespace {
 constexpr int most_starts = 12;   ///< points of a start grid that are looked at
 constexpr double absorbed_share = 1e-9;
 
-/// Changes of the readings, means and log variances, as signatures; nearly all effects are alike for all repeats.
-struct Changes {
-  Signature mean;
-  Eigen::VectorXd range_variance, bearing_variance;
-};
-
-Changes changes_of(const Rows& rows, const CellGeometry& geometry, const Model& model) {
-  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  const auto at = [&](int i) {
-    ReadingChange<double> sum;
-    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
-    for (const ActiveEffect& active : model) {
-      const auto change = active.effect->reading(view, active.parameters.data());
-      sum.range += change.range;
-      sum.bearing += change.bearing;
-      sum.range_log_variance += change.range_log_variance;
-      sum.bearing_log_variance += change.bearing_log_variance;
-    }
-    return sum;
-  };
-  const auto same = [](const ReadingChange<double>& a, const ReadingChange<double>& b) {
-    return std::abs(a.range - b.range) + std::abs(a.bearing - b.bearing) + std::abs(a.range_log_variance - b.range_log_variance) +
-               std::abs(a.bearing_log_variance - b.bearing_log_variance) < 1e-12;
-  };
-  Changes changes;
-  changes.mean.range = changes.mean.bearing = Eigen::VectorXd::Zero(rows.cell_count);
-  Eigen::VectorXd range_variance = Eigen::VectorXd::Zero(rows.cell_count), bearing_variance = range_variance;
-  bool varies = false;
-  for (int c = 0; c < rows.cell_count && !varies; ++c) {
-    const int first = rows.cell_begin[c], last = rows.cell_begin[c + 1] - 1;
-    const ReadingChange<double> one = at(first);
-    changes.mean.range[c] = one.range;
-    changes.mean.bearing[c] = one.bearing;
-    range_variance[c] = one.range_log_variance;
-    bearing_variance[c] = one.bearing_log_variance;
-    varies = last > first && (!same(one, at(first + 1)) || !same(one, at(last)));
-  }
-  Eigen::VectorXd range_rows(n), bearing_rows(n);
-  if (varies) {
-    Eigen::VectorXd range(n), bearing(n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const ReadingChange<double> one = at(static_cast<int>(i));
-      range[i] = one.range;
-      bearing[i] = one.bearing;
-      range_rows[i] = one.range_log_variance;
-      bearing_rows[i] = one.bearing_log_variance;
-    }
-    changes.mean = signature_of_rows(rows, range, bearing);
-  } else if (range_variance.squaredNorm() + bearing_variance.squaredNorm() > 0.0) {
-    for (Eigen::Index i = 0; i < n; ++i) {
-      range_rows[i] = range_variance[rows.cell[i]];
-      bearing_rows[i] = bearing_variance[rows.cell[i]];
-    }
-  } else {
-    return changes;
-  }
-  if (range_rows.squaredNorm() + bearing_rows.squaredNorm() > 0.0) {
-    changes.range_variance = std::move(range_rows);
-    changes.bearing_variance = std::move(bearing_rows);
-  }
-  return changes;
-}
-
 /// The model's problem with the spreads in the weights.
 WorkingProblem with_held_spreads(const Rows& rows, const Model& model, const JointState& state, const CellGeometry& geometry) {
   WorkingProblem working = working_problem(rows, model, state);
@@ -119,6 +56,89 @@ Space::Space(const Rows& rows, const Model& model, const JointState& state)
       active.push_back(std::move(d));
     }
   active_ = std::move(active);
+}
+
+/// Changes of the readings, means and log variances, as signatures; nearly all effects are alike for all repeats.
+struct Space::Changes {
+  Signature mean;
+  Eigen::VectorXd range_variance, bearing_variance;
+};
+
+Space::Changes Space::changes(const Model& model) const {
+  const Rows& rows = rows_;
+  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+  const auto at = [&](int i) {
+    ReadingChange<double> sum;
+    const ReadingView<double> view = view_of(rows, geometry_, static_cast<std::size_t>(i));
+    for (const ActiveEffect& active : model) {
+      if (muted_from_ >= 0 && view.stop >= muted_from_ && muted_.count(active.effect->info().id)) continue;
+      const auto change = active.effect->reading(view, active.parameters.data());
+      sum.range += change.range;
+      sum.bearing += change.bearing;
+      sum.range_log_variance += change.range_log_variance;
+      sum.bearing_log_variance += change.bearing_log_variance;
+    }
+    return sum;
+  };
+  const auto same = [](const ReadingChange<double>& a, const ReadingChange<double>& b) {
+    return std::abs(a.range - b.range) + std::abs(a.bearing - b.bearing) + std::abs(a.range_log_variance - b.range_log_variance) +
+               std::abs(a.bearing_log_variance - b.bearing_log_variance) < 1e-12;
+  };
+  Changes result;
+  result.mean.range = result.mean.bearing = Eigen::VectorXd::Zero(rows.cell_count);
+  Eigen::VectorXd range_variance = Eigen::VectorXd::Zero(rows.cell_count), bearing_variance = range_variance;
+  bool varies = false;
+  for (int c = 0; c < rows.cell_count && !varies; ++c) {
+    const int first = rows.cell_begin[c], last = rows.cell_begin[c + 1] - 1;
+    const ReadingChange<double> one = at(first);
+    result.mean.range[c] = one.range;
+    result.mean.bearing[c] = one.bearing;
+    range_variance[c] = one.range_log_variance;
+    bearing_variance[c] = one.bearing_log_variance;
+    varies = last > first && (!same(one, at(first + 1)) || !same(one, at(last)));
+  }
+  Eigen::VectorXd range_rows(n), bearing_rows(n);
+  if (varies) {
+    Eigen::VectorXd range(n), bearing(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const ReadingChange<double> one = at(static_cast<int>(i));
+      range[i] = one.range;
+      bearing[i] = one.bearing;
+      range_rows[i] = one.range_log_variance;
+      bearing_rows[i] = one.bearing_log_variance;
+    }
+    result.mean = signature_of_rows(rows, range, bearing);
+  } else if (range_variance.squaredNorm() + bearing_variance.squaredNorm() > 0.0) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      range_rows[i] = range_variance[rows.cell[i]];
+      bearing_rows[i] = bearing_variance[rows.cell[i]];
+    }
+  } else {
+    range_rows.setZero();
+    bearing_rows.setZero();
+  }
+  if (range_rows.squaredNorm() + bearing_rows.squaredNorm() > 0.0) {
+    result.range_variance = std::move(range_rows);
+    result.bearing_variance = std::move(bearing_rows);
+  }
+  const std::vector<StopPrior>& before = rows_.problem.stops;
+  std::vector<StopPrior> after = before;
+  bool moves = false;
+  for (const ActiveEffect& active : model)
+    if (active.effect->acts_on_stops()) {
+      active.effect->stops(rows_.context, active.parameters.data(), after);
+      moves = true;
+    }
+  if (moves) {
+    std::vector<Eigen::Vector3d> moved(before.size());
+    for (std::size_t k = 0; k < before.size(); ++k)
+      moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m, after[k].commanded.y_m - before[k].commanded.y_m,
+                  after[k].commanded.heading_rad - before[k].commanded.heading_rad};
+    const Signature stops = projector_.of_stops(moved);
+    result.mean.range += stops.range;
+    result.mean.bearing += stops.bearing;
+  }
+  return result;
 }
 
 double Space::inner(const Direction& a, const Direction& b) const {
@@ -167,26 +187,31 @@ Space::Direction Space::finish(Signature mean, Eigen::VectorXd range_variance, E
 
 Space::Direction Space::of_signature(Signature mean) const { return finish(std::move(mean), {}, {}); }
 
+void Space::mute(std::set<std::string> ids, int first_stop) {
+  muted_ = std::move(ids);
+  muted_from_ = first_stop;
+}
+
 Space::Direction Space::change(const Model& model) const {
-  Changes changes = changes_of(rows_, geometry_, model);
-  const std::vector<StopPrior>& before = rows_.problem.stops;
-  std::vector<StopPrior> after = before;
-  bool moves = false;
-  for (const ActiveEffect& active : model)
-    if (active.effect->acts_on_stops()) {
-      active.effect->stops(rows_.context, active.parameters.data(), after);
-      moves = true;
-    }
-  if (moves) {
-    std::vector<Eigen::Vector3d> moved(before.size());
-    for (std::size_t k = 0; k < before.size(); ++k)
-      moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m, after[k].commanded.y_m - before[k].commanded.y_m,
-                  after[k].commanded.heading_rad - before[k].commanded.heading_rad};
-    const Signature stops = projector_.of_stops(moved);
-    changes.mean.range += stops.range;
-    changes.mean.bearing += stops.bearing;
-  }
-  return finish(std::move(changes.mean), std::move(changes.range_variance), std::move(changes.bearing_variance));
+  Changes one = changes(model);
+  return finish(std::move(one.mean), std::move(one.range_variance), std::move(one.bearing_variance));
+}
+
+Space::Direction Space::difference(const Model& up, const Model& down, double factor) const {
+  Changes high = changes(up);
+  const Changes low = changes(down);
+  const auto subtract = [factor](Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    if (a.size() == 0) a = Eigen::VectorXd::Zero(b.size());
+    if (b.size() > 0) a -= b;
+    a *= factor;
+  };
+  subtract(high.mean.range, low.mean.range);
+  subtract(high.mean.bearing, low.mean.bearing);
+  subtract(high.mean.range_rows, low.mean.range_rows);
+  subtract(high.mean.bearing_rows, low.mean.bearing_rows);
+  subtract(high.range_variance, low.range_variance);
+  subtract(high.bearing_variance, low.bearing_variance);
+  return finish(std::move(high.mean), std::move(high.range_variance), std::move(high.bearing_variance));
 }
 
 Space::Direction Space::slope(const ActiveEffect& active, int index) const {

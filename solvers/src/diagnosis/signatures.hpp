@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,9 +25,14 @@ class Space {
   };
 
   Space(const Rows& rows, const Model& model, const JointState& state);
+  Space(const Space&) = delete;   ///< the projector refers to the working problem
 
   /// The change that `model` makes at its parameters, the model's own directions removed.
   Direction change(const Model& model) const;
+  /// The difference of two changes, times `factor`: a derivative.
+  Direction difference(const Model& up, const Model& down, double factor) const;
+  /// Effects of these ids do not act on the readings of stop `first_stop` and later.
+  void mute(std::set<std::string> ids, int first_stop);
   /// The derivative with respect to parameter `index` of `active`.
   Direction slope(const ActiveEffect& active, int index) const;
   Direction of_signature(Signature mean) const;
@@ -40,6 +46,8 @@ class Space {
   const Model& model() const { return model_; }
 
  private:
+  struct Changes;
+  Changes changes(const Model& model) const;
   Direction finish(Signature mean, Eigen::VectorXd range_variance, Eigen::VectorXd bearing_variance) const;
   void take_out(Direction& a, const Direction& unit) const;
 
@@ -49,6 +57,8 @@ class Space {
   WorkingProblem working_;    ///< its weights hold the spreads; sigma is 1 m
   Projector projector_;
   std::vector<Direction> active_;   ///< orthonormal
+  std::set<std::string> muted_;
+  int muted_from_ = -1;
 };
 
 /// Twice the divergence between the readings' law with and without what `active` does to dependence, tails, skew and the

@@ -83,16 +83,16 @@ std::vector<std::vector<std::string>> find_twins(const Space& space, const std::
   struct Entry {
     std::string name;
     Space::Direction direction;
-    bool absorbed = false;
+    bool absorbed = false, of_stops = false;
   };
   std::vector<Entry> entries;
   if (!space.rows().pairs) {
     const std::vector<Eigen::Vector3d> turned(static_cast<std::size_t>(space.rows().problem.stop_count()), Eigen::Vector3d(0.0, 0.0, 0.01));
-    entries.push_back({"heading_zero", space.of_signature(space.projector().of_stops(turned)), false});
+    entries.push_back({"heading_zero", space.of_signature(space.projector().of_stops(turned)), false, true});
   }
   for (const TypicalEffect& typical : effects)
     if (typical.direction.raw > 0.0 && typical.direction.range_variance.size() == 0)
-      entries.push_back({typical.active.effect->info().id, typical.direction, absorbed(typical)});
+      entries.push_back({typical.active.effect->info().id, typical.direction, absorbed(typical), typical.active.effect->acts_on_stops()});
   // Groups of collinear signatures: compared as they stand where both are absorbed, else by what is left of them.
   std::vector<std::size_t> group(entries.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
@@ -106,8 +106,16 @@ std::vector<std::vector<std::string>> find_twins(const Space& space, const std::
   };
   for (std::size_t a = 0; a < entries.size(); ++a)
     for (std::size_t b = 0; b < a; ++b) {
-      const Space::Direction &x = entries[a].direction, &y = entries[b].direction;
-      double cosine = std::abs(raw_inner(x.mean, y.mean)) / std::sqrt(std::max(1e-300, x.raw * y.raw));
+      Space::Direction x = entries[a].direction, y = entries[b].direction;
+      if (entries[a].of_stops != entries[b].of_stops) {  // a stop is modelled as at rest: what goes on within it tells nothing
+        for (Space::Direction* d : {&x, &y}) {
+          d->mean.range_rows.resize(0);
+          d->mean.bearing_rows.resize(0);
+          d->information = std::max(0.0, space.inner(*d, *d));
+        }
+      }
+      const double raw_x = raw_inner(x.mean, x.mean), raw_y = raw_inner(y.mean, y.mean);
+      double cosine = std::abs(raw_inner(x.mean, y.mean)) / std::sqrt(std::max(1e-300, raw_x * raw_y));
       const bool either_absorbed = entries[a].absorbed || entries[b].absorbed;
       if (!either_absorbed && x.information > 1e-3 && y.information > 1e-3)
         cosine = std::max(cosine > 1.0 - 1e-6 ? 1.0 : 0.0, std::abs(space.inner(x, y)) / std::sqrt(x.information * y.information));

@@ -35,6 +35,7 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
     const double factor = std::sqrt(threshold / mean);
     return within_bounds(scaled(typical, factor)) ? std::optional(factor) : std::nullopt;
   }
+  if (scaled(typical, 2.0).parameters == typical.active.parameters) return std::nullopt;  // its size is not free
   double low = 1.0, high = 1.0;
   const auto at = [&](double factor) {
     const ActiveEffect active = scaled(typical, factor);
