@@ -17,6 +17,8 @@ void add_calibrate(CLI::App& app, Action& chosen);
 void add_compare(CLI::App& app, Action& chosen);
 void add_correct(CLI::App& app, Action& chosen);
 void add_simulate(CLI::App& app, Action& chosen);
+void add_diagnose(CLI::App& app, Action& chosen);
+void add_effects(CLI::App& app, Action& chosen);
 void add_prove(CLI::App& app, Action& chosen);
 
 }  // namespace rangecal::app

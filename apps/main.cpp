@@ -51,6 +51,7 @@ int run(int argc, char** argv) {
       "  rangecal compare notebooks_data/field-layout           four methods side by side\n"
       "  rangecal calibrate my-recording --json cal.json        calibrate, keep the result\n"
       "  echo 1.234 | rangecal correct cal.json                 true distance behind a reading\n"
+      "  rangecal diagnose my-recording                         what the model leaves out, and why\n"
       "  rangecal simulate notebooks_data/scenes/field-layout.yaml -o sim --seed 7\n"
       "\n"
       "'rangecal COMMAND --help' explains a command. A recording is a folder with recording.yaml and CSV tables.\n"
@@ -63,6 +64,8 @@ int run(int argc, char** argv) {
   app::add_compare(app, chosen);
   app::add_correct(app, chosen);
   app::add_simulate(app, chosen);
+  app::add_diagnose(app, chosen);
+  app::add_effects(app, chosen);
   app::add_prove(app, chosen);
   const auto is_first = [&](CLI::App* command) { return argc > 1 && command->get_name() == argv[1]; };
   if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_first).empty())

@@ -66,8 +66,6 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
     state.alpha = given.alpha;
     state.noise = given.noise;
     if (given.sigma_theta_rad && !rows.pairs) state.sigma_theta_rad = given.sigma_theta_rad->value;
-    refit_options.held.alpha = true;
-    refit_options.held.sigmas = rows.pairs || given.sigma_theta_rad.has_value();
     best = refit(rows, {}, state, refit_options);
     if (!best.ok) throw InputError("the simulation's calibration cannot be applied to this recording");
     return best;

@@ -288,6 +288,16 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
       noise.col(b).head(cells) += stops.range;
       noise.col(b).tail(cells) += stops.bearing;
     }
+    if (rows_.alpha_prior && !rows_.alpha_prior->exact()) {  // the simulation's own sampling error
+      Eigen::VectorXd z(rows_.alpha_prior->mean.size());
+      for (double& value : z) value = random.normal();
+      const Eigen::VectorXd alpha = rows_.alpha_prior->precision.llt().matrixU().solve(z);
+      for (int c = 0; c < cells; ++c) {
+        double curve = 0.0;
+        for (Eigen::Index a = alpha.size(); a-- > 0;) curve = curve * projector_.geometry().d[c] + alpha[a];
+        noise(c, b) += curve;
+      }
+    }
     if (within)
       for (int c = 0; c < rows_.cell_count; ++c) {
         const int begin = rows_.cell_begin[c], count = rows_.cell_begin[c + 1] - begin;

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/report.hpp"
+#include "diagnosis/residual_bins.hpp"
 #include "diagnosis/search.hpp"
+#include "diagnosis/simulation_compare.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -21,11 +25,66 @@ const char* to_string(Verdict verdict) {
   return "unexplained";
 }
 
+namespace diagnosis {
+namespace {
+
+/// What a calibration says of alpha: with its sampling error where it states one, else exactly.
+AlphaPrior alpha_prior_of(const Calibration& calibration) {
+  AlphaPrior prior{calibration.alpha, {}};
+  if (!calibration.alpha_covariance) return prior;
+  const Eigen::LLT<Eigen::MatrixXd> factor(*calibration.alpha_covariance);
+  if (factor.info() == Eigen::Success)
+    prior.precision = factor.solve(Eigen::MatrixXd::Identity(calibration.alpha.size(), calibration.alpha.size()));
+  return prior;
+}
+
+/// The layout of the recordings and the model they are simulated by again.
+void add_simulation_model(const Rows& rows, std::span<const Recording> recordings, std::span<const Recording> corrected,
+                          const SearchResult& found, const Fit* generic, Diagnosis& result) {
+  SimulationModel& model = result.simulation;
+  model.recordings.assign(recordings.begin(), recordings.end());
+  for (const Recording& recording : corrected) model.landmark_read.push_back(recording.readings.landmark);
+  model.calibration = result.corrected;
+  const Fit& fit = generic ? *generic : found.verdict == Verdict::explained ? found.best.fit : found.baseline;
+  model.calibration.sigma_s_m.reset();
+  if (fit.state.sigma_s_m) model.calibration.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
+  if (!generic) return;
+  model.calibration = calibration_of(rows, recordings, *generic);
+  model.calibration.effects.clear();  // it has no name; its changes of the readings stand for it
+  const RowChanges changes = row_changes(rows, cell_geometry(rows, generic->state), generic->model);
+  Eigen::Index row = 0;
+  for (const Recording& recording : corrected) {  // rows are ordered by cell within each recording
+    const bool pairs = recording.kind == RecordingKind::pairs;
+    const std::size_t count = pairs ? recording.pairs.size() : recording.readings.size();
+    std::vector<std::size_t> order(count);
+    std::iota(order.begin(), order.end(), 0u);
+    const Readings& r = recording.readings;
+    if (!pairs)
+      std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
+      });
+    AddedChange added;
+    for (auto [from, to] : {std::pair{&changes.range, &added.range_m}, std::pair{&changes.bearing, &added.bearing_rad},
+                            std::pair{&changes.range_log_variance, &added.range_log_variance},
+                            std::pair{&changes.bearing_log_variance, &added.bearing_log_variance}}) {
+      if (from->squaredNorm() == 0.0) continue;
+      to->resize(count);
+      for (std::size_t i = 0; i < count; ++i) (*to)[order[i]] = (*from)[row + static_cast<Eigen::Index>(i)];
+    }
+    row += static_cast<Eigen::Index>(count);
+    model.added.push_back(std::move(added));
+  }
+}
+
+}  // namespace
+}  // namespace diagnosis
+
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
   Bookkeeping known = correct_labels(corrected);
-  const Rows rows = make_rows(corrected);
+  Rows rows = make_rows(corrected);
+  if (options.simulation) rows.alpha_prior = alpha_prior_of(*options.simulation);
   const Bookkeeping gaps = find_grids_and_gaps(rows);
   known.model.insert(known.model.end(), gaps.model.begin(), gaps.model.end());
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
@@ -33,13 +92,25 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   SearchResult found = search(rows, known, options);
   if (std::any_of(known.model.begin(), known.model.end(),
                   [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::label; })) {
-    const Rows raw = make_rows(recordings);  // the baseline is that of the labels as recorded
+    Rows raw = make_rows(recordings);  // the baseline is that of the labels as recorded
+    raw.alpha_prior = rows.alpha_prior;
     const Fit before = refit(raw, {}, found.baseline.state, RefitOptions{});
     if (before.ok) found.baseline.nll = before.nll;
   }
   Diagnosis result = assemble_report(rows, recordings, found, options);
-  if (options.held_out) add_held_out(rows, found, options, result);
+  const std::optional<GenericModel> generic = add_generic(rows, found, result);
+  const Fit* curve = generic ? &generic->fit : nullptr;
+  if (options.simulation) compare_noise(*options.simulation, result);
+  if (options.held_out) {
+    if (options.progress) options.progress("predicting readings held out", 0.8);
+    add_held_out(rows, found, curve, result);
+  }
+  add_residual_bins(rows, found, curve, result);
+  if (options.progress) options.progress("looking for what could be hidden", 0.9);
   add_outlook(rows, found, options, result);
+  add_simulation_model(rows, recordings, corrected, found, curve, result);
+  result.sentence = verdict_sentence(result);
+  if (options.progress) options.progress("done", 1.0);
   return result;
 }
 

@@ -22,15 +22,6 @@ struct HeldOut {
   bool ok = true;
 };
 
-RefitOptions refit_options_of(const Rows& rows, const DiagnoseOptions& options) {
-  RefitOptions refit_options;
-  if (options.simulation) {
-    refit_options.held.alpha = true;
-    refit_options.held.sigmas = rows.pairs || options.simulation->sigma_theta_rad.has_value();
-  }
-  return refit_options;
-}
-
 /// Parameters of dependence and tails, which have no score: one parabola through three values of l_s, the rest held.
 void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointState& state) {
   for (const FreeParameter& p : full.free) {
@@ -106,10 +97,11 @@ BlockKind block_kind(const Rows& rows, const Model& model) {
   return moves_stops ? BlockKind::stops : BlockKind::cells;
 }
 
-/// The unexplained mismatch gets the generic curve as its model.
-std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, const RefitOptions& options, Diagnosis& result) {
+}  // namespace
+
+std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, Diagnosis& result) {
   if (found.verdict != Verdict::unexplained || found.shapes.empty() || !found.first) return std::nullopt;
-  GenericModel generic = fit_generic_model(rows, found, options);
+  GenericModel generic = fit_generic_model(rows, found, RefitOptions{});
   if (!generic.effect) return std::nullopt;
   const WorkingProblem working = working_problem(rows, generic.fit.model, generic.fit.state);
   const Projector projector(rows, working.problem, generic.fit.state);
@@ -131,13 +123,9 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   return generic;
 }
 
-}  // namespace
-
-void add_held_out(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options, Diagnosis& result) {
-  const RefitOptions refit_options = refit_options_of(rows, options);
-  const std::optional<GenericModel> generic = add_generic(rows, found, refit_options, result);
-  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : generic ? &generic->fit : nullptr;
-  if (!options.held_out) return;
+void add_held_out(const Rows& rows, const SearchResult& found, const Fit* generic, Diagnosis& result) {
+  const RefitOptions refit_options;
+  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : generic;
   const std::vector<int> blocks = blocks_of(rows, block_kind(rows, final_fit ? final_fit->model : Model{}));
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
   const HeldOut before = predict(rows, blocks, folds, found.baseline, refit_options);

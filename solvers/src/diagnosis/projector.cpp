@@ -60,10 +60,33 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   }
   system_.assemble(state, HessianKind::fisher);
   system_.eliminate();
+  // Effects that change fast with distance leave the stops a little off their optimum when the readings are corrected
+  // anew; scores speak of residuals at the optimum, so the stops' last step is taken to first order.
+  if (system_.layout().coordinates > 0) {
+    const Eigen::VectorXd step = system_.solve_stops(-system_.stop_gradient());
+    for (int i = 0; i < cells; ++i) {
+      const JointLayout& layout = system_.layout();
+      const JointLayout::Node& node = layout.nodes[layout.node_of_stop[c.stop[i]]];
+      const int heading = node.heading[layout.slot_of_stop[c.stop[i]]];
+      Eigen::Vector2d moved = Eigen::Vector2d::Zero();
+      if (node.free_position) moved = step.segment<2>(static_cast<Eigen::Index>(node.coordinate));
+      range_residual[i] += geometry_.slope[i] * geometry_.n[i].dot(moved);
+      if (rows.pairs) continue;
+      bearing_residual[i] += geometry_.t[i].dot(moved) / geometry_.axis_distance[i];
+      if (heading >= 0) bearing_residual[i] += step[static_cast<Eigen::Index>(node.coordinate) + heading];
+    }
+  }
   // Pseudo-inverse on phi: a direction the recording does not determine is left alone, not divided by zero.
   const int phi = rows.pairs ? system_.layout().alpha_count : system_.layout().phi_count;
   phi_factor_ = Eigen::MatrixXd::Zero(system_.layout().global_count, system_.layout().global_count);
-  const Eigen::MatrixXd information = system_.schur().topLeftCorner(phi, phi);
+  Eigen::MatrixXd information = system_.schur().topLeftCorner(phi, phi);
+  const int alphas = system_.layout().alpha_count;
+  if (rows.alpha_prior && rows.alpha_prior->exact()) {
+    information.leftCols(alphas).setZero();
+    information.topRows(alphas).setZero();
+  } else if (rows.alpha_prior) {
+    information.topLeftCorner(alphas, alphas) += rows.alpha_prior->precision;
+  }
   Eigen::VectorXd scale = information.diagonal();
   for (double& s : scale) s = s > 0.0 ? 1.0 / std::sqrt(s) : 0.0;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information * scale.asDiagonal());

@@ -21,7 +21,7 @@ struct Signature {
 Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing);
 
 /// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely, stops
-/// against their prior. With W the readings' information, J the derivatives and K = J^T W J + prior,
+/// against their prior; alpha against its own where a simulation gives one, not at all where it is exact. With W the readings' information, J the derivatives and K = J^T W J + prior,
 ///   P x = W (x - J K^-1 J^T W x),   score s = x^T W r at the optimum,   information I = x^T P x.
 /// s / I estimates the parameter, s^2 / I is its chi-square. Cost per signature: linear in the cells and stops.
 class Projector {
@@ -45,6 +45,8 @@ class Projector {
   int cells() const { return static_cast<int>(range_information.size()); }
   const CellGeometry& geometry() const { return geometry_; }
   const JointSystem& system() const { return system_; }
+  /// Inverse information of (alpha, landmarks), alpha's prior included, over all globals; zero for the others.
+  const Eigen::MatrixXd& phi_covariance() const { return phi_factor_; }
 
   Eigen::VectorXd range_residual, bearing_residual;         ///< of the cell means [m], [rad]
   Eigen::VectorXd range_information, bearing_information;   ///< W of the cell means

@@ -147,10 +147,32 @@ void follow_commanded(const std::vector<StopPrior>& priors, std::vector<Pose2>& 
 
 }  // namespace
 
+namespace {
+
+double prior_nll(const Rows& rows, const Eigen::VectorXd& alpha) {
+  if (!rows.alpha_prior || rows.alpha_prior->exact()) return 0.0;
+  const Eigen::VectorXd off = alpha - rows.alpha_prior->mean;
+  return 0.5 * off.dot(rows.alpha_prior->precision * off);
+}
+
+/// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the nats it promises.
+double step_alpha(const Rows& rows, const JointProblem& problem, JointState& state) {
+  const Projector projector(rows, problem, state);
+  const Eigen::Index alphas = state.alpha.size();
+  const AlphaPrior& prior = *rows.alpha_prior;
+  const Eigen::VectorXd gradient = projector.system().reduced_gradient().head(alphas) + prior.precision * (state.alpha - prior.mean);
+  const Eigen::VectorXd step = -projector.phi_covariance().topLeftCorner(alphas, alphas) * gradient;
+  state.alpha += step;
+  return -0.5 * gradient.dot(step);
+}
+
+}  // namespace
+
 double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
                        MarginalFit* detail) {
   MarginalOptions marginal;
   marginal.held = options.held;
+  marginal.held.alpha = marginal.held.alpha || rows.alpha_prior.has_value();
   marginal.held.landmarks = marginal.held.landmarks || rows.pairs;
   marginal.gradient_tolerance = 1e-4;
   double value = infinity;
@@ -162,8 +184,19 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     follow_commanded(working.problem.stops, start.stops);
     MarginalFit fit = solve_marginal(working.problem, start, marginal);
     if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
+    // Alpha under a simulation's prior: held at each solve, moved in between while that gains.
+    double fit_value = fit.marginal_nll + prior_nll(rows, fit.state.alpha);
+    for (int move = 0; move < 3 && rows.alpha_prior && !rows.alpha_prior->exact(); ++move) {
+      JointState moved = fit.state;
+      if (!(step_alpha(rows, working.problem, moved) > 1e-3)) break;
+      MarginalFit next = solve_marginal(working.problem, moved, marginal);
+      const double next_value = next.marginal_nll + prior_nll(rows, next.state.alpha);
+      if (next.outcome == Outcome::failed || !(next_value < fit_value)) break;
+      fit_value = next_value;
+      fit = std::move(next);
+    }
     state = fit.state;
-    value = fit.marginal_nll + working.constant;
+    value = fit_value + working.constant;
     if (detail) *detail = std::move(fit);
   }
   return value;
@@ -257,6 +290,12 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     const int tau = static_cast<int>(detail.covariance->rows()) - 1 - static_cast<int>(fit.state.noise.parameters.size());
     fit.noise_std = std::sqrt((*detail.covariance)(tau, tau));
     fit.sigma_theta_std = fit.state.sigma_theta_rad * std::sqrt(detail.covariance->diagonal().tail(1)[0]);
+  }
+  if (rows.alpha_prior) {
+    fit.alpha_covariance = Eigen::MatrixXd::Zero(alphas, alphas);
+    const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+    if (!rows.alpha_prior->exact())
+      fit.alpha_covariance = Projector(rows, working.problem, fit.state).phi_covariance().topLeftCorner(alphas, alphas);
   }
   fit.ok = true;
   return fit;

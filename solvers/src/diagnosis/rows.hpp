@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -9,6 +10,13 @@
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
 namespace rangecal::diagnosis {
+
+/// What a simulation says of alpha beforehand: N(mean, precision^-1), or exactly its mean.
+struct AlphaPrior {
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd precision;               ///< empty: exact
+  bool exact() const { return precision.size() == 0; }
+};
 
 /// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
 ///
@@ -24,6 +32,7 @@ struct Rows {
   EffectContext context;
   JointProblem problem;                    ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
+  std::optional<AlphaPrior> alpha_prior;   ///< none: alpha is free
   double nll_offset = 0.0;                 ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
 
   std::size_t size() const { return range_m.size(); }

@@ -10,6 +10,7 @@
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/core/recording.hpp"
+#include "rangecal/solvers/diagnosis/simulation_model.hpp"
 
 namespace rangecal {
 
@@ -88,6 +89,7 @@ struct Diagnosis {
   std::vector<Unseen> unseen;
   std::vector<NextExperiment> next_experiments;
   std::vector<std::string> notes;          ///< what could not be modelled and which column or repetition it would take
+  SimulationModel simulation;              ///< the final model with the recordings' layout: `simulate --from`
 };
 
 struct DiagnoseOptions {
@@ -105,7 +107,20 @@ struct DiagnoseOptions {
 /// Cost: linear in the readings times the number of catalogued signatures.
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options = {});
 
-/// `rangecal-diagnosis/1` JSON (FORMAT).
+/// The same against a simulation of the recordings, made by any simulator with the same stops and landmark labels.
+///
+/// Where the simulation follows the seed model, its curve is held against the recordings with its own sampling error:
+/// alpha ~ N(alpha_sim, cov_sim). Else, where the layouts match, cell by cell: the simulation's departures from its own
+/// fit are taken from the recordings' readings, and their sampling error is added, so that what both share cancels.
+/// Landmarks and stops are free. A finding must also stand in the paired comparison. Throws InputError for a
+/// simulation of another kind or with other labels.
+Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                           const DiagnoseOptions& options = {});
+
+/// The verdict in one sentence a person can act on.
+std::string verdict_sentence(const Diagnosis& diagnosis);
+
+/// `rangecal-diagnosis/1` JSON (FORMAT). Numbers that are not finite are null.
 std::string diagnosis_to_json(const Diagnosis& diagnosis);
 
 }  // namespace rangecal

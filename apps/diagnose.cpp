@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/core.h>
+
+#include "commands.hpp"
+#include "diagnosis_text.hpp"
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
+#include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "text.hpp"
+
+namespace rangecal::app {
+namespace {
+
+struct DiagnoseCommand {
+  std::vector<std::string> recordings, force;
+  std::string simulation, json, calibration;
+  double alarm_rate = 0.02;
+
+  int run() const {
+    if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
+      throw InputError(fmt::format("--alarm-rate is {}, not between 0 and 1", alarm_rate));
+    for (const std::string& id : force)
+      if (!find_effect(id)) throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
+    std::vector<Recording> loaded;
+    for (const std::string& folder : recordings) loaded.push_back(load_recording(folder));
+    DiagnoseOptions options;
+    options.alarm_rate = alarm_rate;
+    if (!force.empty()) options.force = force;
+    if (::isatty(STDERR_FILENO)) options.progress = show_progress;
+    const Diagnosis diagnosis = against(loaded, options);
+    if (!json.empty()) write_file(json, diagnosis_to_json(diagnosis));
+    if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
+    fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
+    return done;
+  }
+
+ private:
+  Diagnosis against(const std::vector<Recording>& loaded, DiagnoseOptions& options) const {
+    if (simulation.empty()) return diagnose(loaded, options);
+    if (std::filesystem::is_directory(simulation)) {
+      const std::vector<Recording> other{load_recording(simulation)};
+      return diagnose_against(loaded, other, options);
+    }
+    options.simulation = load_calibration(simulation);
+    if (!is_usable(options.simulation->outcome))
+      throw InputError(simulation + ": its outcome is " + to_string(options.simulation->outcome) + ", so nothing can be held against it");
+    return diagnose(loaded, options);
+  }
+
+  static void show_progress(const std::string& stage, double fraction) {
+    constexpr int width = 30;
+    const int full = static_cast<int>(std::lround(width * fraction));
+    fmt::print(stderr, "\r[{}{}] {:<36}", std::string(static_cast<std::size_t>(full), '#'),
+               std::string(static_cast<std::size_t>(width - full), ' '), stage);
+    if (fraction >= 1.0) fmt::print(stderr, "\r{:70}\r", "");
+    std::fflush(stderr);
+  }
+};
+
+std::string typical_sizes(const EffectInfo& info) {
+  std::string text;
+  for (const EffectParameter& p : info.parameters)
+    text += fmt::format("{}{} {:g}", text.empty() ? "" : ", ", p.name, p.typical);
+  return text;
+}
+
+int list_effects(const std::string& id) {
+  if (!id.empty()) {
+    const Effect* effect = find_effect(id);
+    if (!effect) throw InputError("no effect is called '" + id + "'; 'rangecal effects' lists them");
+    const EffectInfo& info = effect->info();
+    const auto field = [](const char* name, const std::string& text) {
+      if (!text.empty()) fmt::print("  {:<10} {}\n", name, wrapped(text, 13, 96));
+    };
+    fmt::print("{}\n", info.id);
+    field("physics", info.physics);
+    field("formula", info.formula);
+    field("shows in", info.channel + " along " + info.covariate);
+    field("visible by", info.visible_by);
+    field("settled by", info.settled_by);
+    for (const EffectParameter& p : info.parameters)
+      field("parameter", fmt::format("{}: typically {:g}, from {:g} to {:g}{}", p.name, p.typical, p.low, p.high,
+                                     p.discrete ? ", chosen from the recording" : ""));
+    field("source", info.source);
+    return done;
+  }
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    fmt::print("{}  ({} along {})\n    {}\n    {}\n    typical: {}\n", info.id, info.channel, info.covariate,
+               wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96), wrapped(typical_sizes(info), 4, 96));
+  }
+  return done;
+}
+
+}  // namespace
+
+void add_diagnose(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("diagnose", "find what the model leaves out, name the physics, complete the model");
+  const auto state = std::make_shared<DiagnoseCommand>();
+  command->add_option("REC", state->recordings, "recording folders of one sensor")->required();
+  command->add_option("--simulation", state->simulation,
+                      "hold this against the recordings: a calibration file, or a recording made by a simulator");
+  command->add_option("--json", state->json, "write the diagnosis to this file (rangecal-diagnosis/1)");
+  command->add_option("--calibration", state->calibration, "write the corrected calibration, effects in it, to this file");
+  command->add_option("--alarm-rate", state->alarm_rate, "false alarms per recording of the seed model, all questions together")
+      ->capture_default_str();
+  command->add_option("--force", state->force, "fit exactly these effects, whatever the residuals say");
+  command->footer(
+      "Examples:\n"
+      "  rangecal diagnose notebooks_data/field-layout\n"
+      "  rangecal diagnose my-recording --json d.json --calibration cal.json && rangecal correct cal.json readings.csv\n"
+      "  rangecal diagnose my-recording --simulation my-simulator-run\n"
+      "docs/diagnosis.md says what the verdicts mean.");
+  command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
+}
+
+void add_effects(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("effects", "list the catalogue of physical effects that diagnose knows");
+  const auto id = std::make_shared<std::string>();
+  command->add_option("ID", *id, "show this effect alone, in full");
+  command->callback([id, &chosen] { chosen = [id] { return list_effects(*id); }; });
+}
+
+}  // namespace rangecal::app

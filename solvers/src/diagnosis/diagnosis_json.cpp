@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <fmt/core.h>
+#include <nlohmann/json.hpp>
+
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json number(const std::optional<double>& value) { return value ? number(*value) : Json(nullptr); }
+
+Json estimate(double value, double std_dev, double low, double high) {
+  return {{"estimate", number(value)}, {"std", number(std_dev)}, {"ci95", Json::array({number(low), number(high)})}};
+}
+
+Json estimate(double value, std::optional<double> std_dev) {
+  if (!std_dev || !std::isfinite(*std_dev)) return {{"estimate", number(value)}, {"std", nullptr}, {"ci95", nullptr}};
+  return estimate(value, *std_dev, value - 1.959964 * *std_dev, value + 1.959964 * *std_dev);
+}
+
+/// The calibration's own parameters: alpha_i [m^(1-i)], the noise law's, and sigma_theta.
+Json calibration_parameters(const Calibration& c) {
+  Json parameters = Json::object();
+  for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {
+    std::optional<double> std_dev;
+    if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
+    parameters[fmt::format("alpha_{}", i)] = estimate(c.alpha[i], std_dev);
+  }
+  for (std::size_t i = 0; i < c.noise_estimates.size(); ++i)
+    parameters[c.noise_estimates.size() == 1 ? "sigma_e" : fmt::format("beta_{}", i)] =
+        estimate(c.noise_estimates[i].value, c.noise_estimates[i].std_dev);
+  if (c.sigma_theta_rad) parameters["sigma_theta_rad"] = estimate(c.sigma_theta_rad->value, c.sigma_theta_rad->std_dev);
+  return parameters;
+}
+
+Json effect_parameters(const Explanation& explanation) {
+  Json parameters = Json::object();
+  for (const EffectEstimate& e : explanation.parameters)
+    parameters[e.name] = estimate(e.estimate, e.std_dev, e.low95, e.high95);
+  return parameters;
+}
+
+Json where(const Finding& f) {
+  if (!f.group.empty()) {
+    Json place = {{"group", f.group}};
+    if (f.from) place["from"] = number(f.from);
+    if (f.to) place["to"] = number(f.to);
+    return place;
+  }
+  if (!f.from && !f.to) return nullptr;
+  return {{"from", number(f.from)}, {"to", number(f.to)}};
+}
+
+Json finding(const Finding& f) {
+  Json json = {{"channel", f.channel},       {"covariate", f.covariate}, {"shape", f.shape}, {"where", where(f)},
+               {"size", number(f.size)},     {"unit", f.unit},           {"p_value", number(f.p_value)},
+               {"share", number(f.share)}};
+  Json bins = Json::array();
+  for (const BinnedResidual& b : f.residuals)
+    bins.push_back({{"at", number(b.at)}, {"before", number(b.before)}, {"after", number(b.after)},
+                    {"std", number(b.std_dev)}, {"readings", b.readings}});
+  json["residuals"] = bins;
+  return json;
+}
+
+Json explanation(const Explanation& e) {
+  return {{"effects", e.effects},
+          {"probability", number(e.probability)},
+          {"parameters", effect_parameters(e)},
+          {"nll", number(e.nll)},
+          {"heldout_nll", number(e.heldout_nll)},
+          {"p_value", number(e.p_value)},
+          {"indistinguishable_from", e.indistinguishable_from},
+          {"separated_by", e.separated_by},
+          {"physics", e.physics}};
+}
+
+Json fit(const FitSummary& f) {
+  return {{"rms_range_m", number(f.rms_range_m)},
+          {"rms_bearing_rad", number(f.rms_bearing_rad)},
+          {"chi_sq_per_dof", number(f.chi_sq_per_dof)},
+          {"heldout_std", number(f.heldout_std)}};
+}
+
+}  // namespace
+
+std::string diagnosis_to_json(const Diagnosis& d) {
+  Json json;
+  json["format"] = "rangecal-diagnosis/1";
+  json["verdict"] = to_string(d.verdict);
+  json["sentence"] = d.sentence.empty() ? verdict_sentence(d) : d.sentence;
+  json["alarm_p_value"] = number(d.alarm_p_value);
+  json["baseline"] = {{"order", d.baseline.order()},
+                      {"noise_law", to_string(d.baseline.noise.law)},
+                      {"nll", number(d.before.nll)},
+                      {"heldout_nll", number(d.before.heldout_nll)},
+                      {"parameters", calibration_parameters(d.baseline)},
+                      {"fit", fit(d.before)}};
+  json["location"] = Json::array();
+  for (const Finding& f : d.location) json["location"].push_back(finding(f));
+  json["explanations"] = Json::array();
+  for (const Explanation& e : d.explanations) json["explanations"].push_back(explanation(e));
+  Json parameters = calibration_parameters(d.corrected);
+  if (!d.explanations.empty()) parameters.update(effect_parameters(d.explanations[0]));
+  json["final"] = {{"effects", d.final_effects},
+                   {"nll", number(d.after.nll)},
+                   {"heldout_nll", number(d.after.heldout_nll)},
+                   {"parameters", parameters},
+                   {"fit", fit(d.after)}};
+  json["twins"] = d.twins;
+  json["unseen"] = Json::array();
+  for (const Unseen& u : d.unseen) {
+    Json typical = Json::object();
+    for (const auto& [name, value] : u.typical) typical[name] = number(value);
+    json["unseen"].push_back({{"effect", u.effect},
+                              {"typical", typical},
+                              {"detectable", number(u.detectable)},
+                              {"harm_m", number(u.harm_m)},
+                              {"settled_by", u.settled_by}});
+  }
+  json["next_experiments"] = Json::array();
+  for (const NextExperiment& e : d.next_experiments)
+    json["next_experiments"].push_back({{"change", e.change}, {"settles", e.settles}, {"power", number(e.power)}});
+  json["notes"] = d.notes;
+  std::string text = json.dump(2);
+  if (!d.simulation.recordings.empty()) {  // its long columns stay on one line each
+    text.erase(text.rfind('\n'));
+    text += ",\n  \"simulation\": " + simulation_model_to_json(d.simulation) + "\n}";
+  }
+  return text + "\n";
+}
+
+}  // namespace rangecal

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/simulation_compare.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+#include <tuple>
+
+#include "diagnosis/report.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace diagnosis {
+namespace {
+
+/// Labels of landmarks and stops, for messages and to match layouts.
+template <typename Items>
+std::set<std::string> labels_of(const Items& items) {
+  std::set<std::string> labels;
+  for (const auto& item : items) labels.insert(item.label);
+  return labels;
+}
+
+/// Geometry of (stop, landmark) under a fit, by labels of one recording.
+struct Predicted {
+  double f = 0.0, bearing = 0.0;
+};
+
+/// Rank of every reading within its (stop, landmark).
+std::vector<int> ranks(const Readings& r) {
+  std::map<std::pair<int, int>, int> seen;
+  std::vector<int> rank;
+  for (std::size_t i = 0; i < r.size(); ++i) rank.push_back(seen[{r.stop[i], r.landmark[i]}]++);
+  return rank;
+}
+
+bool near(const Recording& recording, const Stop& a, const Stop& b) {
+  const double sigma = std::max({0.01, 3.0 * a.sigma_xy_m.value_or(recording.sigma_xy_m)});
+  const double turn = std::max(0.01, 3.0 * a.sigma_heading_rad.value_or(recording.sigma_heading_rad));
+  return std::hypot(a.commanded.x_m - b.commanded.x_m, a.commanded.y_m - b.commanded.y_m) < sigma &&
+         std::abs(wrap_angle(a.commanded.heading_rad - b.commanded.heading_rad)) < turn;
+}
+
+}  // namespace
+
+std::optional<Recording> paired(const Recording& recording, const Recording& simulation, const Rows& simulation_rows,
+                                const JointState& state, int first_stop, int first_landmark) {
+  if (recording.kind == RecordingKind::pairs) return std::nullopt;
+  std::map<std::string, int> stop_of, landmark_of;
+  for (std::size_t k = 0; k < simulation.stops.size(); ++k) stop_of[simulation.stops[k].label] = static_cast<int>(k);
+  for (std::size_t l = 0; l < simulation.landmarks.size(); ++l) landmark_of[simulation.landmarks[l].label] = static_cast<int>(l);
+  for (const Stop& stop : recording.stops) {
+    const auto other = stop_of.find(stop.label);
+    if (other == stop_of.end() || !near(recording, stop, simulation.stops[other->second])) return std::nullopt;
+  }
+  const CellGeometry geometry = cell_geometry(simulation_rows, state);
+  const Cells& cells = simulation_rows.problem.cells;
+  std::map<std::pair<int, int>, Predicted> predicted;
+  for (int c = 0; c < simulation_rows.cell_count; ++c)
+    predicted[{cells.stop[c] - first_stop, cells.landmark[c] - first_landmark}] = {geometry.f[c], geometry.bearing[c]};
+  std::map<std::tuple<int, int, int>, std::size_t> partner;
+  const std::vector<int> simulation_rank = ranks(simulation.readings), rank = ranks(recording.readings);
+  for (std::size_t i = 0; i < simulation.readings.size(); ++i)
+    partner[{simulation.readings.stop[i], simulation.readings.landmark[i], simulation_rank[i]}] = i;
+
+  Recording difference = recording;
+  const double root2 = std::numbers::sqrt2;
+  difference.sigma_xy_m *= root2;
+  difference.sigma_heading_rad *= root2;
+  for (Stop& stop : difference.stops) {
+    stop.commanded = state.stops[static_cast<std::size_t>(first_stop + stop_of[stop.label])];
+    if (stop.sigma_xy_m) *stop.sigma_xy_m *= root2;
+    if (stop.sigma_heading_rad) *stop.sigma_heading_rad *= root2;
+  }
+  Readings& r = difference.readings;
+  const Readings &own = recording.readings, &other = simulation.readings;
+  r = Readings{};
+  for (const auto& [name, values] : own.covariates) r.covariates[name] = {};
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    const auto landmark = landmark_of.find(recording.landmarks[own.landmark[i]].label);
+    if (landmark == landmark_of.end()) continue;
+    const int k = stop_of[recording.stops[own.stop[i]].label];
+    const auto match = partner.find({k, landmark->second, rank[i]});
+    if (match == partner.end()) continue;
+    const std::size_t j = match->second;
+    const Predicted& at = predicted.at({k, landmark->second});
+    const double range = own.range_m[i] - other.range_m[j] + at.f;
+    if (!(range > 0.0)) continue;
+    r.stop.push_back(own.stop[i]);
+    r.landmark.push_back(own.landmark[i]);
+    r.repeat.push_back(own.repeat.empty() ? rank[i] : own.repeat[i]);
+    if (!own.time_s.empty()) r.time_s.push_back(own.time_s[i]);
+    if (!own.row.empty()) r.row.push_back(own.row[i]);
+    r.range_m.push_back(range);
+    r.bearing_rad.push_back(wrap_angle(own.bearing_rad[i] - other.bearing_rad[j] + at.bearing));
+    for (const auto& [name, values] : own.covariates) r.covariates[name].push_back(values[i]);
+  }
+  if (r.size() < own.size() / 2) return std::nullopt;
+  return difference;
+}
+
+void compare_noise(const Calibration& simulation, Diagnosis& result) {
+  const Calibration& own = result.corrected;
+  const auto compare = [&](const char* channel, const char* parameter, const Estimate& a, const Estimate& b) {
+    if (!a.std_dev || !(a.value > 0.0) || !(b.value > 0.0)) return;
+    const double change = std::log(a.value / b.value);
+    const double sigma = std::hypot(*a.std_dev / a.value, b.std_dev.value_or(0.0) / b.value);
+    const double z = std::abs(change) / std::max(sigma, 1e-9);
+    if (z < 3.5) return;
+    Finding f;
+    f.channel = channel;
+    f.covariate = "constant";
+    f.shape = "level";
+    f.size = 2.0 * change;
+    f.p_value = std::min(1.0, 2.0 * std::erfc(z / std::numbers::sqrt2));
+    f.share = 0.0;
+    result.location.push_back(f);
+    result.notes.push_back(fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}", parameter,
+                                       a.value / b.value, a.value, b.value));
+    if (result.verdict != Verdict::no_mismatch) return;
+    result.verdict = Verdict::unexplained;
+    result.final_effects = {"generic"};
+    Explanation level;
+    level.effects = {"generic"};
+    level.probability = 1.0;
+    level.nll = result.after.nll;
+    level.p_value = f.p_value;
+    level.physics = "The noise of the recordings has another level than the simulation's; set the simulator's spread to it.";
+    result.explanations.push_back(level);
+  };
+  if (own.noise.law == simulation.noise.law && own.noise_estimates.size() == 1 && simulation.noise.parameters.size() == 1) {
+    const Estimate held = simulation.noise_estimates.size() == 1 ? simulation.noise_estimates[0]
+                                                                  : Estimate{simulation.noise.parameters[0], std::nullopt};
+    compare("range_noise", "sigma_e", own.noise_estimates[0], held);
+  }
+  if (own.sigma_theta_rad && simulation.sigma_theta_rad)
+    compare("bearing_noise", "sigma_theta", *own.sigma_theta_rad, *simulation.sigma_theta_rad);
+}
+
+namespace {
+
+/// The simulations' own fit of the seed model, and whether it is all there is in them.
+struct SimulationFit {
+  Rows rows;
+  Fit fit;
+  Calibration calibration;
+  bool clean = false;
+};
+
+SimulationFit fit_simulation(std::span<const Recording> simulation, const DiagnoseOptions& options) {
+  SimulationFit s;
+  s.rows = make_rows(simulation);
+  RefitOptions refit_options;
+  DiagnoseOptions own = options;
+  own.simulation.reset();
+  s.fit = fit_baseline(s.rows, own, refit_options);
+  s.calibration = calibration_of(s.rows, simulation, s.fit);
+  Battery battery(s.rows, {}, s.fit.state);
+  battery.calibrate(options.null_draws, 1);
+  s.clean = battery.corrected(battery.strongest().log_p) >= options.alarm_rate && find_grids_and_gaps(s.rows).model.empty();
+  return s;
+}
+
+void check_labels(std::span<const Recording> recordings, std::span<const Recording> simulation) {
+  if (simulation.empty() || recordings.empty()) throw InputError("--simulation: no recording given");
+  if (recordings[0].kind != simulation[0].kind)
+    throw InputError(simulation[0].path + ": a simulation of another kind than " + recordings[0].path);
+  if (recordings[0].kind == RecordingKind::pairs) return;
+  const std::set<std::string> known = labels_of(simulation[0].landmarks);
+  for (const Landmark& landmark : recordings[0].landmarks)
+    if (!known.count(landmark.label))
+      throw InputError(simulation[0].path + ": the simulation has no landmark '" + landmark.label + "', which " +
+                       recordings[0].path + " has");
+}
+
+/// A diagnosis that says: alike.
+void acquit(Diagnosis& result, const std::string& note) {
+  result.verdict = Verdict::no_mismatch;
+  result.location.clear();
+  result.explanations.clear();
+  result.final_effects.clear();
+  result.after = result.before;
+  result.corrected = result.baseline;
+  result.notes.insert(result.notes.begin(), note);
+  result.sentence = verdict_sentence(result);
+}
+
+constexpr double confirm_rate = 0.01;  ///< of the one question whether a finding is in both
+
+/// ln p of the effects' gain, fitted to one recording whatever the battery says.
+double log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects, const DiagnoseOptions& options,
+                std::size_t parameters) {
+  DiagnoseOptions forced = options;
+  forced.force = effects;
+  forced.held_out = forced.unseen = forced.next_experiments = false;
+  forced.progress = nullptr;
+  forced.null_draws = 20;
+  const Diagnosis d = diagnose(recordings, forced);
+  return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.after.nll), static_cast<int>(std::max<std::size_t>(1, parameters)));
+}
+
+}  // namespace
+}  // namespace diagnosis
+
+Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                           const DiagnoseOptions& options) {
+  using namespace diagnosis;
+  check_labels(recordings, simulation);
+  const SimulationFit fitted = fit_simulation(simulation, options);
+  std::vector<Recording> differences;
+  int first_stop = 0, first_landmark = 0;
+  if (recordings.size() == simulation.size())
+    for (std::size_t r = 0; r < recordings.size(); ++r) {
+      std::optional<Recording> difference =
+          paired(recordings[r], simulation[r], fitted.rows, fitted.fit.state, first_stop, first_landmark);
+      if (!difference) break;
+      differences.push_back(std::move(*difference));
+      first_stop += static_cast<int>(simulation[r].stops.size());
+      first_landmark += static_cast<int>(simulation[r].landmarks.size());
+    }
+  const bool match = differences.size() == recordings.size();
+  DiagnoseOptions against = options;
+  against.simulation = fitted.calibration;
+  DiagnoseOptions of_difference = options;  // the simulation's sampling error is in the readings' spread
+  of_difference.simulation = fitted.calibration;
+  of_difference.simulation->alpha_covariance.reset();
+  for (Estimate& estimate : of_difference.simulation->noise_estimates) {
+    estimate.value *= std::numbers::sqrt2;
+    if (estimate.std_dev) *estimate.std_dev *= std::numbers::sqrt2;
+  }
+  of_difference.simulation->noise.parameters *= std::numbers::sqrt2;
+  of_difference.simulation->sigma_theta_rad.reset();
+
+  if (fitted.clean || !match) {
+    Diagnosis result = diagnose(recordings, against);
+    if (!fitted.clean)
+      result.notes.insert(result.notes.begin(),
+                          "the simulation departs from the seed model itself, and its layout is not the recording's: what both share may be named");
+    if (result.verdict == Verdict::no_mismatch || !match || options.force) return result;
+    if (result.verdict == Verdict::explained) {
+      // A weak effect can hide in the simulation: what the recording shows must also be in the difference.
+      const bool of_mean = std::all_of(result.final_effects.begin(), result.final_effects.end(), [](const std::string& id) {
+        const Effect* effect = find_effect(id);
+        return effect && effect->info().kind == EffectKind::mean;
+      });
+      const std::size_t parameters = result.explanations[0].parameters.size();
+      if (of_mean && log_p_of(differences, result.final_effects, of_difference, parameters) > std::log(confirm_rate))
+        acquit(result, "what departs from the seed model is in the simulation too");
+      else if (!of_mean) {
+        DiagnoseOptions alone = options;
+        alone.simulation.reset();
+        if (log_p_of(simulation, result.final_effects, alone, parameters) < std::log(confirm_rate))
+          acquit(result, "what departs from the seed model is in the simulation too");
+      }
+    }
+    return result;
+  }
+
+  // The simulation departs from the seed model: what both share is taken out reading by reading.
+  Diagnosis result = diagnose(differences, of_difference);
+  result.notes.insert(result.notes.begin(),
+                      "the simulation departs from the seed model itself; the recording was compared with it reading by reading");
+  if (result.verdict == Verdict::no_mismatch || options.force) return result;
+  // Noise, tails and dependence do not cancel in a difference: they are a mismatch only if the simulation lacks them.
+  std::vector<std::string> others;
+  for (const std::string& id : result.final_effects) {
+    const Effect* effect = find_effect(id);
+    if (!effect || effect->info().kind == EffectKind::mean) others.push_back(id);
+  }
+  if (others.size() != result.final_effects.size() || others == std::vector<std::string>{"generic"}) {
+    const bool of_mean = !result.location.empty() && result.location[0].channel.find('_') == std::string::npos;
+    if (of_mean) return result;
+  }
+  DiagnoseOptions alone = options;
+  alone.simulation.reset();
+  alone.held_out = alone.unseen = alone.next_experiments = false;
+  const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
+  std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
+  for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
+  const bool all_shared = std::all_of(of_recording.final_effects.begin(), of_recording.final_effects.end(),
+                                      [&](const std::string& id) { return shared.count(id) > 0; });
+  if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
+  return result;
+}
+
+}  // namespace rangecal

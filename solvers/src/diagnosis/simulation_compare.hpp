@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+
+#include "diagnosis/search.hpp"
+
+namespace rangecal::diagnosis {
+
+/// The recording minus its simulation, reading by reading: with ^ the seed model fitted to the simulation,
+///   y = y_rec - (y_sim - f(d^)),   bearing = b_rec - (b_sim - theta^),   commanded stops = the simulation's fitted ones.
+/// What both share cancels to first order; landmarks stay free, alpha is the simulation's exactly, and the spreads of
+/// readings and stops are sqrt(2) of one run's. Readings without a partner of the same stop, landmark and rank are left
+/// out. None where the layouts differ: other stops, or commanded poses more than 3 sigma (or 1 cm) apart.
+std::optional<Recording> paired(const Recording& recording, const Recording& simulation, const Rows& simulation_rows,
+                                const JointState& simulation_state, int first_stop, int first_landmark);
+
+/// Adds a finding where the recordings' noise level differs from the simulation's by more than 3.5 standard deviations
+/// of both; a diagnosis without other findings becomes unexplained by it.
+void compare_noise(const Calibration& simulation, Diagnosis& result);
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Simulates recordings again from the model that a diagnosis stands by:
+//   y = f(d) + delta r + s exp(v / 2) e + u,   bearing = theta + delta theta + sigma_theta exp(w / 2) e' + u'
+// delta, v, w the effects' changes, e normal or Student-t, AR(1) over the repeats of a cell, u shared within a cell.
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <limits>
+
+#include "diagnosis/working.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/solvers/covariance/cramer_rao.hpp"
+#include "rangecal/solvers/diagnosis/simulation_model.hpp"
+
+namespace rangecal {
+namespace {
+
+using namespace diagnosis;
+
+Model model_of(const Calibration& calibration) {
+  Model model;
+  for (const auto& [id, values] : calibration.effects) {
+    const Effect* effect = find_effect(id);
+    if (!effect) throw InputError("simulate: no effect is called '" + id + "'");
+    const auto& parameters = effect->info().parameters;
+    Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      const auto value = values.find(parameters[j].name);
+      if (value == values.end()) throw InputError("simulate: the effect " + id + " lacks its parameter " + parameters[j].name);
+      p[static_cast<Eigen::Index>(j)] = value->second;
+    }
+    model.push_back({effect, p});
+  }
+  return model;
+}
+
+/// The layout with a running number in `row`, so that rows are found again, and placeholders for what was read.
+std::vector<Recording> layout_of(const SimulationModel& model) {
+  std::vector<Recording> layout = model.recordings;
+  int index = 0;
+  for (std::size_t r = 0; r < layout.size(); ++r) {
+    Readings& readings = layout[r].readings;
+    Pairs& pairs = layout[r].pairs;
+    readings.landmark = model.landmark_read.empty() ? readings.landmark : model.landmark_read[r];
+    readings.range_m.assign(readings.stop.size(), 1.0);
+    readings.bearing_rad.assign(readings.stop.size(), 0.0);
+    pairs.reading_m.assign(pairs.true_m.size(), 1.0);
+    readings.row.resize(readings.size());
+    pairs.row.resize(pairs.size());
+    for (int& row : layout[r].kind == RecordingKind::pairs ? pairs.row : readings.row) row = index++;
+  }
+  return layout;
+}
+
+struct Errors {
+  Dependence dependence;
+  double degrees_of_freedom = std::numeric_limits<double>::infinity();
+  bool reciprocal = false;
+  double disparity_step = 0.0, output_step = 0.0, bearing_step = 0.0;
+};
+
+Errors errors_of(const Model& model) {
+  Errors errors;
+  for (const ActiveEffect& active : model) {
+    const double* p = active.parameters.data();
+    const std::string& id = active.effect->info().id;
+    if (id == "quantisation") errors.disparity_step = p[0], errors.output_step = p[1];
+    if (id == "bearing_quantisation") errors.bearing_step = p[0];
+    if (active.effect->info().kind == EffectKind::grid) continue;  // the spread as estimated holds its variance
+    const Dependence own = active.effect->dependence(p);
+    Dependence& sum = errors.dependence;
+    sum.range_cell_sigma_m = std::hypot(sum.range_cell_sigma_m, own.range_cell_sigma_m);
+    sum.bearing_cell_sigma_rad = std::hypot(sum.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
+    sum.range_correlation += own.range_correlation;
+    sum.bearing_correlation += own.bearing_correlation;
+    errors.degrees_of_freedom = std::min(errors.degrees_of_freedom, active.effect->degrees_of_freedom(p));
+    errors.reciprocal = errors.reciprocal || active.effect->noise_before_reciprocal();
+  }
+  return errors;
+}
+
+double to_grid(double value, double step) { return step > 0.0 ? step * std::round(value / step) : value; }
+
+double draw(Random& random, double degrees_of_freedom) {
+  if (!std::isfinite(degrees_of_freedom)) return random.normal();
+  const double u = std::min(std::max(random.uniform(), 1e-16), 1.0 - 1e-16);
+  return boost::math::quantile(boost::math::students_t(degrees_of_freedom), u);
+}
+
+RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry, const Model& effects) {
+  RowChanges changes = row_changes(rows, geometry, effects);
+  std::vector<std::pair<const AddedChange*, std::size_t>> added;  // per reading, by running number
+  for (std::size_t r = 0; r < model.recordings.size(); ++r) {
+    const Recording& recording = model.recordings[r];
+    const std::size_t count = recording.kind == RecordingKind::pairs ? recording.pairs.true_m.size() : recording.readings.stop.size();
+    for (std::size_t i = 0; i < count; ++i)
+      added.emplace_back(r < model.added.size() ? &model.added[r] : nullptr, i);
+  }
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto& [extra, at] = added[static_cast<std::size_t>(rows.file_row[i])];
+    if (!extra) continue;
+    const auto add = [&, at = at](Eigen::VectorXd& to, const std::vector<double>& column) {
+      if (at < column.size()) to[static_cast<Eigen::Index>(i)] += column[at];
+    };
+    add(changes.range, extra->range_m);
+    add(changes.bearing, extra->bearing_rad);
+    add(changes.range_log_variance, extra->range_log_variance);
+    add(changes.bearing_log_variance, extra->bearing_log_variance);
+  }
+  return changes;
+}
+
+/// Leaves out the readings whose range is not positive.
+void keep_positive(Recording& recording) {
+  Readings& r = recording.readings;
+  Pairs& p = recording.pairs;
+  const bool pairs = recording.kind == RecordingKind::pairs;
+  const std::vector<double> read = pairs ? p.reading_m : r.range_m;
+  const auto keep = [&](auto& column) {
+    if (column.size() != read.size()) return;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < read.size(); ++i)
+      if (read[i] > 0.0) column[kept++] = column[i];
+    column.resize(kept);
+  };
+  keep(r.stop), keep(r.landmark), keep(r.repeat), keep(r.time_s), keep(r.bearing_rad), keep(r.row);
+  keep(p.true_m), keep(p.batch), keep(p.landmark), keep(p.time_s), keep(p.bearing_rad), keep(p.row);
+  for (auto& [name, values] : pairs ? p.covariates : r.covariates) keep(values);
+  keep(r.range_m), keep(p.reading_m);
+  recording.counts = Counts{};
+  recording.counts.read = recording.counts.used = static_cast<int>(pairs ? p.size() : r.size());
+}
+
+}  // namespace
+
+std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed) {
+  if (model.recordings.empty()) throw InputError("simulate: the diagnosis holds no recording to simulate again");
+  const Calibration& c = model.calibration;
+  const Model effects = model_of(c);
+  const std::vector<Recording> layout = layout_of(model);
+  Rows rows = make_rows(layout);
+  for (const ActiveEffect& active : effects)
+    if (active.effect->acts_on_stops())
+      active.effect->stops(rows.context, active.parameters.data(), rows.problem.stops);
+
+  JointState state;
+  state.alpha = c.alpha;
+  state.noise = c.noise;
+  state.sigma_theta_rad = c.sigma_theta_rad ? c.sigma_theta_rad->value : 1.0;
+  if (c.sigma_s_m) state.sigma_s_m = c.sigma_s_m->value;
+  if (rows.pairs)
+    state.landmarks = {Eigen::Vector2d::Zero()};
+  else
+    for (const LandmarkEstimate& landmark : c.landmarks) state.landmarks.push_back(landmark.position_m);
+  if (!rows.pairs && state.landmarks.size() != rows.problem.landmark_radius_m.size())
+    throw InputError("simulate: the diagnosis does not place every landmark");
+  if (rows.pairs)
+    for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
+  else
+    state.stops = draw_stops(rows.problem, state, seed_from("simulated stops", {seed}));
+
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const RowChanges changes = changes_of(model, rows, geometry, effects);
+  const Errors errors = errors_of(effects);
+  std::vector<double> range(rows.size()), bearing(rows.size());  // by running number
+  Random random(seed_from("simulated readings", {seed}));
+  for (int cell = 0; cell < rows.cell_count; ++cell) {
+    const double f = geometry.f[cell], s = geometry.spread[cell];
+    const double range_shared = errors.dependence.range_cell_sigma_m * random.normal();
+    const double bearing_shared = errors.dependence.bearing_cell_sigma_rad * random.normal();
+    double range_error = 0.0, bearing_error = 0.0;
+    for (int i = rows.cell_begin[cell]; i < rows.cell_begin[cell + 1]; ++i) {
+      const auto follow = [&](double before, double rho, double fresh) {
+        return i == rows.cell_begin[cell] ? fresh : rho * before + std::sqrt(1.0 - rho * rho) * fresh;
+      };
+      range_error = follow(range_error, errors.dependence.range_correlation, draw(random, errors.degrees_of_freedom));
+      bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());
+      const double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
+      double y = errors.reciprocal ? 1.0 / (1.0 / f + e / (f * f)) : f + e;
+      y += changes.range[i];
+      if (errors.disparity_step > 0.0 && y > 0.0) y = 1.0 / to_grid(1.0 / y, errors.disparity_step);
+      const std::size_t at = static_cast<std::size_t>(rows.file_row[i]);
+      range[at] = to_grid(y, errors.output_step);
+      bearing[at] = rows.pairs ? 0.0
+                               : wrap_angle(to_grid(geometry.bearing[cell] + changes.bearing[i] + bearing_shared +
+                                                        state.sigma_theta_rad * std::exp(0.5 * changes.bearing_log_variance[i]) * bearing_error,
+                                                    errors.bearing_step));
+    }
+  }
+
+  std::vector<Recording> simulated = model.recordings;
+  std::size_t at = 0;
+  int stop = 0, landmark = 0;
+  for (Recording& recording : simulated) {
+    Readings& r = recording.readings;
+    const std::size_t count = recording.kind == RecordingKind::pairs ? recording.pairs.true_m.size() : r.stop.size();
+    const auto part = [&](const std::vector<double>& all) {
+      return std::vector<double>(all.begin() + static_cast<long>(at), all.begin() + static_cast<long>(at + count));
+    };
+    if (recording.kind == RecordingKind::pairs) {
+      recording.pairs.reading_m = part(range);
+    } else {
+      r.range_m = part(range);
+      r.bearing_rad = part(bearing);
+      recording.truth = Truth{};
+      for (std::size_t k = 0; k < recording.stops.size(); ++k) recording.truth.stops.push_back(state.stops[stop++]);
+      for (std::size_t l = 0; l < recording.landmarks.size(); ++l) recording.truth.landmarks.push_back(state.landmarks[landmark++]);
+    }
+    at += count;
+    keep_positive(recording);
+  }
+  return simulated;
+}
+
+}  // namespace rangecal
