@@ -184,6 +184,11 @@ ExtendedDesign finish(Draft draft, const Rows& rows, ExtendedDesign design) {
   else
     extended.context.duration_s = 0.0, extended.context.stop_time_s.clear();
   design.state = std::move(draft.state);
+  const CellGeometry geometry = cell_geometry(extended, design.state);
+  for (std::size_t i = 0; i < extended.size(); ++i) {  // as predicted: weights that depend on residuals see none
+    extended.range_m[i] = geometry.f[static_cast<std::size_t>(extended.cell[i])];
+    extended.bearing_rad[i] = geometry.bearing[static_cast<std::size_t>(extended.cell[i])];
+  }
   return design;
 }
 
