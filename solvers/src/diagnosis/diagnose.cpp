@@ -110,6 +110,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   add_outlook(rows, found, options, result);
   add_simulation_model(rows, recordings, corrected, found, curve, result);
   result.sentence = verdict_sentence(result);
+  if (options.simulation && result.verdict == Verdict::no_mismatch)
+    result.sentence = "No mismatch: the simulation accounts for this recording within its noise.";
   if (options.progress) options.progress("done", 1.0);
   return result;
 }

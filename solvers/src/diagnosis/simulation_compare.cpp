@@ -187,7 +187,7 @@ void acquit(Diagnosis& result, const std::string& note) {
   result.after = result.before;
   result.corrected = result.baseline;
   result.notes.insert(result.notes.begin(), note);
-  result.sentence = verdict_sentence(result);
+  result.sentence = "No mismatch: the simulation accounts for this recording within its noise.";
 }
 
 constexpr double confirm_rate = 0.01;  ///< of the one question whether a finding is in both
@@ -201,7 +201,7 @@ double log_p_of(std::span<const Recording> recordings, const std::vector<std::st
   forced.progress = nullptr;
   forced.null_draws = 20;
   const Diagnosis d = diagnose(recordings, forced);
-  return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.after.nll), static_cast<int>(std::max<std::size_t>(1, parameters)));
+  return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll), static_cast<int>(std::max<std::size_t>(1, parameters)));
 }
 
 }  // namespace
