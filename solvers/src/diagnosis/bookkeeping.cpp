@@ -92,6 +92,7 @@ void correct_labels(Recording& recording, Bookkeeping& found) {
 
 /// Share of values of the cells that repeat another of the same cell to the last digit, and the median step.
 struct GridEvidence {
+  double repeated = 0.0;   ///< share of all values that stand elsewhere in the recording too
   double share = 0.0, step_over_spread = 0.0, step = 0.0, disparity_step = 0.0;
   double disparity_scatter = 1.0, step_scatter = 1.0;   ///< relative scatter of the steps in 1/r and in r
 };
@@ -123,6 +124,12 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   }
   if (all < 20.0 || steps.empty()) return evidence;
   evidence.share = same / all;
+  std::vector<double> sorted = values;
+  std::sort(sorted.begin(), sorted.end());
+  double repeated = 0.0;
+  for (std::size_t i = 1; i < sorted.size(); ++i)
+    if (sorted[i] - sorted[i - 1] < 1e-9 * (1.0 + std::abs(sorted[i]))) repeated += 1.0;
+  evidence.repeated = repeated / static_cast<double>(sorted.size());
   evidence.step = median(steps);
   evidence.disparity_step = median(inverse_steps);
   evidence.step_over_spread = ratios.empty() ? 0.0 : median(ratios);
@@ -148,9 +155,12 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
   const GridEvidence range = grid_of_values(rows, rows.range_m), bearing = grid_of_values(rows, rows.bearing_rad);
-  // Rounding far below the spread repeats a value now and then; a sixth of all neighbours is a grid that matters.
-  constexpr double coarse = 1.0 / 6.0;
-  if (range.share > coarse) {
+  // Rounding far below the spread repeats a value now and then and does no harm: steps of a fifteenth of the spread, or
+  // a sixth of all neighbours alike, are a grid that matters.
+  const auto matters = [](const GridEvidence& e) {
+    return e.share > 1.0 / 6.0 || (e.repeated > 0.03 && e.step_over_spread > 1.0 / 15.0);
+  };
+  if (matters(range)) {
     const Effect* effect = find_effect("quantisation");
     Eigen::VectorXd p = Eigen::VectorXd::Zero(2);
     if (range.disparity_scatter < range.step_scatter)
@@ -162,7 +172,7 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     q.size = range.step;
     found.findings.push_back(q);
   }
-  if (!rows.pairs && bearing.share > coarse) {
+  if (!rows.pairs && matters(bearing)) {
     const Effect* effect = find_effect("bearing_quantisation");
     const auto& parameters = effect->info().parameters;
     Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));

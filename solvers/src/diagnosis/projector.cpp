@@ -60,22 +60,6 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   }
   system_.assemble(state, HessianKind::fisher);
   system_.eliminate();
-  // Effects that change fast with distance leave the stops a little off their optimum when the readings are corrected
-  // anew; scores speak of residuals at the optimum, so the stops' last step is taken to first order.
-  if (system_.layout().coordinates > 0) {
-    const Eigen::VectorXd step = system_.solve_stops(-system_.stop_gradient());
-    for (int i = 0; i < cells; ++i) {
-      const JointLayout& layout = system_.layout();
-      const JointLayout::Node& node = layout.nodes[layout.node_of_stop[c.stop[i]]];
-      const int heading = node.heading[layout.slot_of_stop[c.stop[i]]];
-      Eigen::Vector2d moved = Eigen::Vector2d::Zero();
-      if (node.free_position) moved = step.segment<2>(static_cast<Eigen::Index>(node.coordinate));
-      range_residual[i] += geometry_.slope[i] * geometry_.n[i].dot(moved);
-      if (rows.pairs) continue;
-      bearing_residual[i] += geometry_.t[i].dot(moved) / geometry_.axis_distance[i];
-      if (heading >= 0) bearing_residual[i] += step[static_cast<Eigen::Index>(node.coordinate) + heading];
-    }
-  }
   // Pseudo-inverse on phi: a direction the recording does not determine is left alone, not divided by zero.
   const int phi = rows.pairs ? system_.layout().alpha_count : system_.layout().phi_count;
   phi_factor_ = Eigen::MatrixXd::Zero(system_.layout().global_count, system_.layout().global_count);
@@ -94,6 +78,15 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   for (double& value : inverse) value = value > 1e-11 ? 1.0 / value : 0.0;
   phi_factor_.topLeftCorner(phi, phi) = scale.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
                                         eigen.eigenvectors().transpose() * scale.asDiagonal();
+  // Effects that change fast with distance leave the calibration a little off its optimum when the readings are
+  // corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
+  Eigen::VectorXd pull = -system_.global_gradient();
+  pull.tail(pull.size() - phi).setZero();
+  const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
+  const Eigen::VectorXd step = phi_factor_ * (pull - system_.couple(settled));
+  const Signature moved = of_calibration(step, settled + system_.back_substitute(step, false));
+  range_residual -= moved.range;
+  if (!rows.pairs) bearing_residual -= moved.bearing;
 }
 
 void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const {
@@ -119,12 +112,12 @@ void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::Vector
   stops = settled + system_.back_substitute(phi, false);
 }
 
-Eigen::VectorXd Projector::project(const Signature& x) const {
-  Eigen::VectorXd phi, stops;
-  absorbed(x, phi, stops);
+Signature Projector::of_calibration(const Eigen::VectorXd& phi, const Eigen::VectorXd& stops) const {
   const JointLayout& layout = system_.layout();
   const Cells& c = problem_.cells;
-  Eigen::VectorXd result(2 * cells());
+  Signature x;
+  x.range.resize(cells());
+  x.bearing.resize(cells());
   for (int i = 0; i < cells(); ++i) {
     const int k = c.stop[i];
     const JointLayout::Node& node = layout.nodes[layout.node_of_stop[k]];
@@ -134,11 +127,19 @@ Eigen::VectorXd Projector::project(const Signature& x) const {
     const double turn = heading >= 0 ? stops[node.coordinate + heading] : 0.0;
     double curve = 0.0;
     for (int a = layout.alpha_count; a-- > 0;) curve = curve * geometry_.d[i] + phi[a];
-    const double range = x.range[i] - curve - geometry_.slope[i] * geometry_.n[i].dot(moved);
-    const double bearing = x.bearing[i] - geometry_.t[i].dot(moved) / geometry_.axis_distance[i] + turn;
-    result[i] = range_information[i] * range;
-    result[cells() + i] = bearing_information[i] * bearing;
+    x.range[i] = curve + geometry_.slope[i] * geometry_.n[i].dot(moved);
+    x.bearing[i] = geometry_.t[i].dot(moved) / geometry_.axis_distance[i] - turn;
   }
+  return x;
+}
+
+Eigen::VectorXd Projector::project(const Signature& x) const {
+  Eigen::VectorXd phi, stops;
+  absorbed(x, phi, stops);
+  const Signature taken = of_calibration(phi, stops);
+  Eigen::VectorXd result(2 * cells());
+  result.head(cells()) = range_information.cwiseProduct(x.range - taken.range);
+  result.tail(cells()) = bearing_information.cwiseProduct(x.bearing - taken.bearing);
   return result;
 }
 

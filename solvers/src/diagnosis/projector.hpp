@@ -39,6 +39,8 @@ class Projector {
   double raw_information(const Signature& x) const;
   /// The change of (alpha, landmarks) that absorbs x: K^-1 J^T W x, and of the stops.
   void absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const;
+  /// The readings' change when (alpha, landmarks) and the stop coordinates change.
+  Signature of_calibration(const Eigen::VectorXd& phi, const Eigen::VectorXd& stops) const;
   /// The readings' change when stops move by (dx, dy, dh) each.
   Signature of_stops(const std::vector<Eigen::Vector3d>& moved) const;
 

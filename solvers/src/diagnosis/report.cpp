@@ -181,14 +181,23 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
            return sets;
          }())
       result.explanations[0].indistinguishable_from.push_back(rival);
-    if (found.best.fit.model.size() == found.known.model.size() + 1) {
-      const auto exact = exact_twin_of(found.best.fit.model.back().effect->info().id);
-      auto& sets = result.explanations[0].indistinguishable_from;
-      if (!exact.empty() && std::find(sets.begin(), sets.end(), exact) == sets.end()) {
-        if (sets.size() == 2) sets.pop_back();  // three members in all
-        sets.insert(sets.begin(), exact);
+    // Exact twins in every design, put in the place of each name that has one.
+    auto& sets = result.explanations[0].indistinguishable_from;
+    const std::vector<std::string> names = ids_of(found.best.fit.model);
+    for (std::size_t a = 0; a < names.size(); ++a)
+      for (const std::string& twin : exact_twin_of(names[a])) {
+        std::vector<std::string> swapped = names;
+        swapped[a] = twin;
+        const auto same_names = [&](std::vector<std::string> set) {
+          std::vector<std::string> sorted = swapped;
+          std::sort(set.begin(), set.end());
+          std::sort(sorted.begin(), sorted.end());
+          return set == sorted;
+        };
+        if (std::any_of(sets.begin(), sets.end(), same_names)) continue;
+        sets.insert(sets.begin(), swapped);
+        if (sets.size() > 2) sets.pop_back();  // three members in all
       }
-    }
     for (const Candidate& rival : found.rivals) result.explanations.push_back(explain(rows, found, rival));
     fill_probabilities(found, result.explanations);
     result.final_effects = result.explanations[0].effects;

@@ -14,6 +14,11 @@ namespace {
 
 constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
 constexpr double adequacy_rate = 0.003;  ///< p at which a free curve over a named effect's own covariate rejects it
+/// Nats by which two names together must beat the best single free curve: one curve beats two names of a kind.
+constexpr double combination_margin = 10.0;
+constexpr double curve_margin = 4.0;      ///< nats by which a free curve may beat a single name before it is refused
+constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
+constexpr int largest_start = 3;          ///< single effects that pairs start from
 constexpr int shortlist = 10;
 
 bool contains(const Model& model, const Effect* effect) {
@@ -148,10 +153,9 @@ double smallest_log_p(const Battery& battery) { return battery.strongest().log_p
 
 }  // namespace
 
-double separation(const Rows& rows, const JointState& state, const Fit& a, const Fit& b) {
+double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause, const ActiveEffect& rival) {
   const WorkingProblem working = working_problem(rows, {}, state);
   const Projector projector(rows, working.problem, state);
-  const ActiveEffect &cause = a.model.back(), &rival = b.model.back();
   Signature x;
   x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
   bool any = false;
@@ -188,6 +192,29 @@ double separation(const Rows& rows, const JointState& state, const Fit& a, const
   return std::max(0.0, whole - cross.dot(information.completeOrthogonalDecomposition().solve(cross)));
 }
 
+namespace {
+
+/// Other explanations of the same size that the data do not reject, best first, at most two.
+void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& others,
+                SearchResult& result) {
+  const Model& best = result.best.fit.model;
+  for (const Candidate& rival : others) {
+    if (result.rivals.size() == 2) return;
+    const ActiveEffect *cause = nullptr, *other = nullptr;
+    for (const ActiveEffect& a : best)
+      if (!contains(rival.fit.model, a.effect)) cause = &a;
+    for (const ActiveEffect& a : rival.fit.model)
+      if (!contains(best, a.effect)) other = &a;
+    if (!cause || !other) continue;
+    const double gap = result.best.evidence - rival.evidence;
+    // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
+    const double apart = separation(rows, result.baseline.state, *cause, *other);
+    if (apart > tolerated_noncentrality ? gap < 0.5 : gap < options.naming_gap_nats) result.rivals.push_back(rival);
+  }
+}
+
+}  // namespace
+
 SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
   const auto report = [&](const char* stage, double fraction) {
     if (options.progress) options.progress(stage, fraction);
@@ -219,6 +246,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     }
     result.best.gain = result.baseline.nll - result.best.fit.nll;
     result.verdict = Verdict::explained;
+    result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state);
+    result.last->effective_questions = result.effective_questions;
     return result;
   }
 
@@ -268,61 +297,65 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const double free_curve_gain = [&] {
     double best = 0.0;
     for (const Question& q : result.first->questions)
-      if (!q.effect) best = std::max(best, q.gain - q.dof);
+      if (!q.effect && (q.channel == "range" || q.channel == "bearing")) best = std::max(best, q.gain - q.dof);
     return best;
   }();
 
-  std::vector<Candidate> level;
-  for (std::size_t i = 0; i < singles.size() && i < 3; ++i) level.push_back(singles[i]);
-  for (int depth = 1; depth <= 3 && !level.empty(); ++depth) {
-    // Clean ones at this depth are explanations; the best is the answer, the others its rivals.
-    std::unique_ptr<Battery> battery;
-    std::vector<std::unique_ptr<Battery>> batteries;
-    bool found = false;
-    for (const Candidate& candidate : level) {
-      const bool is_clean = clean(candidate, battery);
-      if (is_clean && !found && (depth == 1 || candidate.gain > free_curve_gain - 5.0)) {
-        result.best = candidate;
-        result.last = std::move(battery);
-        result.verdict = Verdict::explained;
-        found = true;
-        break;
-      }
-      batteries.push_back(std::move(battery));
-      if (depth > 1) break;
+  // One name: clean, close to the best of its kind, and not beaten by a free curve.
+  std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
+  for (std::size_t i = 0; i < batteries.size(); ++i) {
+    const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
+    if (clean(singles[i], batteries[i]) && leading && singles[i].evidence > free_curve_gain - curve_margin) {
+      result.verdict = Verdict::explained;
+      result.best = singles[i];
+      result.last = std::move(batteries[i]);
+      add_rivals(rows, options, singles, result);
+      return result;
     }
-    if (found) break;
-    if (depth == 3) break;
-    report("combining effects", 0.3 + 0.15 * depth);
-    std::vector<Candidate> next;
-    for (std::size_t i = 0; i < level.size() && i < 2 && i < batteries.size(); ++i) {
-      std::vector<Proposal> proposals = propose(rows, *batteries[i], level[i].fit.model);
-      if (proposals.size() > 5) proposals.resize(5);
-      for (Candidate& candidate : try_all(rows, level[i].fit, proposals, refit_options)) {
-        candidate.gain = result.baseline.nll - candidate.fit.nll;
-        candidate.evidence = candidate.gain;
-        for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= price_of(active);
-        next.push_back(std::move(candidate));
-      }
-    }
-    std::sort(next.begin(), next.end(), [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
-    if (next.size() > 3) next.resize(3);
-    level = std::move(next);
   }
-  if (result.verdict != Verdict::explained) {
-    result.verdict = Verdict::unexplained;
+
+  // Two names.
+  report("combining effects", 0.5);
+  std::vector<Candidate> pairs;
+  const auto extend = [&](const Candidate& first, const Battery& battery) {
+    std::vector<Proposal> proposals = propose(rows, battery, first.fit.model);
+    if (proposals.size() > 6) proposals.resize(6);
+    for (Candidate& candidate : try_all(rows, first.fit, proposals, refit_options)) {
+      candidate.gain = result.baseline.nll - candidate.fit.nll;
+      candidate.evidence = candidate.gain;
+      for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= price_of(active);
+      const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
+        return std::all_of(candidate.fit.model.begin(), candidate.fit.model.end(),
+                           [&](const ActiveEffect& a) { return contains(other.fit.model, a.effect); });
+      });
+      if (same == pairs.end())
+        pairs.push_back(std::move(candidate));
+      else if (candidate.evidence > same->evidence)
+        *same = std::move(candidate);
+    }
+    std::sort(pairs.begin(), pairs.end(), [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  };
+  for (std::size_t i = 0; i < batteries.size(); ++i) extend(singles[i], *batteries[i]);
+  if (!pairs.empty()) {  // the second of the best pair may have been hidden by the first: start from it as well
+    const ActiveEffect second = pairs[0].fit.model.back();
+    const bool started = std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
+                                     [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
+    if (!started) {
+      const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0}, refit_options);
+      if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
+    }
+  }
+  for (std::size_t i = 0; i < pairs.size() && i < 3; ++i) {
+    std::unique_ptr<Battery> battery;
+    if (pairs[i].evidence < pairs[0].evidence - options.naming_gap_nats) break;
+    if (pairs[i].evidence < free_curve_gain + combination_margin || !clean(pairs[i], battery)) continue;
+    result.verdict = Verdict::explained;
+    result.best = pairs[i];
+    result.last = std::move(battery);
+    add_rivals(rows, options, pairs, result);
     return result;
   }
-  // Rivals: other clean models of the same size that the data do not reject.
-  const std::vector<Candidate>& others = result.best.fit.model.size() == known.model.size() + 1 ? singles : level;
-  for (const Candidate& rival : others) {
-    if (rival.fit.model.back().effect == result.best.fit.model.back().effect) continue;
-    const double gap = result.best.evidence - rival.evidence;
-    // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
-    const double apart = separation(rows, result.baseline.state, result.best.fit, rival.fit);
-    const bool close = apart > 7.0 ? gap < 0.5 : gap < options.naming_gap_nats;
-    if (close && result.rivals.size() < 2) result.rivals.push_back(rival);
-  }
+  result.verdict = Verdict::unexplained;
   return result;
 }
 

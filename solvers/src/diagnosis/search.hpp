@@ -44,9 +44,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 /// marginal likelihood with the triangulation law preferred within 3 nats.
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options);
 
-/// Noncentrality left between two models' last effects: what `a` does to the readings at its fitted size, after the
-/// calibration and every direction of `b`'s effect at its fit were projected out. Small: this design cannot tell them
-/// apart, whatever the noise. Negative if either does not act on the mean.
-double separation(const Rows& rows, const JointState& state, const Fit& a, const Fit& b);
+/// Noncentrality left between two effects: what `cause` does to the readings at its fitted size, after the calibration
+/// and every direction of `rival` at its fit were projected out. Small: this design cannot tell them apart, whatever
+/// the noise. Negative if either does not act on the mean.
+double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause, const ActiveEffect& rival);
 
 }  // namespace rangecal::diagnosis
