@@ -266,24 +266,28 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
   result.notes.insert(result.notes.begin(),
                       "the simulation departs from the seed model itself; the recording was compared with it reading by reading");
   if (result.verdict == Verdict::no_mismatch || options.force) return result;
-  // Noise, tails and dependence do not cancel in a difference: they are a mismatch only if the simulation lacks them.
-  std::vector<std::string> others;
-  for (const std::string& id : result.final_effects) {
+  // Noise, tails, dependence and grids do not cancel in a difference: they are a mismatch only if the simulation lacks
+  // them.
+  const auto cancels = [](const std::string& id) {
     const Effect* effect = find_effect(id);
-    if (!effect || effect->info().kind == EffectKind::mean) others.push_back(id);
-  }
-  if (others.size() != result.final_effects.size() || others == std::vector<std::string>{"generic"}) {
-    const bool of_mean = !result.location.empty() && result.location[0].channel.find('_') == std::string::npos;
-    if (of_mean) return result;
-  }
+    return effect && effect->info().kind == EffectKind::mean;
+  };
+  const std::string channel = result.location.empty() ? "" : result.location[0].channel;
+  const bool generic = result.verdict == Verdict::unexplained;
+  if (generic ? channel == "range" || channel == "bearing"
+              : std::any_of(result.final_effects.begin(), result.final_effects.end(), cancels))
+    return result;
   DiagnoseOptions alone = options;
   alone.simulation.reset();
   alone.held_out = alone.unseen = alone.next_experiments = false;
   const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
   std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
   for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
-  const bool all_shared = std::all_of(of_recording.final_effects.begin(), of_recording.final_effects.end(),
-                                      [&](const std::string& id) { return shared.count(id) > 0; });
+  const bool all_shared = std::all_of(of_recording.final_effects.begin(), of_recording.final_effects.end(), [&](const std::string& id) {
+    if (shared.count(id) > 0 || cancels(id)) return true;
+    const Effect* effect = find_effect(id);
+    return effect && log_p_of(simulation, {id}, alone, effect->info().parameters.size()) < std::log(confirm_rate);
+  });
   if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
   return result;
 }

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "apps/run_binary.hpp"
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/core/recording_io.hpp"
+#include "rangecal/problems/world/physical/designs.hpp"
+#include "rangecal/problems/world/physical/plants.hpp"
+#include "rangecal/problems/world/physical/simulate.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using Json = nlohmann::json;
+
+class DiagnoseCommand : public ::testing::Test {
+ protected:
+  /// A line design with a cover 7.5 mm off the spin axis, as a folder.
+  std::string eccentric() {
+    Random random(seed_from("diagnose command"));
+    world::World w = world::vary(world::make_line_design(), random);
+    w = world::apply(w, "range_eccentricity", 0.0075, random);
+    save_recording(world::simulate(w, seed_from("diagnose command run")), folder.file("rec"));
+    return folder.file("rec");
+  }
+  TemporaryFolder folder;
+};
+
+TEST_F(DiagnoseCommand, TheShippedRecordingIsClean) {
+  const RunResult result = run("diagnose " + shipped("field-layout") + " --json " + folder.file("d.json"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("No mismatch"), HasSubstr("Could be hidden"), HasSubstr("Do next")));
+  EXPECT_EQ(result.err, "");
+  const Json json = Json::parse(slurp(folder.file("d.json")));
+  EXPECT_EQ(json.at("verdict"), "no_mismatch");
+  EXPECT_TRUE(json.at("location").empty());
+  EXPECT_TRUE(json.at("final").at("effects").empty());
+}
+
+TEST_F(DiagnoseCommand, NamesAPlantedEffectAndShowsTheFit) {
+  const RunResult result = run("diagnose " + eccentric());
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("Explained by range_eccentricity"), HasSubstr("held-out NLL"), HasSubstr("chi-square / dof"),
+                                HasSubstr("along sensor_bearing"), HasSubstr("range_eccentricity.amplitude"), HasSubstr(" mm")));
+  for (std::size_t at = 0, end = 0; at < result.out.size(); at = end + 1) {
+    end = std::min(result.out.find('\n', at), result.out.size());
+    int columns = 0;  // a character begins at every byte that continues none
+    for (std::size_t i = at; i < end; ++i) columns += (static_cast<unsigned char>(result.out[i]) & 0xC0) != 0x80;
+    if (at == 0) continue;  // the first line holds the folder's name
+    EXPECT_LE(columns, 100) << result.out.substr(at, end - at);
+  }
+}
+
+TEST_F(DiagnoseCommand, TheCorrectedCalibrationUndoesTheEffect) {
+  const std::string rec = eccentric(), calibration = folder.file("cal.json");
+  ASSERT_EQ(run("diagnose " + rec + " --calibration " + calibration).code, 0);
+  const Calibration loaded = load_calibration(calibration);
+  ASSERT_EQ(loaded.effects.count("range_eccentricity"), 1u);
+  // Forward, at d = 1.2 m and bearing 0: y = f(d) + cosine; correct must lead back to 1.2 m.
+  const double d = 1.2;
+  double y = 0.0;
+  for (Eigen::Index i = loaded.alpha.size(); i-- > 0;) y = y * d + loaded.alpha[i];
+  y += loaded.effects.at("range_eccentricity").at("cosine_m");
+  folder.write("r.csv", "range_m,bearing_rad\n" + std::to_string(y) + ",0\n");
+  const RunResult result = run("correct " + calibration + " " + folder.file("r.csv"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  const std::size_t begin = result.out.find('\n') + 1, comma = result.out.find(',', begin) + 1;
+  EXPECT_NEAR(std::stod(result.out.substr(comma)), d, 3e-6) << result.out;  // both sides are written with six decimals
+  const RunResult without = run("correct " + calibration, "1.2\n");
+  EXPECT_EQ(without.code, 2);
+  EXPECT_THAT(without.err, AllOf(HasSubstr("bearing_rad"), HasSubstr("range_eccentricity")));
+  EXPECT_EQ(count_of(without.err, "\n"), 1);
+}
+
+TEST_F(DiagnoseCommand, TheLoopCloses) {
+  const std::string rec = eccentric(), d = folder.file("d.json");
+  ASSERT_EQ(run("diagnose " + rec + " --json " + d).code, 0);
+  const RunResult made = run("simulate --from " + d + " -o " + folder.file("sim") + " --seed 4");
+  ASSERT_EQ(made.code, 0) << made.err;
+  const RunResult alike = run("diagnose " + rec + " --simulation " + folder.file("sim"));
+  ASSERT_EQ(alike.code, 0) << alike.err;
+  EXPECT_THAT(alike.out, HasSubstr("No mismatch"));
+}
+
+TEST_F(DiagnoseCommand, Effects) {
+  const RunResult all = run("effects"), one = run("effects tilt"), none = run("effects nothing");
+  EXPECT_EQ(all.code, 0);
+  EXPECT_THAT(all.out, AllOf(HasSubstr("range_eccentricity"), HasSubstr("wheel_slip"), HasSubstr("typical")));
+  EXPECT_THAT(one.out, AllOf(HasSubstr("formula"), HasSubstr("parameter"), HasSubstr("source"), Not(HasSubstr("wheel_slip"))));
+  EXPECT_EQ(none.code, 2);
+}
+
+TEST_F(DiagnoseCommand, WrongInputIsOneLineAndNoFile) {
+  const std::string rec = shipped("field-layout"), out = folder.file("d.json");
+  for (const std::string& arguments :
+       {std::string("diagnose"), "diagnose " + folder.file("missing"), "diagnose " + rec + " --alarm-rate 2",
+        "diagnose " + rec + " --force nothing", "diagnose " + rec + " --simulation " + folder.file("missing.json"),
+        "diagnose " + rec + " --simulation " + shipped("pairs-2016"), std::string("simulate -o x"),
+        "simulate --from " + rec + "/recording.yaml -o " + folder.file("x")}) {
+    const RunResult result = run(arguments + (arguments.rfind("diagnose ", 0) == 0 ? " --json " + out : ""));
+    EXPECT_EQ(result.code, 2) << arguments;
+    EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
+    EXPECT_FALSE(std::filesystem::exists(out)) << arguments;
+  }
+  EXPECT_EQ(run("diagnose " + rec + " --json " + folder.file("no/such/folder/d.json")).code, 2);
+}
+
+}  // namespace
+}  // namespace rangecal::test
