@@ -90,6 +90,14 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   SearchResult found = search(rows, known, options);
+  if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
+    const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
+    if (!curve_alone.empty()) {
+      DiagnoseOptions forced = options;
+      forced.force = curve_alone;
+      found = search(rows, known, forced);
+    }
+  }
   if (std::any_of(known.model.begin(), known.model.end(),
                   [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::label; })) {
     Rows raw = make_rows(recordings);  // the baseline is that of the labels as recorded
@@ -98,6 +106,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     if (before.ok) found.baseline.nll = before.nll;
   }
   Diagnosis result = assemble_report(rows, recordings, found, options);
+  for (Explanation& e : result.explanations) e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   const std::optional<GenericModel> generic = add_generic(rows, found, result);
   const Fit* curve = generic ? &generic->fit : nullptr;
   if (options.simulation) compare_noise(*options.simulation, result);

@@ -104,6 +104,36 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
   return difference;
 }
 
+std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& known, const SearchResult& found,
+                                        const DiagnoseOptions& options) {
+  Rows own = rows;
+  own.alpha_prior.reset();
+  DiagnoseOptions alone = options;
+  alone.simulation.reset();
+  alone.progress = nullptr;
+  if (search(own, known, alone).verdict != Verdict::no_mismatch) return {};
+  const std::vector<std::string> curve = {"range_offset", "range_scale", "laser_pointing"};
+  std::vector<std::string> best;
+  double lowest = found.baseline.nll;
+  for (unsigned set = 1; set < 8; ++set) {
+    Model model;
+    std::vector<std::string> ids;
+    for (unsigned j = 0; j < 3; ++j) {
+      if (!(set >> j & 1u)) continue;
+      const Effect* effect = find_effect(curve[j]);
+      if (!effect) continue;
+      ids.push_back(curve[j]);
+      model.push_back({effect, effect->start_grid(rows.context).front()});
+    }
+    const Fit fit = refit(rows, model, found.baseline.state, RefitOptions{});
+    const double value = fit.nll + 2.0 * static_cast<double>(ids.size());
+    if (!fit.ok || !(value < lowest)) continue;
+    lowest = value;
+    best = ids;
+  }
+  return best;
+}
+
 void compare_noise(const Calibration& simulation, Diagnosis& result) {
   const Calibration& own = result.corrected;
   const auto compare = [&](const char* channel, const char* parameter, const Estimate& a, const Estimate& b) {

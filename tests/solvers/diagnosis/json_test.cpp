@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/physical/designs.hpp"
+#include "rangecal/problems/world/physical/plants.hpp"
+#include "rangecal/problems/world/physical/simulate.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+
+/// A line design whose cover is 7.5 mm off the spin axis.
+Recording eccentric(std::uint64_t run) {
+  Random random(seed_from("json test", {1}));
+  world::World w = world::vary(world::make_line_design(), random);
+  w = world::apply(w, "range_eccentricity", 0.0075, random);
+  return world::simulate(w, seed_from("json test run", {run}));
+}
+
+Recording clean(std::uint64_t run) {
+  Random random(seed_from("json test", {2}));
+  return world::simulate(world::vary(world::make_line_design(), random), seed_from("json test clean run", {run}));
+}
+
+DiagnoseOptions quick() {
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  return options;
+}
+
+Diagnosis of(const Recording& recording, const DiagnoseOptions& options = quick()) { return diagnose({&recording, 1}, options); }
+
+TEST(DiagnosisJson, HoldsTheFieldsOfTheSchema) {
+  const Diagnosis d = of(eccentric(1), DiagnoseOptions{});
+  const Json json = Json::parse(diagnosis_to_json(d));
+  EXPECT_EQ(json.at("format"), "rangecal-diagnosis/1");
+  EXPECT_EQ(json.at("verdict"), "explained");
+  for (const char* field : {"order", "nll", "heldout_nll", "parameters"}) EXPECT_TRUE(json.at("baseline").contains(field)) << field;
+  ASSERT_FALSE(json.at("location").empty());
+  for (const char* field : {"channel", "covariate", "shape", "where", "size", "p_value", "share", "residuals"})
+    EXPECT_TRUE(json.at("location")[0].contains(field)) << field;
+  ASSERT_FALSE(json.at("explanations").empty());
+  const Json& best = json.at("explanations")[0];
+  for (const char* field : {"effects", "probability", "parameters", "nll", "heldout_nll", "p_value", "indistinguishable_from",
+                            "separated_by", "physics"})
+    EXPECT_TRUE(best.contains(field)) << field;
+  EXPECT_EQ(best.at("effects"), Json({"range_eccentricity"}));
+  const Json& amplitude = best.at("parameters").at("range_eccentricity.amplitude_m");
+  EXPECT_NEAR(amplitude.at("estimate").get<double>(), 0.0075, 5.0 * amplitude.at("std").get<double>());
+  EXPECT_LT(amplitude.at("ci95")[0].get<double>(), amplitude.at("ci95")[1].get<double>());
+  EXPECT_EQ(json.at("final").at("effects"), best.at("effects"));
+  EXPECT_EQ(json.at("final").at("nll"), best.at("nll"));
+  EXPECT_TRUE(json.at("final").at("parameters").contains("alpha_0"));
+  ASSERT_FALSE(json.at("unseen").empty());
+  for (const char* field : {"effect", "typical", "detectable", "harm_m", "settled_by"})
+    EXPECT_TRUE(json.at("unseen")[0].contains(field)) << field;
+  ASSERT_FALSE(json.at("next_experiments").empty());
+  for (const char* field : {"change", "settles", "power"}) EXPECT_TRUE(json.at("next_experiments")[0].contains(field)) << field;
+}
+
+TEST(DiagnosisJson, NothingThatIsNotANumberIsWritten) {
+  Diagnosis d;
+  d.baseline.alpha = d.corrected.alpha = Eigen::Vector2d(0.0, 1.0);
+  d.before.nll = std::numeric_limits<double>::quiet_NaN();
+  d.after.nll = std::numeric_limits<double>::infinity();
+  d.location.resize(1);
+  d.location[0].size = std::numeric_limits<double>::quiet_NaN();
+  const std::string text = diagnosis_to_json(d);
+  const Json json = Json::parse(text);
+  EXPECT_TRUE(json.at("baseline").at("nll").is_null());
+  EXPECT_TRUE(json.at("baseline").at("heldout_nll").is_null());
+  EXPECT_TRUE(json.at("final").at("nll").is_null());
+  EXPECT_TRUE(json.at("location")[0].at("size").is_null());
+  EXPECT_TRUE(json.at("location")[0].at("where").is_null());
+  EXPECT_EQ(json.at("final").at("effects"), Json::array());
+}
+
+TEST(ResidualBins, ShrinkWhenTheEffectIsModelled) {
+  const Diagnosis d = of(eccentric(1));
+  ASSERT_FALSE(d.location.empty());
+  ASSERT_FALSE(d.location[0].residuals.empty());
+  double before = 0.0, after = 0.0;
+  int readings = 0;
+  for (const BinnedResidual& b : d.location[0].residuals) {
+    before += b.before * b.before / (b.std_dev * b.std_dev);
+    after += b.after * b.after / (b.std_dev * b.std_dev);
+    readings += b.readings;
+  }
+  EXPECT_EQ(readings, 1500);
+  EXPECT_LT(after, before);
+  EXPECT_THAT(d.sentence, HasSubstr("range_eccentricity"));
+}
+
+TEST(SimulationLoop, JsonRoundTripGivesTheSameRecording) {
+  const Diagnosis d = of(eccentric(1));
+  const SimulationModel back = simulation_model_from_json(diagnosis_to_json(d), "d.json");
+  const std::vector<Recording> a = simulate(d.simulation, 5), b = simulate(back, 5), c = simulate(back, 6);
+  ASSERT_EQ(a.size(), 1u);
+  EXPECT_EQ(a[0].readings.range_m, b[0].readings.range_m);
+  EXPECT_EQ(a[0].readings.bearing_rad, b[0].readings.bearing_rad);
+  EXPECT_EQ(a[0].readings.time_s, eccentric(1).readings.time_s);
+  EXPECT_NE(a[0].readings.range_m, c[0].readings.range_m);
+  EXPECT_THROW(simulation_model_from_json("{}", "d.json"), InputError);
+  EXPECT_THROW(simulation_model_from_json("not json", "d.json"), InputError);
+}
+
+TEST(SimulationLoop, TheRecordingDoesNotDepartFromItsOwnSimulation) {
+  const Recording recording = eccentric(1);
+  const std::vector<Recording> simulation = simulate(of(recording).simulation, 5);
+  const Diagnosis against = diagnose_against({&recording, 1}, simulation, quick());
+  EXPECT_EQ(against.verdict, Verdict::no_mismatch) << against.sentence;
+}
+
+TEST(AgainstSimulation, NamesWhatTheSimulationLacks) {
+  const Recording recording = eccentric(1), with = eccentric(2);
+  Random random(seed_from("json test", {1}));
+  const Recording without = world::simulate(world::vary(world::make_line_design(), random), seed_from("without", {1}));
+  EXPECT_EQ(diagnose_against({&recording, 1}, {&without, 1}, quick()).final_effects,
+            std::vector<std::string>{"range_eccentricity"});
+  EXPECT_EQ(diagnose_against({&recording, 1}, {&with, 1}, quick()).verdict, Verdict::no_mismatch);
+}
+
+TEST(AgainstSimulation, AnotherRangeZeroIsNamed) {
+  const Recording recording = clean(1);
+  DiagnoseOptions options = quick();
+  options.simulation = of(clean(2)).baseline;
+  ASSERT_TRUE(options.simulation->alpha_covariance);
+  EXPECT_EQ(of(recording, options).verdict, Verdict::no_mismatch);
+  options.simulation->alpha[0] += 0.02;
+  EXPECT_EQ(of(recording, options).final_effects, std::vector<std::string>{"range_offset"});
+}
+
+TEST(AgainstSimulation, ALandmarkThatTheSimulationLacksIsAnError) {
+  const Recording recording = clean(1);
+  Recording other = clean(2);
+  for (Landmark& landmark : other.landmarks) landmark.label += "x";
+  EXPECT_THROW(diagnose_against({&recording, 1}, {&other, 1}, quick()), InputError);
+}
+
+}  // namespace
+}  // namespace rangecal::test
