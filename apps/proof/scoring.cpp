@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "rangecal/problems/world/physical/plants.hpp"
 #include "twins.hpp"
@@ -109,6 +110,25 @@ bool is_located(const Diagnosis& diagnosis, const std::vector<std::string>& trut
   });
 }
 
+/// True if the interval holds the truth. An amplitude is positive in the answer: a negative one in the world is the same
+/// thing half a period on. Axes come back to themselves after half a turn, phases after a whole one.
+bool within(const EffectEstimate& estimate, double value, const std::map<std::string, double>& truth) {
+  const std::string id = estimate.name.substr(0, estimate.name.find('.')), name = estimate.name.substr(id.size() + 1);
+  double period = 0.0;
+  if (name == "axis_rad") period = std::numbers::pi;
+  if (name == "phase_rad") period = 2.0 * std::numbers::pi;
+  for (const char* amplitude : {"out_of_round", "amplitude_m", "amplitude_rad", "amplitude_per_m", "angle_rad"}) {
+    const auto size = truth.find(id + "." + amplitude);
+    if (size == truth.end() || size->second >= 0.0 || (period == 0.0 && name != amplitude)) continue;
+    if (name == amplitude && (truth.count(id + ".axis_rad") || truth.count(id + ".phase_rad"))) value = -value;
+    if (period > 0.0 && id != "tilt") value += 0.5 * period;  // a tilt enters by its square: its sign is nothing
+  }
+  const double middle = 0.5 * (estimate.low95 + estimate.high95), half = 0.5 * (estimate.high95 - estimate.low95);
+  const double off = period > 0.0 ? std::remainder(value - middle, period) : value - middle;
+  return std::abs(off) <= half;
+}
+
+
 std::pair<int, int> coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth) {
   int covered = 0, intervals = 0;
   if (diagnosis.explanations.empty()) return {0, 0};
@@ -116,7 +136,7 @@ std::pair<int, int> coverage(const Diagnosis& diagnosis, const std::map<std::str
     const auto found = truth.find(estimate.name);
     if (found == truth.end() || !(estimate.std_dev > 0.0)) continue;
     ++intervals;
-    covered += found->second >= estimate.low95 && found->second <= estimate.high95;
+    covered += within(estimate, found->second, truth);
   }
   return {covered, intervals};
 }

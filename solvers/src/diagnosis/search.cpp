@@ -48,15 +48,18 @@ struct Proposal {
   const Effect* effect = nullptr;
   Eigen::VectorXd start;
   double promised = 0.0, log_p = 0.0, rank = 0.0;
+  std::vector<Eigen::VectorXd> others;   ///< further peaks over the start grid, best first
 };
 
 /// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
   std::map<std::string, Proposal> best;
+  std::map<std::string, std::vector<std::pair<double, Eigen::VectorXd>>> peaks;
   for (const Question& q : battery.questions) {
     if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
     Proposal& p = best[q.effect->info().id];
-    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof};
+    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof, {}};
+    peaks[q.effect->info().id].emplace_back(q.gain, q.start);
   }
   // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose them.
   for (const auto& effect : effect_registry()) {
@@ -78,8 +81,23 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
       if (p.effect && q.gain <= p.promised) continue;
       const auto grid = effect->start_grid(rows.context);
       if (grid.empty()) continue;
-      p = {effect.get(), grid[grid.size() / 2], q.gain, q.log_p, q.gain - q.dof};
+      p = {effect.get(), grid[grid.size() / 2], q.gain, q.log_p, q.gain - q.dof, {}};
     }
+  }
+  // A period has many peaks of nearly the same height; the refit decides between the highest.
+  for (auto& [id, p] : best) {
+    const auto& parameters = p.effect->info().parameters;
+    if (std::none_of(parameters.begin(), parameters.end(), [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
+      continue;
+    auto& heights = peaks[id];  // in the order of the grid
+    std::vector<std::pair<double, Eigen::VectorXd>> local;
+    for (std::size_t i = 0; i < heights.size(); ++i) {
+      const bool rises = i == 0 || heights[i].first >= heights[i - 1].first;
+      const bool falls = i + 1 == heights.size() || heights[i].first > heights[i + 1].first;
+      if (rises && falls && heights[i].first > 0.6 * p.promised - 2.0 && heights[i].second != p.start) local.push_back(heights[i]);
+    }
+    std::sort(local.begin(), local.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    for (std::size_t i = 0; i < local.size() && i < 3; ++i) p.others.push_back(local[i].second);
   }
   std::vector<Proposal> order;
   for (auto& [id, p] : best)
@@ -87,6 +105,12 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
   if (order.size() > shortlist) order.resize(shortlist);
   return order;
+}
+
+/// What a score's promise is worth once the channel's sigma follows: n/2 log(1 + 2 g / n) of g.
+double settled_gain(const Rows& rows, double promised) {
+  const double n = static_cast<double>(rows.size());
+  return 0.5 * n * std::log1p(2.0 * promised / n);
 }
 
 /// One nat per parameter that was fitted or chosen (AIC).
@@ -98,6 +122,11 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   model.push_back({proposal.effect, proposal.start});
   Candidate candidate;
   candidate.fit = refit(rows, model, base.state, options);
+  for (const Eigen::VectorXd& other : proposal.others) {
+    model.back().parameters = other;
+    Fit fit = refit(rows, model, base.state, options);
+    if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
+  }
   candidate.promised = proposal.promised;
   candidate.log_p = proposal.log_p;
   candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
@@ -236,11 +265,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     for (const std::string& id : *options.force) {
       const Effect* effect = find_effect(id);
       if (!effect) throw InputError("no effect is called '" + id + "'");
-      Proposal proposal{effect, effect->start_grid(rows.context).front(), 0.0, 0.0, 0.0};
+      Proposal proposal{effect, effect->start_grid(rows.context).front(), 0.0, 0.0, 0.0, {}};
       for (const Proposal& p : propose(rows, *result.first, {}))
         if (p.effect == effect) proposal = p;
       for (const Question& q : result.first->questions)
-        if (q.effect == effect && q.gain > proposal.promised) proposal = {effect, q.start, q.gain, q.log_p, 0.0};
+        if (q.effect == effect && q.gain > proposal.promised) proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
       Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
       result.best = try_model(rows, base, proposal, refit_options);
     }
@@ -297,7 +326,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const double free_curve_gain = [&] {
     double best = 0.0;
     for (const Question& q : result.first->questions)
-      if (!q.effect && (q.channel == "range" || q.channel == "bearing")) best = std::max(best, q.gain - q.dof);
+      if (!q.effect && (q.channel == "range" || q.channel == "bearing"))
+        best = std::max(best, settled_gain(rows, q.gain) - q.dof);
     return best;
   }();
 
@@ -341,7 +371,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     const bool started = std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
                                      [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
     if (!started) {
-      const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0}, refit_options);
+      const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}}, refit_options);
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
   }
