@@ -32,11 +32,28 @@ Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, cons
   return x;
 }
 
+namespace {
+
+/// The problem with its spreads held: the information of the means alone, and none of what spreads say of distances.
+JointProblem with_held_spreads(JointProblem problem, const CellGeometry& geometry) {
+  for (std::size_t i = 0; i < problem.cells.size(); ++i)
+    problem.cells.range_weight[i] /= geometry.spread[i] * geometry.spread[i];
+  return problem;
+}
+
+JointState with_unit_noise(JointState state) {
+  state.noise.law = NoiseLaw::constant;
+  state.noise.parameters = Eigen::VectorXd::Ones(1);
+  return state;
+}
+
+}  // namespace
+
 Projector::Projector(const Rows& rows, const JointProblem& problem, const JointState& state)
     : rows_(rows),
-      problem_(problem),
       geometry_(cell_geometry(rows, state)),
-      system_(problem, static_cast<int>(state.alpha.size()), static_cast<int>(state.noise.parameters.size())) {
+      problem_(with_held_spreads(problem, geometry_)),
+      system_(problem_, static_cast<int>(state.alpha.size()), 1) {
   const Cells& c = problem.cells;
   const int cells = static_cast<int>(c.size());
   for (auto* column : {&range_residual, &bearing_residual, &range_information, &bearing_information}) column->resize(cells);
@@ -58,7 +75,7 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
     row_range_residual[i] = count > 1 ? rows.range_m[i] - rows.problem.cells.range_mean[cell] : 0.0;
     row_bearing_residual[i] = count > 1 ? wrap_angle(rows.bearing_rad[i] - rows.problem.cells.bearing_mean[cell]) : 0.0;
   }
-  system_.assemble(state, HessianKind::fisher);
+  system_.assemble(with_unit_noise(state), HessianKind::fisher);
   system_.eliminate();
   // Pseudo-inverse on phi: a direction the recording does not determine is left alone, not divided by zero.
   const int phi = rows.pairs ? system_.layout().alpha_count : system_.layout().phi_count;

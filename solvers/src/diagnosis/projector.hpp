@@ -57,8 +57,8 @@ class Projector {
 
  private:
   const Rows& rows_;
-  const JointProblem& problem_;
   CellGeometry geometry_;
+  JointProblem problem_;                    ///< with its spreads held
   JointSystem system_;
   Eigen::MatrixXd phi_factor_;              ///< inverse of the Schur complement on phi
 };

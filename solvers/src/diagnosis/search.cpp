@@ -161,7 +161,8 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
   const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
   // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands back.
   const auto worth = [&](const Question& q) {
-    const bool secondary = q.channel.find("_dependence") != std::string::npos || q.channel.find("_tail") != std::string::npos;
+    const bool secondary = q.channel.find("_dependence") != std::string::npos || q.channel.find("_tail") != std::string::npos ||
+                           q.channel == "stop";
     return (secondary ? 0.6 : 1.0) * q.gain - price * q.dof;
   };
   std::sort(shapes.begin(), shapes.end(), [&](const Question& a, const Question& b) {
@@ -349,6 +350,10 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   std::vector<Candidate> pairs;
   const auto extend = [&](const Candidate& first, const Battery& battery) {
     std::vector<Proposal> proposals = propose(rows, battery, first.fit.model);
+    // Shared errors of cells or stops soak up whatever a first name left over: they are no second name.
+    std::erase_if(proposals, [](const Proposal& p) {
+      return p.effect->info().id == "cell_effect" || p.effect->info().id == "stop_effect";
+    });
     if (proposals.size() > 6) proposals.resize(6);
     for (Candidate& candidate : try_all(rows, first.fit, proposals, refit_options)) {
       candidate.gain = result.baseline.nll - candidate.fit.nll;
