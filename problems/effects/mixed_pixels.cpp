@@ -3,7 +3,7 @@
 // disparity.
 //
 //   share of clipped hits  w / R,   error of one  +-(d / s) (w / 2)     [m]
-//   variance  s_r^2 + (w / R) (d w / (2 s))^2, tails of a Student-t with nu degrees of freedom
+//   a contaminated normal: the clipped share has the extra variance (d w / (2 s))^2 / 3 of an even spread
 //     w spot radius on the target [m], R radius of the landmark [m], s = 0.05 m baseline
 //
 // Source: physics catalogue R11 (derived: magnification d / s); clipping by half the spot radius and the
@@ -28,24 +28,18 @@ class MixedPixels final : public Effect {
             "Some readings miss by far, more on thin landmarks: the spot is cut by the landmark's edge.",
         .formula =
             "share w / R of hits is off by +-(d / s)(w / 2) [m], w spot radius [m], s = 0.05 m baseline; "
-            "Student-t with nu degrees of freedom",
+            "evenly spread",
         .source = "physics catalogue R11 (derived); Curless and Levoy on spot shape",
         .visible_by = "landmarks of several radii",
         .settled_by =
             "drop the outermost hit on each side and extract again; use larger landmarks before an empty "
             "background",
-        .parameters = {{.name = "spot_radius_m", .typical = 0.002, .low = 0.0, .high = 0.02, .linear = false},
-                       {.name = "degrees_of_freedom",
-                        .typical = 4.0,
-                        .low = 2.0,
-                        .high = 100.0,
-                        .linear = false,
-                        .discrete = true}}};
+        .parameters = {{.name = "spot_radius_m", .typical = 0.002, .low = 0.0, .high = 0.02, .linear = false}}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
-    return grid_of({{0.0005, 0.001, 0.002, 0.004, 0.008}, {3.0, 5.0}});
+    return grid_of({{0.0005, 0.001, 0.002, 0.004, 0.008}});
   }
 
   std::string missing(const EffectContext& context) const override {
@@ -56,14 +50,13 @@ class MixedPixels final : public Effect {
                : "";
   }
 
-  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+  Contamination contamination(const ReadingView<double>& at, const double* p) const override {
     constexpr double baseline_m = 0.05;
     if (!(at.radius > 0.0)) return {};
-    const double error = 0.5 * at.d * p[0] / baseline_m, share = std::min(p[0] / at.radius, 1.0);
-    return {.range_log_variance = std::log1p(share * error * error / (at.spread * at.spread))};
+    // Hits within w of an edge: their centroid moves by up to w / 2, evenly; a share w / R of all.
+    return {.share = std::min(p[0] / at.radius, 0.5),
+            .extra_sigma_m = 0.5 * p[0] * at.d / baseline_m / std::sqrt(3.0)};
   }
-
-  double degrees_of_freedom(const double* p) const override { return p[1]; }
 };
 
 }  // namespace

@@ -31,6 +31,14 @@ double student_to_normal(double t, double nu) {
   return t < 0.0 ? -z : z;
 }
 
+/// The normal quantile of a contaminated normal's probability; `wide`: standard deviation of the share.
+double mixture_to_normal(double z, double share, double wide) {
+  const double size = std::abs(z) / std::numbers::sqrt2;
+  const double upper = 0.5 * ((1.0 - share) * std::erfc(size) + share * std::erfc(size / wide));
+  const double normal = boost::math::quantile(boost::math::complement(boost::math::normal(), std::max(upper, 1e-300)));
+  return z < 0.0 ? -normal : normal;
+}
+
 }  // namespace
 
 Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
@@ -80,6 +88,14 @@ void Battery::score_rows(const Model& model) {
   bearing_scores_ = whiten(bearing_rows_, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
   if (std::isfinite(nu))
     for (double& z : range_scores_) z = student_to_normal(z, nu);
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Contamination tail = contamination_of(rows_, projector_.geometry(), model, i);
+    if (!(tail.share > 0.0)) continue;
+    rescored_ = true;
+    double& z = range_scores_[static_cast<Eigen::Index>(i)];
+    const double ratio = tail.extra_sigma_m / projector_.geometry().spread[rows_.cell[i]];
+    z = mixture_to_normal(z, tail.share, std::sqrt(1.0 + ratio * ratio));
+  }
 }
 
 void Battery::remove_model_directions(const Model& model) {
@@ -363,9 +379,9 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
       if (largest[k] > 0.0) smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[k], static_cast<int>(k)));
   }
   std::sort(smallest.begin(), smallest.end());
-  // The effective number of questions, from the 5 % point of the smallest p-value.
-  const double point = std::exp(smallest[std::max(0, static_cast<int>(0.05 * draws) - 1)]);
-  effective_questions = std::max(1.0, std::log1p(-0.05) / std::log1p(-std::min(point, 0.5)));
+  // The effective number of questions, from the 3 % point of the smallest p-value.
+  const double point = std::exp(smallest[std::max(0, static_cast<int>(0.03 * draws) - 1)]);
+  effective_questions = std::max(1.0, std::log1p(-0.03) / std::log1p(-std::min(point, 0.5)));
 }
 
 }  // namespace rangecal::diagnosis

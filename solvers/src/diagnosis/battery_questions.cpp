@@ -92,7 +92,7 @@ void Battery::ask_means() {
     smooth("range", d, 9);
     if (has_bearing) {
       ask("sensor_bearing", "linear", {bearing});
-      for (int k = 1; k <= 4; ++k)
+      for (int k : {1, 2, 3, 4, 6, 8})
         ask("sensor_bearing", fmt::format("harmonic {}", k),
             {map(bearing, [k](double b) { return std::cos(k * b); }), map(bearing, [k](double b) { return std::sin(k * b); })});
       smooth("sensor_bearing", bearing, 9);

@@ -18,6 +18,7 @@ constexpr double adequacy_rate = 0.003;  ///< p at which a free curve over a nam
 constexpr double combination_margin = 10.0;
 constexpr double curve_margin = 4.0;      ///< nats by which a free curve may beat a single name before it is refused
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
+constexpr double trace_share = 0.05;
 constexpr int largest_start = 3;          ///< single effects that pairs start from
 constexpr int shortlist = 10;
 
@@ -42,6 +43,14 @@ bool on_grid(const Bookkeeping& known, const Question& q) {
   return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
     return f.channel == "grid" && (f.covariate == "range") == (q.channel.substr(0, suffix) == "range");
   });
+}
+
+/// Two names for one curve of range over distance: that is a free curve, not two causes.
+bool one_curve(const Model& model) {
+  return std::count_if(model.begin(), model.end(), [](const ActiveEffect& a) {
+           const EffectInfo& info = a.effect->info();
+           return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
+         }) > 1;
 }
 
 struct Proposal {
@@ -239,7 +248,8 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
     const double gap = result.best.evidence - rival.evidence;
     // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
     const double apart = separation(rows, result.baseline.state, *cause, *other);
-    if (apart > tolerated_noncentrality ? gap < 0.5 : gap < options.naming_gap_nats) result.rivals.push_back(rival);
+    const double tolerated = apart > tolerated_noncentrality ? 0.5 : apart < 0.0 ? 1.0 : options.naming_gap_nats;
+    if (gap < tolerated) result.rivals.push_back(rival);
   }
 }
 
@@ -359,6 +369,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       candidate.gain = result.baseline.nll - candidate.fit.nll;
       candidate.evidence = candidate.gain;
       for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= price_of(active);
+      if (one_curve(candidate.fit.model)) continue;
       const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
         return std::all_of(candidate.fit.model.begin(), candidate.fit.model.end(),
                            [&](const ActiveEffect& a) { return contains(other.fit.model, a.effect); });
@@ -379,6 +390,23 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}}, refit_options);
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
+  }
+  // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds next to
+  // nothing to it is not a second cause.
+  const double trace = singles.empty() ? 0.0 : trace_share * singles[0].gain;
+  const auto left_by_first = [&] {
+    double left = 0.0;
+    for (const Question& q : batteries[0]->questions)
+      if (!q.effect && !on_grid(known, q)) left = std::max(left, q.gain - q.dof);
+    return left;
+  };
+  if (!pairs.empty() && singles[0].evidence > free_curve_gain - curve_margin &&
+      pairs[0].evidence - singles[0].evidence < trace && left_by_first() < trace + 6.0) {
+    result.verdict = Verdict::explained;
+    result.best = singles[0];
+    result.last = std::move(batteries[0]);
+    add_rivals(rows, options, singles, result);
+    return result;
   }
   for (std::size_t i = 0; i < pairs.size() && i < 3; ++i) {
     std::unique_ptr<Battery> battery;

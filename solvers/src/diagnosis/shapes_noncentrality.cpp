@@ -118,7 +118,7 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   for (double rho : {own.range_correlation, rows.pairs ? 0.0 : own.bearing_correlation})
     if (rho != 0.0) sum -= repeats * std::log1p(-std::min(rho * rho, 0.999));
   const double nu = active.effect->degrees_of_freedom(parameters);
-  if (std::isfinite(nu)) sum += student_gain(nu) * static_cast<double>(rows.size()) * (rows.pairs ? 1.0 : 2.0);
+  if (std::isfinite(nu)) sum += student_gain(nu) * static_cast<double>(rows.size());
   if (active.effect->noise_before_reciprocal())
     for (std::size_t i = 0; i < rows.size(); ++i) sum += 6.0 * std::pow(parameters[0] * p.geometry().d[static_cast<std::size_t>(rows.cell[i])], 2);
   if (active.effect->acts_on_stops() && !rows.pairs) {

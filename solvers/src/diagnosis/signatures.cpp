@@ -20,6 +20,16 @@ WorkingProblem with_held_spreads(const Rows& rows, const Model& model, const Joi
   return working;
 }
 
+void scale(double factor, Space::Direction& d) {
+  d.mean.range *= factor;
+  d.mean.bearing *= factor;
+  d.mean.range_rows *= factor;
+  d.mean.bearing_rows *= factor;
+  d.projected *= factor;
+  d.range_variance *= factor;
+  d.bearing_variance *= factor;
+}
+
 JointState with_unit_spread(JointState state) {
   state.noise.law = NoiseLaw::constant;
   state.noise.parameters = Eigen::VectorXd::Ones(1);
@@ -45,14 +55,7 @@ Space::Space(const Rows& rows, const Model& model, const JointState& state)
       for (const Direction& unit : active) take_out(d, unit);
       d.information = inner(d, d);
       if (!(d.information > absorbed_share * before) || d.information <= 0.0) continue;
-      const double scale = 1.0 / std::sqrt(d.information);
-      d.mean.range *= scale;
-      d.mean.bearing *= scale;
-      d.mean.range_rows *= scale;
-      d.mean.bearing_rows *= scale;
-      d.projected *= scale;
-      d.range_variance *= scale;
-      d.bearing_variance *= scale;
+      scale(1.0 / std::sqrt(d.information), d);
       active.push_back(std::move(d));
     }
   active_ = std::move(active);
@@ -228,14 +231,7 @@ double Space::left(Direction a, std::vector<Direction> span) const {
     for (const Direction& unit : units) take_out(d, unit);
     const double information = inner(d, d);
     if (!(information > 1e-6 * before) || !(information > 0.0)) continue;
-    const double scale = 1.0 / std::sqrt(information);
-    d.mean.range *= scale;
-    d.mean.bearing *= scale;
-    d.mean.range_rows *= scale;
-    d.mean.bearing_rows *= scale;
-    d.projected *= scale;
-    d.range_variance *= scale;
-    d.bearing_variance *= scale;
+    scale(1.0 / std::sqrt(information), d);
     units.push_back(std::move(d));
   }
   for (const Direction& unit : units) take_out(a, unit);

@@ -176,7 +176,9 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
       };
       range_error = follow(range_error, errors.dependence.range_correlation, draw(random, errors.degrees_of_freedom));
       bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());
-      const double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
+      double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
+      const Contamination tail = contamination_of(rows, geometry, effects, static_cast<std::size_t>(i));
+      if (tail.share > 0.0 && random.uniform() < tail.share) e += random.normal(0.0, tail.extra_sigma_m);
       double y = errors.reciprocal ? 1.0 / (1.0 / f + e / (f * f)) : f + e;
       y += changes.range[i];
       if (errors.disparity_step > 0.0 && y > 0.0) y = 1.0 / to_grid(1.0 / y, errors.disparity_step);

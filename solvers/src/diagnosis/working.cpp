@@ -61,7 +61,26 @@ double student_weights(double nu, double z, double& multiplier) {
   return student - weighted + 0.5 * std::log(weight);  // cell_statistic adds 1/2 log multiplier = -1/2 log weight
 }
 
+/// The same for a contaminated normal: a share has variance 1 + extra^2 in units of the spread.
+double contaminated_weights(double share, double extra, double z, double& multiplier) {
+  const double variance = 1.0 + extra * extra;
+  const double body = (1.0 - share) * std::exp(-0.5 * z * z);
+  const double outlier = share * std::exp(-0.5 * z * z / variance) / std::sqrt(variance);
+  const double part = outlier / (body + outlier), weight = (1.0 - part) + part / variance;
+  multiplier *= 1.0 / weight;
+  return -std::log(body + outlier) - 0.5 * weight * z * z + 0.5 * std::log(weight);
+}
+
 }  // namespace
+
+Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row) {
+  for (const ActiveEffect& active : model) {
+    if (active.effect->info().kind != EffectKind::tail) continue;
+    const Contamination own = active.effect->contamination(view_of(rows, geometry, row), active.parameters.data());
+    if (own.share > 0.0) return own;
+  }
+  return {};
+}
 
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model) {
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
@@ -131,7 +150,12 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
       working.bearing[i] = bearing[j];
       range_multiplier[j] = std::exp(changes.range_log_variance[i]);
       bearing_multiplier[j] = rows.pairs ? 1.0 : std::exp(changes.bearing_log_variance[i]);
-      if (std::isfinite(nu)) {
+      const Contamination tail = contamination_of(rows, geometry, model, static_cast<std::size_t>(i));
+      if (tail.share > 0.0) {
+        const double spread = s * std::sqrt(range_multiplier[j]);
+        working.constant += contaminated_weights(tail.share, tail.extra_sigma_m / spread,
+                                                 (range[j] - geometry.f[cell]) / spread, range_multiplier[j]);
+      } else if (std::isfinite(nu)) {
         const double z = (range[j] - geometry.f[cell]) / (s * std::sqrt(range_multiplier[j]));
         working.constant += student_weights(nu, z, range_multiplier[j]);
       }

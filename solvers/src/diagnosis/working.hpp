@@ -33,6 +33,9 @@ struct RowChanges {
 };
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
 
+/// The contaminated law of a row under the model's tail effects; share 0 for none.
+Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row);
+
 /// Derivative of the readings with respect to parameter `index` of `active`, stops included, by central differences.
 Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active, int index);
 

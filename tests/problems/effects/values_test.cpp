@@ -54,7 +54,6 @@ std::vector<Case> cases() {
       {"ambient_light", {1.2, 0.0005, pi / 3 + 0.2, 0.5}, {.range = 0.002, .range_log_variance = 1.2}},
       {"ambient_light", {1.2, 0.0005, pi / 3 - 2 * pi - 0.6, 0.5}, {}},
       // error 2 / 0.05 * 0.001 = 0.04, share 0.002 / 0.12 = 1/60: 0.0016 / 60 / 0.0004 = 1/15
-      {"mixed_pixels", {0.002, 3.0}, {.range_log_variance = std::log(16.0 / 15.0)}},
       // cos 120 = -0.5, sin 120 = 0.8660254038: x = 0.5 * (0.0076 + 0.0038) = 0.0057; 0.00513 + 0.05 *
       // 0.00003249
       {"tilt", {0.0076, 0.0}, {.range = 0.0051316245, .bearing = 0.0019 * 0.8660254037844386}},
@@ -169,14 +168,19 @@ TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
 }
 
 TEST(EffectValues, DependenceAndTails) {
-  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, nu[] = {4.0}, edge[] = {0.002, 3.0};
+  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, nu[] = {4.0}, edge[] = {0.002};
   EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0035721726,
               1e-10);
   EXPECT_EQ(find_effect("cell_effect")->dependence(sigma).range_cell_sigma_m, 0.005);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).range_correlation, 0.6);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).bearing_correlation, 0.3);
   EXPECT_EQ(find_effect("heavy_tails")->degrees_of_freedom(nu), 4.0);
-  EXPECT_EQ(find_effect("mixed_pixels")->degrees_of_freedom(edge), 3.0);
+  ReadingView<double> at{};
+  at.d = 2.0;
+  at.radius = 0.1;
+  // share 0.002 / 0.1; half the spot radius times d / s is 0.001 * 2 / 0.05 = 0.04 m, spread evenly: / sqrt(3)
+  EXPECT_NEAR(find_effect("mixed_pixels")->contamination(at, edge).share, 0.02, 1e-15);
+  EXPECT_NEAR(find_effect("mixed_pixels")->contamination(at, edge).extra_sigma_m, 0.0230940108, 1e-10);
   EXPECT_TRUE(std::isinf(find_effect("tilt")->degrees_of_freedom(edge)));
 }
 

@@ -100,6 +100,11 @@ struct Dependence {
   double bearing_correlation = 0.0;
 };
 
+/// A share of readings has an extra error of that standard deviation [m]: a contaminated normal law.
+struct Contamination {
+  double share = 0.0, extra_sigma_m = 0.0;
+};
+
 /// A physical effect that a model may leave out. One file per effect in problems/effects; being there registers it.
 class Effect {
  public:
@@ -122,6 +127,8 @@ class Effect {
   virtual std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const;
   /// Tail: degrees of freedom of a Student-t for the ranges; infinity for normal.
   virtual double degrees_of_freedom(const double* p) const;
+  /// Tail: which share of such readings misses, and by how much more than the spread.
+  virtual Contamination contamination(const ReadingView<double>&, const double* /*p*/) const { return {}; }
   /// True if the noise of range is Gaussian in 1/r instead of r (before the reciprocal); reading() is then not used.
   virtual bool noise_before_reciprocal() const { return false; }
 };

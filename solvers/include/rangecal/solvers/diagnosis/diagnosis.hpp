@@ -95,7 +95,7 @@ struct Diagnosis {
 struct DiagnoseOptions {
   double alarm_rate = 0.02;                ///< of the whole battery on a recording of the seed model
   double naming_gap_nats = 3.0;            ///< a rival within this many nats is a twin, not a loser
-  int null_draws = 400;                    ///< simulations of the battery under the fitted model
+  int null_draws = 600;                    ///< simulations of the battery under the fitted model
   bool held_out = true, unseen = true, next_experiments = true;
   std::optional<Calibration> simulation;   ///< alpha and noise are held at this calibration
   std::optional<std::vector<std::string>> force;   ///< fit exactly these effects, whatever the battery says
