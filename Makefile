@@ -19,3 +19,15 @@ build: packages
 
 packages:
 	@.ci/install
+
+# Measurements, not tests: minutes each. The tables in docs/ come from these.
+.PHONY: bench-accuracy bench-speed prove
+bench-accuracy: build
+	$(BUILD)/benchmarks/joint_accuracy 1000 200 notebooks_data/scenes
+
+bench-speed: build
+	$(BUILD)/benchmarks/joint_speed
+	$(BUILD)/benchmarks/pairs_speed
+
+prove: build
+	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
