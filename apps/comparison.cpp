@@ -117,6 +117,15 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
     if (std_dev) *std_dev *= 1e3;
     return with_std(1e3 * c.sigma_s_m->value, std_dev);
   });
+  for (const char* channel : {"range", "bearing"})
+    table.row(fmt::format("{} tails", channel), [&](const Calibration& c, std::size_t) {
+      const auto found = c.noise_shapes.find(channel);
+      if (found == c.noise_shapes.end()) return std::string("-");
+      const std::map<std::string, double>& at = found->second.parameters;
+      if (at.count("nu")) return fmt::format("t, nu {:.3g}", at.at("nu"));
+      if (at.at("outlier_share") < 1e-5) return std::string("no outlier");
+      return fmt::format("{:.2g} % x {:.3g}", 100.0 * at.at("outlier_share"), at.at("outlier_scale"));
+    });
   if (!pairs)
     table.row("joint NLL", [](const Calibration& c, std::size_t) {
       return has_answer(c) ? or_dash(c.joint_nll, "{:.2f}") : "-";

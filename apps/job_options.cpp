@@ -52,7 +52,7 @@ void JobOptions::add_to(CLI::App& command) {
       ->capture_default_str();
   command
       .add_option("--noise-shape", shape,
-                  "gaussian, student-t, contaminated (outliers), or auto by AIC; pairs recordings only")
+                  "gaussian, student-t, contaminated (outliers), or auto by AIC; of full and marginal")
       ->capture_default_str();
   command
       .add_option(

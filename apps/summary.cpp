@@ -104,7 +104,7 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
   if (c.counts.read > 0 && c.counts.used < 0.9 * c.counts.read)
     add(fmt::format("{:.0f} % of the readings were dropped: see the reasons above",
                     100.0 - 100.0 * c.counts.used / c.counts.read));
-  if (pairs && report.noise_shape.empty() && check_residuals(recordings, c).suspicious())
+  if (report.noise_shape.empty() && check_residuals(recordings, c).suspicious())
     add("try --noise-shape auto, which tells outliers from noise");
   if (c.method == Method::full && !pairs) add("use --method marginal for honest standard deviations");
   add(json.empty() ? "keep the result with --json cal.json, then 'rangecal correct cal.json readings.csv'"
@@ -189,6 +189,8 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c,
                             with_std(1e3 * c.sigma_s_m->value,
                                      c.sigma_s_m->std_dev ? std::optional(1e3 * *c.sigma_s_m->std_dev)
                                                           : std::nullopt)));
+    if (!c.noise_shapes.empty())
+      page += paragraph("Tails", shapes_in_words(c) + "; sigmas are the scales of these, not standard deviations");
     const ResidualCheck check = check_residuals(recordings, c);
     if (report.noise_shape.empty() && check.ranges > 0) {
       std::string text = outliers_in_words(check);

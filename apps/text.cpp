@@ -101,6 +101,16 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
   return text + ")";
 }
 
+std::string shapes_in_words(const Calibration& calibration) {
+  std::string text;
+  for (const char* channel : {"range", "bearing"}) {
+    const auto found = calibration.noise_shapes.find(channel);
+    if (found == calibration.noise_shapes.end()) continue;
+    text += fmt::format("{}{} noise is {}", text.empty() ? "" : ", ", channel, in_words(found->second));
+  }
+  return text;
+}
+
 std::string outliers_in_words(const ResidualCheck& check) {
   constexpr double tail = 6.334e-5;  // P(|z| > 4), z ~ N(0, 1)
   std::string text = fmt::format("{} of {} ranges", check.range_outliers, check.ranges);

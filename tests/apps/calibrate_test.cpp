@@ -52,6 +52,23 @@ TEST(CalibrateCommand, LandmarksToJsonAndBack) {
   EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json)));
 }
 
+TEST(CalibrateCommand, NoiseShapeOfLandmarksIsInPageAndFile) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  const RunResult result = run("calibrate " + shipped("field-layout") +
+                               " --order 2 --noise f2 --noise-shape student-t --json " + json);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("range noise is student-t with nu"));
+  EXPECT_THAT(result.out, HasSubstr("bearing noise is student-t with nu"));
+  const Calibration calibration = load_calibration(json);
+  ASSERT_EQ(calibration.noise_shapes.size(), 2u);
+  EXPECT_GT(calibration.noise_shapes.at("range").parameters.at("nu"), 4.0);  // the noise was drawn Gaussian
+  expect_true_curve(calibration);
+  // 15 parameters as for the Gaussian, and nu of each channel.
+  EXPECT_NEAR(*calibration.aic, 2.0 * (*calibration.marginal_nll + 17.0), 1e-9);
+  EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json)));
+}
+
 TEST(CalibrateCommand, AllMethodsInOneFile) {
   const TemporaryFolder folder;
   const std::string json = folder.file("cal.json");

@@ -54,7 +54,6 @@ TEST(Usage, WrongUsageIsOneLineAndCodeTwo) {
   expect_bad_input("compare " + field + " --solver g2o", {"g2o", "ceres"});
   expect_bad_input("compare " + field + " --noise-shape round", {"round"});
   expect_bad_input("compare " + field + " --weights heavy", {"heavy"});
-  expect_bad_input("compare " + field + " --noise-shape student-t", {"student-t", "pairs"});
   expect_bad_input("simulate " + shipped("scenes/field-layout.yaml"), {"--output"});
 }
 

@@ -124,6 +124,12 @@ void read_noise(const Field& field, Calibration& calibration) {
     calibration.noise_estimates.push_back(
         {calibration.noise.parameters[static_cast<Eigen::Index>(i)], deviations[i].maybe_number()});
   }
+  for (const auto& [channel, shape] : field.at("shapes").members()) {
+    ShapeEstimate& estimate = calibration.noise_shapes[channel];
+    estimate.family = shape.required("family").text();
+    for (const auto& [name, value] : shape.members())
+      if (name != "family") estimate.parameters[name] = value.number();
+  }
 }
 
 void read_places(const Field& top, Calibration& calibration) {

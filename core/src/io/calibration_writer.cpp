@@ -34,6 +34,10 @@ Json noise(const Calibration& calibration) {
   Json deviations = Json::array();
   for (const Estimate& estimate : calibration.noise_estimates) deviations.push_back(number(estimate.std_dev));
   object["std"] = deviations;
+  for (const auto& [channel, shape] : calibration.noise_shapes) {
+    object["shapes"][channel]["family"] = shape.family;
+    for (const auto& [name, value] : shape.parameters) object["shapes"][channel][name] = number(value);
+  }
   return object;
 }
 

@@ -36,6 +36,10 @@ void add_counts(const Counts& from, Counts& to) {
   for (const auto& [reason, count] : from.dropped) to.dropped[reason] += count;
 }
 
+CheckReport check_report(const NloptCheck& check) {
+  return {check.agrees, check.better_basin, check.nll, check.report};
+}
+
 CalibrationReport calibrate_report(std::span<const Recording> recordings, const CalibrateOptions& options) {
   options.check_values();
   if (recordings.empty()) throw InputError("no recording to calibrate");

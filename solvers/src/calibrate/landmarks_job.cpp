@@ -13,6 +13,7 @@
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_ceres.hpp"
+#include "rangecal/solvers/joint_ml/robust.hpp"
 
 namespace rangecal {
 namespace {
@@ -77,6 +78,7 @@ LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOption
   if (!unseen.empty())
     report.notes.push_back(fmt::format("left out, never seen: landmark {}", fmt::join(unseen, ", ")));
   problem = make_joint_problem(recordings);
+  if (options.noise_shape != NoiseShape::gaussian) rows = make_joint_problem(recordings, Grouping::rows);
   too_few = why_too_few(problem, options.order.value_or(1));
 }
 
@@ -206,6 +208,13 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
       warm = fit.state;
       if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 1e-5) warm.reset();
+      if (rows) {
+        const bool any = options.noise_shape == NoiseShape::automatic;
+        const RobustMarginalFit robust =
+            solve_marginal_robust(*rows, fit.state, any ? NoiseShape::student_t : options.noise_shape, marginal_options);
+        tried.nll = robust.shapes.nll;
+        tried.aic = is_usable(robust.fit.outcome) ? robust.shapes.aic : infinity;
+      }
     }
     models.push_back(tried);
     return known[{n, candidate}] = tried.aic;

@@ -11,6 +11,7 @@
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
+#include "rangecal/solvers/nlopt/nlopt_check.hpp"
 
 namespace rangecal {
 
@@ -22,6 +23,7 @@ struct LandmarksJob {
   std::vector<Recording> recordings;  ///< without the landmarks that no reading sees
   CalibrateOptions options;
   JointProblem problem;
+  std::optional<JointProblem> rows;  ///< each reading a cell of its own, where a noise shape is asked for
   std::vector<std::string> landmark_labels, stop_labels;
   Counts counts;
   std::optional<std::string> too_few;  ///< why no method can work, in words
@@ -60,13 +62,13 @@ void mark_open(const LandmarksJob& job, const std::string& what, const JointStat
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);
 
-/// NLopt on the joint NLL from `seed`, against the optimum `fit`.
-CheckReport check_joint(const LandmarksJob& job, const JointState& seed, const JointFit& fit);
-
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
                          CalibrationReport& report);
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report);
+
+/// What the second program found, in a report's words.
+CheckReport check_report(const NloptCheck& check);
 
 /// The methods wanted; all four where none is named.
 std::vector<Method> methods_of(const CalibrateOptions& options);

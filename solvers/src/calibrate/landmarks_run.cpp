@@ -4,8 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calibrate/landmarks_job.hpp"
+#include "calibrate/noise_shapes.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/nlopt/joint_check.hpp"
 
 namespace rangecal {
 namespace {
@@ -27,10 +28,46 @@ class Run {
     return full_ ? &*full_ : nullptr;
   }
 
+  const MarginalFit* marginal() {
+    if (!marginal_ && seed_) {
+      marginal_ = job_.marginal(*seed_, full());
+      keep(*marginal_);
+    }
+    return marginal_ ? &*marginal_ : nullptr;
+  }
+
+  /// `marginal` with the noise shape asked for, from the Gaussian's end; none without a seed.
+  const RobustMarginalFit* shaped_marginal() {
+    if (!shaped_ && seed_) {
+      MarginalOptions options;
+      options.estimate_sigma_s = job_.problem.estimate_sigma_s;
+      const JointState& start = is_usable(marginal()->outcome) && best_state ? *best_state : *seed_;
+      shaped_ = solve_marginal_robust(*job_.rows, start, job_.options.noise_shape, options);
+      keep(shaped_->fit);
+    }
+    return shaped_ ? &*shaped_ : nullptr;
+  }
+
+  /// The shape that all methods share: the one asked for; for `automatic` that of the marginal's lowest AIC.
+  NoiseShape shape() {
+    const NoiseShape asked = job_.options.noise_shape;
+    if (asked != NoiseShape::automatic) return asked;
+    return shaped_marginal() ? shaped_marginal()->shapes.range.shape : NoiseShape::gaussian;
+  }
+
  private:
+  void keep(const MarginalFit& fit) {
+    if (fit.state.alpha.size() == 0 || !std::isfinite(fit.joint_nll)) return;
+    best_state = fit.state;
+    // An estimate of 0 has no density; a micrometre is below what any recording resolves.
+    if (best_state->sigma_s_m) best_state->sigma_s_m = std::max(*best_state->sigma_s_m, 1e-6);
+  }
+
   const LandmarksJob& job_;
   std::optional<JointState> seed_;
   std::optional<JointFit> full_;
+  std::optional<MarginalFit> marginal_;
+  std::optional<RobustMarginalFit> shaped_;
 };
 
 Calibration named(const LandmarksJob& job, Method method, Outcome outcome, const std::string& reason) {
@@ -50,30 +87,52 @@ Calibration by_full(const LandmarksJob& job, Run& run) {
         "with sigma_xy_m: estimate the joint likelihood has no maximum: sigma_s goes to 0; use marginal");
   const JointFit* fit = run.full();
   if (!fit) return named(job, Method::full, Outcome::failed, "no start inside the model's domain was found");
-  return calibration_from_fit(job, Method::full, *fit);
+  const NoiseShape shape = run.shape();
+  if (shape == NoiseShape::gaussian) return calibration_from_fit(job, Method::full, *fit);
+  const JointState& start = fit->outcome == Outcome::converged ? fit->state : *run.seed();
+  return calibration_from_robust(job, solve_joint_robust(*job.rows, start, shape));
 }
 
 Calibration by_marginal(const LandmarksJob& job, Run& run) {
   if (!run.seed())
     return named(job, Method::marginal, Outcome::failed, "no start inside the model's domain was found");
-  const MarginalFit fit = job.marginal(*run.seed(), run.full());
+  if (run.shape() != NoiseShape::gaussian) return calibration_from_robust(job, *run.shaped_marginal());
+  const MarginalFit& fit = *run.marginal();
   Calibration result = calibration_from_fit(job, Method::marginal, fit);
   result.sigma_s_upper95_m = fit.sigma_s_upper95_m;
-  if (fit.state.alpha.size() > 0 && std::isfinite(fit.joint_nll)) {
-    run.best_state = fit.state;
-    // An estimate of 0 has no density; a micrometre is below what any recording resolves.
-    if (run.best_state->sigma_s_m) run.best_state->sigma_s_m = std::max(*run.best_state->sigma_s_m, 1e-6);
-  }
   return result;
+}
+
+/// NLopt on the joint NLL from `seed`, against the optimum `fit`. Where it ends higher, the seed lies in another basin
+/// than the one that Newton's longer steps end in: then NLopt starts from there.
+CheckReport checked(const LandmarksJob& job, const JointState& seed, const JointFit& fit) {
+  CheckReport report;
+  if (fit.outcome != Outcome::converged && fit.outcome != Outcome::unobservable) {
+    report.report = "no check: the joint likelihood has no optimum here to compare with";
+    return report;
+  }
+  NloptOptions options;
+  options.global_evaluations = 200;
+  JointCheck check = check_joint(job.problem, seed, fit.joint_nll, options);
+  if (check.done && !check.result.agrees && !check.result.better_basin)
+    check = check_joint(job.problem, fit.state, fit.joint_nll, options);
+  if (check.done) return check_report(check.result);
+  report.report = "no check: " + check.reason;
+  return report;
+}
+
+/// What the shapes that were tried cost against the one kept.
+void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
+  std::string text;
+  for (const auto& [shape, aic] : shapes.tried)
+    text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(shape), aic - shapes.aic);
+  report.notes.push_back(fmt::format("noise shape by AIC: {} is kept ({})", to_string(shapes.range.shape), text));
 }
 
 }  // namespace
 
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
                          CalibrationReport& report) {
-  if (options.noise_shape != NoiseShape::gaussian)
-    throw InputError("noise shape " + std::string(to_string(options.noise_shape)) +
-                     " is for recordings of kind pairs; with landmarks the likelihood is gaussian");
   const bool by_name = !options.methods.empty() && options.methods.size() < 4 &&
                        std::count(options.methods.begin(), options.methods.end(), Method::full) > 0;
   for (const Recording& recording : recordings)
@@ -106,13 +165,18 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     if (calibration.sigma_s_m) sigma_s = calibration.sigma_s_m->value;
     if (calibration.sigma_theta_rad) sigma_theta = calibration.sigma_theta_rad->value;
   }
-  for (Calibration& calibration : report.calibrations) score(job, sigma_s, sigma_theta, calibration);
+  const bool gaussian = run.shape() == NoiseShape::gaussian;
+  for (Calibration& calibration : report.calibrations)
+    if (gaussian) score(job, sigma_s, sigma_theta, calibration);
+  report_shapes(report);
+  if (options.noise_shape == NoiseShape::automatic && run.shaped_marginal())
+    note_tried(run.shaped_marginal()->shapes, report);
   const std::optional<JointState> at = run.best_state ? run.best_state : run.seed();
   if (const auto open = at ? what_is_open(job, *at) : std::nullopt)
     for (Calibration& calibration : report.calibrations) mark_open(job, *open, *at, calibration);
-  if (options.check && !job.problem.estimate_sigma_s && run.seed()) {
+  if (options.check && gaussian && !job.problem.estimate_sigma_s && run.seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
-    report.check = check_joint(job, *run.seed(), *run.full());
+    report.check = checked(job, *run.seed(), *run.full());
   }
 }
 

@@ -5,11 +5,10 @@
 #include <cmath>
 #include <limits>
 
-#include "calibrate/landmarks_job.hpp"
+#include "calibrate/noise_shapes.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
-#include "rangecal/solvers/nlopt/nlopt_check.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
 namespace rangecal {
@@ -112,20 +111,7 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
   }
   NloptOptions options;
   options.reference_nll = full.joint_nll.value_or(std::numeric_limits<double>::quiet_NaN());
-  const NloptCheck check = nlopt_check(search, options);
-  report.agrees = check.agrees;
-  report.better_basin = check.better_basin;
-  report.nll = check.nll;
-  report.report = check.report;
-  return report;
-}
-
-std::string in_words(const NoiseShapeParameters& shape) {
-  if (shape.shape == NoiseShape::student_t) return fmt::format("student-t with nu = {:.3g}", shape.nu);
-  if (shape.shape == NoiseShape::contaminated)
-    return fmt::format("contaminated: {:.3g} % of the readings with {:.3g} times the spread",
-                       100.0 * shape.outlier_share, shape.outlier_scale);
-  return {};
+  return check_report(nlopt_check(search, options));
 }
 
 }  // namespace
@@ -152,7 +138,7 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
       const PairsFit fit =
           method == Method::full ? full_pairs(problem, gaussian) : marginal_pairs(problem, gaussian);
       result = fit.calibration;
-      report.noise_shape = in_words(fit.shape);
+      if (const auto shape = shape_estimate(fit.shape)) result.noise_shapes["range"] = *shape;
     }
     if (options.on_method) options.on_method(method, false);
     result.method = method;
@@ -161,10 +147,7 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
     if (!shaped) score_pairs(problem, result);
     report.calibrations.push_back(std::move(result));
   }
-  if (shaped && !report.noise_shape.empty())
-    report.notes.push_back(
-        "noise is " + report.noise_shape +
-        "; sigma_e is its scale, and the closed forms, which know the gaussian only, have no NLL of it");
+  report_shapes(report);
   if (options.check && !shaped) {
     Calibration full = full_pairs(problem, gaussian).calibration;
     score_pairs(problem, full);

@@ -84,6 +84,19 @@ void renew_shape(const Channel& channel, NoiseShapeParameters& shape) {
   }
 }
 
+void require_rows(const JointProblem& rows) {
+  for (double count : rows.cells.count)
+    if (count != 1.0) throw InputError("robust noise shapes need every reading as a cell of its own (Grouping::rows)");
+}
+
+void set_weights(const Residuals& residuals, const NoiseShapeParameters& range, const NoiseShapeParameters& bearing,
+                 Cells& cells) {
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    cells.range_weight[i] = log_density(range, residuals.range.z[i]).weight;
+    cells.bearing_weight[i] = log_density(bearing, residuals.bearing.z[i]).weight;
+  }
+}
+
 double laplace_part(const JointFit&) { return 0.0; }
 double laplace_part(const MarginalFit& fit) { return fit.marginal_nll - fit.joint_nll; }
 
@@ -109,10 +122,7 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
         renew_shape(residuals.range, range);
         renew_shape(residuals.bearing, bearing);
       }
-      for (std::size_t i = 0; i < rows.cells.size(); ++i) {
-        weighted.cells.range_weight[i] = log_density(range, residuals.range.z[i]).weight;
-        weighted.cells.bearing_weight[i] = log_density(bearing, residuals.bearing.z[i]).weight;
-      }
+      set_weights(residuals, range, bearing, weighted.cells);
     }
     auto fit = solve(weighted, at);
     const bool usable = std::isfinite(fit.joint_nll) && fit.outcome != Outcome::failed;
@@ -149,8 +159,7 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
 
 template <typename Robust, typename Solve>
 Robust robust(const JointProblem& rows, const JointState& start, NoiseShape shape, int parameters, const Solve& solve) {
-  for (double count : rows.cells.count)
-    if (count != 1.0) throw InputError("robust noise shapes need every reading as a cell of its own (Grouping::rows)");
+  require_rows(rows);
   // The Gaussian fit is the start of the others: all see the same basin.
   Robust best = one_shape<Robust>(rows, start, NoiseShape::gaussian, parameters, solve);
   if (shape == NoiseShape::gaussian) {
@@ -187,6 +196,22 @@ RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointSta
                                    [&](const JointProblem& weighted, const JointState& at) {
                                      return solve_marginal(weighted, at, options);
                                    });
+}
+
+RobustNll robust_nll(const JointProblem& rows, const JointState& state, const NoiseShapeParameters& range,
+                     const NoiseShapeParameters& bearing) {
+  require_rows(rows);
+  RobustNll out;
+  const JointNllParts parts = joint_nll_parts(rows, state);
+  if (!std::isfinite(parts.total())) return out;
+  const Residuals residuals(rows, state);
+  JointProblem weighted = rows;
+  set_weights(residuals, range, bearing, weighted.cells);
+  const LaplaceValue laplace = laplace_marginal(weighted, state);
+  out.ok = laplace.ok;
+  out.joint = residuals.range.nll(range) + residuals.bearing.nll(bearing) + parts.stops + parts.taped;
+  out.marginal = out.joint + laplace.marginal_nll - laplace.joint_nll;
+  return out;
 }
 
 }  // namespace rangecal

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "joint_ml/collapse.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
@@ -49,6 +50,16 @@ JointCheck check_joint(const JointProblem& problem, const JointState& seed, doub
     nlopt.global_indices.push_back(i);
   }
   nlopt.lower = -nlopt.upper;
+  nlopt.global_objective = [&](const Eigen::VectorXd& alpha, Eigen::VectorXd*) {
+    JointState start = seed;
+    start.alpha += alpha;
+    JointOptions profile;
+    profile.held.alpha = true;
+    profile.max_iterations = 30;
+    profile.gradient_tolerance = 1e-2;
+    const JointFit fit = solve_joint_block(problem, start, profile);
+    return fit.outcome == Outcome::unbounded ? std::numeric_limits<double>::infinity() : fit.joint_nll;
+  };
   options.reference_nll = reference_nll;
   check.result = nlopt_check(nlopt, options);
   check.state = state_at(check.result.x);

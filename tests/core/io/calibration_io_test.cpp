@@ -26,6 +26,7 @@ Calibration full_calibration() {
   c.covariance_reason = "optimistic";
   c.noise = {NoiseLaw::polynomial, Eigen::Vector2d(0.01, 0.002)};
   c.noise_estimates = {{0.01, 0.001}, {0.002, std::nullopt}};
+  c.noise_shapes["range"] = {"contaminated", {{"outlier_share", 0.08}, {"outlier_scale", 12.0}}};
   c.sigma_theta_rad = Estimate{0.0087, 0.0003};
   c.sigma_s_m = Estimate{0.0, std::nullopt};
   c.sigma_s_upper95_m = 0.004;
@@ -58,6 +59,11 @@ void expect_same(const std::optional<Estimate>& a, const std::optional<Estimate>
 void expect_same(const Calibration& a, const Calibration& b) {
   EXPECT_EQ(a.method, b.method);
   EXPECT_EQ(a.kind, b.kind);
+  ASSERT_EQ(a.noise_shapes.size(), b.noise_shapes.size());
+  for (const auto& [channel, shape] : a.noise_shapes) {
+    EXPECT_EQ(shape.family, b.noise_shapes.at(channel).family);
+    EXPECT_EQ(shape.parameters, b.noise_shapes.at(channel).parameters);
+  }
   EXPECT_EQ(a.outcome, b.outcome);
   EXPECT_EQ(a.reason, b.reason);
   EXPECT_EQ(a.alpha, b.alpha);

@@ -107,6 +107,82 @@ TEST(Calibrate, SigmaOfTheStopsIsEstimatedByMarginalOnly) {
   EXPECT_THROW(calibrate(std::span(&recording, 1), options), InputError);
 }
 
+/// One range in twenty is an echo 1 m behind its landmark, one bearing in twenty off by ten of its sigmas.
+Recording with_outliers() {
+  Recording recording = simulate(scene_with(15, around, 8), seed_from("outliers"));
+  Random random(seed_from("which are outliers"));
+  for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+    if (random.uniform() < 0.05) recording.readings.range_m[i] += 1.0;
+    if (random.uniform() < 0.05) recording.readings.bearing_rad[i] += random.normal(0.0, 0.087);
+  }
+  return recording;
+}
+
+TEST(Calibrate, NoiseShapesKeepTheCurveOfLandmarkRecordings) {
+  const Recording recording = with_outliers();
+  const Eigen::Vector3d row(1.0, 2.0, 4.0), truth(0.0525, 0.8838, 0.0584);
+  const auto off = [&](const Calibration& c) {  // error of f at 2 m in its standard deviations
+    return std::abs(row.dot(c.alpha - truth)) / std::sqrt(row.dot(*c.alpha_covariance * row));
+  };
+  CalibrateOptions options;
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  for (NoiseShape shape : {NoiseShape::student_t, NoiseShape::contaminated, NoiseShape::automatic}) {
+    options.noise_shape = shape;
+    const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
+    for (std::size_t i : {2u, 3u}) {
+      const Calibration& c = report.calibrations[i];
+      ASSERT_EQ(c.outcome, Outcome::converged) << to_string(shape) << c.reason;
+      ASSERT_EQ(c.noise_shapes.size(), 2u) << to_string(shape);
+      EXPECT_EQ(c.noise_shapes.at("range").family, report.calibrations[3].noise_shapes.at("range").family);
+      // The rule for all curves here: 4 standard deviations, 6e-5 by chance.
+      EXPECT_LT(off(c), 4.0) << to_string(shape) << " " << to_string(c.method);
+      ASSERT_TRUE(c.joint_nll && c.marginal_nll && c.aic);
+    }
+    const Calibration& full = report.calibrations[2];
+    const Calibration& marginal = report.calibrations[3];
+    if (full.noise_shapes.at("range").family == to_string(NoiseShape::contaminated)) {
+      // 600 readings, share 0.05: binomial standard deviation 0.009; far echoes are told from the core one by one.
+      EXPECT_NEAR(marginal.noise_shapes.at("range").parameters.at("outlier_share"), 0.05, 0.03);
+    }
+    EXPECT_FALSE(report.calibrations[0].aic);  // the closed forms know no shape
+    EXPECT_THAT(report.noise_shape, HasSubstr("bearing"));
+  }
+  options.noise_shape = NoiseShape::gaussian;
+  options.methods = {Method::marginal};
+  const Calibration gaussian = calibrate(std::span(&recording, 1), options)[0];
+  options.noise_shape = NoiseShape::automatic;
+  EXPECT_LT(*calibrate(std::span(&recording, 1), options)[0].aic, *gaussian.aic - 100.0);
+}
+
+TEST(Calibrate, AutomaticShapeOfCleanReadingsIsTheGaussianAnswer) {
+  const Recording recording = simulate(scene_with(15, around, 8), seed_from("no outliers"));
+  CalibrateOptions options;
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  const std::vector<Calibration> plain = calibrate(std::span(&recording, 1), options);
+  options.noise_shape = NoiseShape::automatic;
+  const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
+  EXPECT_THAT(report.notes.back(), HasSubstr("gaussian is kept"));
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_TRUE(report.calibrations[i].noise_shapes.empty());
+    // Ceres adds up in the order of its threads, so that its end varies in the last digits.
+    EXPECT_TRUE(report.calibrations[i].alpha.isApprox(plain[i].alpha, 1e-8)) << i;
+    EXPECT_NEAR(*report.calibrations[i].aic, *plain[i].aic, 1e-6) << i;
+  }
+}
+
+TEST(Calibrate, OrderAndLawAreChosenWithTheShape) {
+  const Recording recording = with_outliers();
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  options.noise_shape = NoiseShape::student_t;
+  const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
+  ASSERT_EQ(report.calibrations[0].outcome, Outcome::converged) << report.calibrations[0].reason;
+  EXPECT_EQ(report.calibrations[0].noise.law, NoiseLaw::f_squared);
+  for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 0.05);
+}
+
 TEST(Calibrate, LandmarkThatNobodySeesIsLeftOutAndNamed) {
   Recording recording = simulate(scene_with(10, around, 5), seed_from("unseen"));
   recording.landmarks.insert(recording.landmarks.begin(), Landmark{"ghost", 0.0, {}});

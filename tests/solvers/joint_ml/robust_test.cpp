@@ -71,6 +71,21 @@ TEST(Robust, AutomaticKeepsTheGaussianWhereNothingIsWrong) {
   EXPECT_NEAR(fit.shapes.nll, plain.joint_nll, 1e-8);
 }
 
+TEST(Robust, LikelihoodsAtAStateAreThoseThatWereMinimised) {
+  const testing::Scene scene = with_outliers(0);
+  const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
+  const RobustMarginalFit marginal = solve_marginal_robust(scene.problem, seed, NoiseShape::student_t);
+  const RobustNll at =
+      robust_nll(scene.problem, marginal.fit.state, marginal.shapes.range, marginal.shapes.bearing);
+  ASSERT_TRUE(at.ok);
+  // The weights of the last round are those of the round before: they differ by less than the last gain's root.
+  EXPECT_NEAR(at.marginal, marginal.shapes.nll, 1e-2);
+  const RobustJointFit full = solve_joint_robust(scene.problem, seed, NoiseShape::student_t);
+  const RobustNll best = robust_nll(scene.problem, full.fit.state, full.shapes.range, full.shapes.bearing);
+  EXPECT_NEAR(best.joint, full.shapes.nll, 1e-9);
+  EXPECT_LT(best.joint, at.joint);
+}
+
 TEST(Robust, RefusesCellsOfSeveralReadings) {
   const testing::Scene scene = make_scene("cells", {.stops = 6, .landmarks = 4, .repeats = 3});
   EXPECT_THROW(solve_joint_robust(scene.problem, scene.truth, NoiseShape::student_t), InputError);

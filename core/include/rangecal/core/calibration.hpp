@@ -26,6 +26,12 @@ struct Estimate {
   std::optional<double> std_dev;
 };
 
+/// The density of a channel's standardised errors where it is not the Gaussian; sigmas are then its scales.
+struct ShapeEstimate {
+  std::string family;                        ///< "student-t" or "contaminated"
+  std::map<std::string, double> parameters;  ///< nu; or outlier_share and outlier_scale
+};
+
 struct LandmarkEstimate {
   int recording = 0;                  ///< which recording of the job
   std::string label;
@@ -52,6 +58,7 @@ struct Calibration {
   std::string covariance_reason;      ///< why there is no covariance, or a caution about it
   Noise noise;
   std::vector<Estimate> noise_estimates;   ///< one per noise parameter
+  std::map<std::string, ShapeEstimate> noise_shapes;   ///< of "range" and "bearing"; none: Gaussian
   std::optional<Estimate> sigma_theta_rad;
   std::optional<Estimate> sigma_s_m;       ///< only where it was estimated
   std::optional<double> sigma_s_upper95_m; ///< one-sided 95 % limit from the profile where the estimate is 0

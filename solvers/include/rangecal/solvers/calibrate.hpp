@@ -26,7 +26,7 @@ struct CalibrateOptions {
   int max_order = 4;              ///< of that search
   std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same
   JointSolver solver = JointSolver::ceres;
-  NoiseShape noise_shape = NoiseShape::gaussian;        ///< kind pairs; landmarks know the Gaussian only
+  NoiseShape noise_shape = NoiseShape::gaussian;        ///< of full and marginal; the closed forms know the Gaussian only
   BearingWeights weights = BearingWeights::consistent;  ///< of the closed form's lines of sight
   bool check = false;  ///< minimise the full likelihood a second time with NLopt
   std::optional<Calibration>
@@ -58,8 +58,11 @@ struct CalibrationReport {
   std::vector<ModelScore> models;         ///< tried, in the order of trial; empty where nothing was to choose
   std::vector<std::string> notes;         ///< what was done to the input, one sentence each
   std::optional<CheckReport> check;
-  std::string noise_shape;  ///< of the pairs' likelihood where it is not Gaussian, with its parameters
+  std::string noise_shape;  ///< of the likelihood where it is not Gaussian, with its parameters
 };
+
+/// "student-t with nu = 4.2"; "contaminated: 8 % of the readings with 12 times the spread".
+std::string in_words(const ShapeEstimate& shape);
 
 /// Calibrates one sensor from one or several recordings of one kind. Order and noise law are chosen once,
 /// with the recommended method's likelihood, and shared by all methods, so that these can be compared.
@@ -69,6 +72,11 @@ struct CalibrationReport {
 /// with all sigmas held at the approximate estimate. All methods are scored by the same two functions
 /// (laplace_marginal at their alpha, noise and landmarks); AIC = 2 (marginal NLL + parameters of alpha,
 /// noise, sigma_theta and landmarks, sigma_s where estimated).
+///
+/// With a noise shape of heavy tails `full` and `marginal` have each reading as a cell of its own, start from their
+/// Gaussian answers and are scored by the same two functions with their shapes in them (robust_nll); the closed forms
+/// are not scored then. Order and law, where free, go by the AIC of `marginal` with that shape (Student's t for
+/// `automatic`); `automatic` then keeps the shape of the lowest AIC for both.
 ///
 /// Throws InputError for recordings of different kinds, options out of range, and `full` asked by name where
 /// sigma_xy_m is `estimate` (asked for as one of all, it is reported as unbounded). Everything else is an

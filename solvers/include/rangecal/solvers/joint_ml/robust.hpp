@@ -26,6 +26,13 @@ struct RobustMarginalFit {
   RobustShapes shapes;
 };
 
+/// Both likelihoods with given shapes.
+struct RobustNll {
+  bool ok = false;        ///< false: the state lies outside of the domain, or its stops have no optimum
+  double joint = 0.0;     ///< at the state's stops [nats]
+  double marginal = 0.0;  ///< joint + Laplace's part for the stops, by the weighted squares [nats]
+};
+
 /// The joint likelihood with heavy tails, per reading i of range (and of bearing likewise):
 ///
 ///   -log p = log s_i - log rho(z_i),   z_i = (y_i - f(d_i)) / s_i,   rho: Student's t or a contaminated normal, scale 1.
@@ -45,5 +52,10 @@ RobustJointFit solve_joint_robust(const JointProblem& rows, const JointState& st
 /// weighted fit with its Gaussian share replaced by that of the shapes.
 RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start, NoiseShape shape,
                                         const MarginalOptions& options = {});
+
+/// The likelihoods that the two above minimise, at a given state: what `nll` is made of, for scores side by side.
+/// Throws InputError unless every cell holds one reading. Cost: linear in the readings.
+RobustNll robust_nll(const JointProblem& rows, const JointState& state, const NoiseShapeParameters& range,
+                     const NoiseShapeParameters& bearing);
 
 }  // namespace rangecal

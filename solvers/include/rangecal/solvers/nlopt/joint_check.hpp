@@ -17,13 +17,14 @@ struct JointCheck {
 
 /// Minimises the joint NLL over all unknowns (alpha, noise, sigma_theta, stops, landmarks) a second time, by NLopt from
 /// the seed, with the gradient of JointSystem, in coordinates whitened by the expected information at the seed; then
-/// searches alpha globally, all else as at the local optimum, within +-0.3 of the largest reading over the range.
+/// searches alpha globally, all else at its optimum given alpha, within +-0.3 of the largest reading over the range.
 /// reference_nll: that of the solver under check [nats]; NaN: none.
-/// Not done where the likelihood has no maximum and beyond max_check_unknowns (the whitening is a dense matrix).
+/// Not done where the likelihood has no maximum and beyond max_check_unknowns (SLSQP factors a dense matrix of that
+/// size at every step).
 /// Throws InputError where the seed lies outside of the domain. Cost: some thousand passes over the cells.
 JointCheck check_joint(const JointProblem& problem, const JointState& seed, double reference_nll,
                        NloptOptions options = {});
 
-inline constexpr int max_check_unknowns = 1200;
+inline constexpr int max_check_unknowns = 400;
 
 }  // namespace rangecal

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "calibrate/noise_shapes.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+namespace rangecal {
+namespace {
+
+template <typename Robust>
+Calibration shaped_calibration(const LandmarksJob& job, Method method, const Robust& robust) {
+  Calibration result = calibration_from_fit(job, method, robust.fit);
+  if (result.alpha.size() == 0) return result;
+  if (const auto range = shape_estimate(robust.shapes.range)) result.noise_shapes["range"] = *range;
+  if (const auto bearing = shape_estimate(robust.shapes.bearing)) result.noise_shapes["bearing"] = *bearing;
+  JointState state = robust.fit.state;
+  // A sigma_s of 0 has no density; a micrometre is below what any recording resolves.
+  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, 1e-6);
+  const RobustNll nll = robust_nll(*job.rows, state, robust.shapes.range, robust.shapes.bearing);
+  if (!nll.ok) return result;
+  const int shapes = shape_parameter_count(robust.shapes.range.shape) + shape_parameter_count(robust.shapes.bearing.shape);
+  result.joint_nll = nll.joint;
+  result.marginal_nll = nll.marginal;
+  result.aic = 2.0 * (nll.marginal + job.parameters(state) + shapes);
+  return result;
+}
+
+}  // namespace
+
+std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape) {
+  if (shape.shape == NoiseShape::student_t) return ShapeEstimate{to_string(shape.shape), {{"nu", shape.nu}}};
+  if (shape.shape == NoiseShape::contaminated)
+    return ShapeEstimate{to_string(shape.shape),
+                         {{"outlier_share", shape.outlier_share}, {"outlier_scale", shape.outlier_scale}}};
+  return std::nullopt;
+}
+
+std::string in_words(const ShapeEstimate& shape) {
+  const auto value = [&](const char* name) {
+    const auto found = shape.parameters.find(name);
+    return found == shape.parameters.end() ? 0.0 : found->second;
+  };
+  if (shape.family == to_string(NoiseShape::student_t)) return fmt::format("student-t with nu = {:.3g}", value("nu"));
+  if (value("outlier_share") < 1e-5) return shape.family + " without an outlier";
+  return fmt::format("{}: {:.3g} % of the readings with {:.3g} times the spread", shape.family,
+                     100.0 * value("outlier_share"), value("outlier_scale"));
+}
+
+Calibration calibration_from_robust(const LandmarksJob& job, const RobustJointFit& fit) {
+  return shaped_calibration(job, Method::full, fit);
+}
+
+Calibration calibration_from_robust(const LandmarksJob& job, const RobustMarginalFit& fit) {
+  Calibration result = shaped_calibration(job, Method::marginal, fit);
+  result.sigma_s_upper95_m = fit.fit.sigma_s_upper95_m;
+  return result;
+}
+
+void report_shapes(CalibrationReport& report) {
+  for (const Calibration& calibration : report.calibrations) {  // the last one asked for speaks
+    if (calibration.noise_shapes.empty()) continue;
+    report.noise_shape.clear();
+    for (const char* channel : {"range", "bearing"}) {
+      const auto found = calibration.noise_shapes.find(channel);
+      if (found == calibration.noise_shapes.end()) continue;
+      if (!report.noise_shape.empty()) report.noise_shape += "; of bearing ";
+      report.noise_shape += in_words(found->second);
+    }
+  }
+  if (!report.noise_shape.empty())
+    report.notes.push_back("noise is " + report.noise_shape +
+                           "; sigmas are its scales, and the closed forms, which know the gaussian only, have no "
+                           "NLL of it");
+}
+
+}  // namespace rangecal
