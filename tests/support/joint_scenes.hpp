@@ -20,6 +20,31 @@ struct SceneOptions {
   bool walk = false, places = false, turns = false;
 };
 
+/// What a joint problem can have, each in turn added to a plain scene.
+struct SceneVariants {
+  explicit SceneVariants(const SceneOptions& base)
+      : plain(base), headings(base), walk(base), places(base), polynomial(base), repeats(base), d_squared(base),
+        f_cubed(base), constant(base) {
+    headings.sigma_heading = 0.01;
+    headings.turns = true;
+    walk.walk = true;
+    walk_headings = walk;
+    walk_headings.turns = true;
+    walk_headings.sigma_heading = 0.02;
+    walk_places = walk_headings;
+    walk_places.places = true;
+    places.places = places.turns = true;
+    places.sigma_heading = 0.01;
+    polynomial.law = NoiseLaw::polynomial;
+    repeats.repeats = 5;
+    d_squared.law = NoiseLaw::d_squared;
+    f_cubed.law = NoiseLaw::f_cubed;
+    constant.law = NoiseLaw::constant;
+  }
+  SceneOptions plain, headings, walk, walk_headings, walk_places, places, polynomial, repeats, d_squared, f_cubed,
+      constant;
+};
+
 struct Scene {
   JointProblem problem;
   JointState truth;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "joint_ml/collapse.hpp"
 
+#include <cmath>
 #include <vector>
 
 namespace rangecal {
@@ -32,6 +33,17 @@ std::string unbounded_channel(const JointProblem& problem, const Held& held) {
       bearing_zeroed ? "bearings" : "ranges", bearing_zeroed && range_zeroed ? "sigma_theta or sigma_e"
                                               : bearing_zeroed               ? "sigma_theta"
                                                                              : "sigma_e");
+}
+
+bool cannot_start(const JointProblem& problem, const Held& held, JointFit& fit) {
+  if (!std::isfinite(fit.start_nll)) {
+    fit.reason = "the start lies outside the model's domain: a distance, f(d) or a spread is not positive";
+    return true;
+  }
+  fit.reason = unbounded_channel(problem, held);
+  if (fit.reason.empty()) return false;
+  fit.outcome = Outcome::unbounded;
+  return true;
 }
 
 }  // namespace rangecal

@@ -24,4 +24,8 @@ inline std::string collapsed_sigma(const JointState& start, const JointState& no
 /// goes to 0 (L <= 2; L <= 3 bearings with a free heading). Empty if that is not so.
 std::string unbounded_channel(const JointProblem& problem, const Held& held);
 
+/// True, with outcome and reason in `fit`, where a solve has nothing to do: fit.start_nll is not finite, or the joint
+/// likelihood has no maximum.
+bool cannot_start(const JointProblem& problem, const Held& held, JointFit& fit);
+
 }  // namespace rangecal

@@ -202,15 +202,7 @@ JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
   JointSystem system(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()));
   const std::vector<int> free = free_globals(system.layout(), options.held);
   fit.start_nll = fit.joint_nll = system.assemble(start, HessianKind::fisher);
-  if (!std::isfinite(fit.start_nll)) {
-    fit.reason = "the start lies outside the model's domain: a distance, f(d) or a spread is not positive";
-    return fit;
-  }
-  if (const std::string channel = unbounded_channel(problem, options.held); !channel.empty()) {
-    fit.outcome = Outcome::unbounded;
-    fit.reason = channel;
-    return fit;
-  }
+  if (cannot_start(problem, options.held, fit)) return fit;
   Program program(problem, start, system.layout(), options.held);
   double last_norm = std::numeric_limits<double>::infinity();
   for (int run = 0; run < 20 && fit.iterations < options.max_iterations; ++run) {

@@ -27,16 +27,7 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
   double nll = system.assemble(fit.state, kind);
   fit.start_nll = fit.joint_nll = nll;
   fit.evaluations = 1;
-  if (!std::isfinite(nll)) {
-    fit.reason = "the start lies outside the model's domain: a distance, f(d) or a spread is not positive";
-    return fit;
-  }
-
-  if (const std::string channel = unbounded_channel(problem, options.held); !channel.empty()) {
-    fit.outcome = Outcome::unbounded;
-    fit.reason = channel;
-    return fit;
-  }
+  if (cannot_start(problem, options.held, fit)) return fit;
   double damping = 0.0;
   bool converged = false;
   const auto reassemble = [&](HessianKind wanted) {

@@ -19,30 +19,16 @@ struct Case {
 };
 
 std::vector<Case> cases() {
-  SceneOptions plain{.stops = 20, .landmarks = 5};
-  SceneOptions headings = plain, walk = plain, walk_headings = plain, places = plain, polynomial = plain, repeats = plain;
-  headings.sigma_heading = 0.01;
-  headings.turns = true;
-  walk.walk = true;
-  walk_headings.walk = walk_headings.turns = true;
-  walk_headings.sigma_heading = 0.02;
-  places.places = places.turns = true;
-  places.sigma_heading = 0.01;
-  polynomial.law = NoiseLaw::polynomial;
-  polynomial.repeats = 10;
-  repeats.repeats = 5;
-  SceneOptions walk_places = walk_headings, squared = plain, cubed = plain, constant = plain, linear = plain, exact = plain;
-  walk_places.places = true;
+  testing::SceneVariants s({.stops = 20, .landmarks = 5});
+  s.polynomial.repeats = 10;
+  SceneOptions linear = s.plain, exact = s.plain;
   linear.law = NoiseLaw::f;
   linear.sigma_e = 0.05;
-  squared.law = NoiseLaw::d_squared;
-  cubed.law = NoiseLaw::f_cubed;
-  constant.law = NoiseLaw::constant;
   exact.sigma_s = 0.0;
-  return {{"plain", plain},           {"headings", headings},     {"walk", walk},       {"walk_headings", walk_headings},
-          {"places", places},         {"polynomial", polynomial}, {"repeats", repeats}, {"walk_places", walk_places},
-          {"d_squared", squared},     {"f_cubed", cubed},         {"constant", constant}, {"linear", linear},
-          {"exact_stops", exact},     {"taped", headings, true}};
+  return {{"plain", s.plain},         {"headings", s.headings},     {"walk", s.walk},       {"walk_headings", s.walk_headings},
+          {"places", s.places},       {"polynomial", s.polynomial}, {"repeats", s.repeats}, {"walk_places", s.walk_places},
+          {"d_squared", s.d_squared}, {"f_cubed", s.f_cubed},       {"constant", s.constant}, {"linear", linear},
+          {"exact_stops", exact},     {"taped", s.headings, true}};
 }
 
 class JointCeresTest : public ::testing::TestWithParam<Case> {};

@@ -23,28 +23,12 @@ struct Case {
 };
 
 std::vector<Case> cases() {
-  SceneOptions plain{.stops = 6, .landmarks = 4};
-  SceneOptions headings = plain, walk = plain, walk_headings = plain, places = plain, polynomial = plain, repeats = plain;
-  headings.sigma_heading = 0.01;
-  headings.turns = true;
-  walk.walk = true;
-  walk_headings.walk = walk_headings.turns = true;
-  walk_headings.sigma_heading = 0.02;
-  places.places = places.turns = true;
-  places.sigma_heading = 0.01;
-  polynomial.law = NoiseLaw::polynomial;
-  repeats.repeats = 5;
-  repeats.law = NoiseLaw::f;
-  SceneOptions walk_places = walk_headings;
-  walk_places.places = true;
-  SceneOptions squared = plain, cubed = plain, constant = plain;
-  squared.law = NoiseLaw::d_squared;
-  cubed.law = NoiseLaw::f_cubed;
-  constant.law = NoiseLaw::constant;
-  return {{"plain", plain},           {"headings", headings}, {"walk", walk},       {"walk_headings", walk_headings},
-          {"places", places},         {"polynomial", polynomial}, {"repeats", repeats}, {"walk_places", walk_places},
-          {"d_squared", squared},     {"f_cubed", cubed},     {"constant", constant}, {"sigma_s", headings, true},
-          {"walk_sigma_s", walk_headings, true}};
+  testing::SceneVariants s({.stops = 6, .landmarks = 4});
+  s.repeats.law = NoiseLaw::f;
+  return {{"plain", s.plain},         {"headings", s.headings},     {"walk", s.walk},       {"walk_headings", s.walk_headings},
+          {"places", s.places},       {"polynomial", s.polynomial}, {"repeats", s.repeats}, {"walk_places", s.walk_places},
+          {"d_squared", s.d_squared}, {"f_cubed", s.f_cubed},       {"constant", s.constant}, {"sigma_s", s.headings, true},
+          {"walk_sigma_s", s.walk_headings, true}};
 }
 
 class JointSystemTest : public ::testing::TestWithParam<Case> {
