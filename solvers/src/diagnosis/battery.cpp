@@ -24,10 +24,17 @@ double log_chi_sq_survival(double statistic, int dof) {
 
 namespace {
 
+/// z at which the normal's upper tail is `upper`, in (0, 1/2]; 37 is where it leaves double precision.
+double upper_quantile(double upper) {
+  if (!(upper > 1e-299)) return 37.0;
+  if (upper >= 0.5) return 0.0;
+  return boost::math::quantile(boost::math::complement(boost::math::normal(), upper));
+}
+
 /// The normal quantile of a Student-t value's probability.
 double student_to_normal(double t, double nu) {
   const double upper = boost::math::cdf(boost::math::complement(boost::math::students_t(nu), std::abs(t)));
-  const double z = boost::math::quantile(boost::math::complement(boost::math::normal(), std::max(upper, 1e-300)));
+  const double z = upper_quantile(upper);
   return t < 0.0 ? -z : z;
 }
 
@@ -35,8 +42,34 @@ double student_to_normal(double t, double nu) {
 double mixture_to_normal(double z, double share, double wide) {
   const double size = std::abs(z) / std::numbers::sqrt2;
   const double upper = 0.5 * ((1.0 - share) * std::erfc(size) + share * std::erfc(size / wide));
-  const double normal = boost::math::quantile(boost::math::complement(boost::math::normal(), std::max(upper, 1e-300)));
+  const double normal = upper_quantile(upper);
   return z < 0.0 ? -normal : normal;
+}
+
+/// Errors of the stops (dx, dy, dh) drawn from their prior, to first order: a heading error of the stop before turns the
+/// commanded step of a random walk.
+std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Random& random) {
+  std::vector<Eigen::Vector3d> errors(stops.size());
+  std::vector<Eigen::Vector2d> of_place;
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    const StopPrior& prior = stops[k];
+    const Eigen::Vector2d slip(random.normal(0.0, prior.sigma_xy_m), random.normal(0.0, prior.sigma_xy_m));
+    double turn = random.normal(0.0, prior.sigma_heading_rad);
+    Eigen::Vector2d error = slip;
+    if (of_place.size() <= static_cast<std::size_t>(prior.place)) of_place.resize(prior.place + 1);
+    if (prior.chained) {
+      const Pose2 &from = stops[k - 1].commanded, &to = prior.commanded;
+      const double turned = errors[k - 1][2];
+      error = errors[k - 1].head<2>() + turned * Eigen::Vector2d(from.y_m - to.y_m, to.x_m - from.x_m);
+      if (prior.opens_place) error += slip;
+      turn += turned;
+    } else if (!prior.opens_place) {
+      error = of_place[prior.place];
+    }
+    of_place[prior.place] = error;
+    errors[k] << error, turn;
+  }
+  return errors;
 }
 
 }  // namespace
@@ -275,8 +308,6 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
   const Eigen::VectorXd bearing_sd =
       rows_.pairs ? Eigen::VectorXd::Zero(cells).eval()
                   : projector_.bearing_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse().eval();
-  JointState commanded;
-  commanded.alpha = Eigen::VectorXd::Zero(1);
   const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
   Eigen::MatrixXd noise(2 * cells, draws);
   Eigen::VectorXd smallest(draws);
@@ -294,12 +325,7 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
       noise(cells + c, b) = random.normal() * bearing_sd[c];
     }
     if (!rows_.pairs) {
-      const std::vector<Pose2> drawn = draw_stops(working_.problem, commanded, random.bits());
-      std::vector<Eigen::Vector3d> moved(drawn.size());
-      for (std::size_t k = 0; k < drawn.size(); ++k) {
-        const Pose2& at = working_.problem.stops[k].commanded;
-        moved[k] = {drawn[k].x_m - at.x_m, drawn[k].y_m - at.y_m, drawn[k].heading_rad - at.heading_rad};
-      }
+      const std::vector<Eigen::Vector3d> moved = stop_errors(working_.problem.stops, random);
       const Signature stops = projector_.of_stops(moved);
       noise.col(b).head(cells) += stops.range;
       noise.col(b).tail(cells) += stops.bearing;
@@ -381,7 +407,7 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
   std::sort(smallest.begin(), smallest.end());
   // The effective number of questions, from the 3 % point of the smallest p-value.
   const double point = std::exp(smallest[std::max(0, static_cast<int>(0.03 * draws) - 1)]);
-  effective_questions = std::max(1.0, std::log1p(-0.03) / std::log1p(-std::min(point, 0.5)));
+  effective_questions = std::clamp(std::log1p(-0.03) / std::log1p(-std::clamp(point, 1e-12, 0.5)), 1.0, 1e7);
 }
 
 }  // namespace rangecal::diagnosis

@@ -221,6 +221,7 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
 
 void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options, const JointState& state,
                           const std::vector<TypicalEffect>& effects, Diagnosis& result) {
+  if (space.rows().pairs) return;  // the menu moves stops and landmarks, of which pairs have none
   std::vector<Evaluated> menu;
   for (const MenuEntry& entry : menu_for(space.rows())) {
     ExtendedDesign design = extend(space.rows(), state, entry.code);

@@ -114,6 +114,9 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
   context.headings = std::sqrt(std::max(0.0, -2.0 * std::log(std::max(mean_length, 1e-12))));
   if (rows.size() > 0) {  // the readings stand for the distances: start grids need no more
     const auto [nearest, farthest] = std::minmax_element(rows.range_m.begin(), rows.range_m.end());
+    context.largest_bearing_rad = 0.0;
+    for (double bearing : rows.bearing_rad)
+      context.largest_bearing_rad = std::max(context.largest_bearing_rad, std::abs(bearing));
     context.range_min_m = *nearest;
     context.range_max_m = *farthest;
   }

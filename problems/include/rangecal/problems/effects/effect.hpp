@@ -59,6 +59,7 @@ struct EffectContext {
   double largest_cell = 1.0;               ///< most repeats of one (stop, landmark)
   double headings = 0.0;                   ///< spread of the stops' headings [rad]
   bool several_radii = false;
+  double largest_bearing_rad = 3.14159265358979;   ///< largest |direction in the sensor frame| of any reading
   std::vector<std::string> covariates;     ///< names of the covariate columns
 };
 
