@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "problems/effects/example.hpp"
+#include "support/catalogue.hpp"
 
 namespace rangecal {
 namespace {
@@ -18,49 +19,7 @@ using effects_testing::example_context;
 using effects_testing::example_reading;
 using effects_testing::example_stops;
 
-const std::vector<std::string> catalogue{"range_offset",
-                                         "arc_definition",
-                                         "range_scale",
-                                         "laser_pointing",
-                                         "lens_distortion",
-                                         "pixel_locking",
-                                         "quantisation",
-                                         "near_regime",
-                                         "target_reflectance",
-                                         "dark_target",
-                                         "ambient_light",
-                                         "mixed_pixels",
-                                         "tilt",
-                                         "warmup_drift",
-                                         "range_eccentricity",
-                                         "landmark_shape",
-                                         "cyclic_error",
-                                         "landmark_radius",
-                                         "radius_scale",
-                                         "bearing_offset",
-                                         "bearing_drift",
-                                         "beam_offset",
-                                         "encoder_eccentricity",
-                                         "encoder_ellipticity",
-                                         "bearing_scale",
-                                         "bearing_quantisation",
-                                         "sweep_motion",
-                                         "settling",
-                                         "odometry_scale",
-                                         "path_curvature",
-                                         "heading_drift",
-                                         "odometry_random_walk",
-                                         "lever_arm",
-                                         "wheel_slip",
-                                         "moved_landmark",
-                                         "label_swap",
-                                         "dropout",
-                                         "noise_law",
-                                         "cell_effect",
-                                         "stop_effect",
-                                         "autocorrelated_noise",
-                                         "heavy_tails",
-                                         "reciprocal_noise"};
+using test::catalogue;
 
 Eigen::Index size_of(const Effect& effect) {
   return static_cast<Eigen::Index>(effect.info().parameters.size());

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace rangecal::test {
+
+/// The ids of the catalogue, as the diagnosis promises them to its users.
+inline const std::vector<std::string> catalogue{
+    "axial_depth", "range_offset", "arc_definition", "range_scale", "laser_pointing", "lens_distortion",
+    "pixel_locking",
+    "quantisation", "near_regime", "target_reflectance", "dark_target", "ambient_light", "mixed_pixels",
+    "tilt", "warmup_drift", "range_eccentricity", "landmark_shape", "cyclic_error", "landmark_radius",
+    "radius_scale", "bearing_offset", "bearing_drift", "beam_offset", "encoder_eccentricity",
+    "encoder_ellipticity", "bearing_scale", "bearing_quantisation", "sweep_motion", "settling",
+    "odometry_scale", "path_curvature", "heading_drift", "odometry_random_walk", "lever_arm", "wheel_slip",
+    "moved_landmark", "label_swap", "dropout", "noise_law", "cell_effect", "stop_effect",
+    "autocorrelated_noise", "heavy_tails", "reciprocal_noise"};
+
+}  // namespace rangecal::test
