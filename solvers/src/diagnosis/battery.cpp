@@ -201,7 +201,13 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
       score += x.range_rows.cwiseProduct(projector_.row_range_information).dot(range_rows_) +
                x.bearing_rows.cwiseProduct(projector_.row_bearing_information).dot(bearing_rows_);
     question.statistic += score * score;
-    size_sq += score * score * (question.channel == "bearing" ? x.bearing : x.range).squaredNorm() / projector_.cells();
+    // The size is what the calibration leaves of the shape, not its coefficient.
+    const int n = projector_.cells();
+    const Eigen::VectorXd left =
+        question.channel == "bearing"
+            ? projected.tail(n).cwiseQuotient(projector_.bearing_information.cwiseMax(1e-300))
+            : projected.head(n).cwiseQuotient(projector_.range_information.cwiseMax(1e-300));
+    size_sq += score * score * left.squaredNorm() / n;
     ++question.dof;
     kept.push_back(x);
     kept_projected.push_back(projected);

@@ -79,6 +79,17 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
 }  // namespace
 }  // namespace diagnosis
 
+namespace {
+
+/// Range residuals far too long in the tails for a normal law.
+bool outliers_stand_out(const diagnosis::Battery& battery) {
+  return std::any_of(battery.questions.begin(), battery.questions.end(), [](const diagnosis::Question& q) {
+    return q.channel == "range_tail" && q.shape == "heavy tails" && q.size > 3.0 && q.log_p < -30.0;
+  });
+}
+
+}  // namespace
+
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
@@ -90,6 +101,13 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   SearchResult found = search(rows, known, options);
+  // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that allow them.
+  if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first)) {
+    Bookkeeping with_tails = known;
+    with_tails.model.push_back({find_effect("heavy_tails"), Eigen::VectorXd::Constant(1, 4.0)});
+    SearchResult robust = search(rows, with_tails, options);
+    if (robust.verdict == Verdict::explained) found = std::move(robust);
+  }
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
     if (!curve_alone.empty()) {

@@ -115,11 +115,10 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   explanation.parameters = effect_estimates(rows, generic.fit);
   const double price = 2.0 * generic.curve.gain;
   explanation.p_value = found.first->corrected(log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
-  // The score's gain, twice, is what the curve takes from the cells' chi-square (means only).
-  const bool of_mean = generic.effect->info().kind == EffectKind::mean;
-  const double dof = std::max(1.0, found.first->cell_dof - (of_mean ? static_cast<double>(generic.fit.free.size()) : 0.0));
-  const double chi_sq = of_mean ? std::max(0.0, found.first->cell_chi_sq - price) : found.first->cell_chi_sq;
-  result.after.chi_sq_per_dof = chi_sq / dof;
+  const double taken = generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
+  const double chi_sq = projector.range_residual.cwiseAbs2().dot(projector.range_information) +
+                        projector.bearing_residual.cwiseAbs2().dot(projector.bearing_information);
+  result.after.chi_sq_per_dof = chi_sq / std::max(1.0, found.first->cell_dof - taken);
   return generic;
 }
 

@@ -30,8 +30,8 @@ struct Case {
 std::vector<Case> cases() {
   const double half = std::numbers::ln2;
   return {
-      // f' = 1 at the example's curve is not assumed: kappa 0 changes nothing
-      {"axial_depth", {0.0, 0.0}, {.range = 0.0}},
+      // x = -0.1 * 2 * (1 - cos 60 deg) = -0.1: -0.09 + 0.05 * 0.01
+      {"axial_depth", {0.1, 0.0}, {.range = -0.0895}},
       {"range_offset", {0.005}, {.range = 0.005}},
       // x = 0.2 * 0.12 = 0.024: 0.0216 + 0.05 * 0.000576
       {"arc_definition", {0.2}, {.range = 0.0216288}},
