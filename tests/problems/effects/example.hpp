@@ -30,6 +30,7 @@ inline EffectContext example_context() {
   context.largest_cell = 15.0;
   context.headings = 0.8;
   context.several_radii = true;
+  context.largest_bearing_rad = 1.1;
   context.covariates = {"intensity", "temperature_c"};
   return context;
 }

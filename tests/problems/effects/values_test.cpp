@@ -32,6 +32,7 @@ std::vector<Case> cases() {
   return {
       // x = -0.1 * 2 * (1 - cos 60 deg) = -0.1: -0.09 + 0.05 * 0.01
       {"axial_depth", {0.1, 0.0}, {.range = -0.0895}},
+      {"mixed_pixels", {0.002}, {}},  // a tail: see DependenceAndTails
       {"range_offset", {0.005}, {.range = 0.005}},
       // x = 0.2 * 0.12 = 0.024: 0.0216 + 0.05 * 0.000576
       {"arc_definition", {0.2}, {.range = 0.0216288}},
