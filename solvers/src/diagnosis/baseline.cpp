@@ -30,8 +30,9 @@ JointState start_of(const Rows& rows, int order, NoiseLaw law) {
   return state;
 }
 
-/// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law unless
-/// another is better by more than three nats. Empty where there are too few repeats. The mean reading stands for f.
+/// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law
+/// unless another is better by more than three nats. Empty where there are too few repeats. The mean reading
+/// stands for f.
 std::optional<NoiseLaw> law_within_cells(const Rows& rows) {
   const Cells& c = rows.problem.cells;
   double total = 0.0;
@@ -84,7 +85,8 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
     Fit fit = refit(rows, {}, state, refit_options);
     if (fit.ok && (!best.ok || fit.nll < best.nll - 3.0)) best = fit;
   }
-  if (!best.ok) throw InputError("the seed model cannot be fitted to this recording; run calibrate to see why");
+  if (!best.ok)
+    throw InputError("the seed model cannot be fitted to this recording; run calibrate to see why");
   return best;
 }
 

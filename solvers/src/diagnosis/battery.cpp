@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/battery.hpp"
 
+#include <Eigen/Cholesky>
+#include <algorithm>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <boost/math/special_functions/gamma.hpp>
-#include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -46,8 +46,8 @@ double mixture_to_normal(double z, double share, double wide) {
   return z < 0.0 ? -normal : normal;
 }
 
-/// Errors of the stops (dx, dy, dh) drawn from their prior, to first order: a heading error of the stop before turns the
-/// commanded step of a random walk.
+/// Errors of the stops (dx, dy, dh) drawn from their prior, to first order: a heading error of the stop
+/// before turns the commanded step of a random walk.
 std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Random& random) {
   std::vector<Eigen::Vector3d> errors(stops.size());
   std::vector<Eigen::Vector2d> of_place;
@@ -75,7 +75,10 @@ std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Ra
 }  // namespace
 
 Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
-    : rows_(rows), state_(state), working_(working_problem(rows, model, state)), projector_(rows, working_.problem, state) {
+    : rows_(rows),
+      state_(state),
+      working_(working_problem(rows, model, state)),
+      projector_(rows, working_.problem, state) {
   changes_ = row_changes(rows, projector_.geometry(), model);
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   range_rows_.resize(n);
@@ -86,7 +89,8 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
     const bool alone = rows.cell_begin[cell + 1] - rows.cell_begin[cell] == 1;
     range_rows_[i] = alone ? 0.0 : working_.range[i] - c.range_mean[cell];
     const double home = projector_.geometry().bearing[cell];
-    bearing_rows_[i] = alone || rows.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
+    bearing_rows_[i] =
+        alone || rows.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
   }
   score_rows(model);
   remove_model_directions(model);
@@ -117,8 +121,10 @@ void Battery::score_rows(const Model& model) {
           scores[i] = (scores[i] - rho * scores[i - 1]) / std::sqrt(1.0 - rho * rho);
     return scores;
   };
-  range_scores_ = whiten(range_rows_, projector_.row_range_information, changes_.range_log_variance, range_rho);
-  bearing_scores_ = whiten(bearing_rows_, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
+  range_scores_ =
+      whiten(range_rows_, projector_.row_range_information, changes_.range_log_variance, range_rho);
+  bearing_scores_ =
+      whiten(bearing_rows_, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
   if (std::isfinite(nu))
     for (double& z : range_scores_) z = student_to_normal(z, nu);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
@@ -242,7 +248,8 @@ void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>
   question.statistic = 0.0;
   std::vector<Eigen::VectorXd> kept;
   double size_sq = 0.0;
-  const Eigen::VectorXd weight = 0.5 * units.dof;  // information of a log variance: dof / 2 per unit slope squared
+  const Eigen::VectorXd weight =
+      0.5 * units.dof;  // information of a log variance: dof / 2 per unit slope squared
   const double total = weight.sum();
   for (Eigen::VectorXd x : shapes) {
     x.array() -= weight.dot(x) / total;  // the level belongs to the calibration's sigma
@@ -298,7 +305,8 @@ const Question& Battery::strongest() const {
 }
 
 double Battery::corrected(double log_p) const {
-  if (log_p > -30.0) return -std::expm1(effective_questions * std::log1p(-std::min(std::exp(log_p), 1.0 - 1e-16)));
+  if (log_p > -30.0)
+    return -std::expm1(effective_questions * std::log1p(-std::min(std::exp(log_p), 1.0 - 1e-16)));
   return std::min(1.0, std::exp(log_p + std::log(effective_questions)));
 }
 
@@ -384,7 +392,8 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
     for (std::size_t j = 0; j < variance_columns_.size(); ++j)
       variance_scores[b][static_cast<Eigen::Index>(j)] =
           0.5 * variance_columns_[j].dot(variance_of_bearing_[j] ? bearing_excess : range_excess);
-    for (std::size_t q = 0; q < questions.size(); ++q) scalars(static_cast<Eigen::Index>(q), b) = random.normal();
+    for (std::size_t q = 0; q < questions.size(); ++q)
+      scalars(static_cast<Eigen::Index>(q), b) = random.normal();
   }
   Eigen::MatrixXd scores = columns.transpose() * noise;
   for (int j = 0; j < means; ++j)
@@ -398,9 +407,10 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
       double statistic = 0.0;
       const int dof = question.of == Question::Of::scalar ? 1 : question.dof;
       for (int j = 0; j < dof; ++j) {
-        const double score = question.of == Question::Of::mean       ? scores(question.first_column + j, b)
-                             : question.of == Question::Of::variance ? variance_scores[b][question.first_column + j]
-                                                                     : scalars(static_cast<Eigen::Index>(q), b);
+        const double score = question.of == Question::Of::mean ? scores(question.first_column + j, b)
+                             : question.of == Question::Of::variance
+                                 ? variance_scores[b][question.first_column + j]
+                                 : scalars(static_cast<Eigen::Index>(q), b);
         statistic += score * score;
       }
       if (largest.size() <= static_cast<std::size_t>(dof)) largest.resize(dof + 1, 0.0);
@@ -408,7 +418,8 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
     }
     smallest[b] = 0.0;
     for (std::size_t k = 1; k < largest.size(); ++k)
-      if (largest[k] > 0.0) smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[k], static_cast<int>(k)));
+      if (largest[k] > 0.0)
+        smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[k], static_cast<int>(k)));
   }
   std::sort(smallest.begin(), smallest.end());
   // The effective number of questions, from the 3 % point of the smallest p-value.

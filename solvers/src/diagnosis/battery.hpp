@@ -15,14 +15,15 @@ struct Question {
   std::string channel, covariate, shape, group;
   std::optional<double> from, to;
   int dof = 1;
-  int first_column = -1;      ///< into the mean columns, or the variance columns
+  int first_column = -1;  ///< into the mean columns, or the variance columns
   enum class Of { mean, variance, scalar } of = Of::mean;
-  const Effect* effect = nullptr;   ///< of the catalogue, with its start; null for a shape of no effect
+  const Effect* effect = nullptr;  ///< of the catalogue, with its start; null for a shape of no effect
   Eigen::VectorXd start;
-  double statistic = 0.0;     ///< chi-square with `dof` degrees of freedom under the null
-  double size = 0.0;          ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
-  double gain = 0.0;          ///< nats a fit of the shape would gain: statistic / 2, for variances the likelihood ratio
-  double log_p = 0.0;         ///< natural log of the p-value, before correction
+  double statistic = 0.0;  ///< chi-square with `dof` degrees of freedom under the null
+  double size = 0.0;  ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
+  double gain =
+      0.0;  ///< nats a fit of the shape would gain: statistic / 2, for variances the likelihood ratio
+  double log_p = 0.0;  ///< natural log of the p-value, before correction
 };
 
 /// The scan: score statistics for every channel x covariate x shape, projected onto what is left after the
@@ -32,9 +33,11 @@ class Battery {
   Battery(const Rows& rows, const Model& model, const JointState& state);
 
   std::vector<Question> questions;
-  /// p-value of the question corrected for everything that was asked (effective number of independent questions).
+  /// p-value of the question corrected for everything that was asked (effective number of independent
+  /// questions).
   double corrected(double log_p) const;
-  /// Simulates the smallest p-value of the battery under the fitted model; sets the effective number of questions.
+  /// Simulates the smallest p-value of the battery under the fitted model; sets the effective number of
+  /// questions.
   void calibrate(int draws, std::uint64_t seed);
   double effective_questions = 1000.0;
   const Question& strongest() const;
@@ -69,10 +72,11 @@ class Battery {
   WorkingProblem working_;
   Projector projector_;
   RowChanges changes_;
-  Eigen::VectorXd range_rows_, bearing_rows_;      ///< corrected deviations from the cell means
-  Eigen::VectorXd range_scores_, bearing_scores_;  ///< the same as normal scores under the model: variance 1 - 1/R
-  bool rescored_ = false;                          ///< the model has tails or correlation: scores are not deviations / s
-  std::vector<Signature> active_;                  ///< orthonormal in the projected metric
+  Eigen::VectorXd range_rows_, bearing_rows_;  ///< corrected deviations from the cell means
+  Eigen::VectorXd range_scores_,
+      bearing_scores_;             ///< the same as normal scores under the model: variance 1 - 1/R
+  bool rescored_ = false;          ///< the model has tails or correlation: scores are not deviations / s
+  std::vector<Signature> active_;  ///< orthonormal in the projected metric
   std::vector<Eigen::VectorXd> active_projected_;
   std::vector<Eigen::VectorXd> mean_projected_;    ///< P x, normalised, per column
   std::vector<Signature> mean_within_;             ///< rows' parts of normalised columns (empty if none)

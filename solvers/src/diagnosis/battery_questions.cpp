@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the battery asks about the means: every channel against every covariate in a handful of shapes, and every
-// entry of the catalogue at every point of its start grid.
+// What the battery asks about the means: every channel against every covariate in a handful of shapes, and
+// every entry of the catalogue at every point of its start grid.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
-#include <fmt/core.h>
 #include <functional>
 #include <numbers>
 #include <set>
@@ -34,7 +35,8 @@ std::vector<Eigen::VectorXd> hats(const Eigen::VectorXd& values, const std::vect
       double hat = 0.0;
       if (v == knots[j]) hat = 1.0;
       if (j > 0 && v >= knots[j - 1] && v < knots[j]) hat = (v - knots[j - 1]) / (knots[j] - knots[j - 1]);
-      if (j + 1 < knots.size() && v >= knots[j] && v < knots[j + 1]) hat = (knots[j + 1] - v) / (knots[j + 1] - knots[j]);
+      if (j + 1 < knots.size() && v >= knots[j] && v < knots[j + 1])
+        hat = (knots[j + 1] - v) / (knots[j + 1] - knots[j]);
       shape[i] = hat;
     }
     shapes.push_back(shape);
@@ -66,8 +68,9 @@ void Battery::ask_means() {
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const std::string channel = of_bearing ? "bearing" : "range";
-    const auto ask = [&](const std::string& covariate, const std::string& shape, std::vector<Eigen::VectorXd> shapes,
-                         std::optional<double> from = {}, std::optional<double> to = {}, const std::string& group = {}) {
+    const auto ask = [&](const std::string& covariate, const std::string& shape,
+                         std::vector<Eigen::VectorXd> shapes, std::optional<double> from = {},
+                         std::optional<double> to = {}, const std::string& group = {}) {
       Question q;
       q.channel = channel;
       q.covariate = covariate;
@@ -82,7 +85,9 @@ void Battery::ask_means() {
       if (at.size() < 3) return;
       ask(covariate, "smooth", hats(values, at));
       for (std::size_t j = 0; j + 2 < at.size(); ++j)  // a bump over two neighbouring intervals
-        ask(covariate, "bump", {map(values, [&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })}, at[j], at[j + 2]);
+        ask(covariate, "bump",
+            {map(values, [&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })}, at[j],
+            at[j + 2]);
     };
     ask("constant", "offset", {Eigen::VectorXd::Ones(n)});
     ask("range", "linear", {d});
@@ -94,13 +99,15 @@ void Battery::ask_means() {
       ask("sensor_bearing", "linear", {bearing});
       for (int k : {1, 2, 3, 4, 6, 8})
         ask("sensor_bearing", fmt::format("harmonic {}", k),
-            {map(bearing, [k](double b) { return std::cos(k * b); }), map(bearing, [k](double b) { return std::sin(k * b); })});
+            {map(bearing, [k](double b) { return std::cos(k * b); }),
+             map(bearing, [k](double b) { return std::sin(k * b); })});
       smooth("sensor_bearing", bearing, 9);
     }
     if (rows_.context.headings > 0.05) {
       const Eigen::VectorXd heading = per_row([&](std::size_t i) { return rows_.heading_rad[i]; });
       ask("heading", "harmonic 1", {heading.array().cos().matrix(), heading.array().sin().matrix()});
-      ask("heading", "harmonic 2", {(2.0 * heading).array().cos().matrix(), (2.0 * heading).array().sin().matrix()});
+      ask("heading", "harmonic 2",
+          {(2.0 * heading).array().cos().matrix(), (2.0 * heading).array().sin().matrix()});
     }
     if (rows_.context.duration_s > 0.0) {
       ask("time", "linear", {time});
@@ -108,31 +115,39 @@ void Battery::ask_means() {
       for (double share : {0.05, 0.15, 0.4})
         ask("time", "exponential", {map(time, [&](double t) { return std::exp(-t / (share * duration)); })});
       for (int j = 1; j < 12; ++j)
-        ask("time", "change point", {map(time, [&](double t) { return t > duration * j / 12.0 ? 1.0 : 0.0; })}, duration * j / 12.0);
+        ask("time", "change point",
+            {map(time, [&](double t) { return t > duration * j / 12.0 ? 1.0 : 0.0; })}, duration * j / 12.0);
       for (int k = 1; k <= 40; ++k) {
         const double omega = 2.0 * std::numbers::pi * k / (2.0 * duration);
-        ask("time", "periodic", {map(time, [&](double t) { return std::cos(omega * t); }), map(time, [&](double t) { return std::sin(omega * t); })});
+        ask("time", "periodic",
+            {map(time, [&](double t) { return std::cos(omega * t); }),
+             map(time, [&](double t) { return std::sin(omega * t); })});
       }
       smooth("time", time, 9);
     }
     if (rows_.context.largest_cell > 2) {
       const Eigen::VectorXd repeat = per_row([&](std::size_t i) { return rows_.repeat[i]; });
       ask("repeat", "linear", {repeat});
-      for (double t : {0.7, 2.0}) ask("repeat", "exponential", {map(repeat, [t](double r) { return std::exp(-r / t); })});
+      for (double t : {0.7, 2.0})
+        ask("repeat", "exponential", {map(repeat, [t](double r) { return std::exp(-r / t); })});
     }
     for (int l = 0; l < rows_.context.landmark_count && rows_.context.landmark_count > 1; ++l) {
       const auto own = [&](std::size_t i) { return rows_.landmark[i] == l ? 1.0 : 0.0; };
       const std::string& label = rows_.context.landmark_labels[l];
       ask("landmark", "one group", {per_row(own)}, {}, {}, label);
-      ask("landmark", "one group, linear in range", {per_row([&](std::size_t i) { return own(i) * d[static_cast<Eigen::Index>(i)]; })}, {}, {}, label);
+      ask("landmark", "one group, linear in range",
+          {per_row([&](std::size_t i) { return own(i) * d[static_cast<Eigen::Index>(i)]; })}, {}, {}, label);
       if (rows_.context.duration_s > 0.0)
         for (int j = 1; j < 6; ++j)
-          ask("landmark", "one group, change point",
-              {per_row([&](std::size_t i) { return own(i) * (rows_.time_s[i] > duration * j / 6.0 ? 1.0 : 0.0); })}, duration * j / 6.0, {}, label);
+          ask("landmark", "one group, change point", {per_row([&](std::size_t i) {
+                return own(i) * (rows_.time_s[i] > duration * j / 6.0 ? 1.0 : 0.0);
+              })},
+              duration * j / 6.0, {}, label);
     }
     if (!rows_.pairs && rows_.context.stop_count <= 400)
       for (int k = 0; k < rows_.context.stop_count; ++k)
-        ask("stop", "one group", {per_row([&](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k, k, std::to_string(k));
+        ask("stop", "one group", {per_row([&](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k,
+            k, std::to_string(k));
     if (rows_.context.several_radii)
       ask("radius", "linear", {per_row([&](std::size_t i) { return rows_.radius_m[i]; })});
     for (std::size_t column = 0; column < rows_.context.covariates.size(); ++column) {

@@ -17,7 +17,8 @@ constexpr double pi = std::numbers::pi;
 /// Sample skewness turned normal (D'Agostino 1970) for n values.
 double skewness_z(double skewness, double n) {
   const double y = skewness * std::sqrt((n + 1.0) * (n + 3.0) / (6.0 * (n - 2.0)));
-  const double beta = 3.0 * (n * n + 27.0 * n - 70.0) * (n + 1.0) * (n + 3.0) / ((n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0));
+  const double beta = 3.0 * (n * n + 27.0 * n - 70.0) * (n + 1.0) * (n + 3.0) /
+                      ((n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0));
   const double w_sq = -1.0 + std::sqrt(2.0 * (beta - 1.0));
   const double delta = 1.0 / std::sqrt(0.5 * std::log(w_sq)), alpha = std::sqrt(2.0 / (w_sq - 1.0));
   return delta * std::asinh(y / alpha);
@@ -67,7 +68,8 @@ void Battery::ask_variances() {
     Signature unit;
     unit.range = unit.bearing = Eigen::VectorXd::Zero(cells);
     for (int i = 0; i < cells; ++i) {
-      const double information = bearing ? projector_.bearing_information[i] : projector_.range_information[i];
+      const double information =
+          bearing ? projector_.bearing_information[i] : projector_.range_information[i];
       const double residual = bearing ? projector_.bearing_residual[i] : projector_.range_residual[i];
       const double count = rows_.cell_begin[i + 1] - rows_.cell_begin[i];
       const double mean_square = bearing ? c.bearing_mean_square[i] : c.range_mean_square[i];
@@ -96,8 +98,10 @@ void Battery::ask_variances() {
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const std::string channel = of_bearing ? "bearing_noise" : "range_noise";
-    const auto ask = [&](const std::string& covariate, const std::string& shape, const std::vector<std::function<double(int)>>& slopes,
-                         std::optional<double> from = {}, std::optional<double> to = {}, const std::string& group = {}) {
+    const auto ask = [&](const std::string& covariate, const std::string& shape,
+                         const std::vector<std::function<double(int)>>& slopes,
+                         std::optional<double> from = {}, std::optional<double> to = {},
+                         const std::string& group = {}) {
       std::vector<Eigen::VectorXd> shapes;
       for (const auto& slope : slopes) {
         Eigen::VectorXd units(2 * cells);
@@ -115,20 +119,26 @@ void Battery::ask_variances() {
     };
     const auto row = [&](int i) { return rows_.cell_begin[i]; };
     ask("range", "linear", {[&](int i) { return std::log(g.d[i]); }});
-    ask("range", "smooth", {[&](int i) { return std::log(g.d[i]); }, [&](int i) { return g.d[i]; }, [&](int i) { return 1.0 / g.d[i]; }});
-    ask("sensor_bearing", "harmonic 1", {[&](int i) { return std::cos(g.bearing[i]); }, [&](int i) { return std::sin(g.bearing[i]); }});
-    ask("sensor_bearing", "harmonic 2", {[&](int i) { return std::cos(2 * g.bearing[i]); }, [&](int i) { return std::sin(2 * g.bearing[i]); }});
+    ask("range", "smooth",
+        {[&](int i) { return std::log(g.d[i]); }, [&](int i) { return g.d[i]; },
+         [&](int i) { return 1.0 / g.d[i]; }});
+    ask("sensor_bearing", "harmonic 1",
+        {[&](int i) { return std::cos(g.bearing[i]); }, [&](int i) { return std::sin(g.bearing[i]); }});
+    ask("sensor_bearing", "harmonic 2",
+        {[&](int i) { return std::cos(2 * g.bearing[i]); },
+         [&](int i) { return std::sin(2 * g.bearing[i]); }});
     for (int sector = 0; sector < 12; ++sector) {
       const double centre = 2.0 * pi * sector / 12.0;
-      ask("sensor_bearing", "bump", {[&](int i) { return std::abs(std::remainder(g.bearing[i] - centre, 2.0 * pi)) < pi / 6.0 ? 1.0 : 0.0; }},
+      ask("sensor_bearing", "bump", {[&](int i) {
+            return std::abs(std::remainder(g.bearing[i] - centre, 2.0 * pi)) < pi / 6.0 ? 1.0 : 0.0;
+          }},
           std::remainder(centre - pi / 6.0, 2 * pi), std::remainder(centre + pi / 6.0, 2 * pi));
     }
     if (rows_.context.duration_s > 0.0) {
       ask("time", "linear", {[&](int i) { return rows_.time_s[row(i)]; }});
       for (int from = 0; from < 12; ++from)
         for (int width : {1, 3})
-          ask("time", "bump",
-              {[&](int i) {
+          ask("time", "bump", {[&](int i) {
                 const double share = 12.0 * rows_.time_s[row(i)] / rows_.context.duration_s;
                 return share >= from && share < from + width ? 1.0 : 0.0;
               }},
@@ -139,7 +149,8 @@ void Battery::ask_variances() {
           rows_.context.landmark_labels[l]);
     if (!rows_.pairs && rows_.context.stop_count <= 400)
       for (int k = 0; k < rows_.context.stop_count; ++k)
-        ask("stop", "one group", {[&](int i) { return rows_.stop[row(i)] == k ? 1.0 : 0.0; }}, k, k, std::to_string(k));
+        ask("stop", "one group", {[&](int i) { return rows_.stop[row(i)] == k ? 1.0 : 0.0; }}, k, k,
+            std::to_string(k));
     for (std::size_t column = 0; column < rows_.context.covariates.size(); ++column)
       ask(rows_.context.covariates[column], "linear", {[&](int i) {
             const double v = rows_.covariates[row(i) * rows_.context.covariates.size() + column];
@@ -149,8 +160,8 @@ void Battery::ask_variances() {
 }
 
 void Battery::ask_periods() {
-  // Lomb's periodogram of the deviations within the cells, over all periods that the repeats resolve. One question:
-  // the largest of F peaks, each chi-square with two degrees of freedom.
+  // Lomb's periodogram of the deviations within the cells, over all periods that the repeats resolve. One
+  // question: the largest of F peaks, each chi-square with two degrees of freedom.
   const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
   if (!(rows_.context.duration_s > 0.0) || rows_.context.largest_cell < 4 || n < 50) return;
   std::vector<double> gaps;
@@ -164,7 +175,8 @@ void Battery::ask_periods() {
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const Eigen::ArrayXd scores = (of_bearing ? bearing_scores_ : range_scores_).array();
-    Eigen::ArrayXd cosine = Eigen::ArrayXd::Ones(n), sine = Eigen::ArrayXd::Zero(n), turn_c(n), turn_s(n), next(n);
+    Eigen::ArrayXd cosine = Eigen::ArrayXd::Ones(n), sine = Eigen::ArrayXd::Zero(n), turn_c(n), turn_s(n),
+                   next(n);
     for (Eigen::Index i = 0; i < n; ++i) {
       turn_c[i] = std::cos(2.0 * pi * step * rows_.time_s[i]);
       turn_s[i] = std::sin(2.0 * pi * step * rows_.time_s[i]);
@@ -192,8 +204,10 @@ void Battery::ask_periods() {
     q.gain = 0.5 * best;
     q.log_p = std::min(0.0, log_chi_sq_survival(best, 2) + std::log(static_cast<double>(count)));
     q.size = std::sqrt(best / static_cast<double>(n)) *
-             (of_bearing ? state_.sigma_theta_rad
-                         : Eigen::Map<const Eigen::VectorXd>(projector_.geometry().spread.data(), projector_.cells()).mean());
+             (of_bearing
+                  ? state_.sigma_theta_rad
+                  : Eigen::Map<const Eigen::VectorXd>(projector_.geometry().spread.data(), projector_.cells())
+                        .mean());
     questions.push_back(std::move(q));
   }
 }
@@ -237,9 +251,11 @@ void Battery::ask_dependence_and_tails() {
       const int begin = rows_.cell_begin[c], end = rows_.cell_begin[c + 1];
       const double count = end - begin;
       for (int i = begin; i < end; ++i) {
-        const double z = count > 2 ? scores[i] * std::sqrt(count / (count - 1.0))
-                                   : (of_bearing ? projector_.bearing_residual[c] * std::sqrt(projector_.bearing_information[c])
-                                                 : projector_.range_residual[c] * std::sqrt(projector_.range_information[c]));
+        const double z =
+            count > 2
+                ? scores[i] * std::sqrt(count / (count - 1.0))
+                : (of_bearing ? projector_.bearing_residual[c] * std::sqrt(projector_.bearing_information[c])
+                              : projector_.range_residual[c] * std::sqrt(projector_.range_information[c]));
         n += 1.0;
         second += z * z;
         third += z * z * z;
@@ -273,7 +289,8 @@ void Battery::ask_dependence_and_tails() {
     const StopPrior& prior = working_.problem.stops[k];
     if (!node.free_position || prior.chained) continue;
     const double sigma_sq = prior.sigma_xy_m * prior.sigma_xy_m;
-    const Eigen::Vector2d error(state_.stops[k].x_m - prior.commanded.x_m, state_.stops[k].y_m - prior.commanded.y_m);
+    const Eigen::Vector2d error(state_.stops[k].x_m - prior.commanded.x_m,
+                                state_.stops[k].y_m - prior.commanded.y_m);
     const Eigen::MatrixXd covariance = projector_.system().stop_covariance(static_cast<int>(j));
     const double share = std::max(0.0, 1.0 - 0.5 * covariance.topLeftCorner(2, 2).trace() / sigma_sq);
     excess += 0.5 * (error.squaredNorm() / sigma_sq - 2.0 * share);

@@ -52,7 +52,8 @@ void correct_labels(Recording& recording, Bookkeeping& found) {
   // Mean position of each cell.
   std::map<std::pair<int, int>, std::pair<Eigen::Vector2d, int>> cells;
   for (std::size_t i = 0; i < r.size(); ++i) {
-    auto& [sum, count] = cells.try_emplace({r.stop[i], r.landmark[i]}, Eigen::Vector2d::Zero(), 0).first->second;
+    auto& [sum, count] =
+        cells.try_emplace({r.stop[i], r.landmark[i]}, Eigen::Vector2d::Zero(), 0).first->second;
     sum += at[i];
     ++count;
   }
@@ -85,16 +86,17 @@ void correct_labels(Recording& recording, Bookkeeping& found) {
     q.to = stops.back();
     q.group = recording.landmarks[pair.first].label + ", " + recording.landmarks[pair.second].label;
     found.findings.push_back(q);
-    found.notes.push_back(fmt::format("the labels {} were exchanged at {} stop(s); they were put back before fitting",
-                                      q.group, stops.size()));
+    found.notes.push_back(
+        fmt::format("the labels {} were exchanged at {} stop(s); they were put back before fitting", q.group,
+                    stops.size()));
   }
 }
 
 /// Share of values of the cells that repeat another of the same cell to the last digit, and the median step.
 struct GridEvidence {
-  double repeated = 0.0;   ///< share of all values that stand elsewhere in the recording too
+  double repeated = 0.0;  ///< share of all values that stand elsewhere in the recording too
   double share = 0.0, step_over_spread = 0.0, step = 0.0, disparity_step = 0.0;
-  double disparity_scatter = 1.0, step_scatter = 1.0;   ///< relative scatter of the steps in 1/r and in r
+  double disparity_scatter = 1.0, step_scatter = 1.0;  ///< relative scatter of the steps in 1/r and in r
 };
 
 GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values) {
@@ -154,9 +156,10 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
 
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
-  const GridEvidence range = grid_of_values(rows, rows.range_m), bearing = grid_of_values(rows, rows.bearing_rad);
-  // Rounding far below the spread repeats a value now and then and does no harm: steps of a fifteenth of the spread, or
-  // a sixth of all neighbours alike, are a grid that matters.
+  const GridEvidence range = grid_of_values(rows, rows.range_m),
+                     bearing = grid_of_values(rows, rows.bearing_rad);
+  // Rounding far below the spread repeats a value now and then and does no harm: steps of a fifteenth of the
+  // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {
     return e.share > 1.0 / 6.0 || (e.repeated > 0.03 && e.step_over_spread > 1.0 / 15.0);
   };
@@ -193,7 +196,8 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   const double rate = missing / expected;
   if (missing < 5.0 || rate < 0.003) return found;
   double mean_log = 0.0, score = 0.0, information = 0.0;
-  for (int c = 0; c < rows.cell_count; ++c) mean_log += std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) / rows.cell_count;
+  for (int c = 0; c < rows.cell_count; ++c)
+    mean_log += std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) / rows.cell_count;
   for (int c = 0; c < rows.cell_count; ++c) {
     const double x = std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) - mean_log;
     score += x * (full - (rows.cell_begin[c + 1] - rows.cell_begin[c]) - full * rate);
@@ -210,7 +214,8 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     Question q = question("detection", "range", "linear", log_chi_sq_survival(chi_sq, 1));
     q.size = rate;
     found.findings.push_back(q);
-    found.notes.push_back(fmt::format("{:.0f} readings ({:.1f} %) are missing, and more of them far away", missing, 100.0 * rate));
+    found.notes.push_back(fmt::format("{:.0f} readings ({:.1f} %) are missing, and more of them far away",
+                                      missing, 100.0 * rate));
   }
   return found;
 }

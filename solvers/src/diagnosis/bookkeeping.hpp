@@ -11,16 +11,18 @@ namespace rangecal::diagnosis {
 
 /// What the bookkeeping found: mistakes and grids that wear the mask of physics.
 struct Bookkeeping {
-  Model model;                      ///< effects found, with their parameters
-  std::vector<Question> findings;   ///< channel, covariate, evidence
+  Model model;                     ///< effects found, with their parameters
+  std::vector<Question> findings;  ///< channel, covariate, evidence
   std::vector<std::string> notes;
 };
 
-/// Landmarks whose cells at some stops lie where another landmark is, and the other way round: the labels are put
-/// back in `recordings`. Positions are compared by medians over the stops, so fewer than half may be wrong.
+/// Landmarks whose cells at some stops lie where another landmark is, and the other way round: the labels are
+/// put back in `recordings`. Positions are compared by medians over the stops, so fewer than half may be
+/// wrong.
 Bookkeeping correct_labels(std::vector<Recording>& recordings);
 
-/// Readings that sit on a grid coarse against their spread, and readings that are missing in dependence on distance.
+/// Readings that sit on a grid coarse against their spread, and readings that are missing in dependence on
+/// distance.
 Bookkeeping find_grids_and_gaps(const Rows& rows);
 
 }  // namespace rangecal::diagnosis

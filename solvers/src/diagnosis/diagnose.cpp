@@ -18,9 +18,12 @@ namespace rangecal {
 
 const char* to_string(Verdict verdict) {
   switch (verdict) {
-    case Verdict::no_mismatch: return "no_mismatch";
-    case Verdict::explained: return "explained";
-    case Verdict::unexplained: return "unexplained";
+    case Verdict::no_mismatch:
+      return "no_mismatch";
+    case Verdict::explained:
+      return "explained";
+    case Verdict::unexplained:
+      return "unexplained";
   }
   return "unexplained";
 }
@@ -34,13 +37,15 @@ AlphaPrior alpha_prior_of(const Calibration& calibration) {
   if (!calibration.alpha_covariance) return prior;
   const Eigen::LLT<Eigen::MatrixXd> factor(*calibration.alpha_covariance);
   if (factor.info() == Eigen::Success)
-    prior.precision = factor.solve(Eigen::MatrixXd::Identity(calibration.alpha.size(), calibration.alpha.size()));
+    prior.precision =
+        factor.solve(Eigen::MatrixXd::Identity(calibration.alpha.size(), calibration.alpha.size()));
   return prior;
 }
 
 /// The layout of the recordings and the model they are simulated by again.
-void add_simulation_model(const Rows& rows, std::span<const Recording> recordings, std::span<const Recording> corrected,
-                          const SearchResult& found, const Fit* generic, Diagnosis& result) {
+void add_simulation_model(const Rows& rows, std::span<const Recording> recordings,
+                          std::span<const Recording> corrected, const SearchResult& found, const Fit* generic,
+                          Diagnosis& result) {
   SimulationModel& model = result.simulation;
   model.recordings.assign(recordings.begin(), recordings.end());
   for (const Recording& recording : corrected) model.landmark_read.push_back(recording.readings.landmark);
@@ -64,9 +69,10 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
         return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
       });
     AddedChange added;
-    for (auto [from, to] : {std::pair{&changes.range, &added.range_m}, std::pair{&changes.bearing, &added.bearing_rad},
-                            std::pair{&changes.range_log_variance, &added.range_log_variance},
-                            std::pair{&changes.bearing_log_variance, &added.bearing_log_variance}}) {
+    for (auto [from, to] :
+         {std::pair{&changes.range, &added.range_m}, std::pair{&changes.bearing, &added.bearing_rad},
+          std::pair{&changes.range_log_variance, &added.range_log_variance},
+          std::pair{&changes.bearing_log_variance, &added.bearing_log_variance}}) {
       if (from->squaredNorm() == 0.0) continue;
       to->resize(count);
       for (std::size_t i = 0; i < count; ++i) (*to)[order[i]] = (*from)[row + static_cast<Eigen::Index>(i)];
@@ -101,7 +107,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   SearchResult found = search(rows, known, options);
-  // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that allow them.
+  // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
+  // allow them.
   if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first)) {
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::VectorXd::Constant(1, 4.0)});
@@ -124,7 +131,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     if (before.ok) found.baseline.nll = before.nll;
   }
   Diagnosis result = assemble_report(rows, recordings, found, options);
-  for (Explanation& e : result.explanations) e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
+  for (Explanation& e : result.explanations)
+    e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   const std::optional<GenericModel> generic = add_generic(rows, found, result);
   const Fit* curve = generic ? &generic->fit : nullptr;
   if (options.simulation) compare_noise(*options.simulation, result);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cmath>
 #include <fmt/core.h>
+
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
@@ -14,11 +15,14 @@ Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nul
 Json number(const std::optional<double>& value) { return value ? number(*value) : Json(nullptr); }
 
 Json estimate(double value, double std_dev, double low, double high) {
-  return {{"estimate", number(value)}, {"std", number(std_dev)}, {"ci95", Json::array({number(low), number(high)})}};
+  return {{"estimate", number(value)},
+          {"std", number(std_dev)},
+          {"ci95", Json::array({number(low), number(high)})}};
 }
 
 Json estimate(double value, std::optional<double> std_dev) {
-  if (!std_dev || !std::isfinite(*std_dev)) return {{"estimate", number(value)}, {"std", nullptr}, {"ci95", nullptr}};
+  if (!std_dev || !std::isfinite(*std_dev))
+    return {{"estimate", number(value)}, {"std", nullptr}, {"ci95", nullptr}};
   return estimate(value, *std_dev, value - 1.959964 * *std_dev, value + 1.959964 * *std_dev);
 }
 
@@ -33,7 +37,8 @@ Json calibration_parameters(const Calibration& c) {
   for (std::size_t i = 0; i < c.noise_estimates.size(); ++i)
     parameters[c.noise_estimates.size() == 1 ? "sigma_e" : fmt::format("beta_{}", i)] =
         estimate(c.noise_estimates[i].value, c.noise_estimates[i].std_dev);
-  if (c.sigma_theta_rad) parameters["sigma_theta_rad"] = estimate(c.sigma_theta_rad->value, c.sigma_theta_rad->std_dev);
+  if (c.sigma_theta_rad)
+    parameters["sigma_theta_rad"] = estimate(c.sigma_theta_rad->value, c.sigma_theta_rad->std_dev);
   return parameters;
 }
 
@@ -56,13 +61,21 @@ Json where(const Finding& f) {
 }
 
 Json finding(const Finding& f) {
-  Json json = {{"channel", f.channel},       {"covariate", f.covariate}, {"shape", f.shape}, {"where", where(f)},
-               {"size", number(f.size)},     {"unit", f.unit},           {"p_value", number(f.p_value)},
+  Json json = {{"channel", f.channel},
+               {"covariate", f.covariate},
+               {"shape", f.shape},
+               {"where", where(f)},
+               {"size", number(f.size)},
+               {"unit", f.unit},
+               {"p_value", number(f.p_value)},
                {"share", number(f.share)}};
   Json bins = Json::array();
   for (const BinnedResidual& b : f.residuals)
-    bins.push_back({{"at", number(b.at)}, {"before", number(b.before)}, {"after", number(b.after)},
-                    {"std", number(b.std_dev)}, {"readings", b.readings}});
+    bins.push_back({{"at", number(b.at)},
+                    {"before", number(b.before)},
+                    {"after", number(b.after)},
+                    {"std", number(b.std_dev)},
+                    {"readings", b.readings}});
   json["residuals"] = bins;
   return json;
 }
@@ -124,7 +137,8 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   }
   json["next_experiments"] = Json::array();
   for (const NextExperiment& e : d.next_experiments)
-    json["next_experiments"].push_back({{"change", e.change}, {"settles", e.settles}, {"power", number(e.power)}});
+    json["next_experiments"].push_back(
+        {{"change", e.change}, {"settles", e.settles}, {"power", number(e.power)}});
   json["notes"] = d.notes;
   std::string text = json.dump(2);
   if (!d.simulation.recordings.empty()) {  // its long columns stay on one line each

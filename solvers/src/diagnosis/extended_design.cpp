@@ -11,26 +11,32 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double soaked_s = 2700.0;   ///< 45 min
+constexpr double soaked_s = 2700.0;  ///< 45 min
 
 /// The recording and the estimate, stop by stop, in a form that is easily lengthened.
 struct Draft {
   Recording recording;
-  std::vector<StopPrior> priors;      ///< of every stop: recording and chain, which a Recording cannot say per stop
+  std::vector<StopPrior>
+      priors;  ///< of every stop: recording and chain, which a Recording cannot say per stop
   JointState state;
-  double period_s = 0.0;              ///< from stop to stop
+  double period_s = 0.0;  ///< from stop to stop
 
   Draft(const Rows& rows, const JointState& at) : state(at) {
     recording.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
     priors = rows.problem.stops;
-    for (std::size_t k = 0; k < priors.size(); ++k) add_stop_record(priors[k], sigma_xy_of(rows.problem, at, static_cast<int>(k)));
+    for (std::size_t k = 0; k < priors.size(); ++k)
+      add_stop_record(priors[k], sigma_xy_of(rows.problem, at, static_cast<int>(k)));
     for (int l = 0; l < (rows.pairs ? 1 : rows.problem.landmark_count()); ++l)
-      recording.landmarks.push_back({std::to_string(l), rows.pairs ? 0.0 : rows.problem.landmark_radius_m[static_cast<std::size_t>(l)], {}});
+      recording.landmarks.push_back(
+          {std::to_string(l),
+           rows.pairs ? 0.0 : rows.problem.landmark_radius_m[static_cast<std::size_t>(l)],
+           {}});
     recording.known_distances = rows.problem.known_distances;
     const std::size_t columns = rows.context.covariates.size();
     for (const std::string& name : rows.context.covariates) recording.readings.covariates[name];
     for (std::size_t i = 0; i < rows.size(); ++i)
-      add(rows.stop[i], rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[i])], rows.time_s[i], rows.covariates.data() + i * columns, rows);
+      add(rows.stop[i], rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[i])], rows.time_s[i],
+          rows.covariates.data() + i * columns, rows);
     period_s = rows.context.duration_s / std::max(1, rows.pairs ? 25 : rows.problem.stop_count());
   }
 
@@ -54,7 +60,8 @@ struct Draft {
     r.range_m.push_back(1.0);
     r.bearing_rad.push_back(0.0);
     std::size_t column = 0;
-    for (const std::string& name : rows.context.covariates) r.covariates[name].push_back(covariates[column++]);
+    for (const std::string& name : rows.context.covariates)
+      r.covariates[name].push_back(covariates[column++]);
   }
 
   int add_stop(const StopPrior& prior, const Pose2& pose) {
@@ -71,11 +78,15 @@ struct Draft {
   }
 
   /// Once more the readings of stop k from another stop, `shift_s` later.
-  void repeat_stop(const Rows& rows, int k, int at_stop, double shift_s, const std::vector<int>& landmark_of) {
+  void repeat_stop(const Rows& rows, int k, int at_stop, double shift_s,
+                   const std::vector<int>& landmark_of) {
     const std::size_t columns = rows.context.covariates.size();
     for (std::size_t i = 0; i < rows.size(); ++i)
       if (rows.stop[i] == k)
-        add(at_stop, landmark_of[static_cast<std::size_t>(rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[i])])], rows.time_s[i] + shift_s, rows.covariates.data() + i * columns, rows);
+        add(at_stop,
+            landmark_of[static_cast<std::size_t>(
+                rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[i])])],
+            rows.time_s[i] + shift_s, rows.covariates.data() + i * columns, rows);
   }
 };
 
@@ -84,14 +95,16 @@ double first_time(const Rows& rows, int stop) {
 }
 
 /// All stops once more in the given order, driven to anew.
-int repeat_all(Draft& draft, const Rows& rows, const std::vector<int>& order, double pause_s, const std::vector<int>& landmark_of) {
+int repeat_all(Draft& draft, const Rows& rows, const std::vector<int>& order, double pause_s,
+               const std::vector<int>& landmark_of) {
   const double end = rows.context.duration_s + pause_s;
   double clock = end;
   int first = -1;
-  std::vector<std::pair<int, int>> places;   // old, new
+  std::vector<std::pair<int, int>> places;  // old, new
   for (int k : order) {
     StopPrior prior = rows.problem.stops[static_cast<std::size_t>(k)];
-    const auto known = std::find_if(places.begin(), places.end(), [&](const auto& p) { return p.first == prior.place; });
+    const auto known =
+        std::find_if(places.begin(), places.end(), [&](const auto& p) { return p.first == prior.place; });
     prior.opens_place = known == places.end();
     if (prior.opens_place) places.emplace_back(prior.place, draft.new_place());
     prior.place = prior.opens_place ? places.back().second : known->second;
@@ -107,11 +120,18 @@ int repeat_all(Draft& draft, const Rows& rows, const std::vector<int>& order, do
 void more_sweeps(Draft& draft, const Rows& rows, int k, int sweeps) {
   const std::size_t columns = rows.context.covariates.size();
   const Cells& c = rows.problem.cells;
-  for (int cell = c.stop_begin[static_cast<std::size_t>(k)]; cell < c.stop_begin[static_cast<std::size_t>(k) + 1]; ++cell) {
+  for (int cell = c.stop_begin[static_cast<std::size_t>(k)];
+       cell < c.stop_begin[static_cast<std::size_t>(k) + 1]; ++cell) {
     const int first = rows.cell_begin[cell], last = rows.cell_begin[cell + 1] - 1;
-    const double step = last > first ? (rows.time_s[static_cast<std::size_t>(last)] - rows.time_s[static_cast<std::size_t>(first)]) / (last - first) : 0.0;
+    const double step =
+        last > first
+            ? (rows.time_s[static_cast<std::size_t>(last)] - rows.time_s[static_cast<std::size_t>(first)]) /
+                  (last - first)
+            : 0.0;
     for (int j = last - first + 1; j < sweeps; ++j)
-      draft.add(k, c.landmark[static_cast<std::size_t>(cell)], rows.time_s[static_cast<std::size_t>(first)] + j * step, rows.covariates.data() + static_cast<std::size_t>(first) * columns, rows);
+      draft.add(k, c.landmark[static_cast<std::size_t>(cell)],
+                rows.time_s[static_cast<std::size_t>(first)] + j * step,
+                rows.covariates.data() + static_cast<std::size_t>(first) * columns, rows);
   }
 }
 
@@ -128,7 +148,8 @@ void add_landmark(Draft& draft, const Rows& rows, const Eigen::Vector2d& at, dou
     if (std::hypot(at.x() - pose.x_m, at.y() - pose.y_m) < radius + 0.1) continue;
     const int cell = c.stop_begin[static_cast<std::size_t>(k)];
     for (int i = rows.cell_begin[cell]; i < rows.cell_begin[cell + 1]; ++i)
-      draft.add(k, landmark, rows.time_s[static_cast<std::size_t>(i)], rows.covariates.data() + static_cast<std::size_t>(i) * columns, rows);
+      draft.add(k, landmark, rows.time_s[static_cast<std::size_t>(i)],
+                rows.covariates.data() + static_cast<std::size_t>(i) * columns, rows);
   }
 }
 
@@ -162,7 +183,9 @@ void turn_at_each_stop(Draft& draft, const Rows& rows, const JointState& state) 
   for (std::size_t row = 0; row < rows.size(); ++row)
     for (int i = 0; i < turns; ++i) {
       const double start = first_time(rows, rows.stop[row]);
-      turned.add(turns * rows.stop[row] + i, rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[row])], rows.time_s[row] + (turns - 1) * start + i * draft.period_s,
+      turned.add(turns * rows.stop[row] + i,
+                 rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[row])],
+                 rows.time_s[row] + (turns - 1) * start + i * draft.period_s,
                  rows.covariates.data() + row * columns, rows);
     }
   draft = std::move(turned);
@@ -185,7 +208,8 @@ ExtendedDesign finish(Draft draft, const Rows& rows, ExtendedDesign design) {
     extended.context.duration_s = 0.0, extended.context.stop_time_s.clear();
   design.state = std::move(draft.state);
   const CellGeometry geometry = cell_geometry(extended, design.state);
-  for (std::size_t i = 0; i < extended.size(); ++i) {  // as predicted: weights that depend on residuals see none
+  for (std::size_t i = 0; i < extended.size();
+       ++i) {  // as predicted: weights that depend on residuals see none
     extended.range_m[i] = geometry.f[static_cast<std::size_t>(extended.cell[i])];
     extended.bearing_rad[i] = geometry.bearing[static_cast<std::size_t>(extended.cell[i])];
   }
@@ -205,8 +229,10 @@ std::vector<MenuEntry> menu_for(const Rows& rows) {
                               {"E9", "place one more landmark at 0.4 m and one at the far end"},
                               {"E10", "repeat the run with the lights off or the window covered"},
                               {"E11", "repeat the run, waiting longer before each reading"}};
-  if (rows.problem.landmark_count() >= 2) menu.insert(menu.begin() + 4, {"E6", "exchange two landmarks and repeat the run"});
-  if (rows.context.duration_s > 0.0) menu.push_back({"E12", "leave the sensor on for 45 minutes, then repeat the first stop"});
+  if (rows.problem.landmark_count() >= 2)
+    menu.insert(menu.begin() + 4, {"E6", "exchange two landmarks and repeat the run"});
+  if (rows.context.duration_s > 0.0)
+    menu.push_back({"E12", "leave the sensor on for 45 minutes, then repeat the first stop"});
   return menu;
 }
 
@@ -229,17 +255,21 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
     KnownDistance tape;
     for (int a = 0; a < landmarks; ++a)
       for (int b = a + 1; b < landmarks; ++b) {
-        const double distance = (state.landmarks[static_cast<std::size_t>(a)] - state.landmarks[static_cast<std::size_t>(b)]).norm();
+        const double distance =
+            (state.landmarks[static_cast<std::size_t>(a)] - state.landmarks[static_cast<std::size_t>(b)])
+                .norm();
         if (distance > tape.distance_m) tape = {a, b, distance, 0.002};
       }
     draft.recording.known_distances.push_back(tape);
   } else if (code == "E4") {
     constexpr double radii[] = {0.04, 0.12, 0.08};
-    for (int l = 0; l < landmarks; ++l) draft.recording.landmarks[static_cast<std::size_t>(l)].radius_m = radii[l % 3];
+    for (int l = 0; l < landmarks; ++l)
+      draft.recording.landmarks[static_cast<std::size_t>(l)].radius_m = radii[l % 3];
   } else if (code == "E6") {
     std::vector<int> exchanged = same;  // object 0 now stands where 1 stood, and the other way round
     for (int l : {0, 1}) {
-      draft.recording.landmarks.push_back({std::to_string(landmarks + l), rows.problem.landmark_radius_m[static_cast<std::size_t>(l)], {}});
+      draft.recording.landmarks.push_back(
+          {std::to_string(landmarks + l), rows.problem.landmark_radius_m[static_cast<std::size_t>(l)], {}});
       draft.state.landmarks.push_back(state.landmarks[static_cast<std::size_t>(1 - l)]);
       exchanged[static_cast<std::size_t>(l)] = landmarks + l;
       design.copies[static_cast<std::size_t>(l)].push_back(landmarks + l);
@@ -253,8 +283,11 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
       near = std::min(near, d[c]);
     }
     std::vector<int> order = forward;
-    std::sort(order.begin(), order.end(), [&](int a, int b) { return nearest[static_cast<std::size_t>(a)] < nearest[static_cast<std::size_t>(b)]; });
-    for (std::size_t at : {std::size_t{0}, order.size() / 2, order.size() - 1}) more_sweeps(draft, rows, order[at], 200);
+    std::sort(order.begin(), order.end(), [&](int a, int b) {
+      return nearest[static_cast<std::size_t>(a)] < nearest[static_cast<std::size_t>(b)];
+    });
+    for (std::size_t at : {std::size_t{0}, order.size() / 2, order.size() - 1})
+      more_sweeps(draft, rows, order[at], 200);
   } else if (code == "E8") {
     const int middle = stops / 2;
     for (int j = 1; j <= 5; ++j) {
@@ -266,12 +299,14 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
       prior.place = draft.new_place();
       prior.opens_place = true;
       const int at = draft.add_stop(prior, pose);
-      draft.repeat_stop(rows, middle, at, rows.context.duration_s - first_time(rows, middle) + j * draft.period_s, same);
+      draft.repeat_stop(rows, middle, at,
+                        rows.context.duration_s - first_time(rows, middle) + j * draft.period_s, same);
     }
   } else if (code == "E9") {
     near_and_far(draft, rows);
   } else if (code == "E10" || code == "E11") {
-    design.switched_off = code == "E10" ? std::set<std::string>{"ambient_light"} : std::set<std::string>{"settling", "sweep_motion"};
+    design.switched_off = code == "E10" ? std::set<std::string>{"ambient_light"}
+                                        : std::set<std::string>{"settling", "sweep_motion"};
     design.first_new_stop = repeat_all(draft, rows, forward, 0.0, same);
   } else if (code == "E12") {
     repeat_all(draft, rows, {0}, soaked_s, same);
@@ -289,7 +324,8 @@ Model in_design(const ExtendedDesign& design, const Model& model) {
     Eigen::Index landmark = -1;
     for (Eigen::Index j = 0; j < active.parameters.size(); ++j) {
       const EffectParameter& parameter = info.parameters[static_cast<std::size_t>(j)];
-      if (parameter.discrete && parameter.name.find("stop") != std::string::npos) active.parameters[j] *= design.stop_factor;
+      if (parameter.discrete && parameter.name.find("stop") != std::string::npos)
+        active.parameters[j] *= design.stop_factor;
       if (parameter.discrete && parameter.name == "landmark") landmark = j;
     }
     if (info.id == "bearing_drift" || info.id == "heading_drift") active.parameters *= design.drift_factor;

@@ -9,16 +9,18 @@
 
 namespace rangecal::diagnosis {
 
-/// This recording extended by one change of the experiment (physics catalogue section 3): its readings stay, the new ones
-/// stand where the estimate predicts them. What happened at a stop or to a landmark still happens there.
+/// This recording extended by one change of the experiment (physics catalogue section 3): its readings stay,
+/// the new ones stand where the estimate predicts them. What happened at a stop or to a landmark still
+/// happens there.
 struct ExtendedDesign {
   Rows rows;
   JointState state;
-  int stop_factor = 1;                       ///< the stop of index k is now the one of index k * stop_factor
-  std::vector<std::vector<int>> copies;      ///< per landmark: the indices under which it stands now (exchanged: two)
-  double drift_factor = 1.0;                 ///< duration over the old one: effects that grow with scaled time grow by it
-  std::set<std::string> switched_off;        ///< effects that do not act on the new readings
-  int first_new_stop = -1;                   ///< from here on, where effects are switched off
+  int stop_factor = 1;  ///< the stop of index k is now the one of index k * stop_factor
+  std::vector<std::vector<int>>
+      copies;                 ///< per landmark: the indices under which it stands now (exchanged: two)
+  double drift_factor = 1.0;  ///< duration over the old one: effects that grow with scaled time grow by it
+  std::set<std::string> switched_off;  ///< effects that do not act on the new readings
+  int first_new_stop = -1;             ///< from here on, where effects are switched off
 };
 
 struct MenuEntry {
@@ -31,8 +33,8 @@ std::vector<MenuEntry> menu_for(const Rows& rows);
 /// Throws std::invalid_argument for a code that is not on the menu.
 ExtendedDesign extend(const Rows& rows, const JointState& state, const std::string& code);
 
-/// A model's effects with discrete parameters (stops) and drifts as the extended design counts them. Effects of a
-/// landmark that stands under two indices appear once for each.
+/// A model's effects with discrete parameters (stops) and drifts as the extended design counts them. Effects
+/// of a landmark that stands under two indices appear once for each.
 Model in_design(const ExtendedDesign& design, const Model& model);
 
 }  // namespace rangecal::diagnosis

@@ -71,17 +71,25 @@ struct Basis {
 
 class GenericEffect final : public Effect {
  public:
-  GenericEffect(Channel channel, const Question& question, Covariate covariate, Basis basis, Eigen::MatrixXd directions,
-                double typical)
-      : channel_(channel), covariate_(std::move(covariate)), basis_(std::move(basis)), directions_(std::move(directions)) {
+  GenericEffect(Channel channel, const Question& question, Covariate covariate, Basis basis,
+                Eigen::MatrixXd directions, double typical)
+      : channel_(channel),
+        covariate_(std::move(covariate)),
+        basis_(std::move(basis)),
+        directions_(std::move(directions)) {
     info_.id = "generic";
-    info_.kind = channel == Channel::range || channel == Channel::bearing ? EffectKind::mean : EffectKind::noise;
+    info_.kind =
+        channel == Channel::range || channel == Channel::bearing ? EffectKind::mean : EffectKind::noise;
     info_.channel = question.channel;
     info_.covariate = question.covariate;
-    info_.physics = "A smooth correction of " + question.channel + " against " + question.covariate + ", of unknown cause.";
+    info_.physics = "A smooth correction of " + question.channel + " against " + question.covariate +
+                    ", of unknown cause.";
     unit_ = channel == Channel::range ? "m" : channel == Channel::bearing ? "rad" : "log_variance";
     for (Eigen::Index j = 0; j < directions_.cols(); ++j)
-      info_.parameters.push_back({.name = fmt::format("c{}_{}", j + 1, unit_), .typical = typical, .low = -1e3 * typical, .high = 1e3 * typical});
+      info_.parameters.push_back({.name = fmt::format("c{}_{}", j + 1, unit_),
+                                  .typical = typical,
+                                  .low = -1e3 * typical,
+                                  .high = 1e3 * typical});
   }
 
   const EffectInfo& info() const override { return info_; }
@@ -90,11 +98,16 @@ class GenericEffect final : public Effect {
     const Eigen::VectorXd c = coefficients(p);
     const double change = basis_.value(covariate_(at), c);
     switch (channel_) {
-      case Channel::range: return {.range = change};
-      case Channel::bearing: return {.bearing = change};
-      case Channel::range_noise: return {.range_log_variance = change};
-      case Channel::bearing_noise: return {.bearing_log_variance = change};
-      case Channel::none: break;
+      case Channel::range:
+        return {.range = change};
+      case Channel::bearing:
+        return {.bearing = change};
+      case Channel::range_noise:
+        return {.range_log_variance = change};
+      case Channel::bearing_noise:
+        return {.bearing_log_variance = change};
+      case Channel::none:
+        break;
     }
     return {};
   }
@@ -103,8 +116,10 @@ class GenericEffect final : public Effect {
     const Eigen::VectorXd c = coefficients(p);
     std::vector<std::pair<std::string, double>> values;
     for (Eigen::Index k = 0; k < c.size(); ++k)
-      values.emplace_back(basis_.wavenumber > 0.0 ? fmt::format("{}_at_wavenumber_{:.4g}_{}", k == 0 ? "cosine" : "sine", basis_.wavenumber, unit_)
-                                                  : fmt::format("at_{:.4g}_{}", basis_.knots[static_cast<std::size_t>(k)], unit_),
+      values.emplace_back(basis_.wavenumber > 0.0
+                              ? fmt::format("{}_at_wavenumber_{:.4g}_{}", k == 0 ? "cosine" : "sine",
+                                            basis_.wavenumber, unit_)
+                              : fmt::format("at_{:.4g}_{}", basis_.knots[static_cast<std::size_t>(k)], unit_),
                           c[k]);
     return values;
   }
@@ -131,7 +146,8 @@ struct Scored {
   Eigen::MatrixXd information;
 };
 
-Scored score_of(const Rows& rows, const Projector& projector, Channel channel, const Eigen::VectorXd& x, const Basis& basis) {
+Scored score_of(const Rows& rows, const Projector& projector, Channel channel, const Eigen::VectorXd& x,
+                const Basis& basis) {
   const Eigen::Index n = x.size(), size = basis.size();
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(n);
   Scored scored{Eigen::VectorXd(size), Eigen::MatrixXd(size, size)};
@@ -141,7 +157,8 @@ Scored score_of(const Rows& rows, const Projector& projector, Channel channel, c
     const Eigen::VectorXd unit = Eigen::VectorXd::Unit(size, k);
     Eigen::VectorXd shape = x.unaryExpr([&](double v) { return basis.value(v, unit); });
     if (channel == Channel::range || channel == Channel::bearing) {
-      signatures.push_back(channel == Channel::range ? signature_of_rows(rows, shape, none) : signature_of_rows(rows, none, shape));
+      signatures.push_back(channel == Channel::range ? signature_of_rows(rows, shape, none)
+                                                     : signature_of_rows(rows, none, shape));
       projected.push_back(projector.project(signatures.back()));
       scored.score[k] = projector.score(signatures.back());
     } else {
@@ -151,8 +168,9 @@ Scored score_of(const Rows& rows, const Projector& projector, Channel channel, c
         const int c = rows.cell[i];
         const double range = projector.range_residual[c] + projector.row_range_residual[i];
         const double bearing = projector.bearing_residual[c] + projector.row_bearing_residual[i];
-        sum += shape[i] * (channel == Channel::range_noise ? range * range * projector.row_range_information[i]
-                                                           : bearing * bearing * projector.row_bearing_information[i]);
+        sum += shape[i] * (channel == Channel::range_noise
+                               ? range * range * projector.row_range_information[i]
+                               : bearing * bearing * projector.row_bearing_information[i]);
       }
       scored.score[k] = 0.5 * sum;
       variance.push_back(std::move(shape));
@@ -161,11 +179,13 @@ Scored score_of(const Rows& rows, const Projector& projector, Channel channel, c
   for (Eigen::Index a = 0; a < size; ++a)
     for (Eigen::Index b = 0; b <= a; ++b)
       scored.information(a, b) = scored.information(b, a) =
-          variance.empty() ? projector.inner(signatures[a], projected[b], signatures[b]) : 0.5 * variance[a].dot(variance[b]);
+          variance.empty() ? projector.inner(signatures[a], projected[b], signatures[b])
+                           : 0.5 * variance[a].dot(variance[b]);
   return scored;
 }
 
-/// What the calibration leaves of a basis: directions with a tenth of a per mille of the largest information or more.
+/// What the calibration leaves of a basis: directions with a tenth of a per mille of the largest information
+/// or more.
 struct Reduced {
   Eigen::MatrixXd directions;
   double gain = 0.0, penalised = -std::numeric_limits<double>::infinity();
@@ -211,7 +231,8 @@ std::vector<Basis> bases(const Question& finding, const Eigen::VectorXd& x) {
   for (int count : {3, 4, 6, 9, 14, 22}) {
     Basis basis;
     for (int j = 0; j < count; ++j) {
-      const double v = sorted[static_cast<std::size_t>(std::lround((static_cast<double>(sorted.size()) - 1.0) * j / (count - 1.0)))];
+      const double v = sorted[static_cast<std::size_t>(
+          std::lround((static_cast<double>(sorted.size()) - 1.0) * j / (count - 1.0)))];
       if (basis.knots.empty() || v > basis.knots.back() + 1e-9 * span) basis.knots.push_back(v);
     }
     if (basis.knots.size() >= 2) candidates.push_back(basis);
@@ -231,7 +252,8 @@ GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, cons
     const Covariate covariate = covariate_of(rows, finding.covariate);
     if (channel == Channel::none || !covariate) continue;
     Eigen::VectorXd x(n);
-    for (Eigen::Index i = 0; i < n; ++i) x[i] = covariate(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
+    for (Eigen::Index i = 0; i < n; ++i)
+      x[i] = covariate(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
     Reduced best;
     Basis chosen;
     for (const Basis& basis : bases(finding, x)) {
@@ -243,15 +265,18 @@ GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, cons
     }
     if (!(best.gain > 0.0) || best.directions.cols() == 0) continue;
     const double typical = channel == Channel::range || channel == Channel::bearing ? 0.01 : 0.5;
-    const auto effect = std::make_shared<GenericEffect>(channel, finding, covariate, chosen, best.directions, typical);
-    Fit fit = refit(rows, {{effect.get(), Eigen::VectorXd::Zero(best.directions.cols())}}, found.baseline.state, options);
+    const auto effect =
+        std::make_shared<GenericEffect>(channel, finding, covariate, chosen, best.directions, typical);
+    Fit fit = refit(rows, {{effect.get(), Eigen::VectorXd::Zero(best.directions.cols())}},
+                    found.baseline.state, options);
     if (!fit.ok || fit.nll > found.baseline.nll) continue;
     model.effect = effect;
     model.fit = std::move(fit);
     GenericCurve& curve = model.curve;
     curve.gain = found.baseline.nll - model.fit.nll;
     const Eigen::VectorXd values = effect->directions() * model.fit.model[0].parameters;
-    const Eigen::MatrixXd covariance = effect->directions() * model.fit.covariance * effect->directions().transpose();
+    const Eigen::MatrixXd covariance =
+        effect->directions() * model.fit.covariance * effect->directions().transpose();
     const Eigen::VectorXd std_dev = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
     curve.knots = effect->basis().knots;
     curve.values.assign(values.begin(), values.end());
@@ -266,6 +291,8 @@ GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, cons
   return model;
 }
 
-GenericCurve fit_generic(const Rows& rows, const SearchResult& found) { return fit_generic_model(rows, found, {}).curve; }
+GenericCurve fit_generic(const Rows& rows, const SearchResult& found) {
+  return fit_generic_model(rows, found, {}).curve;
+}
 
 }  // namespace rangecal::diagnosis

@@ -10,14 +10,15 @@ namespace rangecal::diagnosis {
 /// The smooth correction that stands in for an unexplained mismatch, as an effect without a name:
 ///
 ///   delta y = sum_k h_k(x) sum_j V_kj a_j     [m], [rad], or change of log variance
-///     x the located covariate, h_k hats over knots at equal shares of the readings (indicators for groups; cosine and
-///     sine of one wavenumber for a periodic finding), V an orthonormal basis of what the calibration does not absorb,
-///     a the parameters
+///     x the located covariate, h_k hats over knots at equal shares of the readings (indicators for groups;
+///     cosine and sine of one wavenumber for a periodic finding), V an orthonormal basis of what the
+///     calibration does not absorb, a the parameters
 ///
-/// The number of knots is the one of highest penalised gain, gain - dof/2 log(2 cells), so that the curve is as smooth
-/// as the readings ask. It then is fitted like any effect: marginal ML, all nuisances free.
+/// The number of knots is the one of highest penalised gain, gain - dof/2 log(2 cells), so that the curve is
+/// as smooth as the readings ask. It then is fitted like any effect: marginal ML, all nuisances free.
 struct GenericModel {
-  std::shared_ptr<Effect> effect;   ///< null if the finding is of a kind that no curve corrects (tails, labels, ...)
+  std::shared_ptr<Effect>
+      effect;  ///< null if the finding is of a kind that no curve corrects (tails, labels, ...)
   Fit fit;
   GenericCurve curve;
 };

@@ -22,7 +22,8 @@ struct HeldOut {
   bool ok = true;
 };
 
-/// Parameters of dependence and tails, which have no score: one parabola through three values of l_s, the rest held.
+/// Parameters of dependence and tails, which have no score: one parabola through three values of l_s, the
+/// rest held.
 void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointState& state) {
   for (const FreeParameter& p : full.free) {
     if (p.acts != FreeParameter::Acts::numeric) continue;
@@ -44,8 +45,9 @@ void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointSta
 
 /// The model fitted on a training part, from the fit to all readings.
 Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
-  const bool numeric = std::any_of(full.free.begin(), full.free.end(),
-                                   [](const FreeParameter& p) { return p.acts == FreeParameter::Acts::numeric; });
+  const bool numeric = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
+    return p.acts == FreeParameter::Acts::numeric;
+  });
   options.max_iterations = 2;
   if (!numeric) return refit(rest, full.model, full.state, options);
   Fit fit = full;
@@ -55,8 +57,8 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
   return fit;
 }
 
-HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds, const Fit& full,
-                const RefitOptions& options) {
+HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
+                const Fit& full, const RefitOptions& options) {
   HeldOut held;
   for (int f = 0; f < fold_count && held.ok; ++f) {
     std::vector<char> out(folds.size()), ours(folds.size());
@@ -114,8 +116,10 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   explanation.nll = generic.fit.nll;
   explanation.parameters = effect_estimates(rows, generic.fit);
   const double price = 2.0 * generic.curve.gain;
-  explanation.p_value = found.first->corrected(log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
-  const double taken = generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
+  explanation.p_value = found.first->corrected(
+      log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
+  const double taken =
+      generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
   const double chi_sq = projector.range_residual.cwiseAbs2().dot(projector.range_information) +
                         projector.bearing_residual.cwiseAbs2().dot(projector.bearing_information);
   result.after.chi_sq_per_dof = chi_sq / std::max(1.0, found.first->cell_dof - taken);
@@ -144,7 +148,8 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* generi
   const std::size_t parts = std::min(before.parts.size(), after.parts.size());
   if (parts < 2) return;
   double mean = 0.0, square = 0.0;
-  for (std::size_t i = 0; i < parts; ++i) mean += (after.parts[i] - before.parts[i]) / static_cast<double>(parts);
+  for (std::size_t i = 0; i < parts; ++i)
+    mean += (after.parts[i] - before.parts[i]) / static_cast<double>(parts);
   for (std::size_t i = 0; i < parts; ++i) square += std::pow(after.parts[i] - before.parts[i] - mean, 2);
   result.after.heldout_std = std::sqrt(square * static_cast<double>(parts) / static_cast<double>(parts - 1));
 }

@@ -10,9 +10,10 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double separable = 2.0;        ///< noncentrality below which a change tells two models no better than chance
-constexpr double worth_listing = 0.2;    ///< power
-constexpr double calliper_m = 2e-4;      ///< standard deviation of a radius measured with a calliper
+constexpr double separable =
+    2.0;  ///< noncentrality below which a change tells two models no better than chance
+constexpr double worth_listing = 0.2;  ///< power
+constexpr double calliper_m = 2e-4;    ///< standard deviation of a radius measured with a calliper
 
 /// One of the models that explain the mismatch.
 struct Member {
@@ -65,7 +66,8 @@ std::vector<Space::Direction> span_of(const Space& space, const ExtendedDesign& 
     }
   }
   if (b.model.empty()) {
-    const std::vector<Eigen::Vector3d> turned(static_cast<std::size_t>(space.rows().problem.stop_count()), Eigen::Vector3d(0.0, 0.0, 1.0));
+    const std::vector<Eigen::Vector3d> turned(static_cast<std::size_t>(space.rows().problem.stop_count()),
+                                              Eigen::Vector3d(0.0, 0.0, 1.0));
     span.push_back(space.of_signature(space.projector().of_stops(turned)));
   }
   if (b.fitted) span.push_back(space.change(in_design(design, b.model)));
@@ -95,19 +97,21 @@ struct Evaluated {
   ExtendedDesign design;
 };
 
-void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, const DiagnoseOptions& options, const Space& here,
-                Diagnosis& result) {
+void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, const DiagnoseOptions& options,
+                const Space& here, Diagnosis& result) {
   const std::vector<Member> members = members_of(found, here, result);
   const std::size_t n = members.size();
-  std::vector<std::vector<double>> distances;   // per change, pairs in order
+  std::vector<std::vector<double>> distances;  // per change, pairs in order
   for (const Evaluated& change : menu) {
     Space space(change.design.rows, {}, change.design.state);
-    if (change.design.first_new_stop >= 0) space.mute(change.design.switched_off, change.design.first_new_stop);
+    if (change.design.first_new_stop >= 0)
+      space.mute(change.design.switched_off, change.design.first_new_stop);
     distances.emplace_back();
     for (std::size_t a = 0; a < n; ++a)
       for (std::size_t b = 0; b < a; ++b) {
         double least = distance(space, change.design, members[b], members[a]);
-        if (members[a].fitted) least = std::min(least, distance(space, change.design, members[a], members[b]));
+        if (members[a].fitted)
+          least = std::min(least, distance(space, change.design, members[a], members[b]));
         distances.back().push_back(least);
       }
   }
@@ -131,21 +135,27 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
       for (std::size_t b = 0; b < a; ++b, ++pair)
         if (group[a] != group[b]) least = std::min(least, distances[m][pair]);
     if (least > 1e299) continue;
-    NextExperiment next{menu[m].entry.code, menu[m].entry.change, {}, separation_power(least, options.naming_gap_nats)};
+    NextExperiment next{
+        menu[m].entry.code, menu[m].entry.change, {}, separation_power(least, options.naming_gap_nats)};
     if (next.power < worth_listing) continue;
     for (const Member& member : members)
       for (const std::string& id : member.ids)
-        if (std::find(next.settles.begin(), next.settles.end(), id) == next.settles.end()) next.settles.push_back(id);
+        if (std::find(next.settles.begin(), next.settles.end(), id) == next.settles.end())
+          next.settles.push_back(id);
     list.push_back(std::move(next));
   }
-  std::stable_sort(list.begin(), list.end(), [](const NextExperiment& a, const NextExperiment& b) { return a.power > b.power; });
+  std::stable_sort(list.begin(), list.end(),
+                   [](const NextExperiment& a, const NextExperiment& b) { return a.power > b.power; });
   Explanation& explanation = result.explanations[0];
-  const bool exact = std::any_of(group.begin(), group.end(), [&](std::size_t g) { return std::count(group.begin(), group.end(), g) > 1; });
+  const bool exact = std::any_of(group.begin(), group.end(), [&](std::size_t g) {
+    return std::count(group.begin(), group.end(), g) > 1;
+  });
   std::string words = list.empty() ? "" : list.front().change;
   if (exact || list.empty()) {
     if (!words.empty()) words += "; beyond that, ";
-    words += exact ? "no recording with this sensor and robot tells exact twins apart, only an outside reference: "
-                   : "no change on the menu separates them; ";
+    words +=
+        exact ? "no recording with this sensor and robot tells exact twins apart, only an outside reference: "
+              : "no change on the menu separates them; ";
     std::string settled_by = found.best.fit.model.back().effect->info().settled_by;
     for (std::size_t m = 0; m < n; ++m)
       if (exact && std::count(group.begin(), group.end(), group[m]) > 1 && !members[m].model.empty()) {
@@ -159,17 +169,21 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
 }
 
 /// Changes that bring unseen effects to light.
-void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found, const DiagnoseOptions& options, const Space& here,
+void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found,
+                   const DiagnoseOptions& options, const Space& here,
                    const std::vector<TypicalEffect>& effects, Diagnosis& result) {
   struct Hidden {
     const TypicalEffect* typical;
     double harm, power;
   };
   std::vector<Hidden> hidden;
-  const auto power_of = [&](double noncentrality) { return detection_power(noncentrality, options.alarm_rate, found.effective_questions); };
+  const auto power_of = [&](double noncentrality) {
+    return detection_power(noncentrality, options.alarm_rate, found.effective_questions);
+  };
   for (const Unseen& unseen : result.unseen)
     for (const TypicalEffect& typical : effects)
-      if (typical.active.effect->info().id == unseen.effect) hidden.push_back({&typical, unseen.harm_m, power_of(typical.noncentrality)});
+      if (typical.active.effect->info().id == unseen.effect)
+        hidden.push_back({&typical, unseen.harm_m, power_of(typical.noncentrality)});
   if (hidden.empty()) return;
   struct Scored {
     NextExperiment next;
@@ -206,21 +220,26 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
     judge("E5", "measure the landmarks with a calliper", [&](const TypicalEffect& typical) {
       const std::string& id = typical.active.effect->info().id;
       const double size = typical.index >= 0 ? typical.active.parameters[typical.index] : 0.0;
-      const double error = id == "radius_scale" ? size * radius : id == "range_offset" || id == "landmark_radius" ? size : 0.0;
+      const double error = id == "radius_scale"                              ? size * radius
+                           : id == "range_offset" || id == "landmark_radius" ? size
+                                                                             : 0.0;
       return std::pow(error / calliper_m, 2);
     });
-  std::stable_sort(list.begin(), list.end(), [](const Scored& a, const Scored& b) { return a.score > b.score; });
+  std::stable_sort(list.begin(), list.end(),
+                   [](const Scored& a, const Scored& b) { return a.score > b.score; });
   for (Scored& scored : list) {
-    const bool listed = std::any_of(result.next_experiments.begin(), result.next_experiments.end(),
-                                    [&](const NextExperiment& next) { return next.code == scored.next.code; });
+    const bool listed =
+        std::any_of(result.next_experiments.begin(), result.next_experiments.end(),
+                    [&](const NextExperiment& next) { return next.code == scored.next.code; });
     if (!listed) result.next_experiments.push_back(std::move(scored.next));
   }
 }
 
 }  // namespace
 
-void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options, const JointState& state,
-                          const std::vector<TypicalEffect>& effects, Diagnosis& result) {
+void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options,
+                          const JointState& state, const std::vector<TypicalEffect>& effects,
+                          Diagnosis& result) {
   if (space.rows().pairs) return;  // the menu moves stops and landmarks, of which pairs have none
   std::vector<Evaluated> menu;
   for (const MenuEntry& entry : menu_for(space.rows())) {
@@ -230,11 +249,13 @@ void add_next_experiments(const Space& space, const SearchResult& found, const D
     bool asked = design.switched_off.empty();
     for (const Explanation& explanation : result.explanations) {
       asked = asked || std::any_of(explanation.effects.begin(), explanation.effects.end(), taken_away);
-      for (const auto& set : explanation.indistinguishable_from) asked = asked || std::any_of(set.begin(), set.end(), taken_away);
+      for (const auto& set : explanation.indistinguishable_from)
+        asked = asked || std::any_of(set.begin(), set.end(), taken_away);
     }
     if (asked) menu.push_back({entry, std::move(design)});
   }
-  if (found.verdict == Verdict::explained && !result.explanations.empty() && !result.explanations[0].indistinguishable_from.empty())
+  if (found.verdict == Verdict::explained && !result.explanations.empty() &&
+      !result.explanations[0].indistinguishable_from.empty())
     settle_set(menu, found, options, space, result);
   reveal_unseen(menu, found, options, space, effects, result);
 }

@@ -6,17 +6,19 @@
 
 namespace rangecal::diagnosis {
 
-/// The changes of the experiment that settle what this recording leaves open, each computed on this very recording
-/// extended by it.
+/// The changes of the experiment that settle what this recording leaves open, each computed on this very
+/// recording extended by it.
 ///
-/// Where several models explain the mismatch: with x_A the change that A makes at its fitted size in the extended design,
-/// and B free to refit, lambda = |x_A|^2 after taking out the calibration and B's parameters. Twice the log likelihood
-/// ratio of A to B is N(lambda, 4 lambda); `power` is the probability that it exceeds twice `gap_nats` for the closest
-/// pair. Pairs that no change separates are exact twins and count as one. Otherwise: the unseen effects that become visible,
-/// weighted by their harm; `power` is their harm-weighted probability of detection.
+/// Where several models explain the mismatch: with x_A the change that A makes at its fitted size in the
+/// extended design, and B free to refit, lambda = |x_A|^2 after taking out the calibration and B's
+/// parameters. Twice the log likelihood ratio of A to B is N(lambda, 4 lambda); `power` is the probability
+/// that it exceeds twice `gap_nats` for the closest pair. Pairs that no change separates are exact twins and
+/// count as one. Otherwise: the unseen effects that become visible, weighted by their harm; `power` is their
+/// harm-weighted probability of detection.
 ///
 /// Sets explanations[0].separated_by where it names a set.
-void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options, const JointState& state,
-                          const std::vector<TypicalEffect>& effects, Diagnosis& result);
+void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options,
+                          const JointState& state, const std::vector<TypicalEffect>& effects,
+                          Diagnosis& result);
 
 }  // namespace rangecal::diagnosis

@@ -8,7 +8,8 @@
 
 namespace rangecal::diagnosis {
 
-void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options, Diagnosis& result) {
+void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,
+                 Diagnosis& result) {
   const Fit& fit = found.verdict == Verdict::explained ? found.best.fit : found.baseline;
   Rows own = rows;
   const std::vector<double> d = cell_geometry(rows, fit.state).d;

@@ -11,11 +11,12 @@ namespace rangecal::diagnosis {
 /// The smooth model of an unexplained mismatch, entered into `result`; none where there is nothing to model.
 std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, Diagnosis& result);
 
-/// Cross-validated predictive densities of baseline and final model, by blocks (FORMAT). `generic`: the fit of the
-/// smooth model for `unexplained`, or null.
+/// Cross-validated predictive densities of baseline and final model, by blocks (FORMAT). `generic`: the fit
+/// of the smooth model for `unexplained`, or null.
 void add_held_out(const Rows& rows, const SearchResult& found, const Fit* generic, Diagnosis& result);
 
 /// Twins, unseen effects with their harm, and the next experiments.
-void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options, Diagnosis& result);
+void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,
+                 Diagnosis& result);
 
 }  // namespace rangecal::diagnosis

@@ -34,7 +34,8 @@ Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, cons
 
 namespace {
 
-/// The problem with its spreads held: the information of the means alone, and none of what spreads say of distances.
+/// The problem with its spreads held: the information of the means alone, and none of what spreads say of
+/// distances.
 JointProblem with_held_spreads(JointProblem problem, const CellGeometry& geometry) {
   for (std::size_t i = 0; i < problem.cells.size(); ++i)
     problem.cells.range_weight[i] /= geometry.spread[i] * geometry.spread[i];
@@ -56,7 +57,8 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
       system_(problem_, static_cast<int>(state.alpha.size()), 1) {
   const Cells& c = problem.cells;
   const int cells = static_cast<int>(c.size());
-  for (auto* column : {&range_residual, &bearing_residual, &range_information, &bearing_information}) column->resize(cells);
+  for (auto* column : {&range_residual, &bearing_residual, &range_information, &bearing_information})
+    column->resize(cells);
   const double bearing_weight = rows.pairs ? 0.0 : 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
   for (int i = 0; i < cells; ++i) {
     range_residual[i] = c.range_mean[i] - geometry_.f[i];
@@ -65,7 +67,8 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
     bearing_information[i] = c.bearing_weight[i] * bearing_weight;
   }
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  for (auto* column : {&row_range_information, &row_bearing_information, &row_range_residual, &row_bearing_residual})
+  for (auto* column :
+       {&row_range_information, &row_bearing_information, &row_range_residual, &row_bearing_residual})
     column->resize(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const int cell = rows.cell[i];
@@ -73,7 +76,8 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
     row_range_information[i] = 1.0 / (geometry_.spread[cell] * geometry_.spread[cell]);
     row_bearing_information[i] = bearing_weight;
     row_range_residual[i] = count > 1 ? rows.range_m[i] - rows.problem.cells.range_mean[cell] : 0.0;
-    row_bearing_residual[i] = count > 1 ? wrap_angle(rows.bearing_rad[i] - rows.problem.cells.bearing_mean[cell]) : 0.0;
+    row_bearing_residual[i] =
+        count > 1 ? wrap_angle(rows.bearing_rad[i] - rows.problem.cells.bearing_mean[cell]) : 0.0;
   }
   system_.assemble(with_unit_noise(state), HessianKind::fisher);
   system_.eliminate();
@@ -90,13 +94,14 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   }
   Eigen::VectorXd scale = information.diagonal();
   for (double& s : scale) s = s > 0.0 ? 1.0 / std::sqrt(s) : 0.0;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information * scale.asDiagonal());
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information *
+                                                             scale.asDiagonal());
   Eigen::VectorXd inverse = eigen.eigenvalues();
   for (double& value : inverse) value = value > 1e-11 ? 1.0 / value : 0.0;
   phi_factor_.topLeftCorner(phi, phi) = scale.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
                                         eigen.eigenvectors().transpose() * scale.asDiagonal();
-  // Effects that change fast with distance leave the calibration a little off its optimum when the readings are
-  // corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
+  // Effects that change fast with distance leave the calibration a little off its optimum when the readings
+  // are corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
   Eigen::VectorXd pull = -system_.global_gradient();
   pull.tail(pull.size() - phi).setZero();
   const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
@@ -180,7 +185,8 @@ double Projector::score(const Signature& x) const {
 double Projector::raw_information(const Signature& x) const {
   double sum = x.range.cwiseAbs2().dot(range_information) + x.bearing.cwiseAbs2().dot(bearing_information);
   if (x.within())
-    sum += x.range_rows.cwiseAbs2().dot(row_range_information) + x.bearing_rows.cwiseAbs2().dot(row_bearing_information);
+    sum += x.range_rows.cwiseAbs2().dot(row_range_information) +
+           x.bearing_rows.cwiseAbs2().dot(row_bearing_information);
   return sum;
 }
 

@@ -9,8 +9,8 @@
 
 namespace rangecal::diagnosis {
 
-/// What a cause does to the mean of every reading, per unit of its parameter: cell means of range [m] and bearing
-/// [rad], and where it changes within a cell the rows' deviations from them (empty otherwise).
+/// What a cause does to the mean of every reading, per unit of its parameter: cell means of range [m] and
+/// bearing [rad], and where it changes within a cell the rows' deviations from them (empty otherwise).
 struct Signature {
   Eigen::VectorXd range, bearing;
   Eigen::VectorXd range_rows, bearing_rows;
@@ -20,10 +20,12 @@ struct Signature {
 /// Signatures from per-row changes: cell means and, where any cell varies, deviations.
 Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing);
 
-/// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely, stops
-/// against their prior; alpha against its own where a simulation gives one, not at all where it is exact. With W the readings' information, J the derivatives and K = J^T W J + prior,
+/// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely,
+/// stops against their prior; alpha against its own where a simulation gives one, not at all where it is
+/// exact. With W the readings' information, J the derivatives and K = J^T W J + prior,
 ///   P x = W (x - J K^-1 J^T W x),   score s = x^T W r at the optimum,   information I = x^T P x.
-/// s / I estimates the parameter, s^2 / I is its chi-square. Cost per signature: linear in the cells and stops.
+/// s / I estimates the parameter, s^2 / I is its chi-square. Cost per signature: linear in the cells and
+/// stops.
 class Projector {
  public:
   /// `problem` may be a working problem (weights, corrected readings) of the same cells as `rows`.
@@ -47,20 +49,21 @@ class Projector {
   int cells() const { return static_cast<int>(range_information.size()); }
   const CellGeometry& geometry() const { return geometry_; }
   const JointSystem& system() const { return system_; }
-  /// Inverse information of (alpha, landmarks), alpha's prior included, over all globals; zero for the others.
+  /// Inverse information of (alpha, landmarks), alpha's prior included, over all globals; zero for the
+  /// others.
   const Eigen::MatrixXd& phi_covariance() const { return phi_factor_; }
 
-  Eigen::VectorXd range_residual, bearing_residual;         ///< of the cell means [m], [rad]
-  Eigen::VectorXd range_information, bearing_information;   ///< W of the cell means
+  Eigen::VectorXd range_residual, bearing_residual;        ///< of the cell means [m], [rad]
+  Eigen::VectorXd range_information, bearing_information;  ///< W of the cell means
   Eigen::VectorXd row_range_information, row_bearing_information;
-  Eigen::VectorXd row_range_residual, row_bearing_residual; ///< deviations from the cell means
+  Eigen::VectorXd row_range_residual, row_bearing_residual;  ///< deviations from the cell means
 
  private:
   const Rows& rows_;
   CellGeometry geometry_;
-  JointProblem problem_;                    ///< with its spreads held
+  JointProblem problem_;  ///< with its spreads held
   JointSystem system_;
-  Eigen::MatrixXd phi_factor_;              ///< inverse of the Schur complement on phi
+  Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
 };
 
 }  // namespace rangecal::diagnosis

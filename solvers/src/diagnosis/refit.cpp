@@ -45,10 +45,10 @@ const EffectParameter& info_of(const Model& model, const FreeParameter& p) {
   return model[p.effect].effect->info().parameters[p.index];
 }
 
-/// Score and information of log-variance slopes g: sum g (z^2 - 1) / 2 and sum g^2 / 2, the channel's mean level,
-/// which the calibration's own sigma absorbs, taken out.
+/// Score and information of log-variance slopes g: sum g (z^2 - 1) / 2 and sum g^2 / 2, the channel's mean
+/// level, which the calibration's own sigma absorbs, taken out.
 struct VarianceScore {
-  Eigen::VectorXd range, bearing;   ///< centred slopes
+  Eigen::VectorXd range, bearing;  ///< centred slopes
 };
 
 VarianceScore centred(const Rows& rows, Eigen::VectorXd range, Eigen::VectorXd bearing) {
@@ -57,10 +57,11 @@ VarianceScore centred(const Rows& rows, Eigen::VectorXd range, Eigen::VectorXd b
   return {std::move(range), std::move(bearing)};
 }
 
-/// One Gauss-Newton step for all mean and variance parameters; fills the covariance. False if nothing can move.
-bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state, const Model& model,
-                       const std::vector<FreeParameter>& free, Eigen::VectorXd& step, Eigen::MatrixXd& covariance,
-                       double& promised) {
+/// One Gauss-Newton step for all mean and variance parameters; fills the covariance. False if nothing can
+/// move.
+bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
+                       const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
+                       Eigen::MatrixXd& covariance, double& promised) {
   const Projector projector(rows, working.problem, state);
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
@@ -79,24 +80,29 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
     range_rows[i] = working.range[i] - c.range_mean[cell];
     bearing_rows[i] = rows.pairs ? 0.0 : wrap_angle(working.bearing[i] + home - c.bearing_mean[cell]);
     const double range = working.range[i] - projector.geometry().f[cell], bearing = working.bearing[i];
-    range_z[i] = range * range * std::exp(-changes.range_log_variance[i]) * projector.row_range_information[i];
-    bearing_z[i] = bearing * bearing * std::exp(-changes.bearing_log_variance[i]) * projector.row_bearing_information[i];
+    range_z[i] =
+        range * range * std::exp(-changes.range_log_variance[i]) * projector.row_range_information[i];
+    bearing_z[i] =
+        bearing * bearing * std::exp(-changes.bearing_log_variance[i]) * projector.row_bearing_information[i];
   }
   for (Eigen::Index a = 0; a < n; ++a) {
     const ActiveEffect& active = model[free[a].effect];
     if (free[a].acts == FreeParameter::Acts::mean) {
       signatures[a] = effect_signature(rows, projector, active, free[a].index);
       projected[a] = projector.project(signatures[a]);
-      score[a] = signatures[a].range.cwiseProduct(projector.range_information).dot(projector.range_residual) +
-                 signatures[a].bearing.cwiseProduct(projector.bearing_information).dot(projector.bearing_residual);
+      score[a] =
+          signatures[a].range.cwiseProduct(projector.range_information).dot(projector.range_residual) +
+          signatures[a].bearing.cwiseProduct(projector.bearing_information).dot(projector.bearing_residual);
       if (signatures[a].within())
-        score[a] += signatures[a].range_rows.cwiseProduct(projector.row_range_information).dot(range_rows) +
-                    signatures[a].bearing_rows.cwiseProduct(projector.row_bearing_information).dot(bearing_rows);
+        score[a] +=
+            signatures[a].range_rows.cwiseProduct(projector.row_range_information).dot(range_rows) +
+            signatures[a].bearing_rows.cwiseProduct(projector.row_bearing_information).dot(bearing_rows);
     } else if (free[a].acts == FreeParameter::Acts::variance) {
       Eigen::VectorXd range, bearing;
       variance_signature(rows, projector.geometry(), active, free[a].index, range, bearing);
       variance[a] = centred(rows, range, bearing);
-      score[a] = 0.5 * (variance[a].range.dot(range_z) + (rows.pairs ? 0.0 : variance[a].bearing.dot(bearing_z)));
+      score[a] =
+          0.5 * (variance[a].range.dot(range_z) + (rows.pairs ? 0.0 : variance[a].bearing.dot(bearing_z)));
     }
   }
   for (Eigen::Index a = 0; a < n; ++a) {
@@ -110,12 +116,13 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
       information(b, a) = information(a, b);
     }
     const double scale = std::max(info_of(model, free[a]).typical, 1e-12);
-    // A very wide prior (1000 typical sizes) keeps a direction that the calibration absorbs from running away.
+    // A very wide prior (1000 typical sizes) keeps a direction that the calibration absorbs from running
+    // away.
     information(a, a) += 1e-6 / (scale * scale);
   }
   Eigen::VectorXd diagonal = information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled = diagonal.asDiagonal() * information * diagonal.asDiagonal() +
-                                 1e-9 * Eigen::MatrixXd::Identity(n, n);
+  const Eigen::MatrixXd scaled =
+      diagonal.asDiagonal() * information * diagonal.asDiagonal() + 1e-9 * Eigen::MatrixXd::Identity(n, n);
   const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
   if (factor.info() != Eigen::Success) return false;
   step = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
@@ -124,8 +131,8 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
   return step.allFinite();
 }
 
-/// Coordinates that are not free follow the model's commanded poses: exact ones, and those of stops that share the
-/// position error of the stop that opened their place.
+/// Coordinates that are not free follow the model's commanded poses: exact ones, and those of stops that
+/// share the position error of the stop that opened their place.
 void follow_commanded(const std::vector<StopPrior>& priors, std::vector<Pose2>& stops) {
   std::vector<int> opener;
   for (std::size_t k = 0; k < stops.size(); ++k) {
@@ -160,7 +167,8 @@ double step_alpha(const Rows& rows, const JointProblem& problem, JointState& sta
   const Projector projector(rows, problem, state);
   const Eigen::Index alphas = state.alpha.size();
   const AlphaPrior& prior = *rows.alpha_prior;
-  const Eigen::VectorXd gradient = projector.system().reduced_gradient().head(alphas) + prior.precision * (state.alpha - prior.mean);
+  const Eigen::VectorXd gradient =
+      projector.system().reduced_gradient().head(alphas) + prior.precision * (state.alpha - prior.mean);
   const Eigen::VectorXd step = -projector.phi_covariance().topLeftCorner(alphas, alphas) * gradient;
   state.alpha += step;
   return -0.5 * gradient.dot(step);
@@ -256,7 +264,8 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
     Eigen::VectorXd step;
     double promised = 0.0;
-    if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance, promised)) break;
+    if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance, promised))
+      break;
     if (promised < 1e-3) break;
     bool accepted = false;
     for (int attempt = 0; attempt < 5; ++attempt, damping *= 0.4) {
@@ -287,7 +296,8 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   const int alphas = static_cast<int>(fit.state.alpha.size());
   if (detail.covariance) {
     fit.alpha_covariance = detail.covariance->topLeftCorner(alphas, alphas);
-    const int tau = static_cast<int>(detail.covariance->rows()) - 1 - static_cast<int>(fit.state.noise.parameters.size());
+    const int tau =
+        static_cast<int>(detail.covariance->rows()) - 1 - static_cast<int>(fit.state.noise.parameters.size());
     fit.noise_std = std::sqrt((*detail.covariance)(tau, tau));
     fit.sigma_theta_std = fit.state.sigma_theta_rad * std::sqrt(detail.covariance->diagonal().tail(1)[0]);
   }
@@ -295,7 +305,8 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     fit.alpha_covariance = Eigen::MatrixXd::Zero(alphas, alphas);
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
     if (!rows.alpha_prior->exact())
-      fit.alpha_covariance = Projector(rows, working.problem, fit.state).phi_covariance().topLeftCorner(alphas, alphas);
+      fit.alpha_covariance =
+          Projector(rows, working.problem, fit.state).phi_covariance().topLeftCorner(alphas, alphas);
   }
   fit.ok = true;
   return fit;

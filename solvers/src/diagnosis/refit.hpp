@@ -19,21 +19,21 @@ struct Fit {
   Model model;
   JointState state;
   bool ok = false;
-  double nll = 0.0;                     ///< l_s of the readings themselves [nats]
+  double nll = 0.0;  ///< l_s of the readings themselves [nats]
   std::vector<FreeParameter> free;
-  Eigen::MatrixXd covariance;           ///< of the free parameters, calibration marginalised
+  Eigen::MatrixXd covariance;  ///< of the free parameters, calibration marginalised
   Eigen::MatrixXd alpha_covariance;
   double sigma_theta_std = 0.0, noise_std = 0.0;
 };
 
 struct RefitOptions {
-  Held held;                            ///< alpha and noise of a given simulation
+  Held held;  ///< alpha and noise of a given simulation
   int max_iterations = 12;
 };
 
-/// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings, the
-/// effects' parameters by damped Gauss-Newton on their projected signatures (variance: Fisher scoring; dependence
-/// and tails: line searches on the exact value), in alternation until neither gains.
+/// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings,
+/// the effects' parameters by damped Gauss-Newton on their projected signatures (variance: Fisher scoring;
+/// dependence and tails: line searches on the exact value), in alternation until neither gains.
 Fit refit(const Rows& rows, const Model& model, const JointState& start, const RefitOptions& options);
 
 /// NLL of the model at its parameters with the calibration refitted; `state` moves to the fit.

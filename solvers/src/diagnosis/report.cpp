@@ -12,7 +12,8 @@ namespace {
 
 /// Posterior probabilities over the answers that were fitted: softmax of log evidences, the baseline at 0.
 void fill_probabilities(const SearchResult& found, std::vector<Explanation>& explanations) {
-  if (found.best.fit.model.size() <= found.known.model.size()) {  // bookkeeping alone: it cannot happen by chance
+  if (found.best.fit.model.size() <=
+      found.known.model.size()) {  // bookkeeping alone: it cannot happen by chance
     explanations.front().probability = 1.0;
     return;
   }
@@ -43,7 +44,8 @@ Explanation explain(const Rows& rows, const SearchResult& found, const Candidate
   e.effects = ids_of(candidate.fit.model);
   e.parameters = effect_estimates(rows, candidate.fit);
   e.nll = candidate.fit.nll;
-  e.p_value = found.first->corrected(log_chi_sq_survival(2.0 * std::max(0.0, candidate.gain), std::max(1, candidate.parameters)));
+  e.p_value = found.first->corrected(
+      log_chi_sq_survival(2.0 * std::max(0.0, candidate.gain), std::max(1, candidate.parameters)));
   for (const ActiveEffect& active : candidate.fit.model) {
     if (!e.physics.empty()) e.physics += " ";
     e.physics += active.effect->info().physics;
@@ -86,15 +88,17 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
     const auto values = active.effect->reported(rows.context, active.parameters.data());
     if (active.effect->noise_before_reciprocal()) {  // its size is the sensor's own noise
       const double sigma = fit.state.noise.parameters[0];
-      estimates.push_back({id + "." + values[0].first, sigma, sigma * fit.noise_std, sigma * (1.0 - 1.96 * fit.noise_std),
-                           sigma * (1.0 + 1.96 * fit.noise_std)});
+      estimates.push_back({id + "." + values[0].first, sigma, sigma * fit.noise_std,
+                           sigma * (1.0 - 1.96 * fit.noise_std), sigma * (1.0 + 1.96 * fit.noise_std)});
       continue;
     }
-    Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(values.size()), fit.covariance.cols());
+    Eigen::MatrixXd slopes =
+        Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(values.size()), fit.covariance.cols());
     for (std::size_t a = 0; a < fit.free.size(); ++a) {
       if (fit.free[a].effect != static_cast<int>(e)) continue;
       Eigen::VectorXd up = active.parameters, down = up;
-      const double sigma = std::sqrt(std::max(0.0, fit.covariance(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(a))));
+      const double sigma = std::sqrt(
+          std::max(0.0, fit.covariance(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(a))));
       const double step = std::max(1e-3 * sigma, 1e-9 * std::max(1.0, std::abs(up[fit.free[a].index])));
       up[fit.free[a].index] += step;
       down[fit.free[a].index] -= step;
@@ -102,7 +106,8 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
       const auto low = active.effect->reported(rows.context, down.data());
       for (std::size_t v = 0; v < values.size(); ++v) {
         double difference = high[v].second - low[v].second;
-        if (values[v].first.find("_rad") != std::string::npos) difference = std::remainder(difference, 2.0 * std::numbers::pi);
+        if (values[v].first.find("_rad") != std::string::npos)
+          difference = std::remainder(difference, 2.0 * std::numbers::pi);
         slopes(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(a)) = difference / (2.0 * step);
       }
     }
@@ -149,7 +154,8 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   }
   for (const ActiveEffect& active : fit.model)
     for (std::size_t j = 0; j < active.effect->info().parameters.size(); ++j)
-      c.effects[active.effect->info().id][active.effect->info().parameters[j].name] = active.parameters[static_cast<Eigen::Index>(j)];
+      c.effects[active.effect->info().id][active.effect->info().parameters[j].name] =
+          active.parameters[static_cast<Eigen::Index>(j)];
   return c;
 }
 
@@ -205,7 +211,9 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     for (const Question& q : found.known.findings) result.location.push_back(finding_of(q, found));
     for (const ActiveEffect& active : found.best.fit.model) {
       const EffectInfo& info = active.effect->info();
-      if (info.kind == EffectKind::grid || info.kind == EffectKind::label || info.kind == EffectKind::detection) continue;
+      if (info.kind == EffectKind::grid || info.kind == EffectKind::label ||
+          info.kind == EffectKind::detection)
+        continue;
       Question own;
       for (const Question& q : found.first->questions)
         if (q.effect == active.effect && q.statistic > own.statistic) own = q;
@@ -214,8 +222,10 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       own.channel = info.channel;
       own.covariate = info.covariate;
       Finding f = finding_of(own, found);
-      for (const Question& q : found.first->questions)  // the shape and place of the nearest finding of that covariate
-        if (!q.effect && q.channel == info.channel && q.covariate == info.covariate && (f.shape == "effect")) {
+      for (const Question& q :
+           found.first->questions)  // the shape and place of the nearest finding of that covariate
+        if (!q.effect && q.channel == info.channel && q.covariate == info.covariate &&
+            (f.shape == "effect")) {
           f.shape = q.shape;
           f.from = q.from;
           f.to = q.to;

@@ -19,9 +19,9 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
 
 /// The smooth model of an unexplained mismatch: the free curve of the first finding, as readings' changes.
 struct GenericCurve {
-  std::vector<double> knots, values, std_dev;   ///< covariate, change of the reading [m] or [rad]
-  double gain = 0.0;                            ///< nats
-  Eigen::VectorXd row_change;                   ///< per row, in the finding's channel
+  std::vector<double> knots, values, std_dev;  ///< covariate, change of the reading [m] or [rad]
+  double gain = 0.0;                           ///< nats
+  Eigen::VectorXd row_change;                  ///< per row, in the finding's channel
 };
 GenericCurve fit_generic(const Rows& rows, const SearchResult& found);
 

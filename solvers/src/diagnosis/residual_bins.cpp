@@ -36,12 +36,13 @@ Residuals residuals_of(const Rows& rows, const WorkingProblem& working, const Ce
 
 Residuals residuals_of(const Rows& rows, const Fit& fit) {
   const CellGeometry geometry = cell_geometry(rows, fit.state);
-  return residuals_of(rows, working_problem(rows, fit.model, fit.state), geometry, row_changes(rows, geometry, fit.model),
-                      fit.state.sigma_theta_rad);
+  return residuals_of(rows, working_problem(rows, fit.model, fit.state), geometry,
+                      row_changes(rows, geometry, fit.model), fit.state.sigma_theta_rad);
 }
 
 /// The covariate of every reading; nothing where the readings have no place along it.
-std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& g, const std::string& name) {
+std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& g,
+                                                const std::string& name) {
   Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
   const auto fill = [&](auto value) {
     for (Eigen::Index i = 0; i < x.size(); ++i) x[i] = value(static_cast<std::size_t>(i));
@@ -58,7 +59,8 @@ std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeom
   if (name == "radius") return fill([&](std::size_t i) { return rows.radius_m[i]; });
   const std::size_t columns = rows.context.covariates.size();
   for (std::size_t c = 0; c < columns; ++c)
-    if (rows.context.covariates[c] == name) return fill([&](std::size_t i) { return rows.covariates[i * columns + c]; });
+    if (rows.context.covariates[c] == name)
+      return fill([&](std::size_t i) { return rows.covariates[i * columns + c]; });
   return std::nullopt;
 }
 
@@ -78,7 +80,9 @@ std::vector<int> bins_of(const Eigen::VectorXd& x) {
   const int count = static_cast<int>(order.size());
   for (int j = 0; j < count; ++j) {
     const bool changes = j == 0 || x[order[j]] > x[order[j - 1]];
-    if (changes && (own || j == 0 || static_cast<long>(j) * bin_count / count > static_cast<long>(begin) * bin_count / count)) {
+    if (changes &&
+        (own || j == 0 ||
+         static_cast<long>(j) * bin_count / count > static_cast<long>(begin) * bin_count / count)) {
       ++bin;
       begin = j;
     }
@@ -111,12 +115,14 @@ void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* g
       const Eigen::Index row = static_cast<Eigen::Index>(i);
       const auto value = [&](const Residuals& r) {
         const double residual = bearing ? r.bearing[row] : r.range[row];
-        return noise ? residual * residual / (bearing ? r.bearing_variance[row] : r.range_variance[row]) : residual;
+        return noise ? residual * residual / (bearing ? r.bearing_variance[row] : r.range_variance[row])
+                     : residual;
       };
       b.at += (*x)[row];
       b.before += value(before);
       b.after += value(after);
-      variance[static_cast<std::size_t>(bins[i])] += bearing ? before.bearing_variance[row] : before.range_variance[row];
+      variance[static_cast<std::size_t>(bins[i])] +=
+          bearing ? before.bearing_variance[row] : before.range_variance[row];
       ++b.readings;
     }
     for (std::size_t j = 0; j < binned.size(); ++j) {

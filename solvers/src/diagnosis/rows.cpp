@@ -24,7 +24,8 @@ void add_covariates(const Covariates& columns, std::size_t row, Rows& rows) {
   }
 }
 
-void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time, Rows& rows) {
+void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time,
+                          Rows& rows) {
   const Readings& r = recording.readings;
   std::vector<int> order(r.size());
   std::iota(order.begin(), order.end(), 0);
@@ -33,7 +34,8 @@ void append_landmark_rows(const Recording& recording, int first_stop, int first_
   });
   for (std::size_t j = 0; j < order.size(); ++j) {
     const int i = order[j];
-    const bool opens = j == 0 || r.stop[i] != r.stop[order[j - 1]] || r.landmark[i] != r.landmark[order[j - 1]];
+    const bool opens =
+        j == 0 || r.stop[i] != r.stop[order[j - 1]] || r.landmark[i] != r.landmark[order[j - 1]];
     if (opens) {
       rows.cell_begin.push_back(static_cast<int>(rows.size()));
       ++rows.cell_count;
@@ -83,7 +85,8 @@ void append_pair_rows(const Recording& recording, int first_landmark, double fir
     c.range_mean.push_back(p.reading_m[i]);
     c.range_mean_square.push_back(0.0);
     c.bearing_mean.push_back(0.0);
-    c.bearing_mean_square.push_back(1.0);  // with sigma_theta = 1 rad its slope is zero: the channel is silent
+    c.bearing_mean_square.push_back(
+        1.0);  // with sigma_theta = 1 rad its slope is zero: the channel is silent
     c.radius_m.push_back(0.0);
     problem.readings += 1.0;
   }
@@ -131,7 +134,8 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
     }
   }
   for (int c = 0; c < rows.cell_count; ++c)
-    context.largest_cell = std::max<double>(context.largest_cell, rows.cell_begin[c + 1] - rows.cell_begin[c]);
+    context.largest_cell =
+        std::max<double>(context.largest_cell, rows.cell_begin[c + 1] - rows.cell_begin[c]);
   const std::set<double> radii(rows.radius_m.begin(), rows.radius_m.end());
   context.several_radii = radii.size() > 1;
 }
@@ -182,7 +186,8 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
   const Cells& c = rows.problem.cells;
   CellGeometry g;
   const std::size_t cells = c.size();
-  for (auto* column : {&g.d, &g.axis_distance, &g.bearing, &g.f, &g.slope, &g.curvature, &g.spread}) column->resize(cells);
+  for (auto* column : {&g.d, &g.axis_distance, &g.bearing, &g.f, &g.slope, &g.curvature, &g.spread})
+    column->resize(cells);
   g.n.resize(cells);
   g.t.resize(cells);
   for (std::size_t i = 0; i < cells; ++i) {
@@ -223,7 +228,8 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
   view.stop = rows.stop[i];
   view.landmark = rows.landmark[i];
   view.repeat = rows.repeat[i];
-  view.covariate = rows.context.covariates.empty() ? nullptr : &rows.covariates[i * rows.context.covariates.size()];
+  view.covariate =
+      rows.context.covariates.empty() ? nullptr : &rows.covariates[i * rows.context.covariates.size()];
   view.context = &rows.context;
   return view;
 }

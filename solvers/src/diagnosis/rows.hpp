@@ -14,26 +14,27 @@ namespace rangecal::diagnosis {
 /// What a simulation says of alpha beforehand: N(mean, precision^-1), or exactly its mean.
 struct AlphaPrior {
   Eigen::VectorXd mean;
-  Eigen::MatrixXd precision;               ///< empty: exact
+  Eigen::MatrixXd precision;  ///< empty: exact
   bool exact() const { return precision.size() == 0; }
 };
 
 /// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
 ///
-/// Pairs are laid out as the joint problem too: every reading has an exact stop of its own on a line through one
-/// held landmark, so that d is the known distance; the bearing channel is switched off by a constant residual.
+/// Pairs are laid out as the joint problem too: every reading has an exact stop of its own on a line through
+/// one held landmark, so that d is the known distance; the bearing channel is switched off by a constant
+/// residual.
 struct Rows {
   std::vector<int> cell, stop, landmark, repeat, file_row;
   std::vector<double> range_m, bearing_rad, time_s, radius_m, heading_rad;
-  std::vector<double> covariates;          ///< row-major, by context.covariates
+  std::vector<double> covariates;  ///< row-major, by context.covariates
   int cell_count = 0;
-  std::vector<int> cell_begin;             ///< rows of cell c: cell_begin[c] .. cell_begin[c+1]-1
+  std::vector<int> cell_begin;  ///< rows of cell c: cell_begin[c] .. cell_begin[c+1]-1
 
   EffectContext context;
-  JointProblem problem;                    ///< the seed model's: cells in the same order as `cell`
+  JointProblem problem;  ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
-  std::optional<AlphaPrior> alpha_prior;   ///< none: alpha is free
-  double nll_offset = 0.0;                 ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
+  std::optional<AlphaPrior> alpha_prior;  ///< none: alpha is free
+  double nll_offset = 0.0;  ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
 
   std::size_t size() const { return range_m.size(); }
 };
@@ -43,7 +44,7 @@ Rows make_rows(std::span<const Recording> recordings);
 /// Geometry and model of every cell under a state.
 struct CellGeometry {
   std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;
-  std::vector<Eigen::Vector2d> n, t;       ///< unit vector stop -> landmark, and across (world frame)
+  std::vector<Eigen::Vector2d> n, t;  ///< unit vector stop -> landmark, and across (world frame)
 };
 CellGeometry cell_geometry(const Rows& rows, const JointState& state);
 

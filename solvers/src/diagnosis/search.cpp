@@ -13,13 +13,16 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
-constexpr double adequacy_rate = 0.003;  ///< p at which a free curve over a named effect's own covariate rejects it
-/// Nats by which two names together must beat the best single free curve: one curve beats two names of a kind.
+constexpr double adequacy_rate =
+    0.003;  ///< p at which a free curve over a named effect's own covariate rejects it
+/// Nats by which two names together must beat the best single free curve: one curve beats two names of a
+/// kind.
 constexpr double combination_margin = 10.0;
-constexpr double curve_margin = 4.0;      ///< nats by which a free curve may beat a single name before it is refused
+constexpr double curve_margin =
+    4.0;  ///< nats by which a free curve may beat a single name before it is refused
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 constexpr double trace_share = 0.05;
-constexpr int largest_start = 3;          ///< single effects that pairs start from
+constexpr int largest_start = 3;  ///< single effects that pairs start from
 constexpr int shortlist = 10;
 
 bool contains(const Model& model, const Effect* effect) {
@@ -57,7 +60,7 @@ struct Proposal {
   const Effect* effect = nullptr;
   Eigen::VectorXd start;
   double promised = 0.0, log_p = 0.0, rank = 0.0;
-  std::vector<Eigen::VectorXd> others;   ///< further peaks over the start grid, best first
+  std::vector<Eigen::VectorXd> others;  ///< further peaks over the start grid, best first
 };
 
 /// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
@@ -70,19 +73,25 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
     if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof, {}};
     peaks[q.effect->info().id].emplace_back(q.gain, q.start);
   }
-  // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose them.
+  // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose
+  // them.
   for (const auto& effect : effect_registry()) {
     const EffectInfo& info = effect->info();
-    if (best.count(info.id) || contains(model, effect.get()) || !effect->missing(rows.context).empty()) continue;
-    if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops()) continue;
+    if (best.count(info.id) || contains(model, effect.get()) || !effect->missing(rows.context).empty())
+      continue;
+    if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops())
+      continue;
     for (const Question& q : battery.questions) {
       if (q.effect) continue;
-      const bool same_channel = q.channel == info.channel ||
-                                (info.kind != EffectKind::mean && q.channel.substr(0, q.channel.find('_')) ==
-                                                                      info.channel.substr(0, info.channel.find('_')) &&
-                                 q.channel.find('_') != std::string::npos &&
-                                 q.channel.substr(q.channel.find('_')) == info.channel.substr(info.channel.find('_') == std::string::npos ? 0 : info.channel.find('_')));
-      const bool any_channel = info.kind == EffectKind::dependence && q.channel.find("_dependence") != std::string::npos;
+      const bool same_channel =
+          q.channel == info.channel ||
+          (info.kind != EffectKind::mean &&
+           q.channel.substr(0, q.channel.find('_')) == info.channel.substr(0, info.channel.find('_')) &&
+           q.channel.find('_') != std::string::npos &&
+           q.channel.substr(q.channel.find('_')) ==
+               info.channel.substr(info.channel.find('_') == std::string::npos ? 0 : info.channel.find('_')));
+      const bool any_channel =
+          info.kind == EffectKind::dependence && q.channel.find("_dependence") != std::string::npos;
       const bool any_tail = info.kind == EffectKind::tail && q.channel.find("_tail") != std::string::npos;
       if (!same_channel && !any_channel && !any_tail) continue;
       if (q.log_p > -4.0) continue;
@@ -96,14 +105,16 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   // A period has many peaks of nearly the same height; the refit decides between the highest.
   for (auto& [id, p] : best) {
     const auto& parameters = p.effect->info().parameters;
-    if (std::none_of(parameters.begin(), parameters.end(), [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
+    if (std::none_of(parameters.begin(), parameters.end(),
+                     [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
       continue;
     auto& heights = peaks[id];  // in the order of the grid
     std::vector<std::pair<double, Eigen::VectorXd>> local;
     for (std::size_t i = 0; i < heights.size(); ++i) {
       const bool rises = i == 0 || heights[i].first >= heights[i - 1].first;
       const bool falls = i + 1 == heights.size() || heights[i].first > heights[i + 1].first;
-      if (rises && falls && heights[i].first > 0.6 * p.promised - 2.0 && heights[i].second != p.start) local.push_back(heights[i]);
+      if (rises && falls && heights[i].first > 0.6 * p.promised - 2.0 && heights[i].second != p.start)
+        local.push_back(heights[i]);
     }
     std::sort(local.begin(), local.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     for (std::size_t i = 0; i < local.size() && i < 3; ++i) p.others.push_back(local[i].second);
@@ -123,10 +134,14 @@ double settled_gain(const Rows& rows, double promised) {
 }
 
 /// One nat per parameter that was fitted or chosen (AIC).
-double price_of(const ActiveEffect& active) { return static_cast<double>(active.effect->info().parameters.size()); }
+double price_of(const ActiveEffect& active) {
+  return static_cast<double>(active.effect->info().parameters.size());
+}
 
-/// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step does it.
-Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const RefitOptions& options) {
+/// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step
+/// does it.
+Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
+                    const RefitOptions& options) {
   Model model = base.model;
   model.push_back({proposal.effect, proposal.start});
   Candidate candidate;
@@ -158,7 +173,8 @@ std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vec
     best = std::max(best, candidate.gain);
     tried.push_back(std::move(candidate));
   }
-  std::sort(tried.begin(), tried.end(), [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  std::sort(tried.begin(), tried.end(),
+            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   return tried;
 }
 
@@ -168,15 +184,15 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
   for (const Question& q : battery.questions)
     if (!q.effect) shapes.push_back(q);
   const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
-  // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands back.
+  // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands
+  // back.
   const auto worth = [&](const Question& q) {
-    const bool secondary = q.channel.find("_dependence") != std::string::npos || q.channel.find("_tail") != std::string::npos ||
-                           q.channel == "stop";
+    const bool secondary = q.channel.find("_dependence") != std::string::npos ||
+                           q.channel.find("_tail") != std::string::npos || q.channel == "stop";
     return (secondary ? 0.6 : 1.0) * q.gain - price * q.dof;
   };
-  std::sort(shapes.begin(), shapes.end(), [&](const Question& a, const Question& b) {
-    return worth(a) > worth(b);
-  });
+  std::sort(shapes.begin(), shapes.end(),
+            [&](const Question& a, const Question& b) { return worth(a) > worth(b); });
   std::vector<Question> kept;
   for (Question& q : shapes) {
     const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
@@ -192,13 +208,15 @@ double smallest_log_p(const Battery& battery) { return battery.strongest().log_p
 
 }  // namespace
 
-double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause, const ActiveEffect& rival) {
+double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
+                  const ActiveEffect& rival) {
   const WorkingProblem working = working_problem(rows, {}, state);
   const Projector projector(rows, working.problem, state);
   Signature x;
   x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
   bool any = false;
-  for (int j = 0; j < static_cast<int>(cause.parameters.size()); ++j) {  // to first order: sum of slope times size
+  for (int j = 0; j < static_cast<int>(cause.parameters.size());
+       ++j) {  // to first order: sum of slope times size
     const EffectParameter& info = cause.effect->info().parameters[j];
     if (info.discrete || !info.linear || cause.parameters[j] == 0.0) continue;
     const Signature part = effect_signature(rows, projector, cause, j);
@@ -225,7 +243,8 @@ double separation(const Rows& rows, const JointState& state, const ActiveEffect&
   Eigen::VectorXd cross(n);
   for (Eigen::Index e = 0; e < n; ++e) {
     const Eigen::VectorXd projected = projector.project(directions[e]);
-    for (Eigen::Index f = 0; f < n; ++f) information(f, e) = projector.inner(directions[f], projected, directions[e]);
+    for (Eigen::Index f = 0; f < n; ++f)
+      information(f, e) = projector.inner(directions[f], projected, directions[e]);
     cross[e] = projector.inner(x, projected, directions[e]);
   }
   return std::max(0.0, whole - cross.dot(information.completeOrthogonalDecomposition().solve(cross)));
@@ -248,7 +267,9 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
     const double gap = result.best.evidence - rival.evidence;
     // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
     const double apart = separation(rows, result.baseline.state, *cause, *other);
-    const double tolerated = apart > tolerated_noncentrality ? 0.5 : apart < 0.0 ? 1.0 : options.naming_gap_nats;
+    const double tolerated = apart > tolerated_noncentrality ? 0.5
+                             : apart < 0.0                   ? 1.0
+                                                             : options.naming_gap_nats;
     if (gap < tolerated) result.rivals.push_back(rival);
   }
 }
@@ -280,7 +301,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       for (const Proposal& p : propose(rows, *result.first, {}))
         if (p.effect == effect) proposal = p;
       for (const Question& q : result.first->questions)
-        if (q.effect == effect && q.gain > proposal.promised) proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
+        if (q.effect == effect && q.gain > proposal.promised)
+          proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
       Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
       result.best = try_model(rows, base, proposal, refit_options);
     }
@@ -296,8 +318,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state);
     battery->effective_questions = result.effective_questions;
-    // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and a
-    // further name needs overwhelming evidence.
+    // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and
+    // a further name needs overwhelming evidence.
     double smallest = 0.0;
     for (const Question& q : battery->questions)
       if (!on_grid(known, q)) smallest = std::min(smallest, q.log_p);
@@ -331,7 +353,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   // Greedy: the best single effects, then what is left, until the battery is clean.
   report("explaining", 0.3);
-  std::vector<Candidate> singles = try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), refit_options);
+  std::vector<Candidate> singles =
+      try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), refit_options);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
   const double free_curve_gain = [&] {
@@ -379,20 +402,24 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       else if (candidate.evidence > same->evidence)
         *same = std::move(candidate);
     }
-    std::sort(pairs.begin(), pairs.end(), [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+    std::sort(pairs.begin(), pairs.end(),
+              [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   };
   for (std::size_t i = 0; i < batteries.size(); ++i) extend(singles[i], *batteries[i]);
-  if (!pairs.empty()) {  // the second of the best pair may have been hidden by the first: start from it as well
+  if (!pairs.empty()) {  // the second of the best pair may have been hidden by the first: start from it as
+                         // well
     const ActiveEffect second = pairs[0].fit.model.back();
-    const bool started = std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
-                                     [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
+    const bool started =
+        std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
+                    [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
     if (!started) {
-      const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}}, refit_options);
+      const Candidate alone =
+          try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}}, refit_options);
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
   }
-  // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds next to
-  // nothing to it is not a second cause.
+  // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds
+  // next to nothing to it is not a second cause.
   const double trace = singles.empty() ? 0.0 : trace_share * singles[0].gain;
   const auto left_by_first = [&] {
     double left = 0.0;

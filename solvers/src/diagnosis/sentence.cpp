@@ -44,25 +44,28 @@ std::string verdict_sentence(const Diagnosis& d) {
       std::string text = "No mismatch: the seed model explains this recording; use the calibration as it is";
       if (d.unseen.empty()) return text + ".";
       const Unseen& worst = d.unseen[0];
-      return text + fmt::format(", but {} (some {:.{}f} mm) would not show here.", worst.effect, 1e3 * worst.harm_m,
-                                worst.harm_m < 0.01 ? 1 : 0);
+      return text + fmt::format(", but {} (some {:.{}f} mm) would not show here.", worst.effect,
+                                1e3 * worst.harm_m, worst.harm_m < 0.01 ? 1 : 0);
     }
     case Verdict::explained: {
       std::string named = fmt::format("{}", fmt::join(d.final_effects, " and "));
       std::string text = "Explained by " + named;
       if (!d.location.empty()) text += ", " + size_in_words(d.location[0]) + " in " + d.location[0].channel;
       if (d.final_effects.size() == 1) {
-        if (const Effect* effect = find_effect(d.final_effects[0])) text += ": " + first_sentence(effect->info().physics);
+        if (const Effect* effect = find_effect(d.final_effects[0]))
+          text += ": " + first_sentence(effect->info().physics);
       }
       if (!d.explanations.empty() && !d.explanations[0].indistinguishable_from.empty()) {
         std::vector<std::string> others;
-        for (const auto& set : d.explanations[0].indistinguishable_from) others.push_back(fmt::format("{}", fmt::join(set, " and ")));
+        for (const auto& set : d.explanations[0].indistinguishable_from)
+          others.push_back(fmt::format("{}", fmt::join(set, " and ")));
         text += fmt::format(" (or {}: this recording cannot tell)", fmt::join(others, ", or "));
       }
       return text + ".";
     }
     case Verdict::unexplained: {
-      if (d.location.empty()) return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
+      if (d.location.empty())
+        return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
       const Finding& f = d.location[0];
       return "Unexplained: " + size_in_words(f) + " in " + f.channel + along(f) +
              " that nothing in the catalogue accounts for; look there, and treat readings there with care.";

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Noncentrality of what changes neither mean nor variance: twice the Kullback-Leibler divergence per independent unit.
+// Noncentrality of what changes neither mean nor variance: twice the Kullback-Leibler divergence per
+// independent unit.
 //   AR(1), correlation rho, n repeats:     -(n - 1) ln(1 - rho^2)
 //   error shared in a cell, ratio q = n u^2 / s^2 of variances, one unit per cell:   q - ln(1 + q)
 //   Student's t of nu degrees of freedom against the normal of its variance:  2 (H_normal - H_t) per reading
 //   skewness g of a reading:               g^2 / 6, g = 6 cv for noise before the reciprocal
-//   other spread of the stops:             q - 1 - ln q per direction, q the ratio of variances of a stop's estimate
+//   other spread of the stops:             q - 1 - ln q per direction, q the ratio of variances of a stop's
+//   estimate
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <boost/math/special_functions/digamma.hpp>
@@ -22,15 +24,17 @@ double digamma(double x) { return boost::math::digamma(x); }
 double student_gain(double nu) {
   nu = std::max(nu, 2.05);
   const double variance = nu / (nu - 2.0);
-  const double log_beta = std::lgamma(0.5 * nu) + 0.5 * std::log(std::numbers::pi) - std::lgamma(0.5 * (nu + 1.0));
-  const double student = 0.5 * (nu + 1.0) * (digamma(0.5 * (nu + 1.0)) - digamma(0.5 * nu)) + 0.5 * std::log(nu) + log_beta;
+  const double log_beta =
+      std::lgamma(0.5 * nu) + 0.5 * std::log(std::numbers::pi) - std::lgamma(0.5 * (nu + 1.0));
+  const double student =
+      0.5 * (nu + 1.0) * (digamma(0.5 * (nu + 1.0)) - digamma(0.5 * nu)) + 0.5 * std::log(nu) + log_beta;
   return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - student);
 }
 
 /// Covariance of the stops' x (or y) errors under a set of priors: shared in a place, summed along a chain.
 Eigen::MatrixXd covariance_of(const std::vector<StopPrior>& stops) {
   const Eigen::Index n = static_cast<Eigen::Index>(stops.size());
-  Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);   // rows: stops, columns: independent errors
+  Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);  // rows: stops, columns: independent errors
   for (Eigen::Index k = 0; k < n; ++k) {
     const StopPrior& stop = stops[static_cast<std::size_t>(k)];
     Eigen::Index home = k;
@@ -52,7 +56,8 @@ Eigen::MatrixXd stop_contrasts(const Rows& rows) {
   Eigen::MatrixXd basis(n, 2);
   for (Eigen::Index k = 0; k < n; ++k) basis.row(k) << 1.0, rows.context.path_m[static_cast<std::size_t>(k)];
   const Eigen::MatrixXd gram = basis.transpose() * basis + 1e-9 * Eigen::Matrix2d::Identity();
-  const Eigen::MatrixXd projection = Eigen::MatrixXd::Identity(n, n) - basis * gram.inverse() * basis.transpose();
+  const Eigen::MatrixXd projection =
+      Eigen::MatrixXd::Identity(n, n) - basis * gram.inverse() * basis.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(projection);
   Eigen::Index first = 0;
   while (first < n && eigen.eigenvalues()[first] < 0.5) ++first;
@@ -60,7 +65,8 @@ Eigen::MatrixXd stop_contrasts(const Rows& rows) {
 }
 
 double divergence(const Eigen::MatrixXd& with, const Eigen::MatrixXd& without) {
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> ratio(with, without, Eigen::EigenvaluesOnly);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> ratio(with, without,
+                                                                        Eigen::EigenvaluesOnly);
   double sum = 0.0;
   for (double q : ratio.eigenvalues()) sum += q > 0.0 ? q - 1.0 - std::log(q) : 0.0;
   return sum;
@@ -86,11 +92,14 @@ double stops_noncentrality(const Space& space, const std::vector<StopPrior>& aft
   double sum = 0.0;
   for (const Eigen::VectorXd* information : {&x, &y}) {
     const Eigen::MatrixXd noise = information->cwiseInverse().asDiagonal();
-    sum += divergence(contrasts.transpose() * (planted + noise) * contrasts, contrasts.transpose() * (prior + noise) * contrasts);
+    sum += divergence(contrasts.transpose() * (planted + noise) * contrasts,
+                      contrasts.transpose() * (prior + noise) * contrasts);
   }
   for (Eigen::Index k = 0; k < n; ++k) {
-    const double before = std::pow(rows.problem.stops[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k];
-    const double q = (std::pow(after[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k]) / before;
+    const double before =
+        std::pow(rows.problem.stops[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k];
+    const double q =
+        (std::pow(after[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k]) / before;
     sum += q - 1.0 - std::log(q);
   }
   return sum;
@@ -106,7 +115,9 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   const Dependence own = active.effect->dependence(parameters);
   const double cells = p.cells();
   // One unit of variance between the cells is lost per unknown of the calibration.
-  const double kept = std::max(0.0, 1.0 - (p.system().layout().phi_count + 2.0 * rows.problem.stop_count() * (rows.pairs ? 0.0 : 0.5)) / (2.0 * cells));
+  const double kept = std::max(0.0, 1.0 - (p.system().layout().phi_count +
+                                           2.0 * rows.problem.stop_count() * (rows.pairs ? 0.0 : 0.5)) /
+                                              (2.0 * cells));
   const auto shared = [&](double sigma, const Eigen::VectorXd& information) {
     double total = 0.0;
     for (double w : information) total += w * sigma * sigma - std::log1p(w * sigma * sigma);
@@ -120,13 +131,15 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   const double nu = active.effect->degrees_of_freedom(parameters);
   if (std::isfinite(nu)) sum += student_gain(nu) * static_cast<double>(rows.size());
   if (active.effect->noise_before_reciprocal())
-    for (std::size_t i = 0; i < rows.size(); ++i) sum += 6.0 * std::pow(parameters[0] * p.geometry().d[static_cast<std::size_t>(rows.cell[i])], 2);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      sum += 6.0 * std::pow(parameters[0] * p.geometry().d[static_cast<std::size_t>(rows.cell[i])], 2);
   if (active.effect->acts_on_stops() && !rows.pairs) {
     std::vector<StopPrior> after = rows.problem.stops;
     active.effect->stops(rows.context, parameters, after);
     bool changed = false;
     for (std::size_t k = 0; k < after.size() && !changed; ++k)
-      changed = after[k].sigma_xy_m != rows.problem.stops[k].sigma_xy_m || after[k].chained != rows.problem.stops[k].chained ||
+      changed = after[k].sigma_xy_m != rows.problem.stops[k].sigma_xy_m ||
+                after[k].chained != rows.problem.stops[k].chained ||
                 after[k].sigma_heading_rad != rows.problem.stops[k].sigma_heading_rad;
     if (changed) sum += stops_noncentrality(space, after);
   }

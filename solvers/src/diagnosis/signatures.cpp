@@ -9,11 +9,12 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr int most_starts = 12;   ///< points of a start grid that are looked at
+constexpr int most_starts = 12;  ///< points of a start grid that are looked at
 constexpr double absorbed_share = 1e-9;
 
 /// The model's problem with the spreads in the weights.
-WorkingProblem with_held_spreads(const Rows& rows, const Model& model, const JointState& state, const CellGeometry& geometry) {
+WorkingProblem with_held_spreads(const Rows& rows, const Model& model, const JointState& state,
+                                 const CellGeometry& geometry) {
   WorkingProblem working = working_problem(rows, model, state);
   for (std::size_t c = 0; c < geometry.spread.size(); ++c)
     working.problem.cells.range_weight[c] /= geometry.spread[c] * geometry.spread[c];
@@ -45,7 +46,8 @@ Space::Space(const Rows& rows, const Model& model, const JointState& state)
       working_(with_held_spreads(rows, model, state, geometry_)),
       projector_(rows, working_.problem, with_unit_spread(state)) {
   for (Eigen::Index i = 0; i < projector_.row_range_information.size(); ++i)
-    projector_.row_range_information[i] /= std::pow(geometry_.spread[static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)])], 2);
+    projector_.row_range_information[i] /=
+        std::pow(geometry_.spread[static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)])], 2);
   std::vector<Direction> active;
   for (const ActiveEffect& effect : model)
     for (int j = 0; j < static_cast<int>(effect.parameters.size()); ++j) {
@@ -61,7 +63,8 @@ Space::Space(const Rows& rows, const Model& model, const JointState& state)
   active_ = std::move(active);
 }
 
-/// Changes of the readings, means and log variances, as signatures; nearly all effects are alike for all repeats.
+/// Changes of the readings, means and log variances, as signatures; nearly all effects are alike for all
+/// repeats.
 struct Space::Changes {
   Signature mean;
   Eigen::VectorXd range_variance, bearing_variance;
@@ -84,8 +87,10 @@ Space::Changes Space::changes(const Model& model) const {
     return sum;
   };
   const auto same = [](const ReadingChange<double>& a, const ReadingChange<double>& b) {
-    return std::abs(a.range - b.range) + std::abs(a.bearing - b.bearing) + std::abs(a.range_log_variance - b.range_log_variance) +
-               std::abs(a.bearing_log_variance - b.bearing_log_variance) < 1e-12;
+    return std::abs(a.range - b.range) + std::abs(a.bearing - b.bearing) +
+               std::abs(a.range_log_variance - b.range_log_variance) +
+               std::abs(a.bearing_log_variance - b.bearing_log_variance) <
+           1e-12;
   };
   Changes result;
   result.mean.range = result.mean.bearing = Eigen::VectorXd::Zero(rows.cell_count);
@@ -135,7 +140,8 @@ Space::Changes Space::changes(const Model& model) const {
   if (moves) {
     std::vector<Eigen::Vector3d> moved(before.size());
     for (std::size_t k = 0; k < before.size(); ++k)
-      moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m, after[k].commanded.y_m - before[k].commanded.y_m,
+      moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m,
+                  after[k].commanded.y_m - before[k].commanded.y_m,
                   after[k].commanded.heading_rad - before[k].commanded.heading_rad};
     const Signature stops = projector_.of_stops(moved);
     result.mean.range += stops.range;
@@ -164,14 +170,16 @@ void Space::take_out(Direction& a, const Direction& unit) const {
     a.mean.bearing_rows -= share * unit.mean.bearing_rows;
   }
   if (unit.range_variance.size() > 0) {
-    if (a.range_variance.size() == 0) a.range_variance = a.bearing_variance = Eigen::VectorXd::Zero(unit.range_variance.size());
+    if (a.range_variance.size() == 0)
+      a.range_variance = a.bearing_variance = Eigen::VectorXd::Zero(unit.range_variance.size());
     a.range_variance -= share * unit.range_variance;
     a.bearing_variance -= share * unit.bearing_variance;
   }
   a.projected -= share * unit.projected;
 }
 
-Space::Direction Space::finish(Signature mean, Eigen::VectorXd range_variance, Eigen::VectorXd bearing_variance) const {
+Space::Direction Space::finish(Signature mean, Eigen::VectorXd range_variance,
+                               Eigen::VectorXd bearing_variance) const {
   Direction d;
   d.mean = std::move(mean);
   d.raw = projector_.raw_information(d.mean);
@@ -241,12 +249,14 @@ double Space::left(Direction a, std::vector<Direction> span) const {
 std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& effect) {
   const EffectInfo& info = effect.info();
   const EffectContext& context = space.rows().context;
-  if (info.kind == EffectKind::label || info.kind == EffectKind::grid || !effect.missing(context).empty()) return std::nullopt;
+  if (info.kind == EffectKind::label || info.kind == EffectKind::grid || !effect.missing(context).empty())
+    return std::nullopt;
   std::vector<Eigen::VectorXd> grid = effect.start_grid(context);
   if (grid.empty()) return std::nullopt;
   if (grid.size() > most_starts) {
     std::vector<Eigen::VectorXd> thinned;
-    for (int j = 0; j < most_starts; ++j) thinned.push_back(grid[static_cast<std::size_t>(j) * (grid.size() - 1) / (most_starts - 1)]);
+    for (int j = 0; j < most_starts; ++j)
+      thinned.push_back(grid[static_cast<std::size_t>(j) * (grid.size() - 1) / (most_starts - 1)]);
     grid = std::move(thinned);
   }
   std::optional<TypicalEffect> best;
@@ -264,7 +274,9 @@ std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& ef
   for (const Eigen::VectorXd& start : grid) {
     bool linear = false;
     for (int j = 0; j < count; ++j) {
-      if (!info.parameters[static_cast<std::size_t>(j)].linear || info.parameters[static_cast<std::size_t>(j)].discrete) continue;
+      if (!info.parameters[static_cast<std::size_t>(j)].linear ||
+          info.parameters[static_cast<std::size_t>(j)].discrete)
+        continue;
       linear = true;
       Eigen::VectorXd p = start;
       for (int a = 0; a < count; ++a)
@@ -273,7 +285,8 @@ std::optional<TypicalEffect> typical_effect(const Space& space, const Effect& ef
       consider(p, j);
     }
     if (linear) continue;
-    double largest = 0.0;  // in typical sizes; of signed parameters, which are coordinates of one thing, the length
+    double largest =
+        0.0;  // in typical sizes; of signed parameters, which are coordinates of one thing, the length
     for (int j = 0; j < count; ++j) {
       const EffectParameter& parameter = info.parameters[static_cast<std::size_t>(j)];
       if (parameter.discrete) continue;
@@ -292,7 +305,8 @@ ActiveEffect scaled(const TypicalEffect& typical, double factor) {
   ActiveEffect active = typical.active;
   const auto& parameters = active.effect->info().parameters;
   for (Eigen::Index j = 0; j < active.parameters.size(); ++j)
-    if (typical.index >= 0 ? j == typical.index : !parameters[static_cast<std::size_t>(j)].discrete) active.parameters[j] *= factor;
+    if (typical.index >= 0 ? j == typical.index : !parameters[static_cast<std::size_t>(j)].discrete)
+      active.parameters[j] *= factor;
   return active;
 }
 
@@ -304,7 +318,8 @@ double harm_of(const Space& space, const TypicalEffect& typical) {
   projector.absorbed(typical.direction.mean, phi, stops);
   const int alphas = projector.system().layout().alpha_count;
   const auto [low, high] = std::minmax_element(g.d.begin(), g.d.end());
-  const bool of_curve = (info.kind == EffectKind::mean || info.kind == EffectKind::tail) && info.channel.substr(0, 5) == "range" &&
+  const bool of_curve = (info.kind == EffectKind::mean || info.kind == EffectKind::tail) &&
+                        info.channel.substr(0, 5) == "range" &&
                         (info.covariate == "range" || info.covariate == "disparity");
   constexpr int points = 400;
   double square = 0.0;
@@ -315,7 +330,8 @@ double harm_of(const Space& space, const TypicalEffect& typical) {
     for (std::size_t c = 1; c < g.d.size(); ++c)
       if (std::abs(g.d[c] - d) < std::abs(g.d[near] - d)) near = c;
     const double step = d - g.d[near];
-    ReadingView<double> view = view_of(space.rows(), g, static_cast<std::size_t>(space.rows().cell_begin[static_cast<int>(near)]));
+    ReadingView<double> view =
+        view_of(space.rows(), g, static_cast<std::size_t>(space.rows().cell_begin[static_cast<int>(near)]));
     view.d = d;
     view.f = g.f[near] + step * (g.slope[near] + 0.5 * step * g.curvature[near]);
     view.slope = g.slope[near] + step * g.curvature[near];

@@ -48,21 +48,26 @@ bool near(const Recording& recording, const Stop& a, const Stop& b) {
 
 }  // namespace
 
-std::optional<Recording> paired(const Recording& recording, const Recording& simulation, const Rows& simulation_rows,
-                                const JointState& state, int first_stop, int first_landmark) {
+std::optional<Recording> paired(const Recording& recording, const Recording& simulation,
+                                const Rows& simulation_rows, const JointState& state, int first_stop,
+                                int first_landmark) {
   if (recording.kind == RecordingKind::pairs) return std::nullopt;
   std::map<std::string, int> stop_of, landmark_of;
-  for (std::size_t k = 0; k < simulation.stops.size(); ++k) stop_of[simulation.stops[k].label] = static_cast<int>(k);
-  for (std::size_t l = 0; l < simulation.landmarks.size(); ++l) landmark_of[simulation.landmarks[l].label] = static_cast<int>(l);
+  for (std::size_t k = 0; k < simulation.stops.size(); ++k)
+    stop_of[simulation.stops[k].label] = static_cast<int>(k);
+  for (std::size_t l = 0; l < simulation.landmarks.size(); ++l)
+    landmark_of[simulation.landmarks[l].label] = static_cast<int>(l);
   for (const Stop& stop : recording.stops) {
     const auto other = stop_of.find(stop.label);
-    if (other == stop_of.end() || !near(recording, stop, simulation.stops[other->second])) return std::nullopt;
+    if (other == stop_of.end() || !near(recording, stop, simulation.stops[other->second]))
+      return std::nullopt;
   }
   const CellGeometry geometry = cell_geometry(simulation_rows, state);
   const Cells& cells = simulation_rows.problem.cells;
   std::map<std::pair<int, int>, Predicted> predicted;
   for (int c = 0; c < simulation_rows.cell_count; ++c)
-    predicted[{cells.stop[c] - first_stop, cells.landmark[c] - first_landmark}] = {geometry.f[c], geometry.bearing[c]};
+    predicted[{cells.stop[c] - first_stop, cells.landmark[c] - first_landmark}] = {geometry.f[c],
+                                                                                   geometry.bearing[c]};
   std::map<std::tuple<int, int, int>, std::size_t> partner;
   const std::vector<int> simulation_rank = ranks(simulation.readings), rank = ranks(recording.readings);
   for (std::size_t i = 0; i < simulation.readings.size(); ++i)
@@ -150,8 +155,9 @@ void compare_noise(const Calibration& simulation, Diagnosis& result) {
     f.p_value = std::min(1.0, 2.0 * std::erfc(z / std::numbers::sqrt2));
     f.share = 0.0;
     result.location.push_back(f);
-    result.notes.push_back(fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}", parameter,
-                                       a.value / b.value, a.value, b.value));
+    result.notes.push_back(
+        fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}", parameter,
+                    a.value / b.value, a.value, b.value));
     if (result.verdict != Verdict::no_mismatch) return;
     result.verdict = Verdict::unexplained;
     result.final_effects = {"generic"};
@@ -160,12 +166,16 @@ void compare_noise(const Calibration& simulation, Diagnosis& result) {
     level.probability = 1.0;
     level.nll = result.after.nll;
     level.p_value = f.p_value;
-    level.physics = "The noise of the recordings has another level than the simulation's; set the simulator's spread to it.";
+    level.physics =
+        "The noise of the recordings has another level than the simulation's; set the simulator's spread to "
+        "it.";
     result.explanations.push_back(level);
   };
-  if (own.noise.law == simulation.noise.law && own.noise_estimates.size() == 1 && simulation.noise.parameters.size() == 1) {
-    const Estimate held = simulation.noise_estimates.size() == 1 ? simulation.noise_estimates[0]
-                                                                  : Estimate{simulation.noise.parameters[0], std::nullopt};
+  if (own.noise.law == simulation.noise.law && own.noise_estimates.size() == 1 &&
+      simulation.noise.parameters.size() == 1) {
+    const Estimate held = simulation.noise_estimates.size() == 1
+                              ? simulation.noise_estimates[0]
+                              : Estimate{simulation.noise.parameters[0], std::nullopt};
     compare("range_noise", "sigma_e", own.noise_estimates[0], held);
   }
   if (own.sigma_theta_rad && simulation.sigma_theta_rad)
@@ -192,7 +202,8 @@ SimulationFit fit_simulation(std::span<const Recording> simulation, const Diagno
   s.calibration = calibration_of(s.rows, simulation, s.fit);
   Battery battery(s.rows, {}, s.fit.state);
   battery.calibrate(options.null_draws, 1);
-  s.clean = battery.corrected(battery.strongest().log_p) >= options.alarm_rate && find_grids_and_gaps(s.rows).model.empty();
+  s.clean = battery.corrected(battery.strongest().log_p) >= options.alarm_rate &&
+            find_grids_and_gaps(s.rows).model.empty();
   return s;
 }
 
@@ -204,8 +215,8 @@ void check_labels(std::span<const Recording> recordings, std::span<const Recordi
   const std::set<std::string> known = labels_of(simulation[0].landmarks);
   for (const Landmark& landmark : recordings[0].landmarks)
     if (!known.count(landmark.label))
-      throw InputError(simulation[0].path + ": the simulation has no landmark '" + landmark.label + "', which " +
-                       recordings[0].path + " has");
+      throw InputError(simulation[0].path + ": the simulation has no landmark '" + landmark.label +
+                       "', which " + recordings[0].path + " has");
 }
 
 /// A diagnosis that says: alike.
@@ -223,15 +234,16 @@ void acquit(Diagnosis& result, const std::string& note) {
 constexpr double confirm_rate = 0.01;  ///< of the one question whether a finding is in both
 
 /// ln p of the effects' gain, fitted to one recording whatever the battery says.
-double log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects, const DiagnoseOptions& options,
-                std::size_t parameters) {
+double log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects,
+                const DiagnoseOptions& options, std::size_t parameters) {
   DiagnoseOptions forced = options;
   forced.force = effects;
   forced.held_out = forced.unseen = forced.next_experiments = false;
   forced.progress = nullptr;
   forced.null_draws = 20;
   const Diagnosis d = diagnose(recordings, forced);
-  return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll), static_cast<int>(std::max<std::size_t>(1, parameters)));
+  return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
+                             static_cast<int>(std::max<std::size_t>(1, parameters)));
 }
 
 }  // namespace
@@ -270,16 +282,19 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
     Diagnosis result = diagnose(recordings, against);
     if (!fitted.clean)
       result.notes.insert(result.notes.begin(),
-                          "the simulation departs from the seed model itself, and its layout is not the recording's: what both share may be named");
+                          "the simulation departs from the seed model itself, and its layout is not the "
+                          "recording's: what both share may be named");
     if (result.verdict == Verdict::no_mismatch || !match || options.force) return result;
     if (result.verdict == Verdict::explained) {
       // A weak effect can hide in the simulation: what the recording shows must also be in the difference.
-      const bool of_mean = std::all_of(result.final_effects.begin(), result.final_effects.end(), [](const std::string& id) {
-        const Effect* effect = find_effect(id);
-        return effect && effect->info().kind == EffectKind::mean;
-      });
+      const bool of_mean =
+          std::all_of(result.final_effects.begin(), result.final_effects.end(), [](const std::string& id) {
+            const Effect* effect = find_effect(id);
+            return effect && effect->info().kind == EffectKind::mean;
+          });
       const std::size_t parameters = result.explanations[0].parameters.size();
-      if (of_mean && log_p_of(differences, result.final_effects, of_difference, parameters) > std::log(confirm_rate))
+      if (of_mean &&
+          log_p_of(differences, result.final_effects, of_difference, parameters) > std::log(confirm_rate))
         acquit(result, "what departs from the seed model is in the simulation too");
       else if (!of_mean) {
         DiagnoseOptions alone = options;
@@ -294,10 +309,11 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
   // The simulation departs from the seed model: what both share is taken out reading by reading.
   Diagnosis result = diagnose(differences, of_difference);
   result.notes.insert(result.notes.begin(),
-                      "the simulation departs from the seed model itself; the recording was compared with it reading by reading");
+                      "the simulation departs from the seed model itself; the recording was compared with it "
+                      "reading by reading");
   if (result.verdict == Verdict::no_mismatch || options.force) return result;
-  // Noise, tails, dependence and grids do not cancel in a difference: they are a mismatch only if the simulation lacks
-  // them.
+  // Noise, tails, dependence and grids do not cancel in a difference: they are a mismatch only if the
+  // simulation lacks them.
   const auto cancels = [](const std::string& id) {
     const Effect* effect = find_effect(id);
     return effect && effect->info().kind == EffectKind::mean;
@@ -313,11 +329,13 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
   const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
   std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
   for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
-  const bool all_shared = std::all_of(of_recording.final_effects.begin(), of_recording.final_effects.end(), [&](const std::string& id) {
-    if (shared.count(id) > 0 || cancels(id)) return true;
-    const Effect* effect = find_effect(id);
-    return effect && log_p_of(simulation, {id}, alone, effect->info().parameters.size()) < std::log(confirm_rate);
-  });
+  const bool all_shared = std::all_of(
+      of_recording.final_effects.begin(), of_recording.final_effects.end(), [&](const std::string& id) {
+        if (shared.count(id) > 0 || cancels(id)) return true;
+        const Effect* effect = find_effect(id);
+        return effect &&
+               log_p_of(simulation, {id}, alone, effect->info().parameters.size()) < std::log(confirm_rate);
+      });
   if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
   return result;
 }

@@ -8,20 +8,24 @@
 namespace rangecal::diagnosis {
 
 /// The recording minus its simulation, reading by reading: with ^ the seed model fitted to the simulation,
-///   y = y_rec - (y_sim - f(d^)),   bearing = b_rec - (b_sim - theta^),   commanded stops = the simulation's fitted ones.
-/// What both share cancels to first order; landmarks stay free, alpha is the simulation's exactly, and the spreads of
-/// readings and stops are sqrt(2) of one run's. Readings without a partner of the same stop, landmark and rank are left
-/// out. None where the layouts differ: other stops, or commanded poses more than 3 sigma (or 1 cm) apart.
-std::optional<Recording> paired(const Recording& recording, const Recording& simulation, const Rows& simulation_rows,
-                                const JointState& simulation_state, int first_stop, int first_landmark);
+///   y = y_rec - (y_sim - f(d^)),   bearing = b_rec - (b_sim - theta^),   commanded stops = the simulation's
+///   fitted ones.
+/// What both share cancels to first order; landmarks stay free, alpha is the simulation's exactly, and the
+/// spreads of readings and stops are sqrt(2) of one run's. Readings without a partner of the same stop,
+/// landmark and rank are left out. None where the layouts differ: other stops, or commanded poses more than 3
+/// sigma (or 1 cm) apart.
+std::optional<Recording> paired(const Recording& recording, const Recording& simulation,
+                                const Rows& simulation_rows, const JointState& simulation_state,
+                                int first_stop, int first_landmark);
 
-/// Where a seed model of the recordings' own leaves nothing, the simulation differs in the curve alone: those of
-/// range_offset, range_scale and laser_pointing that say it best, at the price of two nats each. Empty otherwise.
+/// Where a seed model of the recordings' own leaves nothing, the simulation differs in the curve alone: those
+/// of range_offset, range_scale and laser_pointing that say it best, at the price of two nats each. Empty
+/// otherwise.
 std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& known, const SearchResult& found,
                                         const DiagnoseOptions& options);
 
-/// Adds a finding where the recordings' noise level differs from the simulation's by more than 3.5 standard deviations
-/// of both; a diagnosis without other findings becomes unexplained by it.
+/// Adds a finding where the recordings' noise level differs from the simulation's by more than 3.5 standard
+/// deviations of both; a diagnosis without other findings becomes unexplained by it.
 void compare_noise(const Calibration& simulation, Diagnosis& result);
 
 }  // namespace rangecal::diagnosis

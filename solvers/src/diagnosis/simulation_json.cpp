@@ -43,7 +43,9 @@ Json recording_to_json(const SimulationModel& model, std::size_t index) {
   const Recording& r = model.recordings[index];
   Json json;
   json["kind"] = r.kind == RecordingKind::pairs ? "pairs" : "landmarks";
-  json["sensor"] = {{"name", r.sensor.name}, {"principle", r.sensor.principle}, {"range_min_m", r.sensor.range_min_m},
+  json["sensor"] = {{"name", r.sensor.name},
+                    {"principle", r.sensor.principle},
+                    {"range_min_m", r.sensor.range_min_m},
                     {"range_max_m", number(r.sensor.range_max_m)}};
   json["sigma_xy_m"] = r.sigma_xy_m;
   json["estimate_sigma_xy"] = r.estimate_sigma_xy;
@@ -51,7 +53,10 @@ Json recording_to_json(const SimulationModel& model, std::size_t index) {
   json["error"] = r.stop_error == StopErrorModel::random_walk ? "random_walk" : "independent";
   json["stops"] = Json::array();
   for (const Stop& s : r.stops) {
-    Json stop = {{"stop", s.label}, {"x_m", s.commanded.x_m}, {"y_m", s.commanded.y_m}, {"heading_rad", s.commanded.heading_rad}};
+    Json stop = {{"stop", s.label},
+                 {"x_m", s.commanded.x_m},
+                 {"y_m", s.commanded.y_m},
+                 {"heading_rad", s.commanded.heading_rad}};
     if (s.sigma_xy_m) stop["sigma_xy_m"] = *s.sigma_xy_m;
     if (s.sigma_heading_rad) stop["sigma_heading_rad"] = *s.sigma_heading_rad;
     if (!s.place.empty()) stop["place"] = s.place;
@@ -70,16 +75,23 @@ Json recording_to_json(const SimulationModel& model, std::size_t index) {
   }
   json["known_distances"] = Json::array();
   for (const KnownDistance& k : r.known_distances)
-    json["known_distances"].push_back({{"from", k.from}, {"to", k.to}, {"distance_m", k.distance_m}, {"sigma_m", k.sigma_m}});
+    json["known_distances"].push_back(
+        {{"from", k.from}, {"to", k.to}, {"distance_m", k.distance_m}, {"sigma_m", k.sigma_m}});
   Json readings;
   if (r.kind == RecordingKind::pairs) {
-    readings = {{"true_m", column(r.pairs.true_m)},   {"batch", r.pairs.batch},
-                {"batch_labels", r.pairs.batch_labels}, {"landmark", r.pairs.landmark},
-                {"time_s", column(r.pairs.time_s)},   {"bearing_rad", column(r.pairs.bearing_rad)},
+    readings = {{"true_m", column(r.pairs.true_m)},
+                {"batch", r.pairs.batch},
+                {"batch_labels", r.pairs.batch_labels},
+                {"landmark", r.pairs.landmark},
+                {"time_s", column(r.pairs.time_s)},
+                {"bearing_rad", column(r.pairs.bearing_rad)},
                 {"covariates", covariates(r.pairs.covariates)}};
   } else {
-    readings = {{"stop", r.readings.stop}, {"landmark", r.readings.landmark}, {"repeat", r.readings.repeat},
-                {"time_s", column(r.readings.time_s)}, {"covariates", covariates(r.readings.covariates)}};
+    readings = {{"stop", r.readings.stop},
+                {"landmark", r.readings.landmark},
+                {"repeat", r.readings.repeat},
+                {"time_s", column(r.readings.time_s)},
+                {"covariates", covariates(r.readings.covariates)}};
     if (index < model.landmark_read.size() && model.landmark_read[index] != r.readings.landmark)
       readings["landmark_read"] = model.landmark_read[index];
   }
@@ -89,17 +101,21 @@ Json recording_to_json(const SimulationModel& model, std::size_t index) {
     if (!added.range_m.empty()) changes["range_m"] = column(added.range_m);
     if (!added.bearing_rad.empty()) changes["bearing_rad"] = column(added.bearing_rad);
     if (!added.range_log_variance.empty()) changes["range_log_variance"] = column(added.range_log_variance);
-    if (!added.bearing_log_variance.empty()) changes["bearing_log_variance"] = column(added.bearing_log_variance);
+    if (!added.bearing_log_variance.empty())
+      changes["bearing_log_variance"] = column(added.bearing_log_variance);
     if (!changes.empty()) readings["added"] = changes;
   }
   json["readings"] = readings;
   return json;
 }
 
-void check_indices(const std::vector<int>& indices, std::size_t count, std::size_t readings, const char* what) {
-  if (indices.size() != readings) throw InputError(fmt::format("simulation: {} has {} entries, not {}", what, indices.size(), readings));
+void check_indices(const std::vector<int>& indices, std::size_t count, std::size_t readings,
+                   const char* what) {
+  if (indices.size() != readings)
+    throw InputError(fmt::format("simulation: {} has {} entries, not {}", what, indices.size(), readings));
   for (int i : indices)
-    if (i < 0 || static_cast<std::size_t>(i) >= count) throw InputError(fmt::format("simulation: {} {} is not one of {}", what, i, count));
+    if (i < 0 || static_cast<std::size_t>(i) >= count)
+      throw InputError(fmt::format("simulation: {} {} is not one of {}", what, i, count));
 }
 
 void recording_from_json(const Json& json, SimulationModel& model) {
@@ -113,11 +129,13 @@ void recording_from_json(const Json& json, SimulationModel& model) {
   r.sigma_xy_m = json.at("sigma_xy_m");
   r.estimate_sigma_xy = json.at("estimate_sigma_xy");
   r.sigma_heading_rad = json.at("sigma_heading_rad");
-  r.stop_error = json.at("error") == "random_walk" ? StopErrorModel::random_walk : StopErrorModel::independent;
+  r.stop_error =
+      json.at("error") == "random_walk" ? StopErrorModel::random_walk : StopErrorModel::independent;
   for (const Json& s : json.at("stops")) {
     Stop stop;
     stop.label = s.at("stop");
-    stop.commanded = {s.at("x_m").get<double>(), s.at("y_m").get<double>(), s.at("heading_rad").get<double>()};
+    stop.commanded = {s.at("x_m").get<double>(), s.at("y_m").get<double>(),
+                      s.at("heading_rad").get<double>()};
     if (s.contains("sigma_xy_m")) stop.sigma_xy_m = s.at("sigma_xy_m").get<double>();
     if (s.contains("sigma_heading_rad")) stop.sigma_heading_rad = s.at("sigma_heading_rad").get<double>();
     if (s.contains("place")) stop.place = s.at("place");
@@ -131,13 +149,15 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     if (l.contains("reflectance")) landmark.reflectance = l.at("reflectance").get<double>();
     r.landmarks.push_back(landmark);
     if (l.contains("x_m"))
-      model.calibration.landmarks.push_back({index, landmark.label, {l.at("x_m").get<double>(), l.at("y_m").get<double>()}, std::nullopt});
+      model.calibration.landmarks.push_back(
+          {index, landmark.label, {l.at("x_m").get<double>(), l.at("y_m").get<double>()}, std::nullopt});
   }
   for (const Json& k : json.at("known_distances"))
     r.known_distances.push_back({k.at("from"), k.at("to"), k.at("distance_m"), k.at("sigma_m")});
   const Json& readings = json.at("readings");
   Covariates& columns = r.kind == RecordingKind::pairs ? r.pairs.covariates : r.readings.covariates;
-  for (const auto& [name, values] : readings.at("covariates").items()) columns[name] = column_of(readings.at("covariates"), name.c_str());
+  for (const auto& [name, values] : readings.at("covariates").items())
+    columns[name] = column_of(readings.at("covariates"), name.c_str());
   std::vector<int> read;
   if (r.kind == RecordingKind::pairs) {
     r.pairs.true_m = column_of(readings, "true_m");
@@ -163,8 +183,8 @@ void recording_from_json(const Json& json, SimulationModel& model) {
   AddedChange added;
   if (readings.contains("added")) {
     const Json& changes = readings.at("added");
-    added = {column_of(changes, "range_m"), column_of(changes, "bearing_rad"), column_of(changes, "range_log_variance"),
-             column_of(changes, "bearing_log_variance")};
+    added = {column_of(changes, "range_m"), column_of(changes, "bearing_rad"),
+             column_of(changes, "range_log_variance"), column_of(changes, "bearing_log_variance")};
   }
   model.recordings.push_back(std::move(r));
   model.landmark_read.push_back(std::move(read));
@@ -187,7 +207,8 @@ std::string simulation_model_to_json(const SimulationModel& model) {
     for (const auto& [name, value] : parameters) json["effects"][id][name] = number(value);
   }
   json["recordings"] = Json::array();
-  for (std::size_t r = 0; r < model.recordings.size(); ++r) json["recordings"].push_back(recording_to_json(model, r));
+  for (std::size_t r = 0; r < model.recordings.size(); ++r)
+    json["recordings"].push_back(recording_to_json(model, r));
   return json.dump();
 }
 
@@ -202,8 +223,10 @@ SimulationModel simulation_model_from_json(const std::string& text, const std::s
     if (alpha.empty() || noise.empty()) throw InputError("alpha or noise is empty");
     c.alpha = Eigen::Map<const Eigen::VectorXd>(alpha.data(), static_cast<Eigen::Index>(alpha.size()));
     c.noise.law = noise_law_from_string(json.at("noise").at("law").get<std::string>());
-    c.noise.parameters = Eigen::Map<const Eigen::VectorXd>(noise.data(), static_cast<Eigen::Index>(noise.size()));
-    if (!json.at("sigma_theta_rad").is_null()) c.sigma_theta_rad = Estimate{json.at("sigma_theta_rad").get<double>(), {}};
+    c.noise.parameters =
+        Eigen::Map<const Eigen::VectorXd>(noise.data(), static_cast<Eigen::Index>(noise.size()));
+    if (!json.at("sigma_theta_rad").is_null())
+      c.sigma_theta_rad = Estimate{json.at("sigma_theta_rad").get<double>(), {}};
     if (!json.at("sigma_s_m").is_null()) c.sigma_s_m = Estimate{json.at("sigma_s_m").get<double>(), {}};
     for (const auto& [id, parameters] : json.at("effects").items())
       for (const auto& [name, value] : parameters.items()) c.effects[id][name] = number_of(value);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Simulates recordings again from the model that a diagnosis stands by:
 //   y = f(d) + delta r + s exp(v / 2) e + u,   bearing = theta + delta theta + sigma_theta exp(w / 2) e' + u'
-// delta, v, w the effects' changes, e normal or Student-t, AR(1) over the repeats of a cell, u shared within a cell.
+// delta, v, w the effects' changes, e normal or Student-t, AR(1) over the repeats of a cell, u shared within
+// a cell.
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
@@ -27,7 +28,8 @@ Model model_of(const Calibration& calibration) {
     Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
     for (std::size_t j = 0; j < parameters.size(); ++j) {
       const auto value = values.find(parameters[j].name);
-      if (value == values.end()) throw InputError("simulate: the effect " + id + " lacks its parameter " + parameters[j].name);
+      if (value == values.end())
+        throw InputError("simulate: the effect " + id + " lacks its parameter " + parameters[j].name);
       p[static_cast<Eigen::Index>(j)] = value->second;
     }
     model.push_back({effect, p});
@@ -35,7 +37,8 @@ Model model_of(const Calibration& calibration) {
   return model;
 }
 
-/// The layout with a running number in `row`, so that rows are found again, and placeholders for what was read.
+/// The layout with a running number in `row`, so that rows are found again, and placeholders for what was
+/// read.
 std::vector<Recording> layout_of(const SimulationModel& model) {
   std::vector<Recording> layout = model.recordings;
   int index = 0;
@@ -67,7 +70,8 @@ Errors errors_of(const Model& model) {
     const std::string& id = active.effect->info().id;
     if (id == "quantisation") errors.disparity_step = p[0], errors.output_step = p[1];
     if (id == "bearing_quantisation") errors.bearing_step = p[0];
-    if (active.effect->info().kind == EffectKind::grid) continue;  // the spread as estimated holds its variance
+    if (active.effect->info().kind == EffectKind::grid)
+      continue;  // the spread as estimated holds its variance
     const Dependence own = active.effect->dependence(p);
     Dependence& sum = errors.dependence;
     sum.range_cell_sigma_m = std::hypot(sum.range_cell_sigma_m, own.range_cell_sigma_m);
@@ -88,12 +92,14 @@ double draw(Random& random, double degrees_of_freedom) {
   return boost::math::quantile(boost::math::students_t(degrees_of_freedom), u);
 }
 
-RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry, const Model& effects) {
+RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry,
+                      const Model& effects) {
   RowChanges changes = row_changes(rows, geometry, effects);
   std::vector<std::pair<const AddedChange*, std::size_t>> added;  // per reading, by running number
   for (std::size_t r = 0; r < model.recordings.size(); ++r) {
     const Recording& recording = model.recordings[r];
-    const std::size_t count = recording.kind == RecordingKind::pairs ? recording.pairs.true_m.size() : recording.readings.stop.size();
+    const std::size_t count = recording.kind == RecordingKind::pairs ? recording.pairs.true_m.size()
+                                                                     : recording.readings.stop.size();
     for (std::size_t i = 0; i < count; ++i)
       added.emplace_back(r < model.added.size() ? &model.added[r] : nullptr, i);
   }
@@ -135,7 +141,8 @@ void keep_positive(Recording& recording) {
 }  // namespace
 
 std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed) {
-  if (model.recordings.empty()) throw InputError("simulate: the diagnosis holds no recording to simulate again");
+  if (model.recordings.empty())
+    throw InputError("simulate: the diagnosis holds no recording to simulate again");
   const Calibration& c = model.calibration;
   const Model effects = model_of(c);
   const std::vector<Recording> layout = layout_of(model);
@@ -174,7 +181,8 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
       const auto follow = [&](double before, double rho, double fresh) {
         return i == rows.cell_begin[cell] ? fresh : rho * before + std::sqrt(1.0 - rho * rho) * fresh;
       };
-      range_error = follow(range_error, errors.dependence.range_correlation, draw(random, errors.degrees_of_freedom));
+      range_error =
+          follow(range_error, errors.dependence.range_correlation, draw(random, errors.degrees_of_freedom));
       bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());
       double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
       const Contamination tail = contamination_of(rows, geometry, effects, static_cast<std::size_t>(i));
@@ -184,10 +192,13 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
       if (errors.disparity_step > 0.0 && y > 0.0) y = 1.0 / to_grid(1.0 / y, errors.disparity_step);
       const std::size_t at = static_cast<std::size_t>(rows.file_row[i]);
       range[at] = to_grid(y, errors.output_step);
-      bearing[at] = rows.pairs ? 0.0
-                               : wrap_angle(to_grid(geometry.bearing[cell] + changes.bearing[i] + bearing_shared +
-                                                        state.sigma_theta_rad * std::exp(0.5 * changes.bearing_log_variance[i]) * bearing_error,
-                                                    errors.bearing_step));
+      bearing[at] =
+          rows.pairs
+              ? 0.0
+              : wrap_angle(to_grid(geometry.bearing[cell] + changes.bearing[i] + bearing_shared +
+                                       state.sigma_theta_rad *
+                                           std::exp(0.5 * changes.bearing_log_variance[i]) * bearing_error,
+                                   errors.bearing_step));
     }
   }
 
@@ -196,9 +207,11 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
   int stop = 0, landmark = 0;
   for (Recording& recording : simulated) {
     Readings& r = recording.readings;
-    const std::size_t count = recording.kind == RecordingKind::pairs ? recording.pairs.true_m.size() : r.stop.size();
+    const std::size_t count =
+        recording.kind == RecordingKind::pairs ? recording.pairs.true_m.size() : r.stop.size();
     const auto part = [&](const std::vector<double>& all) {
-      return std::vector<double>(all.begin() + static_cast<long>(at), all.begin() + static_cast<long>(at + count));
+      return std::vector<double>(all.begin() + static_cast<long>(at),
+                                 all.begin() + static_cast<long>(at + count));
     };
     if (recording.kind == RecordingKind::pairs) {
       recording.pairs.reading_m = part(range);
@@ -206,8 +219,10 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
       r.range_m = part(range);
       r.bearing_rad = part(bearing);
       recording.truth = Truth{};
-      for (std::size_t k = 0; k < recording.stops.size(); ++k) recording.truth.stops.push_back(state.stops[stop++]);
-      for (std::size_t l = 0; l < recording.landmarks.size(); ++l) recording.truth.landmarks.push_back(state.landmarks[landmark++]);
+      for (std::size_t k = 0; k < recording.stops.size(); ++k)
+        recording.truth.stops.push_back(state.stops[stop++]);
+      for (std::size_t l = 0; l < recording.landmarks.size(); ++l)
+        recording.truth.landmarks.push_back(state.landmarks[landmark++]);
     }
     at += count;
     keep_positive(recording);

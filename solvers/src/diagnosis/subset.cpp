@@ -47,20 +47,23 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   part.heading_rad = taken(rows.heading_rad, kept);
   const std::size_t columns = rows.context.covariates.size();
   for (int i : kept)
-    part.covariates.insert(part.covariates.end(), rows.covariates.begin() + static_cast<std::ptrdiff_t>(i * columns),
+    part.covariates.insert(part.covariates.end(),
+                           rows.covariates.begin() + static_cast<std::ptrdiff_t>(i * columns),
                            rows.covariates.begin() + static_cast<std::ptrdiff_t>((i + 1) * columns));
   part.cell_count = static_cast<int>(cells.size());
   part.cell_begin.push_back(0);
   for (int c : cells) {
     const int count = rows.cell_begin[c + 1] - rows.cell_begin[c];
-    part.cell.insert(part.cell.end(), static_cast<std::size_t>(count), static_cast<int>(part.cell_begin.size()) - 1);
+    part.cell.insert(part.cell.end(), static_cast<std::size_t>(count),
+                     static_cast<int>(part.cell_begin.size()) - 1);
     part.cell_begin.push_back(part.cell_begin.back() + count);
   }
   part.problem = rows.problem;
   Cells& p = part.problem.cells;
   for (auto member : {&Cells::stop, &Cells::landmark}) p.*member = taken(rows.problem.cells.*member, cells);
-  for (auto member : {&Cells::count, &Cells::range_weight, &Cells::bearing_weight, &Cells::range_mean, &Cells::range_mean_square,
-                      &Cells::bearing_mean, &Cells::bearing_mean_square, &Cells::radius_m})
+  for (auto member :
+       {&Cells::count, &Cells::range_weight, &Cells::bearing_weight, &Cells::range_mean,
+        &Cells::range_mean_square, &Cells::bearing_mean, &Cells::bearing_mean_square, &Cells::radius_m})
     p.*member = taken(rows.problem.cells.*member, cells);
   p.stop_begin.assign(rows.problem.stops.size() + 1, 0);
   for (int stop : p.stop) ++p.stop_begin[static_cast<std::size_t>(stop) + 1];
@@ -72,7 +75,8 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
 
 double laplace_value(const Rows& rows, const Model& model, JointState& state) {
   double value = std::numeric_limits<double>::quiet_NaN();
-  for (int round = 0; round < (model.empty() ? 1 : 2); ++round) {  // the second with the effects at the new stops
+  for (int round = 0; round < (model.empty() ? 1 : 2);
+       ++round) {  // the second with the effects at the new stops
     const WorkingProblem working = working_problem(rows, model, state);
     JointState start = state;
     for (std::size_t k = 0; k < start.stops.size(); ++k) {
@@ -92,14 +96,17 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state) {
 }
 
 std::vector<int> folds_of(const Rows& rows, const std::vector<int>& block_of_cell, int folds) {
-  const int blocks = block_of_cell.empty() ? 0 : 1 + *std::max_element(block_of_cell.begin(), block_of_cell.end());
+  const int blocks =
+      block_of_cell.empty() ? 0 : 1 + *std::max_element(block_of_cell.begin(), block_of_cell.end());
   std::vector<int> order(static_cast<std::size_t>(blocks)), fold_of_block(static_cast<std::size_t>(blocks));
   std::iota(order.begin(), order.end(), 0);
   const auto hash = [](int block) { return seed_from("held out", {static_cast<std::uint64_t>(block)}); };
   std::sort(order.begin(), order.end(), [&](int a, int b) { return hash(a) < hash(b); });
-  for (int rank = 0; rank < blocks; ++rank) fold_of_block[static_cast<std::size_t>(order[rank])] = rank % folds;
+  for (int rank = 0; rank < blocks; ++rank)
+    fold_of_block[static_cast<std::size_t>(order[rank])] = rank % folds;
   std::vector<int> fold(block_of_cell.size());
-  for (std::size_t c = 0; c < fold.size(); ++c) fold[c] = fold_of_block[static_cast<std::size_t>(block_of_cell[c])];
+  for (std::size_t c = 0; c < fold.size(); ++c)
+    fold[c] = fold_of_block[static_cast<std::size_t>(block_of_cell[c])];
   if (rows.pairs) return fold;
   const Cells& cells = rows.problem.cells;
   for (int l = 0; l < rows.problem.landmark_count(); ++l)
@@ -129,7 +136,8 @@ std::vector<int> blocks_of(const Rows& rows, BlockKind kind) {
   } else {
     std::map<double, int> batch;
     for (std::size_t c = 0; c < block.size(); ++c) {
-      const double d = -rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].commanded.x_m;
+      const double d =
+          -rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].commanded.x_m;
       block[c] = batch.emplace(d, static_cast<int>(batch.size())).first->second;
     }
     if (batch.size() < 5 || batch.size() > block.size() / 3) {
@@ -137,7 +145,8 @@ std::vector<int> blocks_of(const Rows& rows, BlockKind kind) {
       std::vector<int> order(block.size());
       std::iota(order.begin(), order.end(), 0);
       if (rows.context.duration_s > 0.0)
-        std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return rows.time_s[a] < rows.time_s[b]; });
+        std::stable_sort(order.begin(), order.end(),
+                         [&](int a, int b) { return rows.time_s[a] < rows.time_s[b]; });
       for (std::size_t rank = 0; rank < order.size(); ++rank)
         block[static_cast<std::size_t>(order[rank])] = static_cast<int>(rank * parts / order.size());
     }

@@ -7,20 +7,22 @@
 
 namespace rangecal::diagnosis {
 
-/// The rows without the cells marked `out`; stops, landmarks and the context stay, so that effects mean the same.
+/// The rows without the cells marked `out`; stops, landmarks and the context stay, so that effects mean the
+/// same.
 Rows without_cells(const Rows& rows, const std::vector<char>& out);
 
-/// l_s of the readings under `model` at the given calibration and parameters, stops integrated by Laplace's method
-/// [nats]; NaN if the stops have no optimum. `state` gets the stops' optimum.
+/// l_s of the readings under `model` at the given calibration and parameters, stops integrated by Laplace's
+/// method [nats]; NaN if the stops have no optimum. `state` gets the stops' optimum.
 double laplace_value(const Rows& rows, const Model& model, JointState& state);
 
-/// Fold of every cell, 0 .. folds-1, from the cells' blocks: blocks are ordered by a hash of their index and dealt out
-/// in turn. A landmark keeps at least three cells (or all it has) in every training part: -1 marks cells never left out.
+/// Fold of every cell, 0 .. folds-1, from the cells' blocks: blocks are ordered by a hash of their index and
+/// dealt out in turn. A landmark keeps at least three cells (or all it has) in every training part: -1 marks
+/// cells never left out.
 std::vector<int> folds_of(const Rows& rows, const std::vector<int>& block_of_cell, int folds);
 
 enum class BlockKind { cells, stops, batches };
-/// FORMAT's held-out blocks, numbered from 0: cells, stops, or for pairs batches (readings at one distance, else 25
-/// parts of the run).
+/// FORMAT's held-out blocks, numbered from 0: cells, stops, or for pairs batches (readings at one distance,
+/// else 25 parts of the run).
 std::vector<int> blocks_of(const Rows& rows, BlockKind kind);
 
 }  // namespace rangecal::diagnosis

@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/twins.hpp"
 
-#include <boost/math/distributions/normal.hpp>
 #include <algorithm>
+#include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <numeric>
 
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double invisible = 4.0;        ///< noncentrality at the typical size below which nothing shows
-constexpr double absorbed_part = 3e-3;   ///< of the information
+constexpr double invisible = 4.0;       ///< noncentrality at the typical size below which nothing shows
+constexpr double absorbed_part = 3e-3;  ///< of the information
 constexpr double twin_cosine = 0.999;
 constexpr double named_share = 0.2;
 
-double normal_quantile(double p) { return boost::math::quantile(boost::math::normal_distribution<double>(), p); }
+double normal_quantile(double p) {
+  return boost::math::quantile(boost::math::normal_distribution<double>(), p);
+}
 double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
 double two_sided_limit(double rate, double questions) {
@@ -27,7 +29,8 @@ bool absorbed(const TypicalEffect& typical) {
   return d.raw > 25.0 && typical.noncentrality < invisible && d.information < absorbed_part * d.raw;
 }
 
-/// The calibration's unknowns that take more than a fifth of what x does to the readings (in noise-weighted norm).
+/// The calibration's unknowns that take more than a fifth of what x does to the readings (in noise-weighted
+/// norm).
 std::vector<std::string> takers(const Space& space, const Signature& x) {
   const Projector& projector = space.projector();
   const JointLayout& layout = projector.system().layout();
@@ -50,7 +53,8 @@ std::vector<std::string> takers(const Space& space, const Signature& x) {
     for (int i = 0; i < projector.cells(); ++i) part.range[i] *= g.d[static_cast<std::size_t>(i)];
   }
   if (space.rows().pairs) return names;
-  std::vector<Eigen::Vector3d> moved(static_cast<std::size_t>(space.rows().problem.stop_count()), Eigen::Vector3d::Zero());
+  std::vector<Eigen::Vector3d> moved(static_cast<std::size_t>(space.rows().problem.stop_count()),
+                                     Eigen::Vector3d::Zero());
   for (std::size_t k = 0; k < moved.size(); ++k) {
     const JointLayout::Node& node = layout.nodes[static_cast<std::size_t>(layout.node_of_stop[k])];
     if (node.free_position) moved[k].head<2>() = stops.segment<2>(static_cast<Eigen::Index>(node.coordinate));
@@ -79,7 +83,8 @@ double detection_power(double noncentrality, double rate, double questions) {
   return normal_cdf(shift - limit) + normal_cdf(-shift - limit);
 }
 
-std::vector<std::vector<std::string>> find_twins(const Space& space, const std::vector<TypicalEffect>& effects) {
+std::vector<std::vector<std::string>> find_twins(const Space& space,
+                                                 const std::vector<TypicalEffect>& effects) {
   struct Entry {
     std::string name;
     Space::Direction direction;
@@ -87,18 +92,22 @@ std::vector<std::vector<std::string>> find_twins(const Space& space, const std::
   };
   std::vector<Entry> entries;
   if (!space.rows().pairs) {
-    const std::vector<Eigen::Vector3d> turned(static_cast<std::size_t>(space.rows().problem.stop_count()), Eigen::Vector3d(0.0, 0.0, 0.01));
+    const std::vector<Eigen::Vector3d> turned(static_cast<std::size_t>(space.rows().problem.stop_count()),
+                                              Eigen::Vector3d(0.0, 0.0, 0.01));
     entries.push_back({"heading_zero", space.of_signature(space.projector().of_stops(turned)), false, true});
   }
   for (const TypicalEffect& typical : effects)
     if (typical.direction.raw > 0.0 && typical.direction.range_variance.size() == 0)
-      entries.push_back({typical.active.effect->info().id, typical.direction, absorbed(typical), typical.active.effect->acts_on_stops()});
-  // Groups of collinear signatures: compared as they stand where both are absorbed, else by what is left of them.
+      entries.push_back({typical.active.effect->info().id, typical.direction, absorbed(typical),
+                         typical.active.effect->acts_on_stops()});
+  // Groups of collinear signatures: compared as they stand where both are absorbed, else by what is left of
+  // them.
   std::vector<std::size_t> group(entries.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
   const auto raw_inner = [&](const Signature& a, const Signature& b) {
     const Projector& p = space.projector();
-    double sum = a.range.cwiseProduct(p.range_information).dot(b.range) + a.bearing.cwiseProduct(p.bearing_information).dot(b.bearing);
+    double sum = a.range.cwiseProduct(p.range_information).dot(b.range) +
+                 a.bearing.cwiseProduct(p.bearing_information).dot(b.bearing);
     if (a.within() && b.within())
       sum += a.range_rows.cwiseProduct(p.row_range_information).dot(b.range_rows) +
              a.bearing_rows.cwiseProduct(p.row_bearing_information).dot(b.bearing_rows);
@@ -107,7 +116,8 @@ std::vector<std::vector<std::string>> find_twins(const Space& space, const std::
   for (std::size_t a = 0; a < entries.size(); ++a)
     for (std::size_t b = 0; b < a; ++b) {
       Space::Direction x = entries[a].direction, y = entries[b].direction;
-      if (entries[a].of_stops != entries[b].of_stops) {  // a stop is modelled as at rest: what goes on within it tells nothing
+      if (entries[a].of_stops !=
+          entries[b].of_stops) {  // a stop is modelled as at rest: what goes on within it tells nothing
         for (Space::Direction* d : {&x, &y}) {
           d->mean.range_rows.resize(0);
           d->mean.bearing_rows.resize(0);
@@ -118,7 +128,8 @@ std::vector<std::vector<std::string>> find_twins(const Space& space, const std::
       double cosine = std::abs(raw_inner(x.mean, y.mean)) / std::sqrt(std::max(1e-300, raw_x * raw_y));
       const bool either_absorbed = entries[a].absorbed || entries[b].absorbed;
       if (!either_absorbed && x.information > 1e-3 && y.information > 1e-3)
-        cosine = std::max(cosine > 1.0 - 1e-6 ? 1.0 : 0.0, std::abs(space.inner(x, y)) / std::sqrt(x.information * y.information));
+        cosine = std::max(cosine > 1.0 - 1e-6 ? 1.0 : 0.0,
+                          std::abs(space.inner(x, y)) / std::sqrt(x.information * y.information));
       else if (either_absorbed && !(entries[a].absorbed && entries[b].absorbed))
         cosine = 0.0;
       if (cosine <= (either_absorbed ? 1.0 - 1e-6 : twin_cosine)) continue;

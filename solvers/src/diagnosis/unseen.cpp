@@ -11,7 +11,8 @@ namespace {
 std::pair<std::string, double> size_of(const Space& space, const TypicalEffect& typical, double factor) {
   const ActiveEffect active = scaled(typical, factor);
   if (typical.index >= 0)
-    return {active.effect->info().parameters[static_cast<std::size_t>(typical.index)].name, active.parameters[typical.index]};
+    return {active.effect->info().parameters[static_cast<std::size_t>(typical.index)].name,
+            active.parameters[typical.index]};
   const auto values = active.effect->reported(space.rows().context, active.parameters.data());
   for (const auto& value : values)  // the first that says anything
     if (value.second != 0.0) return value;
@@ -21,7 +22,9 @@ std::pair<std::string, double> size_of(const Space& space, const TypicalEffect& 
 bool within_bounds(const ActiveEffect& active) {
   const auto& parameters = active.effect->info().parameters;
   for (std::size_t j = 0; j < parameters.size(); ++j)
-    if (!parameters[j].discrete && std::abs(active.parameters[static_cast<Eigen::Index>(j)]) > 1.0001 * std::max(std::abs(parameters[j].high), std::abs(parameters[j].low)))
+    if (!parameters[j].discrete &&
+        std::abs(active.parameters[static_cast<Eigen::Index>(j)]) >
+            1.0001 * std::max(std::abs(parameters[j].high), std::abs(parameters[j].low)))
       return false;
   return true;
 }
@@ -35,7 +38,8 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
     const double factor = std::sqrt(threshold / mean);
     return within_bounds(scaled(typical, factor)) ? std::optional(factor) : std::nullopt;
   }
-  if (scaled(typical, 2.0).parameters == typical.active.parameters) return std::nullopt;  // its size is not free
+  if (scaled(typical, 2.0).parameters == typical.active.parameters)
+    return std::nullopt;  // its size is not free
   double low = 1.0, high = 1.0;
   const auto at = [&](double factor) {
     const ActiveEffect active = scaled(typical, factor);
@@ -64,7 +68,8 @@ std::vector<TypicalEffect> catalogue_of(const Space& space) {
   return effects;
 }
 
-std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEffect>& effects, double threshold) {
+std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEffect>& effects,
+                                double threshold) {
   std::vector<Unseen> unseen;
   for (const TypicalEffect& typical : effects) {
     if (typical.noncentrality >= threshold) continue;
@@ -72,12 +77,14 @@ std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEff
     entry.effect = typical.active.effect->info().id;
     const auto [name, value] = size_of(space, typical, 1.0);
     entry.typical[name] = value;
-    if (const auto factor = factor_to(space, typical, threshold)) entry.detectable = size_of(space, typical, *factor).second;
+    if (const auto factor = factor_to(space, typical, threshold))
+      entry.detectable = size_of(space, typical, *factor).second;
     entry.harm_m = harm_of(space, typical);
     entry.settled_by = typical.active.effect->info().settled_by;
     unseen.push_back(std::move(entry));
   }
-  std::stable_sort(unseen.begin(), unseen.end(), [](const Unseen& a, const Unseen& b) { return a.harm_m > b.harm_m; });
+  std::stable_sort(unseen.begin(), unseen.end(),
+                   [](const Unseen& a, const Unseen& b) { return a.harm_m > b.harm_m; });
   return unseen;
 }
 

@@ -15,9 +15,11 @@ struct CellStatistic {
   double mean = 0.0, mean_square = 0.0, weight = 0.0, constant = 0.0;
 };
 
-/// y_i = mu + e_i (+ u): e AR(1) with correlation rho and variances s^2 m_i, u shared with variance s^2 ratio.
-/// Weighted so that  n log s + weight ((mean - mu)^2 + mean_square) / (2 s^2) + constant  is the exact NLL.
-CellStatistic cell_statistic(const double* y, const double* multiplier, int count, double rho, double shared_ratio) {
+/// y_i = mu + e_i (+ u): e AR(1) with correlation rho and variances s^2 m_i, u shared with variance s^2
+/// ratio. Weighted so that  n log s + weight ((mean - mu)^2 + mean_square) / (2 s^2) + constant  is the exact
+/// NLL.
+CellStatistic cell_statistic(const double* y, const double* multiplier, int count, double rho,
+                             double shared_ratio) {
   CellStatistic cell;
   double one_sq = 0.0, one_y = 0.0;
   std::vector<double> white_one(count), white_y(count);
@@ -51,14 +53,17 @@ CellStatistic cell_statistic(const double* y, const double* multiplier, int coun
   return cell;
 }
 
-/// Weights (nu + 1) / (nu + z^2) of the rows at residuals z, and what the Student-t NLL differs by from the weighted one.
+/// Weights (nu + 1) / (nu + z^2) of the rows at residuals z, and what the Student-t NLL differs by from the
+/// weighted one.
 double student_weights(double nu, double z, double& multiplier) {
   const double weight = (nu + 1.0) / (nu + z * z);
   multiplier *= 1.0 / weight;
-  const double normaliser = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
+  const double normaliser =
+      std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
   const double student = -normaliser + 0.5 * (nu + 1.0) * std::log1p(z * z / nu);
   const double weighted = 0.5 * weight * z * z + 0.5 * std::log(2.0 * std::numbers::pi);
-  return student - weighted + 0.5 * std::log(weight);  // cell_statistic adds 1/2 log multiplier = -1/2 log weight
+  return student - weighted +
+         0.5 * std::log(weight);  // cell_statistic adds 1/2 log multiplier = -1/2 log weight
 }
 
 /// The same for a contaminated normal: a share has variance 1 + extra^2 in units of the spread.
@@ -73,10 +78,12 @@ double contaminated_weights(double share, double extra, double z, double& multip
 
 }  // namespace
 
-Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row) {
+Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
+                               std::size_t row) {
   for (const ActiveEffect& active : model) {
     if (active.effect->info().kind != EffectKind::tail) continue;
-    const Contamination own = active.effect->contamination(view_of(rows, geometry, row), active.parameters.data());
+    const Contamination own =
+        active.effect->contamination(view_of(rows, geometry, row), active.parameters.data());
     if (own.share > 0.0) return own;
   }
   return {};
@@ -85,7 +92,8 @@ Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, c
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model) {
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   RowChanges changes;
-  for (auto* column : {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
+  for (auto* column :
+       {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
     *column = Eigen::VectorXd::Zero(n);
   for (const ActiveEffect& active : model) {
     if (active.effect->noise_before_reciprocal() || active.effect->info().kind == EffectKind::grid) continue;
@@ -117,10 +125,12 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   double nu = std::numeric_limits<double>::infinity();
   bool reciprocal = false;
   for (const ActiveEffect& active : model) {
-    if (active.effect->info().kind == EffectKind::grid) continue;  // the spread as estimated holds its variance
+    if (active.effect->info().kind == EffectKind::grid)
+      continue;  // the spread as estimated holds its variance
     const Dependence own = active.effect->dependence(active.parameters.data());
     dependence.range_cell_sigma_m = std::hypot(dependence.range_cell_sigma_m, own.range_cell_sigma_m);
-    dependence.bearing_cell_sigma_rad = std::hypot(dependence.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
+    dependence.bearing_cell_sigma_rad =
+        std::hypot(dependence.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
     dependence.range_correlation += own.range_correlation;
     dependence.bearing_correlation += own.bearing_correlation;
     nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
@@ -136,11 +146,13 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     bearing.resize(count);
     range_multiplier.resize(count);
     bearing_multiplier.resize(count);
-    const double s = geometry.spread[cell], sigma_theta = state.sigma_theta_rad, home = geometry.bearing[cell];
+    const double s = geometry.spread[cell], sigma_theta = state.sigma_theta_rad,
+                 home = geometry.bearing[cell];
     for (int j = 0; j < count; ++j) {
       const int i = begin + j;
       range[j] = rows.range_m[i] - changes.range[i];
-      if (reciprocal && range[j] > 0.0) {  // 1/y ~ N(1/f, (s/f^2)^2): f^2 (1/f - 1/y) has spread s, dx = dy / y^2
+      if (reciprocal &&
+          range[j] > 0.0) {  // 1/y ~ N(1/f, (s/f^2)^2): f^2 (1/f - 1/y) has spread s, dx = dy / y^2
         const double f = geometry.f[cell];
         working.constant += 2.0 * (std::log(range[j]) - std::log(f));
         range[j] = 2.0 * f - f * f / range[j];
@@ -162,15 +174,15 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     }
     const double range_ratio = std::pow(dependence.range_cell_sigma_m / s, 2);
     const double bearing_ratio = std::pow(dependence.bearing_cell_sigma_rad / sigma_theta, 2);
-    const CellStatistic r =
-        cell_statistic(range.data(), range_multiplier.data(), count, dependence.range_correlation, range_ratio);
+    const CellStatistic r = cell_statistic(range.data(), range_multiplier.data(), count,
+                                           dependence.range_correlation, range_ratio);
     c.range_mean[cell] = r.mean;
     c.range_mean_square[cell] = r.mean_square;
     c.range_weight[cell] = r.weight;
     working.constant += r.constant;
     if (rows.pairs) continue;
-    const CellStatistic b =
-        cell_statistic(bearing.data(), bearing_multiplier.data(), count, dependence.bearing_correlation, bearing_ratio);
+    const CellStatistic b = cell_statistic(bearing.data(), bearing_multiplier.data(), count,
+                                           dependence.bearing_correlation, bearing_ratio);
     c.bearing_mean[cell] = wrap_angle(home + b.mean);
     c.bearing_mean_square[cell] = b.mean_square;
     c.bearing_weight[cell] = b.weight;
@@ -179,7 +191,8 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   return working;
 }
 
-Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active, int index) {
+Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,
+                           int index) {
   const EffectParameter& info = active.effect->info().parameters[index];
   const double step = 1e-3 * std::max(std::abs(info.typical), 1e-9);
   ActiveEffect up = active, down = active;
@@ -220,7 +233,8 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     active.effect->stops(rows.context, down.parameters.data(), low);
     std::vector<Eigen::Vector3d> moved(high.size());
     for (std::size_t k = 0; k < high.size(); ++k)
-      moved[k] = Eigen::Vector3d(high[k].commanded.x_m - low[k].commanded.x_m, high[k].commanded.y_m - low[k].commanded.y_m,
+      moved[k] = Eigen::Vector3d(high[k].commanded.x_m - low[k].commanded.x_m,
+                                 high[k].commanded.y_m - low[k].commanded.y_m,
                                  high[k].commanded.heading_rad - low[k].commanded.heading_rad) /
                  (2.0 * step);
     const Signature stops = projector.of_stops(moved);

@@ -16,15 +16,18 @@ struct ActiveEffect {
 };
 using Model = std::vector<ActiveEffect>;
 
-/// The seed model's problem on readings from which the model's effects were taken: corrected cell means, weights for
-/// changed variances and dependence, moved stops; `constant` completes its NLL to that of the readings themselves.
+/// The seed model's problem on readings from which the model's effects were taken: corrected cell means,
+/// weights for changed variances and dependence, moved stops; `constant` completes its NLL to that of the
+/// readings themselves.
 struct WorkingProblem {
   JointProblem problem;
   double constant = 0.0;
-  Eigen::VectorXd range, bearing;   ///< corrected readings per row; bearings relative to the cell's predicted one
+  Eigen::VectorXd range,
+      bearing;  ///< corrected readings per row; bearings relative to the cell's predicted one
 };
 
-/// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new state.
+/// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new
+/// state.
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);
 
 /// Per-row change of all of the model's effects.
@@ -34,10 +37,13 @@ struct RowChanges {
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
 
 /// The contaminated law of a row under the model's tail effects; share 0 for none.
-Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row);
+Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
+                               std::size_t row);
 
-/// Derivative of the readings with respect to parameter `index` of `active`, stops included, by central differences.
-Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active, int index);
+/// Derivative of the readings with respect to parameter `index` of `active`, stops included, by central
+/// differences.
+Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,
+                           int index);
 
 /// Derivative of the log variances of the rows (range, bearing) with respect to it; zero if it has none.
 void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,

@@ -30,7 +30,8 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
     }
     const Eigen::VectorXd step = system.back_substitute(still, true);
     const double decrement_sq = -system.stop_gradient().dot(step);
-    if (decrement_sq < 1e-18 * (1.0 + step.size()) && kind == HessianKind::exact && damping == 0.0) return nll;
+    if (decrement_sq < 1e-18 * (1.0 + step.size()) && kind == HessianKind::exact && damping == 0.0)
+      return nll;
     const JointState trial = step_state(system.problem(), system.layout(), state, still, step);
     const HessianKind next_kind = decrement_sq < 1.0 + 0.1 * step.size() ? HessianKind::exact : kind;
     const double trial_nll = system.assemble(trial, next_kind);
@@ -40,7 +41,8 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
       nll = trial_nll;
       kind = next_kind;
       damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
-      if (decrement_sq < 1e-11 && kind == HessianKind::exact) {  // Newton's last step: its square is below rounding
+      if (decrement_sq < 1e-11 &&
+          kind == HessianKind::exact) {  // Newton's last step: its square is below rounding
         if (!system.eliminate()) return infinity;
         return nll;
       }
@@ -63,7 +65,8 @@ double laplace_nll(const JointSystem& system, double joint_nll) {
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state) {
   LaplaceValue value;
   value.state = state;
-  JointSystem system(problem, static_cast<int>(state.alpha.size()), static_cast<int>(state.noise.parameters.size()));
+  JointSystem system(problem, static_cast<int>(state.alpha.size()),
+                     static_cast<int>(state.noise.parameters.size()));
   int evaluations = 0;
   value.joint_nll = settle_stops(system, value.state, evaluations);
   value.ok = std::isfinite(value.joint_nll);

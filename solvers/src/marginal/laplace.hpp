@@ -5,8 +5,9 @@
 
 namespace rangecal {
 
-/// Moves the stops of `state` to their conditional optimum and leaves `system` assembled (exact) and eliminated
-/// there. Returns the joint NLL, or +infinity if no positive definite optimum was found. Adds to `evaluations`.
+/// Moves the stops of `state` to their conditional optimum and leaves `system` assembled (exact) and
+/// eliminated there. Returns the joint NLL, or +infinity if no positive definite optimum was found. Adds to
+/// `evaluations`.
 double settle_stops(JointSystem& system, JointState& state, int& evaluations);
 
 /// Laplace's marginal NLL from a settled system.

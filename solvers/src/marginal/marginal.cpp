@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <boost/math/tools/minima.hpp>
-
 #include <cmath>
 #include <limits>
 
@@ -16,8 +15,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// The REML criterion l_s + 1/2 log det A, minimised over all but sigma_s, as a function of sigma_s [m]. `options`
-/// without a free sigma_s. Starts where the last value ended; +infinity where there is no optimum.
+/// The REML criterion l_s + 1/2 log det A, minimised over all but sigma_s, as a function of sigma_s [m].
+/// `options` without a free sigma_s. Starts where the last value ended; +infinity where there is no optimum.
 class SigmaSProfile {
  public:
   SigmaSProfile(const JointProblem& problem, JointState state, const MarginalOptions& options)
@@ -30,7 +29,8 @@ class SigmaSProfile {
     const Held& held = options_.held;
     if (!marginal.minimise(at, held, 1e-2)) return infinity;
     for (int renewal = 0; renewal < 2 && !held.sigmas; ++renewal)
-      if (!marginal.renew_slopes(at, held, renewal == 0) || !marginal.minimise(at, held, 1e-5)) return infinity;
+      if (!marginal.renew_slopes(at, held, renewal == 0) || !marginal.minimise(at, held, 1e-5))
+        return infinity;
     const double value = marginal.marginal_nll + marginal.half_log_det_phi(held);
     if (std::isfinite(value)) state_ = at;
     return value;
@@ -43,7 +43,8 @@ class SigmaSProfile {
   MarginalOptions options_;
 };
 
-constexpr double no_sigma_s = 1e-6;  ///< [m]: below any resolution of the data, the stops stand where commanded
+constexpr double no_sigma_s =
+    1e-6;  ///< [m]: below any resolution of the data, the stops stand where commanded
 
 /// Largest sigma_s at which the profile has risen by 1.645^2 / 2: the one-sided 95 % limit.
 std::optional<double> upper_limit(SigmaSProfile& profile) {
@@ -61,20 +62,22 @@ std::optional<double> upper_limit(SigmaSProfile& profile) {
   return std::sqrt(low * high);
 }
 
-/// sigma_s at the minimum of the profile, no_sigma_s where it falls to the end. A fixed point in the slopes creeps here:
-/// slope and likelihood pull sigma_s against each other, and nearly cancel wherever it is small.
+/// sigma_s at the minimum of the profile, no_sigma_s where it falls to the end. A fixed point in the slopes
+/// creeps here: slope and likelihood pull sigma_s against each other, and nearly cancel wherever it is small.
 double search_sigma_s(SigmaSProfile& profile) {
   const auto cost = [&](double log_sigma) {
     const double value = profile(std::exp(log_sigma));
     return std::isfinite(value) ? value : 1e100;
   };
-  const auto [log_sigma, value] = boost::math::tools::brent_find_minima(cost, std::log(1e-5), std::log(1.0), 26);
+  const auto [log_sigma, value] =
+      boost::math::tools::brent_find_minima(cost, std::log(1e-5), std::log(1.0), 26);
   return profile(no_sigma_s) <= value + 1e-7 ? no_sigma_s : std::exp(log_sigma);
 }
 
 }  // namespace
 
-MarginalFit solve_marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options) {
+MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
+                           const MarginalOptions& options) {
   MarginalFit fit;
   fit.state = start;
   if (options.estimate_sigma_s && !fit.state.sigma_s_m) fit.state.sigma_s_m = 0.02;
@@ -101,8 +104,10 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     }
   }
   bool converged = false;
-  double change = infinity;  // of the slopes, relative; a free sigma_s may be weakly determined and needs them closer
-  const double enough = options.estimate_sigma_s ? 1e-5 : 1e-4, polish_above = options.estimate_sigma_s ? 0.0 : 1e-3;
+  double change =
+      infinity;  // of the slopes, relative; a free sigma_s may be weakly determined and needs them closer
+  const double enough = options.estimate_sigma_s ? 1e-5 : 1e-4,
+               polish_above = options.estimate_sigma_s ? 0.0 : 1e-3;
   // A first guess of the slopes saves a solve; where it cannot be had, they start at zero.
   if (!options.held.sigmas) marginal.renew_slopes(fit.state, options.held, false);
   for (int outer = 0; outer < options.max_outer; ++outer) {
@@ -115,8 +120,8 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     }
     const Eigen::VectorXd before = marginal.slopes();
     if (!marginal.renew_slopes(fit.state, options.held, change > polish_above)) break;
-    // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6 nats moves
-    // a log sigma by 1e-6 / (2 N): far below its standard deviation.
+    // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6
+    // nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
     change = (marginal.slopes() - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm());
     converged = change < enough && outer > 0;
   }
@@ -128,8 +133,10 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
   fit.evaluations = marginal.evaluations;
   fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
   if (!converged)
-    fit.reason = fmt::format("no fixed point after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
-  describe_covariance(marginal.hessian(fit.state), marginal.layout(), free_globals(marginal.layout(), options.held), fit);
+    fit.reason = fmt::format("no fixed point after {} iterations; gradient norm {:.1e}", fit.iterations,
+                             fit.gradient_norm);
+  describe_covariance(marginal.hessian(fit.state), marginal.layout(),
+                      free_globals(marginal.layout(), options.held), fit);
   return fit;
 }
 

@@ -20,8 +20,8 @@ class Marginal {
   Marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options)
       : problem_(problem),
         options_(options),
-        system_(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()),
-                options.estimate_sigma_s),
+        system_(problem, static_cast<int>(start.alpha.size()),
+                static_cast<int>(start.noise.parameters.size()), options.estimate_sigma_s),
         slopes_(Eigen::VectorXd::Zero(layout().sigma_count())),
         polish_(slopes_) {}
 
@@ -31,14 +31,16 @@ class Marginal {
   int evaluations = 0, iterations = 0;
   double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
 
-  /// Value of l_s + slopes . (logs of) sigma at `state`, whose stops are close to their conditional optimum: what is
-  /// left is taken to first order from their decrement. Where they are not close they are settled first.
+  /// Value of l_s + slopes . (logs of) sigma at `state`, whose stops are close to their conditional optimum:
+  /// what is left is taken to first order from their decrement. Where they are not close they are settled
+  /// first.
   double value(JointState& state, double close = 1e-3) {
     joint_nll = system_.assemble(state, HessianKind::exact);
     ++evaluations;
     if (!std::isfinite(joint_nll)) return infinity;
     bool good = system_.eliminate();
-    stop_decrement_sq_ = good ? system_.stop_gradient().dot(system_.solve_stops(system_.stop_gradient())) : infinity;
+    stop_decrement_sq_ =
+        good ? system_.stop_gradient().dot(system_.solve_stops(system_.stop_gradient())) : infinity;
     if (!good || stop_decrement_sq_ > close) {
       joint_nll = settle_stops(system_, state, evaluations);
       if (!std::isfinite(joint_nll)) return infinity;
@@ -57,8 +59,8 @@ class Marginal {
     return h;
   }
 
-  /// Newton's method from `state` over the globals not held, the stops moving along. True if the gradient at `state`
-  /// fell below the tolerance.
+  /// Newton's method from `state` over the globals not held, the stops moving along. True if the gradient at
+  /// `state` fell below the tolerance.
   bool minimise(JointState& state, const Held& held, double tolerance) {
     const std::vector<int> free = free_globals(layout(), held);
     double current = value(state);
@@ -71,7 +73,8 @@ class Marginal {
       if (!step) return false;
       const double decrement_sq = -gradient.dot(*step);
       gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
-      if (gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance)) return true;
+      if (gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance))
+        return true;
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
@@ -80,7 +83,8 @@ class Marginal {
       for (double factor = 1.0; factor > 1e-6; factor *= 0.5) {
         JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
         const double trial_value = value(trial);
-        if (std::isfinite(trial_value) && trial_value <= current + slack + 0.3 * std::sqrt(stop_decrement_sq_)) {
+        if (std::isfinite(trial_value) &&
+            trial_value <= current + slack + 0.3 * std::sqrt(stop_decrement_sq_)) {
           std::swap(state, trial);
           current = trial_value;
           accepted = true;
@@ -106,10 +110,10 @@ class Marginal {
     return factor.matrixLLT().diagonal().array().log().sum();
   }
 
-  /// d(1/2 log det A)/dsigma along phi-hat(sigma), by central differences. phi-hat and the stops are predicted to first
-  /// order (what the prediction leaves out is even in the step and cancels). A without the log-determinant's own part
-  /// predicts phi-hat only roughly: `polish` puts it right by one Newton step and keeps the difference that this made,
-  /// which changes little with sigma, for the renewals after it.
+  /// d(1/2 log det A)/dsigma along phi-hat(sigma), by central differences. phi-hat and the stops are
+  /// predicted to first order (what the prediction leaves out is even in the step and cancels). A without the
+  /// log-determinant's own part predicts phi-hat only roughly: `polish` puts it right by one Newton step and
+  /// keeps the difference that this made, which changes little with sigma, for the renewals after it.
   bool renew_slopes(const JointState& at, const Held& held, bool polish) {
     Held phi_only = held;
     phi_only.sigmas = true;
@@ -125,7 +129,8 @@ class Marginal {
         globals[layout().phi_count + j] = sign * step_of(at, j);
         const Eigen::VectorXd pull = schur.col(layout().phi_count + j) * globals[layout().phi_count + j];
         if (const auto follow = newton_step(schur, pull, phi)) globals += *follow;
-        moved.push_back(step_state(problem_, layout(), home, globals, system_.back_substitute(globals, false)));
+        moved.push_back(
+            step_state(problem_, layout(), home, globals, system_.back_substitute(globals, false)));
       }
     for (int j = 0; j < slopes_.size(); ++j) {
       double half_log_det[2], predicted[2];
