@@ -130,7 +130,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     const Fit before = refit(raw, {}, found.baseline.state, RefitOptions{});
     if (before.ok) found.baseline.nll = before.nll;
   }
-  Diagnosis result = assemble_report(rows, recordings, found, options);
+  Diagnosis result = assemble_report(rows, recordings, found);
   for (Explanation& e : result.explanations)
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   const std::optional<GenericModel> generic = add_generic(rows, found, result);

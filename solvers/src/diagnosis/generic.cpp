@@ -291,8 +291,4 @@ GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, cons
   return model;
 }
 
-GenericCurve fit_generic(const Rows& rows, const SearchResult& found) {
-  return fit_generic_model(rows, found, {}).curve;
-}
-
 }  // namespace rangecal::diagnosis

@@ -159,8 +159,8 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   return c;
 }
 
-Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recordings, const SearchResult& found,
-                          const DiagnoseOptions& options) {
+Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recordings,
+                          const SearchResult& found) {
   Diagnosis result;
   result.verdict = found.verdict;
   result.alarm_p_value = found.alarm_p;
@@ -258,7 +258,6 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     const std::string missing = effect->missing(rows.context);
     if (!missing.empty()) result.notes.push_back(effect->info().id + " cannot be judged: " + missing);
   }
-  (void)options;
   return result;
 }
 

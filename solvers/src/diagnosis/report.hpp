@@ -8,8 +8,7 @@
 namespace rangecal::diagnosis {
 
 /// What the user reads, from what the search found.
-Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recordings, const SearchResult& found,
-                          const DiagnoseOptions& options);
+Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recordings, const SearchResult& found);
 
 /// Parameters of all effects of a fit as the user reads them, with 95 % intervals by the delta method.
 std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit);
@@ -23,6 +22,5 @@ struct GenericCurve {
   double gain = 0.0;                           ///< nats
   Eigen::VectorXd row_change;                  ///< per row, in the finding's channel
 };
-GenericCurve fit_generic(const Rows& rows, const SearchResult& found);
 
 }  // namespace rangecal::diagnosis

@@ -83,13 +83,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
       continue;
     for (const Question& q : battery.questions) {
       if (q.effect) continue;
-      const bool same_channel =
-          q.channel == info.channel ||
-          (info.kind != EffectKind::mean &&
-           q.channel.substr(0, q.channel.find('_')) == info.channel.substr(0, info.channel.find('_')) &&
-           q.channel.find('_') != std::string::npos &&
-           q.channel.substr(q.channel.find('_')) ==
-               info.channel.substr(info.channel.find('_') == std::string::npos ? 0 : info.channel.find('_')));
+      const bool same_channel = q.channel == info.channel;
       const bool any_channel =
           info.kind == EffectKind::dependence && q.channel.find("_dependence") != std::string::npos;
       const bool any_tail = info.kind == EffectKind::tail && q.channel.find("_tail") != std::string::npos;

@@ -12,15 +12,6 @@ namespace {
 constexpr int most_starts = 12;  ///< points of a start grid that are looked at
 constexpr double absorbed_share = 1e-9;
 
-/// The model's problem with the spreads in the weights.
-WorkingProblem with_held_spreads(const Rows& rows, const Model& model, const JointState& state,
-                                 const CellGeometry& geometry) {
-  WorkingProblem working = working_problem(rows, model, state);
-  for (std::size_t c = 0; c < geometry.spread.size(); ++c)
-    working.problem.cells.range_weight[c] /= geometry.spread[c] * geometry.spread[c];
-  return working;
-}
-
 void scale(double factor, Space::Direction& d) {
   d.mean.range *= factor;
   d.mean.bearing *= factor;
@@ -31,23 +22,14 @@ void scale(double factor, Space::Direction& d) {
   d.bearing_variance *= factor;
 }
 
-JointState with_unit_spread(JointState state) {
-  state.noise.law = NoiseLaw::constant;
-  state.noise.parameters = Eigen::VectorXd::Ones(1);
-  return state;
-}
-
 }  // namespace
 
 Space::Space(const Rows& rows, const Model& model, const JointState& state)
     : rows_(rows),
       model_(model),
       geometry_(cell_geometry(rows, state)),
-      working_(with_held_spreads(rows, model, state, geometry_)),
-      projector_(rows, working_.problem, with_unit_spread(state)) {
-  for (Eigen::Index i = 0; i < projector_.row_range_information.size(); ++i)
-    projector_.row_range_information[i] /=
-        std::pow(geometry_.spread[static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)])], 2);
+      working_(working_problem(rows, model, state)),
+      projector_(rows, working_.problem, state) {
   std::vector<Direction> active;
   for (const ActiveEffect& effect : model)
     for (int j = 0; j < static_cast<int>(effect.parameters.size()); ++j) {

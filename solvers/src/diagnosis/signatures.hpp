@@ -58,7 +58,7 @@ class Space {
   const Rows& rows_;
   Model model_;
   CellGeometry geometry_;
-  WorkingProblem working_;  ///< its weights hold the spreads; sigma is 1 m
+  WorkingProblem working_;
   Projector projector_;
   std::vector<Direction> active_;  ///< orthonormal
   std::set<std::string> muted_;
