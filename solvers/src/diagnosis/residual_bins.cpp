@@ -12,58 +12,6 @@ namespace {
 
 constexpr int bin_count = 12;
 
-/// Residuals and their expected variances, per reading and channel.
-struct Residuals {
-  Eigen::ArrayXd range, bearing, range_variance, bearing_variance;
-};
-
-Residuals residuals_of(const Rows& rows, const WorkingProblem& working, const CellGeometry& geometry,
-                       const RowChanges& changes, double sigma_theta_rad) {
-  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  Residuals r;
-  r.range = working.range.array();
-  r.bearing = working.bearing.array();
-  r.range_variance.resize(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const int cell = rows.cell[i];
-    r.range[i] -= geometry.f[cell];
-    r.range_variance[i] = geometry.spread[cell] * geometry.spread[cell];
-  }
-  r.range_variance *= changes.range_log_variance.array().exp();
-  r.bearing_variance = sigma_theta_rad * sigma_theta_rad * changes.bearing_log_variance.array().exp();
-  return r;
-}
-
-Residuals residuals_of(const Rows& rows, const Fit& fit) {
-  const CellGeometry geometry = cell_geometry(rows, fit.state);
-  return residuals_of(rows, working_problem(rows, fit.model, fit.state), geometry,
-                      row_changes(rows, geometry, fit.model), fit.state.sigma_theta_rad);
-}
-
-/// The covariate of every reading; nothing where the readings have no place along it.
-std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& g,
-                                                const std::string& name) {
-  Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
-  const auto fill = [&](auto value) {
-    for (Eigen::Index i = 0; i < x.size(); ++i) x[i] = value(static_cast<std::size_t>(i));
-    return x;
-  };
-  if (name == "range" || name == "constant") return fill([&](std::size_t i) { return g.d[rows.cell[i]]; });
-  if (name == "disparity") return fill([&](std::size_t i) { return 1.0 / g.d[rows.cell[i]]; });
-  if (name == "sensor_bearing") return fill([&](std::size_t i) { return g.bearing[rows.cell[i]]; });
-  if (name == "heading") return fill([&](std::size_t i) { return rows.heading_rad[i]; });
-  if (name == "time") return fill([&](std::size_t i) { return rows.time_s[i]; });
-  if (name == "stop") return fill([&](std::size_t i) { return rows.stop[i]; });
-  if (name == "repeat") return fill([&](std::size_t i) { return rows.repeat[i]; });
-  if (name == "landmark") return fill([&](std::size_t i) { return rows.landmark[i]; });
-  if (name == "radius") return fill([&](std::size_t i) { return rows.radius_m[i]; });
-  const std::size_t columns = rows.context.covariates.size();
-  for (std::size_t c = 0; c < columns; ++c)
-    if (rows.context.covariates[c] == name)
-      return fill([&](std::size_t i) { return rows.covariates[i * columns + c]; });
-  return std::nullopt;
-}
-
 /// Bin of every reading, -1 where its covariate is missing; readings of one value share a bin.
 std::vector<int> bins_of(const Eigen::VectorXd& x) {
   std::vector<int> order, bins(static_cast<std::size_t>(x.size()), -1);
@@ -93,11 +41,55 @@ std::vector<int> bins_of(const Eigen::VectorXd& x) {
 
 }  // namespace
 
+RowResiduals row_residuals(const Rows& rows, const Model& model, const JointState& state) {
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const WorkingProblem working = working_problem(rows, model, state);
+  const RowChanges changes = row_changes(rows, geometry, model);
+  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
+  RowResiduals r;
+  r.range = working.range.array();
+  r.bearing = working.bearing.array();
+  r.range_variance.resize(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int cell = rows.cell[i];
+    r.range[i] -= geometry.f[cell];
+    r.range_variance[i] = geometry.spread[cell] * geometry.spread[cell];
+  }
+  r.range_variance *= changes.range_log_variance.array().exp();
+  r.bearing_variance =
+      state.sigma_theta_rad * state.sigma_theta_rad * changes.bearing_log_variance.array().exp();
+  return r;
+}
+
+std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& g,
+                                                const std::string& name) {
+  Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
+  const auto fill = [&](auto value) {
+    for (Eigen::Index i = 0; i < x.size(); ++i) x[i] = value(static_cast<std::size_t>(i));
+    return x;
+  };
+  if (name == "range" || name == "constant") return fill([&](std::size_t i) { return g.d[rows.cell[i]]; });
+  if (name == "disparity") return fill([&](std::size_t i) { return 1.0 / g.d[rows.cell[i]]; });
+  if (name == "sensor_bearing") return fill([&](std::size_t i) { return g.bearing[rows.cell[i]]; });
+  if (name == "heading") return fill([&](std::size_t i) { return rows.heading_rad[i]; });
+  if (name == "time") return fill([&](std::size_t i) { return rows.time_s[i]; });
+  if (name == "stop") return fill([&](std::size_t i) { return rows.stop[i]; });
+  if (name == "repeat") return fill([&](std::size_t i) { return rows.repeat[i]; });
+  if (name == "landmark") return fill([&](std::size_t i) { return rows.landmark[i]; });
+  if (name == "radius") return fill([&](std::size_t i) { return rows.radius_m[i]; });
+  const std::size_t columns = rows.context.covariates.size();
+  for (std::size_t c = 0; c < columns; ++c)
+    if (rows.context.covariates[c] == name)
+      return fill([&](std::size_t i) { return rows.covariates[i * columns + c]; });
+  return std::nullopt;
+}
+
 void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* generic, Diagnosis& result) {
   if (result.location.empty()) return;
-  const Residuals before = residuals_of(rows, found.baseline);
+  const RowResiduals before = row_residuals(rows, found.baseline.model, found.baseline.state);
   const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : generic;
-  const Residuals after = final_fit ? residuals_of(rows, *final_fit) : before;
+  const RowResiduals after =
+      final_fit ? row_residuals(rows, final_fit->model, final_fit->state) : before;
   const CellGeometry geometry = cell_geometry(rows, found.baseline.state);
   for (Finding& finding : result.location) {
     const bool noise = finding.channel.find("_noise") != std::string::npos;
@@ -113,7 +105,7 @@ void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* g
       if (bins[i] < 0) continue;
       BinnedResidual& b = binned[static_cast<std::size_t>(bins[i])];
       const Eigen::Index row = static_cast<Eigen::Index>(i);
-      const auto value = [&](const Residuals& r) {
+      const auto value = [&](const RowResiduals& r) {
         const double residual = bearing ? r.bearing[row] : r.range[row];
         return noise ? residual * residual / (bearing ? r.bearing_variance[row] : r.range_variance[row])
                      : residual;

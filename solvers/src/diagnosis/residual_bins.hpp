@@ -1,9 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
+#include <string>
+
 #include "diagnosis/search.hpp"
 
 namespace rangecal::diagnosis {
+
+/// Residuals of every row and their variances as modelled.
+struct RowResiduals {
+  Eigen::ArrayXd range, bearing;                    ///< effects undone [m], [rad]
+  Eigen::ArrayXd range_variance, bearing_variance;  ///< of one reading [m^2], [rad^2]
+};
+RowResiduals row_residuals(const Rows& rows, const Model& model, const JointState& state);
+
+/// A covariate of FORMAT for every row, NaN where a field is empty; nothing where the rows have no such one.
+std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& geometry,
+                                                const std::string& name);
 
 /// Fills Finding::residuals of a diagnosis: the readings' residuals in the finding's channel, averaged over
 /// 12 bins of equal shares along its covariate (one bin per group where it has few values), under the

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/calibrated.hpp"
 #include "diagnosis/working.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -18,24 +19,6 @@ namespace rangecal {
 namespace {
 
 using namespace diagnosis;
-
-Model model_of(const Calibration& calibration) {
-  Model model;
-  for (const auto& [id, values] : calibration.effects) {
-    const Effect* effect = find_effect(id);
-    if (!effect) throw InputError("simulate: no effect is called '" + id + "'");
-    const auto& parameters = effect->info().parameters;
-    Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
-    for (std::size_t j = 0; j < parameters.size(); ++j) {
-      const auto value = values.find(parameters[j].name);
-      if (value == values.end())
-        throw InputError("simulate: the effect " + id + " lacks its parameter " + parameters[j].name);
-      p[static_cast<Eigen::Index>(j)] = value->second;
-    }
-    model.push_back({effect, p});
-  }
-  return model;
-}
 
 /// The layout with a running number in `row`, so that rows are found again, and placeholders for what was
 /// read.
