@@ -11,6 +11,7 @@
 #include "commands.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/version.hpp"
 
 namespace {
 
@@ -39,12 +40,19 @@ void start_logging(const char* program, const std::string& log_dir) {
     FLAGS_minloglevel = google::GLOG_INFO;
   }
   google::InitGoogleLogging(program);
-  LOG(INFO) << "rangecal " << RANGECAL_VERSION;
+  LOG(INFO) << "rangecal " << version();
+}
+
+std::string version_text() {
+  std::string text = fmt::format("rangecal {}\nbuilt with", version());
+  for (const BuiltWith& part : built_with())
+    text += fmt::format("{} {} {}", &part == &built_with().front() ? "" : ",", part.name, part.version);
+  return text;
 }
 
 int run(int argc, char** argv) {
   CLI::App app{"Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances."};
-  app.set_version_flag("--version", "rangecal " RANGECAL_VERSION);
+  app.set_version_flag("--version", version_text());
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"

@@ -19,10 +19,11 @@ if(RANGECAL_SANITIZE)
   target_link_options(rangecal_options INTERFACE -fsanitize=address,undefined)
 endif()
 
-# rangecal_module(NAME DEPENDS targets... PRIVATE_DEPENDS targets...)
-# A static library from NAME/src/**.cpp whose headers live in NAME/include/rangecal/NAME.
+# rangecal_module(NAME DEPENDS targets... PRIVATE_DEPENDS targets... HEADERS_ONLY targets...)
+# A static library from NAME/src/**.cpp whose headers live in NAME/include/rangecal/NAME. Who links it needs DEPENDS and
+# PRIVATE_DEPENDS, not HEADERS_ONLY.
 function(rangecal_module name)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "DEPENDS;PRIVATE_DEPENDS;HEADERS_ONLY" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp")
   add_library(rangecal_${name} STATIC ${sources})
   add_library(rangecal::${name} ALIAS rangecal_${name})
@@ -32,5 +33,5 @@ function(rangecal_module name)
     PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
   target_compile_features(rangecal_${name} PUBLIC cxx_std_20)
   target_link_libraries(rangecal_${name}
-    PUBLIC ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS} $<BUILD_INTERFACE:rangecal_options>)
+    PUBLIC ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS} "$<BUILD_INTERFACE:${ARG_HEADERS_ONLY};rangecal_options>")
 endfunction()

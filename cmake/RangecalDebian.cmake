@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Debian packages by CPack: `rangecal` (the program) and `librangecal-dev` (static libraries, headers, package file).
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME rangecal)
+set(CPACK_PACKAGE_VENDOR "the rangecal authors")
+set(CPACK_PACKAGE_CONTACT "the rangecal authors <maintainers@rangecal.invalid>")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_COMPONENTS_ALL runtime dev)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME rangecal)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)  # by dpkg-shlibdeps: needs dpkg-dev and file
+set(CPACK_COMPONENT_RUNTIME_DESCRIPTION
+    "calibrates cheap range sensors and finds the physics a model left out
+ The command rangecal calibrates triangulation lidars, sonars and range cameras
+ from readings of landmarks in unknown places, and diagnoses what the
+ calibration leaves out.")
+
+# What the static libraries need to be linked (RangecalLibraries.cmake); no tool derives these.
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME librangecal-dev)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
+    "libceres-dev (>= 2.1), libcsv-dev, libeigen3-dev (>= 3.4), libfmt-dev (>= 9), libnlopt-cxx-dev, libtbb-dev, libyaml-cpp-dev (>= 0.7)")
+set(CPACK_COMPONENT_DEV_DESCRIPTION
+    "calibration of cheap range sensors (development files)
+ Static libraries and headers of rangecal, and the CMake package that
+ find_package(rangecal) finds.")
+include(CPack)

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# cmake --install: component `runtime` (the program, what it reads, the shipped recordings) and component `dev` (the libraries,
+# their headers, the package that find_package(rangecal) finds). `make package` makes a Debian package of each.
+include(CMakePackageConfigHelpers)
+set(package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/rangecal")
+
+install(TARGETS rangecal_core rangecal_problems rangecal_solvers EXPORT rangecalTargets
+        ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT dev)
+foreach(module core problems solvers)
+  install(DIRECTORY ${module}/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" COMPONENT dev)
+endforeach()
+install(EXPORT rangecalTargets NAMESPACE rangecal:: DESTINATION "${package_dir}" COMPONENT dev)
+
+configure_package_config_file(cmake/rangecalConfig.cmake.in "${PROJECT_BINARY_DIR}/rangecalConfig.cmake"
+                              INSTALL_DESTINATION "${package_dir}" NO_SET_AND_CHECK_MACRO)
+# Before 1.0 a new minor version may change the interface.
+write_basic_package_version_file("${PROJECT_BINARY_DIR}/rangecalConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
+install(FILES "${PROJECT_BINARY_DIR}/rangecalConfig.cmake" "${PROJECT_BINARY_DIR}/rangecalConfigVersion.cmake"
+              cmake/RangecalLibraries.cmake cmake/RangecalEffects.cmake cmake/FindNLoptCxx.cmake cmake/Findlibcsv.cmake
+        DESTINATION "${package_dir}" COMPONENT dev)
+
+install(TARGETS rangecal RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT runtime)
+install(DIRECTORY notebooks_data/field-layout notebooks_data/pairs-2016 notebooks_data/scenes
+        DESTINATION "${CMAKE_INSTALL_DATADIR}/rangecal/notebooks_data" COMPONENT runtime)
+install(FILES README.md CHANGELOG.md CITATION.cff DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT runtime)
+install(FILES LICENSE DESTINATION "${CMAKE_INSTALL_DOCDIR}" RENAME copyright COMPONENT runtime)
+install(FILES LICENSE DESTINATION "${CMAKE_INSTALL_DATAROOTDIR}/doc/librangecal-dev" RENAME copyright COMPONENT dev)
