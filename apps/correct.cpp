@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rangecal/solvers/correction/effect_correction.hpp"
+#include "rangecal/solvers/correction/candidates.hpp"
 
 #include <fmt/core.h>
 
@@ -8,9 +8,7 @@
 #include <cmath>
 #include <iostream>
 #include <iterator>
-#include <limits>
 #include <memory>
-#include <numeric>
 #include <optional>
 
 #include "commands.hpp"
@@ -74,95 +72,18 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   return readings;
 }
 
-std::string why_unusable(double reading) {
-  if (std::isnan(reading)) return "missing";
-  if (!std::isfinite(reading)) return "not_finite";
-  return reading == 0.0 ? "zero" : reading < 0.0 ? "negative" : "";
+void print_correction(double reading, const std::vector<CorrectionCandidate>& candidates) {
+  const auto field = [](const std::optional<double>& value) { return value ? fmt::format("{:.6f}", *value) : ""; };
+  for (const CorrectionCandidate& c : candidates)
+    fmt::print("{},{},{},{},{}\n", std::isnan(reading) ? "" : fmt::format("{}", reading), field(c.distance_m),
+               field(c.std_dev_m), c.distance_m ? fmt::format("{}", c.candidate) : "", c.flag);
 }
 
-void print_root(double reading, const CorrectionRoot& root, int candidate, std::string flags) {
-  const auto add = [&](const char* flag) { flags += (flags.empty() ? "" : "+") + std::string(flag); };
-  if (root.extrapolated && flags != "out_of_range") add("extrapolated");
-  if (root.turning_point) add("turning_point");
-  const std::optional<double> std_dev = root.std_dev_total_m ? root.std_dev_total_m : root.std_dev_m;
-  fmt::print("{},{:.6f},{},{},{}\n", reading, root.distance_m, std_dev ? fmt::format("{:.6f}", *std_dev) : "",
-             candidate, flags.empty() ? "ok" : flags);
-}
-
-void print_correction(const EffectCorrector& corrector, double reading, const ReadingSetting& setting, bool maximum_likelihood) {
-  if (const std::string why = why_unusable(reading); !why.empty()) {
-    fmt::print("{},,,,{}\n", std::isnan(reading) ? "" : fmt::format("{}", reading), why);
-    return;
-  }
-  const Correction found = corrector.correct(reading, setting);
-  std::vector<CorrectionRoot> roots = maximum_likelihood ? found.maximum_likelihood : found.least_squares;
-  std::sort(roots.begin(), roots.end(), [](const CorrectionRoot& a, const CorrectionRoot& b) {
-    return a.log_likelihood > b.log_likelihood;
-  });
-  if (roots.empty()) {
-    if (found.nearest)
-      print_root(reading, *found.nearest, 1, "out_of_range");
-    else
-      fmt::print("{},,,,out_of_range\n", reading);
-    return;
-  }
-  for (std::size_t i = 0; i < roots.size(); ++i)
-    print_root(reading, roots[i], static_cast<int>(i + 1), roots.size() > 1 ? "ambiguous" : "");
-}
-
-/// The effects of a calibration and what they need to know about each reading.
-struct Settings {
-  EffectCorrector corrector;
-  std::vector<ReadingSetting> of_reading;
-};
-
-/// Index of a label among the calibration's, -1 where it is not one of them.
-template <typename Items>
-int index_of(const Items& items, const std::string& label) {
-  for (std::size_t i = 0; i < items.size(); ++i)
-    if (items[i].label == label) return static_cast<int>(i);
-  return -1;
-}
-
-Settings settings_from(const Calibration& calibration, const std::string& text, const std::string& name, std::size_t count) {
-  if (calibration.effects.empty()) return {EffectCorrector(calibration, {}), std::vector<ReadingSetting>(count)};
-  std::optional<CsvTable> table;
+/// The readings as a table where the text is one; nothing where it is one number per line.
+std::optional<CsvTable> table_from(const std::string& text, const std::string& name) {
   const std::vector<std::string_view> lines = lines_of(text);
-  if (!lines.empty() && !number_of(lines[0])) table = CsvTable::parse(text, name);
-  std::vector<std::string> covariates;
-  if (table)
-    for (std::size_t c = 0; c < table->columns().size(); ++c)
-      if (table->is_numeric(c)) covariates.push_back(table->columns()[c]);
-  Settings settings{EffectCorrector(calibration, covariates), std::vector<ReadingSetting>(count)};
-  const auto column = [&](const char* of) { return table ? table->find(of) : std::nullopt; };
-  for (const EffectCorrector::Need& need : settings.corrector.needs()) {
-    const bool by_stop = need.column == "heading_rad" && column("stop") && !calibration.stops.empty();
-    if (!column(need.column.c_str()) && !by_stop)
-      throw InputError(name, 1, need.column, "is missing: the calibration's effect " + need.effect + " needs it to be undone");
-  }
-  if (!table) return settings;
-  double first_time = std::numeric_limits<double>::infinity();
-  if (const auto time = column("time_s"))
-    for (std::size_t row = 0; row < table->rows(); ++row) first_time = std::min(first_time, table->finite(row, *time));
-  for (std::size_t row = 0; row < count; ++row) {
-    ReadingSetting& at = settings.of_reading[row];
-    const auto number = [&](const char* of, double& to) {
-      if (const auto c = column(of)) to = table->number(row, *c).value_or(std::nan(""));
-    };
-    number("bearing_rad", at.bearing_rad);
-    number("heading_rad", at.heading_rad);
-    number("radius_m", at.radius_m);
-    number("time_s", at.time_s);
-    at.time_s -= first_time;
-    if (const auto c = column("landmark")) at.landmark = index_of(calibration.landmarks, table->label(row, *c));
-    if (const auto c = column("stop")) at.stop = index_of(calibration.stops, table->label(row, *c));
-    if (at.stop >= 0 && !std::isfinite(at.heading_rad))
-      at.heading_rad = calibration.stops[static_cast<std::size_t>(at.stop)].pose.heading_rad;
-    if (const auto c = column("repeat")) at.repeat = static_cast<int>(table->number(row, *c).value_or(0.0));
-    for (const std::string& covariate : covariates)
-      at.covariates.push_back(table->number(row, *table->find(covariate)).value_or(std::nan("")));
-  }
-  return settings;
+  if (lines.empty() || number_of(lines[0])) return std::nullopt;
+  return CsvTable::parse(text, name);
 }
 
 struct CorrectCommand {
@@ -171,20 +92,20 @@ struct CorrectCommand {
   int run() const {
     if (roots != "ls" && roots != "ml") throw InputError("--roots is '" + roots + "', not ls or ml");
     const Calibration loaded = load_calibration(calibration);
-    const bool open_curve = loaded.outcome == Outcome::unobservable && !loaded.alpha_covariance;
-    if (!is_usable(loaded.outcome) || open_curve)
-      throw InputError(calibration + ": its outcome is " + to_string(loaded.outcome) +
-                       ", so it cannot correct readings");
+    require_curve(loaded, calibration);
     if (loaded.outcome == Outcome::unobservable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
     const bool from_stdin = file == "-";
     const std::string text =
         from_stdin ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(file);
-    const std::vector<double> readings = readings_from(text, from_stdin ? "stdin" : file);
-    const Settings settings = settings_from(loaded, text, from_stdin ? "stdin" : file, readings.size());
+    const std::string name = from_stdin ? "stdin" : file;
+    const std::vector<double> readings = readings_from(text, name);
+    const std::optional<CsvTable> table = table_from(text, name);
+    const ReadingSettings settings = reading_settings(loaded, table ? &*table : nullptr, name, readings.size());
     fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
     for (std::size_t i = 0; i < readings.size(); ++i)
-      print_correction(settings.corrector, readings[i], settings.of_reading[i], roots == "ml");
+      print_correction(readings[i], correction_candidates(settings.corrector, readings[i], settings.of_reading[i],
+                                                          roots == "ml"));
     return done;
   }
 };

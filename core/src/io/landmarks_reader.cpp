@@ -17,8 +17,8 @@ std::optional<double> optional_sigma(const CsvTable& table, std::size_t row, std
   return sigma;
 }
 
-LabelIndex read_stops(const std::string& folder, Recording& recording) {
-  const CsvTable table = CsvTable::read(path_in(folder, "stops.csv"));
+LabelIndex read_stops(const Files& files, Recording& recording) {
+  const CsvTable table = files.table("stops.csv");
   const std::size_t label = table.require("stop");
   const std::size_t x = table.require("x_m"), y = table.require("y_m"), heading = table.require("heading_rad");
   const auto sigma_xy = table.find("sigma_xy_m"), sigma_heading = table.find("sigma_heading_rad");
@@ -75,9 +75,9 @@ void read_measurement(const CsvTable& table, std::size_t i, const Columns& colum
   row.range_m = range.value_or(0.0);
 }
 
-void read_observations(const std::string& folder, const RecordingHeader& header, bool listed,
+void read_observations(const Files& files, const RecordingHeader& header, bool listed,
                        const LabelIndex& stops, LabelIndex& landmarks, Recording& recording) {
-  const CsvTable table = CsvTable::read(path_in(folder, "observations.csv"));
+  const CsvTable table = files.table("observations.csv");
   const Columns columns(table);
   if (table.rows() == 0) throw InputError(table.file(), 0, "", "holds a header and no rows");
 
@@ -153,13 +153,13 @@ void resolve_taped(const RecordingHeader& header, const LabelIndex& landmarks, R
 
 }  // namespace
 
-void read_landmarks_kind(const std::string& folder, const RecordingHeader& header, Recording& recording) {
-  const LabelIndex stops = read_stops(folder, recording);
+void read_landmarks_kind(const Files& files, const RecordingHeader& header, Recording& recording) {
+  const LabelIndex stops = read_stops(files, recording);
   LabelIndex landmarks;
-  const bool listed = read_landmark_list(folder, header, recording, landmarks);
-  read_observations(folder, header, listed, stops, landmarks, recording);
+  const bool listed = read_landmark_list(files, header, recording, landmarks);
+  read_observations(files, header, listed, stops, landmarks, recording);
   resolve_taped(header, landmarks, recording);
-  read_truth(folder, listed, stops, landmarks, recording);
+  read_truth(files, listed, stops, landmarks, recording);
 }
 
 }  // namespace rangecal::io

@@ -50,12 +50,12 @@ void read_measurement(const CsvTable& table, std::size_t i, const Columns& colum
 
 }  // namespace
 
-void read_pairs_kind(const std::string& folder, const RecordingHeader& header, Recording& recording) {
-  const CsvTable table = CsvTable::read(path_in(folder, "pairs.csv"));
+void read_pairs_kind(const Files& files, const RecordingHeader& header, Recording& recording) {
+  const CsvTable table = files.table("pairs.csv");
   const Columns columns(table);
   if (table.rows() == 0) throw InputError(table.file(), 0, "", "holds a header and no rows");
   LabelIndex landmarks;
-  const bool listed = read_landmark_list(folder, header, recording, landmarks);
+  const bool listed = read_landmark_list(files, header, recording, landmarks);
   if (!header.taped.empty()) {
     throw InputError(header.file, header.taped.front().line, "",
                      "field 'known_distances': has no meaning in a recording of kind pairs");

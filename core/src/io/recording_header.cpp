@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/yaml_reader.hpp"
 
 namespace rangecal::io {
 namespace {
@@ -51,10 +50,10 @@ TapedDistance read_taped(const YamlReader& node) {
 
 }  // namespace
 
-RecordingHeader read_header(const std::string& folder, Recording& recording) {
+RecordingHeader read_header(const Files& files, Recording& recording) {
   RecordingHeader header;
-  header.file = path_in(folder, "recording.yaml");
-  const YamlReader top = YamlReader::open(header.file);
+  header.file = files.name("recording.yaml");
+  const YamlReader top = files.yaml("recording.yaml");
   top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances"});
   const YamlReader format = top.at("format");
   if (format.text() != "rangecal/1") format.fail("'" + format.text().substr(0, 40) + "' is not rangecal/1");

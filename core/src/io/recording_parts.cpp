@@ -18,15 +18,13 @@ Recording load_recording(const std::string& folder) {
   std::error_code error;
   if (!std::filesystem::exists(folder, error)) throw InputError(folder, 0, "", "no such folder");
   if (!std::filesystem::is_directory(folder, error)) throw InputError(folder, 0, "", "is not a folder");
-  Recording recording;
+  Recording recording = io::read_recording(io::Files(folder));
   recording.path = folder;
-  const io::RecordingHeader header = io::read_header(folder, recording);
-  if (recording.kind == RecordingKind::pairs) {
-    io::read_pairs_kind(folder, header, recording);
-  } else {
-    io::read_landmarks_kind(folder, header, recording);
-  }
   return recording;
+}
+
+Recording parse_recording(const std::map<std::string, std::string>& files) {
+  return io::read_recording(io::Files(files));
 }
 
 namespace io {
@@ -35,11 +33,39 @@ std::string path_in(const std::string& folder, const char* file) {
   return (std::filesystem::path(folder) / file).string();
 }
 
-bool read_landmark_list(const std::string& folder, const RecordingHeader& header, Recording& recording,
+std::string Files::name(const char* file) const { return texts_ ? file : path_in(folder_, file); }
+
+bool Files::has(const char* file) const { return texts_ ? texts_->contains(file) : file_exists(name(file)); }
+
+const std::string& Files::text(const char* file) const {
+  const auto found = texts_->find(file);
+  if (found == texts_->end()) throw InputError(file, 0, "", "is missing");
+  return found->second;
+}
+
+CsvTable Files::table(const char* file) const {
+  return texts_ ? CsvTable::parse(text(file), file) : CsvTable::read(name(file));
+}
+
+YamlReader Files::yaml(const char* file) const {
+  return texts_ ? YamlReader::parse(text(file), file) : YamlReader::open(name(file));
+}
+
+Recording read_recording(const Files& files) {
+  Recording recording;
+  const RecordingHeader header = read_header(files, recording);
+  if (recording.kind == RecordingKind::pairs) {
+    read_pairs_kind(files, header, recording);
+  } else {
+    read_landmarks_kind(files, header, recording);
+  }
+  return recording;
+}
+
+bool read_landmark_list(const Files& files, const RecordingHeader& header, Recording& recording,
                         LabelIndex& index) {
-  const std::string path = path_in(folder, "landmarks.csv");
-  if (!file_exists(path)) return false;
-  const CsvTable table = CsvTable::read(path);
+  if (!files.has("landmarks.csv")) return false;
+  const CsvTable table = files.table("landmarks.csv");
   const std::size_t label = table.require("landmark");
   const auto radius = table.find("radius_m");
   const auto reflectance = table.find("reflectance");

@@ -8,8 +8,28 @@
 
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/recording.hpp"
+#include "rangecal/core/yaml_reader.hpp"
 
 namespace rangecal::io {
+
+std::string path_in(const std::string& folder, const char* file);
+
+/// Where the files of a recording come from: a folder, or texts in memory.
+class Files {
+ public:
+  explicit Files(std::string folder) : folder_(std::move(folder)) {}
+  explicit Files(const std::map<std::string, std::string>& texts) : texts_(&texts) {}
+
+  std::string name(const char* file) const;   ///< as messages call it
+  bool has(const char* file) const;
+  CsvTable table(const char* file) const;     ///< throws InputError where it is missing or malformed
+  YamlReader yaml(const char* file) const;    ///< the same
+
+ private:
+  const std::string& text(const char* file) const;
+  std::string folder_;
+  const std::map<std::string, std::string>* texts_ = nullptr;
+};
 
 /// Labels in their order, and back.
 class LabelIndex {
@@ -43,25 +63,26 @@ struct RecordingHeader {
   std::vector<TapedDistance> taped;
 };
 
-std::string path_in(const std::string& folder, const char* file);
+/// All files of a recording, whatever its kind.
+Recording read_recording(const Files& files);
 
 /// recording.yaml into the recording's sensor, kind and stop model.
-RecordingHeader read_header(const std::string& folder, Recording& recording);
+RecordingHeader read_header(const Files& files, Recording& recording);
 
 /// landmarks.csv where it exists; says whether it does. Only landmarks in it may then be observed.
-bool read_landmark_list(const std::string& folder, const RecordingHeader& header, Recording& recording,
+bool read_landmark_list(const Files& files, const RecordingHeader& header, Recording& recording,
                         LabelIndex& index);
 /// The landmark of a reading: known, or new where there is no landmarks.csv.
 int observed_landmark(const CsvTable& table, std::size_t row, std::size_t column, bool listed, double radius_m,
                       Recording& recording, LabelIndex& index);
 
 /// stops.csv, observations.csv and the truth files.
-void read_landmarks_kind(const std::string& folder, const RecordingHeader& header, Recording& recording);
+void read_landmarks_kind(const Files& files, const RecordingHeader& header, Recording& recording);
 /// truth_stops.csv and truth_landmarks.csv where they exist.
-void read_truth(const std::string& folder, bool listed, const LabelIndex& stops, const LabelIndex& landmarks,
+void read_truth(const Files& files, bool listed, const LabelIndex& stops, const LabelIndex& landmarks,
                 Recording& recording);
 /// pairs.csv.
-void read_pairs_kind(const std::string& folder, const RecordingHeader& header, Recording& recording);
+void read_pairs_kind(const Files& files, const RecordingHeader& header, Recording& recording);
 
 /// A bearing or heading [rad] wrapped to (-pi, pi]; beyond +-2 pi it throws: degrees, most likely.
 double checked_angle(const CsvTable& table, std::size_t row, std::size_t column, double angle);

@@ -2,13 +2,11 @@
 #include <set>
 
 #include "io/recording_parts.hpp"
-#include "rangecal/core/files.hpp"
 
 namespace rangecal::io {
 namespace {
 
-void read_true_stops(const std::string& path, const LabelIndex& stops, Recording& recording) {
-  const CsvTable table = CsvTable::read(path);
+void read_true_stops(const CsvTable& table, const LabelIndex& stops, Recording& recording) {
   const std::size_t label = table.require("stop");
   const std::size_t x = table.require("x_m"), y = table.require("y_m"), heading = table.require("heading_rad");
   recording.truth.stops.resize(recording.stops.size());
@@ -25,8 +23,7 @@ void read_true_stops(const std::string& path, const LabelIndex& stops, Recording
 
 // Where landmarks.csv says which landmarks there are, a truth for another one is a mistake; where it does not, the
 // landmark was just never observed.
-void read_true_landmarks(const std::string& path, bool listed, const LabelIndex& landmarks, Recording& recording) {
-  const CsvTable table = CsvTable::read(path);
+void read_true_landmarks(const CsvTable& table, bool listed, const LabelIndex& landmarks, Recording& recording) {
   const std::size_t label = table.require("landmark");
   const std::size_t x = table.require("x_m"), y = table.require("y_m");
   recording.truth.landmarks.resize(recording.landmarks.size());
@@ -46,12 +43,11 @@ void read_true_landmarks(const std::string& path, bool listed, const LabelIndex&
 
 }  // namespace
 
-void read_truth(const std::string& folder, bool listed, const LabelIndex& stops, const LabelIndex& landmarks,
+void read_truth(const Files& files, bool listed, const LabelIndex& stops, const LabelIndex& landmarks,
                 Recording& recording) {
-  const std::string stop_path = path_in(folder, "truth_stops.csv");
-  if (file_exists(stop_path)) read_true_stops(stop_path, stops, recording);
-  const std::string landmark_path = path_in(folder, "truth_landmarks.csv");
-  if (file_exists(landmark_path)) read_true_landmarks(landmark_path, listed, landmarks, recording);
+  if (files.has("truth_stops.csv")) read_true_stops(files.table("truth_stops.csv"), stops, recording);
+  if (files.has("truth_landmarks.csv"))
+    read_true_landmarks(files.table("truth_landmarks.csv"), listed, landmarks, recording);
 }
 
 }  // namespace rangecal::io

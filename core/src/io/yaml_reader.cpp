@@ -23,17 +23,18 @@ std::string shortened(const std::string& text) { return text.size() <= 40 ? text
 
 }  // namespace
 
-YamlReader YamlReader::open(const std::string& path) {
-  const std::string text = read_file(path);
-  if (text.size() > kLargestFile) throw InputError(path, 0, "", "is larger than 16 MB");
+YamlReader YamlReader::open(const std::string& path) { return parse(read_file(path), path); }
+
+YamlReader YamlReader::parse(const std::string& text, const std::string& name) {
+  if (text.size() > kLargestFile) throw InputError(name, 0, "", "is larger than 16 MB");
   YAML::Node top;
   try {
     top = YAML::Load(text);
   } catch (const YAML::Exception& error) {
-    throw InputError(path, error.mark.line + 1, "", "is not YAML: " + error.msg);
+    throw InputError(name, error.mark.line + 1, "", "is not YAML: " + error.msg);
   }
-  if (!top.IsMap()) throw InputError(path, 1, "", "is not a map of keys to values");
-  return YamlReader(top, path, "", 1);
+  if (!top.IsMap()) throw InputError(name, 1, "", "is not a map of keys to values");
+  return YamlReader(top, name, "", 1);
 }
 
 YamlReader::YamlReader(YAML::Node node, std::string file, std::string field, int line)

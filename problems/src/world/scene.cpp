@@ -196,10 +196,7 @@ void read_batches(const YamlReader& node, Scene& scene) {
   if (scene.batches.empty()) node.at("distances_m").fail("holds no number");
 }
 
-}  // namespace
-
-Scene load_scene(const std::string& path) {
-  const YamlReader top = YamlReader::open(path);
+Scene read_scene(const YamlReader& top) {
   Scene scene;
   const YamlReader format = top.at("format");
   if (format.text() != "rangecal-scene/1") {
@@ -223,6 +220,14 @@ Scene load_scene(const std::string& path) {
   if (top.has("repeats")) scene.repeats = top.at("repeats").whole(1);
   if (top.has("visibility")) read_visibility(top.at("visibility"), scene);
   return scene;
+}
+
+}  // namespace
+
+Scene load_scene(const std::string& path) { return read_scene(YamlReader::open(path)); }
+
+Scene parse_scene(const std::string& text, const std::string& name) {
+  return read_scene(YamlReader::parse(text, name));
 }
 
 }  // namespace rangecal

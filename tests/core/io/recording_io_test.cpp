@@ -157,6 +157,23 @@ TEST(RecordingIo, LandmarksReadBackAsWritten) {
   }
 }
 
+TEST(RecordingIo, TextsInMemoryAreARecording) {
+  const std::map<std::string, std::string> files{
+      {"recording.yaml", R"({"format": "rangecal/1", "stops": {"sigma_xy_m": 0.02}})"},
+      {"stops.csv", "stop,x_m,y_m,heading_rad\n0,0,0,0\n"},
+      {"observations.csv", "stop,landmark,range_m,bearing_rad\n0,A,1.5,0.1\n0,A,,0.1\n"}};
+  const Recording recording = parse_recording(files);
+  EXPECT_EQ(recording.sigma_xy_m, 0.02);
+  EXPECT_EQ(recording.readings.range_m, std::vector<double>{1.5});
+  EXPECT_EQ(recording.counts.dropped.at("missing"), 1);
+  try {
+    parse_recording({{"recording.yaml", "format: rangecal/1"}});
+    FAIL() << "no stops.csv";
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(), "stops.csv: is missing");
+  }
+}
+
 TEST(RecordingIo, PairsReadBackAsWrittenOverALandmarksRecording) {
   const TemporaryFolder folder;
   save_recording(random_landmarks_recording(1), folder.path());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <map>
 #include <string>
 
 #include "rangecal/core/recording.hpp"
@@ -11,6 +12,10 @@ namespace rangecal {
 /// drops and counts unusable readings. Throws InputError with file, row and column for anything malformed.
 /// Cost: linear in the number of rows.
 Recording load_recording(const std::string& folder);
+
+/// The same from texts in memory by the names of the folder's files ("recording.yaml", "observations.csv", ...); errors
+/// name these.
+Recording parse_recording(const std::map<std::string, std::string>& files);
 
 /// Writes the recording into `folder` (created if missing) so that load_recording gives it back, readings that were
 /// dropped excepted: numbers as the shortest text that reads back exactly, each file through a temporary and a rename,

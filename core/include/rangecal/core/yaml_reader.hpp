@@ -15,6 +15,8 @@ class YamlReader {
  public:
   /// Reads `path`; its top must be a map.
   static YamlReader open(const std::string& path);
+  /// The same from text; `name` stands for the file in messages.
+  static YamlReader parse(const std::string& text, const std::string& name);
   YamlReader(YAML::Node node, std::string file, std::string field, int line);
 
   /// Throws naming the first key that is not among `keys`, or stands twice. The node must be a map.

@@ -59,5 +59,7 @@ struct Scene {
 
 /// Reads a scene file. Throws InputError naming file, row and field for anything missing, malformed or unknown.
 Scene load_scene(const std::string& path);
+/// The same from text; `name` stands for the file in messages.
+Scene parse_scene(const std::string& text, const std::string& name);
 
 }  // namespace rangecal
