@@ -4,7 +4,7 @@ PRESET ?= release
 BUILD  := build/release
 JOBS   ?= $(shell nproc)
 
-.PHONY: demo test build packages
+.PHONY: demo test build packages package
 
 demo: build
 	$(BUILD)/apps/rangecal compare notebooks_data/field-layout
@@ -19,6 +19,10 @@ build: packages
 
 packages:
 	@.ci/install
+
+# Debian packages of this build: rangecal_*.deb and librangecal-dev_*.deb in build/packages.
+package: build
+	cpack --config $(BUILD)/CPackConfig.cmake -B build/packages
 
 # Measurements, not tests: minutes each. The tables in docs/ come from these.
 .PHONY: bench-accuracy bench-speed prove

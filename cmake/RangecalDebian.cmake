@@ -15,10 +15,9 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME rangecal)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)  # by dpkg-shlibdeps: needs dpkg-dev and file
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION
-    "calibrates cheap range sensors and finds the physics a model left out
- The command rangecal calibrates triangulation lidars, sonars and range cameras
- from readings of landmarks in unknown places, and diagnoses what the
- calibration leaves out.")
+    "The command rangecal calibrates triangulation lidars, sonars and range cameras
+from readings of landmarks in unknown places, and diagnoses what the
+calibration leaves out.")
 
 # What the static libraries need to be linked (RangecalLibraries.cmake); no tool derives these.
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME librangecal-dev)
@@ -26,7 +25,6 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
     "libceres-dev (>= 2.1), libcsv-dev, libeigen3-dev (>= 3.4), libfmt-dev (>= 9), libnlopt-cxx-dev, libtbb-dev, libyaml-cpp-dev (>= 0.7)")
 set(CPACK_COMPONENT_DEV_DESCRIPTION
-    "calibration of cheap range sensors (development files)
- Static libraries and headers of rangecal, and the CMake package that
- find_package(rangecal) finds.")
+    "Development files: static libraries and headers, and the CMake package that
+find_package(rangecal) finds.")
 include(CPack)
