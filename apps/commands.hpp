@@ -20,5 +20,6 @@ void add_simulate(CLI::App& app, Action& chosen);
 void add_diagnose(CLI::App& app, Action& chosen);
 void add_effects(CLI::App& app, Action& chosen);
 void add_prove(CLI::App& app, Action& chosen);
+void add_study(CLI::App& app, Action& chosen);
 
 }  // namespace rangecal::app

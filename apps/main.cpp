@@ -75,6 +75,7 @@ int run(int argc, char** argv) {
   app::add_diagnose(app, chosen);
   app::add_effects(app, chosen);
   app::add_prove(app, chosen);
+  app::add_study(app, chosen);
   const auto is_first = [&](CLI::App* command) { return argc > 1 && command->get_name() == argv[1]; };
   if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_first).empty())
     throw InputError(fmt::format("'{}' is not a command; see 'rangecal --help'", argv[1]));
