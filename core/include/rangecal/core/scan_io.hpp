@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "rangecal/core/scan.hpp"
+
+namespace rangecal {
+
+/// Reads a file of scans; its form is found from its content:
+///   CSV, one scan a line: header `stamp, angle_min, angle_increment`, optionally `n` and `stop`, then the ranges
+///     under any name to the end of the line; lines may differ in length;
+///   CSV, one beam a line: header with `stamp`, `angle_rad`, `range_m`, optionally `stop`; rows of one stamp that follow
+///     each other are a scan;
+///   CARMEN log: FLASER, RAWLASERn and ROBOTLASERn, with the odometry they carry;
+///   ROS 1 bag: sensor_msgs/LaserScan, where rangecal was built with Debian's rosbag library (`topic`: empty for the
+///     only one).
+/// Angles in radians, ranges in metres, `inf`, `nan`, 0 or nothing for a beam without a return. Scans whose angles
+/// decrease are turned round, so that bearings increase. Throws InputError with file, row and column.
+/// Cost: linear in the size of the file.
+ScanLog read_scans(const std::string& path, const std::string& topic = "");
+
+/// True if this build reads ROS 1 bags.
+bool reads_bags();
+
+}  // namespace rangecal

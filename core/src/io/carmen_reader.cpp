@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "io/scan_readers.hpp"
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::io {
+namespace {
+
+/// The words of one message, taken from the front.
+struct Words {
+  const std::vector<std::string_view>& fields;
+  const std::string& file;
+  int row;
+  std::size_t at = 1;  ///< behind the name of the message
+
+  double number(const char* what) {
+    if (at >= fields.size())
+      throw InputError(file, row, what, "the line ends after " + std::to_string(fields.size()) + " words");
+    return number_in(fields[at++], false, file, row, what);
+  }
+  std::size_t count(const char* what) {
+    const double value = number(what);
+    if (!(value >= 0.0) || value != std::floor(value) || value > 1e6)
+      throw InputError(file, row, what, "'" + std::string(fields[at - 1]) + "' is no number of beams");
+    return static_cast<std::size_t>(value);
+  }
+  Pose2 pose(const char* what) {
+    Pose2 pose;
+    pose.x_m = number(what), pose.y_m = number(what), pose.heading_rad = number(what);
+    return pose;
+  }
+};
+
+/// `count` readings; one at or beyond `limit` is no return.
+std::vector<double> readings(Words& words, std::size_t count, double limit) {
+  std::vector<double> ranges(count);
+  for (double& range : ranges) {
+    range = words.number("range");
+    if (limit > 0.0 && range >= limit) range = std::numeric_limits<double>::infinity();
+  }
+  return ranges;
+}
+
+/// FLASER n r1 .. rn  x y theta  odom_x odom_y odom_theta  time host time: half a circle, ahead.
+void read_flaser(Words& words, Scan& scan) {
+  const std::size_t count = words.count("number of readings");
+  if (count < 2) throw InputError(words.file, words.row, "number of readings", "is below 2");
+  std::vector<double> ranges = readings(words, count, 80.0);
+  const double half = 0.5 * std::numbers::pi;
+  // 181 and 361 beams include both ends of the half circle; 180 and 360 do not include the last.
+  const double steps = static_cast<double>(count % 2 == 1 ? count - 1 : count);
+  set_beams(scan, -half, 2.0 * half / steps, std::move(ranges), words.file);
+  words.pose("laser pose");
+  scan.odometry = words.pose("odometry pose");
+  scan.stamp_s = words.number("time");
+}
+
+/// RAWLASERn, ROBOTLASERn type start fov resolution max accuracy mode n r1 .. rn m remission1 .. ; the latter then
+/// laser pose, robot pose, five more; both time host time.
+void read_newer(Words& words, bool robot, Scan& scan) {
+  words.number("laser type");
+  const double start = words.number("start angle");
+  words.number("field of view");
+  const double resolution = words.number("angular resolution"), limit = words.number("maximum range");
+  words.number("accuracy"), words.number("remission mode");
+  const std::size_t count = words.count("number of readings");
+  set_beams(scan, start, resolution, readings(words, count, limit), words.file);
+  const std::size_t remissions = words.count("number of remissions");
+  for (std::size_t i = 0; i < remissions; ++i) words.number("remission");
+  if (robot) {
+    words.pose("laser pose");
+    scan.odometry = words.pose("robot pose");
+    for (int i = 0; i < 5; ++i) words.number("speeds and safety distances");
+  }
+  scan.stamp_s = words.number("time");
+}
+
+}  // namespace
+
+ScanLog read_carmen_log(const std::string& path, const std::string& text) {
+  ScanLog log{path, "CARMEN log", {}, 0};
+  Lines lines(text);
+  for (std::string_view line; lines.next(line);) {
+    const auto fields = word_fields(line);
+    if (fields.empty() || fields[0].front() == '#') continue;
+    const bool old = fields[0] == "FLASER";
+    const bool robot = fields[0].starts_with("ROBOTLASER");
+    if (!old && !robot && !fields[0].starts_with("RAWLASER")) {
+      ++log.lines_skipped;
+      continue;
+    }
+    Scan scan;
+    scan.row = lines.number();
+    Words words{fields, path, scan.row};
+    if (old) {
+      read_flaser(words, scan);
+    } else {
+      read_newer(words, robot, scan);
+    }
+    log.scans.push_back(std::move(scan));
+  }
+  return log;
+}
+
+}  // namespace rangecal::io

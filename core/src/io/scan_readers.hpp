@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rangecal/core/scan.hpp"
+
+namespace rangecal::io {
+
+/// The lines of a text with their numbers, from 1; CR before LF is removed.
+class Lines {
+ public:
+  explicit Lines(std::string_view text) : rest_(text) {}
+  /// False at the end. `line` stays valid as long as the text.
+  bool next(std::string_view& line);
+  int number() const { return number_; }
+
+ private:
+  std::string_view rest_;
+  int number_ = 0;
+};
+
+/// The fields of a line: split at commas, spaces trimmed; or at runs of spaces and tabs.
+std::vector<std::string_view> comma_fields(std::string_view line);
+std::vector<std::string_view> word_fields(std::string_view line);
+
+/// A field as a number; nan, inf and nothing (NaN) are accepted where `beam`. Throws InputError naming the place.
+double number_in(std::string_view field, bool beam, const std::string& file, int row, const std::string& column);
+
+/// Adds beams from `angle_min` in steps of `increment` to the scan; a negative increment is turned round.
+/// Throws InputError for a step that is 0, not finite, or so large that the beams lap a full circle twice.
+void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges, const std::string& file);
+
+ScanLog read_csv_scans(const std::string& path, const std::string& text);
+ScanLog read_carmen_log(const std::string& path, const std::string& text);
+ScanLog read_bag(const std::string& path, const std::string& topic);
+
+}  // namespace rangecal::io

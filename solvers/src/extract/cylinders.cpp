@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "extract/cylinders.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/solvers/extract/assignment.hpp"
+
+namespace rangecal::extract {
+namespace {
+
+constexpr double kGate = 25.0;           ///< squared, for one landmark from scan to scan
+constexpr int kNoiseDegrees = 200;       ///< of freedom, for a noise law from the circles
+constexpr int kBins = 8;
+constexpr double kScanSlackM = 0.005, kScanSlackRad = 0.002;  ///< the same landmark may move by this between scans
+
+double axis_of(const CircleFit& fit) { return fit.range_m + fit.radius_m; }
+
+double square(double x) { return x * x; }
+
+/// A cluster that grows scan by scan.
+struct Growing {
+  double axis_m = 0.0, bearing_rad = 0.0;
+  std::vector<std::size_t> members;
+
+  void add(std::size_t member, const CircleFit& fit) {
+    members.push_back(member);
+    const double share = 1.0 / static_cast<double>(members.size());
+    axis_m += share * (axis_of(fit) - axis_m);
+    bearing_rad += share * wrap_angle(fit.bearing_rad - bearing_rad);
+  }
+  double distance(const CircleFit& fit) const {
+    const double range_var = 2.0 * (square(fit.range_sd_m) + square(fit.radius_sd_m)) + square(kScanSlackM);
+    const double bearing_var = 2.0 * square(fit.bearing_sd_rad) + square(kScanSlackRad);
+    return square(axis_of(fit) - axis_m) / range_var + square(wrap_angle(fit.bearing_rad - bearing_rad)) / bearing_var;
+  }
+};
+
+void place(const std::vector<std::size_t>& in_scan, const Cylinders& found, std::vector<Growing>& clusters) {
+  Eigen::MatrixXd cost(static_cast<Eigen::Index>(in_scan.size()), static_cast<Eigen::Index>(clusters.size()));
+  for (Eigen::Index i = 0; i < cost.rows(); ++i)
+    for (Eigen::Index j = 0; j < cost.cols(); ++j) {
+      const double distance =
+          clusters[static_cast<std::size_t>(j)].distance(found.list[in_scan[static_cast<std::size_t>(i)]].fit);
+      cost(i, j) = distance < kGate ? distance : std::numeric_limits<double>::infinity();
+    }
+  const std::vector<int> home = assign(cost, kGate);
+  for (std::size_t i = 0; i < in_scan.size(); ++i) {
+    const CircleFit& fit = found.list[in_scan[i]].fit;
+    if (home[i] < 0) {
+      clusters.emplace_back();
+      clusters.back().bearing_rad = fit.bearing_rad;
+    }
+    (home[i] < 0 ? clusters.back() : clusters[static_cast<std::size_t>(home[i])]).add(in_scan[i], fit);
+  }
+}
+
+Sighting sighting_of(const Growing& cluster, int stop, const Cylinders& found) {
+  Sighting sighting{stop, cluster.axis_m, wrap_angle(cluster.bearing_rad), 0.0, 0.0};
+  const auto n = static_cast<double>(cluster.members.size());
+  for (const std::size_t m : cluster.members) {
+    const CircleFit& fit = found.list[m].fit;
+    sighting.range_sd_m += (square(fit.range_sd_m) + square(fit.radius_sd_m)) / (n * n);
+    sighting.bearing_sd_rad += square(fit.bearing_sd_rad) / (n * n);
+  }
+  sighting.range_sd_m = std::sqrt(sighting.range_sd_m), sighting.bearing_sd_rad = std::sqrt(sighting.bearing_sd_rad);
+  return sighting;
+}
+
+}  // namespace
+
+Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise, const ExtractOptions& options) {
+  Cylinders found;
+  for (std::size_t k = 0; k < groups.size(); ++k)
+    for (std::size_t q = 0; q < groups[k].scans.size(); ++q)
+      for (Segment& segment : split_scan(groups[k].scans[q], noise, options.cylinder, found.beams)) {
+        const Finding finding = judge_segment(segment, noise, options.cylinder);
+        const auto hits = static_cast<long>(segment.beams.size());
+        ++found.segments["all"];
+        if (finding.kind != FindingKind::cylinder) {
+          const bool wall = finding.kind == FindingKind::wall;
+          ++found.segments[wall ? "wall" : std::string("clutter: ") + finding.reason];
+          found.beams[wall ? "on walls" : "on clutter"] += hits;
+          continue;
+        }
+        ++found.segments["cylinder"];
+        found.beams["fitted"] += finding.fit.used;
+        found.beams["dropped at a cylinder's edge"] += finding.fit.edge_beams;
+        found.beams["mixed pixel behind a cylinder's edge"] += finding.mixed_pixels;
+        found.list.push_back({static_cast<int>(k), static_cast<int>(q), std::move(segment), finding.fit});
+      }
+  return found;
+}
+
+std::optional<ScanNoise> noise_of_fits(const Cylinders& found) {
+  std::vector<const Cylinder*> order;
+  double degrees = 0.0;
+  for (const Cylinder& cylinder : found.list) {
+    if (cylinder.fit.degrees_of_freedom <= 0) continue;
+    order.push_back(&cylinder);
+    degrees += cylinder.fit.degrees_of_freedom;
+  }
+  if (degrees < kNoiseDegrees) return std::nullopt;
+  std::sort(order.begin(), order.end(),
+            [](const Cylinder* a, const Cylinder* b) { return a->fit.range_m < b->fit.range_m; });
+  std::vector<SpreadSample> samples;
+  double sum = 0.0, r4 = 0.0, dof = 0.0;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const CircleFit& fit = order[i]->fit;
+    sum += fit.chi_squared * square(fit.mean_sd_m) * fit.used;  // mean_sd_m^2 used = sigma^2 of one beam
+    r4 += fit.degrees_of_freedom * std::pow(fit.range_m, 4), dof += fit.degrees_of_freedom;
+    if (dof < degrees / kBins && i + 1 < order.size()) continue;
+    samples.push_back({std::pow(r4 / dof, 0.25), sum / dof, dof});
+    sum = r4 = dof = 0.0;
+  }
+  return fit_scan_noise(samples);
+}
+
+std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found, double support,
+                                     Tally& tally) {
+  std::vector<Cluster> out;
+  std::size_t next = 0;  // the list is in the order of stop and scan
+  for (std::size_t k = 0; k < groups.size(); ++k) {
+    std::vector<Growing> clusters;
+    while (next < found.list.size() && found.list[next].stop == static_cast<int>(k)) {
+      std::vector<std::size_t> in_scan;
+      const int scan = found.list[next].scan;
+      while (next < found.list.size() && found.list[next].stop == static_cast<int>(k) && found.list[next].scan == scan)
+        in_scan.push_back(next++);
+      place(in_scan, found, clusters);
+    }
+    for (const Growing& cluster : clusters) {
+      if (static_cast<double>(cluster.members.size()) < support * static_cast<double>(groups[k].scans.size())) {
+        tally["in too few scans of the stop"] += static_cast<long>(cluster.members.size());
+      } else {
+        out.push_back({sighting_of(cluster, static_cast<int>(k), found), cluster.members});
+      }
+    }
+  }
+  return out;
+}
+
+std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Association& association,
+                             const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options) {
+  const std::size_t count = association.landmarks.size();
+  const std::vector<double>& known = options.cylinder.radii_m;
+  std::vector<double> radii(count, known.empty() ? 0.0 : known.front());
+  std::vector<double> weight(count, 0.0), moment(count, 0.0);
+  std::vector<std::vector<double>> misfit(count, std::vector<double>(known.size(), 0.0));
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    if (association.landmark[c] < 0) continue;
+    const auto j = static_cast<std::size_t>(association.landmark[c]);
+    for (const std::size_t m : clusters[c].members) {
+      const Cylinder& cylinder = found.list[m];
+      if (known.empty()) {
+        const double w = 1.0 / square(cylinder.fit.radius_sd_m);
+        weight[j] += w, moment[j] += w * cylinder.fit.radius_m;
+      }
+      for (std::size_t r = 0; known.size() > 1 && r < known.size(); ++r)  // one odd scan must not outvote the others
+        misfit[j][r] += std::min(radius_misfit(cylinder.segment, noise, options.cylinder, known[r]), 50.0);
+    }
+  }
+  for (std::size_t j = 0; j < count; ++j) {
+    if (weight[j] > 0.0) radii[j] = moment[j] / weight[j];
+    if (known.size() > 1)
+      radii[j] = known[static_cast<std::size_t>(std::min_element(misfit[j].begin(), misfit[j].end()) - misfit[j].begin())];
+    if (!options.map.empty() && options.map[j].radius_m) radii[j] = *options.map[j].radius_m;
+  }
+  return radii;
+}
+
+}  // namespace rangecal::extract

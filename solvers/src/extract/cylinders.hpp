@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "extract/stop_groups.hpp"
+
+namespace rangecal::extract {
+
+/// A cylinder in one scan.
+struct Cylinder {
+  int stop = 0, scan = 0;   ///< index of the stop, of the scan within it
+  Segment segment;
+  CircleFit fit;
+};
+
+struct Cylinders {
+  std::vector<Cylinder> list;
+  Tally beams, segments;
+};
+
+/// Segments and circles of all scans. Cost: linear in the beams.
+Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise, const ExtractOptions& options);
+
+/// The noise law that the residuals of the circles state; nothing where they have fewer than 200 degrees of freedom.
+std::optional<ScanNoise> noise_of_fits(const Cylinders& found);
+
+/// One landmark in the scans of one stop.
+struct Cluster {
+  Sighting sighting;                  ///< means over the scans
+  std::vector<std::size_t> members;   ///< indices into Cylinders::list
+};
+
+/// Cylinders of a stop's scans that are one landmark: nearest neighbour from scan to scan, gated at five standard
+/// deviations. Those found in less than `support` of the scans are counted in `tally` and left out.
+std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found, double support,
+                                     Tally& tally);
+
+/// The radius of each landmark: of the map, the only one known, the known one that its sightings fit best, or the
+/// weighted mean of the estimates.
+std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Association& association,
+                             const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options);
+
+}  // namespace rangecal::extract

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/extract/extract.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "extract/cylinders.hpp"
+#include "extract/stop_groups.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace {
+
+using namespace extract;
+
+std::vector<ScanLog> turned(std::vector<ScanLog> logs) {
+  for (ScanLog& log : logs)
+    for (Scan& scan : log.scans) {
+      for (double& bearing : scan.bearing_rad) bearing = -bearing;
+      std::reverse(scan.bearing_rad.begin(), scan.bearing_rad.end());
+      std::reverse(scan.range_m.begin(), scan.range_m.end());
+    }
+  return logs;
+}
+
+/// How badly an association explains the sightings: distances, and a gate for each landmark and each one left over.
+double burden(const Association& association, double gate) {
+  const auto alone = static_cast<double>(association.landmark.size()) - association.matched;
+  return association.cost + gate * (static_cast<double>(association.landmarks.size()) + alone);
+}
+
+/// True if the stops are explained clearly better with all bearings reversed.
+bool reversed_fits_better(const std::vector<Pose2>& poses, std::vector<Sighting> sightings,
+                          const AssociationOptions& options, const Association& as_given) {
+  for (Sighting& sighting : sightings) sighting.bearing_rad = -sighting.bearing_rad;
+  const Association other = associate(poses, sightings, options);
+  return burden(other, options.gate) + 3.0 * options.gate < 0.7 * burden(as_given, options.gate);
+}
+
+double reading_of(const CircleFit& fit, ArcRule rule) {
+  if (rule == ArcRule::mean) return fit.mean_m;
+  return rule == ArcRule::smallest ? fit.smallest_m : fit.range_m;
+}
+
+double reading_sd_of(const CircleFit& fit, ArcRule rule, double sigma) {
+  if (rule == ArcRule::mean) return fit.mean_sd_m;
+  return rule == ArcRule::smallest ? sigma : fit.range_sd_m;
+}
+
+void add_reading(Recording& recording, int stop, int landmark, int repeat, double time_s, const CircleFit& fit,
+                 ArcRule arc, double sigma) {
+  Readings& readings = recording.readings;
+  readings.stop.push_back(stop), readings.landmark.push_back(landmark), readings.repeat.push_back(repeat);
+  readings.time_s.push_back(time_s);
+  readings.range_m.push_back(reading_of(fit, arc));
+  readings.bearing_rad.push_back(wrap_angle(fit.bearing_rad));
+  readings.row.push_back(static_cast<int>(readings.size()) + 1);
+  readings.covariates["beams"].push_back(fit.used);
+  readings.covariates["range_sd_m"].push_back(reading_sd_of(fit, arc, sigma));
+  readings.covariates["bearing_sd_rad"].push_back(fit.bearing_sd_rad);
+}
+
+/// The landmarks of the recording in the order of their first reading, and the new index of each.
+std::vector<int> name_landmarks(const std::vector<Cluster>& clusters, const Association& association,
+                                const std::vector<double>& radii, const ExtractOptions& options,
+                                Extraction& extraction) {
+  std::vector<int> index(association.landmarks.size(), -1);
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    if (association.landmark[c] < 0) continue;
+    const auto j = static_cast<std::size_t>(association.landmark[c]);
+    if (index[j] >= 0) continue;
+    index[j] = static_cast<int>(extraction.recording.landmarks.size());
+    const std::string label = options.map.empty() ? "L" + std::to_string(index[j] + 1) : options.map[j].label;
+    extraction.recording.landmarks.push_back({label, radii[j], std::nullopt});
+    extraction.landmark_positions.push_back(association.landmarks[j]);
+  }
+  return index;
+}
+
+AssociationOptions association_options(const ExtractOptions& options) {
+  AssociationOptions association = options.association;
+  // Poses may be exact; for the matching a centimetre and a third of a degree are left open.
+  association.sigma_xy_m = std::max(association.sigma_xy_m, 0.01);
+  association.sigma_heading_rad = std::max(association.sigma_heading_rad, 0.006);
+  for (const MappedLandmark& landmark : options.map) association.map.push_back(landmark.position);
+  return association;
+}
+
+void set_up(Recording& recording, const std::vector<StopGroup>& groups, const ExtractOptions& options) {
+  recording.kind = RecordingKind::landmarks;
+  recording.sigma_xy_m = options.association.sigma_xy_m;
+  recording.sigma_heading_rad = options.association.sigma_heading_rad;
+  recording.stop_error = options.association.error;
+  recording.sensor.range_min_m = options.cylinder.range_min_m;
+  recording.sensor.range_max_m = options.cylinder.range_max_m;
+  for (const StopGroup& group : groups) recording.stops.push_back(group.stop);
+}
+
+}  // namespace
+
+const char* to_string(ArcRule rule) {
+  if (rule == ArcRule::mean) return "mean";
+  return rule == ArcRule::smallest ? "smallest" : "nearest";
+}
+
+ArcRule arc_rule_from_string(const std::string& text) {
+  for (const ArcRule rule : {ArcRule::nearest, ArcRule::mean, ArcRule::smallest})
+    if (text == to_string(rule)) return rule;
+  throw InputError("'" + text + "' is no point of the arc: nearest, mean or smallest");
+}
+
+const char* to_string(StopSplit split) {
+  switch (split) {
+    case StopSplit::label: return "label";
+    case StopSplit::file: return "file";
+    case StopSplit::scan: return "scan";
+    case StopSplit::standing: return "standing";
+    case StopSplit::automatic: break;
+  }
+  return "automatic";
+}
+
+StopSplit stop_split_from_string(const std::string& text) {
+  for (const StopSplit split :
+       {StopSplit::automatic, StopSplit::label, StopSplit::file, StopSplit::scan, StopSplit::standing})
+    if (text == to_string(split)) return split;
+  throw InputError("'" + text + "' does not tell stops apart: automatic, label, file, scan or standing");
+}
+
+Extraction extract_recording(const std::vector<ScanLog>& given, const std::vector<Stop>& stops,
+                             const ExtractOptions& options) {
+  if (given.empty()) throw InputError("no file of scans is given");
+  const std::vector<ScanLog> logs = options.clockwise ? turned(given) : given;
+  Extraction out;
+  std::vector<Scan> all;
+  for (const ScanLog& log : logs) all.insert(all.end(), log.scans.begin(), log.scans.end());
+  if (all.empty()) throw InputError(logs.front().path, 0, "", "holds no scan");
+  out.noise = options.noise ? *options.noise : estimate_scan_noise(all);
+  out.noise_origin = options.noise ? "given" : "from walls";
+  out.split = resolved_split(logs, stops, options.split);
+  out.scans["read"] = static_cast<long>(all.size());
+  const std::vector<StopGroup> groups = group_by_stop(logs, stops, out.noise, options, out.split, out.scans);
+
+  Cylinders found = find_cylinders(groups, out.noise, options);
+  if (!options.noise) {
+    if (const auto refined = noise_of_fits(found)) {
+      out.noise = *refined, out.noise_origin = "from the circles";
+      found = find_cylinders(groups, out.noise, options);
+    }
+  }
+  out.beams = found.beams, out.segments = found.segments;
+  out.cylinders["found"] = static_cast<long>(found.list.size());
+
+  const std::vector<Cluster> clusters = cluster_by_stop(groups, found, options.support, out.cylinders);
+  std::vector<Pose2> poses;
+  for (const StopGroup& group : groups) poses.push_back(group.stop.commanded);
+  std::vector<Sighting> sightings;
+  for (const Cluster& cluster : clusters) sightings.push_back(cluster.sighting);
+  const AssociationOptions matching = association_options(options);
+  const Association association = associate(poses, sightings, matching);
+  out.corrected_stops = association.stops;
+  out.runs_clockwise = poses.size() > 1 && reversed_fits_better(poses, sightings, matching, association);
+
+  const std::vector<double> radii = radii_of(clusters, association, found, out.noise, options);
+  set_up(out.recording, groups, options);
+  const std::vector<int> index = name_landmarks(clusters, association, radii, options, out);
+  double start = all.front().stamp_s;
+  for (const Scan& scan : all) start = std::min(start, scan.stamp_s);
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    if (association.landmark[c] < 0) {
+      out.cylinders[association.reason[c]] += static_cast<long>(clusters[c].members.size());
+      continue;
+    }
+    const auto j = static_cast<std::size_t>(association.landmark[c]);
+    for (const std::size_t m : clusters[c].members) {
+      const Cylinder& cylinder = found.list[m];
+      const auto fit = refit_segment(cylinder.segment, out.noise, options.cylinder, radii[j]);
+      if (!fit) {
+        ++out.cylinders["no circle of its landmark's radius"];
+        continue;
+      }
+      const Scan& scan = groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)];
+      add_reading(out.recording, cylinder.stop, index[j], cylinder.scan, scan.stamp_s - start, *fit, options.arc,
+                  out.noise.spread(fit->range_m));
+      ++out.cylinders["used"];
+    }
+  }
+  out.recording.counts.read = out.recording.counts.used = static_cast<int>(out.recording.readings.size());
+  return out;
+}
+
+}  // namespace rangecal

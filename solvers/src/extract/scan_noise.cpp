@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/extract/scan_noise.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace {
+
+constexpr double kMadToSigma = 1.482602218505602;  // 1 / Phi^-1(3/4)
+
+struct Triple {
+  double range_m, error_m;  // error_m is scaled to the sigma of one beam
+};
+
+bool usable(double range) { return std::isfinite(range) && range > 0.0; }
+
+void add_triples(const Scan& scan, std::vector<Triple>& triples) {
+  for (std::size_t i = 1; i + 1 < scan.size(); ++i) {
+    const double before = scan.range_m[i - 1], here = scan.range_m[i], after = scan.range_m[i + 1];
+    if (!usable(before) || !usable(here) || !usable(after)) continue;
+    const double left = scan.bearing_rad[i] - scan.bearing_rad[i - 1];
+    const double right = scan.bearing_rad[i + 1] - scan.bearing_rad[i];
+    if (std::abs(left - right) > 0.05 * std::abs(left)) continue;
+    const double c = std::cos(left);
+    const double error = here * here * (1.0 / before + 1.0 / after - 2.0 * c / here);
+    triples.push_back({here, error / std::sqrt(2.0 + 4.0 * c * c)});
+  }
+}
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// The resolution of the output [m]: the smallest difference between readings that differ.
+double resolution_m(std::span<const Scan> scans) {
+  double least = 0.01;
+  for (const Scan& scan : scans)
+    for (std::size_t i = 1; i < scan.size(); ++i) {
+      const double step = std::abs(scan.range_m[i] - scan.range_m[i - 1]);
+      if (step > 1e-6 && step < least) least = step;
+    }
+  return least < 0.01 ? least : 0.0;
+}
+
+}  // namespace
+
+double ScanNoise::spread(double range_m) const { return std::hypot(floor_m, quadratic_per_m * range_m * range_m); }
+
+ScanNoise fit_scan_noise(std::span<const SpreadSample> samples, double floor_m) {
+  if (samples.empty()) throw std::invalid_argument("fit_scan_noise: no sample");
+  // Least squares of v = a + b r^4 with weights count / v^2: a sample variance scatters in proportion to itself.
+  double s0 = 0.0, s4 = 0.0, s8 = 0.0, v0 = 0.0, v4 = 0.0;
+  for (const SpreadSample& sample : samples) {
+    const double v = std::max(sample.variance_m2, 1e-12), w = sample.weight / (v * v);
+    const double r4 = std::pow(sample.range_m, 4);
+    s0 += w, s4 += w * r4, s8 += w * r4 * r4, v0 += w * v, v4 += w * r4 * v;
+  }
+  const double determinant = s0 * s8 - s4 * s4;
+  double a = v0 / s0, b = 0.0;
+  if (determinant > 1e-9 * s0 * s8) a = (s8 * v0 - s4 * v4) / determinant, b = (s0 * v4 - s4 * v0) / determinant;
+  if (b < 0.0) a = v0 / s0, b = 0.0;
+  if (a < 0.0) a = 0.0, b = v4 / s8;
+  return {std::max(std::sqrt(a), floor_m), std::sqrt(b)};
+}
+
+ScanNoise estimate_scan_noise(std::span<const Scan> scans) {
+  std::vector<Triple> triples;
+  const std::size_t step = std::max<std::size_t>(1, scans.size() / 200);  // 200 scans tell enough
+  for (std::size_t k = 0; k < scans.size(); k += step) add_triples(scans[k], triples);
+  if (triples.size() < 30)
+    throw InputError("the scans hold too few neighbouring returns to estimate the noise from; state it");
+  std::sort(triples.begin(), triples.end(), [](const Triple& a, const Triple& b) { return a.range_m < b.range_m; });
+  const std::size_t bins = std::clamp<std::size_t>(triples.size() / 50, 1, 12);
+  std::vector<SpreadSample> samples;
+  for (std::size_t bin = 0; bin < bins; ++bin) {
+    const std::size_t from = bin * triples.size() / bins, to = (bin + 1) * triples.size() / bins;
+    std::vector<double> sizes, ranges;
+    for (std::size_t i = from; i < to; ++i) {
+      sizes.push_back(std::abs(triples[i].error_m));
+      ranges.push_back(triples[i].range_m);
+    }
+    const double sigma = kMadToSigma * median(sizes);
+    samples.push_back({median(ranges), sigma * sigma, static_cast<double>(to - from)});
+  }
+  return fit_scan_noise(samples, std::max(1e-4, 0.5 * resolution_m(scans)));
+}
+
+}  // namespace rangecal

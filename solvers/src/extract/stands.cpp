@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/extract/stands.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "rangecal/core/angles.hpp"
+
+namespace rangecal {
+namespace {
+
+bool usable(double range) { return std::isfinite(range) && range > 0.0; }
+
+/// The reading of the scan at a bearing between two of its beams that see one surface; NaN elsewhere.
+double read_between(const Scan& scan, std::size_t& hint, double bearing, const ScanNoise& noise) {
+  while (hint + 1 < scan.size() && scan.bearing_rad[hint + 1] < bearing) ++hint;
+  if (hint + 1 >= scan.size() || scan.bearing_rad[hint] > bearing) return std::nan("");
+  const double a = scan.range_m[hint], b = scan.range_m[hint + 1];
+  const double step = scan.bearing_rad[hint + 1] - scan.bearing_rad[hint];
+  if (!usable(a) || !usable(b) || !(step > 0.0)) return std::nan("");
+  if (std::abs(a - b) > 5.0 * noise.spread(std::min(a, b)) + 2.0 * step * std::min(a, b)) return std::nan("");
+  const double share = (bearing - scan.bearing_rad[hint]) / step;
+  return 1.0 / ((1.0 - share) / a + share / b);
+}
+
+/// Median change of a beam in its standard deviations; infinity where fewer than ten beams can be compared.
+double change(const Scan& scan, const Scan& other, const ScanNoise& noise) {
+  std::vector<double> sizes;
+  std::size_t hint = 0;
+  for (std::size_t i = 0; i < scan.size(); ++i) {
+    if (!usable(scan.range_m[i])) continue;
+    const double before = read_between(other, hint, scan.bearing_rad[i], noise);
+    if (!usable(before)) continue;
+    sizes.push_back(std::abs(scan.range_m[i] - before) / (std::numbers::sqrt2 * noise.spread(before)));
+  }
+  if (sizes.size() < 10) return std::numeric_limits<double>::infinity();
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return *middle;
+}
+
+bool same_place(const Scan& scan, const Scan& other, const ScanNoise& noise, const StandOptions& options) {
+  if (scan.odometry && other.odometry) {
+    const Pose2 &a = *scan.odometry, &b = *other.odometry;
+    return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) < options.move_m &&
+           std::abs(wrap_angle(a.heading_rad - b.heading_rad)) < options.turn_rad;
+  }
+  return change(scan, other, noise) < options.still_sigmas;
+}
+
+}  // namespace
+
+std::vector<std::vector<std::size_t>> find_stands(std::span<const Scan> scans, const ScanNoise& noise,
+                                                  const StandOptions& options) {
+  std::vector<std::vector<std::size_t>> stands;
+  std::vector<std::size_t> current;
+  const auto close = [&] {
+    if (static_cast<int>(current.size()) >= options.scans_min) stands.push_back(current);
+    current.clear();
+  };
+  for (std::size_t k = 0; k < scans.size(); ++k) {
+    const bool stays = !current.empty() && same_place(scans[k], scans[current.back()], noise, options) &&
+                       same_place(scans[k], scans[current.front()], noise, options);
+    if (!stays) close();
+    current.push_back(k);
+  }
+  close();
+  return stands;
+}
+
+}  // namespace rangecal
