@@ -25,13 +25,18 @@ package: build
 	cpack --config $(BUILD)/CPackConfig.cmake -B build/packages
 
 # Measurements, not tests: minutes each. The tables in docs/ come from these.
-.PHONY: bench-accuracy bench-speed prove
+.PHONY: bench-accuracy bench-speed bench-peers prove
 bench-accuracy: build
 	$(BUILD)/benchmarks/joint_accuracy 1000 200 notebooks_data/scenes
 
 bench-speed: build
 	$(BUILD)/benchmarks/joint_speed
 	$(BUILD)/benchmarks/pairs_speed
+
+# Against SciPy, R, Octave, NLopt and plain Ceres on the same data, about 8 minutes.
+bench-peers: build
+	@.ci/install benchmarks/peers/packages
+	python3 benchmarks/peers/run.py $(BUILD)/benchmarks/peers_compiled
 
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
