@@ -9,6 +9,7 @@
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "report/report.hpp"
 #include "summary.hpp"
 #include "text.hpp"
 
@@ -17,7 +18,7 @@ namespace {
 
 struct CalibrateCommand {
   JobOptions job;
-  std::string method = "marginal", from, json;
+  std::string method = "marginal", from, json, report;
 
   int run() const {
     CalibrateOptions options = job.parsed();
@@ -30,19 +31,24 @@ struct CalibrateCommand {
     }
     if (!from.empty()) options.from = load_calibration(from);
     if (!json.empty()) probe(json);
-    const std::vector<Recording> recordings = load_recordings(job.recordings);
-    const CalibrationReport report = run_job(recordings, options);
-    const Calibration& best = recommended(report);
-    if (!json.empty()) save_calibrations(report.calibrations, json);
-
-    fmt::print("{}", summary_page(report, best, recordings, json));
-    if (options.from) fmt::print("{}", change_page(*options.from, best));
-    fmt::print("{}", numerics_page(report, best, recordings));
-    if (report.calibrations.size() > 1) {
-      std::vector<TruthScore> no_scores(report.calibrations.size());
-      fmt::print("\nAll methods\n{}{}", comparison_table(report, no_scores), footnotes(report, no_scores));
+    if (!report.empty()) {
+      report::require_available();
+      probe(report);
     }
-    const bool contradicted = report.check && report.check->better_basin;
+    const std::vector<Recording> recordings = load_recordings(job.recordings);
+    const CalibrationReport result = run_job(recordings, options);
+    const Calibration& best = recommended(result);
+    if (!json.empty()) save_calibrations(result.calibrations, json);
+    if (!report.empty()) write_file(report, report::calibration_page(recordings, result, best));
+
+    fmt::print("{}", summary_page(result, best, recordings, json));
+    if (options.from) fmt::print("{}", change_page(*options.from, best));
+    fmt::print("{}", numerics_page(result, best, recordings));
+    if (result.calibrations.size() > 1) {
+      std::vector<TruthScore> no_scores(result.calibrations.size());
+      fmt::print("\nAll methods\n{}{}", comparison_table(result, no_scores), footnotes(result, no_scores));
+    }
+    const bool contradicted = result.check && result.check->better_basin;
     return has_answer(best) && !contradicted ? done : not_delivered;
   }
 
@@ -75,6 +81,7 @@ void add_calibrate(CLI::App& app, Action& chosen) {
       ->capture_default_str();
   command->add_option("--from", state->from, "refine this calibration (JSON) and say what changed");
   command->add_option("--json", state->json, "write the calibration to this file");
+  command->add_option("--report", state->report, "write a report to look at to this file: one HTML page that needs no network");
   command->footer(
       "The sensor reports y = f(d) + s e at the true distance d to a landmark's surface. Drive past "
       "landmarks at unknown\n"

@@ -6,12 +6,15 @@
 #include "commands.hpp"
 #include "comparison.hpp"
 #include "job_options.hpp"
+#include "rangecal/core/files.hpp"
+#include "report/report.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
 namespace {
 
-int run(const JobOptions& job) {
+int run(const JobOptions& job, const std::string& page) {
+  if (!page.empty()) report::require_available();
   const std::vector<Recording> recordings = load_recordings(job.recordings);
   const CalibrationReport report = run_job(recordings, job.parsed());
   const Calibration* stops = nullptr;
@@ -28,12 +31,14 @@ int run(const JobOptions& job) {
     else
       scores.emplace_back();
   }
+  const std::string advice = verdict(report, recordings, scores);
+  if (!page.empty()) write_file(page, report::comparison_page(recordings, report, scores, advice));
   fmt::print("{}\n", wrapped(describe(recordings) + "; " + describe(report.calibrations[0].counts), 2));
   if (best) fmt::print("{}\n", wrapped(describe_choice(*best, report), 2));
   fmt::print("\n{}", comparison_table(report, scores));
   fmt::print("{}", footnotes(report, scores));
   if (report.check) fmt::print("{}\n", wrapped("check of the full likelihood: " + report.check->report, 2));
-  fmt::print("\n{}\n", wrapped(verdict(report, recordings, scores), 0));
+  fmt::print("\n{}\n", wrapped(advice, 0));
   return best && best->method == Method::marginal ? done : not_delivered;
 }
 
@@ -43,7 +48,9 @@ void add_compare(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("compare", "the four methods side by side, against ground truth where it exists");
   const auto job = std::make_shared<JobOptions>();
+  const auto page = std::make_shared<std::string>();
   job->add_to(*command);
+  command->add_option("--report", *page, "write a report to look at to this file: one HTML page that needs no network");
   command->footer(
       "All methods share one order and noise law and are scored by the same two functions: the joint NLL at "
       "their best\n"
@@ -52,7 +59,7 @@ void add_compare(CLI::App& app, Action& chosen) {
       "\n"
       "Example:\n"
       "  rangecal compare notebooks_data/field-layout");
-  command->callback([job, &chosen] { chosen = [job] { return run(*job); }; });
+  command->callback([job, page, &chosen] { chosen = [job, page] { return run(*job, *page); }; });
 }
 
 }  // namespace rangecal::app

@@ -44,19 +44,7 @@ class Table {
     if (any) rows_.push_back(cells);
   }
 
-  std::string text() const {
-    std::vector<std::size_t> width(report_.calibrations.size() + 1, 0);
-    for (const auto& cells : rows_)
-      for (std::size_t i = 0; i < cells.size(); ++i) width[i] = std::max(width[i], cells[i].size());
-    std::string result;
-    for (const auto& cells : rows_) {
-      std::string line;
-      for (std::size_t i = 0; i < cells.size(); ++i) line += fmt::format("{:<{}}", cells[i], width[i] + 3);
-      line.erase(line.find_last_not_of(' ') + 1);
-      result += line + "\n";
-    }
-    return result;
-  }
+  const std::vector<std::vector<std::string>>& rows() const { return rows_; }
 
  private:
   const CalibrationReport& report_;
@@ -71,7 +59,8 @@ std::string behind(const Calibration& c, const Calibration& best) {
 
 }  // namespace
 
-std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
+std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& report,
+                                                      const std::vector<TruthScore>& scores) {
   int order = -1;
   Eigen::Index taus = 0;
   NoiseLaw law = NoiseLaw::f_squared;
@@ -148,7 +137,22 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
   });
   table.row("MSE ratio",
             [&](const Calibration&, std::size_t i) { return or_dash(scores[i].mse_ratio, "{:.2f}"); });
-  return table.text();
+  return table.rows();
+}
+
+std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
+  const std::vector<std::vector<std::string>> rows = comparison_rows(report, scores);
+  std::vector<std::size_t> width(report.calibrations.size() + 1, 0);
+  for (const auto& cells : rows)
+    for (std::size_t i = 0; i < cells.size(); ++i) width[i] = std::max(width[i], cells[i].size());
+  std::string result;
+  for (const auto& cells : rows) {
+    std::string line;
+    for (std::size_t i = 0; i < cells.size(); ++i) line += fmt::format("{:<{}}", cells[i], width[i] + 3);
+    line.erase(line.find_last_not_of(' ') + 1);
+    result += line + "\n";
+  }
+  return result;
 }
 
 std::string footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores) {

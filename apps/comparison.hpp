@@ -11,7 +11,11 @@
 
 namespace rangecal::app {
 
-/// One column per method: estimates with standard deviations, likelihoods, time, errors against ground truth.
+/// One column per method behind the row's name: estimates with standard deviations, likelihoods, time, errors against
+/// ground truth. The first row names the methods; rows that no method fills are left out.
+std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& report,
+                                                      const std::vector<TruthScore>& scores);
+/// The same as text.
 std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores);
 
 /// One sentence: which method to trust, why, what each other gives away, and what speaks against it.

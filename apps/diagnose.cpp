@@ -18,6 +18,7 @@
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "report/report.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -25,7 +26,7 @@ namespace {
 
 struct DiagnoseCommand {
   std::vector<std::string> recordings, force;
-  std::string simulation, json, calibration;
+  std::string simulation, json, calibration, report;
   double alarm_rate = 0.02;
 
   int run() const {
@@ -33,6 +34,7 @@ struct DiagnoseCommand {
       throw InputError(fmt::format("--alarm-rate is {}, not between 0 and 1", alarm_rate));
     for (const std::string& id : force)
       if (!find_effect(id)) throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
+    if (!report.empty()) report::require_available();
     std::vector<Recording> loaded;
     for (const std::string& folder : recordings) loaded.push_back(load_recording(folder));
     DiagnoseOptions options;
@@ -41,6 +43,7 @@ struct DiagnoseCommand {
     if (::isatty(STDERR_FILENO)) options.progress = show_progress;
     const Diagnosis diagnosis = against(loaded, options);
     if (!json.empty()) write_file(json, diagnosis_to_json(diagnosis));
+    if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
     return done;
@@ -114,6 +117,7 @@ void add_diagnose(CLI::App& app, Action& chosen) {
                       "hold this against the recordings: a calibration file, or a recording made by a simulator");
   command->add_option("--json", state->json, "write the diagnosis to this file (rangecal-diagnosis/1)");
   command->add_option("--calibration", state->calibration, "write the corrected calibration, effects in it, to this file");
+  command->add_option("--report", state->report, "write a report to look at to this file: one HTML page that needs no network");
   command->add_option("--alarm-rate", state->alarm_rate, "false alarms per recording of the seed model, all questions together")
       ->capture_default_str();
   command->add_option("--force", state->force, "fit exactly these effects, whatever the residuals say");

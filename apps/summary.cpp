@@ -15,10 +15,6 @@ namespace {
 
 constexpr double degrees = 180.0 / std::numbers::pi;
 
-std::string paragraph(const char* title, const std::string& text) {
-  return fmt::format("{:<10} {}\n", title, wrapped(text, 11));
-}
-
 const char* what_converged(Method method) {
   switch (method) {
     case Method::closed_form:
@@ -163,24 +159,25 @@ std::string least_certain(const Calibration& c) {
 
 }  // namespace
 
-std::string summary_page(const CalibrationReport& report, const Calibration& c,
-                         std::span<const Recording> recordings, const std::string& json) {
-  std::string page = paragraph("Recording", describe(recordings));
-  page += paragraph("Readings", describe(c.counts));
-  page += paragraph("Outcome", outcome_in_words(c));
+std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Calibration& c,
+                                       std::span<const Recording> recordings, const std::string& json) {
+  std::vector<SummaryItem> items;
+  const auto add = [&](const char* title, const std::string& text) { items.push_back({title, text}); };
+  add("Recording", describe(recordings));
+  add("Readings", describe(c.counts));
+  add("Outcome", outcome_in_words(c));
   const bool curve = has_answer(c) || (c.outcome == Outcome::not_converged && c.alpha.size() > 0);
   if (curve) {
-    page += paragraph("Model", describe_choice(c, report));
-    page += paragraph("Curve f", curve_in_words(c));
-    page += curve_table(c);
+    add("Model", describe_choice(c, report));
+    add("Curve f", curve_in_words(c));
     if (c.sigma_theta_rad) {
       std::optional<double> std_dev = c.sigma_theta_rad->std_dev;
       if (std_dev) *std_dev *= degrees;
-      page += paragraph("Bearings", fmt::format("one bearing scatters by sigma_theta = {} degrees",
+      add("Bearings", fmt::format("one bearing scatters by sigma_theta = {} degrees",
                                                 with_std(degrees * c.sigma_theta_rad->value, std_dev)));
     }
     if (c.sigma_s_m)
-      page += paragraph(
+      add(
           "Stops",
           c.sigma_s_upper95_m
               ? fmt::format("no position error found: sigma_s = 0, below {:.2g} mm with 95 % confidence",
@@ -190,7 +187,7 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c,
                                      c.sigma_s_m->std_dev ? std::optional(1e3 * *c.sigma_s_m->std_dev)
                                                           : std::nullopt)));
     if (!c.noise_shapes.empty())
-      page += paragraph("Tails", shapes_in_words(c) + "; sigmas are the scales of these, not standard deviations");
+      add("Tails", shapes_in_words(c) + "; sigmas are the scales of these, not standard deviations");
     const ResidualCheck check = check_residuals(recordings, c);
     if (report.noise_shape.empty() && check.ranges > 0) {
       std::string text = outliers_in_words(check);
@@ -201,17 +198,27 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c,
       if (const std::string repeats = repeats_in_words(check); !repeats.empty())
         text += "; " + repeats +
                 ", so most of that scatter is constant at a stop: an effect that the model lacks";
-      page += paragraph("Fit", text);
+      add("Fit", text);
     }
     const std::string loose = least_certain(c);
-    if (!loose.empty()) page += paragraph("Loosest", loose);
+    if (!loose.empty()) add("Loosest", loose);
     if (c.method == Method::full && c.alpha_covariance)
-      page += paragraph("Caution",
+      add("Caution",
                         "standard deviations of full are optimistic: use --method marginal for honest ones");
   } else if (!c.weakest_direction.empty()) {
-    page += paragraph("Open", "what can change unseen: " + c.weakest_direction);
+    add("Open", "what can change unseen: " + c.weakest_direction);
   }
-  page += paragraph("Next", advice(report, c, recordings, json));
+  add("Next", advice(report, c, recordings, json));
+  return items;
+}
+
+std::string summary_page(const CalibrationReport& report, const Calibration& c,
+                         std::span<const Recording> recordings, const std::string& json) {
+  std::string page;
+  for (const SummaryItem& item : summary_items(report, c, recordings, json)) {
+    page += fmt::format("{:<10} {}\n", item.title, wrapped(item.text, 11));
+    if (item.title == "Curve f") page += curve_table(c);
+  }
   return page;
 }
 

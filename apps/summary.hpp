@@ -3,11 +3,20 @@
 
 #include <span>
 #include <string>
+#include <vector>
 
 #include "rangecal/core/recording.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 
 namespace rangecal::app {
+
+/// One line of the summary: "Outcome", "converged by marginal: this is the optimum".
+struct SummaryItem {
+  std::string title, text;
+};
+/// What the summary page says, in its order, without its table of the curve.
+std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Calibration& calibration,
+                                       std::span<const Recording> recordings, const std::string& json);
 
 /// The page a person reads first: what f is, the correction and the noise over the range, bearings, counts,
 /// outcome, what is least certain, what to do next. `json` names the file written, or is empty.

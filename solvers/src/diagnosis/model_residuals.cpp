@@ -72,4 +72,8 @@ ModelResiduals model_residuals(std::span<const Recording> recordings, const Cali
   return result;
 }
 
+std::vector<int> bins_of_equal_shares(const std::vector<double>& values) {
+  return bins_of(Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())));
+}
+
 }  // namespace rangecal

@@ -12,7 +12,8 @@ namespace {
 
 constexpr int bin_count = 12;
 
-/// Bin of every reading, -1 where its covariate is missing; readings of one value share a bin.
+}  // namespace
+
 std::vector<int> bins_of(const Eigen::VectorXd& x) {
   std::vector<int> order, bins(static_cast<std::size_t>(x.size()), -1);
   for (int i = 0; i < x.size(); ++i)
@@ -38,8 +39,6 @@ std::vector<int> bins_of(const Eigen::VectorXd& x) {
   }
   return bins;
 }
-
-}  // namespace
 
 RowResiduals row_residuals(const Rows& rows, const Model& model, const JointState& state) {
   const CellGeometry geometry = cell_geometry(rows, state);

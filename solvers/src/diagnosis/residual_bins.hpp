@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "diagnosis/search.hpp"
 
@@ -18,6 +19,9 @@ RowResiduals row_residuals(const Rows& rows, const Model& model, const JointStat
 /// A covariate of FORMAT for every row, NaN where a field is empty; nothing where the rows have no such one.
 std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& geometry,
                                                 const std::string& name);
+
+/// Bin of every value, -1 where it is not finite: 12 bins of equal shares, or one for each value where there are few.
+std::vector<int> bins_of(const Eigen::VectorXd& values);
 
 /// Fills Finding::residuals of a diagnosis: the readings' residuals in the finding's channel, averaged over
 /// 12 bins of equal shares along its covariate (one bin per group where it has few values), under the

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal::app {
+
+/// Factor and name of the unit that a value stored in SI is shown in.
+struct Shown {
+  double factor = 1.0;
+  std::string unit;
+};
+/// "m" in mm, "rad" in deg; others as they are.
+Shown shown(const std::string& si);
+/// The unit of a parameter by its name's ending. Lengths of centimetres and less are in mm.
+Shown unit_of(const EffectEstimate& estimate);
+
+bool ends_with(const std::string& text, const std::string& end);
+/// "p = 3e-12".
+std::string p_in_words(double p);
+/// "7.5 mm", "spread x 1.6", "labels exchanged": how large a finding is.
+std::string size_in_words(const Finding& finding);
+/// " from -23 to 51 deg", " at B", or nothing: where along its covariate, in the unit a user reads it in.
+std::string place(const Finding& finding);
+/// "range_eccentricity + cell_effect".
+std::string set_in_words(const std::vector<std::string>& set);
+
+/// A row of the table before and after; `after` and `note` are empty where nothing was added to the model.
+struct BeforeAfter {
+  std::string name, before, after, note;
+};
+std::vector<BeforeAfter> before_after_rows(const Diagnosis& diagnosis);
+
+/// A parameter as a user reads it.
+struct ParameterRow {
+  std::string name, value, unit;
+};
+/// The effects' parameters and what is left of the calibration beside them.
+std::vector<ParameterRow> parameter_rows(const Diagnosis& diagnosis);
+
+}  // namespace rangecal::app

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit_view.hpp"
+#include "rangecal/solvers/calibrate/curve.hpp"
+#include "text.hpp"
+
+namespace rangecal::report {
+
+void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::vector<ModelScore>& scores) {
+  Json rows = Json::array(), names = Json::array(), colours = Json::array();
+  std::vector<double> heights;
+  for (const NamedCurve& curve : curves) {
+    names.push_back(curve.name);
+    colours.push_back(curve.colour);
+    for (const CurvePoint& p : curve_points(*curve.calibration, 61)) {
+      const double excess = 1e3 * (p.reading_m - p.distance_m);
+      const double band = p.std_dev_m ? 1.96e3 * *p.std_dev_m : 0.0;
+      rows.push_back({{"model", curve.name},
+                      {"d", number(p.distance_m)},
+                      {"excess", number(excess)},
+                      {"low", number(excess - band)},
+                      {"high", number(excess + band)},
+                      {"band", number(band)}});
+      heights.insert(heights.end(), {excess - 3e3 * p.noise_m, excess + 3e3 * p.noise_m});
+    }
+  }
+  page.dataset("curves", rows);
+  const Limits limits = limits_of(heights);
+  page.section("The curve f");
+  std::vector<Chart> charts{
+      {"curve",
+       "curve",
+       {{"models", names}, {"colours", colours}, {"low", limits.low}, {"high", limits.high}},
+       "What the sensor says beyond the true distance",
+       "f(d) − d with its 95 % band, over the readings as they were read.",
+       "plot"}};
+  std::vector<ModelScore> sane;
+  std::copy_if(scores.begin(), scores.end(), std::back_inserter(sane),
+               [](const ModelScore& s) { return std::isfinite(s.aic); });
+  if (!sane.empty()) {
+    double best = sane[0].aic;
+    for (const ModelScore& s : sane) best = std::min(best, s.aic);
+    Json orders = Json::array();
+    for (const ModelScore& s : sane)
+      orders.push_back({{"order", s.order},
+                        {"law", app::law_in_words(s.law)},
+                        {"aic", number(s.aic)},
+                        {"above", number(s.aic - best)}});
+    page.dataset("orders", orders);
+    charts.push_back({"orders",
+                      "orders",
+                      {},
+                      "Which order and noise law the readings ask for",
+                      "AIC of the marginal likelihood above the best model; 0 is best, within 2 is a tie.",
+                      "plot"});
+  }
+  page.charts(charts);
+}
+
+}  // namespace rangecal::report

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "fit_view.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace rangecal::report {
+namespace {
+
+constexpr std::size_t most_readings = 4000;
+
+std::size_t stride_of(std::size_t readings) { return (readings + most_readings - 1) / most_readings; }
+
+}  // namespace
+
+FitView view_of(std::vector<Recording> recordings, const Calibration& calibration,
+                std::span<const std::string> covariates, std::span<const AddedChange> added) {
+  FitView view;
+  view.residuals = model_residuals(recordings, calibration, covariates, added);
+  view.covariance = scene_covariance(recordings, calibration);
+  view.recordings = std::move(recordings);
+  view.calibration = calibration;
+  return view;
+}
+
+std::vector<std::size_t> shown(std::size_t readings) {
+  std::vector<std::size_t> indices;
+  const std::size_t stride = std::max<std::size_t>(1, stride_of(readings));
+  for (std::size_t i = 0; i < readings; i += stride) indices.push_back(i);
+  return indices;
+}
+
+std::string shown_in_words(std::size_t readings) {
+  const std::size_t stride = stride_of(readings);
+  if (stride < 2) return {};
+  return fmt::format("One in {} of {} readings is drawn; bins and curves are of all.", stride, readings);
+}
+
+void name_reading(const FitView& view, const ReadingResidual& reading, Json& row) {
+  const Recording& recording = view.recordings[static_cast<std::size_t>(reading.recording)];
+  const auto label = [&](const auto& list, int index) {
+    return index < 0 ? std::string("–") : list[static_cast<std::size_t>(index)].label;
+  };
+  row["recording"] = reading.recording;
+  row["stop"] = label(recording.stops, reading.stop);
+  row["landmark"] = label(recording.landmarks, reading.landmark);
+  row["row"] = reading.row;
+}
+
+Limits limits_of(std::vector<double> values) {
+  std::erase_if(values, [](double v) { return !std::isfinite(v); });
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const double last = static_cast<double>(values.size()) - 1.0;
+  const double low = values[static_cast<std::size_t>(std::lround(0.005 * last))];
+  const double high = values[static_cast<std::size_t>(std::lround(0.995 * last))];
+  const double margin = std::max(0.06 * (high - low), 1e-9 + 1e-3 * std::abs(high));
+  return {low - margin, high + margin};
+}
+
+void add_readings(Page& page, const FitView& view) {
+  Json rows = Json::array();
+  for (std::size_t i : shown(view.residuals.readings.size())) {
+    const ReadingResidual& x = view.residuals.readings[i];
+    Json row;
+    name_reading(view, x, row);
+    row["read"] = number(x.range_m);
+    row["distance"] = number(x.distance_m);
+    row["corrected"] = number(x.corrected_m);
+    row["excess"] = number(1e3 * (x.range_m - x.distance_m));
+    row["size"] = number(1e3 * std::abs(x.range_residual_m));
+    if (x.stop >= 0) {
+      const Recording& recording = view.recordings[static_cast<std::size_t>(x.recording)];
+      std::size_t k = static_cast<std::size_t>(x.stop);
+      for (int r = 0; r < x.recording; ++r) k += view.recordings[static_cast<std::size_t>(r)].stops.size();
+      const Pose2& stop = view.calibration.stops.empty()
+                              ? recording.stops[static_cast<std::size_t>(x.stop)].commanded
+                              : view.calibration.stops[k].pose;
+      const double radius = recording.landmarks[static_cast<std::size_t>(x.landmark)].radius_m;
+      const double raw = stop.heading_rad + x.bearing_rad;
+      const Eigen::Vector2d& axis = [&]() -> const Eigen::Vector2d& {
+        for (const LandmarkEstimate& l : view.calibration.landmarks)
+          if (l.recording == x.recording &&
+              l.label == recording.landmarks[static_cast<std::size_t>(x.landmark)].label)
+            return l.position_m;
+        return view.calibration.landmarks.front().position_m;
+      }();
+      const double corrected = std::atan2(axis.y() - stop.y_m, axis.x() - stop.x_m) + x.bearing_residual_rad;
+      row["x_raw"] = number(stop.x_m + (x.range_m + radius) * std::cos(raw));
+      row["y_raw"] = number(stop.y_m + (x.range_m + radius) * std::sin(raw));
+      row["x_corrected"] = number(stop.x_m + (x.corrected_m + radius) * std::cos(corrected));
+      row["y_corrected"] = number(stop.y_m + (x.corrected_m + radius) * std::sin(corrected));
+    }
+    rows.push_back(std::move(row));
+  }
+  page.dataset("readings", std::move(rows));
+}
+
+}  // namespace rangecal::report

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rangecal/core/recording.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/calibrate/truth_score.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal::report {
+
+/// True where the charting library was there when this was built; the full pages need it, the summaries do
+/// not.
+bool available();
+/// Throws InputError with one line that says what to install where it was not.
+void require_available();
+
+/// One self-contained HTML file for people: the verdict, the scene, the curve, residuals before and after,
+/// noise, the explanation, the table before and after, what stays open, what to record next, how the fit
+/// went. Needs no network. `recordings` are those that were diagnosed. Cost: a calibration for the scores of
+/// the orders, else linear in the readings; of large recordings every k-th reading is drawn, and the page
+/// says so.
+std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosis& diagnosis);
+/// The same for a calibration: `best` is the one of the report that is shown in full, the others stand in a
+/// table.
+std::string calibration_page(std::span<const Recording> recordings, const CalibrationReport& report,
+                             const Calibration& best);
+/// The methods side by side: their curves over the readings, the best one's scene, the table with ground
+/// truth. `verdict` is the sentence that says which to trust.
+std::string comparison_page(std::span<const Recording> recordings, const CalibrationReport& report,
+                            const std::vector<TruthScore>& scores, const std::string& verdict);
+
+/// The first part of a page as a fragment of HTML without scripts, styled inline: verdict and main table. For
+/// notebooks.
+std::string diagnosis_summary(const Diagnosis& diagnosis);
+std::string calibration_summary(const CalibrationReport& report, const Calibration& best,
+                                std::span<const Recording> recordings);
+
+}  // namespace rangecal::report

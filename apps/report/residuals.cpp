@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "residuals.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "diagnosis_words.hpp"
+
+namespace rangecal::report {
+namespace {
+
+using app::ends_with;
+
+constexpr double degree = std::numbers::pi / 180.0;
+
+/// How a covariate is shown.
+struct Axis {
+  std::string title;
+  double factor = 1.0;
+  bool groups = false;  ///< labels instead of numbers
+  const char* format = ".3f";
+};
+Axis axis_of(const std::string& covariate) {
+  if (covariate == "range" || covariate == "constant") return {"true distance d [m]"};
+  if (covariate == "disparity") return {"1 / d [1/m]"};
+  if (covariate == "sensor_bearing") return {"direction in the sensor frame [°]", 1.0 / degree, false, ".1f"};
+  if (covariate == "heading") return {"heading of the stop [°]", 1.0 / degree, false, ".1f"};
+  if (covariate == "time") return {"time [s]", 1.0, false, ".1f"};
+  if (covariate == "stop") return {"stop", 1.0, true};
+  if (covariate == "repeat") return {"repeat at one stop", 1.0, false, ".0f"};
+  if (covariate == "landmark") return {"landmark", 1.0, true};
+  if (covariate == "radius") return {"radius of the landmark [m]"};
+  return {covariate, 1.0, false, ".4~g"};
+}
+
+/// What of a reading is shown on the other axis.
+struct Channel {
+  bool bearing = false, spread = false;
+  std::string title() const {
+    const std::string what = bearing ? "bearing" : "range";
+    if (spread) return "|" + what + " residual| / spread";
+    return what + (bearing ? " residual [°]" : " residual [mm]");
+  }
+  double of(const ReadingResidual& x) const {
+    const double residual = bearing ? x.bearing_residual_rad : x.range_residual_m;
+    if (spread) return std::abs(residual) / (bearing ? x.bearing_std_rad : x.range_std_m);
+    return bearing ? residual / degree : 1e3 * residual;
+  }
+  /// A bin's mean, or from its log variance ratio the ratio of spreads.
+  double of_bin(double value) const {
+    return spread ? std::exp(0.5 * value) : bearing ? value / degree : 1e3 * value;
+  }
+};
+Channel channel_of(const std::string& channel) {
+  return {channel.rfind("bearing", 0) == 0, ends_with(channel, "_noise")};
+}
+
+/// The label of a landmark or stop by its number over all recordings.
+std::string label_of(const FitView& view, const std::string& covariate, double number_of_group) {
+  std::size_t index = static_cast<std::size_t>(std::lround(number_of_group));
+  for (const Recording& recording : view.recordings) {
+    const std::size_t count = covariate == "stop" ? recording.stops.size() : recording.landmarks.size();
+    if (index < count)
+      return covariate == "stop" ? recording.stops[index].label : recording.landmarks[index].label;
+    index -= count;
+  }
+  return "–";
+}
+
+Json place_of(const FitView& view, const Axis& axis, const std::string& covariate, double value) {
+  return axis.groups ? Json(label_of(view, covariate, value)) : number(axis.factor * value);
+}
+
+/// One pair of charts: names, data, and what both share.
+struct Pair {
+  std::string id, covariate;
+  Channel channel;
+  Axis axis;
+  Limits limits;
+};
+
+Chart chart_of(const Pair& pair, bool after, std::size_t readings, const std::string& title,
+               const std::string& caption) {
+  const std::string colour = after ? "var(--after)" : "var(--before)";
+  return {fmt::format("{}-{}", pair.id, after ? "after" : "before"),
+          "residual",
+          {{"points", pair.id + "-points"},
+           {"bins", fmt::format("{}-bins-{}", pair.id, after ? "after" : "before")},
+           {"field", after ? "after" : "before"},
+           {"type", pair.axis.groups ? "ordinal" : "quantitative"},
+           {"band_mark", pair.axis.groups ? "bar" : "area"},
+           {"line_width", pair.axis.groups ? 0 : 2},
+           {"x_title", pair.axis.title},
+           {"x_format", pair.axis.groups ? Json(nullptr) : Json(pair.axis.format)},
+           {"y_title", pair.channel.title()},
+           {"bin_title", pair.channel.spread ? "spread / modelled" : "mean of the bin"},
+           {"low", pair.channel.spread ? 0.0 : pair.limits.low},
+           {"high", pair.limits.high},
+           {"reference", pair.channel.spread ? 1 : 0},
+           {"colour", colour}},
+          title,
+          caption.empty() ? shown_in_words(readings) : caption + " " + shown_in_words(readings),
+          "plot"};
+}
+
+Json bin_row(const Json& at, double mean, double low, double high, int readings) {
+  return {{"at", at},
+          {"mean", number(mean)},
+          {"low", number(low)},
+          {"high", number(high)},
+          {"readings", readings}};
+}
+
+/// Points of one or two models; `along` holds the covariate of every reading.
+Json point_rows(const FitView& before, const FitView* after, const Pair& pair,
+                const std::vector<double>& along) {
+  Json rows = Json::array();
+  for (std::size_t i : shown(along.size())) {
+    const ReadingResidual& x = before.residuals.readings[i];
+    Json row;
+    name_reading(before, x, row);
+    row["along"] = place_of(before, pair.axis, pair.covariate, along[i]);
+    row["before"] = number(pair.channel.of(x));
+    if (after) row["after"] = number(pair.channel.of(after->residuals.readings[i]));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Limits limits_of_points(const FitView& before, const FitView* after, const Channel& channel) {
+  std::vector<double> values;
+  for (const ReadingResidual& x : before.residuals.readings) values.push_back(channel.of(x));
+  if (after)
+    for (const ReadingResidual& x : after->residuals.readings) values.push_back(channel.of(x));
+  return limits_of(values);
+}
+
+/// What a finding says of itself, under its charts.
+std::string finding_in_words(const Finding& f) {
+  std::string text = f.channel;
+  if (f.covariate != "any" && f.covariate != "constant") text += " along " + f.covariate;
+  if (!f.shape.empty() && f.shape != "effect") text += fmt::format(" ({})", f.shape);
+  text += app::place(f) + ": " + app::size_in_words(f);
+  if (f.share > 0.0) text += fmt::format(", {:.0f} % of the excess", 100.0 * f.share);
+  return fmt::format("{}, {}", text, app::p_in_words(f.p_value));
+}
+
+}  // namespace
+
+std::vector<std::string> covariates_of(const Diagnosis& diagnosis) {
+  std::set<std::string> names;
+  for (const Finding& f : diagnosis.location) names.insert(f.covariate);
+  return {names.begin(), names.end()};
+}
+
+int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& before, const FitView* after,
+                 int most) {
+  int drawn = 0;
+  for (const Finding& f : diagnosis.location) {
+    const auto along = before.residuals.along.find(f.covariate);
+    if (f.residuals.empty() || along == before.residuals.along.end() || drawn == most) continue;
+    Pair pair{
+        fmt::format("finding-{}", ++drawn), f.covariate, channel_of(f.channel), axis_of(f.covariate), {}};
+    pair.limits = limits_of_points(before, after, pair.channel);
+    page.dataset(pair.id + "-points", point_rows(before, after, pair, along->second));
+    for (const bool completed : {false, true}) {
+      Json bins = Json::array();
+      for (const BinnedResidual& b : f.residuals) {
+        const double mean = completed ? b.after : b.before;
+        bins.push_back(bin_row(place_of(before, pair.axis, f.covariate, b.at), pair.channel.of_bin(mean),
+                               pair.channel.of_bin(mean - 1.96 * b.std_dev),
+                               pair.channel.of_bin(mean + 1.96 * b.std_dev), b.readings));
+      }
+      page.dataset(fmt::format("{}-bins-{}", pair.id, completed ? "after" : "before"), bins);
+    }
+    page.heading(finding_in_words(f));
+    std::vector<Chart> charts{chart_of(pair, false, along->second.size(), "Before: the seed model", "")};
+    if (after) charts.push_back(chart_of(pair, true, along->second.size(), "After: the completed model", ""));
+    page.charts(charts);
+  }
+  return drawn;
+}
+
+void add_plain_residuals(Page& page, const FitView& view) {
+  std::vector<Chart> charts;
+  for (const bool bearing : {false, true}) {
+    const std::string covariate = bearing ? "sensor_bearing" : "range";
+    const auto along = view.residuals.along.find(covariate);
+    if (along == view.residuals.along.end() || (bearing && view.calibration.kind == RecordingKind::pairs))
+      continue;
+    Pair pair{"residual-" + covariate, covariate, {bearing, false}, axis_of(covariate), {}};
+    pair.limits = limits_of_points(view, nullptr, pair.channel);
+    page.dataset(pair.id + "-points", point_rows(view, nullptr, pair, along->second));
+    struct Bin {
+      double at = 0.0, sum = 0.0, variance = 0.0;
+      int readings = 0;
+    };
+    std::map<int, Bin> bins;
+    const std::vector<int> bin = bins_of_equal_shares(along->second);
+    for (std::size_t i = 0; i < bin.size(); ++i) {
+      const ReadingResidual& x = view.residuals.readings[i];
+      Bin& b = bins[bin[i]];
+      b.at += along->second[i];
+      b.sum += pair.channel.of(x);
+      b.variance += std::pow(bearing ? x.bearing_std_rad / degree : 1e3 * x.range_std_m, 2);
+      ++b.readings;
+    }
+    Json rows = Json::array();
+    for (const auto& [index, b] : bins) {
+      if (index < 0) continue;
+      const double mean = b.sum / b.readings, half = 1.96 * std::sqrt(b.variance) / b.readings;
+      rows.push_back(
+          bin_row(number(pair.axis.factor * b.at / b.readings), mean, mean - half, mean + half, b.readings));
+    }
+    page.dataset(pair.id + "-bins-before", rows);
+    charts.push_back(chart_of(pair, false, along->second.size(), bearing ? "Bearings" : "Ranges", ""));
+    charts.back().values["colour"] = "var(--after)";
+  }
+  page.charts(charts);
+}
+
+}  // namespace rangecal::report
