@@ -122,9 +122,9 @@ PlainOptions tuned_ceres(const Job& job, const JointProblem& problem, const Join
   PlainOptions fastest;
   double fastest_seconds = std::numeric_limits<double>::infinity();
   for (const double ratio : {0.3, 1e-3}) {
-    // Above 10^4 stops floors near the spreads are the faster by far; the search costs minutes there.
-    if (ratio < 0.1 && job.size > 10000 && std::isfinite(fastest_seconds)) continue;
-    for (double tolerance = job.size > 10000 ? 1e-9 : 1e-6; tolerance > 1e-13; tolerance *= 0.1) {
+    // From 10^4 stops on floors near the spreads are the faster by far; the search costs minutes there.
+    if (ratio < 0.1 && job.size >= 10000 && std::isfinite(fastest_seconds)) continue;
+    for (double tolerance = job.size > 10000 ? 1e-8 : 1e-6; tolerance > 1e-13; tolerance *= 0.1) {
       const PlainOptions options{ratio, tolerance};
       const auto begin = std::chrono::steady_clock::now();
       const double nll = joint_nll(problem, solve_plain_ceres(problem, seed, options));

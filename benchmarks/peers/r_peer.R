@@ -25,7 +25,8 @@ pairs_problem <- function(path) {
     }
   } else {
     function() {
-      fit <- gnls(y ~ a0 + d * (a1 + d * a2), data, start = c(a0 = 0, a1 = 1, a2 = 0), weights = law)
+      start <- setNames(coef(lm(y ~ d + I(d^2), data)), c("a0", "a1", "a2"))
+      fit <- gnls(y ~ a0 + d * (a1 + d * a2), data, start = start, weights = law)
       c(unname(coef(fit)), log(fit$sigma * sqrt((size - 3) / size)))
     }
   }

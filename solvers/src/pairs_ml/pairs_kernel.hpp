@@ -16,7 +16,6 @@ struct KernelInput {
   const double *d = nullptr, *mean = nullptr;
   const double *mean_square = nullptr, *count = nullptr, *weight = nullptr;   // not read where single
   std::size_t begin = 0, end = 0;
-  std::size_t stride = 1;            // takes every stride-th cell; > 1 for a seed only
   double center = 0.0, inverse_half_width = 1.0;
   double c[kernel_max_order + 1] = {};
   double inverse_sigma_sq = 1.0;

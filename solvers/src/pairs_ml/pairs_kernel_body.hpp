@@ -15,144 +15,154 @@ RANGECAL_INLINE void reduce(const Vector& vector, double& sum) {
   sum += ((vector[0] + vector[4]) + (vector[2] + vector[6])) + ((vector[1] + vector[5]) + (vector[3] + vector[7]));
 }
 
-RANGECAL_INLINE void gather(const double* from, std::size_t stride, std::size_t taken, double rest, double* to) {
-  for (std::size_t k = 0; k < lanes; ++k) to[k] = k < taken ? from[k * stride] : rest;
+/// Powers t^0 .. t^m.
+template <int m>
+RANGECAL_INLINE void powers_of(Vector t, Vector* power) {
+  power[0] = t - t + 1.0;
+  for (int k = 1; k <= m; ++k) power[k] = power[k - 1] * t;
 }
+
+/// Running sums of one pass. A cell adds with e = r / f, g = P f^2, z = q P and b = w e g + p z (terms below):
+///   inverse   R i t^k      both   i b t^k      hessian   l_ff t^k      expected   E l_ff t^k
+template <KernelLaw law, int n, bool information>
+struct Lanes {
+  Vector inverse[n + 1] = {}, both[n + 1] = {}, hessian[2 * n + 1] = {}, expected[2 * n + 1] = {};
+  Vector square = {}, log_f = {}, product = Vector{} + 1.0, min_f = Vector{} + 1e300;
+};
 
 /// With q = w ((mean - f)^2 + mean_square), P = 1 / s^2, i = 1 / f, r = mean - f, R the count and s = sigma f^p:
 ///   l      = R (log sigma + p log f) + q P / 2
-///   l_f    = R p i - w r P - p q P i
-///   l_ff   = -R p i^2 + w P + 4 p w r P i + p (2p + 1) q P i^2
-///   l_f,ls = 2 (w r P + p q P i)
-///   E l_ff = R (P + 2 p^2 i^2),   E l_f,ls = 2 R p i
+///   l_f    = R p i - w r P - p q P i                              = i (R p - b)
+///   l_ff   = -R p i^2 + w P + 4 p w r P i + p (2p + 1) q P i^2   = i^2 (w g - R p + 4 p w e g + p (2p + 1) z)
+///   l_f,ls = 2 (w r P + p q P i)                                 = 2 i b
+///   E l_ff = R (P + 2 p^2 i^2) = R i^2 (g + 2 p^2),   E l_f,ls = 2 R p i
+/// `plain`: a full vector of cells of count and weight 1 and no mean square.
+template <KernelLaw law, int n, bool information, bool plain>
+RANGECAL_INLINE void add_cells(const KernelInput& in, const double* d_at, const double* mean_at, const double* mean_square_at,
+                               const double* count_at, const double* weight_at, Lanes<law, n, information>& lane) {
+  constexpr double p = law == KernelLaw::power1 ? 1.0 : law == KernelLaw::power2 ? 2.0
+                     : law == KernelLaw::power3 ? 3.0 : 0.0;
+  const Vector d = *reinterpret_cast<const Loaded*>(d_at), mean = *reinterpret_cast<const Loaded*>(mean_at);
+  Vector mean_square = {}, count = {}, weight = {};
+  if constexpr (!plain) {
+    mean_square = *reinterpret_cast<const Loaded*>(mean_square_at);
+    count = *reinterpret_cast<const Loaded*>(count_at);
+    weight = *reinterpret_cast<const Loaded*>(weight_at);
+  }
+  const Vector t = (d - in.center) * in.inverse_half_width;
+  Vector f = Vector{} + in.c[n];
+  for (int k = n - 1; k >= 0; --k) f = f * t + in.c[k];
+  const Vector r = mean - f;
+  Vector power[2 * n + 1];
+  powers_of<2 * n>(t, power);
+
+  Vector both, l_ff;
+  [[maybe_unused]] Vector e_ff;
+  if constexpr (p > 0.0) {
+    const Vector inverse = 1.0 / f;
+    const Vector inverse_sq = inverse * inverse;
+    Vector g = Vector{} + in.inverse_sigma_sq;
+    if constexpr (law == KernelLaw::power2) g *= inverse_sq;
+    if constexpr (law == KernelLaw::power3) g *= inverse_sq * inverse_sq;
+    const Vector e = r * inverse;
+    Vector eg = e * g;
+    if constexpr (!plain) eg *= weight;
+    Vector z = e * eg;
+    if constexpr (!plain) z += weight * mean_square * (inverse_sq * g);
+    const Vector b = eg + p * z;
+    both = inverse * b;
+    if constexpr (plain)
+      l_ff = inverse_sq * ((g - p) + 4.0 * p * eg + p * (2.0 * p + 1.0) * z);
+    else
+      l_ff = inverse_sq * (weight * g - p * count + 4.0 * p * eg + p * (2.0 * p + 1.0) * z);
+    lane.square += z;
+    const Vector scaled = f * in.inverse_f_scale;
+    if constexpr (plain) {
+      lane.product *= scaled;
+    } else {
+      for (int k = 0; k < lanes; ++k) lane.log_f[k] += count[k] * __builtin_log(scaled[k]);
+    }
+    lane.min_f = f < lane.min_f ? f : lane.min_f;
+    const Vector counted = plain ? inverse : count * inverse;
+    lane.inverse[0] += counted;
+    for (int k = 1; k <= n; ++k) lane.inverse[k] += counted * power[k];
+    if constexpr (information) e_ff = (plain ? inverse_sq : count * inverse_sq) * (g + 2.0 * p * p);
+  } else {
+    Vector precision = Vector{} + in.inverse_sigma_sq;
+    if constexpr (law == KernelLaw::d_squared) precision /= (d * d) * (d * d);
+    both = r * precision;
+    l_ff = precision;
+    if constexpr (!plain) {
+      both *= weight;
+      l_ff *= weight;
+      lane.square += weight * mean_square * precision;
+    }
+    lane.square += r * both;
+    if constexpr (information) e_ff = plain ? precision : count * precision;
+  }
+  lane.both[0] += both;
+  for (int k = 1; k <= n; ++k) lane.both[k] += both * power[k];
+  lane.hessian[0] += l_ff;
+  for (int k = 1; k <= 2 * n; ++k) lane.hessian[k] += l_ff * power[k];
+  if constexpr (information) {
+    lane.expected[0] += e_ff;
+    for (int k = 1; k <= 2 * n; ++k) lane.expected[k] += e_ff * power[k];
+  }
+}
+
 template <KernelLaw law, int n, bool single, bool information>
 void kernel(const KernelInput& in, KernelSums& sums) {
   constexpr double p = law == KernelLaw::power1 ? 1.0 : law == KernelLaw::power2 ? 2.0
                      : law == KernelLaw::power3 ? 3.0 : 0.0;
-  constexpr bool power = p > 0.0;
-  const Vector zero = {};
-  const Vector one = zero + 1.0;
-  Vector gradient[n + 1], hessian[2 * n + 1], cross[n + 1], expected[2 * n + 1], expected_cross[n + 1];
-  for (int k = 0; k <= n; ++k) gradient[k] = cross[k] = expected_cross[k] = zero;
-  for (int k = 0; k <= 2 * n; ++k) hessian[k] = expected[k] = zero;
-  Vector square = zero, count_sum = zero, product = one, min_f = zero + 1e300, log_f = zero;
-  int products = 0;
-  double staged[5][lanes];
-
-  const std::size_t step = lanes * in.stride;
-  for (std::size_t i = in.begin; i < in.end; i += step) {
-    Vector d, mean, mean_square = zero, count = one, weight = one, inside = one;
-    if (in.stride == 1 && i + lanes <= in.end) {
-      d = *reinterpret_cast<const Loaded*>(in.d + i);
-      mean = *reinterpret_cast<const Loaded*>(in.mean + i);
-      if constexpr (!single) {
-        mean_square = *reinterpret_cast<const Loaded*>(in.mean_square + i);
-        count = *reinterpret_cast<const Loaded*>(in.count + i);
-        weight = *reinterpret_cast<const Loaded*>(in.weight + i);
-      }
-    } else {
-      const std::size_t left = (in.end - i + in.stride - 1) / in.stride;
-      const std::size_t taken = left < lanes ? left : lanes;
-      gather(in.d + i, in.stride, taken, in.d[i], staged[0]);
-      gather(in.mean + i, in.stride, taken, in.mean[i], staged[1]);
-      d = *reinterpret_cast<const Loaded*>(staged[0]);
-      mean = *reinterpret_cast<const Loaded*>(staged[1]);
-      for (std::size_t k = 0; k < lanes; ++k) inside[k] = k < taken ? 1.0 : 0.0;
-      if constexpr (!single) {
-        gather(in.mean_square + i, in.stride, taken, 0.0, staged[2]);
-        gather(in.count + i, in.stride, taken, 0.0, staged[3]);
-        gather(in.weight + i, in.stride, taken, 0.0, staged[4]);
-        mean_square = *reinterpret_cast<const Loaded*>(staged[2]);
-        count = *reinterpret_cast<const Loaded*>(staged[3]);
-        weight = *reinterpret_cast<const Loaded*>(staged[4]);
-      } else {
-        count = weight = inside;
-      }
+  Lanes<law, n, information> lane;
+  const auto flush_product = [&] {
+    for (int k = 0; k < lanes; ++k) lane.log_f[k] += __builtin_log(lane.product[k]);
+    lane.product = Vector{} + 1.0;
+  };
+  std::size_t i = in.begin;
+  if constexpr (single) {
+    while (i + lanes <= in.end) {
+      // 32 factors near 1 stay within the exponents.
+      const std::size_t left = (in.end - i) / lanes, stop = i + lanes * (left < 32 ? left : 32);
+      for (; i < stop; i += lanes)
+        add_cells<law, n, information, true>(in, in.d + i, in.mean + i, nullptr, nullptr, nullptr, lane);
+      if constexpr (p > 0.0) flush_product();
     }
-
-    const Vector t = (d - in.center) * in.inverse_half_width;
-    Vector f = zero + in.c[n];
-    for (int k = n - 1; k >= 0; --k) f = f * t + in.c[k];
-    const Vector r = mean - f;
-    const Vector w_r = weight * r;
-    Vector q = w_r * r;
-    if constexpr (!single) q += weight * mean_square;
-
-    Vector precision = zero + in.inverse_sigma_sq;
-    Vector l_f, l_ff, l_fs;
-    [[maybe_unused]] Vector e_ff, e_fs;
-    if constexpr (power) {
-      const Vector inverse = 1.0 / f;
-      const Vector inverse_sq = inverse * inverse;
-      precision *= law == KernelLaw::power1 ? inverse_sq
-                 : law == KernelLaw::power2 ? inverse_sq * inverse_sq : inverse_sq * inverse_sq * inverse_sq;
-      const Vector white = w_r * precision;
-      const Vector qp = q * precision;
-      const Vector qpi = p * qp * inverse;
-      const Vector both = white + qpi;
-      const Vector rpi = p * count * inverse;
-      l_f = rpi - both;
-      l_fs = 2.0 * both;
-      l_ff = weight * precision + inverse * ((4.0 * p) * white + (2.0 * p + 1.0) * qpi - rpi);
-      square += qp;
-      const Vector scaled = f * in.inverse_f_scale;
-      if constexpr (single) {
-        product *= in.stride == 1 && i + lanes <= in.end ? scaled : inside * scaled + (1.0 - inside);
-        if (++products == 32) {
-          for (int k = 0; k < lanes; ++k) log_f[k] += __builtin_log(product[k]);
-          product = one;
-          products = 0;
-        }
-      } else {
-        for (int k = 0; k < lanes; ++k) log_f[k] += count[k] * __builtin_log(scaled[k]);
-      }
-      min_f = f < min_f ? f : min_f;
-      if constexpr (information) {
-        e_ff = count * (precision + (2.0 * p * p) * inverse_sq);
-        e_fs = 2.0 * rpi;
-      }
-    } else {
-      if constexpr (law == KernelLaw::d_squared) precision /= (d * d) * (d * d);
-      const Vector white = w_r * precision;
-      l_f = -white;
-      l_fs = 2.0 * white;
-      l_ff = weight * precision;
-      square += q * precision;
-      if constexpr (information) { e_ff = count * precision; e_fs = zero; }
-    }
-    count_sum += count;
-
-    for (int k = 0; k <= 2 * n; ++k) {
-      hessian[k] += l_ff;
-      if (k < 2 * n) l_ff *= t;
-    }
-    for (int k = 0; k <= n; ++k) {
-      gradient[k] += l_f;
-      cross[k] += l_fs;
-      if (k < n) { l_f *= t; l_fs *= t; }
-    }
-    if constexpr (information) {
-      for (int k = 0; k <= 2 * n; ++k) { expected[k] += e_ff; e_ff *= t; }
-      for (int k = 0; k <= n; ++k) { expected_cross[k] += e_fs; e_fs *= t; }
-    }
+  } else {
+    for (; i + lanes <= in.end; i += lanes)
+      add_cells<law, n, information, false>(in, in.d + i, in.mean + i, in.mean_square + i, in.count + i, in.weight + i, lane);
+    for (std::size_t k = in.begin; k < in.end; ++k) sums.count += in.count[k];
   }
-
-  if constexpr (power && single) {
-    for (int k = 0; k < lanes; ++k) log_f[k] += __builtin_log(product[k]);
+  if (i < in.end) {
+    // The rest: cells of count and weight 0 fill the vector.
+    double rest[5][lanes];
+    for (std::size_t k = 0; k < lanes; ++k) {
+      const bool taken = i + k < in.end;
+      rest[0][k] = in.d[taken ? i + k : i];
+      rest[1][k] = in.mean[taken ? i + k : i];
+      rest[2][k] = !single && taken ? in.mean_square[i + k] : 0.0;
+      rest[3][k] = !taken ? 0.0 : single ? 1.0 : in.count[i + k];
+      rest[4][k] = !taken ? 0.0 : single ? 1.0 : in.weight[i + k];
+    }
+    add_cells<law, n, information, false>(in, rest[0], rest[1], rest[2], rest[3], rest[4], lane);
   }
+  if constexpr (single) sums.count += static_cast<double>(in.end - in.begin);
+
   for (int k = 0; k <= n; ++k) {
-    reduce(gradient[k], sums.gradient[k]);
-    reduce(cross[k], sums.cross[k]);
-    reduce(expected_cross[k], sums.information_cross[k]);
+    double inverse = 0.0, both = 0.0;
+    reduce(lane.inverse[k], inverse);
+    reduce(lane.both[k], both);
+    sums.gradient[k] += p * inverse - both;
+    sums.cross[k] += 2.0 * both;
+    if constexpr (information) sums.information_cross[k] += 2.0 * p * inverse;
   }
   for (int k = 0; k <= 2 * n; ++k) {
-    reduce(hessian[k], sums.hessian[k]);
-    reduce(expected[k], sums.information[k]);
+    reduce(lane.hessian[k], sums.hessian[k]);
+    if constexpr (information) reduce(lane.expected[k], sums.information[k]);
   }
-  reduce(square, sums.square);
-  reduce(count_sum, sums.count);
-  reduce(log_f, sums.log_f);
-  for (int k = 0; k < lanes; ++k) sums.min_f = min_f[k] < sums.min_f ? min_f[k] : sums.min_f;
+  reduce(lane.square, sums.square);
+  reduce(lane.log_f, sums.log_f);
+  for (int k = 0; k < lanes; ++k) sums.min_f = lane.min_f[k] < sums.min_f ? lane.min_f[k] : sums.min_f;
 }
 
 template <KernelLaw law, int n>

@@ -95,9 +95,9 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
       shaped.covariance.size() > 0
           ? caution(calibration, "observed") + (shaped.at_limit ? "; a shape parameter is held at its limit" : "")
           : fmt::format("the {} likelihood has no regular second derivatives at the estimate", to_string(options.shape));
-  Eigen::MatrixXd covariance;
+  pairs_ml::Matrix covariance;
   if (shaped.covariance.size() > 0) {
-    const Eigen::MatrixXd J = scaled.jacobian(x);
+    const pairs_ml::Matrix J = scaled.jacobian(x);
     covariance = J * shaped.covariance * J.transpose();
   }
   pairs_ml::set_covariance(calibration, covariance, calibration.range_max_m);
@@ -182,10 +182,10 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   calibration.noise = scaled.noise(best.x);
   set_nll(fit, best.at.nll, scaled.unknowns());
   calibration.covariance_reason = caution(calibration, "expected");
-  Eigen::MatrixXd covariance;
-  const Eigen::LLT<Eigen::MatrixXd> factor(best.at.information);
+  pairs_ml::Matrix covariance;
+  const Eigen::LLT<pairs_ml::Matrix> factor(best.at.information);
   if (factor.info() == Eigen::Success && calibration.outcome == Outcome::converged) {
-    const Eigen::MatrixXd root = factor.matrixL().solve(scaled.jacobian(best.x).transpose());
+    const pairs_ml::Matrix root = factor.matrixL().solve(scaled.jacobian(best.x).transpose());
     covariance = root.transpose() * root;
   }
   pairs_ml::set_covariance(calibration, covariance, calibration.range_max_m);

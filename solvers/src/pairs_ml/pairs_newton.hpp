@@ -42,15 +42,15 @@ class ScaledPairs {
   Eigen::VectorXd alpha(const Vector& x) const;
   Noise noise(const Vector& x) const;
   /// d (alpha, noise parameters as sigma or beta) / d x.
-  Eigen::MatrixXd jacobian(const Vector& x) const;
+  Matrix jacobian(const Vector& x) const;
   Vector from_user(const Eigen::VectorXd& alpha, const Noise& noise) const;
   /// True where the readings do not differ from f by more than rounding.
   bool perfect(const Vector& x) const;
 
  private:
   bool streams() const { return law_ != NoiseLaw::polynomial && order_ <= kernel_max_order; }
-  KernelSums sum(const Vector& x, bool information, std::size_t stride, KernelLaw law) const;
-  void evaluate_streaming(const Vector& x, bool information, Evaluation& out) const;
+  KernelSums sum(const PairsProblem& problem, const Vector& x, bool information, KernelLaw law) const;
+  bool sampled() const { return !sample_.true_m.empty(); }
   Vector least_squares() const;
   Vector refine_on_sample(Vector x) const;
   void finish(const KernelSums& sums, const Vector& x, bool information, Evaluation& out) const;
@@ -62,6 +62,7 @@ class ScaledPairs {
   double power_, center_, half_width_, typical_;
   double log_constant_;              ///< sum over cells of what the likelihood adds whatever x is
   PairsProblem scaled_;              ///< polynomial law only: the same cells over t
+  PairsProblem sample_;              ///< of many cells every k-th, for the seed; else empty
   int parallel_from_;
   mutable std::vector<KernelSums> chunks_;
 };
@@ -79,6 +80,6 @@ struct NewtonResult {
 NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iterations, double tolerance);
 
 /// Coefficients of sum c_k ((d - center) / half_width)^k in powers of d: alpha = shift c.
-Eigen::MatrixXd shift_matrix(int order, double center, double half_width);
+Matrix shift_matrix(int order, double center, double half_width);
 
 }  // namespace rangecal::pairs_ml

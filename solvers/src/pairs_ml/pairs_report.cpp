@@ -20,12 +20,12 @@ std::string name_direction(const Eigen::VectorXd& direction) {
   return text;
 }
 
-std::string weakest_direction(const Eigen::MatrixXd& alpha_covariance, double reference_m) {
+std::string weakest_direction(const Matrix& alpha_covariance, double reference_m) {
   const Eigen::Index n = alpha_covariance.rows();
-  Eigen::VectorXd in_metres(n);   // what one unit of alpha_i moves f by at the reference distance
+  Vector in_metres(n);   // what one unit of alpha_i moves f by at the reference distance
   for (Eigen::Index i = 0; i < n; ++i) in_metres[i] = i == 0 ? 1.0 : in_metres[i - 1] * reference_m;
-  const Eigen::MatrixXd metric = in_metres.asDiagonal() * alpha_covariance * in_metres.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(metric);
+  const Matrix metric = in_metres.asDiagonal() * alpha_covariance * in_metres.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(metric);
   const double deviation = std::sqrt(std::fmax(0.0, eigen.eigenvalues()[n - 1]));
   const Eigen::VectorXd step = deviation * eigen.eigenvectors().col(n - 1).cwiseQuotient(in_metres);
   return name_direction(step) + " (one standard deviation)";
@@ -43,7 +43,7 @@ Eigen::VectorXd unseen_polynomial(const std::vector<double>& distances) {
   return coefficients;
 }
 
-void set_covariance(Calibration& calibration, const Eigen::MatrixXd& covariance, double reference_m) {
+void set_covariance(Calibration& calibration, const Matrix& covariance, double reference_m) {
   const Eigen::Index n = calibration.alpha.size(), m = calibration.noise.parameters.size();
   const bool usable = covariance.rows() == n + m && covariance.allFinite() &&
                       (covariance.diagonal().array() > 0.0).all();
@@ -59,7 +59,7 @@ void set_covariance(Calibration& calibration, const Eigen::MatrixXd& covariance,
     return;
   }
   calibration.alpha_covariance = covariance.topLeftCorner(n, n);
-  calibration.weakest_direction = weakest_direction(*calibration.alpha_covariance, reference_m);
+  calibration.weakest_direction = weakest_direction(covariance.topLeftCorner(n, n), reference_m);
 }
 
 OrderScore score_order(int order, double nll, int parameters, double readings, Outcome outcome) {

@@ -16,6 +16,14 @@ namespace {
 constexpr std::size_t chunk_cells = 8192;    // fixed, so that the sums do not depend on the threads
 constexpr std::size_t sample_cells = 16384;   // above 4 times as many, the seed comes from every k-th cell
 
+/// Every k-th value, about sample_cells of them.
+std::vector<double> every_kth(const std::vector<double>& values) {
+  const std::size_t stride = values.size() / sample_cells;
+  std::vector<double> taken((values.size() + stride - 1) / stride);
+  for (std::size_t i = 0; i < taken.size(); ++i) taken[i] = values[i * stride];
+  return taken;
+}
+
 KernelLaw kernel_law(NoiseLaw law) {
   switch (law) {
     case NoiseLaw::f: return KernelLaw::power1;
@@ -32,9 +40,9 @@ double power_of(NoiseLaw law) {
 
 }  // namespace
 
-Eigen::MatrixXd shift_matrix(int order, double center, double half_width) {
-  Eigen::MatrixXd shift = Eigen::MatrixXd::Zero(order + 1, order + 1);
-  Eigen::VectorXd column = Eigen::VectorXd::Zero(order + 1);   // ((d - center) / half_width)^k in powers of d
+Matrix shift_matrix(int order, double center, double half_width) {
+  Matrix shift = Matrix::Zero(order + 1, order + 1);
+  Vector column = Vector::Zero(order + 1);   // ((d - center) / half_width)^k in powers of d
   column[0] = 1.0;
   for (int k = 0; k <= order; ++k) {
     shift.col(k) = column;
@@ -68,27 +76,36 @@ ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, i
     }
   } else if (problem.size() > chunk_cells) {
     chunks_.resize((problem.size() + chunk_cells - 1) / chunk_cells);
+    if (problem.size() >= 4 * sample_cells) {
+      sample_.single = problem.single;
+      sample_.true_m = every_kth(problem.true_m);
+      sample_.mean_m = every_kth(problem.mean_m);
+      if (!problem.single) {
+        sample_.mean_square = every_kth(problem.mean_square);
+        sample_.count = every_kth(problem.count);
+        sample_.weight = every_kth(problem.weight);
+      }
+    }
   }
 }
 
-KernelSums ScaledPairs::sum(const Vector& x, bool information, std::size_t stride, KernelLaw law) const {
+KernelSums ScaledPairs::sum(const PairsProblem& problem, const Vector& x, bool information, KernelLaw law) const {
   KernelInput input;
-  input.d = problem_.true_m.data();
-  input.mean = problem_.mean_m.data();
-  input.mean_square = problem_.mean_square.data();
-  input.count = problem_.count.data();
-  input.weight = problem_.weight.data();
+  input.d = problem.true_m.data();
+  input.mean = problem.mean_m.data();
+  input.mean_square = problem.mean_square.data();
+  input.count = problem.count.data();
+  input.weight = problem.weight.data();
   input.center = center_;
   input.inverse_half_width = 1.0 / half_width_;
   for (int k = 0; k <= order_; ++k) input.c[k] = x[k];
   input.inverse_sigma_sq = std::exp(-2.0 * x[order_ + 1]);
   input.inverse_f_scale = 1.0 / typical_;
-  input.stride = stride;
   KernelSums total;
-  const std::size_t size = problem_.size();
-  if (size <= chunk_cells || stride > 1) {
+  const std::size_t size = problem.size();
+  if (size <= chunk_cells || &problem == &sample_) {
     input.end = size;
-    run_kernel(input, law, order_, problem_.single, information, total);
+    run_kernel(input, law, order_, problem.single, information, total);
     return total;
   }
   const auto run = [&](std::size_t chunk) {
@@ -96,7 +113,7 @@ KernelSums ScaledPairs::sum(const Vector& x, bool information, std::size_t strid
     part.begin = chunk * chunk_cells;
     part.end = std::min(size, part.begin + chunk_cells);
     chunks_[chunk] = KernelSums{};
-    run_kernel(part, law, order_, problem_.single, information, chunks_[chunk]);
+    run_kernel(part, law, order_, problem.single, information, chunks_[chunk]);
   };
   if (size >= static_cast<std::size_t>(parallel_from_)) {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, chunks_.size(), 2), [&](const auto& range) {
@@ -133,7 +150,7 @@ void ScaledPairs::finish(const KernelSums& sums, const Vector& x, bool informati
 
 void ScaledPairs::evaluate(const Vector& x, bool information, Evaluation& out) const {
   if (streams()) {
-    finish(sum(x, information, 1, kernel_law_), x, information, out);
+    finish(sum(problem_, x, information, kernel_law_), x, information, out);
     return;
   }
   const int n = order_ + 1;
@@ -191,9 +208,8 @@ bool ScaledPairs::quick_seed(Vector& x) const {
   const int n = order_ + 1;
   const bool constant = law_ == NoiseLaw::constant;
   if (!streams() || (!constant && !(problem_.true_m.front() > 0.02 * half_width_))) return false;
-  const std::size_t stride = problem_.size() >= 4 * sample_cells ? problem_.size() / sample_cells : 1;
-  const KernelSums sums =
-      sum(Vector::Zero(n + 1), false, stride, constant ? KernelLaw::power0 : KernelLaw::d_squared);
+  const KernelSums sums = sum(sampled() ? sample_ : problem_, Vector::Zero(n + 1), false,
+                              constant ? KernelLaw::power0 : KernelLaw::d_squared);
   Matrix A(n, n);
   Vector b(n);
   for (int j = 0; j < n; ++j) {
@@ -210,7 +226,7 @@ bool ScaledPairs::quick_seed(Vector& x) const {
   // sigma d^2 and sigma f^p agree at the middle reading.
   x[n] = 0.5 * std::log(square / sums.count);
   if (power_ > 0.0) x[n] += 2.0 * std::log(problem_.true_m[problem_.size() / 2]) - power_ * std::log(typical_);
-  if (stride > 1) x = refine_on_sample(x);
+  if (sampled()) x = refine_on_sample(x);
   return true;
 }
 
@@ -262,20 +278,19 @@ Vector ScaledPairs::seed() const {
   } else {
     x[n] = 0.5 * std::log(std::max(variance, tiny));
   }
-  return streams() && size >= 4 * sample_cells ? refine_on_sample(x) : x;
+  return sampled() ? refine_on_sample(x) : x;
 }
 
 Vector ScaledPairs::refine_on_sample(Vector x) const {
   // The constant of finish counts all cells, which every value here shares.
-  const std::size_t stride = problem_.size() / sample_cells;
   Evaluation at, there;
-  finish(sum(x, false, stride, kernel_law_), x, false, at);
+  finish(sum(sample_, x, false, kernel_law_), x, false, at);
   for (int iteration = 0; iteration < 4 && at.valid; ++iteration) {
     const Eigen::LLT<Matrix> factor(at.hessian);
     if (factor.info() != Eigen::Success) break;
     const Vector step = factor.solve(at.gradient);
     const Vector trial = x - step;
-    finish(sum(trial, false, stride, kernel_law_), trial, false, there);
+    finish(sum(sample_, trial, false, kernel_law_), trial, false, there);
     if (!there.valid || !(there.nll <= at.nll)) break;
     const double decrement_sq = step.dot(at.gradient);
     x = trial;
@@ -300,9 +315,9 @@ Noise ScaledPairs::noise(const Vector& x) const {
   return noise;
 }
 
-Eigen::MatrixXd ScaledPairs::jacobian(const Vector& x) const {
+Matrix ScaledPairs::jacobian(const Vector& x) const {
   const int n = order_ + 1;
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(unknowns(), unknowns());
+  Matrix J = Matrix::Zero(unknowns(), unknowns());
   J.topLeftCorner(n, n) = shift_matrix(order_, center_, half_width_);
   if (law_ == NoiseLaw::polynomial) {
     J.bottomRightCorner(noise_count_, noise_count_) = shift_matrix(noise_count_ - 1, center_, half_width_);
