@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Debian's Python and pybind11, where there are any. Another python3 may come first in PATH.
+if(NOT DEFINED Python_EXECUTABLE AND EXISTS /usr/bin/python3)
+  set(Python_EXECUTABLE /usr/bin/python3)
+endif()
+find_package(Python 3.9 COMPONENTS Interpreter Development.Module QUIET)
+if(Python_FOUND)
+  set(PYBIND11_FINDPYTHON ON)
+  find_package(pybind11 2.10 QUIET CONFIG)
+endif()
+if(Python_FOUND AND pybind11_FOUND AND NOT RANGECAL_SANITIZE)   # a sanitizer must be loaded before the interpreter
+  set(rangecal_python_default ON)
+else()
+  set(rangecal_python_default OFF)
+endif()
+option(RANGECAL_BUILD_PYTHON "Build the Python package" ${rangecal_python_default})
+if(RANGECAL_BUILD_PYTHON AND NOT (Python_FOUND AND pybind11_FOUND))
+  message(FATAL_ERROR "RANGECAL_BUILD_PYTHON needs python3-dev and pybind11-dev")
+endif()
+message(STATUS "Python package: ${RANGECAL_BUILD_PYTHON}")

@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# What is public, with types. Arrays are float64 unless said otherwise; results hand out read-only views.
+import os
+from typing import Any, Callable, Iterator, Literal, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+import pandas
+from matplotlib.axes import Axes
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32]
+Path = Union[str, os.PathLike[str]]
+Table = Union[Mapping[str, npt.ArrayLike], npt.NDArray[np.void], pandas.DataFrame]
+Progress = Callable[[str, float], Any]
+Method = Literal["closed-form", "approximate", "full", "marginal"]
+Effects = Mapping[str, Mapping[str, float]]
+
+__version__: str
+
+class InputError(ValueError): ...
+
+class Sensor:
+    name: str
+    principle: str
+    range_min_m: float
+    range_max_m: float
+
+class Recording:
+    """Readings of one sensor, with what is known about stops and landmarks."""
+    def __init__(self, observations: Optional[Table] = None, stops: Optional[Table] = None,
+                 landmarks: Optional[Table] = None, *, pairs: Optional[Table] = None,
+                 sensor: Optional[Mapping[str, Any]] = None,
+                 sigma_xy_m: Union[float, Literal["estimate"]] = 0.01, sigma_heading_rad: float = 0.0,
+                 stop_error: Literal["independent", "random_walk"] = "independent", radius_m: float = 0.0,
+                 known_distances: Sequence[Mapping[str, Any]] = (), true_stops: Optional[Table] = None,
+                 true_landmarks: Optional[Table] = None) -> None: ...
+    path: str
+    kind: Literal["landmarks", "pairs"]
+    sensor: Sensor
+    sigma_xy_m: Union[float, Literal["estimate"]]
+    sigma_heading_rad: float
+    stop_error: Literal["independent", "random_walk"]
+    counts: dict[str, Any]
+    stop_labels: list[str]
+    places: list[str]
+    stops: Floats  # (stops, 3): x [m], y [m], heading [rad], as commanded
+    landmark_labels: list[str]
+    landmark_radius_m: Floats  # (landmarks,)
+    true_stops: Optional[Floats]  # (stops, 3), NaN where not known
+    true_landmarks: Optional[Floats]  # (landmarks, 2) [m]
+    stop: Optional[Ints]  # (n,) indices into stop_labels
+    landmark: Optional[Ints]  # (n,) indices into landmark_labels
+    repeat: Optional[Ints]  # (n,)
+    batch: Optional[Ints]  # (n,) indices into batch_labels, -1: none
+    batch_labels: list[str]
+    time_s: Optional[Floats]  # (n,)
+    range_m: Floats  # (n,) raw readings
+    true_m: Optional[Floats]  # (n,)
+    bearing_rad: Optional[Floats]  # (n,) in the sensor frame
+    row: Ints  # (n,) line in the file, header = 1
+    covariates: dict[str, Floats]  # (n,) each
+    def __len__(self) -> int: ...
+    def save(self, folder: str) -> None: ...
+    def columns(self) -> dict[str, npt.NDArray[Any]]: ...
+    def to_frame(self) -> pandas.DataFrame: ...
+    def stops_to_frame(self) -> pandas.DataFrame: ...
+    def describe(self) -> str: ...
+    def plot(self, ax: Optional[Axes] = None) -> Axes: ...
+    def _repr_html_(self) -> str: ...
+
+class ModelScore:
+    order: int
+    noise_law: str
+    nll: float
+    aic: float
+
+class CheckReport:
+    agrees: bool
+    better_basin: bool
+    nll: float
+    report: str
+
+class Calibration:
+    """The curve f, the noise law, stops and landmarks, with their uncertainties or the reason why there are none."""
+    method: Method
+    kind: Literal["landmarks", "pairs"]
+    outcome: str
+    usable: bool
+    reason: str
+    order: int
+    alpha: Floats  # (order + 1,), alpha_i in m^(1-i)
+    covariance: Optional[Floats]  # (order + 1, order + 1)
+    covariance_reason: str
+    noise_law: str
+    noise_parameters: Floats
+    noise_std: Floats
+    noise_shapes: dict[str, dict[str, Any]]
+    sigma_theta_rad: Optional[float]
+    sigma_theta_std_rad: Optional[float]
+    sigma_s_m: Optional[float]
+    sigma_s_std_m: Optional[float]
+    sigma_s_upper95_m: Optional[float]
+    range_m: Tuple[float, float]  # distances over which it was fitted
+    effects: dict[str, dict[str, float]]
+    landmark_labels: list[str]
+    landmarks: Floats  # (landmarks, 2) [m]
+    landmark_covariance: Floats  # (landmarks, 2, 2) [m^2], NaN where there is none
+    landmark_recording: Ints
+    stop_labels: list[str]
+    stops: Floats  # (stops, 3): x [m], y [m], heading [rad]
+    stop_recording: Ints
+    counts: dict[str, Any]
+    joint_nll: Optional[float]  # [nats]
+    nll: Optional[float]  # marginal, for pairs plain [nats]
+    aic: Optional[float]
+    weakest_direction: str
+    iterations: int
+    seconds: float
+    models: Sequence[ModelScore]
+    notes: Sequence[str]
+    check: Optional[CheckReport]
+    def f(self, distance_m: npt.ArrayLike) -> Any:
+        """Mean reading f(d) [m] at true distances [m], any shape."""
+    def f_std(self, distance_m: npt.ArrayLike) -> Any:
+        """Standard deviation of f(d) [m]; NaN without a covariance."""
+    def noise(self, distance_m: npt.ArrayLike) -> Any:
+        """Standard deviation s(d) of one reading [m]."""
+    def to_dict(self) -> dict[str, Any]: ...
+    def to_json(self) -> str: ...
+    def save(self, path: str) -> None: ...
+    def to_frame(self) -> pandas.DataFrame: ...
+    def models_to_frame(self) -> pandas.DataFrame: ...
+    def landmarks_to_frame(self) -> pandas.DataFrame: ...
+    def stops_to_frame(self) -> pandas.DataFrame: ...
+    def plot(self, ax: Optional[Axes] = None) -> Axes: ...
+    def plot_scene(self, ax: Optional[Axes] = None) -> Axes: ...
+    def _repr_html_(self) -> str: ...
+
+class TruthScore:
+    landmark_rmse_m: Optional[float]
+    landmarks: int
+    landmark_strain: Optional[float]
+    mse_ratio: Optional[float]
+    rmse_raw_m: float
+    rmse_corrected_m: float
+    readings: int
+    estimated_stops: bool
+
+class Comparison:
+    calibrations: list[Calibration]
+    scores: list[TruthScore]
+    models: list[ModelScore]
+    notes: list[str]
+    check: Optional[CheckReport]
+    def __getitem__(self, method: Method) -> Calibration: ...
+    def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[Calibration]: ...
+    def to_frame(self) -> pandas.DataFrame: ...
+    def plot(self, ax: Optional[Axes] = None) -> Axes: ...
+    def _repr_html_(self) -> str: ...
+
+class CurveChange:
+    largest_m: float
+    rms_m: float
+    chi_sq: Optional[float]
+    p_value: Optional[float]
+    degrees_of_freedom: int
+    first_taken_as_exact: bool
+
+class Corrected:
+    reading_m: Floats  # (n,)
+    distance_m: Floats  # (n,)
+    std_m: Floats  # (n,)
+    flag: npt.NDArray[np.object_]  # (n,)
+    def __len__(self) -> int: ...
+    def to_frame(self) -> pandas.DataFrame: ...
+    def plot(self, ax: Optional[Axes] = None) -> Axes: ...
+
+class Finding:
+    """One place where model and recording differ; the arrays are its binned residuals."""
+    channel: str
+    covariate: str
+    shape: str
+    where: Tuple[Optional[float], Optional[float]]
+    group: str
+    size: float
+    unit: str
+    p_value: float
+    share: float
+    at: Floats  # (bins,) in the covariate's unit
+    before: Floats  # (bins,) mean residual [m] or [rad], or log variance ratio
+    after: Floats
+    std: Floats  # of the mean
+    readings: Ints
+
+class EffectEstimate:
+    name: str
+    estimate: float
+    std: float
+    ci95: Tuple[float, float]
+
+class Explanation:
+    effects: list[str]
+    probability: float
+    parameters: list[EffectEstimate]
+    nll: float
+    heldout_nll: Optional[float]
+    p_value: float
+    indistinguishable_from: list[list[str]]
+    separated_by: str
+    physics: str
+
+class Unseen:
+    effect: str
+    typical: dict[str, float]
+    detectable: Optional[float]
+    harm_m: float
+    settled_by: str
+
+class NextExperiment:
+    change: str
+    settles: list[str]
+    power: float
+
+class FitSummary:
+    nll: float
+    heldout_nll: Optional[float]
+    heldout_std: Optional[float]
+    rms_range_m: float
+    rms_bearing_rad: float
+    chi_sq_per_dof: float
+
+class Diagnosis:
+    verdict: Literal["no_mismatch", "explained", "unexplained"]
+    sentence: str
+    baseline: Calibration
+    corrected: Calibration
+    before: FitSummary
+    after: FitSummary
+    alarm_p_value: float
+    location: list[Finding]
+    explanations: list[Explanation]
+    final_effects: list[str]
+    twins: list[list[str]]
+    unseen: list[Unseen]
+    next_experiments: list[NextExperiment]
+    notes: list[str]
+    def to_dict(self) -> dict[str, Any]: ...
+    def to_json(self) -> str: ...
+    def save(self, path: str) -> None: ...
+    def simulate_all(self, seed: int) -> list[Recording]: ...
+    def to_frame(self, table: Literal["explanations", "location", "fit", "unseen",
+                                      "next_experiments"] = "explanations") -> pandas.DataFrame: ...
+    def plot(self, finding: int = 0, ax: Optional[Axes] = None) -> Axes: ...
+    def _repr_html_(self) -> str: ...
+
+class Residuals:
+    recording: Ints
+    stop: Ints
+    landmark: Ints
+    repeat: Ints
+    row: Ints
+    reading_m: Floats
+    bearing_rad: Floats
+    distance_m: Floats
+    range_residual_m: Floats
+    range_std_m: Floats
+    bearing_residual_rad: Floats
+    bearing_std_rad: Floats
+    corrected_m: Floats
+    along: dict[str, Floats]
+    def __len__(self) -> int: ...
+    def to_frame(self) -> pandas.DataFrame: ...
+    def plot(self, along: str = "range", channel: Literal["range", "bearing"] = "range", bins: int = 20,
+             ax: Optional[Axes] = None) -> Axes: ...
+
+class EffectParameter:
+    name: str
+    typical: float
+    low: float
+    high: float
+    discrete: bool
+
+class Effect:
+    id: str
+    channel: str
+    covariate: str
+    physics: str
+    formula: str
+    source: str
+    visible_by: str
+    settled_by: str
+    parameters: list[EffectParameter]
+
+Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]
+
+def load(path: Path) -> Union[Recording, Calibration]: ...
+def calibrate(recordings: Recordings, method: Method = "marginal", *, order: Union[int, Literal["auto"]] = "auto",
+              noise: str = "auto", noise_shape: str = "gaussian", solver: Literal["ceres", "block"] = "ceres",
+              weights: str = "consistent", check: bool = False, start: Optional[Calibration] = None,
+              progress: Optional[Progress] = None) -> Calibration: ...
+def compare(recordings: Recordings, *, methods: Sequence[Method] = ..., order: Union[int, Literal["auto"]] = "auto",
+            noise: str = "auto", noise_shape: str = "gaussian", solver: Literal["ceres", "block"] = "ceres",
+            weights: str = "consistent", check: bool = False,
+            progress: Optional[Progress] = None) -> Comparison: ...
+def compare_curves(before: Calibration, after: Calibration) -> CurveChange: ...
+def correct(calibration: Calibration, readings: Union[npt.ArrayLike, pandas.DataFrame, Recording], *,
+            roots: Literal["ls", "ml"] = "ls", **columns: npt.ArrayLike) -> Corrected: ...
+def simulate(scene: Union[Path, Mapping[str, Any], Diagnosis, Recording, Sequence[Recording]], seed: int = 1, *,
+             calibration: Optional[Calibration] = None,
+             effects: Optional[Effects] = None) -> Union[Recording, list[Recording]]: ...
+def diagnose(recordings: Recordings,
+             simulation: Optional[Union[Calibration, Recording, Path, Sequence[Recording]]] = None, *,
+             alarm_rate: float = 0.02, force: Optional[Sequence[str]] = None, held_out: bool = True,
+             unseen: bool = True, next_experiments: bool = True,
+             progress: Optional[Progress] = None) -> Diagnosis: ...
+def residuals(recordings: Recordings, calibration: Calibration, along: Sequence[str] = ()) -> Residuals: ...
+def effects() -> list[Effect]: ...

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The functions of the package. Each checks and shapes its arguments and calls the C++ library."""
+import json
+import os
+
+import numpy as np
+
+from . import _native
+from ._native import Calibration, Diagnosis, Recording
+from ._results import Comparison, Corrected
+
+
+def load(path):
+    """Read a recording, or a calibration.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A recording's folder (``recording.yaml`` and CSV tables), or a calibration file
+        (``rangecal-calibration/1`` JSON; of several methods in it the best usable one).
+
+    Returns
+    -------
+    Recording or Calibration
+
+    Raises
+    ------
+    InputError
+        Naming file, row and column of what cannot be used.
+    """
+    path = os.fspath(path)
+    if os.path.isfile(path):
+        return _native.load_calibration(path)
+    return _native.load_recording(path)
+
+
+def calibrate(recordings, method="marginal", *, order="auto", noise="auto", noise_shape="gaussian",
+              solver="ceres", weights="consistent", check=False, start=None, progress=None):
+    """Estimate the curve f, the noise law, stops and landmarks by one method.
+
+    The sensor reports ``y = f(d) + s(d) e`` at the true distance ``d`` to a landmark's surface.
+
+    Parameters
+    ----------
+    recordings : Recording, path, or list of these
+        Several recordings share one sensor.
+    method : {"marginal", "full", "approximate", "closed-form"}
+        ``"marginal"`` integrates the uncertain stops out and is recommended.
+    order : int or "auto"
+        Order of f; ``"auto"`` tries 1 to 4 and keeps the lowest AIC.
+    noise : {"auto", "constant", "f", "f2", "f3", "d2", "polynomial"}
+        How the standard deviation s [m] of one reading depends on f; ``"auto"`` tries the first four.
+    noise_shape : {"gaussian", "student-t", "contaminated", "auto"}
+        Tails of the noise, for ``"full"`` and ``"marginal"``.
+    solver : {"ceres", "block"}
+        Program for the full likelihood; both reach the same optimum.
+    weights : {"consistent", "paper", "printed"}
+        Of the closed form's lines of sight.
+    check : bool
+        Solve the full likelihood a second time with NLopt.
+    start : Calibration, optional
+        Refine this calibration: start from its curve, noise and landmarks.
+    progress : callable, optional
+        ``progress(stage, fraction)``, told what begins.
+
+    Returns
+    -------
+    Calibration
+        Also where the work could not deliver: see its ``outcome`` and ``reason``. ``models`` holds the orders and
+        noise laws tried, ``notes`` what was done to the input.
+
+    Raises
+    ------
+    InputError
+        For an option or a recording that cannot be used.
+    """
+    comparison = _calibrate(recordings, [method], order, noise, noise_shape, solver, weights, check, start, progress)
+    return comparison.calibrations[0]
+
+
+def compare(recordings, *, methods=("closed-form", "approximate", "full", "marginal"), order="auto", noise="auto",
+            noise_shape="gaussian", solver="ceres", weights="consistent", check=False, progress=None):
+    """Calibrate by several methods side by side, with errors against ground truth where there is any.
+
+    Parameters are those of `calibrate`; `methods` are the methods wanted, in their order. Order and noise law are
+    chosen once and shared by all methods.
+
+    Returns
+    -------
+    Comparison
+        ``calibrations`` and ``scores`` by method; ``to_frame()`` is the table that ``rangecal compare`` prints.
+    """
+    return _calibrate(recordings, list(methods), order, noise, noise_shape, solver, weights, check, None, progress)
+
+
+def _calibrate(recordings, methods, order, noise, noise_shape, solver, weights, check, start, progress):
+    if isinstance(order, str):
+        if order != "auto":
+            raise _native.InputError(f"order is '{order}', not a whole number, nor auto")
+        order = None
+    return Comparison(_native.calibrate_job(
+        _recordings(recordings), methods, order, None if noise == "auto" else noise, noise_shape, solver, weights,
+        check, start, progress))
+
+
+def correct(calibration, readings, *, roots="ls", **columns):
+    """Turn raw readings into distances with standard deviations.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    readings : float, array_like (n,), pandas.DataFrame or Recording
+        Raw readings [m]; of a table the column ``reading_m`` or ``range_m``.
+    roots : {"ls", "ml"}
+        ``"ls"``: distances where f(d) is the reading; ``"ml"``: the most likely distances.
+    **columns : array_like (n,)
+        What the effects of the calibration depend on, by the names of the file format: ``bearing_rad``, ``time_s``,
+        ``landmark``, ``stop``, ... Taken from `readings` where that is a table or a recording.
+
+    Returns
+    -------
+    Corrected
+        ``distance_m`` and ``std_m`` of shape (n,), the most likely distance of each reading, NaN where there is none;
+        ``flag`` says why; ``to_frame()`` lists every distance that explains a reading.
+
+    Raises
+    ------
+    InputError
+        Where the calibration has no curve, or a column that one of its effects needs is missing.
+    """
+    table = {}
+    if isinstance(readings, Recording):
+        table = readings.columns()
+        values = readings.range_m
+    elif hasattr(readings, "columns"):
+        name = "reading_m" if "reading_m" in readings.columns else "range_m"
+        if name not in readings.columns:
+            raise _native.InputError("readings: there is no column reading_m or range_m")
+        values = readings[name].to_numpy(dtype=float)
+        table = {str(column): readings[column].to_numpy() for column in readings.columns}
+    else:
+        values = np.atleast_1d(np.asarray(readings, dtype=float))
+        if values.ndim != 1:
+            raise _native.InputError("readings are not one-dimensional")
+    table.update({name: np.asarray(column) for name, column in columns.items()})
+    found = _native.correct_readings(calibration, values, table, roots)
+    return Corrected(np.asarray(values, dtype=float), found)
+
+
+def simulate(scene, seed=1, *, calibration=None, effects=None):
+    """Draw a recording, with its ground truth, from a scene or from a model.
+
+    Parameters
+    ----------
+    scene : path, dict, Diagnosis, Recording or list of Recording
+        A scene file, or its contents as a dictionary (``docs/scene.md``); a diagnosis, whose recordings are drawn anew
+        from the model that it stands by; or recordings that say who is read when and from where, together with a
+        `calibration`.
+    seed : int
+        The same seed gives the same recording.
+    calibration : Calibration, optional
+        Curve, noise, landmarks and effects, for recordings as `scene`.
+    effects : dict of dict, optional
+        Catalogued effects to add, by id and parameter: ``{"range_offset": {"offset_m": 0.02}}``. `effects()` lists
+        them.
+
+    Returns
+    -------
+    Recording, or list of Recording where the model has several
+    """
+    effects = effects or {}
+    if isinstance(scene, Diagnosis):
+        if effects or calibration is not None:
+            raise _native.InputError("a diagnosis is simulated with its own calibration and effects")
+        drawn = scene.simulate_all(seed)
+        return drawn[0] if len(drawn) == 1 else drawn
+    if isinstance(scene, Recording) or isinstance(scene, (list, tuple)):
+        if calibration is None:
+            raise _native.InputError("simulating a recording's layout takes a calibration")
+        drawn = _native.simulate_layout(_recordings(scene), calibration, effects, seed)
+        return drawn[0] if len(drawn) == 1 else drawn
+    if calibration is not None:
+        raise _native.InputError("a scene has a sensor of its own; give recordings to simulate a calibration")
+    if isinstance(scene, dict):
+        text = json.dumps({"format": "rangecal-scene/1", **scene}, ensure_ascii=False, default=_plain)
+        return _native.simulate_scene_text(text, seed, effects)
+    return _native.simulate_scene_file(os.fspath(scene), seed, effects)
+
+
+def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_out=True, unseen=True,
+             next_experiments=True, progress=None):
+    """Find what the model leaves out, name the physics, complete the model.
+
+    Parameters
+    ----------
+    recordings : Recording, path, or list of these
+    simulation : Calibration, Recording, path, or list of Recording, optional
+        What is held against the recordings; without it the seed model fitted to them.
+    alarm_rate : float
+        False alarms per recording of the seed model, all questions together.
+    force : list of str, optional
+        Fit exactly these effects, whatever the residuals say.
+    held_out, unseen, next_experiments : bool
+        Parts that can be left out to save time.
+    progress : callable, optional
+        ``progress(stage, fraction)``, with the fraction done.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For recordings that no calibration can use.
+    """
+    calibration, other = None, []
+    if isinstance(simulation, (str, os.PathLike)):
+        simulation = load(simulation)
+    if isinstance(simulation, Calibration):
+        calibration = simulation
+    elif simulation is not None:
+        other = _recordings(simulation)
+    return _native.diagnose_job(_recordings(recordings), calibration, other, alarm_rate, force, held_out, unseen,
+                                next_experiments, progress)
+
+
+def residuals(recordings, calibration, along=()):
+    """What a calibration leaves of every reading.
+
+    Parameters
+    ----------
+    recordings : Recording, path, or list of these
+    calibration : Calibration
+        With its effects, and stops where it has them; else the commanded ones stand in.
+    along : list of str
+        Covariates wanted beside the residuals: ``range``, ``sensor_bearing``, ``heading``, ``time``, ``repeat``,
+        ``radius``, ..., or a column of the recording.
+
+    Returns
+    -------
+    Residuals
+        One entry per reading, ordered by recording, stop, landmark and time.
+    """
+    return _native.residuals_job(_recordings(recordings), calibration, list(along))
+
+
+def effects():
+    """The catalogue of physical effects that `diagnose` knows.
+
+    Returns
+    -------
+    list of Effect
+        Ordered by id; each with its physics, formula, source and parameters.
+    """
+    return _native.effects()
+
+
+def compare_curves(before, after):
+    """How f changed from one calibration to another.
+
+    Parameters
+    ----------
+    before, after : Calibration
+
+    Returns
+    -------
+    CurveChange
+        Largest and RMS change over the range of `after` [m], and the p-value of no change.
+    """
+    return _native.compare_curves(before, after)
+
+
+def _recordings(recordings):
+    if isinstance(recordings, (Recording, str, os.PathLike)):
+        recordings = [recordings]
+    return [r if isinstance(r, Recording) else _native.load_recording(os.fspath(r)) for r in recordings]
+
+
+def _plain(value):
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} has no place in a scene")
+

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Results as tables: what the C++ classes show of themselves as data frames, and the corrected readings."""
+import numpy as np
+
+
+class Corrected:
+    """Distances behind raw readings.
+
+    Attributes
+    ----------
+    reading_m : ndarray (n,)
+        Raw readings [m].
+    distance_m, std_m : ndarray (n,)
+        The most likely distance to the surface and its standard deviation [m]; NaN where there is none.
+    flag : ndarray of str (n,)
+        ``ok``; ``ambiguous``, ``extrapolated``, ``turning_point`` joined by ``+``; ``out_of_range``; or why there is
+        no distance: ``missing``, ``zero``, ``negative``, ``not_finite``.
+    """
+
+    def __init__(self, reading_m, candidates):
+        self.reading_m = reading_m
+        self._candidates = candidates
+        first = candidates["candidate"] <= 1
+        self.distance_m = candidates["distance_m"][first]
+        self.std_m = candidates["std_m"][first]
+        self.flag = np.array(candidates["flag"], dtype=object)[first]
+
+    def __len__(self):
+        return len(self.reading_m)
+
+    def __repr__(self):
+        good = int(np.sum(self.flag == "ok"))
+        return f"<rangecal.Corrected: {len(self)} readings, {good} ok>"
+
+    def to_frame(self):
+        """Every distance that explains a reading, most likely first: ``reading, reading_m, distance_m, std_m,
+        candidate, flag``; ``reading`` is the index of the reading."""
+        import pandas
+        frame = pandas.DataFrame(self._candidates)
+        frame.insert(1, "reading_m", self.reading_m[self._candidates["reading"]])
+        return frame
+
+    def plot(self, ax=None):
+        """Corrected minus raw over the raw reading, with one standard deviation."""
+        from . import _plots
+        return _plots.corrected(self, ax)
+
+
+class Comparison:
+    """Calibrations by several methods, side by side.
+
+    Attributes
+    ----------
+    calibrations : list of Calibration
+        One per method, in the order asked for; ``comparison["marginal"]`` picks one.
+    scores : list of TruthScore
+        One per calibration, against ground truth where the recordings have any.
+    models : list of ModelScore
+        Orders and noise laws tried; empty where nothing was to choose.
+    notes : list of str
+        What was done to the input.
+    check : CheckReport or None
+        What the second program said about the optimum of the full likelihood.
+    """
+
+    def __init__(self, job):
+        self.calibrations, self.scores = job.calibrations, job.scores
+        self.models, self.notes, self.check = job.models, job.notes, job.check
+        for calibration in self.calibrations:
+            calibration.models, calibration.notes, calibration.check = self.models, self.notes, self.check
+
+    def __getitem__(self, method):
+        for calibration in self.calibrations:
+            if calibration.method == method:
+                return calibration
+        raise KeyError(method)
+
+    def __len__(self):
+        return len(self.calibrations)
+
+    def __iter__(self):
+        return iter(self.calibrations)
+
+    def __repr__(self):
+        return f"<rangecal.Comparison: {', '.join(f'{c.method} {c.outcome}' for c in self.calibrations)}>"
+
+    def _repr_html_(self):
+        from . import _html
+        return _html.comparison(self)
+
+    def to_frame(self):
+        """One column per method, one row per figure: estimates with their standard deviations, likelihoods, errors
+        against ground truth. NaN where a method has none."""
+        import pandas
+        columns = {}
+        for calibration, score in zip(self.calibrations, self.scores):
+            column = {"outcome": calibration.outcome}
+            for name, row in calibration.to_frame().iterrows():
+                column[name], column[f"{name} std"] = row["estimate"], row["std"]
+            column.update({
+                "joint NLL": calibration.joint_nll, "marginal NLL": calibration.nll, "AIC": calibration.aic,
+                "landmark RMSE [m]": score.landmark_rmse_m, "landmark error / std": score.landmark_strain,
+                "range RMSE raw [m]": score.rmse_raw_m if score.readings else None,
+                "range RMSE corrected [m]": score.rmse_corrected_m if score.readings else None,
+                "MSE ratio": score.mse_ratio})
+            columns[calibration.method] = column
+        order = list(dict.fromkeys(name for column in columns.values() for name in column))
+        return pandas.DataFrame(columns).reindex(order)
+
+    def plot(self, ax=None):
+        """f(d) - d of every method with its 95 % band."""
+        from . import _plots
+        return _plots.comparison(self, ax)
+
+
+def models_to_frame(self):
+    """Orders and noise laws tried: ``order, noise_law, nll, aic, behind``, best first; `behind` in AIC."""
+    import pandas
+    frame = pandas.DataFrame([(m.order, m.noise_law, m.nll, m.aic) for m in self.models],
+                             columns=["order", "noise_law", "nll", "aic"])
+    frame["behind"] = frame["aic"] - frame["aic"].min()
+    return frame.sort_values("aic", ignore_index=True)
+
+
+def calibration_to_frame(self):
+    """The parameters with their standard deviations: index ``parameter``, columns ``estimate, std, unit``."""
+    import pandas
+    rows = []
+    covariance = self.covariance
+    for i, value in enumerate(self.alpha):
+        std = np.sqrt(max(covariance[i, i], 0.0)) if covariance is not None else np.nan
+        rows.append((f"alpha_{i}", value, std, _unit(1 - i)))
+    noise_std = self.noise_std if len(self.noise_std) == len(self.noise_parameters) else \
+        np.full(len(self.noise_parameters), np.nan)
+    power = {"constant": 0, "f": 1, "f2": 2, "f3": 3, "d2": 2}.get(self.noise_law)
+    for i, (value, std) in enumerate(zip(self.noise_parameters, noise_std)):
+        name = f"beta_{i}" if power is None else "sigma_e"
+        rows.append((name, value, std, _unit(1 - (i if power is None else power))))
+    for name, value, std, unit in (("sigma_theta", self.sigma_theta_rad, self.sigma_theta_std_rad, "rad"),
+                                   ("sigma_s", self.sigma_s_m, self.sigma_s_std_m, "m")):
+        if value is not None:
+            rows.append((name, value, np.nan if std is None else std, unit))
+    for effect, parameters in self.effects.items():
+        rows.extend((f"{effect}.{name}", value, np.nan, "") for name, value in parameters.items())
+    frame = pandas.DataFrame(rows, columns=["parameter", "estimate", "std", "unit"])
+    return frame.set_index("parameter")
+
+
+def landmarks_to_frame(self):
+    """The landmarks placed: ``recording, landmark, x_m, y_m, std_x_m, std_y_m, correlation``."""
+    import pandas
+    covariance = self.landmark_covariance
+    std = np.sqrt(np.einsum("nii->ni", covariance)) if len(covariance) else np.empty((0, 2))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance[:, 0, 1] / (std[:, 0] * std[:, 1]) if len(covariance) else np.empty(0)
+    return pandas.DataFrame({
+        "recording": self.landmark_recording, "landmark": self.landmark_labels, "x_m": self.landmarks[:, 0],
+        "y_m": self.landmarks[:, 1], "std_x_m": std[:, 0], "std_y_m": std[:, 1], "correlation": correlation})
+
+
+def stops_to_frame(self):
+    """The stops estimated: ``recording, stop, x_m, y_m, heading_rad``."""
+    import pandas
+    return pandas.DataFrame({
+        "recording": self.stop_recording, "stop": self.stop_labels, "x_m": self.stops[:, 0],
+        "y_m": self.stops[:, 1], "heading_rad": self.stops[:, 2]})
+
+
+def diagnosis_to_frame(self, table="explanations"):
+    """One part of the diagnosis as a table.
+
+    Parameters
+    ----------
+    table : {"explanations", "location", "fit", "unseen", "next_experiments"}
+    """
+    import pandas
+    if table == "explanations":
+        rows = [(" + ".join(e.effects), e.probability, p.name, p.estimate, p.std, *p.ci95)
+                for e in self.explanations for p in (e.parameters or [None]) if p is not None]
+        return pandas.DataFrame(rows, columns=["effects", "probability", "parameter", "estimate", "std", "low95",
+                                               "high95"])
+    if table == "location":
+        rows = [(f.channel, f.covariate, f.shape, *f.where, f.group, f.size, f.unit, f.p_value, f.share)
+                for f in self.location]
+        return pandas.DataFrame(rows, columns=["channel", "covariate", "shape", "from", "to", "group", "size", "unit",
+                                               "p_value", "share"])
+    if table == "fit":
+        names = ("nll", "heldout_nll", "heldout_std", "rms_range_m", "rms_bearing_rad", "chi_sq_per_dof")
+        return pandas.DataFrame({"before": [getattr(self.before, n) for n in names],
+                                 "after": [getattr(self.after, n) for n in names]}, index=names)
+    if table == "unseen":
+        rows = [(u.effect, u.detectable, u.harm_m, u.settled_by) for u in self.unseen]
+        return pandas.DataFrame(rows, columns=["effect", "detectable", "harm_m", "settled_by"])
+    if table == "next_experiments":
+        rows = [(e.change, ", ".join(e.settles), e.power) for e in self.next_experiments]
+        return pandas.DataFrame(rows, columns=["change", "settles", "power"])
+    raise ValueError(f"table is '{table}', not explanations, location, fit, unseen or next_experiments")
+
+
+def residuals_to_frame(self):
+    """One row per reading: indices, reading, distance, residuals with their standard deviations, covariates."""
+    import pandas
+    names = ("recording", "stop", "landmark", "repeat", "row", "reading_m", "bearing_rad", "distance_m",
+             "range_residual_m", "range_std_m", "bearing_residual_rad", "bearing_std_rad", "corrected_m")
+    columns = {name: np.array(getattr(self, name)) for name in names}
+    columns.update({name: np.array(values) for name, values in self.along.items()})
+    return pandas.DataFrame(columns)
+
+
+def _unit(power):
+    return {0: "", 1: "m"}.get(power, f"1/m^{-power}" if power < -1 else "1/m")

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <pybind11/stl.h>
+
+#include "arrays.hpp"
+#include "module.hpp"
+#include "rangecal/solvers/diagnosis/model_residuals.hpp"
+#include "work.hpp"
+
+namespace rangecal::python {
+namespace {
+
+std::shared_ptr<ModelResiduals> residuals_of(const std::vector<std::shared_ptr<Recording>>& recordings,
+                                             const std::shared_ptr<Calibration>& calibration,
+                                             const std::vector<std::string>& along) {
+  const Recordings job({recordings.begin(), recordings.end()});
+  return run_interruptible<std::shared_ptr<ModelResiduals>>(
+      [job, calibration, along](const StageHook&) {
+        return std::make_shared<ModelResiduals>(model_residuals(job.span(), *calibration, along));
+      },
+      py::none());
+}
+
+}  // namespace
+
+void bind_residuals(py::module_& module) {
+  const auto reading = [](auto ReadingResidual::*member) {
+    return [member](const py::object& self) {
+      return field_view(self.cast<const ModelResiduals&>().readings, member, self);
+    };
+  };
+  py::class_<ModelResiduals, std::shared_ptr<ModelResiduals>>(module, "Residuals")
+      .def_property_readonly("recording", reading(&ReadingResidual::recording))
+      .def_property_readonly("stop", reading(&ReadingResidual::stop))
+      .def_property_readonly("landmark", reading(&ReadingResidual::landmark))
+      .def_property_readonly("repeat", reading(&ReadingResidual::repeat))
+      .def_property_readonly("row", reading(&ReadingResidual::row))
+      .def_property_readonly("reading_m", reading(&ReadingResidual::range_m))
+      .def_property_readonly("bearing_rad", reading(&ReadingResidual::bearing_rad))
+      .def_property_readonly("distance_m", reading(&ReadingResidual::distance_m))
+      .def_property_readonly("range_residual_m", reading(&ReadingResidual::range_residual_m))
+      .def_property_readonly("range_std_m", reading(&ReadingResidual::range_std_m))
+      .def_property_readonly("bearing_residual_rad", reading(&ReadingResidual::bearing_residual_rad))
+      .def_property_readonly("bearing_std_rad", reading(&ReadingResidual::bearing_std_rad))
+      .def_property_readonly("corrected_m", reading(&ReadingResidual::corrected_m))
+      .def_property_readonly("along",
+                             [](const py::object& self) {
+                               py::dict columns;
+                               for (const auto& [name, values] : self.cast<const ModelResiduals&>().along)
+                                 columns[py::str(name)] = view(values, self);
+                               return columns;
+                             })
+      .def("__len__", [](const ModelResiduals& r) { return r.readings.size(); });
+  module.def("residuals_job", &residuals_of, py::arg("recordings"), py::arg("calibration"), py::arg("along"));
+}
+
+}  // namespace rangecal::python

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "module.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
+#include "rangecal/problems/world/scene.hpp"
+#include "rangecal/solvers/diagnosis/simulation_model.hpp"
+
+namespace rangecal::python {
+namespace {
+
+using Effects = std::map<std::string, std::map<std::string, double>>;
+
+/// The recordings of a layout under a calibration with effects added to its own.
+std::vector<std::shared_ptr<Recording>> draw(std::vector<Recording> layout, Calibration calibration,
+                                             const Effects& effects, std::uint64_t seed) {
+  for (const auto& [id, parameters] : effects) {
+    const Effect* effect = find_effect(id);
+    if (!effect) throw InputError("no effect is called '" + id + "'");
+    for (const auto& [name, value] : parameters) {
+      const auto& known = effect->info().parameters;
+      if (std::none_of(known.begin(), known.end(), [&](const EffectParameter& p) { return p.name == name; }))
+        throw InputError("the effect " + id + " has no parameter '" + name + "'");
+    }
+    calibration.effects[id] = parameters;
+  }
+  SimulationModel model;
+  model.recordings = std::move(layout);
+  model.calibration = std::move(calibration);
+  std::vector<std::shared_ptr<Recording>> drawn;
+  for (Recording& recording : simulate(model, seed)) {
+    recording.path.clear();
+    drawn.push_back(std::make_shared<Recording>(std::move(recording)));
+  }
+  return drawn;
+}
+
+/// What a calibration without error would say of the scene that `recording` was drawn from.
+Calibration truth_of(const Scene& scene, const Recording& recording) {
+  Calibration truth;
+  truth.kind = scene.kind;
+  truth.outcome = Outcome::converged;
+  truth.alpha = scene.alpha;
+  truth.noise = scene.noise;
+  truth.sigma_theta_rad = Estimate{scene.sigma_theta_rad, std::nullopt};
+  for (std::size_t l = 0; l < recording.truth.landmarks.size(); ++l)
+    truth.landmarks.push_back({0, recording.landmarks[l].label, *recording.truth.landmarks[l], std::nullopt});
+  return truth;
+}
+
+std::shared_ptr<Recording> simulate_scene(const Scene& scene, std::uint64_t seed, const Effects& effects) {
+  Recording recording = simulate(scene, seed);
+  if (effects.empty()) return std::make_shared<Recording>(std::move(recording));
+  Calibration truth = truth_of(scene, recording);
+  return draw({std::move(recording)}, std::move(truth), effects, seed).front();
+}
+
+std::vector<std::shared_ptr<Recording>> simulate_layout(const std::vector<std::shared_ptr<Recording>>& layout,
+                                                        const Calibration& calibration, const Effects& effects,
+                                                        std::uint64_t seed) {
+  const Recordings recordings({layout.begin(), layout.end()});
+  return draw({recordings.span().begin(), recordings.span().end()}, calibration, effects, seed);
+}
+
+}  // namespace
+
+void bind_simulate(py::module_& module) {
+  const auto release = py::call_guard<py::gil_scoped_release>();
+  module.def(
+      "simulate_scene_file",
+      [](const std::string& path, std::uint64_t seed, const Effects& effects) {
+        return simulate_scene(load_scene(path), seed, effects);
+      },
+      py::arg("path"), py::arg("seed"), py::arg("effects"), release);
+  module.def(
+      "simulate_scene_text",
+      [](const std::string& text, std::uint64_t seed, const Effects& effects) {
+        return simulate_scene(parse_scene(text, "the scene"), seed, effects);
+      },
+      py::arg("text"), py::arg("seed"), py::arg("effects"), release);
+  module.def("simulate_layout", &simulate_layout, py::arg("layout"), py::arg("calibration"), py::arg("effects"),
+             py::arg("seed"), release);
+
+  py::class_<EffectParameter>(module, "EffectParameter")
+      .def_readonly("name", &EffectParameter::name)
+      .def_readonly("typical", &EffectParameter::typical)
+      .def_readonly("low", &EffectParameter::low)
+      .def_readonly("high", &EffectParameter::high)
+      .def_readonly("discrete", &EffectParameter::discrete);
+  py::class_<EffectInfo>(module, "Effect")
+      .def_readonly("id", &EffectInfo::id)
+      .def_readonly("channel", &EffectInfo::channel)
+      .def_readonly("covariate", &EffectInfo::covariate)
+      .def_readonly("physics", &EffectInfo::physics)
+      .def_readonly("formula", &EffectInfo::formula)
+      .def_readonly("source", &EffectInfo::source)
+      .def_readonly("visible_by", &EffectInfo::visible_by)
+      .def_readonly("settled_by", &EffectInfo::settled_by)
+      .def_readonly("parameters", &EffectInfo::parameters);
+  module.def("effects", [] {
+    std::vector<EffectInfo> all;
+    for (const auto& effect : effect_registry()) all.push_back(effect->info());
+    return all;
+  });
+}
+
+}  // namespace rangecal::python

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import gc
+
+import numpy as np
+import pandas
+import pytest
+
+import rangecal
+
+
+def test_arrays_are_read_only_views_that_keep_the_recording_alive(source):
+    recording = rangecal.load(source / "notebooks_data/field-layout")
+    ranges, stops, radius = recording.range_m, recording.stops, recording.landmark_radius_m
+    assert ranges.base is recording and stops.base is recording
+    assert np.shares_memory(ranges, recording.range_m)
+    kept = ranges.copy(), stops.copy()
+    del recording
+    gc.collect()
+    np.testing.assert_array_equal(ranges, kept[0])
+    np.testing.assert_array_equal(stops, kept[1])
+    np.testing.assert_array_equal(radius, np.full(5, 0.12))
+    with pytest.raises(ValueError):
+        ranges[0] = 0.0
+
+
+def test_shapes(field, pairs):
+    assert len(field) == 500 and field.kind == "landmarks"
+    assert field.stops.shape == (10, 3) and field.true_stops.shape == (10, 3) and field.true_landmarks.shape == (5, 2)
+    for name in ("stop", "landmark", "repeat", "range_m", "bearing_rad", "row"):
+        assert getattr(field, name).shape == (500,), name
+    assert field.row[0] == 2 and field.time_s is None and field.batch is None and field.true_m is None
+    assert len(pairs) == 600 and pairs.kind == "pairs" and pairs.batch.max() == 11 and pairs.stop is None
+    assert pairs.true_landmarks is None
+
+
+def test_a_data_frame_makes_the_same_recording(field):
+    landmarks = pandas.DataFrame({"landmark": field.landmark_labels, "radius_m": field.landmark_radius_m})
+    again = rangecal.Recording(field.to_frame(), field.stops_to_frame(), landmarks,
+                               sensor={"range_min_m": 0.1, "range_max_m": 10.0})
+    np.testing.assert_array_equal(again.range_m, field.range_m)
+    np.testing.assert_array_equal(again.bearing_rad, field.bearing_rad)
+    np.testing.assert_array_equal(again.stops, field.stops)
+    assert again.landmark_labels == field.landmark_labels and again.counts == field.counts
+    assert again.sensor.range_max_m == 10.0
+
+
+def test_arrays_make_pairs(pairs):
+    again = rangecal.Recording(pairs={"true_m": pairs.true_m, "reading_m": pairs.range_m, "batch": pairs.batch})
+    np.testing.assert_array_equal(again.range_m, pairs.range_m)
+    np.testing.assert_array_equal(again.batch, pairs.batch)
+
+
+def test_covariates_missing_values_and_labels():
+    stops = {"stop": ["a", "b"], "x_m": [0, 1], "y_m": [0.0, 0.0], "heading_rad": [0.0, 0.0]}
+    observations = pandas.DataFrame({
+        "stop": ["a", "a", "b", "b"], "landmark": ['L "1", red', "L2", 'L "1", red', "L2"],
+        "range_m": [1.0, np.nan, 0.0, 3.5], "bearing_rad": [0.1, 0.2, 0.3, 0.4], "intensity": [7.0, 8.0, 9.0, None]})
+    recording = rangecal.Recording(observations, stops, sigma_xy_m="estimate", stop_error="random_walk")
+    assert recording.counts == {"read": 4, "used": 2, "dropped": {"missing": 1, "zero": 1}, "cells_left_out": 0}
+    assert recording.landmark_labels == ['L "1", red', "L2"]
+    np.testing.assert_array_equal(recording.covariates["intensity"], [7.0, np.nan])
+    assert recording.sigma_xy_m == "estimate" and recording.stop_error == "random_walk"
+    np.testing.assert_array_equal(recording.row, [2, 5])
+
+
+def test_saved_and_loaded(field, tmp_path):
+    field.save(str(tmp_path / "copy"))
+    again = rangecal.load(tmp_path / "copy")
+    np.testing.assert_array_equal(again.range_m, field.range_m)
+    np.testing.assert_array_equal(again.true_landmarks, field.true_landmarks)
+
+
+@pytest.mark.parametrize("change, message", [
+    ({"bearing_rad": [100.0, 0.0]}, "observations.csv, row 2, column 'bearing_rad': '100' is beyond"),
+    ({"stop": ["a", "c"]}, "observations.csv, row 3, column 'stop': unknown stop 'c'"),
+    ({"range_m": [1.0]}, "observations.csv, column 'range_m': has 1 entries, where 'stop' has 2"),
+    ({"range_m": [[1.0], [2.0]]}, "observations.csv, column 'range_m': is not one-dimensional"),
+])
+def test_wrong_tables_say_where(change, message):
+    observations = {"stop": ["a", "a"], "landmark": ["L", "M"], "range_m": [1.0, 2.0], "bearing_rad": [0.0, 0.1]}
+    with pytest.raises(rangecal.InputError) as error:
+        rangecal.Recording({**observations, **change},
+                           {"stop": ["a"], "x_m": [0.0], "y_m": [0.0], "heading_rad": [0.0]})
+    assert str(error.value).startswith(message)
+
+
+def test_input_errors_are_value_errors_with_the_message_of_the_program(source, tmp_path):
+    with pytest.raises(ValueError, match="no such folder"):
+        rangecal.load(tmp_path / "none")
+    with pytest.raises(rangecal.InputError, match="needs observations and stops, or pairs"):
+        rangecal.Recording()
+    with pytest.raises(rangecal.InputError, match="either pairs, or"):
+        rangecal.Recording({}, {}, pairs={})
