@@ -87,11 +87,19 @@ void add_readings(Page& page, const FitView& view) {
             return l.position_m;
         return view.calibration.landmarks.front().position_m;
       }();
-      const double corrected = std::atan2(axis.y() - stop.y_m, axis.x() - stop.x_m) + x.bearing_residual_rad;
-      row["x_raw"] = number(stop.x_m + (x.range_m + radius) * std::cos(raw));
-      row["y_raw"] = number(stop.y_m + (x.range_m + radius) * std::sin(raw));
-      row["x_corrected"] = number(stop.x_m + (x.corrected_m + radius) * std::cos(corrected));
-      row["y_corrected"] = number(stop.y_m + (x.corrected_m + radius) * std::sin(corrected));
+      const Eigen::Vector2d from(stop.x_m, stop.y_m), sight = (axis - from).normalized();
+      const Eigen::Vector2d across(-sight.y(), sight.x());
+      const double corrected = std::atan2(sight.y(), sight.x()) + x.bearing_residual_rad;
+      const auto place = [&](const std::string& how, double range, double direction) {
+        const Eigen::Vector2d at =
+            from + (range + radius) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+        row["x_" + how] = number(at.x());
+        row["y_" + how] = number(at.y());
+        row["along_" + how] = number(1e3 * (at - axis).dot(sight));
+        row["across_" + how] = number(1e3 * (at - axis).dot(across));
+      };
+      place("raw", x.range_m, raw);
+      place("corrected", x.corrected_m, corrected);
     }
     rows.push_back(std::move(row));
   }

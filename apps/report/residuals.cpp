@@ -96,6 +96,8 @@ Chart chart_of(const Pair& pair, bool after, std::size_t readings, const std::st
            {"band_mark", pair.axis.groups ? "bar" : "area"},
            {"line_width", pair.axis.groups ? 0 : 2},
            {"x_title", pair.axis.title},
+           {"x_zero", pair.axis.groups ? Json(nullptr) : Json(false)},
+           {"x_padding", pair.axis.groups ? Json(nullptr) : Json(6)},
            {"x_format", pair.axis.groups ? Json(nullptr) : Json(pair.axis.format)},
            {"y_title", pair.channel.title()},
            {"bin_title", pair.channel.spread ? "spread / modelled" : "mean of the bin"},
@@ -140,6 +142,25 @@ Limits limits_of_points(const FitView& before, const FitView* after, const Chann
   return limits_of(values);
 }
 
+/// The limits drawn in where they let the means be seen: a third of the height for the bins that reach
+/// farthest.
+Limits zoomed(const Limits& points, double reach, const Channel& channel) {
+  if (channel.spread) return {0.0, std::min(points.high, 3.0 * reach)};
+  const double half = std::min(std::max(std::abs(points.low), std::abs(points.high)), 3.0 * reach);
+  return {-half, half};
+}
+
+/// "12 of 1440 readings lie beyond the scale." Empty where none does.
+std::string beyond(const std::vector<ReadingResidual>& readings, const Pair& pair) {
+  const auto out = std::count_if(readings.begin(), readings.end(), [&](const ReadingResidual& x) {
+    const double value = pair.channel.of(x);
+    return value < pair.limits.low || value > pair.limits.high;
+  });
+  return out == 0 ? ""
+                  : fmt::format("{} of {} readings lie beyond the scale, which shows the means.", out,
+                                readings.size());
+}
+
 /// What a finding says of itself, under its charts.
 std::string finding_in_words(const Finding& f) {
   std::string text = f.channel;
@@ -166,7 +187,11 @@ int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& before, 
     if (f.residuals.empty() || along == before.residuals.along.end() || drawn == most) continue;
     Pair pair{
         fmt::format("finding-{}", ++drawn), f.covariate, channel_of(f.channel), axis_of(f.covariate), {}};
-    pair.limits = limits_of_points(before, after, pair.channel);
+    double reach = 0.0;
+    for (const BinnedResidual& b : f.residuals)
+      reach = std::max({reach, std::abs(pair.channel.of_bin(b.before + 1.96 * b.std_dev)),
+                        std::abs(pair.channel.of_bin(b.before - 1.96 * b.std_dev))});
+    pair.limits = zoomed(limits_of_points(before, after, pair.channel), reach, pair.channel);
     page.dataset(pair.id + "-points", point_rows(before, after, pair, along->second));
     for (const bool completed : {false, true}) {
       Json bins = Json::array();
@@ -179,8 +204,11 @@ int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& before, 
       page.dataset(fmt::format("{}-bins-{}", pair.id, completed ? "after" : "before"), bins);
     }
     page.heading(finding_in_words(f));
-    std::vector<Chart> charts{chart_of(pair, false, along->second.size(), "Before: the seed model", "")};
-    if (after) charts.push_back(chart_of(pair, true, along->second.size(), "After: the completed model", ""));
+    std::vector<Chart> charts{chart_of(pair, false, along->second.size(), "Before: the seed model",
+                                       beyond(before.residuals.readings, pair))};
+    if (after)
+      charts.push_back(chart_of(pair, true, along->second.size(), "After: the completed model",
+                                beyond(after->residuals.readings, pair)));
     page.charts(charts);
   }
   return drawn;
@@ -194,7 +222,6 @@ void add_plain_residuals(Page& page, const FitView& view) {
     if (along == view.residuals.along.end() || (bearing && view.calibration.kind == RecordingKind::pairs))
       continue;
     Pair pair{"residual-" + covariate, covariate, {bearing, false}, axis_of(covariate), {}};
-    pair.limits = limits_of_points(view, nullptr, pair.channel);
     page.dataset(pair.id + "-points", point_rows(view, nullptr, pair, along->second));
     struct Bin {
       double at = 0.0, sum = 0.0, variance = 0.0;
@@ -211,14 +238,18 @@ void add_plain_residuals(Page& page, const FitView& view) {
       ++b.readings;
     }
     Json rows = Json::array();
+    double reach = 0.0;
     for (const auto& [index, b] : bins) {
       if (index < 0) continue;
       const double mean = b.sum / b.readings, half = 1.96 * std::sqrt(b.variance) / b.readings;
+      reach = std::max(reach, std::abs(mean) + half);
       rows.push_back(
           bin_row(number(pair.axis.factor * b.at / b.readings), mean, mean - half, mean + half, b.readings));
     }
+    pair.limits = zoomed(limits_of_points(view, nullptr, pair.channel), reach, pair.channel);
     page.dataset(pair.id + "-bins-before", rows);
-    charts.push_back(chart_of(pair, false, along->second.size(), bearing ? "Bearings" : "Ranges", ""));
+    charts.push_back(chart_of(pair, false, along->second.size(), bearing ? "Bearings" : "Ranges",
+                              beyond(view.residuals.readings, pair)));
     charts.back().values["colour"] = "var(--after)";
   }
   page.charts(charts);

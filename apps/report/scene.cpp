@@ -102,6 +102,7 @@ void add_landmarks(const FitView& view, int index, std::size_t first, SceneData&
          {"landmark", landmark.label},
          {"x", number(at->position_m.x())},
          {"y", number(at->position_m.y())},
+         {"y_label", number(at->position_m.y() + landmark.radius_m + 0.03)},
          {"radius_mm", number(1e3 * landmark.radius_m)},
          {"std_mm", covariance ? number(1e3 * std::sqrt(covariance->trace())) : Json("unknown")}});
     const std::string shape = fmt::format("{} {}", index, landmark.label);
@@ -158,14 +159,27 @@ void add_scene(Page& page, const FitView& view) {
   if (view.recordings.size() > most)
     page.paragraph(
         fmt::format("The scenes of {} more recordings are not drawn.", view.recordings.size() - most));
+  std::vector<double> away;
+  for (const ReadingResidual& x : view.residuals.readings) {
+    away.push_back(1e3 * std::abs(x.range_m - x.distance_m));
+    away.push_back(1e3 * x.distance_m * std::abs(x.bearing_residual_rad));
+  }
+  std::vector<Chart> charts{{"around",
+                             "around",
+                             {{"half", limits_of(away).high}},
+                             "Readings around their landmarks",
+                             "Where each reading puts the landmark's axis, seen from the estimated stop.",
+                             "plot"}};
   if (data.moved_mm > 0.0)
-    page.charts({{"stops",
-                  "stops",
-                  {{"half", 1.05 * data.moved_mm}},
-                  "How far each stop was moved from its commanded place",
-                  "Ellipses hold 95 %, the parameters of effects held. The dashed circle holds 95 % of the "
-                  "stops under the stated sigma_xy.",
-                  "plot"}});
+    charts.push_back({"stops",
+                      "stops",
+                      {{"half", 1.05 * data.moved_mm}},
+                      "How far each stop was moved from its commanded place",
+                      "Ellipses hold 95 %, the parameters of effects held; the dashed circle holds 95 % of "
+                      "the stops under the "
+                      "stated sigma_xy.",
+                      "plot"});
+  page.charts(charts);
 }
 
 }  // namespace rangecal::report
