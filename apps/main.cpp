@@ -74,6 +74,8 @@ int run(int argc, char** argv) {
   app::add_simulate(app, chosen);
   app::add_diagnose(app, chosen);
   app::add_effects(app, chosen);
+  app::add_extract(app, chosen);
+  app::add_import(app, chosen);
   app::add_prove(app, chosen);
   app::add_study(app, chosen);
   const auto is_first = [&](CLI::App* command) { return argc > 1 && command->get_name() == argv[1]; };

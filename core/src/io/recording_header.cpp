@@ -54,7 +54,7 @@ RecordingHeader read_header(const Files& files, Recording& recording) {
   RecordingHeader header;
   header.file = files.name("recording.yaml");
   const YamlReader top = files.yaml("recording.yaml");
-  top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances"});
+  top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances", "extraction"});
   const YamlReader format = top.at("format");
   if (format.text() != "rangecal/1") format.fail("'" + format.text().substr(0, 40) + "' is not rangecal/1");
   if (top.has("kind")) {
@@ -71,6 +71,10 @@ RecordingHeader read_header(const Files& files, Recording& recording) {
     const YamlReader landmarks = top.at("landmarks");
     landmarks.allow_only({"radius_m"});
     if (landmarks.has("radius_m")) header.landmark_radius_m = landmarks.at("radius_m").not_negative();
+  }
+  if (top.has("extraction")) {  // how the readings were cut out of raw scans: a note for people, of any fields
+    const YamlReader extraction = top.at("extraction");
+    if (!extraction.is_map()) extraction.fail("is not a map");
   }
   if (top.has("known_distances")) {
     for (const YamlReader& item : top.at("known_distances").items()) header.taped.push_back(read_taped(item));

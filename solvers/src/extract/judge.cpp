@@ -10,7 +10,6 @@
 namespace rangecal {
 namespace {
 
-constexpr double kNats = 4.5;           ///< log likelihood by which a straight line has to win
 constexpr double kWall = 0.3;           ///< shortest wall [m]
 constexpr double kStraightShare = 0.7;  ///< of a wall's beams that lie on straight pieces
 constexpr int kPiece = 5;               ///< beams of a straight piece
@@ -87,14 +86,16 @@ double misfit(const Segment& segment, const CircleFit& fit) {
   return fit.chi_squared - fit.degrees_of_freedom + off * off;
 }
 
-/// 1 where the segment is wider than the fitted circle must look from there, -1 narrower, 0 alike: to the edges' gaps
-/// and 12 %.
-int compare_width(const Segment& segment, const CircleFit& fit) {
-  const double seen = outline(segment).half_width_rad, expected = expected_half_width_rad(fit);
-  const double slack = 0.4 * gaps_rad(segment) + 0.12 * expected;
-  if (seen > expected + slack) return 1;
+/// 1 where the segment is wider than the circle can look from where it may be, -1 narrower, 0 alike: to the edges'
+/// gaps, the slack of the raw range, 8 % if wider, and 18 % if narrower, because grazing beams get lost.
+int compare_width(const Segment& segment, const CircleFit& fit, const CylinderOptions& options) {
+  const double seen = outline(segment).half_width_rad, axis = fit.range_m + fit.radius_m;
+  const double slack = options.range_slack_m + options.range_slack * fit.range_m, gaps = 0.4 * gaps_rad(segment);
+  const double widest = 1.08 * std::asin(fit.radius_m / std::max(1.05 * fit.radius_m, axis - slack));
+  const double narrowest = 0.82 * std::asin(fit.radius_m / (axis + slack));
+  if (seen > widest + gaps) return 1;
   const bool hidden = segment.nearer_left || segment.nearer_right;
-  return seen < (hidden ? 0.6 * expected : expected - slack) ? -1 : 0;
+  return seen < (hidden ? 0.6 * narrowest : narrowest - gaps) ? -1 : 0;
 }
 
 std::optional<CircleFit> fit_once(const Segment& segment, double sigma, const CylinderOptions& options,
@@ -147,7 +148,7 @@ Finding judge_with_radius(const Segment& segment, const ScanNoise& noise, const 
   Segment cleaned;
   const auto fit = fit_cleaned(segment, sigma, options, radius, finding.mixed_pixels, &cleaned);
   if (!fit) return not_a_cylinder(segment, noise, radius ? "no circle fits" : "no circle of the radii allowed fits");
-  const int width = compare_width(cleaned, *fit);
+  const int width = compare_width(cleaned, *fit, options);
   if (width > 0) return not_a_cylinder(segment, noise, "too wide");
   if (width < 0) return not_a_cylinder(segment, noise, "too narrow");
   const double tolerant = tolerant_sigma(sigma, fit->radius_m, options);
@@ -162,7 +163,7 @@ Finding judge_with_radius(const Segment& segment, const ScanNoise& noise, const 
   const FlatFit flat = fit_flat(inner, tolerant);
   const double advantage = 0.5 * (relaxed - flat.chi_squared);
   // A radius that is estimated takes its evidence from the curvature: there the line must lose.
-  if (advantage > (radius ? kNats : -kNats)) return not_a_cylinder(segment, noise, "flat");
+  if (advantage > (radius ? options.flat_nats : -options.flat_nats)) return not_a_cylinder(segment, noise, "flat");
   if (!radius && fit->radius_sd_m > 0.3 * fit->radius_m) return not_a_cylinder(segment, noise, "too few beams for a radius");
   finding.kind = FindingKind::cylinder;
   finding.fit = *fit;

@@ -24,6 +24,8 @@ struct CylinderOptions {
   double edge_cut = 0.9;              ///< hits that pass the axis at more than this share of R are not fitted
   double jump_sigmas = 5.0;           ///< range jump that ends a segment, in sigmas of the two beams, beyond its slope
   double shape_tolerance = 0.05;      ///< how far the outline may be from round, as a share of R (raw readings bend it)
+  double range_slack_m = 0.03, range_slack = 0.05;  ///< raw ranges may be off by this, plus this share: width test
+  double flat_nats = 4.5;             ///< log likelihood by which a straight line has to win to make a segment flat
   double fit_p_value = 1e-4;          ///< a circle fit is refused below this p-value
 
   double largest_m() const;           ///< the largest radius looked for
@@ -55,7 +57,7 @@ struct Finding {
 };
 
 /// Judges a segment: hits enough; one end free at least; as wide as a cylinder of the radius must look from there; a circle
-/// fits; a straight line does not fit better by more than 4.5 nats; else wall, where it is long and made of straight
+/// fits; a straight line does not fit clearly better; else wall, where it is long and made of straight
 /// pieces, or clutter, with the reason.
 Finding judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options);
 

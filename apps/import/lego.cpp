@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// LEGO robot among six cylinders (C. Brenner, SLAM Lectures 2012), as published:
+//   robot4_scan.txt            S t count r0 .. r659       t [ms], ranges [mm]
+//   robot4_motors.txt          M t left .. .. .. right    words 3 and 7: tick counters
+//   robot4_reference.txt       P t x y                    overhead camera [mm]
+//   robot_arena_landmarks.txt  L C x y radius             surveyed [mm]
+// Records are paired by their number, as the course does. Beam i points to (i - 330) 2 pi / 1024; the scanner is
+// mounted at -4 degrees, which is used for the labels and left in the bearings. Each scan is a stop: the robot drives.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+
+#include "extraction_text.hpp"
+#include "import/importer.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "text.hpp"
+
+namespace rangecal::app {
+namespace {
+
+constexpr double kPitch = 2.0 * std::numbers::pi / 1024.0;  ///< from beam to beam [rad]
+constexpr double kMount = -0.06981317007977318;             ///< of the scanner on the robot [rad], stated by the course
+constexpr double kTick = 0.349e-3;                          ///< way of one tick [m]
+constexpr Pose2 kStart{1.850, 1.897, 213.0 * std::numbers::pi / 180.0};
+
+struct Given {
+  std::string source, folder, arc = "nearest", poses = "odometry";
+  double track_m = 0.150;
+};
+
+ScanLog read_scans_of(const std::string& path) {
+  const WordTable table(path);
+  ScanLog log{path, "LEGO robot", {}, 0};
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    Scan scan;
+    scan.row = static_cast<int>(row) + 1;
+    scan.stamp_s = 1e-3 * table.number(row, 1);
+    const double count = table.number(row, 2);
+    if (count != static_cast<double>(table.words(row) - 3))
+      throw InputError(path, scan.row, "", fmt::format("says {} beams, the line holds {}", count, table.words(row) - 3));
+    for (std::size_t i = 0; i + 3 < table.words(row); ++i) {
+      scan.bearing_rad.push_back((static_cast<double>(i) - 330.0) * kPitch);
+      scan.range_m.push_back(1e-3 * table.number(row, i + 3));
+    }
+    log.scans.push_back(std::move(scan));
+  }
+  return log;
+}
+
+/// Wheel odometry of two tracks: a = (right - left) / track, c = (right + left) / 2, along the chord.
+std::vector<Pose2> odometry(const std::string& path, double track_m) {
+  const WordTable table(path);
+  std::vector<Pose2> poses{kStart};
+  poses[0].heading_rad = wrap_angle(kStart.heading_rad);
+  for (std::size_t row = 1; row < table.rows(); ++row) {
+    const double left = kTick * (table.number(row, 2) - table.number(row - 1, 2));
+    const double right = kTick * (table.number(row, 6) - table.number(row - 1, 6));
+    const double turn = (right - left) / track_m, way = 0.5 * (left + right);
+    Pose2 pose = poses.back();
+    pose.x_m += way * std::cos(pose.heading_rad + 0.5 * turn);
+    pose.y_m += way * std::sin(pose.heading_rad + 0.5 * turn);
+    pose.heading_rad = wrap_angle(pose.heading_rad + turn);
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+void place_by_camera(const std::string& path, std::vector<Pose2>& poses) {
+  const WordTable table(path);
+  for (std::size_t row = 0; row < std::min(table.rows(), poses.size()); ++row)
+    poses[row].x_m = 1e-3 * table.number(row, 2), poses[row].y_m = 1e-3 * table.number(row, 3);
+}
+
+std::vector<MappedLandmark> surveyed(const std::string& path) {
+  const WordTable table(path);
+  std::vector<MappedLandmark> map;
+  for (std::size_t row = 0; row < table.rows(); ++row)
+    map.push_back({fmt::format("C{}", row),
+                   {1e-3 * table.number(row, 2), 1e-3 * table.number(row, 3)},
+                   1e-3 * table.number(row, 4)});
+  return map;
+}
+
+int import_lego(const Given& given) {
+  if (given.poses != "odometry" && given.poses != "reference")
+    throw InputError("--poses: '" + given.poses + "' is neither odometry nor reference");
+  if (!(given.track_m > 0.0)) throw InputError("--track must be positive");
+  const ScanLog log = read_scans_of(given.source + "/robot4_scan.txt");
+  std::vector<Pose2> poses = odometry(given.source + "/robot4_motors.txt", given.track_m);
+  if (given.poses == "reference") place_by_camera(given.source + "/robot4_reference.txt", poses);
+  if (poses.size() < log.scans.size())
+    throw InputError(given.source, 0, "", fmt::format("{} scans and {} motor records", log.scans.size(), poses.size()));
+  std::vector<Stop> stops;
+  for (std::size_t k = 0; k < log.scans.size(); ++k) {
+    Stop stop;
+    stop.label = std::to_string(k), stop.commanded = poses[k];
+    stops.push_back(stop);
+  }
+  ExtractOptions options;
+  options.map = surveyed(given.source + "/robot_arena_landmarks.txt");
+  options.arc = arc_rule_from_string(given.arc);
+  options.split = StopSplit::scan;
+  options.cylinder.radii_m = {*options.map.front().radius_m};
+  // On the white cylinders this scanner's ranges wander by centimetres, strongest in the middle of the arc, which looks
+  // flat or hollow: its shape says little, what stands alone and has a cylinder's width is one.
+  options.noise = ScanNoise{0.012, 0.0};
+  options.cylinder.shape_tolerance = 0.4;
+  options.cylinder.flat_nats = std::numeric_limits<double>::infinity();
+  options.cylinder.range_slack_m = options.association.range_slack_m = 0.05;  // and it reads some centimetres too far
+  options.cylinder.range_min_m = 0.02, options.cylinder.range_max_m = 2.5;
+  options.association.error = StopErrorModel::random_walk;
+  options.association.sigma_xy_m = 0.01, options.association.sigma_heading_rad = 0.03;
+  options.association.bearing_offset_rad = kMount;
+  Extraction extraction = extract_recording({log}, stops, options);
+  Recording& recording = extraction.recording;
+  recording.sensor.name = "lego-scanner", recording.sensor.principle = "phase";
+  recording.truth.stops.resize(recording.stops.size());
+  for (const Landmark& landmark : recording.landmarks)
+    for (const MappedLandmark& known : options.map)
+      if (known.label == landmark.label) recording.truth.landmarks.emplace_back(known.position);
+  save_extraction(extraction, options, given.folder, "LEGO robot, C. Brenner 2012, poses by " + given.poses);
+  fmt::print("{}", describe(extraction, options));
+  recording.path = given.folder;
+  fmt::print("\n{}\n", describe({&recording, 1}));
+  return done;
+}
+
+void add(CLI::App& command, Action& chosen) {
+  const auto given = std::make_shared<Given>();
+  command.add_option("DIR", given->source, "folder with robot4_scan.txt, robot4_motors.txt, ...")->required();
+  command.add_option("-o,--output", given->folder, "folder of the recording, made if missing")->required();
+  command.add_option("--poses", given->poses,
+                     "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
+      ->capture_default_str();
+  command.add_option("--track", given->track_m, "distance of the tracks [m]; the course uses 0.150, 0.155 and 0.173")
+      ->capture_default_str();
+  command.add_option("--arc", given->arc, "which point of the arc is the range: nearest, mean, smallest")
+      ->capture_default_str();
+  command.footer(
+      "Data: the 'SLAM Lectures' of Claus Brenner, unit A (public copies on GitHub: dudeperf3ct/Slam-Lectures).\n"
+      "Cylinders are cut out of the raw scans as 'rangecal extract' does, labelled by the surveyed map.\n"
+      "Example:\n"
+      "  rangecal import lego brenner-lego -o rec && rangecal diagnose rec");
+  command.callback([given, &chosen] { chosen = [given] { return import_lego(*given); }; });
+}
+
+const bool kKnown = know_importer({"lego", "LEGO robot among six cylinders (C. Brenner 2012): raw scans", add});
+
+}  // namespace
+}  // namespace rangecal::app
