@@ -14,7 +14,7 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/yaml_reader.hpp"
-#include "rangecal/solvers/study/study.hpp"
+#include "rangecal/solvers/study/sums.hpp"
 
 namespace rangecal {
 namespace {
@@ -58,7 +58,20 @@ StudyMeasure measure_from(const YamlReader& node) {
 /// "2" or "auto".
 std::optional<int> order_from(const YamlReader& node) {
   if (node.text() == "auto") return std::nullopt;
+  if (node.whole(0) > study_highest_order) node.fail(fmt::format("is above {}", study_highest_order));
   return node.whole(0);
+}
+
+OrderCriterion criterion_from(const YamlReader& node) {
+  constexpr std::array<std::pair<const char*, OrderCriterion>, 5> names{
+      {{"aic", OrderCriterion::aic},
+       {"aicc", OrderCriterion::aicc},
+       {"bic", OrderCriterion::bic},
+       {"cross-validation", OrderCriterion::cross_validation},
+       {"thirds", OrderCriterion::thirds}}};
+  for (const auto& [name, criterion] : names)
+    if (node.text() == name) return criterion;
+  node.fail("'" + node.text().substr(0, 40) + "' is not one of aic, aicc, bic, cross-validation, thirds");
 }
 
 StudyEstimator estimator_from(const YamlReader& node, std::optional<int> order) {
@@ -67,7 +80,7 @@ StudyEstimator estimator_from(const YamlReader& node, std::optional<int> order) 
   if (!node.is_map()) {
     estimator.label = node.text();
   } else {
-    node.allow_only({"method", "weights", "order", "divisor", "label"});
+    node.allow_only({"method", "weights", "order", "criterion", "divisor", "label"});
     estimator.label = node.at("method").text();
   }
   estimator.noise_order = estimator.label == "noise-order";
@@ -91,6 +104,13 @@ StudyEstimator estimator_from(const YamlReader& node, std::optional<int> order) 
     estimator.label += "-" + divisor.text();
   }
   if (node.has("order")) estimator.order = order_from(node.at("order"));
+  if (node.has("criterion")) {
+    const YamlReader criterion = node.at("criterion");
+    if (estimator.noise_order || estimator.method != Method::closed_form)
+      criterion.fail("only closed-form has a choice of criteria; the others select by AIC");
+    estimator.criterion = criterion_from(criterion);
+    estimator.label += "-" + criterion.text();
+  }
   if (node.has("label")) estimator.label = node.at("label").text();
   return estimator;
 }
@@ -244,7 +264,8 @@ Study load_study(const std::string& path) {
     if (fit.has("noise"))
       study.noise = placed(fit.at("noise"), [&] { return noise_law_from_string(fit.at("noise").text()); });
   }
-  if (study.max_order > 9) top.at("fit").fail("max_order is above 9");
+  if (study.max_order > study_highest_order)
+    top.at("fit").fail(fmt::format("max_order is above {}", study_highest_order));
   for (const YamlReader& node : top.at("estimators").items())
     study.estimators.push_back(estimator_from(node, order));
   if (study.estimators.empty()) top.at("estimators").fail("holds no estimator");
@@ -266,8 +287,8 @@ Study load_study(const std::string& path) {
                                 fmt::join(study.curve_m, " "));
   for (const StudyPoint& point : study.points) all += point.key + "\n";
   for (const StudyEstimator& e : study.estimators)
-    all += fmt::format("{} {} {} {} {} {}\n", e.label, to_string(e.method), e.noise_order, to_string(e.weights),
-                       static_cast<int>(e.divisor), e.order.value_or(-1));
+    all += fmt::format("{} {} {} {} {} {} {}\n", e.label, to_string(e.method), e.noise_order, to_string(e.weights),
+                       static_cast<int>(e.divisor), e.order.value_or(-1), static_cast<int>(e.criterion));
   for (const StudyMeasure measure : study.measures) all += std::string(to_string(measure)) + "\n";
   study.fingerprint = seed_from(all);
   return study;

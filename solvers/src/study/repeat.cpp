@@ -113,9 +113,12 @@ void add_landmarks(const Recording& recording, const std::vector<int>& seen, con
 void add_estimate(const Study& study, const StudyPoint& point, const RepeatEstimate& found,
                   const std::optional<TestReadings>& test, const StudyLayout& layout, double* sums) {
   sums[layout.outcome + static_cast<int>(found.outcome)] += 1.0;
-  for (std::size_t n = 0; n < found.aic_by_order.size() && n < study_highest_order; ++n)
-    sums[layout.aic + 2 + n] += found.aic_by_order[n];
-  sums[layout.aic] += !found.aic_by_order.empty();
+  const std::vector<double>& scores = found.aic_by_order;
+  const auto finite = [](double score) { return std::isfinite(score); };
+  if (!scores.empty() && std::all_of(scores.begin(), scores.end(), finite)) {  // only then are they comparable
+    sums[layout.aic] += 1.0;
+    for (std::size_t i = 0; i < scores.size(); ++i) sums[layout.aic + 2 + i] += scores[i];
+  }
   if (!found.answered()) return;
   sums[layout.answers] += 1.0;
   const auto order = static_cast<int>(found.alpha.size()) - 1;

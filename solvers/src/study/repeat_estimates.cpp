@@ -23,6 +23,7 @@ ClosedFormOptions closed_options(const StudyEstimator& estimator, const RepeatMo
   options.order = model.order;
   options.max_order = model.max_order;
   options.noise_law = model.law;
+  options.criterion = estimator.criterion;
   options.bearings.weights = estimator.weights;
   return options;
 }

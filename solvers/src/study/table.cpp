@@ -152,6 +152,7 @@ class Columns {
           add(fmt::format("order_{}", n), [&] { return mean(l.order + n); });
         break;
       case StudyMeasure::aic:
+        add("aic_repeats", [&] { return at(l.aic); });
         for (int n = 1; n <= study_.max_order; ++n)
           add(fmt::format("aic_{}", n), [&] { return at(l.aic + 1 + n) / at(l.aic); });
         break;

@@ -11,6 +11,7 @@
 #include "rangecal/problems/world/scene.hpp"
 #include "rangecal/solvers/closed_form/landmarks_from_bearings.hpp"
 #include "rangecal/solvers/closed_form/noise_order.hpp"
+#include "rangecal/solvers/closed_form/polynomial_fit.hpp"
 
 namespace rangecal {
 
@@ -39,7 +40,8 @@ struct StudyEstimator {
   bool noise_order = false;                              ///< not a calibration: the power of the noise (pairs)
   BearingWeights weights = BearingWeights::consistent;   ///< closed-form
   DifferenceDivisor divisor = DifferenceDivisor::unbiased;  ///< noise-order
-  std::optional<int> order;                              ///< of f; absent: selected by AIC
+  std::optional<int> order;                              ///< of f; absent: selected
+  OrderCriterion criterion = OrderCriterion::aic;        ///< of that selection; others than AIC: closed-form only
 };
 
 /// One axis of the grid: a parameter of the scene and the values that it takes, numbers in their shortest text.

@@ -29,7 +29,7 @@ struct StudyLayout {
   int mse = 0;                                            ///< MseSlot
   int order = 0;                                          ///< repeats by order selected
   int cover = 0;                                          ///< intervals of landmarks, held; of the curve, held
-  int aic = 0;                                            ///< count, then sums by order
+  int aic = 0;                                            ///< repeats in which every order has one, then sums by order
   int power = 0;                                          ///< repeats by best power 0 .. 3, then log-likelihoods
   int stride = 0;                                         ///< numbers of one estimator
 
