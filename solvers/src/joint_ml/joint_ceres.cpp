@@ -104,11 +104,14 @@ class Program : public ceres::IterationCallback {
       options.linear_solver_type = ceres::DENSE_SCHUR;
     if (options.linear_solver_type == ceres::DENSE_SCHUR) {
       options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+      // Ceres orders the blocks of a group by address: one vector a group, or the last bits would change from run to run.
+      const std::vector<double>* const vectors[] = {&coordinates_, &curve_, &sigmas_, &landmarks_};
       std::vector<double*> blocks;
       program_.GetParameterBlocks(&blocks);
-      const double *begin = coordinates_.data(), *end = begin + coordinates_.size();
       for (double* block : blocks)
-        options.linear_solver_ordering->AddElementToGroup(block, block >= begin && block < end ? 0 : 1);
+        for (int group = 0; group < 4; ++group)
+          if (block >= vectors[group]->data() && block < vectors[group]->data() + vectors[group]->size())
+            options.linear_solver_ordering->AddElementToGroup(block, group);
     }
     ceres::Solver::Summary summary;
     ceres::Solve(options, &program_, &summary);
