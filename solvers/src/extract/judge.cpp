@@ -47,8 +47,8 @@ int straight_beams(std::span<const Beam> beams, const ScanNoise& noise) {
   return straight_beams(beams.first(farthest + 1), noise) + straight_beams(beams.subspan(farthest), noise);
 }
 
-Finding not_a_cylinder(const Segment& segment, const ScanNoise& noise, const char* reason) {
-  Finding finding;
+SegmentVerdict not_a_cylinder(const Segment& segment, const ScanNoise& noise, const char* reason) {
+  SegmentVerdict finding;
   finding.reason = reason;
   double length = 0.0;
   for (std::size_t i = 1; i < segment.beams.size(); ++i)
@@ -141,10 +141,10 @@ std::optional<CircleFit> fit_cleaned(Segment segment, double sigma, const Cylind
   return fit;
 }
 
-Finding judge_with_radius(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
+SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
                           std::optional<double> radius) {
   const double sigma = noise.spread(middle_range_m(segment.beams));
-  Finding finding;
+  SegmentVerdict finding;
   Segment cleaned;
   const auto fit = fit_cleaned(segment, sigma, options, radius, finding.mixed_pixels, &cleaned);
   if (!fit) return not_a_cylinder(segment, noise, radius ? "no circle fits" : "no circle of the radii allowed fits");
@@ -172,15 +172,15 @@ Finding judge_with_radius(const Segment& segment, const ScanNoise& noise, const 
 
 }  // namespace
 
-Finding judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options) {
+SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options) {
   if (static_cast<int>(segment.beams.size()) < options.beams_min) return not_a_cylinder(segment, noise, "too few beams");
   if (segment.view_ends) return not_a_cylinder(segment, noise, "cut by the field of view");
   if (segment.nearer_left && segment.nearer_right) return not_a_cylinder(segment, noise, "seen through a gap");
   if (options.radii_m.empty()) return judge_with_radius(segment, noise, options, std::nullopt);
-  Finding best;
+  SegmentVerdict best;
   double least = std::numeric_limits<double>::infinity();
   for (const double radius : options.radii_m) {
-    const Finding finding = judge_with_radius(segment, noise, options, radius);
+    const SegmentVerdict finding = judge_with_radius(segment, noise, options, radius);
     const bool cylinder = finding.kind == FindingKind::cylinder;
     const double off = cylinder ? misfit(segment, finding.fit) : std::numeric_limits<double>::infinity();
     if (radius == options.radii_m.front() || off < least) best = finding;

@@ -49,7 +49,7 @@ std::vector<Segment> split_scan(const Scan& scan, const ScanNoise& noise, const 
 enum class FindingKind { cylinder, wall, clutter };
 
 /// What a segment is.
-struct Finding {
+struct SegmentVerdict {
   FindingKind kind = FindingKind::clutter;
   const char* reason = "";   ///< why it is no cylinder
   CircleFit fit;             ///< of a cylinder
@@ -59,7 +59,7 @@ struct Finding {
 /// Judges a segment: hits enough; one end free at least; as wide as a cylinder of the radius must look from there; a circle
 /// fits; a straight line does not fit clearly better; else wall, where it is long and made of straight
 /// pieces, or clutter, with the reason.
-Finding judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options);
+SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options);
 
 /// The circle of a segment with the radius known, by the same rules, without judging it.
 std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
