@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Debian packages by CPack: `rangecal` (the program) and `librangecal-dev` (static libraries, headers, package file).
+# Debian packages by CPack: `rangecal` (the program), `librangecal-dev` (static libraries, headers, package file) and
+# `rangecal-mpi` (studies under mpirun).
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME rangecal)
 set(CPACK_PACKAGE_VENDOR "the rangecal authors")
@@ -18,6 +19,15 @@ set(CPACK_COMPONENT_RUNTIME_DESCRIPTION
     "The command rangecal calibrates triangulation lidars, sonars and range cameras
 from readings of landmarks in unknown places, and diagnoses what the
 calibration leaves out.")
+
+if(TARGET rangecal-study-mpi)
+  list(APPEND CPACK_COMPONENTS_ALL mpi)
+  set(CPACK_DEBIAN_MPI_PACKAGE_NAME rangecal-mpi)
+  set(CPACK_DEBIAN_MPI_PACKAGE_SECTION science)
+  set(CPACK_DEBIAN_MPI_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_MPI_PACKAGE_DEPENDS "rangecal (= ${PROJECT_VERSION})")
+  set(CPACK_COMPONENT_MPI_DESCRIPTION "Studies over the ranks of an MPI job: mpirun rangecal study.")
+endif()
 
 # What the static libraries need to be linked (RangecalLibraries.cmake); no tool derives these.
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME librangecal-dev)

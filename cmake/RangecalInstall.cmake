@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# cmake --install: component `runtime` (the program, what it reads, the shipped recordings) and component `dev` (the libraries,
-# their headers, the package that find_package(rangecal) finds). `make package` makes a Debian package of each.
+# cmake --install: component `runtime` (the program, the shipped recordings), `dev` (the libraries, their headers, the package
+# that find_package(rangecal) finds) and, where there is MPI, `mpi` (the program's part for mpirun). `make package` makes a Debian
+# package of each.
 include(CMakePackageConfigHelpers)
 set(package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/rangecal")
 
@@ -19,7 +20,12 @@ install(FILES "${PROJECT_BINARY_DIR}/rangecalConfig.cmake" "${PROJECT_BINARY_DIR
               cmake/RangecalLibraries.cmake cmake/RangecalEffects.cmake cmake/FindNLoptCxx.cmake cmake/Findlibcsv.cmake
         DESTINATION "${package_dir}" COMPONENT dev)
 
-install(TARGETS rangecal RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT runtime)
+if(TARGET rangecal)
+  install(TARGETS rangecal RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT runtime)
+endif()
+if(TARGET rangecal-study-mpi)
+  install(TARGETS rangecal-study-mpi RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT mpi)
+endif()
 install(DIRECTORY notebooks_data/field-layout notebooks_data/pairs-2016 notebooks_data/scenes
         DESTINATION "${CMAKE_INSTALL_DATADIR}/rangecal/notebooks_data" COMPONENT runtime)
 install(FILES README.md CHANGELOG.md CITATION.cff DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT runtime)

@@ -3,8 +3,7 @@
 # file. Arguments (-D): BUILD, WORK, SOURCE, GENERATOR, CXX, CXX_FLAGS, VERSION, NEXT_MINOR.
 include("${CMAKE_CURRENT_LIST_DIR}/run.cmake")
 file(REMOVE_RECURSE "${WORK}")
-run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix" --component dev)
-run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix" --component runtime)
+run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix")
 
 file(COPY "${SOURCE}/problems/effects" DESTINATION "${WORK}")
 file(GLOB shipped RELATIVE "${WORK}/effects" "${WORK}/effects/*.cpp")
