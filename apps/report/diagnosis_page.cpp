@@ -177,6 +177,7 @@ std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosi
   std::vector<std::string> covariates = covariates_of(d);
   covariates.insert(covariates.end(), {"range", "sensor_bearing"});
   const std::vector<Recording> relabelled_recordings = relabelled(recordings, d);
+  const FitView recorded = view_of({recordings.begin(), recordings.end()}, d.baseline);
   const FitView before = view_of(relabelled_recordings, d.baseline, covariates);
   const bool completed = !d.final_effects.empty();
   const FitView final_view =
@@ -191,7 +192,7 @@ std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosi
   page.section(
       completed ? "Residuals before and after" : "Residuals",
       "Grey: one reading each, its calibration taken away. Colour: means of bins, with their 95 % bands.");
-  if (add_findings(page, d, before, completed ? &final_view : nullptr, 3) == 0)
+  if (add_findings(page, d, recorded, before, completed ? &final_view : nullptr, 3) == 0)
     add_plain_residuals(page, before);
   add_noise(page, final_view);
   add_explanation(page, d);

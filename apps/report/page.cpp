@@ -179,8 +179,11 @@ void Page::charts(const std::vector<Chart>& charts) {
   body_ += "</div>\n";
 }
 
+Json Page::data() const {
+  return {{"config", Json::parse(asset("config.json"))}, {"datasets", datasets_}, {"charts", charts_}};
+}
+
 std::string Page::html() const {
-  Json data{{"config", Json::parse(asset("config.json"))}, {"datasets", datasets_}, {"charts", charts_}};
   std::string libraries;
   for (const char* name : {"vega.js", "vega-lite.js", "vega-embed.js"})
     libraries += "<script>" + replaced(asset(name), "</script", "<\\/script") + "</script>\n";
@@ -190,7 +193,7 @@ std::string Page::html() const {
       {"{{css}}", asset("page.css")},
       {"{{body}}", body_},
       {"{{footer}}", escaped(fmt::format("rangecal {}", version()))},
-      {"{{data}}", dumped(data)},
+      {"{{data}}", dumped(data())},
       {"{{libraries}}", libraries},
       {"{{script}}", asset("page.js")}};
   std::string result;

@@ -64,6 +64,8 @@ class Page {
   void charts(const std::vector<Chart>& charts);
 
   std::string html() const;
+  /// What the page's script gets: members config, datasets and charts.
+  Json data() const;
 
  private:
   std::string title_, body_;

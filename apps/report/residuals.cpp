@@ -10,6 +10,7 @@
 #include <set>
 
 #include "diagnosis_words.hpp"
+#include "findings_beyond_means.hpp"
 
 namespace rangecal::report {
 namespace {
@@ -179,36 +180,80 @@ std::vector<std::string> covariates_of(const Diagnosis& diagnosis) {
   return {names.begin(), names.end()};
 }
 
-int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& before, const FitView* after,
-                 int most) {
+namespace {
+
+/// Bearings along the stops, labels as recorded and as put back.
+std::vector<Chart> charts_of_labels(Page& page, const std::string& id, const FitView& recorded,
+                                    const FitView& put_back) {
+  Pair pair{id, "stop", {true, false}, axis_of("stop"), {}};
+  double reach = 0.0;
+  for (const ReadingResidual& x : recorded.residuals.readings)
+    reach = std::max(reach, std::abs(pair.channel.of(x)));
+  pair.limits = {-1.1 * reach, 1.1 * reach};
+  std::vector<Chart> charts;
+  for (const bool after : {false, true}) {
+    const FitView& view = after ? put_back : recorded;
+    std::vector<double> along;
+    std::size_t first = 0;
+    for (std::size_t i = 0; i < view.residuals.readings.size(); ++i) {
+      const ReadingResidual& x = view.residuals.readings[i];
+      if (i > 0 && x.recording != view.residuals.readings[i - 1].recording)
+        first += view.recordings[static_cast<std::size_t>(x.recording) - 1].stops.size();
+      along.push_back(static_cast<double>(first) + x.stop);
+    }
+    Pair own = pair;
+    own.id = fmt::format("{}-{}", id, after ? "put-back" : "recorded");
+    page.dataset(own.id + "-points", point_rows(view, nullptr, own, along));
+    page.dataset(own.id + "-bins-before", Json::array());
+    charts.push_back(chart_of(own, false, along.size(),
+                              after ? "After: labels put back" : "Before: labels as recorded", ""));
+  }
+  return charts;
+}
+
+std::vector<Chart> charts_of_means(Page& page, const std::string& id, const Finding& f, const FitView& before,
+                                   const FitView* after) {
+  const auto along = before.residuals.along.find(f.covariate);
+  if (along == before.residuals.along.end()) return {};
+  Pair pair{id, f.covariate, channel_of(f.channel), axis_of(f.covariate), {}};
+  double reach = 0.0;
+  for (const BinnedResidual& b : f.residuals)
+    reach = std::max({reach, std::abs(pair.channel.of_bin(b.before + 1.96 * b.std_dev)),
+                      std::abs(pair.channel.of_bin(b.before - 1.96 * b.std_dev))});
+  pair.limits = zoomed(limits_of_points(before, after, pair.channel), reach, pair.channel);
+  page.dataset(pair.id + "-points", point_rows(before, after, pair, along->second));
+  for (const bool completed : {false, true}) {
+    Json bins = Json::array();
+    for (const BinnedResidual& b : f.residuals) {
+      const double mean = completed ? b.after : b.before;
+      bins.push_back(bin_row(place_of(before, pair.axis, f.covariate, b.at), pair.channel.of_bin(mean),
+                             pair.channel.of_bin(mean - 1.96 * b.std_dev),
+                             pair.channel.of_bin(mean + 1.96 * b.std_dev), b.readings));
+    }
+    page.dataset(fmt::format("{}-bins-{}", pair.id, completed ? "after" : "before"), bins);
+  }
+  std::vector<Chart> charts{chart_of(pair, false, along->second.size(), "Before: the seed model",
+                                     beyond(before.residuals.readings, pair))};
+  if (after)
+    charts.push_back(chart_of(pair, true, along->second.size(), "After: the completed model",
+                              beyond(after->residuals.readings, pair)));
+  return charts;
+}
+
+}  // namespace
+
+int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& recorded, const FitView& before,
+                 const FitView* after, int most) {
   int drawn = 0;
   for (const Finding& f : diagnosis.location) {
-    const auto along = before.residuals.along.find(f.covariate);
-    if (f.residuals.empty() || along == before.residuals.along.end() || drawn == most) continue;
-    Pair pair{
-        fmt::format("finding-{}", ++drawn), f.covariate, channel_of(f.channel), axis_of(f.covariate), {}};
-    double reach = 0.0;
-    for (const BinnedResidual& b : f.residuals)
-      reach = std::max({reach, std::abs(pair.channel.of_bin(b.before + 1.96 * b.std_dev)),
-                        std::abs(pair.channel.of_bin(b.before - 1.96 * b.std_dev))});
-    pair.limits = zoomed(limits_of_points(before, after, pair.channel), reach, pair.channel);
-    page.dataset(pair.id + "-points", point_rows(before, after, pair, along->second));
-    for (const bool completed : {false, true}) {
-      Json bins = Json::array();
-      for (const BinnedResidual& b : f.residuals) {
-        const double mean = completed ? b.after : b.before;
-        bins.push_back(bin_row(place_of(before, pair.axis, f.covariate, b.at), pair.channel.of_bin(mean),
-                               pair.channel.of_bin(mean - 1.96 * b.std_dev),
-                               pair.channel.of_bin(mean + 1.96 * b.std_dev), b.readings));
-      }
-      page.dataset(fmt::format("{}-bins-{}", pair.id, completed ? "after" : "before"), bins);
-    }
+    if (drawn == most) break;
+    const std::string id = fmt::format("finding-{}", drawn + 1);
+    const std::vector<Chart> charts = f.channel == "label"  ? charts_of_labels(page, id, recorded, before)
+                                      : f.residuals.empty() ? charts_beyond_means(page, id, f, before, after)
+                                                            : charts_of_means(page, id, f, before, after);
+    if (charts.empty()) continue;
+    ++drawn;
     page.heading(finding_in_words(f));
-    std::vector<Chart> charts{chart_of(pair, false, along->second.size(), "Before: the seed model",
-                                       beyond(before.residuals.readings, pair))};
-    if (after)
-      charts.push_back(chart_of(pair, true, along->second.size(), "After: the completed model",
-                                beyond(after->residuals.readings, pair)));
     page.charts(charts);
   }
   return drawn;

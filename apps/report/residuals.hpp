@@ -6,10 +6,12 @@
 
 namespace rangecal::report {
 
-/// Residuals before and after along what each finding was located along, the first `most` of them that have
-/// one. `after` is null where nothing was added to the model. Returns how many were drawn.
-int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& before, const FitView* after,
-                 int most);
+/// What each finding was located by, before and after: residuals along a covariate, or what speaks of tails,
+/// dependence, grids, missing readings and stops; the first `most` that can be drawn. `recorded` has the
+/// labels as recorded, `before` those that the model reads; `after` is null where nothing was added. Returns
+/// how many were drawn.
+int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& recorded, const FitView& before,
+                 const FitView* after, int most);
 
 /// The covariates that the findings were located along.
 std::vector<std::string> covariates_of(const Diagnosis& diagnosis);

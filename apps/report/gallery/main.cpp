@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// rangecal_gallery FOLDER [EFFECT...]: for every effect of the catalogue one recording that holds it,
+// diagnosed with the effect left out; what its residuals then look like goes to FOLDER/EFFECT.json, as
+// charts. docs/make_gallery.mjs draws them. The same program makes the same files.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <optional>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/world/physical/designs.hpp"
+#include "rangecal/problems/world/physical/plants.hpp"
+#include "rangecal/problems/world/physical/simulate.hpp"
+#include "residuals.hpp"
+
+namespace {
+
+using namespace rangecal;
+using report::Json;
+
+/// A recording with an effect in it, and what was planted in words.
+struct Specimen {
+  Recording recording;
+  std::string planted;
+  Diagnosis diagnosis;
+};
+double gain_of(const Diagnosis& diagnosis) { return diagnosis.before.nll - diagnosis.after.nll; }
+
+Diagnosis with_effect_named(const Recording& recording, const std::string& id) {
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  options.null_draws = 100;
+  options.force = std::vector<std::string>{id};
+  return diagnose({&recording, 1}, options);
+}
+
+const world::EffectInfo* plant_of(const std::string& id) {
+  const auto& table = world::effect_table();
+  const auto found =
+      std::find_if(table.begin(), table.end(), [&](const world::EffectInfo& e) { return e.id == id; });
+  return found == table.end() ? nullptr : &*found;
+}
+
+/// The physical world with the effect in it: of both designs the one where it shows more, as large as it
+/// takes to show (half of what is plausible at most).
+std::optional<Specimen> planted_specimen(const std::string& id) {
+  const world::EffectInfo* plant = plant_of(id);
+  if (!plant) return std::nullopt;
+  std::optional<Specimen> best;
+  constexpr double clear = 60.0;  // nats
+  for (const double factor : {1.0, 2.0, 4.0}) {
+    const double size = std::min(factor * plant->typical, 0.5 * (plant->typical + plant->maximum));
+    for (const bool turning : {false, true}) {
+      Random random(seed_from("gallery " + id));
+      world::World w =
+          world::vary(turning ? world::make_turning_design() : world::make_line_design(), random);
+      w = world::apply(w, id, size, random);
+      const Recording recording = world::simulate(w, seed_from("gallery run " + id));
+      const Diagnosis diagnosis = with_effect_named(recording, id);
+      if (best && gain_of(diagnosis) <= gain_of(best->diagnosis)) continue;
+      best = Specimen{
+          recording,
+          fmt::format("{:g} {}, {}", size, plant->unit, turning ? "a loop with turns" : "a straight line"),
+          diagnosis};
+    }
+    if (gain_of(best->diagnosis) > clear) break;
+  }
+  return best;
+}
+
+/// For an effect that the physical world cannot plant: a clean recording by a sensor that looks one way,
+/// simulated again with the effect at its typical size.
+Specimen modelled_specimen(const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  Random random(seed_from("gallery " + info.id));
+  Recording recording =
+      world::simulate(world::vary(world::make_line_design(), random), seed_from("gallery run " + info.id));
+  Readings kept;
+  const Readings& all = recording.readings;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (std::abs(all.bearing_rad[i]) > 1.0) continue;
+    kept.stop.push_back(all.stop[i]);
+    kept.landmark.push_back(all.landmark[i]);
+    kept.repeat.push_back(all.repeat[i]);
+    if (!all.time_s.empty()) kept.time_s.push_back(all.time_s[i]);
+    kept.range_m.push_back(all.range_m[i]);
+    kept.bearing_rad.push_back(all.bearing_rad[i]);
+    kept.row.push_back(all.row[i]);
+  }
+  recording.readings = kept;
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  SimulationModel model = diagnose({&recording, 1}, options).simulation;
+  std::string planted;
+  for (const EffectParameter& p : info.parameters) {
+    model.calibration.effects[info.id][p.name] = p.typical;
+    planted += fmt::format("{}{} {:g}", planted.empty() ? "" : ", ", p.name, p.typical);
+  }
+  const Recording again = simulate(model, seed_from("gallery again " + info.id)).front();
+  return {again, planted + ", a sensor that looks one way", with_effect_named(again, info.id)};
+}
+
+Json entry_of(const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  std::optional<Specimen> specimen = planted_specimen(info.id);
+  if (!specimen) specimen = modelled_specimen(effect);
+  Diagnosis& d = specimen->diagnosis;
+  std::vector<Finding> own;  // the effect's own place alone
+  for (const Finding& f : d.location)
+    if (own.empty() && f.channel == info.channel && f.covariate == info.covariate) own.push_back(f);
+  d.location = own;
+  report::Page page(info.id, "");
+  const report::FitView recorded = report::view_of({specimen->recording}, d.baseline);
+  Recording read = specimen->recording;
+  if (!d.simulation.landmark_read.empty()) read.readings.landmark = d.simulation.landmark_read.front();
+  const report::FitView before = report::view_of({read}, d.baseline, report::covariates_of(d));
+  report::add_findings(page, d, recorded, before, nullptr, 1);
+  Json entry{{"id", info.id},
+             {"physics", info.physics},
+             {"formula", info.formula},
+             {"channel", info.channel},
+             {"covariate", info.covariate},
+             {"visible_by", info.visible_by},
+             {"settled_by", info.settled_by},
+             {"planted", specimen->planted},
+             {"gain", std::round(gain_of(d))}};
+  entry["page"] = page.data();
+  return entry;
+}
+
+int run(int argc, char** argv) {
+  if (argc < 2) throw InputError("usage: rangecal_gallery FOLDER [EFFECT...]");
+  const std::string folder = argv[1];
+  make_folder(folder);
+  for (const auto& effect : effect_registry()) {
+    const std::string& id = effect->info().id;
+    if (argc > 2 && std::none_of(argv + 2, argv + argc, [&](const char* wanted) { return id == wanted; }))
+      continue;
+    write_file(folder + "/" + id + ".json", entry_of(*effect).dump() + "\n");
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "rangecal_gallery: {}\n", error.what());
+    return 2;
+  }
+}
