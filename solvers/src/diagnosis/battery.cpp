@@ -11,7 +11,6 @@
 #include <numbers>
 
 #include "rangecal/core/angles.hpp"
-#include "rangecal/core/random.hpp"
 #include "rangecal/solvers/covariance/cramer_rao.hpp"
 
 namespace rangecal::diagnosis {
@@ -44,32 +43,6 @@ double mixture_to_normal(double z, double share, double wide) {
   const double upper = 0.5 * ((1.0 - share) * std::erfc(size) + share * std::erfc(size / wide));
   const double normal = upper_quantile(upper);
   return z < 0.0 ? -normal : normal;
-}
-
-/// Errors of the stops (dx, dy, dh) drawn from their prior, to first order: a heading error of the stop
-/// before turns the commanded step of a random walk.
-std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Random& random) {
-  std::vector<Eigen::Vector3d> errors(stops.size());
-  std::vector<Eigen::Vector2d> of_place;
-  for (std::size_t k = 0; k < stops.size(); ++k) {
-    const StopPrior& prior = stops[k];
-    const Eigen::Vector2d slip(random.normal(0.0, prior.sigma_xy_m), random.normal(0.0, prior.sigma_xy_m));
-    double turn = random.normal(0.0, prior.sigma_heading_rad);
-    Eigen::Vector2d error = slip;
-    if (of_place.size() <= static_cast<std::size_t>(prior.place)) of_place.resize(prior.place + 1);
-    if (prior.chained) {
-      const Pose2 &from = stops[k - 1].commanded, &to = prior.commanded;
-      const double turned = errors[k - 1][2];
-      error = errors[k - 1].head<2>() + turned * Eigen::Vector2d(from.y_m - to.y_m, to.x_m - from.x_m);
-      if (prior.opens_place) error += slip;
-      turn += turned;
-    } else if (!prior.opens_place) {
-      error = of_place[prior.place];
-    }
-    of_place[prior.place] = error;
-    errors[k] << error, turn;
-  }
-  return errors;
 }
 
 }  // namespace
@@ -229,7 +202,7 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
   question.size = std::sqrt(size_sq);
   question.gain = 0.5 * question.statistic;
   question.log_p = log_chi_sq_survival(question.statistic, question.dof);
-  questions.push_back(std::move(question));
+  keep(std::move(question));
 }
 
 void Battery::add_mean(Question question, const std::vector<Eigen::VectorXd>& shapes, bool bearing) {
@@ -287,7 +260,7 @@ void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>
   }
   question.gain = std::max(0.0, level - cost(slopes));
   question.log_p = log_chi_sq_survival(question.statistic, question.dof);
-  questions.push_back(std::move(question));
+  keep(std::move(question));
 }
 
 void Battery::add_scalar(Question question, double z) {
@@ -296,135 +269,19 @@ void Battery::add_scalar(Question question, double z) {
   question.statistic = z * z;
   question.gain = 0.5 * z * z;
   question.log_p = log_chi_sq_survival(z * z, 1);
+  keep(std::move(question));
+}
+
+void Battery::keep(Question question) {
+  question.family =
+      question.effect ? question.effect->info().id : question.channel + " " + question.covariate;
   questions.push_back(std::move(question));
 }
 
 const Question& Battery::strongest() const {
-  return *std::min_element(questions.begin(), questions.end(),
-                           [](const Question& a, const Question& b) { return a.log_p < b.log_p; });
-}
-
-double Battery::corrected(double log_p) const {
-  if (log_p > -30.0)
-    return -std::expm1(effective_questions * std::log1p(-std::min(std::exp(log_p), 1.0 - 1e-16)));
-  return std::min(1.0, std::exp(log_p + std::log(effective_questions)));
-}
-
-void Battery::calibrate(int draws, std::uint64_t seed) {
-  const int cells = projector_.cells(), means = static_cast<int>(mean_projected_.size());
-  Eigen::MatrixXd columns(2 * cells, means);
-  bool within = false;
-  for (int j = 0; j < means; ++j) {
-    columns.col(j) = mean_projected_[j];
-    within = within || mean_within_[j].within();
-  }
-  const Eigen::VectorXd range_sd = projector_.range_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::VectorXd bearing_sd =
-      rows_.pairs ? Eigen::VectorXd::Zero(cells).eval()
-                  : projector_.bearing_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse().eval();
-  const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
-  Eigen::MatrixXd noise(2 * cells, draws);
-  Eigen::VectorXd smallest(draws);
-  Eigen::MatrixXd row_noise_range, row_noise_bearing;
-  if (within) {
-    row_noise_range.resize(n, draws);
-    row_noise_bearing.resize(n, draws);
-  }
-  std::vector<Eigen::VectorXd> variance_scores(draws);
-  Eigen::MatrixXd scalars(std::max<std::size_t>(questions.size(), 1), draws);
-  for (int b = 0; b < draws; ++b) {
-    Random random(seed_from("battery", {seed, static_cast<std::uint64_t>(b)}));
-    for (int c = 0; c < cells; ++c) {
-      noise(c, b) = random.normal() * range_sd[c];
-      noise(cells + c, b) = random.normal() * bearing_sd[c];
-    }
-    if (!rows_.pairs) {
-      const std::vector<Eigen::Vector3d> moved = stop_errors(working_.problem.stops, random);
-      const Signature stops = projector_.of_stops(moved);
-      noise.col(b).head(cells) += stops.range;
-      noise.col(b).tail(cells) += stops.bearing;
-    }
-    if (rows_.alpha_prior && !rows_.alpha_prior->exact()) {  // the simulation's own sampling error
-      Eigen::VectorXd z(rows_.alpha_prior->mean.size());
-      for (double& value : z) value = random.normal();
-      const Eigen::VectorXd alpha = rows_.alpha_prior->precision.llt().matrixU().solve(z);
-      for (int c = 0; c < cells; ++c) {
-        double curve = 0.0;
-        for (Eigen::Index a = alpha.size(); a-- > 0;) curve = curve * projector_.geometry().d[c] + alpha[a];
-        noise(c, b) += curve;
-      }
-    }
-    if (within)
-      for (int c = 0; c < rows_.cell_count; ++c) {
-        const int begin = rows_.cell_begin[c], count = rows_.cell_begin[c + 1] - begin;
-        double range_mean = 0.0, bearing_mean = 0.0;
-        for (int i = begin; i < begin + count; ++i) {
-          row_noise_range(i, b) = random.normal() / std::sqrt(projector_.row_range_information[i]);
-          row_noise_bearing(i, b) =
-              rows_.pairs ? 0.0 : random.normal() / std::sqrt(projector_.row_bearing_information[i]);
-          range_mean += row_noise_range(i, b) / count;
-          bearing_mean += row_noise_bearing(i, b) / count;
-        }
-        for (int i = begin; i < begin + count; ++i) {
-          row_noise_range(i, b) -= range_mean;
-          row_noise_bearing(i, b) -= bearing_mean;
-        }
-      }
-    // chi-square units by Wilson and Hilferty's cube, good to a few per mille from two degrees of freedom on
-    const auto unit_noise = [&](const VarianceUnits& units) {
-      Eigen::VectorXd excess(units.dof.size());
-      for (Eigen::Index u = 0; u < excess.size(); ++u) {
-        const double dof = units.dof[u];
-        const double z = random.normal();
-        if (dof < 1e-3) {
-          excess[u] = 0.0;
-        } else if (dof < 1.5) {
-          excess[u] = dof * (z * z - 1.0);
-        } else {
-          const double k = 2.0 / (9.0 * dof);
-          excess[u] = dof * (std::pow(1.0 - k + z * std::sqrt(k), 3) - 1.0);
-        }
-      }
-      return excess;
-    };
-    const Eigen::VectorXd range_excess = unit_noise(range_units), bearing_excess = unit_noise(bearing_units);
-    variance_scores[b].resize(static_cast<Eigen::Index>(variance_columns_.size()));
-    for (std::size_t j = 0; j < variance_columns_.size(); ++j)
-      variance_scores[b][static_cast<Eigen::Index>(j)] =
-          0.5 * variance_columns_[j].dot(variance_of_bearing_[j] ? bearing_excess : range_excess);
-    for (std::size_t q = 0; q < questions.size(); ++q)
-      scalars(static_cast<Eigen::Index>(q), b) = random.normal();
-  }
-  Eigen::MatrixXd scores = columns.transpose() * noise;
-  for (int j = 0; j < means; ++j)
-    if (mean_within_[j].within())
-      scores.row(j) += mean_within_[j].range_rows.transpose() * row_noise_range +
-                       mean_within_[j].bearing_rows.transpose() * row_noise_bearing;
-  for (int b = 0; b < draws; ++b) {
-    std::vector<double> largest;  // per number of degrees of freedom: the p-value falls with the statistic
-    for (std::size_t q = 0; q < questions.size(); ++q) {
-      const Question& question = questions[q];
-      double statistic = 0.0;
-      const int dof = question.of == Question::Of::scalar ? 1 : question.dof;
-      for (int j = 0; j < dof; ++j) {
-        const double score = question.of == Question::Of::mean ? scores(question.first_column + j, b)
-                             : question.of == Question::Of::variance
-                                 ? variance_scores[b][question.first_column + j]
-                                 : scalars(static_cast<Eigen::Index>(q), b);
-        statistic += score * score;
-      }
-      if (largest.size() <= static_cast<std::size_t>(dof)) largest.resize(dof + 1, 0.0);
-      largest[dof] = std::max(largest[dof], statistic);
-    }
-    smallest[b] = 0.0;
-    for (std::size_t k = 1; k < largest.size(); ++k)
-      if (largest[k] > 0.0)
-        smallest[b] = std::min(smallest[b], log_chi_sq_survival(largest[k], static_cast<int>(k)));
-  }
-  std::sort(smallest.begin(), smallest.end());
-  // The effective number of questions, from the 3 % point of the smallest p-value.
-  const double point = std::exp(smallest[std::max(0, static_cast<int>(0.03 * draws) - 1)]);
-  effective_questions = std::clamp(std::log1p(-0.03) / std::log1p(-std::clamp(point, 1e-12, 0.5)), 1.0, 1e7);
+  return *std::min_element(questions.begin(), questions.end(), [&](const Question& a, const Question& b) {
+    return rates.in_family(a.family, a.log_p) < rates.in_family(b.family, b.log_p);
+  });
 }
 
 }  // namespace rangecal::diagnosis

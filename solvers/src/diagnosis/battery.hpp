@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/rates.hpp"
 #include "diagnosis/refit.hpp"
 
 namespace rangecal::diagnosis {
@@ -13,6 +14,7 @@ namespace rangecal::diagnosis {
 /// One question asked of the residuals: null hypothesis "no structure of this shape in this channel".
 struct Question {
   std::string channel, covariate, shape, group;
+  std::string family;  ///< id of the effect, or channel and covariate: shares one part of the alarm rate
   std::optional<double> from, to;
   int dof = 1;
   int first_column = -1;  ///< into the mean columns, or the variance columns
@@ -33,13 +35,14 @@ class Battery {
   Battery(const Rows& rows, const Model& model, const JointState& state);
 
   std::vector<Question> questions;
-  /// p-value of the question corrected for everything that was asked (effective number of independent
-  /// questions).
-  double corrected(double log_p) const;
-  /// Simulates the smallest p-value of the battery under the fitted model; sets the effective number of
-  /// questions.
+  /// What the questions' p-values are worth together; `calibrate` finds it, a later battery takes the
+  /// first's.
+  Rates rates;
+  /// p-value of the question corrected for everything that was asked.
+  double corrected(const Question& q) const { return rates.corrected(q.family, q.log_p); }
+  /// Simulates the smallest p-values of the battery under the fitted model; sets the rates.
   void calibrate(int draws, std::uint64_t seed);
-  double effective_questions = 1000.0;
+  /// The question of the smallest corrected p-value.
   const Question& strongest() const;
   const Projector& projector() const { return projector_; }
   const WorkingProblem& working() const { return working_; }
@@ -57,6 +60,7 @@ class Battery {
   void add_mean_signatures(Question question, std::vector<Signature> block);
   void add_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing);
   void add_scalar(Question question, double z);
+  void keep(Question question);
   void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
                             const std::vector<Eigen::VectorXd>& bearing);
   void ask_means();

@@ -208,7 +208,7 @@ void Battery::ask_periods() {
                   ? state_.sigma_theta_rad
                   : Eigen::Map<const Eigen::VectorXd>(projector_.geometry().spread.data(), projector_.cells())
                         .mean());
-    questions.push_back(std::move(q));
+    keep(std::move(q));
   }
 }
 

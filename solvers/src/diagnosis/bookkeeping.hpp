@@ -25,4 +25,9 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings);
 /// distance.
 Bookkeeping find_grids_and_gaps(const Rows& rows);
 
+/// Kinds of effects that bookkeeping finds, not scores.
+inline bool is_bookkeeping(EffectKind kind) {
+  return kind == EffectKind::grid || kind == EffectKind::label || kind == EffectKind::detection;
+}
+
 }  // namespace rangecal::diagnosis

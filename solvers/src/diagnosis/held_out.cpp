@@ -116,7 +116,8 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   explanation.nll = generic.fit.nll;
   explanation.parameters = effect_estimates(rows, generic.fit);
   const double price = 2.0 * generic.curve.gain;
-  explanation.p_value = found.first->corrected(
+  explanation.p_value = found.rates.corrected(
+      found.shapes.front().family,
       log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
   const double taken =
       generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;

@@ -177,13 +177,14 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
     double harm, power;
   };
   std::vector<Hidden> hidden;
-  const auto power_of = [&](double noncentrality) {
-    return detection_power(noncentrality, options.alarm_rate, found.effective_questions);
+  const auto power_of = [&](const TypicalEffect& typical, double noncentrality) {
+    const double questions = found.rates.questions(typical.active.effect->info().id);
+    return detection_power(noncentrality, options.alarm_rate, questions);
   };
   for (const Unseen& unseen : result.unseen)
     for (const TypicalEffect& typical : effects)
       if (typical.active.effect->info().id == unseen.effect)
-        hidden.push_back({&typical, unseen.harm_m, power_of(typical.noncentrality)});
+        hidden.push_back({&typical, unseen.harm_m, power_of(typical, typical.noncentrality)});
   if (hidden.empty()) return;
   struct Scored {
     NextExperiment next;
@@ -194,7 +195,7 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
     Scored scored{{code, change, {}, 0.0}, 0.0};
     double weights = 0.0;
     for (const Hidden& h : hidden) {
-      const double power = power_of(noncentrality(*h.typical));
+      const double power = power_of(*h.typical, noncentrality(*h.typical));
       if (power < 0.1 || power < 2.0 * h.power + 0.05) continue;
       const double weight = std::max(h.harm, 1e-6);
       scored.next.settles.push_back(h.typical->active.effect->info().id);

@@ -20,8 +20,7 @@ void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOpti
   // Twins are a matter of the design: they are asked of the seed model, whatever was named.
   const Space seed(own, {}, fit.state);
   result.twins = find_twins(seed, catalogue_of(seed));
-  const double threshold = detection_threshold(options.alarm_rate, found.effective_questions);
-  if (options.unseen) result.unseen = find_unseen(space, effects, threshold);
+  if (options.unseen) result.unseen = find_unseen(space, effects, options.alarm_rate, found.rates);
   if (options.next_experiments) add_next_experiments(space, found, options, fit.state, effects, result);
 }
 

@@ -44,8 +44,9 @@ Explanation explain(const Rows& rows, const SearchResult& found, const Candidate
   e.effects = ids_of(candidate.fit.model);
   e.parameters = effect_estimates(rows, candidate.fit);
   e.nll = candidate.fit.nll;
-  e.p_value = found.first->corrected(
-      log_chi_sq_survival(2.0 * std::max(0.0, candidate.gain), std::max(1, candidate.parameters)));
+  const std::string family = e.effects.empty() ? std::string() : e.effects.back();
+  e.p_value = found.rates.corrected(
+      family, log_chi_sq_survival(2.0 * std::max(0.0, candidate.gain), std::max(1, candidate.parameters)));
   for (const ActiveEffect& active : candidate.fit.model) {
     if (!e.physics.empty()) e.physics += " ";
     e.physics += active.effect->info().physics;
@@ -74,7 +75,7 @@ Finding finding_of(const Question& q, const SearchResult& found) {
   f.group = q.group;
   f.size = q.size;
   f.unit = q.channel == "range" ? "m" : q.channel == "bearing" ? "rad" : "";
-  f.p_value = found.first->corrected(q.log_p);
+  f.p_value = found.first->corrected(q);
   return f;
 }
 
@@ -211,9 +212,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     for (const Question& q : found.known.findings) result.location.push_back(finding_of(q, found));
     for (const ActiveEffect& active : found.best.fit.model) {
       const EffectInfo& info = active.effect->info();
-      if (info.kind == EffectKind::grid || info.kind == EffectKind::label ||
-          info.kind == EffectKind::detection)
-        continue;
+      if (is_bookkeeping(info.kind)) continue;
       Question own;
       for (const Question& q : found.first->questions)
         if (q.effect == active.effect && q.statistic > own.statistic) own = q;

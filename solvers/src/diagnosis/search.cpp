@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/search.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -23,16 +22,6 @@ constexpr double curve_margin =
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 constexpr double trace_share = 0.05;
 constexpr int largest_start = 3;  ///< single effects that pairs start from
-constexpr int shortlist = 10;
-
-bool contains(const Model& model, const Effect* effect) {
-  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
-}
-
-/// Found by bookkeeping, not by scores.
-bool is_bookkeeping(EffectKind kind) {
-  return kind == EffectKind::grid || kind == EffectKind::label || kind == EffectKind::detection;
-}
 
 bool has_grid(const Bookkeeping& known) {
   return std::any_of(known.model.begin(), known.model.end(),
@@ -56,120 +45,10 @@ bool one_curve(const Model& model) {
          }) > 1;
 }
 
-struct Proposal {
-  const Effect* effect = nullptr;
-  Eigen::VectorXd start;
-  double promised = 0.0, log_p = 0.0, rank = 0.0;
-  std::vector<Eigen::VectorXd> others;  ///< further peaks over the start grid, best first
-};
-
-/// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
-std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
-  std::map<std::string, Proposal> best;
-  std::map<std::string, std::vector<std::pair<double, Eigen::VectorXd>>> peaks;
-  for (const Question& q : battery.questions) {
-    if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
-    Proposal& p = best[q.effect->info().id];
-    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof, {}};
-    peaks[q.effect->info().id].emplace_back(q.gain, q.start);
-  }
-  // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose
-  // them.
-  for (const auto& effect : effect_registry()) {
-    const EffectInfo& info = effect->info();
-    if (best.count(info.id) || contains(model, effect.get()) || !effect->missing(rows.context).empty())
-      continue;
-    if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops())
-      continue;
-    for (const Question& q : battery.questions) {
-      if (q.effect) continue;
-      const bool same_channel = q.channel == info.channel;
-      const bool any_channel =
-          info.kind == EffectKind::dependence && q.channel.find("_dependence") != std::string::npos;
-      const bool any_tail = info.kind == EffectKind::tail && q.channel.find("_tail") != std::string::npos;
-      if (!same_channel && !any_channel && !any_tail) continue;
-      if (q.log_p > -4.0) continue;
-      Proposal& p = best[info.id];
-      if (p.effect && q.gain <= p.promised) continue;
-      const auto grid = effect->start_grid(rows.context);
-      if (grid.empty()) continue;
-      p = {effect.get(), grid[grid.size() / 2], q.gain, q.log_p, q.gain - q.dof, {}};
-    }
-  }
-  // A period has many peaks of nearly the same height; the refit decides between the highest.
-  for (auto& [id, p] : best) {
-    const auto& parameters = p.effect->info().parameters;
-    if (std::none_of(parameters.begin(), parameters.end(),
-                     [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
-      continue;
-    auto& heights = peaks[id];  // in the order of the grid
-    std::vector<std::pair<double, Eigen::VectorXd>> local;
-    for (std::size_t i = 0; i < heights.size(); ++i) {
-      const bool rises = i == 0 || heights[i].first >= heights[i - 1].first;
-      const bool falls = i + 1 == heights.size() || heights[i].first > heights[i + 1].first;
-      if (rises && falls && heights[i].first > 0.6 * p.promised - 2.0 && heights[i].second != p.start)
-        local.push_back(heights[i]);
-    }
-    std::sort(local.begin(), local.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-    for (std::size_t i = 0; i < local.size() && i < 3; ++i) p.others.push_back(local[i].second);
-  }
-  std::vector<Proposal> order;
-  for (auto& [id, p] : best)
-    if (p.promised > 3.0) order.push_back(p);  // less cannot pass the battery's rate
-  std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
-  if (order.size() > shortlist) order.resize(shortlist);
-  return order;
-}
-
 /// What a score's promise is worth once the channel's sigma follows: n/2 log(1 + 2 g / n) of g.
 double settled_gain(const Rows& rows, double promised) {
   const double n = static_cast<double>(rows.size());
   return 0.5 * n * std::log1p(2.0 * promised / n);
-}
-
-/// One nat per parameter that was fitted or chosen (AIC).
-double price_of(const ActiveEffect& active) {
-  return static_cast<double>(active.effect->info().parameters.size());
-}
-
-/// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step
-/// does it.
-Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
-                    const RefitOptions& options) {
-  Model model = base.model;
-  model.push_back({proposal.effect, proposal.start});
-  Candidate candidate;
-  candidate.fit = refit(rows, model, base.state, options);
-  for (const Eigen::VectorXd& other : proposal.others) {
-    model.back().parameters = other;
-    Fit fit = refit(rows, model, base.state, options);
-    if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
-  }
-  candidate.promised = proposal.promised;
-  candidate.log_p = proposal.log_p;
-  candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
-  candidate.parameters = static_cast<int>(candidate.fit.free.size());
-  candidate.evidence = candidate.fit.ok ? candidate.gain - price_of(candidate.fit.model.back()) : -1e9;
-  return candidate;
-}
-
-std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
-                               const RefitOptions& options) {
-  std::vector<Candidate> tried;
-  double best = 0.0;
-  for (const Proposal& proposal : proposals) {
-    if (proposal.promised < best - 15.0 && tried.size() >= 3) break;  // cannot come near the best any more
-    Candidate candidate = try_model(rows, base, proposal, options);
-    // A refit that does not deliver what its score promised has left the region where the score spoke.
-    if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {
-      if (!candidate.fit.ok || candidate.gain < 3.0) continue;
-    }
-    best = std::max(best, candidate.gain);
-    tried.push_back(std::move(candidate));
-  }
-  std::sort(tried.begin(), tried.end(),
-            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
-  return tried;
 }
 
 /// Findings by penalised gain, one per (channel, covariate).
@@ -192,59 +71,11 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
     const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
       return k.channel == q.channel && k.covariate == q.covariate;
     });
-    if (!seen && battery.corrected(q.log_p) < 0.02) kept.push_back(std::move(q));
+    if (!seen && battery.corrected(q) < 0.02) kept.push_back(std::move(q));
     if (kept.size() == 5) break;
   }
   return kept;
 }
-
-double smallest_log_p(const Battery& battery) { return battery.strongest().log_p; }
-
-}  // namespace
-
-double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
-                  const ActiveEffect& rival) {
-  const WorkingProblem working = working_problem(rows, {}, state);
-  const Projector projector(rows, working.problem, state);
-  Signature x;
-  x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
-  bool any = false;
-  for (int j = 0; j < static_cast<int>(cause.parameters.size());
-       ++j) {  // to first order: sum of slope times size
-    const EffectParameter& info = cause.effect->info().parameters[j];
-    if (info.discrete || !info.linear || cause.parameters[j] == 0.0) continue;
-    const Signature part = effect_signature(rows, projector, cause, j);
-    any = any || projector.raw_information(part) > 0.0;
-    x.range += cause.parameters[j] * part.range;
-    x.bearing += cause.parameters[j] * part.bearing;
-    if (!part.within()) continue;
-    if (!x.within()) x.range_rows = x.bearing_rows = Eigen::VectorXd::Zero(part.range_rows.size());
-    x.range_rows += cause.parameters[j] * part.range_rows;
-    x.bearing_rows += cause.parameters[j] * part.bearing_rows;
-  }
-  if (!any) return -1.0;
-  std::vector<Signature> directions;
-  for (int j = 0; j < static_cast<int>(rival.parameters.size()); ++j) {
-    if (rival.effect->info().parameters[j].discrete) continue;
-    Signature y = effect_signature(rows, projector, rival, j);
-    if (projector.raw_information(y) > 0.0) directions.push_back(std::move(y));
-  }
-  if (directions.empty()) return -1.0;
-  const Eigen::Index n = static_cast<Eigen::Index>(directions.size());
-  const Eigen::VectorXd projected_x = projector.project(x);
-  const double whole = projector.inner(x, projected_x, x);
-  Eigen::MatrixXd information(n, n);
-  Eigen::VectorXd cross(n);
-  for (Eigen::Index e = 0; e < n; ++e) {
-    const Eigen::VectorXd projected = projector.project(directions[e]);
-    for (Eigen::Index f = 0; f < n; ++f)
-      information(f, e) = projector.inner(directions[f], projected, directions[e]);
-    cross[e] = projector.inner(x, projected, directions[e]);
-  }
-  return std::max(0.0, whole - cross.dot(information.completeOrthogonalDecomposition().solve(cross)));
-}
-
-namespace {
 
 /// Other explanations of the same size that the data do not reject, best first, at most two.
 void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& others,
@@ -281,8 +112,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   report("scanning the residuals", 0.1);
   result.first = std::make_unique<Battery>(rows, Model{}, result.baseline.state);
   result.first->calibrate(options.null_draws, 1);
-  result.effective_questions = result.first->effective_questions;
-  result.alarm_p = result.first->corrected(smallest_log_p(*result.first));
+  result.rates = result.first->rates;
+  const Prices prices(result.rates);
+  result.alarm_p = result.first->corrected(result.first->strongest());
   result.shapes = findings(rows, *result.first);
   result.known = known;
 
@@ -298,12 +130,12 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
         if (q.effect == effect && q.gain > proposal.promised)
           proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
       Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
-      result.best = try_model(rows, base, proposal, refit_options);
+      result.best = try_model(rows, base, proposal, prices, refit_options);
     }
     result.best.gain = result.baseline.nll - result.best.fit.nll;
     result.verdict = Verdict::explained;
     result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state);
-    result.last->effective_questions = result.effective_questions;
+    result.last->rates = result.rates;
     return result;
   }
 
@@ -311,13 +143,12 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state);
-    battery->effective_questions = result.effective_questions;
+    battery->rates = result.rates;
     // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and
     // a further name needs overwhelming evidence.
-    double smallest = 0.0;
+    const double rate = has_grid(known) ? 1e-5 : clean_rate;
     for (const Question& q : battery->questions)
-      if (!on_grid(known, q)) smallest = std::min(smallest, q.log_p);
-    if (battery->corrected(smallest) < (has_grid(known) ? 1e-5 : clean_rate)) return false;
+      if (!on_grid(known, q) && battery->corrected(q) < rate) return false;
     // In its own channel and covariate a free curve must find nothing more.
     for (const ActiveEffect& active : candidate.fit.model)
       for (const Question& q : battery->questions)
@@ -348,14 +179,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   // Greedy: the best single effects, then what is left, until the battery is clean.
   report("explaining", 0.3);
   std::vector<Candidate> singles =
-      try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), refit_options);
+      try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), prices, refit_options);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
   const double free_curve_gain = [&] {
     double best = 0.0;
     for (const Question& q : result.first->questions)
       if (!q.effect && (q.channel == "range" || q.channel == "bearing"))
-        best = std::max(best, settled_gain(rows, q.gain) - q.dof);
+        best = std::max(best, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
     return best;
   }();
 
@@ -382,10 +213,10 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       return p.effect->info().id == "cell_effect" || p.effect->info().id == "stop_effect";
     });
     if (proposals.size() > 6) proposals.resize(6);
-    for (Candidate& candidate : try_all(rows, first.fit, proposals, refit_options)) {
+    for (Candidate& candidate : try_all(rows, first.fit, proposals, prices, refit_options)) {
       candidate.gain = result.baseline.nll - candidate.fit.nll;
       candidate.evidence = candidate.gain;
-      for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= price_of(active);
+      for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= prices.of(active);
       if (one_curve(candidate.fit.model)) continue;
       const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
         return std::all_of(candidate.fit.model.begin(), candidate.fit.model.end(),
@@ -407,8 +238,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
         std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
                     [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
     if (!started) {
-      const Candidate alone =
-          try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}}, refit_options);
+      const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}},
+                                        prices, refit_options);
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
   }

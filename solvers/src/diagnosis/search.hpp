@@ -6,27 +6,16 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/battery.hpp"
 #include "diagnosis/bookkeeping.hpp"
-#include "diagnosis/refit.hpp"
+#include "diagnosis/candidates.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal::diagnosis {
 
-/// A catalogued model, fitted exactly.
-struct Candidate {
-  Fit fit;
-  double promised = 0.0;  ///< gain in nats that its projected score promised
-  double gain = 0.0;      ///< baseline NLL minus its NLL
-  double evidence = 0.0;  ///< gain less one nat per parameter chosen (AIC): what models are ranked by
-  double log_p = 0.0;     ///< of its question in the battery that proposed it
-  int parameters = 0;
-};
-
 /// What the search found.
 struct SearchResult {
   Fit baseline;
-  double effective_questions = 1.0;
+  Rates rates;
   double alarm_p = 1.0;  ///< corrected, of the baseline's battery
   Verdict verdict = Verdict::no_mismatch;
   Candidate best;                        ///< the explanation, for `explained`
@@ -44,11 +33,5 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 /// Fits the seed model by marginal ML: order 2 (less where the distances do not carry it), the noise law of
 /// highest marginal likelihood with the triangulation law preferred within 3 nats.
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options);
-
-/// Noncentrality left between two effects: what `cause` does to the readings at its fitted size, after the
-/// calibration and every direction of `rival` at its fit were projected out. Small: this design cannot tell
-/// them apart, whatever the noise. Negative if either does not act on the mean.
-double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
-                  const ActiveEffect& rival);
 
 }  // namespace rangecal::diagnosis

@@ -69,9 +69,11 @@ std::vector<TypicalEffect> catalogue_of(const Space& space) {
 }
 
 std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEffect>& effects,
-                                double threshold) {
+                                double alarm_rate, const Rates& rates) {
   std::vector<Unseen> unseen;
   for (const TypicalEffect& typical : effects) {
+    const double threshold =
+        detection_threshold(alarm_rate, rates.questions(typical.active.effect->info().id));
     if (typical.noncentrality >= threshold) continue;
     Unseen entry;
     entry.effect = typical.active.effect->info().id;

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/candidates.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "diagnosis/bookkeeping.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr int shortlist = 10;
+constexpr double worth_refining = 5.0;  ///< nats
+
+/// Step of the grid of a parameter that only a grid can find; 0 for labels and numbers of stops, which have
+/// nothing in between.
+double grid_step(const std::vector<Eigen::VectorXd>& grid, Eigen::Index index) {
+  std::set<double> values;
+  for (const Eigen::VectorXd& start : grid) values.insert(start[index]);
+  double step = 0.0;
+  for (auto it = values.begin(); it != values.end(); ++it) {
+    if (*it != std::round(*it) && values.size() > 1)
+      step = (*values.rbegin() - *values.begin()) / static_cast<double>(values.size() - 1);
+  }
+  return step;
+}
+
+/// Scans such parameters of the model's last effect finely around the fit: their likelihood has steps.
+void refine(const Rows& rows, const RefitOptions& options, Fit& fit) {
+  constexpr int reach = 9, parts = 6;
+  const ActiveEffect& active = fit.model.back();
+  const auto& parameters = active.effect->info().parameters;
+  const auto grid = active.effect->start_grid(rows.context);
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const auto index = static_cast<Eigen::Index>(j);
+    const double step = parameters[j].discrete ? grid_step(grid, index) / parts : 0.0;
+    if (step == 0.0) continue;
+    const Fit middle = fit;
+    for (int k = -reach; k <= reach; ++k) {
+      Model model = middle.model;
+      model.back().parameters[index] += k * step;
+      if (Fit moved = refit(rows, model, middle.state, options); moved.ok && moved.nll < fit.nll)
+        fit = std::move(moved);
+    }
+  }
+}
+
+}  // namespace
+
+bool contains(const Model& model, const Effect* effect) {
+  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
+}
+
+std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
+  std::map<std::string, Proposal> best;
+  std::map<std::string, std::vector<std::pair<double, Eigen::VectorXd>>> peaks;
+  for (const Question& q : battery.questions) {
+    if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
+    Proposal& p = best[q.effect->info().id];
+    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof, {}};
+    peaks[q.effect->info().id].emplace_back(q.gain, q.start);
+  }
+  // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose
+  // them.
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    if (best.count(info.id) || contains(model, effect.get()) || !effect->missing(rows.context).empty())
+      continue;
+    if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops())
+      continue;
+    for (const Question& q : battery.questions) {
+      if (q.effect) continue;
+      const bool same_channel = q.channel == info.channel;
+      const bool any_channel =
+          info.kind == EffectKind::dependence && q.channel.find("_dependence") != std::string::npos;
+      const bool any_tail = info.kind == EffectKind::tail && q.channel.find("_tail") != std::string::npos;
+      if (!same_channel && !any_channel && !any_tail) continue;
+      if (q.log_p > -4.0) continue;
+      Proposal& p = best[info.id];
+      if (p.effect && q.gain <= p.promised) continue;
+      const auto grid = effect->start_grid(rows.context);
+      if (grid.empty()) continue;
+      p = {effect.get(), grid[grid.size() / 2], q.gain, q.log_p, q.gain - q.dof, {}};
+    }
+  }
+  // A period has many peaks of nearly the same height; the refit decides between the highest.
+  for (auto& [id, p] : best) {
+    const auto& parameters = p.effect->info().parameters;
+    if (std::none_of(parameters.begin(), parameters.end(),
+                     [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
+      continue;
+    auto& heights = peaks[id];  // in the order of the grid
+    std::vector<std::pair<double, Eigen::VectorXd>> local;
+    for (std::size_t i = 0; i < heights.size(); ++i) {
+      const bool rises = i == 0 || heights[i].first >= heights[i - 1].first;
+      const bool falls = i + 1 == heights.size() || heights[i].first > heights[i + 1].first;
+      if (rises && falls && heights[i].first > 0.6 * p.promised - 2.0 && heights[i].second != p.start)
+        local.push_back(heights[i]);
+    }
+    std::sort(local.begin(), local.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    for (std::size_t i = 0; i < local.size() && i < 3; ++i) p.others.push_back(local[i].second);
+  }
+  std::vector<Proposal> order;
+  for (auto& [id, p] : best)
+    if (p.promised > 3.0) order.push_back(p);  // less cannot pass the battery's rate
+  std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
+  if (order.size() > shortlist) order.resize(shortlist);
+  return order;
+}
+
+double Prices::of(const ActiveEffect& active) const {
+  const auto& parameters = active.effect->info().parameters;
+  const std::string& id = active.effect->info().id;
+  if (!rates_.within.count(id)) return static_cast<double>(parameters.size());  // no grid: all are fitted
+  const auto count = [&](const auto& wanted) {
+    return std::count_if(parameters.begin(), parameters.end(), wanted);
+  };
+  const auto linear = count([](const EffectParameter& p) { return p.linear && !p.discrete; });
+  const auto fitted = linear > 0 ? linear : count([](const EffectParameter& p) { return !p.discrete; });
+  return static_cast<double>(fitted) + std::log(rates_.starts(id));
+}
+
+/// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step
+/// does it.
+Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Prices& prices,
+                    const RefitOptions& options) {
+  Model model = base.model;
+  model.push_back({proposal.effect, proposal.start});
+  Candidate candidate;
+  candidate.fit = refit(rows, model, base.state, options);
+  for (const Eigen::VectorXd& other : proposal.others) {
+    model.back().parameters = other;
+    Fit fit = refit(rows, model, base.state, options);
+    if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
+  }
+  if (candidate.fit.ok && base.nll - candidate.fit.nll > worth_refining) refine(rows, options, candidate.fit);
+  candidate.promised = proposal.promised;
+  candidate.log_p = proposal.log_p;
+  candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
+  candidate.parameters = static_cast<int>(candidate.fit.free.size());
+  candidate.evidence = candidate.fit.ok ? candidate.gain - prices.of(candidate.fit.model.back()) : -1e9;
+  return candidate;
+}
+
+std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
+                               const Prices& prices, const RefitOptions& options) {
+  std::vector<Candidate> tried;
+  double best = 0.0;
+  for (const Proposal& proposal : proposals) {
+    if (proposal.promised < best - 15.0 && tried.size() >= 3) break;  // cannot come near the best any more
+    Candidate candidate = try_model(rows, base, proposal, prices, options);
+    // A refit that does not deliver what its score promised has left the region where the score spoke.
+    if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {
+      if (!candidate.fit.ok || candidate.gain < 3.0) continue;
+    }
+    best = std::max(best, candidate.gain);
+    tried.push_back(std::move(candidate));
+  }
+  std::sort(tried.begin(), tried.end(),
+            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  return tried;
+}
+
+double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
+                  const ActiveEffect& rival) {
+  const WorkingProblem working = working_problem(rows, {}, state);
+  const Projector projector(rows, working.problem, state);
+  Signature x;
+  x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
+  bool any = false;
+  for (int j = 0; j < static_cast<int>(cause.parameters.size());
+       ++j) {  // to first order: sum of slope times size
+    const EffectParameter& info = cause.effect->info().parameters[j];
+    if (info.discrete || !info.linear || cause.parameters[j] == 0.0) continue;
+    const Signature part = effect_signature(rows, projector, cause, j);
+    any = any || projector.raw_information(part) > 0.0;
+    x.range += cause.parameters[j] * part.range;
+    x.bearing += cause.parameters[j] * part.bearing;
+    if (!part.within()) continue;
+    if (!x.within()) x.range_rows = x.bearing_rows = Eigen::VectorXd::Zero(part.range_rows.size());
+    x.range_rows += cause.parameters[j] * part.range_rows;
+    x.bearing_rows += cause.parameters[j] * part.bearing_rows;
+  }
+  if (!any) return -1.0;
+  std::vector<Signature> directions;
+  for (int j = 0; j < static_cast<int>(rival.parameters.size()); ++j) {
+    if (rival.effect->info().parameters[j].discrete) continue;
+    Signature y = effect_signature(rows, projector, rival, j);
+    if (projector.raw_information(y) > 0.0) directions.push_back(std::move(y));
+  }
+  if (directions.empty()) return -1.0;
+  const Eigen::Index n = static_cast<Eigen::Index>(directions.size());
+  const Eigen::VectorXd projected_x = projector.project(x);
+  const double whole = projector.inner(x, projected_x, x);
+  Eigen::MatrixXd information(n, n);
+  Eigen::VectorXd cross(n);
+  for (Eigen::Index e = 0; e < n; ++e) {
+    const Eigen::VectorXd projected = projector.project(directions[e]);
+    for (Eigen::Index f = 0; f < n; ++f)
+      information(f, e) = projector.inner(directions[f], projected, directions[e]);
+    cross[e] = projector.inner(x, projected, directions[e]);
+  }
+  return std::max(0.0, whole - cross.dot(information.completeOrthogonalDecomposition().solve(cross)));
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "diagnosis/battery.hpp"
+#include "diagnosis/refit.hpp"
+
+namespace rangecal::diagnosis {
+
+/// A catalogued model, fitted exactly.
+struct Candidate {
+  Fit fit;
+  double promised = 0.0;  ///< gain in nats that its projected score promised
+  double gain = 0.0;      ///< baseline NLL minus its NLL
+  double evidence = 0.0;  ///< gain less the price of what was chosen: what models are ranked by
+  double log_p = 0.0;     ///< of its question in the battery that proposed it
+  int parameters = 0;
+};
+
+/// An effect worth fitting, and where to start.
+struct Proposal {
+  const Effect* effect = nullptr;
+  Eigen::VectorXd start;
+  double promised = 0.0, log_p = 0.0, rank = 0.0;
+  std::vector<Eigen::VectorXd> others;  ///< further peaks over the start grid, best first
+};
+
+/// One nat per parameter that is fitted along (AIC), and ln of the independent places that the others were
+/// chosen from: a period among 500 costs more than a time constant among three.
+class Prices {
+ public:
+  explicit Prices(const Rates& rates) : rates_(rates) {}
+  double of(const ActiveEffect& active) const;
+
+ private:
+  Rates rates_;
+};
+
+bool contains(const Model& model, const Effect* effect);
+
+/// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
+std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
+
+/// Adds the proposed effect to `base` and refits; `gain` and `evidence` are over `base`.
+Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Prices& prices,
+                    const RefitOptions& options);
+
+/// All that deliver what their scores promised, best evidence first.
+std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
+                               const Prices& prices, const RefitOptions& options);
+
+/// Noncentrality left between two effects: what `cause` does to the readings at its fitted size, after the
+/// calibration and every direction of `rival` at its fit were projected out. Small: this design cannot tell
+/// them apart, whatever the noise. Negative if either does not act on the mean.
+double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
+                  const ActiveEffect& rival);
+
+}  // namespace rangecal::diagnosis
