@@ -13,11 +13,11 @@ Everything is SI: metres, radians, seconds. Results have attributes, ``to_frame(
 """
 from . import _api, _html, _native, _plots, _recording, _results
 from ._api import (calibrate, compare, compare_curves, correct, diagnose, effects, load, residuals,
-                   simulate)
+                   simulate, study)
 from ._native import (Calibration, CheckReport, CurveChange, Diagnosis, Effect, EffectEstimate, EffectParameter,
                       Explanation, Finding, FitSummary, InputError, ModelScore, NextExperiment, Recording, Residuals,
                       Sensor, TruthScore, Unseen, __version__)
-from ._results import Comparison, Corrected
+from ._results import Comparison, Corrected, Study
 
 
 def _repr_of(name, text):
@@ -48,5 +48,5 @@ _attach(Effect, __repr__=_repr_of("Effect", lambda e: f"{e.id}, {e.channel} alon
 
 __all__ = ["Calibration", "CheckReport", "Comparison", "Corrected", "CurveChange", "Diagnosis", "Effect", "EffectEstimate",
            "EffectParameter", "Explanation", "Finding", "FitSummary", "InputError", "ModelScore", "NextExperiment",
-           "Recording", "Residuals", "Sensor", "TruthScore", "Unseen", "calibrate", "compare", "compare_curves",
-           "correct", "diagnose", "effects", "load", "residuals", "simulate"]
+           "Recording", "Residuals", "Sensor", "Study", "TruthScore", "Unseen", "calibrate", "compare", "compare_curves",
+           "correct", "diagnose", "effects", "load", "residuals", "simulate", "study"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from . import _native
 from ._native import Calibration, Diagnosis, Recording
-from ._results import Comparison, Corrected
+from ._results import Comparison, Corrected, Study
 
 
 def load(path):
@@ -243,6 +243,34 @@ def residuals(recordings, calibration, along=()):
         One entry per reading, ordered by recording, stop, landmark and time.
     """
     return _native.residuals_job(_recordings(recordings), calibration, list(along))
+
+
+def study(path, *, repeats=None, threads=0, progress=None):
+    """Run a Monte-Carlo accuracy study in memory.
+
+    The same numbers, to the last bit, as ``rangecal study``, which also keeps a journal and runs on many machines.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A study file (``docs/study.md``).
+    repeats : int, optional
+        Of every point, in place of the file's.
+    threads : int
+        0: all cores.
+    progress : callable, optional
+        ``progress(point, fraction)``.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        Naming file, row and field of what cannot be used.
+    """
+    return Study(*_native.study_job(os.fspath(path), repeats, threads, progress))
 
 
 def effects():

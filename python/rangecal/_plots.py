@@ -31,27 +31,27 @@ def recording(self, ax=None):
     if self.true_landmarks is not None:
         ax.plot(*self.true_landmarks.T, "k+", markersize=10, label="true landmarks")
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    ax.legend(fontsize="small", ncols=2)
+    ax.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.02, 0.5))
     return ax
 
 
-def _curve(ax, calibration, color, label, noise=True):
-    low, high = calibration.range_m
-    d = np.linspace(low, high, 200)
+def _curve(ax, calibration, color, label):
+    """f(d) - d as a line; returns distances, the line and its standard deviation [mm]."""
+    d = np.linspace(*calibration.range_m, 200)
     bias, std = 1e3 * (calibration.f(d) - d), 1e3 * calibration.f_std(d)
     ax.plot(d, bias, color=color, label=label)
-    ax.fill_between(d, bias - _Z95 * std, bias + _Z95 * std, color=color, alpha=0.35, linewidth=0)
-    if noise:
-        spread = 1e3 * calibration.noise(d)
-        ax.fill_between(d, bias - spread, bias + spread, color=color, alpha=0.12, linewidth=0)
     ax.set(xlabel="true distance d [m]", ylabel="f(d) - d [mm]")
+    return d, bias, std
 
 
 def calibration(self, ax=None):
     """f(d) - d with its 95 % band, and the spread of one reading around it (one standard deviation, pale)."""
     ax = _axes(ax)
     if len(self.alpha):
-        _curve(ax, self, "C0", f"{self.method}, order {self.order}")
+        d, bias, std = _curve(ax, self, "C0", f"{self.method}, order {self.order}")
+        spread = 1e3 * self.noise(d)
+        ax.fill_between(d, bias - _Z95 * std, bias + _Z95 * std, color="C0", alpha=0.35, linewidth=0)
+        ax.fill_between(d, bias - spread, bias + spread, color="C0", alpha=0.12, linewidth=0)
         ax.axhline(0.0, color="0.6", linewidth=0.8)
         ax.legend(fontsize="small")
     return ax
@@ -76,11 +76,13 @@ def scene(self, ax=None):
 
 
 def comparison(self, ax=None):
-    """f(d) - d of every method with its 95 % band."""
+    """f(d) - d of every method; the ends of its 95 % band are dotted."""
     ax = _axes(ax)
     for i, one in enumerate(self.calibrations):
         if one.usable:
-            _curve(ax, one, f"C{i}", one.method, noise=False)
+            d, bias, std = _curve(ax, one, f"C{i}", one.method)
+            for sign in (-1.0, 1.0):
+                ax.plot(d, bias + sign * _Z95 * std, ":", color=f"C{i}", linewidth=1.0)
     ax.axhline(0.0, color="0.6", linewidth=0.8)
     ax.legend(fontsize="small")
     return ax
@@ -145,6 +147,22 @@ def diagnosis(self, finding=0, ax=None):
     ax.set(xlabel=_axis_label(found.covariate), ylabel=f"{found.channel} residual [{unit}]")
     ax.set_title(" + ".join(self.final_effects) or "no mismatch", fontsize="small")
     ax.legend(fontsize="small")
+    return ax
+
+
+def study(self, x, y, ax=None):
+    """One column over another, a line per estimator and per value of every other parameter that varies."""
+    ax = _axes(ax)
+    frame = self.to_frame()
+    parameters = [name for name in frame.columns[1:list(frame.columns).index("estimator") + 1]
+                  if name != x and frame[name].nunique() > 1]
+    for key, part in frame.groupby(parameters, sort=False) if parameters else [("", frame)]:
+        part = part.sort_values(x)
+        error = part[y + "_se"] if y + "_se" in part else None
+        label = key if isinstance(key, str) else ", ".join(map(str, key))
+        ax.errorbar(part[x], part[y], error, fmt="o-", markersize=3, linewidth=1.0, label=label)
+    ax.set(xlabel=x, ylabel=y)
+    ax.legend(fontsize="x-small")
     return ax
 
 

@@ -108,9 +108,43 @@ class Comparison:
         return pandas.DataFrame(columns).reindex(order)
 
     def plot(self, ax=None):
-        """f(d) - d of every method with its 95 % band."""
+        """f(d) - d of every method; the ends of its 95 % band are dotted."""
         from . import _plots
         return _plots.comparison(self, ax)
+
+
+class Study:
+    """Tables of a Monte-Carlo study, one row per point of its grid and estimator (``docs/study.md`` has the columns).
+
+    Attributes
+    ----------
+    results_csv, timing_csv : str
+        The tables as files hold them. Times are apart, since no two runs agree in them.
+    """
+
+    def __init__(self, results_csv, timing_csv):
+        self.results_csv, self.timing_csv = results_csv, timing_csv
+
+    def __len__(self):
+        return self.results_csv.count("\n") - 1
+
+    def __repr__(self):
+        return f"<rangecal.Study: {len(self)} rows>"
+
+    def _repr_html_(self):
+        return self.to_frame().to_html(notebook=True)
+
+    def to_frame(self, timing=False):
+        """The results, or the processor times, as a pandas.DataFrame."""
+        import io
+        import pandas
+        return pandas.read_csv(io.StringIO(self.timing_csv if timing else self.results_csv),
+                               float_precision="round_trip")
+
+    def plot(self, x, y, ax=None):
+        """One column over another, a line per estimator (and per value of every other parameter that varies)."""
+        from . import _plots
+        return _plots.study(self, x, y, ax)
 
 
 def models_to_frame(self):

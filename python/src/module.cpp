@@ -20,5 +20,6 @@ PYBIND11_MODULE(_native, module) {
   bind_simulate(module);
   bind_diagnosis(module);
   bind_residuals(module);
+  bind_study(module);
   py::module_::import("atexit").attr("register")(py::cpp_function(&join_leftovers));
 }

@@ -11,7 +11,7 @@ cd "$source"
 cp -r CMakeLists.txt LICENSE pyproject.toml setup.py cmake core problems solvers python "$work/rangecal"
 cd "$work/rangecal"
 if command -v ccache >/dev/null; then
-  export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
+  export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_BASEDIR=$work/rangecal
 fi
 export SKBUILD_CONFIGURE_OPTIONS="$*" PIP_NO_INDEX=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 "$python" -m venv --system-site-packages v

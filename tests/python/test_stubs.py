@@ -21,12 +21,13 @@ def test_every_public_name_is_in_the_stubs():
     assert set(rangecal.__all__) | {"__version__"} == set(names(TREE.body))
 
 
-def test_every_member_is_in_the_stubs(field, calibration, diagnosis, eccentric):
+def test_every_member_is_in_the_stubs(source, field, calibration, diagnosis, eccentric):
     comparison = rangecal.compare(field, methods=["closed-form", "marginal"], check=True)
     examples = [field, field.sensor, calibration, comparison, comparison.scores[0], comparison.models[0],
                 rangecal.compare_curves(calibration, calibration), rangecal.correct(calibration, 1.0), diagnosis,
                 diagnosis.before, diagnosis.location[0], diagnosis.explanations[0],
                 diagnosis.explanations[0].parameters[0], diagnosis.next_experiments[0], diagnosis.unseen[0],
+                rangecal.study(source / "notebooks_data/studies/quick.yaml", repeats=2),
                 rangecal.residuals(eccentric, calibration), rangecal.effects()[0], rangecal.effects()[0].parameters[0]]
     by_name = {type(e).__name__: e for e in examples}
     left_out = {"InputError", "CheckReport"}

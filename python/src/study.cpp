@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <pybind11/stl.h>
+
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "module.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/study/run.hpp"
+#include "rangecal/solvers/study/table.hpp"
+#include "work.hpp"
+
+namespace rangecal::python {
+namespace {
+
+/// The tables of a study as CSV: of results, of processor times.
+using Tables = std::pair<std::string, std::string>;
+
+Tables run(const Study& study, int threads, const StageHook& hook) {
+  const long units = static_cast<long>(study.points.size()) * study_pieces(study);
+  long done = 0;
+  std::map<int, std::string> results, timing;   // by point: they complete in any order
+  StudyOptions options;
+  options.threads = threads;
+  options.on_unit = [&](const StudyUnit& unit, const StudySums&) {
+    ++done;
+    hook(study.points[static_cast<std::size_t>(unit.point)].key, static_cast<double>(done) / static_cast<double>(units));
+  };
+  options.on_point = [&](const StudyPointResult& point) {
+    results[point.point] = study_csv_rows(study, point);
+    timing[point.point] = timing_csv_rows(study, point);
+  };
+  run_study(study, options);
+  Tables tables{study_csv_header(study), timing_csv_header(study)};
+  for (const auto& [point, rows] : results) tables.first += rows;
+  for (const auto& [point, rows] : timing) tables.second += rows;
+  return tables;
+}
+
+Tables study_job(const std::string& path, const std::optional<int>& repeats, int threads, const py::object& progress) {
+  Study study = load_study(path);
+  if (repeats && *repeats < 1) throw InputError("repeats is " + std::to_string(*repeats) + ", not at least 1");
+  if (threads < 0) throw InputError("threads is " + std::to_string(threads) + ", not at least 0");
+  if (repeats) study.repeats = *repeats;
+  return run_interruptible<Tables>(
+      [study, threads](const StageHook& hook) { return run(study, threads, hook); }, progress);
+}
+
+}  // namespace
+
+void bind_study(py::module_& module) {
+  module.def("study_job", &study_job, py::arg("path"), py::arg("repeats"), py::arg("threads"), py::arg("progress"));
+}
+
+}  // namespace rangecal::python

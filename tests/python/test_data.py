@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Shipped data: every folder says where it is from, and its files are the ones whose checksums it states."""
+import hashlib
+import re
+
+
+def test_every_folder_of_data_has_origin_licence_and_right_checksums(source):
+    data = source / "notebooks_data"
+    everything = (data / "README.md").read_text()
+    checked = 0
+    for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name != "__pycache__"):
+        readme = folder / "README.md"
+        assert readme.exists() or f"`{folder.name}`" in everything, folder
+        if not (folder / "recording.yaml").exists():
+            continue
+        text = readme.read_text()
+        assert "Origin:" in text and "Licence:" in text, readme
+        for digest, name in re.findall(r"^([0-9a-f]{64})  (\S+)$", text, flags=re.M):
+            assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest, folder / name
+            checked += 1
+    assert checked >= 11
