@@ -52,8 +52,9 @@ ScanLog read_wide(const std::string& path, Lines lines, const WideColumns& colum
     if (columns.count) {
       const double stated = number_in(fields[*columns.count], false, path, row, "n");
       if (stated != static_cast<double>(ranges.size()))
-        throw InputError(path, row, "n", "says " + std::string(fields[*columns.count]) + " beams, the line holds " +
-                                             std::to_string(ranges.size()));
+        throw InputError(
+            path, row, "n",
+            "says " + std::string(fields[*columns.count]) + " beams, the line holds " + std::to_string(ranges.size()));
     }
     set_beams(scan, angle_min, increment, std::move(ranges), path);
     log.scans.push_back(std::move(scan));
@@ -76,14 +77,16 @@ void sort_beams(Scan& scan) {
 
 ScanLog read_long(const std::string& path, const std::string& text) {
   const CsvTable table = CsvTable::parse(text, path);
-  const std::size_t stamp = table.require("stamp"), angle = table.require("angle_rad"), range = table.require("range_m");
+  const std::size_t stamp = table.require("stamp"), angle = table.require("angle_rad"),
+                    range = table.require("range_m");
   const auto stop = table.find("stop");
   ScanLog log{path, "CSV, one beam a line", {}, 0};
   for (std::size_t row = 0; row < table.rows(); ++row) {
     const double at = table.finite(row, stamp), bearing = table.finite(row, angle);
     const std::string label = stop ? std::string(table.text(row, *stop)) : "";
     if (std::abs(bearing) > 4.0 * std::numbers::pi)
-      table.fail(row, angle, "'" + std::string(table.text(row, angle)) + "' is more than two turns: degrees, most likely");
+      table.fail(row, angle,
+                 "'" + std::string(table.text(row, angle)) + "' is more than two turns: degrees, most likely");
     if (log.scans.empty() || log.scans.back().stamp_s != at || log.scans.back().stop != label) {
       Scan scan;
       scan.stamp_s = at, scan.stop = label, scan.row = table.line(row);
@@ -106,8 +109,9 @@ ScanLog read_csv_scans(const std::string& path, const std::string& text) {
   const auto header = comma_fields(line);
   if (const auto columns = wide_columns(header)) return read_wide(path, lines, *columns);
   if (std::find(header.begin(), header.end(), "angle_rad") != header.end()) return read_long(path, text);
-  throw InputError(path, 1, "", "is no file of scans: a CSV needs the columns stamp, angle_min, angle_increment and "
-                                "ranges, or stamp, angle_rad and range_m; a CARMEN log lines such as FLASER");
+  throw InputError(path, 1, "",
+                   "is no file of scans: a CSV needs the columns stamp, angle_min, angle_increment and "
+                   "ranges, or stamp, angle_rad and range_m; a CARMEN log lines such as FLASER");
 }
 
 }  // namespace rangecal::io

@@ -65,7 +65,7 @@ void set_beams(Scan& scan, double angle_min, double increment, std::vector<doubl
   if (increment == 0.0 || !std::isfinite(increment))
     throw InputError(file, scan.row, "angle_increment", "the step from beam to beam must be a number other than 0");
   const double swept = std::abs(increment) * static_cast<double>(ranges.size());
-  if (std::abs(increment) > 0.5 || swept > 2.0 * turn)
+  if (std::abs(increment) >= 1.0 || swept > 2.0 * turn)
     throw InputError(file, scan.row, "angle_increment",
                      "beams sweep " + std::to_string(swept) + " rad: degrees, most likely; convert to radians");
   const std::size_t count = ranges.size();
@@ -80,8 +80,9 @@ void set_beams(Scan& scan, double angle_min, double increment, std::vector<doubl
 
 #ifndef RANGECAL_WITH_ROSBAG
 ScanLog read_bag(const std::string& path, const std::string&) {
-  throw InputError(path, 0, "", "is a ROS 1 bag, which this build does not read: install librosbag-storage-dev and "
-                                "libsensor-msgs-dev and build again, or convert it to CSV");
+  throw InputError(path, 0, "",
+                   "is a ROS 1 bag, which this build does not read: install librosbag-storage-dev and "
+                   "libsensor-msgs-dev and build again, or convert it to CSV");
 }
 #endif
 

@@ -13,7 +13,7 @@ namespace {
 using namespace extract;
 
 constexpr int kPasses = 6;
-constexpr double kMapSd = 0.01;        ///< of a position in a given map [m]
+constexpr double kMapSd = 0.01;          ///< of a position in a given map [m]
 constexpr double kLandmarkFloor = 0.02;  ///< sightings of one landmark share errors: its position is never better [m]
 
 /// All sightings by stop, and what a pass over the stops makes of them.
@@ -101,7 +101,8 @@ class Associator {
       if (information[j].isZero(0.0)) continue;
       renamed[j] = static_cast<int>(kept.size());
       const Eigen::Matrix2d covariance = information[j].inverse();
-      kept.push_back({covariance * moment[j], covariance + kLandmarkFloor * kLandmarkFloor * Eigen::Matrix2d::Identity()});
+      kept.push_back(
+          {covariance * moment[j], covariance + kLandmarkFloor * kLandmarkFloor * Eigen::Matrix2d::Identity()});
     }
     rename(renamed, std::move(kept));
   }
@@ -184,7 +185,8 @@ class Associator {
     rename(renamed, std::move(kept));
     for (std::size_t i = 0; i < sightings_.size(); ++i)
       if (out_.landmark[i] >= 0) out_.reason[i] = "";
-    out_.matched = static_cast<int>(std::count_if(out_.landmark.begin(), out_.landmark.end(), [](int l) { return l >= 0; }));
+    out_.matched =
+        static_cast<int>(std::count_if(out_.landmark.begin(), out_.landmark.end(), [](int l) { return l >= 0; }));
   }
 
   std::span<const Pose2> commanded_;

@@ -77,8 +77,7 @@ PoseBelief corrected(const PoseBelief& prior, const StopView& view, const std::v
                                             wrap_angle(prior.pose.heading_rad - belief.pose.heading_rad));
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       if (pairs[i] < 0) continue;
-      const Comparison pair =
-          compare(belief, view.measured[i], view.noise[i], map[static_cast<std::size_t>(pairs[i])]);
+      const Comparison pair = compare(belief, view.measured[i], view.noise[i], map[static_cast<std::size_t>(pairs[i])]);
       const Eigen::Matrix2d weight = pair.noise.inverse();
       information += pair.by_pose.transpose() * weight * pair.by_pose;
       gradient += pair.by_pose.transpose() * weight * pair.innovation;
@@ -154,7 +153,8 @@ MapLandmark found_landmark(const PoseBelief& belief, const Eigen::Vector2d& meas
 
 PoseBelief predicted(const PoseBelief* before, const Pose2& commanded_before, const Pose2& commanded,
                      const AssociationOptions& options) {
-  const double xy = options.sigma_xy_m * options.sigma_xy_m, heading = options.sigma_heading_rad * options.sigma_heading_rad;
+  const double xy = options.sigma_xy_m * options.sigma_xy_m,
+               heading = options.sigma_heading_rad * options.sigma_heading_rad;
   PoseBelief out;
   out.covariance = Eigen::Vector3d(xy, xy, heading).asDiagonal();
   out.pose = commanded;

@@ -37,8 +37,8 @@ struct StopView {
 
 struct StopMatch {
   PoseBelief belief;
-  std::vector<int> pairs;            ///< per sighting: index into the map, or -1
-  std::vector<const char*> reason;   ///< empty for a pair
+  std::vector<int> pairs;           ///< per sighting: index into the map, or -1
+  std::vector<const char*> reason;  ///< empty for a pair
   std::vector<double> distance;
 };
 

@@ -95,9 +95,9 @@ std::optional<CircleFit> fit_circle(std::span<const Beam> beams, const Outline& 
                                     const CircleFitOptions& options) {
   if (beams.empty()) return std::nullopt;
   const int unknowns = options.radius_m ? 2 : 3;
-  const double nearest =
-      std::min_element(beams.begin(), beams.end(), [](const Beam& a, const Beam& b) { return a.range_m < b.range_m; })
-          ->range_m;
+  const double nearest = std::min_element(beams.begin(), beams.end(), [](const Beam& a, const Beam& b) {
+                           return a.range_m < b.range_m;
+                         })->range_m;
   State at{nearest, outline.centre_rad, options.radius_m.value_or(0.0)};
   if (!options.radius_m) {  // half-width = asin(R / (s + R))
     const double sine = std::min(0.9, std::sin(outline.half_width_rad));
@@ -107,8 +107,8 @@ std::optional<CircleFit> fit_circle(std::span<const Beam> beams, const Outline& 
   for (int selection = 0; selection < kSelections; ++selection) {
     std::vector<Beam> chosen = inner_beams(beams, at, options.edge_cut);
     if (static_cast<int>(chosen.size()) < unknowns) return std::nullopt;
-    const bool same = chosen.size() == inner.size() && !inner.empty() &&
-                      chosen.front().bearing_rad == inner.front().bearing_rad;
+    const bool same =
+        chosen.size() == inner.size() && !inner.empty() && chosen.front().bearing_rad == inner.front().bearing_rad;
     if (same) break;
     inner = std::move(chosen);
     if (!minimise(inner, outline, options.sigma_m, unknowns, at)) return std::nullopt;

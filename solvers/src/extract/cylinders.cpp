@@ -11,8 +11,8 @@
 namespace rangecal::extract {
 namespace {
 
-constexpr double kGate = 25.0;           ///< squared, for one landmark from scan to scan
-constexpr int kNoiseDegrees = 200;       ///< of freedom, for a noise law from the circles
+constexpr double kGate = 25.0;      ///< squared, for one landmark from scan to scan
+constexpr int kNoiseDegrees = 200;  ///< of freedom, for a noise law from the circles
 constexpr int kBins = 8;
 constexpr double kScanSlackM = 0.005, kScanSlackRad = 0.002;  ///< the same landmark may move by this between scans
 
@@ -89,7 +89,8 @@ Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& 
         found.beams["fitted"] += finding.fit.used;
         found.beams["dropped at a cylinder's edge"] += finding.fit.edge_beams;
         found.beams["mixed pixel behind a cylinder's edge"] += finding.mixed_pixels;
-        found.list.push_back({static_cast<int>(k), static_cast<int>(q), std::move(segment), finding.fit});
+        found.list.push_back(
+            {static_cast<int>(k), static_cast<int>(q), std::move(segment), finding.fit, finding.flat_nats});
       }
   return found;
 }
@@ -118,8 +119,8 @@ std::optional<ScanNoise> noise_of_fits(const Cylinders& found) {
   return fit_scan_noise(samples);
 }
 
-std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found, double support,
-                                     Tally& tally) {
+std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found,
+                                     const ExtractOptions& options, Tally& tally) {
   std::vector<Cluster> out;
   std::size_t next = 0;  // the list is in the order of stop and scan
   for (std::size_t k = 0; k < groups.size(); ++k) {
@@ -132,8 +133,13 @@ std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const
       place(in_scan, found, clusters);
     }
     for (const Growing& cluster : clusters) {
-      if (static_cast<double>(cluster.members.size()) < support * static_cast<double>(groups[k].scans.size())) {
+      double flat_nats = 0.0;
+      for (const std::size_t m : cluster.members) flat_nats += found.list[m].flat_nats;
+      const auto count = static_cast<double>(cluster.members.size());
+      if (count < options.support * static_cast<double>(groups[k].scans.size())) {
         tally["in too few scans of the stop"] += static_cast<long>(cluster.members.size());
+      } else if (flat_nats > options.cylinder.flat_nats * std::sqrt(count)) {
+        tally["flat, all scans of the stop together"] += static_cast<long>(cluster.members.size());
       } else {
         out.push_back({sighting_of(cluster, static_cast<int>(k), found), cluster.members});
       }
@@ -165,7 +171,8 @@ std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Associa
   for (std::size_t j = 0; j < count; ++j) {
     if (weight[j] > 0.0) radii[j] = moment[j] / weight[j];
     if (known.size() > 1)
-      radii[j] = known[static_cast<std::size_t>(std::min_element(misfit[j].begin(), misfit[j].end()) - misfit[j].begin())];
+      radii[j] =
+          known[static_cast<std::size_t>(std::min_element(misfit[j].begin(), misfit[j].end()) - misfit[j].begin())];
     if (!options.map.empty() && options.map[j].radius_m) radii[j] = *options.map[j].radius_m;
   }
   return radii;

@@ -10,9 +10,10 @@ namespace rangecal::extract {
 
 /// A cylinder in one scan.
 struct Cylinder {
-  int stop = 0, scan = 0;   ///< index of the stop, of the scan within it
+  int stop = 0, scan = 0;  ///< index of the stop, of the scan within it
   Segment segment;
   CircleFit fit;
+  double flat_nats = 0.0;  ///< see Finding
 };
 
 struct Cylinders {
@@ -28,14 +29,15 @@ std::optional<ScanNoise> noise_of_fits(const Cylinders& found);
 
 /// One landmark in the scans of one stop.
 struct Cluster {
-  Sighting sighting;                  ///< means over the scans
-  std::vector<std::size_t> members;   ///< indices into Cylinders::list
+  Sighting sighting;                 ///< means over the scans
+  std::vector<std::size_t> members;  ///< indices into Cylinders::list
 };
 
 /// Cylinders of a stop's scans that are one landmark: nearest neighbour from scan to scan, gated at five standard
-/// deviations. Those found in less than `support` of the scans are counted in `tally` and left out.
-std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found, double support,
-                                     Tally& tally);
+/// deviations. Those found in less than `support` of the scans, and those which all scans together make out to be flat,
+/// are counted in `tally` and left out.
+std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found,
+                                     const ExtractOptions& options, Tally& tally);
 
 /// The radius of each landmark: of the map, the only one known, the known one that its sightings fit best, or the
 /// weighted mean of the estimates.

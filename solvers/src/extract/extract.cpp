@@ -79,6 +79,15 @@ std::vector<int> name_landmarks(const std::vector<Cluster>& clusters, const Asso
   return index;
 }
 
+/// True if the refined noise is not above the first at the circles' ranges. Walls never state too little, so more than
+/// they say means that things are among the circles that are none.
+bool is_below(const ScanNoise& refined, const ScanNoise& first, const Cylinders& found) {
+  double above = 0.0;
+  for (const Cylinder& cylinder : found.list)
+    above += std::log(refined.spread(cylinder.fit.range_m) / first.spread(cylinder.fit.range_m));
+  return above < 0.15 * static_cast<double>(found.list.size());
+}
+
 AssociationOptions association_options(const ExtractOptions& options) {
   AssociationOptions association = options.association;
   // Poses may be exact; for the matching a centimetre and a third of a degree are left open.
@@ -113,11 +122,16 @@ ArcRule arc_rule_from_string(const std::string& text) {
 
 const char* to_string(StopSplit split) {
   switch (split) {
-    case StopSplit::label: return "label";
-    case StopSplit::file: return "file";
-    case StopSplit::scan: return "scan";
-    case StopSplit::standing: return "standing";
-    case StopSplit::automatic: break;
+    case StopSplit::label:
+      return "label";
+    case StopSplit::file:
+      return "file";
+    case StopSplit::scan:
+      return "scan";
+    case StopSplit::standing:
+      return "standing";
+    case StopSplit::automatic:
+      break;
   }
   return "automatic";
 }
@@ -145,7 +159,8 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
 
   Cylinders found = find_cylinders(groups, out.noise, options);
   if (!options.noise) {
-    if (const auto refined = noise_of_fits(found)) {
+    const auto refined = noise_of_fits(found);
+    if (refined && is_below(*refined, out.noise, found)) {
       out.noise = *refined, out.noise_origin = "from the circles";
       found = find_cylinders(groups, out.noise, options);
     }
@@ -153,7 +168,7 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   out.beams = found.beams, out.segments = found.segments;
   out.cylinders["found"] = static_cast<long>(found.list.size());
 
-  const std::vector<Cluster> clusters = cluster_by_stop(groups, found, options.support, out.cylinders);
+  const std::vector<Cluster> clusters = cluster_by_stop(groups, found, options, out.cylinders);
   std::vector<Pose2> poses;
   for (const StopGroup& group : groups) poses.push_back(group.stop.commanded);
   std::vector<Sighting> sightings;

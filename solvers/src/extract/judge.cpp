@@ -142,7 +142,7 @@ std::optional<CircleFit> fit_cleaned(Segment segment, double sigma, const Cylind
 }
 
 SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
-                          std::optional<double> radius) {
+                                 std::optional<double> radius) {
   const double sigma = noise.spread(middle_range_m(segment.beams));
   SegmentVerdict finding;
   Segment cleaned;
@@ -161,11 +161,13 @@ SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise,
         options.edge_cut * fit->radius_m)
       inner.push_back(beam);
   const FlatFit flat = fit_flat(inner, tolerant);
-  const double advantage = 0.5 * (relaxed - flat.chi_squared);
+  const double advantage = 0.5 * ((relaxed - fit->degrees_of_freedom) - (flat.chi_squared - flat.degrees_of_freedom));
   // A radius that is estimated takes its evidence from the curvature: there the line must lose.
   if (advantage > (radius ? options.flat_nats : -options.flat_nats)) return not_a_cylinder(segment, noise, "flat");
-  if (!radius && fit->radius_sd_m > 0.3 * fit->radius_m) return not_a_cylinder(segment, noise, "too few beams for a radius");
+  if (!radius && fit->radius_sd_m > 0.3 * fit->radius_m)
+    return not_a_cylinder(segment, noise, "too few beams for a radius");
   finding.kind = FindingKind::cylinder;
+  finding.flat_nats = advantage;
   finding.fit = *fit;
   return finding;
 }
@@ -173,7 +175,8 @@ SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise,
 }  // namespace
 
 SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options) {
-  if (static_cast<int>(segment.beams.size()) < options.beams_min) return not_a_cylinder(segment, noise, "too few beams");
+  if (static_cast<int>(segment.beams.size()) < options.beams_min)
+    return not_a_cylinder(segment, noise, "too few beams");
   if (segment.view_ends) return not_a_cylinder(segment, noise, "cut by the field of view");
   if (segment.nearer_left && segment.nearer_right) return not_a_cylinder(segment, noise, "seen through a gap");
   if (options.radii_m.empty()) return judge_with_radius(segment, noise, options, std::nullopt);

@@ -34,8 +34,9 @@ bool extrapolate(const Beam& far, const Beam& near, double bearing, const ScanNo
   const double u = a / near.range_m + b / far.range_m;
   if (!(u > 0.0)) return false;
   range = 1.0 / u;
-  sd = range * range * std::hypot(a * noise.spread(near.range_m) / (near.range_m * near.range_m),
-                                  b * noise.spread(far.range_m) / (far.range_m * far.range_m));
+  sd = range * range *
+       std::hypot(a * noise.spread(near.range_m) / (near.range_m * near.range_m),
+                  b * noise.spread(far.range_m) / (far.range_m * far.range_m));
   return true;
 }
 

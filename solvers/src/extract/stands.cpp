@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "rangecal/core/angles.hpp"
@@ -12,32 +13,51 @@ namespace {
 
 bool usable(double range) { return std::isfinite(range) && range > 0.0; }
 
+constexpr double kJitter = 0.35;  ///< of a step between beams, by which their angles may wander from scan to scan
+constexpr double kTurn = 0.0175;  ///< by which a scan as a whole may be turned [rad]
+constexpr int kTurns = 4;
+
+/// A reading and how far it may be off [m].
+struct Between {
+  double range_m = std::numeric_limits<double>::quiet_NaN(), slack_m = 0.0;
+};
+
 /// The reading of the scan at a bearing between two of its beams that see one surface; NaN elsewhere.
-double read_between(const Scan& scan, std::size_t& hint, double bearing, const ScanNoise& noise) {
+Between read_between(const Scan& scan, std::size_t& hint, double bearing, const ScanNoise& noise) {
   while (hint + 1 < scan.size() && scan.bearing_rad[hint + 1] < bearing) ++hint;
-  if (hint + 1 >= scan.size() || scan.bearing_rad[hint] > bearing) return std::nan("");
+  if (hint + 1 >= scan.size() || scan.bearing_rad[hint] > bearing) return {};
   const double a = scan.range_m[hint], b = scan.range_m[hint + 1];
   const double step = scan.bearing_rad[hint + 1] - scan.bearing_rad[hint];
-  if (!usable(a) || !usable(b) || !(step > 0.0)) return std::nan("");
-  if (std::abs(a - b) > 5.0 * noise.spread(std::min(a, b)) + 2.0 * step * std::min(a, b)) return std::nan("");
+  if (!usable(a) || !usable(b) || !(step > 0.0)) return {};
+  if (std::abs(a - b) > 5.0 * noise.spread(std::min(a, b)) + 2.0 * step * std::min(a, b)) return {};
   const double share = (bearing - scan.bearing_rad[hint]) / step;
-  return 1.0 / ((1.0 - share) / a + share / b);
+  return {1.0 / ((1.0 - share) / a + share / b), kJitter * std::abs(b - a)};
 }
 
-/// Median change of a beam in its standard deviations; infinity where fewer than ten beams can be compared.
-double change(const Scan& scan, const Scan& other, const ScanNoise& noise) {
+/// Median change of a beam in its standard deviations, the scan turned; infinity where fewer than ten can be compared.
+double turned_change(const Scan& scan, const Scan& other, double turn, const ScanNoise& noise) {
   std::vector<double> sizes;
   std::size_t hint = 0;
   for (std::size_t i = 0; i < scan.size(); ++i) {
     if (!usable(scan.range_m[i])) continue;
-    const double before = read_between(other, hint, scan.bearing_rad[i], noise);
-    if (!usable(before)) continue;
-    sizes.push_back(std::abs(scan.range_m[i] - before) / (std::numbers::sqrt2 * noise.spread(before)));
+    const Between before = read_between(other, hint, scan.bearing_rad[i] + turn, noise);
+    if (!usable(before.range_m)) continue;
+    const double sigma = std::hypot(std::numbers::sqrt2 * noise.spread(before.range_m), before.slack_m);
+    sizes.push_back(std::abs(scan.range_m[i] - before.range_m) / sigma);
   }
   if (sizes.size() < 10) return std::numeric_limits<double>::infinity();
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
   return *middle;
+}
+
+/// The least of it over turns of up to kTurn.
+double change(const Scan& scan, const Scan& other, const ScanNoise& noise) {
+  double least = turned_change(scan, other, 0.0, noise);
+  for (int i = 1; i <= kTurns; ++i)
+    for (const double sign : {-1.0, 1.0})
+      least = std::min(least, turned_change(scan, other, sign * kTurn * i / kTurns, noise));
+  return least;
 }
 
 bool same_place(const Scan& scan, const Scan& other, const ScanNoise& noise, const StandOptions& options) {

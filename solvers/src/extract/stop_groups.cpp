@@ -89,8 +89,9 @@ std::vector<StopGroup> group_by_stop(const std::vector<ScanLog>& logs, const std
   }
   const std::string& file = logs.front().path;
   if (groups.empty())
-    throw InputError(file, 0, "",
-                     "no stop is found: the robot never stands for " + std::to_string(options.stand.scans_min) + " scans");
+    throw InputError(
+        file, 0, "",
+        "no stop is found: the robot never stands for " + std::to_string(options.stand.scans_min) + " scans");
   for (const auto& group : groups) tally["used"] += static_cast<long>(group.size());
 
   std::vector<Stop> poses = stops;
@@ -106,7 +107,9 @@ std::vector<StopGroup> group_by_stop(const std::vector<ScanLog>& logs, const std
       poses.push_back(*found);
     }
   } else if (groups.size() != stops.size()) {
-    const char* what = split == StopSplit::file ? " files" : split == StopSplit::scan ? " scans" : " stands of the robot";
+    const char* what = split == StopSplit::file   ? " files"
+                       : split == StopSplit::scan ? " scans"
+                                                  : " stands of the robot";
     throw InputError(file, 0, "",
                      "holds " + std::to_string(groups.size()) + what + ", the stops file " +
                          std::to_string(stops.size()) + " stops");

@@ -70,7 +70,8 @@ class Caster {
   double output_m(double distance) const {
     if (!std::isfinite(distance)) return distance;
     const ThermalState base = thermal_state(world_.thermal, time_s_);
-    const double x = centroid_mm(world_.sensor, world_.ambient, base, with_crosstalk_m(world_.sensor, distance), 0.0, 0.0);
+    const double x =
+        centroid_mm(world_.sensor, world_.ambient, base, with_crosstalk_m(world_.sensor, distance), 0.0, 0.0);
     return firmware_range_m(world_.sensor, x, distance, base.zero_m);
   }
 

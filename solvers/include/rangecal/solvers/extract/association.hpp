@@ -12,14 +12,14 @@ namespace rangecal {
 /// A landmark seen from a stop, before it has a name.
 struct Sighting {
   int stop = 0;
-  double axis_m = 0.0, bearing_rad = 0.0;        ///< raw distance to the axis, direction in the sensor frame
+  double axis_m = 0.0, bearing_rad = 0.0;  ///< raw distance to the axis, direction in the sensor frame
   double range_sd_m = 0.0, bearing_sd_rad = 0.0;
 };
 
 struct AssociationOptions {
   StopErrorModel error = StopErrorModel::independent;
-  double sigma_xy_m = 0.03, sigma_heading_rad = 0.02;   ///< of a stop, or of one step of a random walk
-  double range_slack_m = 0.03, range_slack = 0.05;      ///< raw ranges are uncalibrated: off by this, plus this share
+  double sigma_xy_m = 0.03, sigma_heading_rad = 0.02;  ///< of a stop, or of one step of a random walk
+  double range_slack_m = 0.03, range_slack = 0.05;     ///< raw ranges are uncalibrated: off by this, plus this share
   double bearing_slack_rad = 0.01;
   double bearing_offset_rad = 0.0;   ///< added to bearings for the matching alone: mount of the sensor
   double gate = 13.8;                ///< squared Mahalanobis distance, two degrees of freedom: 0.1 %

@@ -21,21 +21,21 @@ struct Outline {
 Outline outline_of(double miss_left_rad, double hit_left_rad, double hit_right_rad, double miss_right_rad);
 
 struct CircleFitOptions {
-  std::optional<double> radius_m;    ///< known radius; estimated where there is none
-  double sigma_m = 0.01;             ///< standard deviation of one beam's range at this distance
-  double edge_cut = 0.9;             ///< beams that pass the axis at more than this share of R are dropped
-  double radius_min_m = 0.005, radius_max_m = 0.5;   ///< where it is estimated
+  std::optional<double> radius_m = std::nullopt;  ///< known radius; estimated where there is none
+  double sigma_m = 0.01;                          ///< standard deviation of one beam's range at this distance
+  double edge_cut = 0.9;                          ///< beams that pass the axis at more than this share of R are dropped
+  double radius_min_m = 0.005, radius_max_m = 0.5;  ///< where it is estimated
 };
 
 /// A cylinder seen in one scan.
 struct CircleFit {
-  double range_m = 0.0, bearing_rad = 0.0, radius_m = 0.0;          ///< nearest point of the arc; axis; radius
+  double range_m = 0.0, bearing_rad = 0.0, radius_m = 0.0;           ///< nearest point of the arc; axis; radius
   double range_sd_m = 0.0, bearing_sd_rad = 0.0, radius_sd_m = 0.0;  ///< radius_sd_m is 0 where it is known
-  double mean_m = 0.0, mean_sd_m = 0.0;   ///< mean of the readings used
-  double smallest_m = 0.0;                ///< smallest of them
-  double chi_squared = 0.0;               ///< of range residuals and outline
+  double mean_m = 0.0, mean_sd_m = 0.0;                              ///< mean of the readings used
+  double smallest_m = 0.0;                                           ///< smallest of them
+  double chi_squared = 0.0;                                          ///< of range residuals and outline
   int degrees_of_freedom = 0;
-  int used = 0, edge_beams = 0;           ///< beams fitted; beams dropped at the edges
+  int used = 0, edge_beams = 0;  ///< beams fitted; beams dropped at the edges
 };
 
 /// Geometric fit of a cylinder of radius R at range s (nearest point) and bearing b to the beams along themselves:
@@ -48,7 +48,7 @@ std::optional<CircleFit> fit_circle(std::span<const Beam> beams, const Outline& 
 
 /// What a flat face makes of the same beams.
 struct FlatFit {
-  double chi_squared = 0.0;   ///< of the best straight line, ranges alone
+  double chi_squared = 0.0;  ///< of the best straight line, ranges alone
   int degrees_of_freedom = 0;
 };
 /// Best straight line through the beams: 1/r_i = p cos(bearing_i) + q sin(bearing_i), weighted by r^2 / sigma.

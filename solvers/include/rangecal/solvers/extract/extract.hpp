@@ -15,12 +15,12 @@ namespace rangecal {
 
 /// Which point of the arc is "the range"; an effect of its own (`arc_definition`).
 enum class ArcRule {
-  nearest,    ///< the nearest point of the fitted circle
-  mean,       ///< the mean of the hits fitted: about 0.2 R farther
-  smallest    ///< the smallest hit: nearer by the noise's extreme
+  nearest,  ///< the nearest point of the fitted circle
+  mean,     ///< the mean of the hits fitted: about 0.2 R farther
+  smallest  ///< the smallest hit: nearer by the noise's extreme
 };
 const char* to_string(ArcRule rule);
-ArcRule arc_rule_from_string(const std::string& text);   ///< throws InputError naming the accepted texts
+ArcRule arc_rule_from_string(const std::string& text);  ///< throws InputError naming the accepted texts
 
 /// What tells the stops of a log apart.
 enum class StopSplit {
@@ -42,31 +42,32 @@ struct MappedLandmark {
 
 struct ExtractOptions {
   CylinderOptions cylinder;
-  std::optional<ScanNoise> noise;     ///< of one beam; estimated from the scans where it is not given
+  std::optional<ScanNoise> noise;  ///< of one beam; estimated from the scans where it is not given
   ArcRule arc = ArcRule::nearest;
   StopSplit split = StopSplit::automatic;
   StandOptions stand;
-  AssociationOptions association;     ///< error model and sigmas are those of the recording too
-  double support = 0.2;               ///< share of a stop's scans in which a landmark must be found
-  bool clockwise = false;             ///< bearings of the scans run clockwise
-  std::vector<MappedLandmark> map;    ///< known landmarks; empty: found, named L1, L2, ...
+  AssociationOptions association;   ///< error model and sigmas are those of the recording too
+  double support = 0.5;             ///< share of a stop's scans in which a landmark must be found
+  bool clockwise = false;           ///< bearings of the scans run clockwise
+  std::vector<MappedLandmark> map;  ///< known landmarks; empty: found, named L1, L2, ...
 };
 
 struct Extraction {
-  Recording recording;                ///< kind landmarks; covariates beams, range_sd_m, bearing_sd_rad
+  Recording recording;  ///< kind landmarks; covariates beams, range_sd_m, bearing_sd_rad
   ScanNoise noise;
-  std::string noise_origin;           ///< "given", "from walls", "from the circles"
+  std::string noise_origin;  ///< "given", "from walls", "from the circles"
   StopSplit split = StopSplit::automatic;
-  Tally scans, beams, segments, cylinders;   ///< what became of each, and why
-  std::vector<Pose2> corrected_stops; ///< where the landmarks put the stops (not in the recording: nothing is corrected)
+  Tally scans, beams, segments, cylinders;  ///< what became of each, and why
+  std::vector<Pose2>
+      corrected_stops;  ///< where the landmarks put the stops (not in the recording: nothing is corrected)
   std::vector<Eigen::Vector2d> landmark_positions;
-  bool runs_clockwise = false;        ///< the other sense of rotation fits the stops clearly better
+  bool runs_clockwise = false;  ///< the other sense of rotation fits the stops clearly better
 };
 
 /// From scans to a recording: stops, noise, segments, circles, labels, readings, in this order; see the headers beside.
-/// `stops`: their poses; where empty, the odometry of the scans, or the origin for a single stop. Landmarks are labelled
-/// by the map or in the order of first sight; with several or no known radii each landmark gets the one that its
-/// sightings speak for, and all of them are fitted again with it. Throws InputError where stops and scans do not
+/// `stops`: their poses; where empty, the odometry of the scans, or the origin for a single stop. Landmarks are
+/// labelled by the map or in the order of first sight; with several or no known radii each landmark gets the one that
+/// its sightings speak for, and all of them are fitted again with it. Throws InputError where stops and scans do not
 /// agree. Cost: linear in the beams, for the association see there.
 Extraction extract_recording(const std::vector<ScanLog>& logs, const std::vector<Stop>& stops,
                              const ExtractOptions& options);

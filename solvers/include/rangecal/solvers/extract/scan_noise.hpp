@@ -26,9 +26,9 @@ ScanNoise fit_scan_noise(std::span<const SpreadSample> samples, double floor_m =
 
 /// The law from the scans alone. On a straight wall u = 1/r obeys u(-) + u(+) = 2 cos(step) u(0) exactly, so
 ///   e = r^2 (u(-) + u(+) - 2 cos(step) u(0)),   var e = sigma^2 (2 + 4 cos^2(step))
-/// over three neighbouring beams of even step; robust (median of |e|) in bins of range, so that edges and corners do not
-/// count. Curved faces make it too large, never too small. Half of the smallest step between readings that differ bounds
-/// the floor. Throws InputError where fewer than 30 triples can be used.
+/// over three neighbouring beams of even step; robust (median of |e|) in bins of range, so that edges and corners do
+/// not count. Curved faces make it too large, never too small. Half of the smallest step between readings that differ
+/// bounds the floor. Throws InputError where fewer than 30 triples can be used.
 ScanNoise estimate_scan_noise(std::span<const Scan> scans);
 
 }  // namespace rangecal

@@ -19,17 +19,17 @@ struct ScanScene {
   std::vector<Wall> walls;
   double first_beam_rad = -3.141592653589793, step_rad = 0.017453292519943295;
   int beams = 360;
-  double spot_radius_m = 0.0;     ///< beams within this of an edge read a mixture of front and back
-  double lost_share = 0.0;        ///< share of beams that do not return, at random
-  int moving_scans = 0;           ///< scans on the way from each stop to the next, without a label
-  bool label_stops = true;        ///< scans at a stop carry its label
+  double spot_radius_m = 0.0;  ///< beams within this of an edge read a mixture of front and back
+  double lost_share = 0.0;     ///< share of beams that do not return, at random
+  int moving_scans = 0;        ///< scans on the way from each stop to the next, without a label
+  bool label_stops = true;     ///< scans at a stop carry its label
 };
 
 /// What the beams of one scan really hit.
 struct ScanTruth {
-  Pose2 sensor;                   ///< true pose
-  int stop = -1;                  ///< -1 on the way
-  std::vector<int> target;        ///< per beam: landmark, -1 wall, -2 nothing
+  Pose2 sensor;             ///< true pose
+  int stop = -1;            ///< -1 on the way
+  std::vector<int> target;  ///< per beam: landmark, -1 wall, -2 nothing
 };
 
 struct SimulatedScans {

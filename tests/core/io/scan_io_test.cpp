@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/core/scan_io.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "rangecal/core/errors.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace rangecal {
+namespace {
+
+using ::testing::HasSubstr;
+
+ScanLog read_text(const std::string& text) {
+  const test::TemporaryFolder folder;
+  folder.write("scans", text);
+  return read_scans(folder.file("scans"));
+}
+
+std::string complaint(const std::string& text) {
+  try {
+    read_text(text);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(ScanCsv, OneScanALine) {
+  const ScanLog log = read_text(
+      "\xef\xbb\xbfstamp, angle_min,angle_increment,n,ranges...\r\n"
+      "1.5,-0.02,0.01,3,1,inf,2.5\r\n"
+      "\r\n"
+      "1.75,0,0.02,2,nan,\r\n");
+  ASSERT_EQ(log.scans.size(), 2u);
+  EXPECT_EQ(log.scans[0].stamp_s, 1.5);
+  EXPECT_THAT(log.scans[0].bearing_rad, ::testing::ElementsAre(-0.02, -0.01, 0.0));
+  EXPECT_EQ(log.scans[0].range_m[2], 2.5);
+  EXPECT_TRUE(std::isinf(log.scans[0].range_m[1]));
+  EXPECT_TRUE(std::isnan(log.scans[1].range_m[0]) && std::isnan(log.scans[1].range_m[1]));
+  EXPECT_EQ(log.scans[1].row, 4);
+}
+
+TEST(ScanCsv, DecreasingAnglesAreTurnedRoundAndStopsAreKept) {
+  const ScanLog log = read_text("stop,stamp,angle_min,angle_increment,r0,r1\nA,0,0.1,-0.1,1,2\n");
+  EXPECT_EQ(log.scans[0].stop, "A");
+  EXPECT_THAT(log.scans[0].bearing_rad, ::testing::ElementsAre(0.0, 0.1));
+  EXPECT_THAT(log.scans[0].range_m, ::testing::ElementsAre(2.0, 1.0));
+}
+
+TEST(ScanCsv, OneBeamALine) {
+  const ScanLog log = read_text(
+      "range_m,stamp,angle_rad,stop\n"
+      "2,0.1,0.2,A\n1,0.1,0.1,A\n,0.1,0.3,A\n"
+      "4,0.2,0.1,A\n"
+      "5,0.2,0.1,B\n");
+  ASSERT_EQ(log.scans.size(), 3u);
+  EXPECT_THAT(log.scans[0].bearing_rad, ::testing::ElementsAre(0.1, 0.2, 0.3));
+  EXPECT_EQ(log.scans[0].range_m[0], 1.0);
+  EXPECT_TRUE(std::isnan(log.scans[0].range_m[2]));
+  EXPECT_EQ(log.scans[2].stop, "B");
+}
+
+TEST(ScanCsv, ComplainsWithRowAndColumn) {
+  const std::string head = "stamp,angle_min,angle_increment,n,ranges...\n";
+  EXPECT_THAT(complaint(head + "0,0,0.01,2,1,x\n"), AllOf(HasSubstr("row 2"), HasSubstr("range 1"), HasSubstr("'x'")));
+  EXPECT_THAT(complaint(head + "0,0,0.01,3,1,2\n"), AllOf(HasSubstr("row 2"), HasSubstr("'n'"), HasSubstr("2")));
+  EXPECT_THAT(complaint(head + "0,0,0.01\n"), HasSubstr("no range"));
+  EXPECT_THAT(complaint(head + "0,0,1,2,1,2\n"), HasSubstr("degrees"));
+  EXPECT_THAT(complaint(head + "0,0,0,2,1,2\n"), HasSubstr("angle_increment"));
+  EXPECT_THAT(complaint(head + "nan,0,0.01,2,1,2\n"), HasSubstr("stamp"));
+  EXPECT_THAT(complaint(head), HasSubstr("no scan"));
+  EXPECT_THAT(complaint("a,b\n1,2\n"), HasSubstr("no file of scans"));
+  EXPECT_THAT(complaint(""), HasSubstr("empty"));
+  EXPECT_THAT(complaint("stamp,angle_rad,range_m\n0,90,1\n"), HasSubstr("degrees"));
+}
+
+TEST(CarmenLog, OldAndNewMessagesWithOdometry) {
+  const ScanLog log = read_text(
+      "# CARMEN Logfile\n"
+      "PARAM robot_width 0.4\n"
+      "ODOM 0 0 0 0 0 0 1.0 host 1.0\n"
+      "FLASER 4 1.0 2.0 81.9 4.0 0.1 0.2 0.3 1.1 1.2 1.3 10.5 host 0.5\n"
+      "ROBOTLASER1 0 -0.5 1.0 0.5 10.0 0.01 0 3 1.0 12.0 3.0 0 5 6 0.7 5.5 6.5 0.8 0 0 0 0 0 11.5 host 1.5\n"
+      "RAWLASER1 0 -0.5 1.0 0.25 10.0 0.01 0 2 1.0 2.0 2 7 8 12.5 host 2.5\n");
+  ASSERT_EQ(log.scans.size(), 3u);
+  EXPECT_EQ(log.lines_skipped, 2);
+  // Four beams over half a circle from -90 degrees: step 180 / 4 = 45 degrees.
+  EXPECT_NEAR(log.scans[0].bearing_rad[3], 0.25 * std::numbers::pi, 1e-12);
+  EXPECT_FALSE(std::isfinite(log.scans[0].range_m[2]));
+  EXPECT_EQ(log.scans[0].stamp_s, 10.5);
+  ASSERT_TRUE(log.scans[0].odometry);
+  EXPECT_EQ(log.scans[0].odometry->y_m, 1.2);
+  EXPECT_THAT(log.scans[1].bearing_rad, ::testing::ElementsAre(-0.5, 0.0, 0.5));
+  EXPECT_FALSE(std::isfinite(log.scans[1].range_m[1]));  // at or beyond the maximum: no return
+  EXPECT_EQ(log.scans[1].odometry->heading_rad, 0.8);
+  EXPECT_EQ(log.scans[2].stamp_s, 12.5);
+  EXPECT_FALSE(log.scans[2].odometry);
+}
+
+TEST(CarmenLog, ComplainsAboutAShortLine) {
+  EXPECT_THAT(complaint("FLASER 4 1.0 2.0 3.0\n"), AllOf(HasSubstr("row 1"), HasSubstr("the line ends")));
+  EXPECT_THAT(complaint("FLASER 1.5 1.0\n"), HasSubstr("number of beams"));
+}
+
+TEST(RosBag, IsRefusedWhereTheBuildCannotReadIt) {
+  if (reads_bags()) GTEST_SKIP() << "this build reads bags";
+  EXPECT_THAT(complaint("#ROSBAG V2.0\n"), HasSubstr("librosbag-storage-dev"));
+}
+
+}  // namespace
+}  // namespace rangecal
