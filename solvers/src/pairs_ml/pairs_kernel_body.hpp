@@ -7,6 +7,7 @@ namespace {
 
 constexpr int lanes = 8;
 typedef double Vector __attribute__((vector_size(64)));
+typedef long long Bits __attribute__((vector_size(64)));
 typedef double Loaded __attribute__((vector_size(64), aligned(8), may_alias));
 
 #define RANGECAL_INLINE inline __attribute__((always_inline))
@@ -15,19 +16,43 @@ RANGECAL_INLINE void reduce(const Vector& vector, double& sum) {
   sum += ((vector[0] + vector[4]) + (vector[2] + vector[6])) + ((vector[1] + vector[5]) + (vector[3] + vector[7]));
 }
 
-/// Powers t^0 .. t^m.
+/// Powers t^1 .. t^m; power[0] is not set.
 template <int m>
-RANGECAL_INLINE void powers_of(Vector t, Vector* power) {
-  power[0] = t - t + 1.0;
-  for (int k = 1; k <= m; ++k) power[k] = power[k - 1] * t;
+RANGECAL_INLINE void powers_of(const Vector& t, Vector* power) {
+  if constexpr (m > 0) power[1] = t;
+  for (int k = 2; k <= m; ++k) power[k] = power[k - 1] * t;
 }
+
+/// A product of positive factors as mantissas in [1, 2) and binary exponents, so that one logarithm at the end does.
+struct LongProduct {
+  Vector mantissa = Vector{} + 1.0;
+  Bits exponent = {};
+  int splits = 0;
+
+  RANGECAL_INLINE void split() {
+    const Bits bits = reinterpret_cast<Bits>(mantissa);
+    exponent += bits >> 52;
+    ++splits;
+    mantissa = reinterpret_cast<Vector>((bits & 0x000fffffffffffffLL) | 0x3ff0000000000000LL);
+  }
+  double log() {
+    split();
+    double product = 1.0, twos = -1023.0 * lanes * splits;
+    for (int k = 0; k < lanes; ++k) {
+      product *= mantissa[k];
+      twos += static_cast<double>(exponent[k]);
+    }
+    return __builtin_log(product) + 0.693147180559945309417 * twos;
+  }
+};
 
 /// Running sums of one pass. A cell adds with e = r / f, g = P f^2, z = q P and b = w e g + p z (terms below):
 ///   inverse   R i t^k      both   i b t^k      hessian   l_ff t^k      expected   E l_ff t^k
 template <KernelLaw law, int n, bool information>
 struct Lanes {
   Vector inverse[n + 1] = {}, both[n + 1] = {}, hessian[2 * n + 1] = {}, expected[2 * n + 1] = {};
-  Vector square = {}, log_f = {}, product = Vector{} + 1.0, min_f = Vector{} + 1e300;
+  Vector square = {}, log_f = {}, min_f = Vector{} + 1e300;
+  LongProduct product;
 };
 
 /// With q = w ((mean - f)^2 + mean_square), P = 1 / s^2, i = 1 / f, r = mean - f, R the count and s = sigma f^p:
@@ -78,7 +103,7 @@ RANGECAL_INLINE void add_cells(const KernelInput& in, const double* d_at, const 
     lane.square += z;
     const Vector scaled = f * in.inverse_f_scale;
     if constexpr (plain) {
-      lane.product *= scaled;
+      lane.product.mantissa *= scaled;
     } else {
       for (int k = 0; k < lanes; ++k) lane.log_f[k] += count[k] * __builtin_log(scaled[k]);
     }
@@ -115,10 +140,6 @@ void kernel(const KernelInput& in, KernelSums& sums) {
   constexpr double p = law == KernelLaw::power1 ? 1.0 : law == KernelLaw::power2 ? 2.0
                      : law == KernelLaw::power3 ? 3.0 : 0.0;
   Lanes<law, n, information> lane;
-  const auto flush_product = [&] {
-    for (int k = 0; k < lanes; ++k) lane.log_f[k] += __builtin_log(lane.product[k]);
-    lane.product = Vector{} + 1.0;
-  };
   std::size_t i = in.begin;
   if constexpr (single) {
     while (i + lanes <= in.end) {
@@ -126,7 +147,7 @@ void kernel(const KernelInput& in, KernelSums& sums) {
       const std::size_t left = (in.end - i) / lanes, stop = i + lanes * (left < 32 ? left : 32);
       for (; i < stop; i += lanes)
         add_cells<law, n, information, true>(in, in.d + i, in.mean + i, nullptr, nullptr, nullptr, lane);
-      if constexpr (p > 0.0) flush_product();
+      if constexpr (p > 0.0) lane.product.split();
     }
   } else {
     for (; i + lanes <= in.end; i += lanes)
@@ -162,6 +183,7 @@ void kernel(const KernelInput& in, KernelSums& sums) {
   }
   reduce(lane.square, sums.square);
   reduce(lane.log_f, sums.log_f);
+  if constexpr (single && p > 0.0) sums.log_f += lane.product.log();
   for (int k = 0; k < lanes; ++k) sums.min_f = lane.min_f[k] < sums.min_f ? lane.min_f[k] : sums.min_f;
 }
 
