@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draws the figures of docs/reproduction.md and docs/which-estimator.md from the results beside this file.
 
-usage: draw.py [FIGURE...]      (Debian: python3-matplotlib). Figures go to docs/images/studies.
+usage: draw.py [FIGURE...]      figures, to docs/images/studies
+       draw.py caps             the ratios (31) that the noise alone allows
+Needs matplotlib (Debian: python3-matplotlib).
 """
 import csv
 import pathlib
@@ -163,10 +165,10 @@ def fig_2021_fig8():
         for sigma in (0.01, 0.05):
             x, y = curve("2021-fig8", "landmarks", "landmark_bound_m", estimator="marginal", scene=scene, sigma_s_m=sigma)
             axes[panel].semilogy(x, y**2, color="0.5", linewidth=4, alpha=0.5)
-    axes[0].set(title="bias, the first L landmarks of one room", xlabel="L", ylabel="bias [m]")
-    axes[1].set(title="variance, the first L landmarks of one room", xlabel="L", ylabel="variance [m²]")
+    axes[0].set(title="bias, landmarks listed", xlabel="L", ylabel="bias [m]")
+    axes[1].set(title="variance, landmarks listed", xlabel="L", ylabel="variance [m²]")
     axes[2].set(title="variance, landmarks drawn anew", xlabel="L")
-    axes[2].legend(fontsize=6, ncols=2)
+    axes[2].legend(fontsize=7, bbox_to_anchor=(1.02, 1), loc="upper left")
     axes[1].text(0.03, 0.03, "grey: bound. full does not exist for L ≤ 2", transform=axes[1].transAxes, fontsize=8)
     save(figure, "2021-fig8")
 
@@ -184,12 +186,16 @@ def fig_2021_fig9():
     save(figure, "2021-fig9")
 
 
-def known_curve_ratio(sigma):
-    """The ratio (31) of the true curve, landmarks A and B of scenes/2021.yaml, noise sigma f(d): what no calibration
-    can pass. First order in the noise."""
+def distances_2021(landmarks):
+    """From every stop of scenes/2021.yaml to its first landmarks [m]."""
+    places = ((0.46, 0.93), (1.57, -0.55), (2.71, 1.84), (3.34, -1.36), (1.38, 2.77))[:landmarks]
+    return np.concatenate([np.hypot(x - np.arange(20) * 0.2, y) for x, y in places])
+
+
+def known_curve_ratio(d, sigma):
+    """The ratio (31) of the true curve at distances d [m], noise sigma f(d): what no calibration can pass. First order
+    in the noise."""
     alpha = np.array([0.0525, 0.8838, 0.0584])
-    stops = np.arange(20) * 0.2
-    d = np.concatenate([np.hypot(x - stops, y) for x, y in ((0.46, 0.93), (1.57, -0.55))])
     f, slope = alpha[0] + d * (alpha[1] + d * alpha[2]), alpha[1] + 2 * alpha[2] * d
     return np.mean((f - d) ** 2 + (sigma * f) ** 2) / np.mean((sigma * f / slope) ** 2)
 
@@ -202,7 +208,7 @@ def fig_2021_fig9_readings():
                          sigma_s_m=0.001)
             axes.loglog(x, y, color=color, linestyle=line, marker=".", label=rf"{STYLE[name][0]}, $\sigma_\theta$ = {angle:g}°")
     x = np.geomspace(0.005, 0.05, 50)
-    axes.loglog(x, [known_curve_ratio(s) for s in x], color="0.5", linewidth=4, alpha=0.5, label="the true curve")
+    axes.loglog(x, [known_curve_ratio(distances_2021(2), s) for s in x], color="0.5", linewidth=4, alpha=0.5, label="the true curve")
     axes.axhline(100, color="k", linewidth=0.8)
     axes.axhline(1, color="k", linewidth=0.8, linestyle=":")
     axes.set(xlabel=r"noise: $\beta$ = x $\alpha$", ylabel="MSE ratio (31)")
@@ -299,7 +305,17 @@ def fig_which_pairs():
     save(figure, "which-pairs")
 
 
+def print_caps():
+    """The ratio of the true curve at the paper's noise, by where the distances lie."""
+    for landmarks in (1, 2, 5):
+        print(f"the first {landmarks} of scenes/2021.yaml: {known_curve_ratio(distances_2021(landmarks), 0.05):.1f}")
+    for highest in (4, 5, 6, 8, 10):
+        print(f"evenly over 0.2 to {highest} m: {known_curve_ratio(np.linspace(0.2, highest, 2000), 0.05):.1f}")
+
+
 if __name__ == "__main__":
+    if sys.argv[1:] == ["caps"]:
+        sys.exit(print_caps())
     drawers = {name[4:].replace("_", "-"): draw for name, draw in globals().items() if name.startswith("fig_")}
     for wanted in sys.argv[1:] or drawers:
         if wanted not in drawers:
