@@ -25,7 +25,7 @@ package: build
 	cpack --config $(BUILD)/CPackConfig.cmake -B build/packages
 
 # Measurements, not tests: minutes each. The tables in docs/ come from these.
-.PHONY: bench-accuracy bench-speed bench-peers prove
+.PHONY: bench-accuracy bench-speed bench-peers bench-study studies prove
 bench-accuracy: build
 	$(BUILD)/benchmarks/joint_accuracy 1000 200 notebooks_data/scenes
 
@@ -38,5 +38,25 @@ bench-peers: build
 	@.ci/install benchmarks/peers/packages
 	python3 benchmarks/peers/run.py $(BUILD)/benchmarks/peers_compiled
 
+# The time of a study point: 1000 repeats of the 2021 setting, all four methods; then milliseconds per repeat of each.
+bench-study: build
+	rm -rf build/study-speed
+	$(BUILD)/apps/rangecal study notebooks_data/studies/speed.yaml -o build/study-speed
+	cat build/study-speed/timing.csv
+
+# The studies of docs/reproduction.md and docs/which-estimator.md, about ten minutes on two idle cores; a run that was
+# stopped goes on. notebooks_data/studies/draw.py then draws the figures.
+studies: build
+	for csv in notebooks_data/studies/results/*.csv; do name=$$(basename $$csv .csv); \
+	  $(BUILD)/apps/rangecal study notebooks_data/studies/$$name.yaml -o build/studies/$$name --resume \
+	  && cp build/studies/$$name/results.csv $$csv || exit 1; done
+
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
+
+# docs/gallery.md: what each effect of the catalogue leaves behind when it is left out.
+.PHONY: gallery
+gallery: build
+	rm -rf build/gallery
+	$(BUILD)/apps/report/rangecal_gallery build/gallery
+	node docs/make_gallery.mjs build/gallery $(BUILD)/apps/report/web/node_modules apps/report/page/page.css docs

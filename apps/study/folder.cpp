@@ -135,9 +135,10 @@ int StudyFolder::finish() {
     return done;
   }
   write_tables();
-  fmt::print("{}: {} point{} of {} repeats ({} run, {} known before), {} estimator{}: {}\n", study_.name,
+  fmt::print("{}: {} point{} of {} repeats ({} run, {} known before), {} estimator{}, {:.2f} s: {}\n", study_.name,
              study_.points.size(), study_.points.size() == 1 ? "" : "s", study_.repeats, repeats_run_, repeats_known_,
              study_.estimators.size(), study_.estimators.size() == 1 ? "" : "s",
+             std::chrono::duration<double>(Clock::now() - begin_).count(),
              (std::filesystem::path(job_.folder) / "results.csv").string());
   return done;
 }
