@@ -14,9 +14,9 @@
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
-#include "rangecal/core/scan_io.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/extract/extract.hpp"
+#include "scan_files.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -47,7 +47,8 @@ std::vector<double> radii_from(const std::string& text) {
   for (std::size_t at = 0; at <= text.size();) {
     const std::size_t comma = std::min(text.find(',', at), text.size());
     radii.push_back(positive(text.substr(at, comma - at), "--radius"));
-    if (radii.back() > 2.0) throw InputError(fmt::format("--radius: {} m is no landmark's; it is given in metres", radii.back()));
+    if (radii.back() > 2.0)
+      throw InputError(fmt::format("--radius: {} m is no landmark's; it is given in metres", radii.back()));
     at = comma + 1;
   }
   return radii;
@@ -107,15 +108,16 @@ int extract(const Given& given) {
   std::vector<Stop> stops;
   if (!given.stops.empty()) stops = stops_of(CsvTable::read(given.stops));
   std::vector<ScanLog> logs;
-  for (const std::string& path : given.scans) logs.push_back(read_scans(path, given.topic));
+  for (const std::string& path : given.scans) logs.push_back(read_scan_file(path, given.topic));
   Extraction extraction = extract_recording(logs, stops, options);
   extraction.recording.sensor.name = given.sensor, extraction.recording.sensor.principle = given.principle;
   fmt::print("scans of   {} ({})\n", source_of(logs), logs.front().format);
   fmt::print("{}", describe(extraction, options));
   if (!given.json.empty()) write_file(given.json, extraction_json(extraction, options));
   if (extraction.runs_clockwise)
-    fmt::print(stderr, "rangecal: with bearings turned round the stops agree much better: if the scanner counts clockwise, "
-                       "add --clockwise\n");
+    fmt::print(stderr,
+               "rangecal: with bearings turned round the stops agree much better: if the scanner counts clockwise, "
+               "add --clockwise\n");
   if (extraction.recording.landmarks.empty()) {
     fmt::print(stderr, "rangecal: no landmark was found; no recording is written\n");
     return not_delivered;
@@ -131,63 +133,92 @@ int extract(const Given& given) {
 void add_extract(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("extract", "find cylinders in raw scans and make a recording of them");
   const auto given = std::make_shared<Given>();
-  command->add_option("SCANS", given->scans,
-                      "files of scans: CSV (stamp, angle_min, angle_increment, ranges... or stamp, angle_rad, range_m), CARMEN "
-                      "logs, ROS 1 bags")
+  command
+      ->add_option(
+          "SCANS", given->scans,
+          "files of scans: CSV (stamp, angle_min, angle_increment, ranges... or stamp, angle_rad, range_m), CARMEN "
+          "logs, ROS 1 bags")
       ->required();
   command->add_option("-o,--output", given->folder, "folder of the recording, made if missing")->required();
 
-  command->add_option("--radius", given->radius,
-                      "radius of the cylinders [m]; several kinds as 0.04,0.12; 'free': estimated, 2 to 20 cm")
-      ->capture_default_str()->group("Landmarks");
-  command->add_option("--map", given->map, "CSV with landmark, x_m, y_m and perhaps radius_m: known places, for the labels")
+  command
+      ->add_option("--radius", given->radius,
+                   "radius of the cylinders [m]; several kinds as 0.04,0.12; 'free': estimated, 2 to 20 cm")
+      ->capture_default_str()
       ->group("Landmarks");
-  command->add_option("--arc", given->arc, "which point of the arc is the range: nearest (of the fitted circle), mean, smallest")
-      ->capture_default_str()->group("Landmarks");
+  command
+      ->add_option("--map", given->map,
+                   "CSV with landmark, x_m, y_m and perhaps radius_m: known places, for the labels")
+      ->group("Landmarks");
+  command
+      ->add_option("--arc", given->arc,
+                   "which point of the arc is the range: nearest (of the fitted circle), mean, smallest")
+      ->capture_default_str()
+      ->group("Landmarks");
   command->add_option("--beams-min", given->options.cylinder.beams_min, "hits that a cylinder must have")
-      ->capture_default_str()->group("Landmarks");
-  command->add_option("--edge-cut", given->options.cylinder.edge_cut,
-                      "hits that pass the axis at more than this share of the radius are dropped: mixed pixels")
-      ->capture_default_str()->group("Landmarks");
+      ->capture_default_str()
+      ->group("Landmarks");
+  command
+      ->add_option("--edge-cut", given->options.cylinder.edge_cut,
+                   "hits that pass the axis at more than this share of the radius are dropped: mixed pixels")
+      ->capture_default_str()
+      ->group("Landmarks");
   command->add_option("--support", given->options.support, "share of a stop's scans in which a landmark must be found")
-      ->capture_default_str()->group("Landmarks");
+      ->capture_default_str()
+      ->group("Landmarks");
 
-  command->add_option("--stops", given->stops,
-                      "stops.csv: stop, x_m, y_m, heading_rad (else odometry of the log, or one stop at the origin)")
+  command
+      ->add_option("--stops", given->stops,
+                   "stops.csv: stop, x_m, y_m, heading_rad (else odometry of the log, or one stop at the origin)")
       ->group("Stops");
-  command->add_option("--split", given->split,
-                      "what tells stops apart: label (column 'stop'), file, scan, standing (the robot stands), automatic")
-      ->capture_default_str()->group("Stops");
+  command
+      ->add_option("--split", given->split,
+                   "what tells stops apart: label (column 'stop'), file, scan, standing (the robot stands), automatic")
+      ->capture_default_str()
+      ->group("Stops");
   command->add_option("--scans-min", given->options.stand.scans_min, "scans that a stand must have; fewer: moving")
-      ->capture_default_str()->group("Stops");
+      ->capture_default_str()
+      ->group("Stops");
   command->add_option("--sigma-xy", given->options.association.sigma_xy_m, "how far a stop may be from its pose [m]")
-      ->capture_default_str()->group("Stops");
+      ->capture_default_str()
+      ->group("Stops");
   command->add_option("--sigma-heading", given->options.association.sigma_heading_rad, "the same for its heading [rad]")
-      ->capture_default_str()->group("Stops");
+      ->capture_default_str()
+      ->group("Stops");
   command->add_option("--error", given->error, "independent, or random_walk: the error accumulates from stop to stop")
-      ->capture_default_str()->group("Stops");
+      ->capture_default_str()
+      ->group("Stops");
 
-  command->add_option("--noise", given->noise,
-                      "FLOOR,QUADRATIC [m, 1/m]: sd of a beam sqrt(FLOOR^2 + (QUADRATIC r^2)^2); estimated if not given")
-      ->delimiter(',')->group("Sensor");
-  command->add_option("--range-min", given->range_min, "readings below are no hits [m]")->capture_default_str()->group("Sensor");
+  command
+      ->add_option("--noise", given->noise,
+                   "FLOOR,QUADRATIC [m, 1/m]: sd of a beam sqrt(FLOOR^2 + (QUADRATIC r^2)^2); estimated if not given")
+      ->delimiter(',')
+      ->group("Sensor");
+  command->add_option("--range-min", given->range_min, "readings below are no hits [m]")
+      ->capture_default_str()
+      ->group("Sensor");
   command->add_option("--range-max", given->range_max, "readings above are no hits [m]")->group("Sensor");
   command->add_flag("--clockwise", given->options.clockwise, "bearings of the scans run clockwise")->group("Sensor");
-  command->add_option("--bearing-offset", given->bearing_offset,
-                      "mount of the sensor [rad], for the labels alone; the recording keeps raw bearings")
-      ->capture_default_str()->group("Sensor");
+  command
+      ->add_option("--bearing-offset", given->bearing_offset,
+                   "mount of the sensor [rad], for the labels alone; the recording keeps raw bearings")
+      ->capture_default_str()
+      ->group("Sensor");
   command->add_option("--sensor", given->sensor, "name of the sensor, for the recording")->group("Sensor");
   command->add_option("--principle", given->principle, "triangulation, phase, ..., for the recording")->group("Sensor");
-  command->add_option("--topic", given->topic, "topic of the scans in a ROS bag, where there are several")->group("Sensor");
+  command->add_option("--topic", given->topic, "topic of the scans in a ROS bag, where there are several")
+      ->group("Sensor");
   command->add_option("--json", given->json, "write what was found and thrown away, also without a recording");
   command->footer(
       "Nothing is dropped silently: scans, beams, segments and cylinders are counted with the reason, here and in\n"
       "extraction.json beside the recording. Exit code 1: no landmark was found.\n"
       "Examples:\n"
       "  rangecal extract run.csv --stops stops.csv --radius 0.12 -o rec     the log is split where the robot stands\n"
-      "  rangecal extract s1.csv s2.csv s3.csv --stops stops.csv --radius 0.04,0.12 -o rec      one file for each stop\n"
+      "  rangecal extract s1.csv s2.csv s3.csv --stops stops.csv --radius 0.04,0.12 -o rec      one file for each "
+      "stop\n"
       "  rangecal extract robot.log --error random_walk -o rec      CARMEN log: poses from its odometry\n"
-      "  rangecal extract run.csv --stops stops.csv --radius 0.12 --arc mean -o rec      to see what arc_definition costs");
+      "  rangecal extract run.csv --stops stops.csv --radius 0.12 --arc mean -o rec      to see what arc_definition "
+      "costs");
   command->callback([given, &chosen] { chosen = [given] { return extract(*given); }; });
 }
 

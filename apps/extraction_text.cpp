@@ -55,9 +55,12 @@ std::vector<LandmarkSummary> summarise(const Recording& recording) {
 
 const char* arc_in_words(ArcRule arc) {
   switch (arc) {
-    case ArcRule::mean: return "the mean of the hits, about 0.2 R behind the nearest point";
-    case ArcRule::smallest: return "the smallest of the hits, nearer than the surface by the noise";
-    case ArcRule::nearest: break;
+    case ArcRule::mean:
+      return "the mean of the hits, about 0.2 R behind the nearest point";
+    case ArcRule::smallest:
+      return "the smallest of the hits, nearer than the surface by the noise";
+    case ArcRule::nearest:
+      break;
   }
   return "the nearest point of the fitted circle";
 }
@@ -71,8 +74,8 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   out += fmt::format("stops      {}, told apart by {}\n", recording.stops.size(),
                      extraction.split == StopSplit::standing ? "standing still" : to_string(extraction.split));
   out += wrapped(fmt::format("scans      {}", tally_line(extraction.scans, "read")), 11) + "\n";
-  out += fmt::format("noise      of a beam at r: sqrt(({:.2f} mm)^2 + ({:.2f} mm/m^2 r^2)^2), {}\n", 1e3 * noise.floor_m,
-                     1e3 * noise.quadratic_per_m, extraction.noise_origin);
+  out += fmt::format("noise      of a beam at r: sqrt(({:.2f} mm)^2 + ({:.2f} mm/m^2 r^2)^2), {}\n",
+                     1e3 * noise.floor_m, 1e3 * noise.quadratic_per_m, extraction.noise_origin);
   out += wrapped(fmt::format("beams      {}", tally_line(extraction.beams, "all")), 11) + "\n";
   out += wrapped(fmt::format("segments   {}", tally_line(extraction.segments, "all")), 11) + "\n";
   out += wrapped(fmt::format("cylinders  {}", tally_line(extraction.cylinders, "found")), 11) + "\n";
@@ -82,10 +85,10 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   const std::vector<LandmarkSummary> landmarks = summarise(recording);
   for (std::size_t j = 0; j < landmarks.size(); ++j) {
     const LandmarkSummary& one = landmarks[j];
-    out += fmt::format("{:<10} {:6.1f} mm {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
-                       recording.landmarks[j].label, 1e3 * recording.landmarks[j].radius_m, one.stops.size(),
-                       one.readings, one.nearest_m, one.farthest_m, one.beams, 1e3 * one.range_sd_m,
-                       one.bearing_sd_rad * 180.0 / M_PI);
+    out +=
+        fmt::format("{:<10} {:6.1f} mm {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
+                    recording.landmarks[j].label, 1e3 * recording.landmarks[j].radius_m, one.stops.size(), one.readings,
+                    one.nearest_m, one.farthest_m, one.beams, 1e3 * one.range_sd_m, one.bearing_sd_rad * 180.0 / M_PI);
   }
   return out;
 }

@@ -44,9 +44,9 @@ WordTable::WordTable(const std::string& path) : path_(path) {
 
 const std::string& WordTable::text(std::size_t row, std::size_t word) const {
   if (word >= rows_[row].size())
-    throw InputError(path_, lines_[row], "",
-                     "holds " + std::to_string(rows_[row].size()) + " words, at least " + std::to_string(word + 1) +
-                         " are needed");
+    throw InputError(
+        path_, lines_[row], "",
+        "holds " + std::to_string(rows_[row].size()) + " words, at least " + std::to_string(word + 1) + " are needed");
   return rows_[row][word];
 }
 
@@ -55,8 +55,8 @@ double WordTable::number(std::size_t row, std::size_t word) const {
   double value = 0.0;
   const auto [end, code] = std::from_chars(field.data(), field.data() + field.size(), value);
   if (code != std::errc() || end != field.data() + field.size() || !std::isfinite(value))
-    throw InputError(path_, lines_[row], "", "word " + std::to_string(word + 1) + ", '" + field.substr(0, 40) +
-                                                 "', is not a finite number");
+    throw InputError(path_, lines_[row], "",
+                     "word " + std::to_string(word + 1) + ", '" + field.substr(0, 40) + "', is not a finite number");
   return value;
 }
 

@@ -29,7 +29,7 @@ class WordTable {
   std::size_t rows() const { return rows_.size(); }
   std::size_t words(std::size_t row) const { return rows_[row].size(); }
   const std::string& text(std::size_t row, std::size_t word) const;
-  double number(std::size_t row, std::size_t word) const;   ///< finite; throws InputError naming file and row
+  double number(std::size_t row, std::size_t word) const;  ///< finite; throws InputError naming file and row
   const std::string& path() const { return path_; }
 
  private:

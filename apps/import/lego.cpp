@@ -42,7 +42,8 @@ ScanLog read_scans_of(const std::string& path) {
     scan.stamp_s = 1e-3 * table.number(row, 1);
     const double count = table.number(row, 2);
     if (count != static_cast<double>(table.words(row) - 3))
-      throw InputError(path, scan.row, "", fmt::format("says {} beams, the line holds {}", count, table.words(row) - 3));
+      throw InputError(path, scan.row, "",
+                       fmt::format("says {} beams, the line holds {}", count, table.words(row) - 3));
     for (std::size_t i = 0; i + 3 < table.words(row); ++i) {
       scan.bearing_rad.push_back((static_cast<double>(i) - 330.0) * kPitch);
       scan.range_m.push_back(1e-3 * table.number(row, i + 3));
@@ -134,8 +135,9 @@ void add(CLI::App& command, Action& chosen) {
   const auto given = std::make_shared<Given>();
   command.add_option("DIR", given->source, "folder with robot4_scan.txt, robot4_motors.txt, ...")->required();
   command.add_option("-o,--output", given->folder, "folder of the recording, made if missing")->required();
-  command.add_option("--poses", given->poses,
-                     "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
+  command
+      .add_option("--poses", given->poses,
+                  "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
       ->capture_default_str();
   command.add_option("--track", given->track_m, "distance of the tracks [m]; the course uses 0.150, 0.155 and 0.173")
       ->capture_default_str();

@@ -5,8 +5,8 @@
 //   RobotN_Measurement.dat     time [s], barcode, range [m], bearing [rad]
 //   RobotN_Groundtruth.dat     time, x, y, heading                  motion capture, 100 Hz with gaps
 //   RobotN_Odometry.dat        time, speed [m/s], turn rate [rad/s] commands
-// A sighting of a tube is used where motion capture stands on both sides within 0.25 s; times count from the whole
-// second of the first measurement.
+// A sighting of a tube is used where the motion capture poses around it are no more than 0.25 s apart; times count from
+// the whole second of the first measurement.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -25,8 +25,10 @@
 namespace rangecal::app {
 namespace {
 
-constexpr double kGap = 0.25;            ///< from a sighting to motion capture before and behind it [s]
-constexpr double kStandM = 0.02, kStandRad = 0.02;  ///< a dwell ends where the robot is farther than this from its start
+constexpr double kGap = 0.25;  ///< between the motion capture poses around a sighting; half-width for speeds [s]
+constexpr double kForever = 1e9;           ///< commands hold until the next [s]
+constexpr double kStandM = 0.02,
+                 kStandRad = 0.02;  ///< a dwell ends where the robot is farther than this from its start
 
 struct Given {
   std::string source, folder, as = "stops", poses = "mocap";
@@ -38,12 +40,12 @@ struct Track {
   std::vector<double> time_s;
   std::vector<Pose2> pose;
 
-  /// The pose at a time between two that are no farther than `gap` from it.
+  /// The pose at a time between two that are no farther than `gap` apart.
   std::optional<Pose2> at(double time, double gap) const {
     const auto after = std::upper_bound(time_s.begin(), time_s.end(), time);
     if (after == time_s.begin() || after == time_s.end()) return std::nullopt;
     const auto j = static_cast<std::size_t>(after - time_s.begin()), i = j - 1;
-    if (time - time_s[i] > gap || time_s[j] - time > gap) return std::nullopt;
+    if (time_s[j] - time_s[i] > gap) return std::nullopt;
     const double share = (time - time_s[i]) / (time_s[j] - time_s[i]);
     const Pose2 &a = pose[i], &b = pose[j];
     return Pose2{a.x_m + share * (b.x_m - a.x_m), a.y_m + share * (b.y_m - a.y_m),
@@ -83,7 +85,8 @@ Track dead_reckoning(const std::string& path, double from_s, const Pose2& start)
   double time = from_s, speed = 0.0, rate = 0.0;
   const auto drive_to = [&](double to) {
     const double turn = rate * (to - time), way = speed * (to - time);
-    pose.x_m += way * std::cos(pose.heading_rad + 0.5 * turn), pose.y_m += way * std::sin(pose.heading_rad + 0.5 * turn);
+    pose.x_m += way * std::cos(pose.heading_rad + 0.5 * turn),
+        pose.y_m += way * std::sin(pose.heading_rad + 0.5 * turn);
     pose.heading_rad = wrap_angle(pose.heading_rad + turn), time = to;
   };
   for (std::size_t row = 0; row < table.rows(); ++row) {
@@ -98,10 +101,10 @@ Track dead_reckoning(const std::string& path, double from_s, const Pose2& start)
   return track;
 }
 
-/// Speed along the track and turn rate over +-0.25 s around a time; 0 where motion capture has a gap there.
+/// Speed along the track and turn rate over +-0.25 s around a time; 0 where motion capture ends there.
 void add_speeds(const Track& truth, Sighted& sighting) {
   const double t = sighting.time_s;
-  const auto before = truth.at(t - kGap, kGap), after = truth.at(t + kGap, kGap);
+  const auto before = truth.at(t - kGap, kForever), after = truth.at(t + kGap, kForever);
   if (!before || !after) return;
   sighting.speed_mps = std::hypot(after->x_m - before->x_m, after->y_m - before->y_m) / (2.0 * kGap);
   sighting.turn_radps = wrap_angle(after->heading_rad - before->heading_rad) / (2.0 * kGap);
@@ -159,7 +162,8 @@ Recording as_pairs(const DataSet& data) {
   recording.kind = RecordingKind::pairs;
   Pairs& pairs = recording.pairs;
   for (const Sighted& sighting : data.sightings) {
-    pairs.true_m.push_back((data.tubes.at(sighting.tube) - Eigen::Vector2d(sighting.pose.x_m, sighting.pose.y_m)).norm());
+    pairs.true_m.push_back(
+        (data.tubes.at(sighting.tube) - Eigen::Vector2d(sighting.pose.x_m, sighting.pose.y_m)).norm());
     pairs.reading_m.push_back(sighting.range_m), pairs.bearing_rad.push_back(wrap_angle(sighting.bearing_rad));
     pairs.landmark.push_back(landmark_index(recording, data, sighting.tube));
     pairs.time_s.push_back(sighting.time_s - data.zero_s);
@@ -206,7 +210,8 @@ Recording as_stops(const DataSet& data, const Given& given) {
   for (const auto& dwell : dwells(data)) {
     std::set<int> tubes;
     for (const Sighted& sighting : dwell) tubes.insert(sighting.tube);
-    if (static_cast<int>(tubes.size()) < given.tubes_min || static_cast<int>(dwell.size()) < given.readings_min) continue;
+    if (static_cast<int>(tubes.size()) < given.tubes_min || static_cast<int>(dwell.size()) < given.readings_min)
+      continue;
     if (given.stops_max > 0 && static_cast<int>(recording.stops.size()) == given.stops_max) break;
     Stop stop;
     stop.label = std::to_string(recording.stops.size());
@@ -218,9 +223,7 @@ Recording as_stops(const DataSet& data, const Given& given) {
         const std::string file = given.source + "/Robot" + std::to_string(given.robot) + "_Odometry.dat";
         reckoned = dead_reckoning(file, middle, truth);
       }
-      const auto pose = reckoned->at(middle, 1e9);
-      if (pose) stop.commanded = *pose;
-      if (!pose) stop.commanded = middle < reckoned->time_s.back() ? truth : reckoned->pose.back();
+      stop.commanded = reckoned->at(middle, kForever).value_or(reckoned->pose.back());
     }
     const auto k = static_cast<int>(recording.stops.size());
     recording.stops.push_back(stop);
@@ -240,19 +243,24 @@ Recording as_stops(const DataSet& data, const Given& given) {
 }
 
 int import_mrclam(const Given& given) {
-  if (given.as != "stops" && given.as != "pairs") throw InputError("--as: '" + given.as + "' is neither stops nor pairs");
+  if (given.as != "stops" && given.as != "pairs")
+    throw InputError("--as: '" + given.as + "' is neither stops nor pairs");
   if (given.poses != "mocap" && given.poses != "odometry")
     throw InputError("--poses: '" + given.poses + "' is neither mocap nor odometry");
   const DataSet data = read_data_set(given);
   Recording recording = given.as == "pairs" ? as_pairs(data) : as_stops(data, given);
   recording.sensor = {"barcode-camera", "camera", 0.3, 12.0};
   save_recording(recording, given.folder);
-  fmt::print("sightings  {} of tubes with motion capture within {} s; {} of other robots, {} of unknown barcodes, {} without "
-             "motion capture left out\n", data.sightings.size(), kGap, data.robots_seen, data.unknown, data.without_pose);
+  fmt::print(
+      "sightings  {} of tubes between motion capture poses {} s apart at most; {} of other robots, {} of unknown barcodes, {} without "
+      "motion capture left out\n",
+      data.sightings.size(), kGap, data.robots_seen, data.unknown, data.without_pose);
   if (given.as == "stops")
-    fmt::print("stops      {} dwells within {} m and {} rad with {} readings of {} tubes at least; {} sightings outside them\n",
-               recording.stops.size(), kStandM, kStandRad, given.readings_min, given.tubes_min,
-               data.sightings.size() - recording.readings.size());
+    fmt::print(
+        "stops      {} dwells within {} m and {} rad with {} readings of {} tubes at least; {} sightings outside "
+        "them\n",
+        recording.stops.size(), kStandM, kStandRad, given.readings_min, given.tubes_min,
+        data.sightings.size() - recording.readings.size());
   recording.path = given.folder;
   fmt::print("{}\n", describe({&recording, 1}));
   return done;
@@ -263,9 +271,14 @@ void add(CLI::App& command, Action& chosen) {
   command.add_option("DIR", given->source, "folder with Barcodes.dat, RobotN_Measurement.dat, ...")->required();
   command.add_option("--robot", given->robot, "number of the robot, 1 to 5")->required()->check(CLI::Range(1, 5));
   command.add_option("-o,--output", given->folder, "folder of the recording, made if missing")->required();
-  command.add_option("--as", given->as, "stops: sightings grouped where the robot stands, tubes unknown; pairs: true distance "
-                                        "and reading")->capture_default_str();
-  command.add_option("--poses", given->poses, "of the stops: mocap, or odometry (reckoned from the first stop's true pose)")
+  command
+      .add_option("--as", given->as,
+                  "stops: sightings grouped where the robot stands, tubes unknown; pairs: true distance "
+                  "and reading")
+      ->capture_default_str();
+  command
+      .add_option("--poses", given->poses,
+                  "of the stops: mocap, or odometry (reckoned from the first stop's true pose)")
       ->capture_default_str();
   command.add_option("--readings-min", given->readings_min, "readings that a stop must have")->capture_default_str();
   command.add_option("--tubes-min", given->tubes_min, "tubes that a stop must see")->capture_default_str();

@@ -5,6 +5,7 @@
 
 #include "io/scan_readers.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/scan_io.hpp"
 
 namespace rangecal::io {
 namespace {

@@ -60,6 +60,20 @@ double number_in(std::string_view field, bool beam, const std::string& file, int
   return value;
 }
 
+namespace {
+
+bool looks_like_carmen(std::string_view text) {
+  Lines lines(text);
+  for (std::string_view line; lines.next(line) && lines.number() < 1000;) {
+    for (const char* start : {"FLASER ", "RAWLASER", "ROBOTLASER", "PARAM ", "ODOM ", "SYNC "})
+      if (line.starts_with(start)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+}  // namespace io
+
 void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges, const std::string& file) {
   const double turn = 2.0 * std::numbers::pi;
   if (increment == 0.0 || !std::isfinite(increment))
@@ -78,39 +92,9 @@ void set_beams(Scan& scan, double angle_min, double increment, std::vector<doubl
   }
 }
 
-#ifndef RANGECAL_WITH_ROSBAG
-ScanLog read_bag(const std::string& path, const std::string&) {
-  throw InputError(path, 0, "",
-                   "is a ROS 1 bag, which this build does not read: install librosbag-storage-dev and "
-                   "libsensor-msgs-dev and build again, or convert it to CSV");
-}
-#endif
-
-namespace {
-
-bool looks_like_carmen(std::string_view text) {
-  Lines lines(text);
-  for (std::string_view line; lines.next(line) && lines.number() < 1000;) {
-    for (const char* start : {"FLASER ", "RAWLASER", "ROBOTLASER", "PARAM ", "ODOM ", "SYNC "})
-      if (line.starts_with(start)) return true;
-  }
-  return false;
-}
-
-}  // namespace
-}  // namespace io
-
-bool reads_bags() {
-#ifdef RANGECAL_WITH_ROSBAG
-  return true;
-#else
-  return false;
-#endif
-}
-
-ScanLog read_scans(const std::string& path, const std::string& topic) {
+ScanLog read_scans(const std::string& path) {
   const std::string text = read_file(path);
-  if (text.starts_with("#ROSBAG")) return io::read_bag(path, topic);
+  if (text.starts_with("#ROSBAG")) throw InputError(path, 0, "", "is a ROS 1 bag, not text");
   ScanLog log = io::looks_like_carmen(text) ? io::read_carmen_log(path, text) : io::read_csv_scans(path, text);
   if (log.scans.empty()) throw InputError(path, 0, "", "holds no scan");
   return log;

@@ -29,12 +29,7 @@ std::vector<std::string_view> word_fields(std::string_view line);
 /// A field as a number; nan, inf and nothing (NaN) are accepted where `beam`. Throws InputError naming the place.
 double number_in(std::string_view field, bool beam, const std::string& file, int row, const std::string& column);
 
-/// Adds beams from `angle_min` in steps of `increment` to the scan; a negative increment is turned round.
-/// Throws InputError for a step that is 0, not finite, or so large that the beams lap a full circle twice.
-void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges, const std::string& file);
-
 ScanLog read_csv_scans(const std::string& path, const std::string& text);
 ScanLog read_carmen_log(const std::string& path, const std::string& text);
-ScanLog read_bag(const std::string& path, const std::string& topic);
 
 }  // namespace rangecal::io

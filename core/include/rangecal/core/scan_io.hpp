@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "rangecal/core/scan.hpp"
 
@@ -12,15 +13,14 @@ namespace rangecal {
 ///     under any name to the end of the line; lines may differ in length;
 ///   CSV, one beam a line: header with `stamp`, `angle_rad`, `range_m`, optionally `stop`; rows of one stamp that follow
 ///     each other are a scan;
-///   CARMEN log: FLASER, RAWLASERn and ROBOTLASERn, with the odometry they carry;
-///   ROS 1 bag: sensor_msgs/LaserScan, where rangecal was built with Debian's rosbag library (`topic`: empty for the
-///     only one).
+///   CARMEN log: FLASER, RAWLASERn and ROBOTLASERn, with the odometry they carry.
 /// Angles in radians, ranges in metres, `inf`, `nan`, 0 or nothing for a beam without a return. Scans whose angles
 /// decrease are turned round, so that bearings increase. Throws InputError with file, row and column.
 /// Cost: linear in the size of the file.
-ScanLog read_scans(const std::string& path, const std::string& topic = "");
+ScanLog read_scans(const std::string& path);
 
-/// True if this build reads ROS 1 bags.
-bool reads_bags();
+/// Adds beams from `angle_min` in steps of `increment` to the scan; a negative increment is turned round.
+/// Throws InputError for a step that is 0, not finite, or so large that the beams lap a full circle twice.
+void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges, const std::string& file);
 
 }  // namespace rangecal

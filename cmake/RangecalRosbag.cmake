@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Optional: ROS 1 bags. The library's own CMake and pkg-config files are broken in Debian 12.
+find_path(ROSBAG_INCLUDE_DIR rosbag/bag.h)
+find_path(SENSOR_MSGS_INCLUDE_DIR sensor_msgs/LaserScan.h)
+set(RANGECAL_ROSBAG_LIBRARIES "")
+foreach(library rosbag_storage roscpp_serialization rostime cpp_common roslz4 class_loader console_bridge)
+  find_library(ROSBAG_${library} ${library})
+  list(APPEND RANGECAL_ROSBAG_LIBRARIES ${ROSBAG_${library}})
+endforeach()
+if(ROSBAG_INCLUDE_DIR AND SENSOR_MSGS_INCLUDE_DIR AND NOT "${RANGECAL_ROSBAG_LIBRARIES}" MATCHES NOTFOUND)
+  set(RANGECAL_ROSBAG_INCLUDE_DIRS ${ROSBAG_INCLUDE_DIR})
+  foreach(part pluginlib class_loader ament_index_cpp rcpputils rcutils)
+    list(APPEND RANGECAL_ROSBAG_INCLUDE_DIRS ${ROSBAG_INCLUDE_DIR}/${part})
+  endforeach()
+else()
+  set(RANGECAL_ROSBAG_LIBRARIES "")
+  message(STATUS "No librosbag-storage-dev or libsensor-msgs-dev: rangecal extract reads no ROS 1 bags")
+endif()
+
+# A C++17 target that reads or writes bags.
+function(rangecal_use_rosbag target)
+  target_include_directories(${target} SYSTEM PRIVATE ${RANGECAL_ROSBAG_INCLUDE_DIRS})
+  set_target_properties(${target} PROPERTIES CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON)
+  target_link_libraries(${target} PRIVATE ${RANGECAL_ROSBAG_LIBRARIES})
+endfunction()
