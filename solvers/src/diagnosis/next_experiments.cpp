@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "diagnosis/extended_design.hpp"
+#include "diagnosis/twins.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -51,6 +52,19 @@ std::vector<Member> members_of(const SearchResult& found, const Space& space, co
   return members;
 }
 
+/// Sets that differ by exact twins alone.
+bool exact_twins(const std::vector<std::string>& a, const std::vector<std::string>& b) {
+  const auto matched = [](const std::string& id, const std::vector<std::string>& others) {
+    const std::vector<std::string> twins = exact_twins_of(id);
+    return std::any_of(others.begin(), others.end(), [&](const std::string& other) {
+      return other == id || std::find(twins.begin(), twins.end(), other) != twins.end();
+    });
+  };
+  return a.size() == b.size() &&
+         (std::all_of(a.begin(), a.end(), [&](const std::string& id) { return matched(id, b); }) ||
+          std::all_of(b.begin(), b.end(), [&](const std::string& id) { return matched(id, a); }));
+}
+
 /// What B's parameters can do to the readings in the extended design.
 std::vector<Space::Direction> span_of(const Space& space, const ExtendedDesign& design, const Member& b) {
   std::vector<Space::Direction> span;
@@ -80,9 +94,14 @@ double shapes_of(const Space& space, const Model& model) {
   return sum;
 }
 
-/// Noncentrality of A against B refitted.
+/// Noncentrality of A against B refitted, less what A's own directions leave of it: a large change is not its
+/// linearisation, and that tells nothing from its twin.
 double distance(const Space& space, const ExtendedDesign& design, const Member& a, const Member& b) {
-  const double means = space.left(space.change(in_design(design, a.model)), span_of(space, design, b));
+  if (exact_twins(a.ids, b.ids)) return 0.0;
+  const Space::Direction change = space.change(in_design(design, a.model));
+  const Member own{a.ids, a.model, false};
+  const double means =
+      std::max(0.0, space.left(change, span_of(space, design, b)) - space.left(change, span_of(space, design, own)));
   const double of_a = shapes_of(space, a.model), of_b = shapes_of(space, b.model);
   return means + (of_b > 0.0 && of_a > 0.0 ? 0.0 : b.fitted || of_b == 0.0 ? of_a : 0.0);
 }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "diagnosis/twins.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -53,16 +55,6 @@ Explanation explain(const Rows& rows, const SearchResult& found, const Candidate
     if (e.separated_by.empty()) e.separated_by = active.effect->info().settled_by;
   }
   return e;
-}
-
-/// Unknowns of the calibration or of the robot that no reading can tell from an effect.
-std::vector<std::string> exact_twin_of(const std::string& id) {
-  if (id == "bearing_offset") return {"heading_zero"};
-  if (id == "bearing_drift") return {"heading_drift"};
-  if (id == "heading_drift") return {"bearing_drift"};
-  if (id == "radius_scale") return {"arc_definition"};
-  if (id == "arc_definition") return {"radius_scale"};
-  return {};
 }
 
 Finding finding_of(const Question& q, const SearchResult& found) {
@@ -192,7 +184,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     auto& sets = result.explanations[0].indistinguishable_from;
     const std::vector<std::string> names = ids_of(found.best.fit.model);
     for (std::size_t a = 0; a < names.size(); ++a)
-      for (const std::string& twin : exact_twin_of(names[a])) {
+      for (const std::string& twin : exact_twins_of(names[a])) {
         std::vector<std::string> swapped = names;
         swapped[a] = twin;
         const auto same_names = [&](std::vector<std::string> set) {
