@@ -108,6 +108,7 @@ std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
       d.final_effects != std::vector<std::string>{"generic"};  // a curve's coefficients say nothing
   if (!d.explanations.empty() && named)
     for (const EffectEstimate& e : d.explanations[0].parameters) {
+      if (e.name.rfind("generic.", 0) == 0) continue;
       const Shown unit = unit_of(e);
       std::string name = e.name;  // the unit is said behind the value
       for (const char* ending : {"_per_m", "_rad", "_m", "_s"})

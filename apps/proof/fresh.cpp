@@ -38,14 +38,15 @@ DiagnoseOptions options_for(const std::string& row) {
   return options;
 }
 
-/// What the experiments of the menu do to the members of an answer, by the world: for each, the sets that it leaves
-/// with less than what tells them from the truth.
+/// What the experiments of the menu do to the members of an answer, by the world: for each, the sets that it
+/// leaves with less than what tells them from the truth.
 std::map<std::string, std::vector<std::vector<std::string>>> left_by_menu(
     const Case& c, const std::vector<std::vector<std::string>>& sets) {
   std::map<std::string, std::vector<std::vector<std::string>>> left;
   for (const world::Experiment& experiment : world::experiments()) {
     const std::string code = experiment.code;
-    if (code == "E7" || code == "E10" || code == "E11" || code == "E12") continue;  // they take effects away, or repeat
+    if (code == "E7" || code == "E10" || code == "E11" || code == "E12")
+      continue;  // they take effects away, or repeat
     const SeedModel model(world::carry_out(c.clean, code));
     const Signatures signatures(model, c.seed);
     const Signal signal = projected(model, world::carry_out(c.planted, code));
@@ -57,25 +58,28 @@ std::map<std::string, std::vector<std::vector<std::string>>> left_by_menu(
   return left;
 }
 
-/// Carries out what the diagnosis of a right twin set proposes. Good: the set shrinks to the truth and what that
-/// experiment cannot tell from it; where no experiment of the menu takes a member away, nothing is proposed.
+/// Carries out what the diagnosis of a right twin set proposes. Good: the set shrinks to the truth and what
+/// that experiment cannot tell from it; where no experiment of the menu takes a member away, nothing is
+/// proposed.
 void try_experiment(Score& score, const Case& c, const Diagnosis& diagnosis, const Diagnose& diagnose) {
   if (score.result != Answer::right_set) return;  // nothing to shrink
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
   const auto& menu = world::experiments();
   const auto settles = [&](const NextExperiment& next) {  // and can be carried out in the simulator
-    if (std::none_of(menu.begin(), menu.end(), [&](const auto& e) { return next.code == e.code; })) return false;
+    if (std::none_of(menu.begin(), menu.end(), [&](const auto& e) { return next.code == e.code; }))
+      return false;
     return std::any_of(next.settles.begin(), next.settles.end(), [&](const std::string& id) {
       return std::any_of(sets.begin(), sets.end(), [&](const std::vector<std::string>& set) {
         return std::find(set.begin(), set.end(), id) != set.end();
       });
     });
   };
-  const auto proposed = std::find_if(diagnosis.next_experiments.begin(), diagnosis.next_experiments.end(), settles);
+  const auto proposed =
+      std::find_if(diagnosis.next_experiments.begin(), diagnosis.next_experiments.end(), settles);
   const bool proposes = proposed != diagnosis.next_experiments.end();
   const auto left = left_by_menu(c, sets);
-  const bool separable =
-      std::any_of(left.begin(), left.end(), [&](const auto& entry) { return entry.second.size() < sets.size(); });
+  const bool separable = std::any_of(left.begin(), left.end(),
+                                     [&](const auto& entry) { return entry.second.size() < sets.size(); });
   if (!separable) {
     score.experiment = "none";
     score.experiment_good = !proposes;
@@ -90,13 +94,13 @@ void try_experiment(Score& score, const Case& c, const Diagnosis& diagnosis, con
   const std::vector<std::vector<std::string>> now = answer_sets(after);
   const bool gone = proposed->code == "E10" || proposed->code == "E11" || proposed->code == "E12";
   const auto allowed = left.find(proposed->code);
-  const bool shrunk = std::find(now.begin(), now.end(), c.truth) != now.end() &&
-                      std::all_of(now.begin(), now.end(), [&](const std::vector<std::string>& set) {
-                        return set == c.truth ||
-                               (allowed != left.end() && allowed->second.size() < sets.size() &&
-                                std::find(allowed->second.begin(), allowed->second.end(), set) !=
-                                    allowed->second.end());
-                      });
+  const bool shrunk =
+      std::find(now.begin(), now.end(), c.truth) != now.end() &&
+      std::all_of(now.begin(), now.end(), [&](const std::vector<std::string>& set) {
+        return set == c.truth ||
+               (allowed != left.end() && allowed->second.size() < sets.size() &&
+                std::find(allowed->second.begin(), allowed->second.end(), set) != allowed->second.end());
+      });
   score.experiment_good = shrunk || (gone && now.empty());
 }
 

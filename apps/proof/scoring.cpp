@@ -48,6 +48,26 @@ bool is_named(const Diagnosis& diagnosis, const std::string& id) {
   return false;
 }
 
+/// One of two causes named and nothing wrong beside it: every set of the answer, what it calls nameless left
+/// out, holds one of the planted effects or an exact twin of it alone.
+bool is_partly_right(const Case& c, const std::vector<std::vector<std::string>>& sets) {
+  const auto right = [&](const std::string& id) {
+    const auto twin_of = [&](const char* a, const char* b) {
+      return (id == a && contains(c.truth, b)) || (id == b && contains(c.truth, a));
+    };
+    return contains(c.truth, id) || twin_of("bearing_drift", "heading_drift") ||
+           twin_of("radius_scale", "arc_definition") || twin_of("bearing_offset", "heading_zero");
+  };
+  bool any = false;
+  for (const std::vector<std::string>& set : sets)
+    for (const std::string& id : set) {
+      if (id == "generic") continue;
+      if (!right(id)) return false;
+      any = true;
+    }
+  return any;
+}
+
 }  // namespace
 
 const char* to_string(Answer answer) {
@@ -74,7 +94,7 @@ const char* to_string(Answer answer) {
 
 std::vector<std::vector<std::string>> answer_sets(const Diagnosis& diagnosis) {
   if (diagnosis.verdict == Verdict::no_mismatch) return {};
-  if (diagnosis.verdict == Verdict::unexplained) return {{"generic"}};
+  if (diagnosis.verdict == Verdict::unexplained && diagnosis.final_effects.size() < 2) return {{"generic"}};
   std::vector<std::vector<std::string>> sets{sorted(diagnosis.final_effects)};
   if (!diagnosis.explanations.empty())
     for (const std::vector<std::string>& twin : diagnosis.explanations[0].indistinguishable_from)
@@ -174,8 +194,9 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
   if (named && diagnosis.before.heldout_nll && diagnosis.after.heldout_nll)
     out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
   if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);
-  if (c.truth.size() == 2 && named && sets.size() == 1)
-    out.partly_right = sets[0].size() == 1 && contains(c.truth, sets[0][0]);
+  const bool in_part = diagnosis.verdict == Verdict::unexplained && diagnosis.final_effects.size() > 1;
+  if (c.truth.size() == 2) out.partly_right = is_partly_right(c, sets);
+  if (in_part && !c.truth.empty() && !is_partly_right(c, sets)) out.result = Answer::wrong_name;
   return out;
 }
 

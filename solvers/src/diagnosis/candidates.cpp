@@ -4,6 +4,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <set>
 
 #include "diagnosis/bookkeeping.hpp"
@@ -27,9 +28,11 @@ double grid_step(const std::vector<Eigen::VectorXd>& grid, Eigen::Index index) {
   return step;
 }
 
-/// Scans such parameters of the model's last effect finely around the fit: their likelihood has steps.
+/// Scans such parameters of the model's last effect finely around the fit. Their likelihood has steps, one
+/// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
 void refine(const Rows& rows, const RefitOptions& options, Fit& fit) {
-  constexpr int reach = 9, parts = 6;
+  constexpr int reach = 12, parts = 8;
+  constexpr double level = 0.3;  // nats within which two values are on the same step
   const ActiveEffect& active = fit.model.back();
   const auto& parameters = active.effect->info().parameters;
   const auto grid = active.effect->start_grid(rows.context);
@@ -37,13 +40,21 @@ void refine(const Rows& rows, const RefitOptions& options, Fit& fit) {
     const auto index = static_cast<Eigen::Index>(j);
     const double step = parameters[j].discrete ? grid_step(grid, index) / parts : 0.0;
     if (step == 0.0) continue;
-    const Fit middle = fit;
+    std::vector<Fit> scan;
     for (int k = -reach; k <= reach; ++k) {
-      Model model = middle.model;
+      Model model = fit.model;
       model.back().parameters[index] += k * step;
-      if (Fit moved = refit(rows, model, middle.state, options); moved.ok && moved.nll < fit.nll)
-        fit = std::move(moved);
+      Fit moved = refit(rows, model, fit.state, options);
+      if (moved.ok) scan.push_back(std::move(moved));
     }
+    if (scan.empty()) continue;
+    const auto best =
+        std::min_element(scan.begin(), scan.end(), [](const Fit& a, const Fit& b) { return a.nll < b.nll; });
+    auto first = best, last = best;
+    while (first != scan.begin() && std::prev(first)->nll < best->nll + level) --first;
+    while (std::next(last) != scan.end() && std::next(last)->nll < best->nll + level) ++last;
+    Fit middle = *(first + (last - first) / 2);
+    if (middle.nll < fit.nll + level) fit = std::move(middle);
   }
 }
 

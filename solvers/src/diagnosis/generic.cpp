@@ -244,10 +244,13 @@ std::vector<Basis> bases(const Question& finding, const Eigen::VectorXd& x) {
 
 GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, const RefitOptions& options) {
   GenericModel model;
-  const Projector& projector = found.first->projector();
+  const Battery& battery = found.partial ? *found.last : *found.first;
+  const Fit& base = found.partial ? found.best.fit : found.baseline;
+  const Projector& projector = battery.projector();
   const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  for (const Question& finding : found.shapes) {  // the first finding that a curve can correct
+  for (const Question& finding :
+       found.partial ? found.left : found.shapes) {  // the first finding that a curve can correct
     const Channel channel = channel_of(finding.channel);
     const Covariate covariate = covariate_of(rows, finding.covariate);
     if (channel == Channel::none || !covariate) continue;
@@ -267,21 +270,25 @@ GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, cons
     const double typical = channel == Channel::range || channel == Channel::bearing ? 0.01 : 0.5;
     const auto effect =
         std::make_shared<GenericEffect>(channel, finding, covariate, chosen, best.directions, typical);
-    Fit fit = refit(rows, {{effect.get(), Eigen::VectorXd::Zero(best.directions.cols())}},
-                    found.baseline.state, options);
-    if (!fit.ok || fit.nll > found.baseline.nll) continue;
+    Model completed = base.model;
+    completed.push_back({effect.get(), Eigen::VectorXd::Zero(best.directions.cols())});
+    Fit fit = refit(rows, completed, base.state, options);
+    if (!fit.ok || fit.nll > base.nll) continue;
     model.effect = effect;
     model.fit = std::move(fit);
     GenericCurve& curve = model.curve;
-    curve.gain = found.baseline.nll - model.fit.nll;
-    const Eigen::VectorXd values = effect->directions() * model.fit.model[0].parameters;
+    curve.gain = base.nll - model.fit.nll;
+    const Eigen::VectorXd values = effect->directions() * model.fit.model.back().parameters;
     const Eigen::MatrixXd covariance =
-        effect->directions() * model.fit.covariance * effect->directions().transpose();
+        effect->directions() *
+        model.fit.covariance.bottomRightCorner(best.directions.cols(), best.directions.cols()) *
+        effect->directions().transpose();
     const Eigen::VectorXd std_dev = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
     curve.knots = effect->basis().knots;
     curve.values.assign(values.begin(), values.end());
     curve.std_dev.assign(std_dev.begin(), std_dev.end());
-    const RowChanges changes = row_changes(rows, cell_geometry(rows, model.fit.state), model.fit.model);
+    const RowChanges changes =
+        row_changes(rows, cell_geometry(rows, model.fit.state), {model.fit.model.back()});
     curve.row_change = channel == Channel::range         ? changes.range
                        : channel == Channel::bearing     ? changes.bearing
                        : channel == Channel::range_noise ? changes.range_log_variance

@@ -112,12 +112,11 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   result.after.rms_bearing_rad = std::sqrt(projector.bearing_residual.squaredNorm() / rows.cell_count);
   if (result.explanations.empty()) result.explanations.emplace_back();
   Explanation& explanation = result.explanations[0];
-  explanation.effects = {"generic"};
   explanation.nll = generic.fit.nll;
   explanation.parameters = effect_estimates(rows, generic.fit);
   const double price = 2.0 * generic.curve.gain;
   explanation.p_value = found.rates.corrected(
-      found.shapes.front().family,
+      (found.partial && !found.left.empty() ? found.left : found.shapes).front().family,
       log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
   const double taken =
       generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;

@@ -71,6 +71,53 @@ Finding finding_of(const Question& q, const SearchResult& found) {
   return f;
 }
 
+/// The sets that the data do not tell from the best one, at most two, exact twins of every design first.
+std::vector<std::vector<std::string>> rivals_of(const SearchResult& found) {
+  std::vector<std::vector<std::string>> sets;
+  for (const Candidate& c : found.rivals) sets.push_back(ids_of(c.fit.model));
+  const std::vector<std::string> names = ids_of(found.best.fit.model);
+  for (std::size_t a = 0; a < names.size(); ++a)
+    for (const std::string& twin : exact_twins_of(names[a])) {
+      std::vector<std::string> swapped = names;
+      swapped[a] = twin;
+      const auto same_names = [&](std::vector<std::string> set) {
+        std::vector<std::string> sorted = swapped;
+        std::sort(set.begin(), set.end());
+        std::sort(sorted.begin(), sorted.end());
+        return set == sorted;
+      };
+      if (std::any_of(sets.begin(), sets.end(), same_names)) continue;
+      sets.insert(sets.begin(), swapped);
+      if (sets.size() > 2) sets.pop_back();  // three members in all
+    }
+  return sets;
+}
+
+/// Where: each named effect's own channel and covariate.
+void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
+  for (const ActiveEffect& active : found.best.fit.model) {
+    const EffectInfo& info = active.effect->info();
+    if (is_bookkeeping(info.kind)) continue;
+    Question own;
+    for (const Question& q : found.first->questions)
+      if (q.effect == active.effect && q.statistic > own.statistic) own = q;
+    for (const Question& q : found.shapes)
+      if (own.dof == 1 && own.statistic == 0.0 && q.channel == info.channel) own = q;
+    own.channel = info.channel;
+    own.covariate = info.covariate;
+    Finding f = finding_of(own, found);
+    for (const Question& q :
+         found.first->questions)  // the shape and place of the nearest finding of that covariate
+      if (!q.effect && q.channel == info.channel && q.covariate == info.covariate && (f.shape == "effect")) {
+        f.shape = q.shape;
+        f.from = q.from;
+        f.to = q.to;
+      }
+    f.share = std::min(1.0, own.statistic / excess);
+    result.location.push_back(f);
+  }
+}
+
 }  // namespace
 
 std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
@@ -174,68 +221,34 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     result.corrected = calibration_of(rows, recordings, found.best.fit);
     if (found.last) result.after = summary(*found.last, found.best.fit.nll);
     result.explanations.push_back(explain(rows, found, found.best));
-    for (const std::vector<std::string>& rival : [&] {
-           std::vector<std::vector<std::string>> sets;
-           for (const Candidate& c : found.rivals) sets.push_back(ids_of(c.fit.model));
-           return sets;
-         }())
-      result.explanations[0].indistinguishable_from.push_back(rival);
-    // Exact twins in every design, put in the place of each name that has one.
-    auto& sets = result.explanations[0].indistinguishable_from;
-    const std::vector<std::string> names = ids_of(found.best.fit.model);
-    for (std::size_t a = 0; a < names.size(); ++a)
-      for (const std::string& twin : exact_twins_of(names[a])) {
-        std::vector<std::string> swapped = names;
-        swapped[a] = twin;
-        const auto same_names = [&](std::vector<std::string> set) {
-          std::vector<std::string> sorted = swapped;
-          std::sort(set.begin(), set.end());
-          std::sort(sorted.begin(), sorted.end());
-          return set == sorted;
-        };
-        if (std::any_of(sets.begin(), sets.end(), same_names)) continue;
-        sets.insert(sets.begin(), swapped);
-        if (sets.size() > 2) sets.pop_back();  // three members in all
-      }
+    result.explanations[0].indistinguishable_from = rivals_of(found);
     for (const Candidate& rival : found.rivals) result.explanations.push_back(explain(rows, found, rival));
     fill_probabilities(found, result.explanations);
     result.final_effects = result.explanations[0].effects;
     // Where: the effect's own channel and covariate first, then what else the scan saw.
     for (const Question& q : found.known.findings) result.location.push_back(finding_of(q, found));
-    for (const ActiveEffect& active : found.best.fit.model) {
-      const EffectInfo& info = active.effect->info();
-      if (is_bookkeeping(info.kind)) continue;
-      Question own;
-      for (const Question& q : found.first->questions)
-        if (q.effect == active.effect && q.statistic > own.statistic) own = q;
-      for (const Question& q : found.shapes)
-        if (own.dof == 1 && own.statistic == 0.0 && q.channel == info.channel) own = q;
-      own.channel = info.channel;
-      own.covariate = info.covariate;
-      Finding f = finding_of(own, found);
-      for (const Question& q :
-           found.first->questions)  // the shape and place of the nearest finding of that covariate
-        if (!q.effect && q.channel == info.channel && q.covariate == info.covariate &&
-            (f.shape == "effect")) {
-          f.shape = q.shape;
-          f.from = q.from;
-          f.to = q.to;
-        }
-      f.share = std::min(1.0, own.statistic / excess);
-      result.location.push_back(f);
-    }
+    locate_named(found, excess, result);
   } else if (found.verdict == Verdict::unexplained) {
-    result.final_effects = {"generic"};
     Explanation generic;
-    generic.effects = {"generic"};
-    generic.nll = found.baseline.nll;
+    if (found.partial) {
+      generic = explain(rows, found, found.best);
+      generic.indistinguishable_from = rivals_of(found);
+      for (auto& set : generic.indistinguishable_from) set.push_back("generic");
+      generic.physics += " What is left has no name in the catalogue; its place and size are given.";
+      result.corrected = calibration_of(rows, recordings, found.best.fit);
+      locate_named(found, excess, result);
+    } else {
+      generic.physics = "Nothing in the catalogue explains this mismatch; its place and size are given.";
+    }
+    generic.effects.push_back("generic");
+    generic.nll = found.partial ? found.best.fit.nll : found.baseline.nll;
     generic.probability = 1.0;
     generic.p_value = found.alarm_p;
-    generic.physics = "Nothing in the catalogue explains this mismatch; its place and size are given.";
+    result.final_effects = generic.effects;
     result.explanations.push_back(generic);
   }
   if (found.verdict != Verdict::no_mismatch)
-    for (const Question& q : found.shapes) {
+    for (const Question& q : found.partial ? found.left : found.shapes) {
       const bool seen = std::any_of(result.location.begin(), result.location.end(), [&](const Finding& f) {
         return f.channel == q.channel && f.covariate == q.covariate;
       });

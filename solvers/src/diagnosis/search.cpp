@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <set>
 
 #include "rangecal/core/errors.hpp"
 
@@ -21,7 +22,8 @@ constexpr double curve_margin =
     4.0;  ///< nats by which a free curve may beat a single name before it is refused
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 constexpr double trace_share = 0.05;
-constexpr int largest_start = 3;  ///< single effects that pairs start from
+constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
+constexpr int largest_start = 3;         ///< single effects that pairs start from
 
 bool has_grid(const Bookkeeping& known) {
   return std::any_of(known.model.begin(), known.model.end(),
@@ -96,6 +98,36 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
                              : apart < 0.0                   ? 1.0
                                                              : options.naming_gap_nats;
     if (gap < tolerated) result.rivals.push_back(rival);
+  }
+}
+
+/// Questions about one channel, its noise, dependence and tails included.
+bool is_of_channel(const Question& q, const std::string& channel) { return q.channel.rfind(channel, 0) == 0; }
+
+/// Looks for a single effect that explains one channel completely while the other keeps something without a
+/// name: it must leave its channel clean, beat a free curve there and be well seen.
+void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& singles,
+                  std::vector<std::unique_ptr<Battery>>& batteries, SearchResult& result) {
+  std::set<std::string> asked;
+  for (std::size_t i = 0; i < batteries.size(); ++i) {
+    const EffectInfo& info = singles[i].fit.model.back().effect->info();
+    if (info.kind != EffectKind::mean || (info.channel != "range" && info.channel != "bearing")) continue;
+    if (!asked.insert(info.channel).second) continue;  // only the best of a channel can explain it
+    double curve = 0.0;
+    for (const Question& q : result.first->questions)
+      if (!q.effect && q.channel == info.channel)
+        curve = std::max(curve, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
+    const bool left =
+        std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
+          return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
+        });
+    if (left || singles[i].evidence < std::max(partial_margin, curve - curve_margin)) continue;
+    result.partial = true;
+    result.best = singles[i];
+    result.last = std::move(batteries[i]);
+    result.left = findings(rows, *result.last);
+    add_rivals(rows, options, singles, result);
+    return;
   }
 }
 
@@ -271,6 +303,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     return result;
   }
   result.verdict = Verdict::unexplained;
+  find_partial(rows, options, singles, batteries, result);
   return result;
 }
 

@@ -21,6 +21,10 @@ struct SearchResult {
   Candidate best;                        ///< the explanation, for `explained`
   std::vector<Candidate> rivals;         ///< single-step alternatives the data do not reject, best first
   std::vector<Question> shapes;          ///< baseline's findings, best first, one per (channel, covariate)
+  /// For `unexplained`: `best` (with its rivals) accounts for all of its own channel, and something nameless is
+  /// left in the other.
+  bool partial = false;
+  std::vector<Question> left;            ///< findings of `last` then, as `shapes` are the baseline's
   std::unique_ptr<Battery> first, last;  ///< batteries of the baseline and of the final model
   std::vector<Candidate> tried;
   Bookkeeping known;

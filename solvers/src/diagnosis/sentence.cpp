@@ -17,7 +17,7 @@ std::string size_in_words(const Finding& f) {
   if (f.unit == "rad") return fmt::format("{:.2g} degrees", f.size * 180.0 / std::numbers::pi);
   if (f.channel.find("_noise") != std::string::npos)
     return fmt::format("{:.0f} % in the spread", 100.0 * std::expm1(0.5 * std::abs(f.size)));
-  return fmt::format("{:.2g}", f.size);
+  return f.size > 0.0 ? fmt::format("{:.2g}", f.size) : "a mismatch";
 }
 
 std::string along(const Finding& f) {
@@ -64,6 +64,14 @@ std::string verdict_sentence(const Diagnosis& d) {
       return text + ".";
     }
     case Verdict::unexplained: {
+      if (d.final_effects.size() > 1 && d.location.size() > 1) {
+        const Finding& left = d.location[1];
+        return fmt::format(
+            "In part explained by {}, {} in {}; left over is {} in {}{} that nothing in the catalogue "
+            "accounts for.",
+            d.final_effects[0], size_in_words(d.location[0]), d.location[0].channel, size_in_words(left),
+            left.channel, along(left));
+      }
       if (d.location.empty())
         return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
       const Finding& f = d.location[0];
