@@ -77,12 +77,25 @@ Json place_of(const FitView& view, const Axis& axis, const std::string& covariat
   return axis.groups ? Json(label_of(view, covariate, value)) : number(axis.factor * value);
 }
 
+/// The labels of a grouped covariate in the order of the recordings.
+Json order_of(const FitView& view, const std::string& covariate) {
+  Json labels = Json::array();
+  for (const Recording& recording : view.recordings) {
+    if (covariate == "stop")
+      for (const Stop& stop : recording.stops) labels.push_back(stop.label);
+    else
+      for (const Landmark& landmark : recording.landmarks) labels.push_back(landmark.label);
+  }
+  return labels;
+}
+
 /// One pair of charts: names, data, and what both share.
 struct Pair {
   std::string id, covariate;
   Channel channel;
   Axis axis;
   Limits limits;
+  Json sort;  ///< labels in order, or null
 };
 
 Chart chart_of(const Pair& pair, bool after, std::size_t readings, const std::string& title,
@@ -97,6 +110,7 @@ Chart chart_of(const Pair& pair, bool after, std::size_t readings, const std::st
            {"band_mark", pair.axis.groups ? "bar" : "area"},
            {"line_width", pair.axis.groups ? 0 : 2},
            {"x_title", pair.axis.title},
+           {"x_sort", pair.sort},
            {"x_zero", pair.axis.groups ? Json(nullptr) : Json(false)},
            {"x_padding", pair.axis.groups ? Json(nullptr) : Json(6)},
            {"x_format", pair.axis.groups ? Json(nullptr) : Json(pair.axis.format)},
@@ -185,7 +199,7 @@ namespace {
 /// Bearings along the stops, labels as recorded and as put back.
 std::vector<Chart> charts_of_labels(Page& page, const std::string& id, const FitView& recorded,
                                     const FitView& put_back) {
-  Pair pair{id, "stop", {true, false}, axis_of("stop"), {}};
+  Pair pair{id, "stop", {true, false}, axis_of("stop"), {}, order_of(recorded, "stop")};
   double reach = 0.0;
   for (const ReadingResidual& x : recorded.residuals.readings)
     reach = std::max(reach, std::abs(pair.channel.of(x)));
@@ -215,7 +229,8 @@ std::vector<Chart> charts_of_means(Page& page, const std::string& id, const Find
                                    const FitView* after) {
   const auto along = before.residuals.along.find(f.covariate);
   if (along == before.residuals.along.end()) return {};
-  Pair pair{id, f.covariate, channel_of(f.channel), axis_of(f.covariate), {}};
+  Pair pair{id, f.covariate, channel_of(f.channel), axis_of(f.covariate), {}, nullptr};
+  if (pair.axis.groups) pair.sort = order_of(before, f.covariate);
   double reach = 0.0;
   for (const BinnedResidual& b : f.residuals)
     reach = std::max({reach, std::abs(pair.channel.of_bin(b.before + 1.96 * b.std_dev)),
@@ -266,7 +281,7 @@ void add_plain_residuals(Page& page, const FitView& view) {
     const auto along = view.residuals.along.find(covariate);
     if (along == view.residuals.along.end() || (bearing && view.calibration.kind == RecordingKind::pairs))
       continue;
-    Pair pair{"residual-" + covariate, covariate, {bearing, false}, axis_of(covariate), {}};
+    Pair pair{"residual-" + covariate, covariate, {bearing, false}, axis_of(covariate), {}, nullptr};
     page.dataset(pair.id + "-points", point_rows(view, nullptr, pair, along->second));
     struct Bin {
       double at = 0.0, sum = 0.0, variance = 0.0;

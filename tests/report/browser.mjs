@@ -59,8 +59,8 @@ try {
       });
       await page.setViewport({ width: screen.width, height: screen.height, deviceScaleFactor: 1, hasTouch: screen.width < 600 });
       await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: screen.scheme }]);
-      await page.goto(pathToFileURL(report).href);
-      await page.waitForFunction("document.documentElement.dataset.charts !== undefined", { timeout: 60000 });
+      await page.goto(pathToFileURL(report).href, { timeout: 120000 });
+      await page.waitForFunction("document.documentElement.dataset.charts !== undefined", { timeout: 120000 });
       expect(await page.evaluate("document.documentElement.dataset.charts") === "drawn", `${where}: a chart failed`);
       const charts = await page.evaluate((source) => {
         const marks = eval(source);

@@ -73,13 +73,8 @@ std::optional<Specimen> planted_specimen(const std::string& id) {
   return best;
 }
 
-/// For an effect that the physical world cannot plant: a clean recording by a sensor that looks one way,
-/// simulated again with the effect at its typical size.
-Specimen modelled_specimen(const Effect& effect) {
-  const EffectInfo& info = effect.info();
-  Random random(seed_from("gallery " + info.id));
-  Recording recording =
-      world::simulate(world::vary(world::make_line_design(), random), seed_from("gallery run " + info.id));
+/// The readings within 1 rad of the middle of the sensor's view.
+Recording looking_one_way(Recording recording) {
   Readings kept;
   const Readings& all = recording.readings;
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -93,13 +88,24 @@ Specimen modelled_specimen(const Effect& effect) {
     kept.row.push_back(all.row[i]);
   }
   recording.readings = kept;
+  return recording;
+}
+
+/// For an effect that the physical world cannot plant: a clean recording by a sensor that looks one way,
+/// simulated again with the effect, its linear parameters at a tenth of their typical size.
+Specimen modelled_specimen(const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  Random random(seed_from("gallery " + info.id));
+  const Recording recording = looking_one_way(
+      world::simulate(world::vary(world::make_line_design(), random), seed_from("gallery run " + info.id)));
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
   SimulationModel model = diagnose({&recording, 1}, options).simulation;
   std::string planted;
   for (const EffectParameter& p : info.parameters) {
-    model.calibration.effects[info.id][p.name] = p.typical;
-    planted += fmt::format("{}{} {:g}", planted.empty() ? "" : ", ", p.name, p.typical);
+    const double value = (p.linear ? 0.1 : 1.0) * p.typical;
+    model.calibration.effects[info.id][p.name] = value;
+    planted += fmt::format("{}{} {:g}", planted.empty() ? "" : ", ", p.name, value);
   }
   const Recording again = simulate(model, seed_from("gallery again " + info.id)).front();
   return {again, planted + ", a sensor that looks one way", with_effect_named(again, info.id)};
