@@ -1,30 +1,41 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "closed_form/moments.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace rangecal {
 
 double variance_from_moments(const std::vector<MomentTerm>& terms, double within, double dof) {
   if (!(dof > 0.0)) return 0.0;
-  const auto excess = [&](double x) {
-    double sum = within / x;
-    for (const MomentTerm& t : terms) sum += t.residual_sq / (x * t.scale + t.other);
-    return sum - dof;
-  };
   double sum = within;  // with other = 0: an upper limit of the root
   for (const MomentTerm& t : terms) sum += t.residual_sq / t.scale;
-  double high = sum / dof;
+  const double high = sum / dof;
   if (!(high > 0.0) || !std::isfinite(high)) return 0.0;
-  if (excess(high) >= -1e-12 * dof) return high;  // nothing else contributes
-  double low = 1e-10 * high;
-  if (excess(low) <= 0.0) return 0.0;
-  while (high > low * (1.0 + 1e-13)) {
-    const double middle = std::sqrt(low * high);
-    if (middle <= low || middle >= high) break;
-    (excess(middle) > 0.0 ? low : high) = middle;
+  // S(x) = dof, S(x) = within / x + sum r^2 / (x scale + other). 1 / S is concave and increases, a straight line where
+  // other = 0, so Newton's method on it never passes the root from the left, and one step from the right ends left of it.
+  struct At {
+    double value, slope;
+  };
+  const auto at = [&](double x) {
+    At s{within / x, within / (x * x)};
+    for (const MomentTerm& t : terms) {
+      const double inverse = 1.0 / (x * t.scale + t.other), share = t.residual_sq * inverse;
+      s.value += share;
+      s.slope += share * t.scale * inverse;
+    }
+    return s;
+  };
+  const double low = 1e-10 * high;
+  if (at(low).value <= dof) return 0.0;
+  double x = high;
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    const At s = at(x);
+    const double next = std::max(low, x + s.value * (s.value - dof) / (dof * s.slope));
+    if (std::abs(next - x) <= 1e-14 * x) return next;
+    x = next;
   }
-  return std::sqrt(low * high);
+  return x;
 }
 
 }  // namespace rangecal
