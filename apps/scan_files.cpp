@@ -30,7 +30,8 @@ ScanLog read_bag(const std::string& path, const std::string& topic) {
   if (!read.error.empty()) throw InputError(path, 0, "", "cannot be read as a ROS 1 bag: " + read.error);
   if (read.topics.empty()) throw InputError(path, 0, "", "holds no sensor_msgs/LaserScan");
   if (read.scans.empty())
-    throw InputError(path, 0, "", fmt::format("choose one of its topics of scans by --topic: {}", fmt::join(read.topics, ", ")));
+    throw InputError(path, 0, "",
+                     fmt::format("choose one of its topics of scans by --topic: {}", fmt::join(read.topics, ", ")));
   ScanLog log{path, "ROS 1 bag", {}, static_cast<int>(read.other_messages)};
   for (const bag::BagScan& message : read.scans) {
     Scan scan;
@@ -45,9 +46,10 @@ ScanLog read_bag(const std::string& path, const std::string& topic) {
 }
 #else
 ScanLog read_bag(const std::string& path, const std::string&) {
-  throw InputError(path, 0, "",
-                   "is a ROS 1 bag, which this build does not read: install librosbag-storage-dev and libsensor-msgs-dev and "
-                   "build again, or convert it to CSV");
+  throw InputError(
+      path, 0, "",
+      "is a ROS 1 bag, which this build does not read: install librosbag-storage-dev and libsensor-msgs-dev and "
+      "build again, or convert it to CSV");
 }
 #endif
 

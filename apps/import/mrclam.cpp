@@ -25,8 +25,8 @@
 namespace rangecal::app {
 namespace {
 
-constexpr double kGap = 0.25;  ///< between the motion capture poses around a sighting; half-width for speeds [s]
-constexpr double kForever = 1e9;           ///< commands hold until the next [s]
+constexpr double kGap = 0.25;     ///< between the motion capture poses around a sighting; half-width for speeds [s]
+constexpr double kForever = 1e9;  ///< commands hold until the next [s]
 constexpr double kStandM = 0.02,
                  kStandRad = 0.02;  ///< a dwell ends where the robot is farther than this from its start
 
@@ -252,7 +252,8 @@ int import_mrclam(const Given& given) {
   recording.sensor = {"barcode-camera", "camera", 0.3, 12.0};
   save_recording(recording, given.folder);
   fmt::print(
-      "sightings  {} of tubes between motion capture poses {} s apart at most; {} of other robots, {} of unknown barcodes, {} without "
+      "sightings  {} of tubes between motion capture poses {} s apart at most; {} of other robots, {} of unknown "
+      "barcodes, {} without "
       "motion capture left out\n",
       data.sightings.size(), kGap, data.robots_seen, data.unknown, data.without_pose);
   if (given.as == "stops")

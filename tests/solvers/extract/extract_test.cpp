@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cmath>
+#include <iostream>
 #include <numbers>
 #include <set>
 
@@ -108,6 +109,9 @@ Score score(const World& world, const ScanScene& scene, const SimulatedScans& sc
 }
 
 void expect_good(const Score& score) {
+  std::cout << score.found << " of " << score.visible << " visible cylinders found, " << score.wrong << " of "
+            << score.readings << " labels wrong, chi^2 per reading: range " << score.range_chi << ", bearing "
+            << score.bearing_chi << "\n";
   EXPECT_GT(score.visible, 500);
   EXPECT_GT(score.found, 0.99 * score.visible);
   EXPECT_LT(score.wrong, 0.001 * score.readings + 0.5);
