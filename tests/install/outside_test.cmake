@@ -5,24 +5,34 @@ include("${CMAKE_CURRENT_LIST_DIR}/run.cmake")
 file(REMOVE_RECURSE "${WORK}")
 run("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix")
 
+# The README's program.
+file(READ "${SOURCE}/README.md" readme)
+if(NOT readme MATCHES "\n```cpp\n(.*)")
+  message(FATAL_ERROR "README.md shows no C++")
+endif()
+string(FIND "${CMAKE_MATCH_1}" "\n```" end)
+string(SUBSTRING "${CMAKE_MATCH_1}" 0 ${end} program)
+file(WRITE "${WORK}/readme.cpp" "${program}\n")
+
 file(COPY "${SOURCE}/problems/effects" DESTINATION "${WORK}")
 file(GLOB shipped RELATIVE "${WORK}/effects" "${WORK}/effects/*.cpp")
 list(TRANSFORM shipped REPLACE "\\.cpp$" "")
 list(JOIN shipped "|" shipped)
 run("${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${CMAKE_CURRENT_LIST_DIR}/outside" -B "${WORK}/build"
     "-DCMAKE_PREFIX_PATH=${WORK}/prefix" "-DCMAKE_CXX_COMPILER=${CXX}" "-DCMAKE_CXX_FLAGS=${CXX_FLAGS}"
-    "-DRANGECAL_VERSION=${VERSION}" "-DRANGECAL_NEXT_MINOR=${NEXT_MINOR}" "-DEFFECTS=${WORK}/effects" "-DSHIPPED=${shipped}")
+    "-DRANGECAL_VERSION=${VERSION}" "-DRANGECAL_NEXT_MINOR=${NEXT_MINOR}" "-DEFFECTS=${WORK}/effects" "-DSHIPPED=${shipped}"
+    "-DREADME=${WORK}/readme.cpp")
 run("${CMAKE_COMMAND}" --build "${WORK}/build")
-set(recording "${WORK}/prefix/share/rangecal/notebooks_data/field-layout")
-run("${WORK}/build/outside" "${recording}")
-if(NOT output MATCHES "^rangecal ${VERSION}: ")
+run("${WORK}/build/outside")
+if(NOT output STREQUAL "rangecal ${VERSION}\n")
   message(FATAL_ERROR "another version than ${VERSION}:\n${output}")
 endif()
+run("${CMAKE_COMMAND}" -E chdir "${WORK}/prefix/share/rangecal" "${WORK}/build/readme")
 run("${WORK}/prefix/bin/rangecal" --version)
 if(NOT output MATCHES "^rangecal ${VERSION}\nbuilt with Ceres [0-9.]+, .*OpenSSL [0-9.]+.*, [A-Za-z]+ [0-9.]+\n$")
   message(FATAL_ERROR "no version in:\n${output}")
 endif()
-run("${WORK}/prefix/bin/rangecal" calibrate "${recording}")
+run("${WORK}/prefix/bin/rangecal" calibrate "${WORK}/prefix/share/rangecal/notebooks_data/field-layout")
 
 # The registry notices the new file by itself and lists it beside the library's effects.
 run("${WORK}/build/list_effects")
