@@ -33,7 +33,7 @@ class Field {
     return Field(found == value_.end() ? null : *found, file_, name_.empty() ? key : name_ + "." + key);
   }
   Field required(const std::string& key) const {
-    const Field field = at(key);
+    Field field = at(key);
     if (field.is_null()) field.fail("is missing");
     return field;
   }

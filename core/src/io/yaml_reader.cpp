@@ -37,8 +37,8 @@ YamlReader YamlReader::parse(const std::string& text, const std::string& name) {
   return YamlReader(top, name, "", 1);
 }
 
-YamlReader::YamlReader(YAML::Node node, std::string file, std::string field, int line)
-    : node_(std::move(node)), file_(std::move(file)), field_(std::move(field)), line_(line) {}
+YamlReader::YamlReader(const YAML::Node& node, std::string file, std::string field, int line)
+    : node_(node), file_(std::move(file)), field_(std::move(field)), line_(line) {}
 
 void YamlReader::fail(const std::string& what) const { fail_at(file_, line_, field_, what); }
 

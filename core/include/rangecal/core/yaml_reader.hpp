@@ -17,7 +17,7 @@ class YamlReader {
   static YamlReader open(const std::string& path);
   /// The same from text; `name` stands for the file in messages.
   static YamlReader parse(const std::string& text, const std::string& name);
-  YamlReader(YAML::Node node, std::string file, std::string field, int line);
+  YamlReader(const YAML::Node& node, std::string file, std::string field, int line);
 
   /// Throws naming the first key that is not among `keys`, or stands twice. The node must be a map.
   void allow_only(std::initializer_list<const char*> keys) const;
