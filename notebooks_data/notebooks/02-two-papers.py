@@ -11,6 +11,7 @@
 
 # %%
 import numpy as np
+import pandas
 from matplotlib import pyplot
 
 import rangecal
@@ -111,8 +112,21 @@ axes[0].legend(fontsize="x-small");
 
 # %% [markdown]
 # Much bearing noise and ill-known stops cost most of the gain, as in the paper's Fig. 9; more landmarks help. Sixty
-# repeats leave errors of some ten per cent, so that the left two points of a line may stand in either order.
-#
+# repeats leave errors of some ten per cent, so that the left two points of a line may stand in either order. The stored
+# results of the full study, 1000 repeats and two landmarks (`studies/results`; `docs/reproduction.md` puts all figures
+# beside the papers'):
+
+# %%
+fig9 = pandas.read_csv("studies/results/2021-fig9.csv")
+figure, axes = pyplot.subplots(1, 2, figsize=(9, 3.2), layout="constrained", sharey=True)
+for ax, estimator in zip(axes, ("closed-form-paper", "marginal")):
+    for sigma_s, part in fig9[fig9["estimator"] == estimator].groupby("sigma_s_m"):
+        ax.loglog(part["sigma_theta_deg"], part["mse_factor_without_noise"], "o-", markersize=3,
+                  label=f"{1e3 * sigma_s:.0f} mm")
+    ax.set(xlabel="sigma_theta [deg]", ylabel="MSE ratio, noise-free readings", title=estimator)
+axes[1].legend(title="sigma_s", fontsize="x-small");
+
+# %% [markdown]
 # ## 2021: the field layout
 #
 # Ten stops 30 cm apart, five cylinders: the paper found corrected readings about ten times better in mean square.
@@ -140,4 +154,6 @@ assert (rmse["marginal"] < rmse["closed-form-paper"]).all()
 gain = frame.pivot_table(index=["landmarks", "sigma_s_m", "estimator"], columns="sigma_theta_deg",
                          values="mse_factor_without_noise")
 assert (gain[5.0] < gain[0.2]).all()
+full_gain = fig9.pivot_table(index=["sigma_s_m", "estimator"], columns="sigma_theta_deg", values="mse_factor_without_noise")
+assert (full_gain[10.0] < full_gain[0.1]).all()
 assert min(ratios.values()) > 10

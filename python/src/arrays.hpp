@@ -13,9 +13,11 @@ namespace rangecal::python {
 
 namespace py = pybind11;
 
-/// A read-only NumPy array on the memory that `owner` holds: nothing is copied, and `owner` lives as long as the array.
+/// A read-only NumPy array on the memory that `owner` holds: nothing is copied, and `owner` lives as long as
+/// the array.
 template <typename T>
-py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides, py::handle owner) {
+py::array view(const T* data, std::vector<py::ssize_t> shape, std::vector<py::ssize_t> strides,
+               py::handle owner) {
   py::array array(py::dtype::of<T>(), std::move(shape), std::move(strides), data, owner);
   array.attr("setflags")(py::arg("write") = false);
   return array;
@@ -49,7 +51,7 @@ py::array field_view(const std::vector<Item>& items, const T* first, py::ssize_t
 
 /// (n,) on one member of every item.
 template <typename Item, typename T>
-py::array field_view(const std::vector<Item>& items, T Item::* member, py::handle owner) {
+py::array field_view(const std::vector<Item>& items, T Item::*member, py::handle owner) {
   static const T none{};
   return field_view(items, items.empty() ? &none : &(items.front().*member), 1, owner);
 }

@@ -15,7 +15,7 @@ namespace {
 /// The calibrations of one job, each against ground truth where there is any.
 struct JobResult {
   CalibrationReport report;
-  std::vector<TruthScore> scores;   ///< one per calibration
+  std::vector<TruthScore> scores;  ///< one per calibration
 };
 
 CalibrateOptions options_from(const std::vector<std::string>& methods, const std::optional<int>& order,
@@ -54,15 +54,16 @@ JobResult run(const Recordings& recordings, CalibrateOptions options, const Stag
   }
   for (const Calibration& c : result.report.calibrations)
     result.scores.push_back(is_usable(c.outcome) && c.alpha.size() > 0
-                                    ? score_against_truth(recordings.span(), c, stops)
-                                    : TruthScore{});
+                                ? score_against_truth(recordings.span(), c, stops)
+                                : TruthScore{});
   return result;
 }
 
-JobResult calibrate_job(std::vector<std::shared_ptr<Recording>> recordings, const std::vector<std::string>& methods,
-                         const std::optional<int>& order, const std::optional<std::string>& noise,
-                         const std::string& noise_shape, const std::string& solver, const std::string& weights,
-                         bool check, const std::optional<Calibration>& from, const py::object& progress) {
+JobResult calibrate_job(std::vector<std::shared_ptr<Recording>> recordings,
+                        const std::vector<std::string>& methods, const std::optional<int>& order,
+                        const std::optional<std::string>& noise, const std::string& noise_shape,
+                        const std::string& solver, const std::string& weights, bool check,
+                        const std::optional<Calibration>& from, const py::object& progress) {
   CalibrateOptions options = options_from(methods, order, noise, noise_shape, solver, weights, check, from);
   const Recordings job({recordings.begin(), recordings.end()});
   return run_interruptible<JobResult>(
@@ -102,8 +103,8 @@ void bind_calibrate(py::module_& module) {
       .def_readonly("scores", &JobResult::scores);
 
   module.def("calibrate_job", &calibrate_job, py::arg("recordings"), py::arg("methods"), py::arg("order"),
-             py::arg("noise"), py::arg("noise_shape"), py::arg("solver"), py::arg("weights"), py::arg("check"),
-             py::arg("from_"), py::arg("progress"));
+             py::arg("noise"), py::arg("noise_shape"), py::arg("solver"), py::arg("weights"),
+             py::arg("check"), py::arg("from_"), py::arg("progress"));
 }
 
 }  // namespace rangecal::python

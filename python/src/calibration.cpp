@@ -65,7 +65,8 @@ py::array landmark_covariance(const Calibration& c) {
   for (std::size_t i = 0; i < c.landmarks.size(); ++i)
     for (py::ssize_t a = 0; a < 2; ++a)
       for (py::ssize_t b = 0; b < 2; ++b)
-        at(static_cast<py::ssize_t>(i), a, b) = c.landmarks[i].covariance ? (*c.landmarks[i].covariance)(a, b) : nan;
+        at(static_cast<py::ssize_t>(i), a, b) =
+            c.landmarks[i].covariance ? (*c.landmarks[i].covariance)(a, b) : nan;
   return array;
 }
 
@@ -90,32 +91,44 @@ py::dict to_dict(const Calibration& c) {
 void bind_calibration(py::module_& module) {
   py::class_<Calibration, std::shared_ptr<Calibration>>(module, "Calibration", py::dynamic_attr())
       .def_property_readonly("method", [](const Calibration& c) { return to_string(c.method); })
-      .def_property_readonly("kind", [](const Calibration& c) { return c.kind == RecordingKind::pairs ? "pairs" : "landmarks"; })
+      .def_property_readonly(
+          "kind", [](const Calibration& c) { return c.kind == RecordingKind::pairs ? "pairs" : "landmarks"; })
       .def_property_readonly("outcome", [](const Calibration& c) { return to_string(c.outcome); })
-      .def_property_readonly("usable", [](const Calibration& c) { return is_usable(c.outcome) && c.alpha.size() > 0; })
+      .def_property_readonly("usable",
+                             [](const Calibration& c) { return is_usable(c.outcome) && c.alpha.size() > 0; })
       .def_readonly("reason", &Calibration::reason)
       .def_property_readonly("order", &Calibration::order)
       .def_property_readonly("alpha", [](const py::object& self) { return view(of(self).alpha, self); })
-      .def_property_readonly("covariance", [](const py::object& self) { return view(of(self).alpha_covariance, self); })
+      .def_property_readonly("covariance",
+                             [](const py::object& self) { return view(of(self).alpha_covariance, self); })
       .def_readonly("covariance_reason", &Calibration::covariance_reason)
       .def_property_readonly("noise_law", [](const Calibration& c) { return to_string(c.noise.law); })
-      .def_property_readonly("noise_parameters", [](const py::object& self) { return view(of(self).noise.parameters, self); })
+      .def_property_readonly("noise_parameters",
+                             [](const py::object& self) { return view(of(self).noise.parameters, self); })
       .def_property_readonly("noise_std", &noise_std)
       .def_property_readonly("noise_shapes", &noise_shapes)
-      .def_property_readonly("sigma_theta_rad", [](const Calibration& c) { return value_of(c.sigma_theta_rad); })
-      .def_property_readonly("sigma_theta_std_rad", [](const Calibration& c) { return std_of(c.sigma_theta_rad); })
+      .def_property_readonly("sigma_theta_rad",
+                             [](const Calibration& c) { return value_of(c.sigma_theta_rad); })
+      .def_property_readonly("sigma_theta_std_rad",
+                             [](const Calibration& c) { return std_of(c.sigma_theta_rad); })
       .def_property_readonly("sigma_s_m", [](const Calibration& c) { return value_of(c.sigma_s_m); })
       .def_property_readonly("sigma_s_std_m", [](const Calibration& c) { return std_of(c.sigma_s_m); })
       .def_readonly("sigma_s_upper95_m", &Calibration::sigma_s_upper95_m)
-      .def_property_readonly("range_m", [](const Calibration& c) { return std::pair(c.range_min_m, c.range_max_m); })
+      .def_property_readonly("range_m",
+                             [](const Calibration& c) { return std::pair(c.range_min_m, c.range_max_m); })
       .def_readonly("effects", &Calibration::effects)
       .def_property_readonly("landmark_labels", [](const Calibration& c) { return labels(c.landmarks); })
       .def_property_readonly("landmarks", &landmarks)
       .def_property_readonly("landmark_covariance", &landmark_covariance)
-      .def_property_readonly("landmark_recording", [](const py::object& self) { return field_view(of(self).landmarks, &LandmarkEstimate::recording, self); })
+      .def_property_readonly("landmark_recording",
+                             [](const py::object& self) {
+                               return field_view(of(self).landmarks, &LandmarkEstimate::recording, self);
+                             })
       .def_property_readonly("stop_labels", [](const Calibration& c) { return labels(c.stops); })
       .def_property_readonly("stops", &stops)
-      .def_property_readonly("stop_recording", [](const py::object& self) { return field_view(of(self).stops, &StopEstimate::recording, self); })
+      .def_property_readonly(
+          "stop_recording",
+          [](const py::object& self) { return field_view(of(self).stops, &StopEstimate::recording, self); })
       .def_property_readonly("counts", [](const Calibration& c) { return to_dict(c)["counts"]; })
       .def_readonly("joint_nll", &Calibration::joint_nll)
       .def_readonly("nll", &Calibration::marginal_nll)
@@ -124,11 +137,14 @@ void bind_calibration(py::module_& module) {
       .def_readonly("iterations", &Calibration::iterations)
       .def_readonly("seconds", &Calibration::seconds)
       .def("f", along_curve([](const CurvePoint& p) { return p.reading_m; }), py::arg("distance_m"))
-      .def("f_std", along_curve([](const CurvePoint& p) { return p.std_dev_m.value_or(nan); }), py::arg("distance_m"))
+      .def("f_std", along_curve([](const CurvePoint& p) { return p.std_dev_m.value_or(nan); }),
+           py::arg("distance_m"))
       .def("noise", along_curve([](const CurvePoint& p) { return p.noise_m; }), py::arg("distance_m"))
       .def("to_dict", &to_dict)
       .def("to_json", [](const Calibration& c) { return calibrations_to_json({c}); })
-      .def("save", [](const Calibration& c, const std::string& path) { save_calibrations({c}, path); }, py::arg("path"));
+      .def(
+          "save", [](const Calibration& c, const std::string& path) { save_calibrations({c}, path); },
+          py::arg("path"));
 
   py::class_<CurveChange>(module, "CurveChange")
       .def_readonly("largest_m", &CurveChange::largest_m)
@@ -138,7 +154,10 @@ void bind_calibration(py::module_& module) {
       .def_readonly("degrees_of_freedom", &CurveChange::degrees_of_freedom)
       .def_readonly("first_taken_as_exact", &CurveChange::first_taken_as_exact);
 
-  module.def("load_calibration", [](const std::string& path) { return std::make_shared<Calibration>(load_calibration(path)); }, py::arg("path"));
+  module.def(
+      "load_calibration",
+      [](const std::string& path) { return std::make_shared<Calibration>(load_calibration(path)); },
+      py::arg("path"));
   module.def("compare_curves", &compare_curves, py::arg("before"), py::arg("after"));
 }
 

@@ -78,7 +78,7 @@ std::string csv_text(const py::dict& columns, const std::string& table) {
       if (c > 0) text += ',';
       parts[c].append(text, row);
     }
-    if (text.back() == '\n') text += "\"\"";   // a row of one empty field is no blank line
+    if (text.back() == '\n') text += "\"\"";  // a row of one empty field is no blank line
     text += '\n';
   }
   return text;

@@ -17,7 +17,7 @@ namespace {
 
 /// Every candidate of every reading, one after the other.
 struct Candidates {
-  std::vector<py::ssize_t> reading;   ///< index of the reading
+  std::vector<py::ssize_t> reading;  ///< index of the reading
   std::vector<double> distance_m, std_m;
   std::vector<int> candidate;
   std::vector<std::string> flag;
@@ -34,7 +34,8 @@ py::dict correct_readings(const std::shared_ptr<Calibration>& calibration,
   if (roots != "ls" && roots != "ml") throw InputError("roots is '" + roots + "', not ls or ml");
   require_curve(*calibration, "the calibration");
   const std::vector<double> values(readings.data(), readings.data() + readings.size());
-  const std::string text = calibration->effects.empty() || columns.empty() ? "" : csv_text(columns, "readings");
+  const std::string text =
+      calibration->effects.empty() || columns.empty() ? "" : csv_text(columns, "readings");
   const bool likelihood = roots == "ml";
   const Candidates found = run_interruptible<Candidates>(
       [calibration, values, text, likelihood](const StageHook& hook) {
@@ -44,7 +45,8 @@ py::dict correct_readings(const std::shared_ptr<Calibration>& calibration,
             reading_settings(*calibration, table ? &*table : nullptr, "readings", values.size());
         Candidates all;
         for (std::size_t i = 0; i < values.size(); ++i) {
-          if (i % 65536 == 65535) hook("correcting", static_cast<double>(i) / static_cast<double>(values.size()));
+          if (i % 65536 == 65535)
+            hook("correcting", static_cast<double>(i) / static_cast<double>(values.size()));
           for (CorrectionCandidate& c :
                correction_candidates(settings.corrector, values[i], settings.of_reading[i], likelihood)) {
             constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -70,8 +72,8 @@ py::dict correct_readings(const std::shared_ptr<Calibration>& calibration,
 }  // namespace
 
 void bind_correct(py::module_& module) {
-  module.def("correct_readings", &correct_readings, py::arg("calibration"), py::arg("readings"), py::arg("columns"),
-             py::arg("roots"));
+  module.def("correct_readings", &correct_readings, py::arg("calibration"), py::arg("readings"),
+             py::arg("columns"), py::arg("roots"));
 }
 
 }  // namespace rangecal::python

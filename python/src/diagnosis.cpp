@@ -12,8 +12,9 @@
 namespace rangecal::python {
 namespace {
 
-DiagnoseOptions options_from(double alarm_rate, const std::optional<std::vector<std::string>>& force, bool held_out,
-                             bool unseen, bool next_experiments, const std::shared_ptr<Calibration>& simulation) {
+DiagnoseOptions options_from(double alarm_rate, const std::optional<std::vector<std::string>>& force,
+                             bool held_out, bool unseen, bool next_experiments,
+                             const std::shared_ptr<Calibration>& simulation) {
   if (!(alarm_rate > 0.0 && alarm_rate < 1.0)) throw InputError("alarm_rate is not between 0 and 1");
   DiagnoseOptions options;
   options.alarm_rate = alarm_rate;
@@ -32,13 +33,15 @@ DiagnoseOptions options_from(double alarm_rate, const std::optional<std::vector<
 
 std::shared_ptr<Diagnosis> diagnose_job(const std::vector<std::shared_ptr<Recording>>& recordings,
                                         const std::shared_ptr<Calibration>& calibration,
-                                        const std::vector<std::shared_ptr<Recording>>& simulation, double alarm_rate,
+                                        const std::vector<std::shared_ptr<Recording>>& simulation,
+                                        double alarm_rate,
                                         const std::optional<std::vector<std::string>>& force, bool held_out,
                                         bool unseen, bool next_experiments, const py::object& progress) {
   DiagnoseOptions options = options_from(alarm_rate, force, held_out, unseen, next_experiments, calibration);
   const Recordings job({recordings.begin(), recordings.end()});
   std::optional<Recordings> other;
-  if (!simulation.empty()) other.emplace(std::vector<std::shared_ptr<const Recording>>{simulation.begin(), simulation.end()});
+  if (!simulation.empty())
+    other.emplace(std::vector<std::shared_ptr<const Recording>>{simulation.begin(), simulation.end()});
   return run_interruptible<std::shared_ptr<Diagnosis>>(
       [job, other, options](const StageHook& hook) {
         DiagnoseOptions own = options;
@@ -58,7 +61,9 @@ std::vector<std::shared_ptr<Recording>> simulate_again(const Diagnosis& diagnosi
 
 void bind_findings(py::module_& module) {
   const auto residual = [](auto BinnedResidual::*member) {
-    return [member](const py::object& self) { return field_view(self.cast<const Finding&>().residuals, member, self); };
+    return [member](const py::object& self) {
+      return field_view(self.cast<const Finding&>().residuals, member, self);
+    };
   };
   py::class_<Finding>(module, "Finding")
       .def_readonly("channel", &Finding::channel)
@@ -119,9 +124,13 @@ void bind_diagnosis(py::module_& module) {
   };
   py::class_<Diagnosis, std::shared_ptr<Diagnosis>>(module, "Diagnosis")
       .def_property_readonly("verdict", [](const Diagnosis& d) { return to_string(d.verdict); })
-      .def_property_readonly("sentence", [](const Diagnosis& d) { return d.sentence.empty() ? verdict_sentence(d) : d.sentence; })
-      .def_property_readonly("baseline", [](const Diagnosis& d) { return std::make_shared<Calibration>(d.baseline); })
-      .def_property_readonly("corrected", [](const Diagnosis& d) { return std::make_shared<Calibration>(d.corrected); })
+      .def_property_readonly(
+          "sentence",
+          [](const Diagnosis& d) { return d.sentence.empty() ? verdict_sentence(d) : d.sentence; })
+      .def_property_readonly("baseline",
+                             [](const Diagnosis& d) { return std::make_shared<Calibration>(d.baseline); })
+      .def_property_readonly("corrected",
+                             [](const Diagnosis& d) { return std::make_shared<Calibration>(d.corrected); })
       .def_readonly("before", &Diagnosis::before)
       .def_readonly("after", &Diagnosis::after)
       .def_readonly("alarm_p_value", &Diagnosis::alarm_p_value)
@@ -134,12 +143,14 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("notes", &Diagnosis::notes)
       .def("to_dict", to_dict)
       .def("to_json", &diagnosis_to_json)
-      .def("save", [](const Diagnosis& d, const std::string& path) { write_file(path, diagnosis_to_json(d)); }, py::arg("path"))
+      .def(
+          "save", [](const Diagnosis& d, const std::string& path) { write_file(path, diagnosis_to_json(d)); },
+          py::arg("path"))
       .def("simulate_all", &simulate_again, py::arg("seed"), py::call_guard<py::gil_scoped_release>());
 
-  module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"), py::arg("simulation"),
-             py::arg("alarm_rate"), py::arg("force"), py::arg("held_out"), py::arg("unseen"),
-             py::arg("next_experiments"), py::arg("progress"));
+  module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),
+             py::arg("simulation"), py::arg("alarm_rate"), py::arg("force"), py::arg("held_out"),
+             py::arg("unseen"), py::arg("next_experiments"), py::arg("progress"));
 }
 
 }  // namespace rangecal::python

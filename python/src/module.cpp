@@ -10,7 +10,7 @@ PYBIND11_MODULE(_native, module) {
   using namespace rangecal::python;
   module.doc() = "The C++ side of rangecal; use the package `rangecal`.";
   module.attr("__version__") = RANGECAL_VERSION;
-  FLAGS_minloglevel = google::GLOG_FATAL;   // Ceres logs through glog, to stderr unless told otherwise
+  FLAGS_minloglevel = google::GLOG_FATAL;  // Ceres logs through glog, to stderr unless told otherwise
 
   py::register_exception<rangecal::InputError>(module, "InputError", PyExc_ValueError);
   bind_recording(module);

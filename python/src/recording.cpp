@@ -120,15 +120,40 @@ void bind_recording(py::module_& module) {
       .def_readonly("path", &Recording::path)
       .def_property_readonly("kind", [](const Recording& r) { return is_pairs(r) ? "pairs" : "landmarks"; })
       .def_readonly("sensor", &Recording::sensor)
-      .def_property_readonly("sigma_xy_m", [](const Recording& r) { return r.estimate_sigma_xy ? py::object(py::str("estimate")) : py::object(py::float_(r.sigma_xy_m)); })
+      .def_property_readonly("sigma_xy_m",
+                             [](const Recording& r) {
+                               return r.estimate_sigma_xy ? py::object(py::str("estimate"))
+                                                          : py::object(py::float_(r.sigma_xy_m));
+                             })
       .def_readonly("sigma_heading_rad", &Recording::sigma_heading_rad)
-      .def_property_readonly("stop_error", [](const Recording& r) { return r.stop_error == StopErrorModel::random_walk ? "random_walk" : "independent"; })
+      .def_property_readonly("stop_error",
+                             [](const Recording& r) {
+                               return r.stop_error == StopErrorModel::random_walk ? "random_walk"
+                                                                                  : "independent";
+                             })
       .def_property_readonly("counts", [](const Recording& r) { return counts(r.counts); })
-      .def_property_readonly("stop_labels", [](const Recording& r) { return labels(r.stops, [](const Stop& s) { return s.label; }); })
-      .def_property_readonly("places", [](const Recording& r) { return labels(r.stops, [](const Stop& s) { return s.place; }); })
-      .def_property_readonly("stops", [](const py::object& self) { return field_view(self.cast<const Recording&>().stops, self.cast<const Recording&>().stops.empty() ? nullptr : &self.cast<const Recording&>().stops.front().commanded.x_m, 3, self); })
-      .def_property_readonly("landmark_labels", [](const Recording& r) { return labels(r.landmarks, [](const Landmark& l) { return l.label; }); })
-      .def_property_readonly("landmark_radius_m", [](const py::object& self) { return field_view(self.cast<const Recording&>().landmarks, &Landmark::radius_m, self); })
+      .def_property_readonly(
+          "stop_labels",
+          [](const Recording& r) { return labels(r.stops, [](const Stop& s) { return s.label; }); })
+      .def_property_readonly(
+          "places", [](const Recording& r) { return labels(r.stops, [](const Stop& s) { return s.place; }); })
+      .def_property_readonly("stops",
+                             [](const py::object& self) {
+                               return field_view(
+                                   self.cast<const Recording&>().stops,
+                                   self.cast<const Recording&>().stops.empty()
+                                       ? nullptr
+                                       : &self.cast<const Recording&>().stops.front().commanded.x_m,
+                                   3, self);
+                             })
+      .def_property_readonly(
+          "landmark_labels",
+          [](const Recording& r) { return labels(r.landmarks, [](const Landmark& l) { return l.label; }); })
+      .def_property_readonly("landmark_radius_m",
+                             [](const py::object& self) {
+                               return field_view(self.cast<const Recording&>().landmarks, &Landmark::radius_m,
+                                                 self);
+                             })
       .def_property_readonly("true_stops", &true_stops)
       .def_property_readonly("true_landmarks", &true_landmarks)
       .def_property_readonly("stop", column<int>(&Readings::stop, nullptr))
@@ -145,7 +170,10 @@ void bind_recording(py::module_& module) {
       .def("save", &save_recording, py::arg("folder"), py::call_guard<py::gil_scoped_release>())
       .def("__len__", [](const Recording& r) { return is_pairs(r) ? r.pairs.size() : r.readings.size(); });
 
-  module.def("load_recording", [](const std::string& folder) { return std::make_shared<Recording>(load_recording(folder)); }, py::arg("folder"), py::call_guard<py::gil_scoped_release>());
+  module.def(
+      "load_recording",
+      [](const std::string& folder) { return std::make_shared<Recording>(load_recording(folder)); },
+      py::arg("folder"), py::call_guard<py::gil_scoped_release>());
 }
 
 }  // namespace rangecal::python

@@ -61,8 +61,8 @@ std::shared_ptr<Recording> simulate_scene(const Scene& scene, std::uint64_t seed
 }
 
 std::vector<std::shared_ptr<Recording>> simulate_layout(const std::vector<std::shared_ptr<Recording>>& layout,
-                                                        const Calibration& calibration, const Effects& effects,
-                                                        std::uint64_t seed) {
+                                                        const Calibration& calibration,
+                                                        const Effects& effects, std::uint64_t seed) {
   const Recordings recordings({layout.begin(), layout.end()});
   return draw({recordings.span().begin(), recordings.span().end()}, calibration, effects, seed);
 }
@@ -83,8 +83,8 @@ void bind_simulate(py::module_& module) {
         return simulate_scene(parse_scene(text, "the scene"), seed, effects);
       },
       py::arg("text"), py::arg("seed"), py::arg("effects"), release);
-  module.def("simulate_layout", &simulate_layout, py::arg("layout"), py::arg("calibration"), py::arg("effects"),
-             py::arg("seed"), release);
+  module.def("simulate_layout", &simulate_layout, py::arg("layout"), py::arg("calibration"),
+             py::arg("effects"), py::arg("seed"), release);
 
   py::class_<EffectParameter>(module, "EffectParameter")
       .def_readonly("name", &EffectParameter::name)

@@ -20,12 +20,13 @@ using Tables = std::pair<std::string, std::string>;
 Tables run(const Study& study, int threads, const StageHook& hook) {
   const long units = static_cast<long>(study.points.size()) * study_pieces(study);
   long done = 0;
-  std::map<int, std::string> results, timing;   // by point: they complete in any order
+  std::map<int, std::string> results, timing;  // by point: they complete in any order
   StudyOptions options;
   options.threads = threads;
   options.on_unit = [&](const StudyUnit& unit, const StudySums&) {
     ++done;
-    hook(study.points[static_cast<std::size_t>(unit.point)].key, static_cast<double>(done) / static_cast<double>(units));
+    hook(study.points[static_cast<std::size_t>(unit.point)].key,
+         static_cast<double>(done) / static_cast<double>(units));
   };
   options.on_point = [&](const StudyPointResult& point) {
     results[point.point] = study_csv_rows(study, point);
@@ -38,9 +39,11 @@ Tables run(const Study& study, int threads, const StageHook& hook) {
   return tables;
 }
 
-Tables study_job(const std::string& path, const std::optional<int>& repeats, int threads, const py::object& progress) {
+Tables study_job(const std::string& path, const std::optional<int>& repeats, int threads,
+                 const py::object& progress) {
   Study study = load_study(path);
-  if (repeats && *repeats < 1) throw InputError("repeats is " + std::to_string(*repeats) + ", not at least 1");
+  if (repeats && *repeats < 1)
+    throw InputError("repeats is " + std::to_string(*repeats) + ", not at least 1");
   if (threads < 0) throw InputError("threads is " + std::to_string(threads) + ", not at least 0");
   if (repeats) study.repeats = *repeats;
   return run_interruptible<Tables>(
@@ -50,7 +53,8 @@ Tables study_job(const std::string& path, const std::optional<int>& repeats, int
 }  // namespace
 
 void bind_study(py::module_& module) {
-  module.def("study_job", &study_job, py::arg("path"), py::arg("repeats"), py::arg("threads"), py::arg("progress"));
+  module.def("study_job", &study_job, py::arg("path"), py::arg("repeats"), py::arg("threads"),
+             py::arg("progress"));
 }
 
 }  // namespace rangecal::python

@@ -18,7 +18,7 @@ struct Interrupted : std::exception {};
 struct Job {
   std::mutex mutex;
   std::condition_variable changed;
-  std::vector<std::pair<std::string, double>> stages;   ///< not yet handed on
+  std::vector<std::pair<std::string, double>> stages;  ///< not yet handed on
   bool done = false, interrupted = false;
   std::exception_ptr error;
 
@@ -44,7 +44,7 @@ struct Job {
 };
 
 std::list<std::thread>& leftovers() {
-  static std::list<std::thread> threads;   // guarded by the GIL
+  static std::list<std::thread> threads;  // guarded by the GIL
   return threads;
 }
 
@@ -59,7 +59,8 @@ void run_interruptible(std::function<void(const StageHook&)> work, const py::obj
       {
         const py::gil_scoped_release release;
         std::unique_lock lock(job->mutex);
-        job->changed.wait_for(lock, std::chrono::milliseconds(50), [&] { return job->done || !job->stages.empty(); });
+        job->changed.wait_for(lock, std::chrono::milliseconds(50),
+                              [&] { return job->done || !job->stages.empty(); });
         stages.swap(job->stages);
         done = job->done;
       }
