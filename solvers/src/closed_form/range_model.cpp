@@ -118,16 +118,17 @@ MatrixXd alpha_covariance(const std::vector<RangeSample>& samples, const std::ve
   const Eigen::Index p = model.alpha.size();
   MatrixXd covariance = MatrixXd::Zero(p, p);
   std::vector<MatrixXd> response(landmark_covariance.size(), MatrixXd::Zero(p, 2));
+  VectorXd phi(p), G(p);
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const RangeSample& s = samples[k];
-    VectorXd phi(p);
     double power = 1.0;
     for (Eigen::Index i = 0; i < p; ++i, power *= s.d) phi(i) = power;
-    const VectorXd G = weights[k] * (cofactor * phi);
+    G.noalias() = cofactor * phi;
+    G *= weights[k];
     const double f = evaluate_polynomial(model.alpha, s.d), slope = evaluate_derivative(model.alpha, s.d);
     const double spread = model.noise.spread(s.d, f);
-    covariance += (spread * spread / s.R + slope * slope * s.d_variance) * G * G.transpose();
-    if (!response.empty()) response[s.landmark] += slope * G * s.u.transpose();
+    covariance.noalias() += (spread * spread / s.R + slope * slope * s.d_variance) * G * G.transpose();
+    if (!response.empty()) response[s.landmark].noalias() += slope * G * s.u.transpose();
   }
   for (std::size_t l = 0; l < response.size(); ++l)
     covariance += response[l] * landmark_covariance[l] * response[l].transpose();
