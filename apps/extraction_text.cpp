@@ -53,6 +53,10 @@ std::vector<LandmarkSummary> summarise(const Recording& recording) {
   return out;
 }
 
+std::string line(const char* what, const std::string& text) {
+  return fmt::format("{:<11}{}\n", what, wrapped(text, 11, 100));
+}
+
 const char* arc_in_words(ArcRule arc) {
   switch (arc) {
     case ArcRule::mean:
@@ -73,12 +77,12 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   std::string out;
   out += fmt::format("stops      {}, told apart by {}\n", recording.stops.size(),
                      extraction.split == StopSplit::standing ? "standing still" : to_string(extraction.split));
-  out += wrapped(fmt::format("scans      {}", tally_line(extraction.scans, "read")), 11) + "\n";
+  out += line("scans", tally_line(extraction.scans, "read"));
   out += fmt::format("noise      of a beam at r: sqrt(({:.2f} mm)^2 + ({:.2f} mm/m^2 r^2)^2), {}\n",
                      1e3 * noise.floor_m, 1e3 * noise.quadratic_per_m, extraction.noise_origin);
-  out += wrapped(fmt::format("beams      {}", tally_line(extraction.beams, "all")), 11) + "\n";
-  out += wrapped(fmt::format("segments   {}", tally_line(extraction.segments, "all")), 11) + "\n";
-  out += wrapped(fmt::format("cylinders  {}", tally_line(extraction.cylinders, "found")), 11) + "\n";
+  out += line("beams", tally_line(extraction.beams, "all"));
+  out += line("segments", tally_line(extraction.segments, "all"));
+  out += line("cylinders", tally_line(extraction.cylinders, "found"));
   if (recording.landmarks.empty()) return out;
   out += fmt::format("range      {}\n\n", arc_in_words(options.arc));
   out += "landmark   radius    stops  readings       ranges  beams  sd range  sd bearing\n";
