@@ -34,6 +34,7 @@
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/covariance/cramer_rao.hpp"
+#include "rangecal/solvers/study/bound.hpp"
 
 namespace {
 
@@ -59,30 +60,9 @@ struct Estimator {
 
 const std::vector<double> curve_points = {0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0};
 
-Eigen::MatrixXd curve_rows(const std::vector<double>& at, int coefficients) {
-  Eigen::MatrixXd rows(at.size(), coefficients);
-  for (std::size_t i = 0; i < at.size(); ++i)
-    for (int a = 0; a < coefficients; ++a) rows(i, a) = std::pow(at[i], a);
-  return rows;
-}
-
 Scene with_sigmas(Scene scene, double sigma_theta_deg, double sigma_s) {
   scene.sigma_theta_rad = sigma_theta_deg * std::numbers::pi / 180.0;
   scene.sigma_xy_m = sigma_s;
-  return scene;
-}
-
-/// K stops over the same path.
-Scene with_stops(Scene scene, int count) {
-  const Pose2 first = scene.stops.front().commanded, last = scene.stops.back().commanded;
-  const Stop pattern = scene.stops.front();
-  scene.stops.assign(count, pattern);
-  for (int k = 0; k < count; ++k) {
-    const double share = static_cast<double>(k) / (count - 1);
-    scene.stops[k].label = std::to_string(k);
-    scene.stops[k].commanded.x_m = first.x_m + share * (last.x_m - first.x_m);
-    scene.stops[k].commanded.y_m = first.y_m + share * (last.y_m - first.y_m);
-  }
   return scene;
 }
 
@@ -99,29 +79,8 @@ Scene with_random_landmarks(Scene scene, std::uint64_t candidate) {
   return scene;
 }
 
-/// The scene's truth at its commanded stops, and which landmark is seen from where.
-struct Truth {
-  JointProblem problem;
-  JointState state;
-};
-
-Truth truth_of(const Scene& scene, std::uint64_t seed) {
-  const Recording first = simulate(scene, seed);
-  Truth truth{make_joint_problem({&first, 1}), {}};
-  truth.state.alpha = scene.alpha;
-  truth.state.noise = scene.noise;
-  truth.state.sigma_theta_rad = scene.sigma_theta_rad;
-  truth.state.landmarks = scene.positions;
-  for (const StopPrior& prior : truth.problem.stops) truth.state.stops.push_back(prior.commanded);
-  return truth;
-}
-
-Eigen::VectorXd variance_along(const Eigen::MatrixXd& rows, const Eigen::MatrixXd& covariance) {
-  return (rows * covariance.topLeftCorner(rows.cols(), rows.cols()) * rows.transpose()).diagonal();
-}
-
 double linearisation_error(const Scene& scene) {
-  const Truth truth = truth_of(scene, 1);
+  const SceneTruth truth = scene_truth(scene, 1);
   const auto fixed = cramer_rao_bound(truth.problem, truth.state);
   const auto hybrid = hybrid_cramer_rao_bound(truth.problem, truth.state, 400, 1);
   if (!fixed || !hybrid) return std::numeric_limits<double>::infinity();
@@ -139,7 +98,7 @@ void run(const Setting& setting, const std::vector<Estimator>& estimators, Requi
   truth.head(coefficients) = scene.alpha;
   for (int l = 0; l < landmarks; ++l) truth.segment<2>(coefficients + 2 * l) = scene.positions[l];
 
-  const Truth at = truth_of(scene, seed_from(setting.name, {0}));
+  const SceneTruth at = scene_truth(scene, seed_from(setting.name, {0}));
   const auto bound = hybrid_cramer_rao_bound(at.problem, at.state, 400, 1);
   fmt::print("{}, {} repeats\n", setting.name, setting.repeats);
   if (!bound) {
