@@ -12,6 +12,7 @@
 #include "diagnosis/residual_bins.hpp"
 #include "diagnosis/search.hpp"
 #include "diagnosis/simulation_compare.hpp"
+#include "rangecal/core/random.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -87,6 +88,15 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
 
 namespace {
 
+/// A run of a calibration that carries effects: they are simulated, since only curve and noise can be held.
+std::vector<Recording> simulated_by(const Calibration& calibration, std::span<const Recording> recordings) {
+  SimulationModel model;
+  model.recordings.assign(recordings.begin(), recordings.end());
+  for (const Recording& recording : recordings) model.landmark_read.push_back(recording.readings.landmark);
+  model.calibration = calibration;
+  return simulate(model, seed_from("simulated_by", {}));
+}
+
 /// Range residuals far too long in the tails for a normal law.
 bool outliers_stand_out(const diagnosis::Battery& battery) {
   return std::any_of(battery.questions.begin(), battery.questions.end(), [](const diagnosis::Question& q) {
@@ -98,6 +108,11 @@ bool outliers_stand_out(const diagnosis::Battery& battery) {
 
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
+  if (options.simulation && !options.simulation->effects.empty()) {
+    DiagnoseOptions against = options;
+    against.simulation.reset();
+    return diagnose_against(recordings, simulated_by(*options.simulation, recordings), against);
+  }
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
   Bookkeeping known = correct_labels(corrected);
   Rows rows = make_rows(corrected);

@@ -120,6 +120,17 @@ TEST(SimulationLoop, TheRecordingDoesNotDepartFromItsOwnSimulation) {
   EXPECT_EQ(against.verdict, Verdict::no_mismatch) << against.sentence;
 }
 
+TEST(SimulationLoop, NorFromACalibrationThatCarriesTheEffect) {
+  const Recording recording = eccentric(1);
+  DiagnoseOptions options = quick();
+  options.simulation = of(recording).corrected;
+  ASSERT_EQ(options.simulation->effects.count("range_eccentricity"), 1u);
+  const Diagnosis against = of(recording, options);
+  EXPECT_EQ(against.verdict, Verdict::no_mismatch) << against.sentence;
+  options.simulation->landmarks.pop_back();  // nowhere to read from
+  EXPECT_THROW(of(recording, options), InputError);
+}
+
 TEST(AgainstSimulation, NamesWhatTheSimulationLacks) {
   const Recording recording = eccentric(1), with = eccentric(2);
   Random random(seed_from("json test", {1}));
