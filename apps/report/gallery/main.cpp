@@ -63,10 +63,10 @@ std::optional<Specimen> planted_specimen(const std::string& id) {
       const Recording recording = world::simulate(w, seed_from("gallery run " + id));
       const Diagnosis diagnosis = with_effect_named(recording, id);
       if (best && gain_of(diagnosis) <= gain_of(best->diagnosis)) continue;
-      best = Specimen{
-          recording,
-          fmt::format("{:g} {}, {}", size, plant->unit, turning ? "a loop with turns" : "a straight line"),
-          diagnosis};
+      best = Specimen{recording,
+                      fmt::format("{:g}{}, {}", size, plant->unit == "1" ? "" : " " + plant->unit,
+                                  turning ? "a loop with turns" : "a straight line"),
+                      diagnosis};
     }
     if (gain_of(best->diagnosis) > clear) break;
   }
