@@ -156,10 +156,10 @@ def study(self, x, y, ax=None):
     frame = self.to_frame()
     parameters = [name for name in frame.columns[1:list(frame.columns).index("estimator") + 1]
                   if name != x and frame[name].nunique() > 1]
-    for key, part in frame.groupby(parameters, sort=False) if parameters else [("", frame)]:
+    lines = frame[parameters].astype(str).agg(", ".join, axis=1) if parameters else ""
+    for label, part in frame.assign(lines=lines).groupby("lines", sort=False):
         part = part.sort_values(x)
         error = part[y + "_se"] if y + "_se" in part else None
-        label = key if isinstance(key, str) else ", ".join(map(str, key))
         ax.errorbar(part[x], part[y], error, fmt="o-", markersize=3, linewidth=1.0, label=label)
     ax.set(xlabel=x, ylabel=y)
     ax.legend(fontsize="x-small")
