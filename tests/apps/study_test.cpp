@@ -101,18 +101,17 @@ TEST(Study, MpiRanksGiveTheSameBytes) {
   const TemporaryFolder folder;
   folder.write("study.yaml", study_text(30));
   const std::string one = whole_run(folder);
+  const std::string mpirun =
+      "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 timeout 200 mpirun --oversubscribe --mca btl self,tcp "
+      "--mca btl_tcp_if_include lo -n ";
   for (const std::string ranks : {"2", "4"}) {
     const std::string out = folder.file("ranks" + ranks);
-    const RunResult result =
-        run("study " + folder.file("study.yaml") + " -o " + out, "",
-            "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 timeout 120 mpirun -n " + ranks +
-                " --oversubscribe --mca btl self,tcp --mca btl_tcp_if_include lo");
+    const RunResult result = run("study " + folder.file("study.yaml") + " -o " + out, "", mpirun + ranks);
     ASSERT_EQ(result.code, 0) << result.err;
     EXPECT_EQ(slurp(out + "/results.csv"), one) << ranks << " ranks";
     EXPECT_EQ(units(out).size(), 10u);  // each of the 2 x 5 pieces by one rank only
   }
-  const RunResult wrong = run("study " + folder.file("nowhere.yaml") + " -o " + folder.file("x"), "",
-                              "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 mpirun -n 2 --oversubscribe");
+  const RunResult wrong = run("study " + folder.file("nowhere.yaml") + " -o " + folder.file("x"), "", mpirun + "2");
   EXPECT_EQ(wrong.code, 2);
   EXPECT_EQ(count_of(wrong.err, "rangecal: "), 1) << wrong.err;
 }
