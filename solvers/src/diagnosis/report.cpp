@@ -101,8 +101,13 @@ void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
     Question own;
     for (const Question& q : found.first->questions)
       if (q.effect == active.effect && q.statistic > own.statistic) own = q;
-    for (const Question& q : found.shapes)
-      if (own.dof == 1 && own.statistic == 0.0 && q.channel == info.channel) own = q;
+    if (own.statistic == 0.0)  // dependence, tails, stops: asked after by their channel, or its kind, alone
+      for (const Question& q : found.first->questions) {
+        const std::size_t kind = info.channel.find('_');
+        const bool same_kind =
+            kind != std::string::npos && q.channel.find(info.channel.substr(kind)) != std::string::npos;
+        if (!q.effect && (q.channel == info.channel || same_kind) && q.statistic > own.statistic) own = q;
+      }
     own.channel = info.channel;
     own.covariate = info.covariate;
     Finding f = finding_of(own, found);

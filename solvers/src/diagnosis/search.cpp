@@ -151,7 +151,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   result.known = known;
 
   if (options.force) {
-    Model model;
+    if (options.force->empty()) throw InputError("no effect is named to be fitted");
     for (const std::string& id : *options.force) {
       const Effect* effect = find_effect(id);
       if (!effect) throw InputError("no effect is called '" + id + "'");
