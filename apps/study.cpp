@@ -6,7 +6,10 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "report/report.hpp"
 #include "study/command.hpp"
 
 namespace rangecal::app {
@@ -42,13 +45,20 @@ bool started_by_mpirun() {
 
 void add_study(CLI::App& app, Action& chosen) {
   const auto job = std::make_shared<StudyJob>();
-  declare_study(app, *job)->callback([job, &chosen] {
-    chosen = [job] {
+  const auto page = std::make_shared<std::string>();
+  CLI::App* command = declare_study(app, *job);
+  command->add_option("--report", *page, "one HTML file with the measures as charts (not under mpirun)");
+  command->callback([job, page, &chosen] {
+    chosen = [job, page] {
       if (started_by_mpirun()) become_mpi_program(*job);
+      if (!page->empty()) report::require_available();
       const Study study = study_of(*job);
       StudyFolder folder(study, *job);
       run_study(study, folder.options());
-      return folder.finish();
+      const int code = folder.finish();
+      if (!page->empty())
+        write_file(*page, report::study_page(study.name, CsvTable::read(job->folder + "/results.csv")));
+      return code;
     };
   });
 }

@@ -10,6 +10,7 @@
 #include <map>
 #include <mutex>
 
+#include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/physical/experiments.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
@@ -169,7 +170,12 @@ void add_gain(Score& score, const Case& c, const Recording& recording, const Dia
   options.held_out = options.unseen = options.next_experiments = false;
   options.force = c.truth;
   double seconds = 0.0;
-  const Diagnosis oracle = ask(diagnose, recording, options, seconds);
+  Diagnosis oracle;
+  try {
+    oracle = ask(diagnose, recording, options, seconds);
+  } catch (const InputError&) {
+    return;  // it cannot be fitted: nothing to compare with
+  }
   const double best = oracle.explanations.empty() ? oracle.after.nll : oracle.explanations[0].nll;
   const double reached = diagnosis.before.nll - diagnosis.after.nll, possible = diagnosis.before.nll - best;
   if (!(possible > 0.0)) return;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/calibrate/truth_score.hpp"
@@ -32,6 +33,10 @@ std::string calibration_page(std::span<const Recording> recordings, const Calibr
 /// truth. `verdict` is the sentence that says which to trust.
 std::string comparison_page(std::span<const Recording> recordings, const CalibrationReport& report,
                             const std::vector<TruthScore>& scores, const std::string& verdict);
+
+/// A study from its table of results (docs/study.md): measures over the parameter with the most values, a line per
+/// estimator, with standard errors. Throws InputError for a table that is not one of a study.
+std::string study_page(const std::string& name, const CsvTable& results);
 
 /// The first part of a page as a fragment of HTML without scripts, styled inline: verdict and main table. For
 /// notebooks.

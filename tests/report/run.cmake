@@ -38,6 +38,7 @@ report(known-distances diagnose "${DATA}/pairs-2016")
 report(two-recordings calibrate "${DATA}/field-layout" "${DATA}/field-layout" --method all)
 report(pairs calibrate "${DATA}/pairs-2016")
 report(methods compare "${DATA}/field-layout")
+report(study study "${DATA}/studies/quick.yaml" -o "${WORK}/quick" --resume)
 
 file(GLOB pages "${reports}/*.html")
 set(ENV{RANGECAL_NODE_MODULES} "${WORK}/node_modules")

@@ -155,7 +155,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     for (const std::string& id : *options.force) {
       const Effect* effect = find_effect(id);
       if (!effect) throw InputError("no effect is called '" + id + "'");
-      Proposal proposal{effect, effect->start_grid(rows.context).front(), 0.0, 0.0, 0.0, {}};
+      const auto grid = effect->start_grid(rows.context);
+      if (grid.empty()) throw InputError("effect '" + id + "' has nothing to act on in this recording");
+      Proposal proposal{effect, grid.front(), 0.0, 0.0, 0.0, {}};
       for (const Proposal& p : propose(rows, *result.first, {}))
         if (p.effect == effect) proposal = p;
       for (const Question& q : result.first->questions)
@@ -163,6 +165,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
           proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
       Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
       result.best = try_model(rows, base, proposal, prices, refit_options);
+      if (!result.best.fit.ok) throw InputError("effect '" + id + "' cannot be fitted to this recording");
     }
     result.best.gain = result.baseline.nll - result.best.fit.nll;
     result.verdict = Verdict::explained;

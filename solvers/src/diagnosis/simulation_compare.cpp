@@ -237,7 +237,8 @@ void acquit(Diagnosis& result, const std::string& note) {
 
 constexpr double confirm_rate = 0.01;  ///< of the one question whether a finding is in both
 
-/// ln p of the effects' gain, fitted to one recording whatever the battery says.
+/// ln p of the effects' gain, fitted to one recording whatever the battery says; 0 where they cannot be
+/// fitted.
 double log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects,
                 const DiagnoseOptions& options, std::size_t parameters) {
   DiagnoseOptions forced = options;
@@ -245,9 +246,13 @@ double log_p_of(std::span<const Recording> recordings, const std::vector<std::st
   forced.held_out = forced.unseen = forced.next_experiments = false;
   forced.progress = nullptr;
   forced.null_draws = 20;
-  const Diagnosis d = diagnose(recordings, forced);
-  return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
-                             static_cast<int>(std::max<std::size_t>(1, parameters)));
+  try {
+    const Diagnosis d = diagnose(recordings, forced);
+    return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
+                               static_cast<int>(std::max<std::size_t>(1, parameters)));
+  } catch (const InputError&) {
+    return 0.0;
+  }
 }
 
 }  // namespace

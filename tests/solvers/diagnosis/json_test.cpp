@@ -131,6 +131,14 @@ TEST(SimulationLoop, NorFromACalibrationThatCarriesTheEffect) {
   EXPECT_THROW(of(recording, options), InputError);
 }
 
+TEST(Forced, WhatCannotBeFittedIsAnErrorOfOneLine) {
+  DiagnoseOptions options = quick();
+  options.force = std::vector<std::string>{};
+  EXPECT_THROW(of(clean(1), options), InputError);
+  options.force = {{"no_such_effect"}};
+  EXPECT_THROW(of(clean(1), options), InputError);
+}
+
 TEST(AgainstSimulation, NamesWhatTheSimulationLacks) {
   const Recording recording = eccentric(1), with = eccentric(2);
   Random random(seed_from("json test", {1}));

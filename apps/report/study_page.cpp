@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The report of a study: its measures over the parameter with the most values, a line per estimator.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "page.hpp"
+#include "report.hpp"
+
+namespace rangecal::report {
+namespace {
+
+struct Measure {
+  const char *column, *words;
+  double factor;
+};
+
+/// What is drawn where the study has it, most telling first.
+const std::vector<Measure> measures{{"curve_rmse_over_bound", "curve: RMSE over the Cramér-Rao bound", 1.0},
+                                    {"landmark_rmse_over_bound", "landmarks: RMSE over the Cramér-Rao bound", 1.0},
+                                    {"mse_ratio", "MSE of raw over corrected readings", 1.0},
+                                    {"curve_rmse_m", "curve: RMSE [mm]", 1e3},
+                                    {"landmark_rmse_m", "landmarks: RMSE [mm]", 1e3},
+                                    {"curve_bias_m", "curve: bias [mm]", 1e3}};
+constexpr std::size_t most_measures = 4, most_panels = 6;
+
+/// The table with its parameters told from its measures.
+struct Layout {
+  const CsvTable& table;
+  std::vector<std::size_t> parameters;  ///< columns
+  std::size_t estimator = 0, answers = 0;
+  std::optional<std::size_t> swept;     ///< the parameter on the x axis
+  bool numeric = false;
+
+  explicit Layout(const CsvTable& results) : table(results) {
+    estimator = table.require("estimator");
+    answers = table.require("answers");
+    for (std::size_t c = table.require("point") + 1; c < estimator; ++c) parameters.push_back(c);
+    std::size_t most = 1;
+    for (std::size_t c : parameters) {
+      std::set<std::string_view> values;
+      for (std::size_t r = 0; r < table.rows(); ++r) values.insert(table.text(r, c));
+      if (values.size() <= most) continue;
+      most = values.size();
+      swept = c;
+      numeric = table.is_numeric(c);
+    }
+  }
+  /// The parameters that are not on the axis, in words: one panel each.
+  std::string panel_of(std::size_t row) const {
+    std::string words;
+    for (std::size_t c : parameters)
+      if (!swept || c != *swept)
+        words += fmt::format("{}{} {}", words.empty() ? "" : ", ", table.columns()[c], table.text(row, c));
+    return words;
+  }
+};
+
+std::vector<Measure> measures_of(const CsvTable& table) {
+  std::vector<Measure> found;
+  for (const Measure& m : measures)
+    if (found.size() < most_measures && table.find(m.column)) found.push_back(m);
+  return found;
+}
+
+/// Values with two standard errors to both sides; of rows without an answer, nothing.
+Json rows_of(const Layout& layout, const Measure& m, const std::string& panel) {
+  const CsvTable& t = layout.table;
+  const std::size_t value = t.require(m.column);
+  const std::string name = m.column;  // of "a" it is "a_se", of "a_m" "a_se_m"
+  std::optional<std::size_t> deviation = t.find(name + "_se");
+  if (!deviation) deviation = t.find(name.substr(0, name.rfind("_m")) + "_se_m");
+  Json rows = Json::array();
+  for (std::size_t r = 0; r < t.rows(); ++r) {
+    if (layout.panel_of(r) != panel) continue;
+    const std::optional<double> v = t.number(r, value);
+    if (!v) continue;
+    const double se = m.factor * (deviation ? t.number(r, *deviation).value_or(0.0) : 0.0), at = m.factor * *v;
+    Json row{{"estimator", std::string(t.text(r, layout.estimator))},
+             {"value", number(at)},
+             {"se", se > 0.0 ? number(se) : Json()},
+             {"low", number(at - 2.0 * se)},
+             {"high", number(at + 2.0 * se)},
+             {"answers", std::string(t.text(r, layout.answers))}};
+    row["x"] = layout.numeric ? number(*t.number(r, *layout.swept)) : Json(std::string(t.text(r, *layout.swept)));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& found) {
+  std::vector<std::string> panels;
+  for (std::size_t r = 0; r < layout.table.rows(); ++r)
+    if (const std::string p = layout.panel_of(r); std::find(panels.begin(), panels.end(), p) == panels.end())
+      panels.push_back(p);
+  const std::size_t shown = std::min(panels.size(), most_panels);
+  page.section("Over " + layout.table.columns()[*layout.swept],
+               "Bars reach two standard errors to both sides. A missing point had no answer." +
+                   (shown < panels.size() ? fmt::format(" The first {} of {} combinations of the other parameters; the "
+                                                        "table has all.",
+                                                        shown, panels.size())
+                                          : std::string()));
+  for (std::size_t p = 0; p < shown; ++p) {
+    if (!panels[p].empty()) page.heading(panels[p]);
+    std::vector<Chart> pair;
+    for (std::size_t m = 0; m < found.size(); ++m) {
+      const std::string id = fmt::format("study-{}-{}", p, m);
+      page.dataset(id, rows_of(layout, found[m], panels[p]));
+      Chart chart{id, "study", {}, found[m].words, "", "plot"};
+      chart.values = {{"data", id},
+                      {"kind", layout.numeric ? "quantitative" : "nominal"},
+                      {"parameter", layout.table.columns()[*layout.swept]},
+                      {"measure", found[m].words}};
+      pair.push_back(std::move(chart));
+      if (pair.size() == 2 || m + 1 == found.size()) {
+        page.charts(pair);
+        pair.clear();
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::string study_page(const std::string& name, const CsvTable& results) {
+  require_available();
+  const Layout layout(results);
+  const std::vector<Measure> found = measures_of(results);
+  std::set<std::string_view> points, estimators;
+  for (std::size_t r = 0; r < results.rows(); ++r) {
+    points.insert(results.text(r, results.require("point")));
+    estimators.insert(results.text(r, layout.estimator));
+  }
+  Page page("rangecal study " + name, fmt::format("{} points of the grid, {} estimators", points.size(), estimators.size()));
+  if (layout.swept && !found.empty()) add_panels(page, layout, found);
+  page.section("All results", "As in results.csv, which holds more columns.");
+  Table table;
+  std::vector<std::size_t> columns = layout.parameters;
+  columns.insert(columns.end(), {layout.estimator, layout.answers});
+  for (std::size_t c : columns) table.columns.push_back({results.columns()[c], c != layout.estimator});
+  for (const Measure& m : found) table.columns.push_back({m.words, true});
+  for (std::size_t r = 0; r < results.rows(); ++r) {
+    std::vector<std::string> row;
+    for (std::size_t c : columns) row.emplace_back(results.text(r, c));
+    for (const Measure& m : found) {
+      const std::optional<double> v = results.number(r, results.require(m.column));
+      row.push_back(v ? fmt::format("{:.4g}", m.factor * *v) : "");
+    }
+    table.rows.push_back(std::move(row));
+  }
+  page.table(table);
+  return page.html();
+}
+
+}  // namespace rangecal::report
