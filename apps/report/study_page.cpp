@@ -140,13 +140,13 @@ std::string study_page(const std::string& name, const CsvTable& results) {
   std::vector<std::size_t> columns = layout.parameters;
   columns.insert(columns.end(), {layout.estimator, layout.answers});
   for (std::size_t c : columns) table.columns.push_back({results.columns()[c], c != layout.estimator});
-  for (const Measure& m : found) table.columns.push_back({m.words, true});
+  for (const Measure& m : found) table.columns.push_back({m.column, true});
   for (std::size_t r = 0; r < results.rows(); ++r) {
     std::vector<std::string> row;
     for (std::size_t c : columns) row.emplace_back(results.text(r, c));
     for (const Measure& m : found) {
       const std::optional<double> v = results.number(r, results.require(m.column));
-      row.push_back(v ? fmt::format("{:.4g}", m.factor * *v) : "");
+      row.push_back(v ? fmt::format("{:.4g}", *v) : "");
     }
     table.rows.push_back(std::move(row));
   }
