@@ -121,21 +121,21 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   return order;
 }
 
-double Prices::of(const ActiveEffect& active) const {
+double price_of(const ActiveEffect& active, const Rates& rates) {
   const auto& parameters = active.effect->info().parameters;
   const std::string& id = active.effect->info().id;
-  if (!rates_.within.count(id)) return static_cast<double>(parameters.size());  // no grid: all are fitted
+  if (!rates.within.count(id)) return static_cast<double>(parameters.size());  // no grid: all are fitted
   const auto count = [&](const auto& wanted) {
     return std::count_if(parameters.begin(), parameters.end(), wanted);
   };
   const auto linear = count([](const EffectParameter& p) { return p.linear && !p.discrete; });
   const auto fitted = linear > 0 ? linear : count([](const EffectParameter& p) { return !p.discrete; });
-  return static_cast<double>(fitted) + std::log(rates_.starts(id));
+  return static_cast<double>(fitted) + std::log(rates.starts(id));
 }
 
 /// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step
 /// does it.
-Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Prices& prices,
+Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Rates& rates,
                     const RefitOptions& options) {
   Model model = base.model;
   model.push_back({proposal.effect, proposal.start});
@@ -151,17 +151,17 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   candidate.log_p = proposal.log_p;
   candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
   candidate.parameters = static_cast<int>(candidate.fit.free.size());
-  candidate.evidence = candidate.fit.ok ? candidate.gain - prices.of(candidate.fit.model.back()) : -1e9;
+  candidate.evidence = candidate.fit.ok ? candidate.gain - price_of(candidate.fit.model.back(), rates) : -1e9;
   return candidate;
 }
 
 std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
-                               const Prices& prices, const RefitOptions& options) {
+                               const Rates& rates, const RefitOptions& options) {
   std::vector<Candidate> tried;
   double best = 0.0;
   for (const Proposal& proposal : proposals) {
     if (proposal.promised < best - 15.0 && tried.size() >= 3) break;  // cannot come near the best any more
-    Candidate candidate = try_model(rows, base, proposal, prices, options);
+    Candidate candidate = try_model(rows, base, proposal, rates, options);
     // A refit that does not deliver what its score promised has left the region where the score spoke.
     if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {
       if (!candidate.fit.ok || candidate.gain < 3.0) continue;

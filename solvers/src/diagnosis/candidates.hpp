@@ -29,14 +29,7 @@ struct Proposal {
 
 /// One nat per parameter that is fitted along (AIC), and ln of the independent places that the others were
 /// chosen from: a period among 500 costs more than a time constant among three.
-class Prices {
- public:
-  explicit Prices(const Rates& rates) : rates_(rates) {}
-  double of(const ActiveEffect& active) const;
-
- private:
-  Rates rates_;
-};
+double price_of(const ActiveEffect& active, const Rates& rates);
 
 bool contains(const Model& model, const Effect* effect);
 
@@ -44,12 +37,12 @@ bool contains(const Model& model, const Effect* effect);
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
 
 /// Adds the proposed effect to `base` and refits; `gain` and `evidence` are over `base`.
-Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Prices& prices,
+Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Rates& rates,
                     const RefitOptions& options);
 
 /// All that deliver what their scores promised, best evidence first.
 std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
-                               const Prices& prices, const RefitOptions& options);
+                               const Rates& rates, const RefitOptions& options);
 
 /// Noncentrality left between two effects: what `cause` does to the readings at its fitted size, after the
 /// calibration and every direction of `rival` at its fit were projected out. Small: this design cannot tell

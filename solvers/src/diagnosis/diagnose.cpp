@@ -92,7 +92,6 @@ namespace {
 std::vector<Recording> simulated_by(const Calibration& calibration, std::span<const Recording> recordings) {
   SimulationModel model;
   model.recordings.assign(recordings.begin(), recordings.end());
-  for (const Recording& recording : recordings) model.landmark_read.push_back(recording.readings.landmark);
   model.calibration = calibration;
   return simulate(model, seed_from("simulated_by", {}));
 }

@@ -101,6 +101,15 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
   }
 }
 
+/// Nats of the best free curve in the means of a channel, less what choosing it cost.
+double best_curve(const Rows& rows, const SearchResult& result, const std::string& channel) {
+  double best = 0.0;
+  for (const Question& q : result.first->questions)
+    if (!q.effect && q.channel == channel)
+      best = std::max(best, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
+  return best;
+}
+
 /// Questions about one channel, its noise, dependence and tails included.
 bool is_of_channel(const Question& q, const std::string& channel) { return q.channel.rfind(channel, 0) == 0; }
 
@@ -113,15 +122,13 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
     const EffectInfo& info = singles[i].fit.model.back().effect->info();
     if (info.kind != EffectKind::mean || (info.channel != "range" && info.channel != "bearing")) continue;
     if (!asked.insert(info.channel).second) continue;  // only the best of a channel can explain it
-    double curve = 0.0;
-    for (const Question& q : result.first->questions)
-      if (!q.effect && q.channel == info.channel)
-        curve = std::max(curve, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
     const bool left =
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    if (left || singles[i].evidence < std::max(partial_margin, curve - curve_margin)) continue;
+    if (left ||
+        singles[i].evidence < std::max(partial_margin, best_curve(rows, result, info.channel) - curve_margin))
+      continue;
     result.partial = true;
     result.best = singles[i];
     result.last = std::move(batteries[i]);
@@ -145,26 +152,26 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   result.first = std::make_unique<Battery>(rows, Model{}, result.baseline.state);
   result.first->calibrate(options.null_draws, 1);
   result.rates = result.first->rates;
-  const Prices prices(result.rates);
   result.alarm_p = result.first->corrected(result.first->strongest());
   result.shapes = findings(rows, *result.first);
   result.known = known;
 
   if (options.force) {
     if (options.force->empty()) throw InputError("no effect is named to be fitted");
+    const std::vector<Proposal> proposals = propose(rows, *result.first, {});
     for (const std::string& id : *options.force) {
       const Effect* effect = find_effect(id);
       if (!effect) throw InputError("no effect is called '" + id + "'");
       const auto grid = effect->start_grid(rows.context);
       if (grid.empty()) throw InputError("effect '" + id + "' has nothing to act on in this recording");
       Proposal proposal{effect, grid.front(), 0.0, 0.0, 0.0, {}};
-      for (const Proposal& p : propose(rows, *result.first, {}))
+      for (const Proposal& p : proposals)
         if (p.effect == effect) proposal = p;
       for (const Question& q : result.first->questions)
         if (q.effect == effect && q.gain > proposal.promised)
           proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
       Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
-      result.best = try_model(rows, base, proposal, prices, refit_options);
+      result.best = try_model(rows, base, proposal, result.rates, refit_options);
       if (!result.best.fit.ok) throw InputError("effect '" + id + "' cannot be fitted to this recording");
     }
     result.best.gain = result.baseline.nll - result.best.fit.nll;
@@ -214,16 +221,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   // Greedy: the best single effects, then what is left, until the battery is clean.
   report("explaining", 0.3);
   std::vector<Candidate> singles =
-      try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), prices, refit_options);
+      try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), result.rates, refit_options);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
-  const double free_curve_gain = [&] {
-    double best = 0.0;
-    for (const Question& q : result.first->questions)
-      if (!q.effect && (q.channel == "range" || q.channel == "bearing"))
-        best = std::max(best, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
-    return best;
-  }();
+  const double free_curve_gain =
+      std::max(best_curve(rows, result, "range"), best_curve(rows, result, "bearing"));
 
   // One name: clean, close to the best of its kind, and not beaten by a free curve.
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
@@ -248,10 +250,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       return p.effect->info().id == "cell_effect" || p.effect->info().id == "stop_effect";
     });
     if (proposals.size() > 6) proposals.resize(6);
-    for (Candidate& candidate : try_all(rows, first.fit, proposals, prices, refit_options)) {
+    for (Candidate& candidate : try_all(rows, first.fit, proposals, result.rates, refit_options)) {
       candidate.gain = result.baseline.nll - candidate.fit.nll;
       candidate.evidence = candidate.gain;
-      for (const ActiveEffect& active : candidate.fit.model) candidate.evidence -= prices.of(active);
+      for (const ActiveEffect& active : candidate.fit.model)
+        candidate.evidence -= price_of(active, result.rates);
       if (one_curve(candidate.fit.model)) continue;
       const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
         return std::all_of(candidate.fit.model.begin(), candidate.fit.model.end(),
@@ -274,7 +277,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
                     [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
     if (!started) {
       const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}},
-                                        prices, refit_options);
+                                        result.rates, refit_options);
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
   }

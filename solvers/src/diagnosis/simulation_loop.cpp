@@ -127,28 +127,12 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
   if (model.recordings.empty())
     throw InputError("simulate: the diagnosis holds no recording to simulate again");
   const Calibration& c = model.calibration;
-  const Model effects = model_of(c);
   const std::vector<Recording> layout = layout_of(model);
-  Rows rows = make_rows(layout);
+  auto [rows, state, effects] = calibrated(layout, c);
   for (const ActiveEffect& active : effects)
     if (active.effect->acts_on_stops())
       active.effect->stops(rows.context, active.parameters.data(), rows.problem.stops);
-
-  JointState state;
-  state.alpha = c.alpha;
-  state.noise = c.noise;
-  state.sigma_theta_rad = c.sigma_theta_rad ? c.sigma_theta_rad->value : 1.0;
-  if (c.sigma_s_m) state.sigma_s_m = c.sigma_s_m->value;
-  if (rows.pairs)
-    state.landmarks = {Eigen::Vector2d::Zero()};
-  else
-    for (const LandmarkEstimate& landmark : c.landmarks) state.landmarks.push_back(landmark.position_m);
-  if (!rows.pairs && state.landmarks.size() != rows.problem.landmark_radius_m.size())
-    throw InputError("simulate: the diagnosis does not place every landmark");
-  if (rows.pairs)
-    for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
-  else
-    state.stops = draw_stops(rows.problem, state, seed_from("simulated stops", {seed}));
+  if (!rows.pairs) state.stops = draw_stops(rows.problem, state, seed_from("simulated stops", {seed}));
 
   const CellGeometry geometry = cell_geometry(rows, state);
   const RowChanges changes = changes_of(model, rows, geometry, effects);
