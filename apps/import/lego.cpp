@@ -13,6 +13,7 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 
 #include "extraction_text.hpp"
 #include "import/importer.hpp"
@@ -30,7 +31,8 @@ constexpr Pose2 kStart{1.850, 1.897, 213.0 * std::numbers::pi / 180.0};
 
 struct Given {
   std::string source, folder, arc = "nearest", poses = "odometry";
-  double track_m = 0.150, radius_m = 0.0;
+  double track_m = 0.150;
+  std::optional<double> radius_m;
 };
 
 ScanLog read_scans_of(const std::string& path) {
@@ -90,7 +92,8 @@ std::vector<MappedLandmark> surveyed(const std::string& path) {
 int import_lego(const Given& given) {
   if (given.poses != "odometry" && given.poses != "reference")
     throw InputError("--poses: '" + given.poses + "' is neither odometry nor reference");
-  if (!(given.radius_m >= 0.0) || given.radius_m > 0.1) throw InputError("--radius must lie between 0 and 0.1 m");
+  if (given.radius_m && !(*given.radius_m >= 0.0 && *given.radius_m <= 0.1))
+    throw InputError("--radius must lie between 0 and 0.1 m");
   if (!(given.track_m > 0.0)) throw InputError("--track must be positive");
   const ScanLog log = read_scans_of(given.source + "/robot4_scan.txt");
   std::vector<Pose2> poses = odometry(given.source + "/robot4_motors.txt", given.track_m);
@@ -122,7 +125,8 @@ int import_lego(const Given& given) {
   Recording& recording = extraction.recording;
   recording.sensor.name = "lego-scanner", recording.sensor.principle = "phase";
   recording.truth.stops.resize(recording.stops.size());
-  for (Landmark& landmark : recording.landmarks) landmark.radius_m = given.radius_m;
+  if (given.radius_m)
+    for (Landmark& landmark : recording.landmarks) landmark.radius_m = *given.radius_m;
   for (const Landmark& landmark : recording.landmarks)
     for (const MappedLandmark& known : options.map)
       if (known.label == landmark.label) recording.truth.landmarks.emplace_back(known.position);
@@ -144,9 +148,8 @@ void add(CLI::App& command, Action& chosen) {
   command.add_option("--track", given->track_m, "distance of the tracks [m]; the course uses 0.150, 0.155 and 0.173")
       ->capture_default_str();
   command.add_option("--radius", given->radius_m,
-                     "radius written into the recording [m]: 0 counts distances to the axis, as the course does; 0.055 is "
-                     "the surveyed one, with which odometry that drifts into a cylinder leaves a calibration no start")
-      ->capture_default_str();
+                     "radius written into the recording [m], else the surveyed one; 0 counts distances to the axis, as "
+                     "the course does");
   command.add_option("--arc", given->arc, "which point of the arc is the range: nearest, mean, smallest")
       ->capture_default_str();
   command.footer(

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 
 #include "joint_ml/blocks.hpp"
@@ -9,6 +10,34 @@
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 
 namespace rangecal {
+namespace {
+
+/// A stop stands inside a landmark that it sees: no distance, so no likelihood.
+bool stands_inside(const JointProblem& problem, const JointState& state) {
+  const Cells& c = problem.cells;
+  for (std::size_t i = 0; i < c.size(); ++i)
+    if (!(Sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]).d > 0.0)) return true;
+  return false;
+}
+
+/// Stops and landmarks of the joint maximum of the same readings taken to the axes: y + radius on landmarks of radius 0,
+/// a line for f. There every distance is positive, wherever odometry that has drifted puts a stop.
+void relax_on_axes(const JointProblem& problem, JointState& state) {
+  JointProblem axes = problem;
+  for (std::size_t i = 0; i < axes.cells.size(); ++i) axes.cells.range_mean[i] += axes.cells.radius_m[i];
+  std::fill(axes.cells.radius_m.begin(), axes.cells.radius_m.end(), 0.0);
+  std::fill(axes.landmark_radius_m.begin(), axes.landmark_radius_m.end(), 0.0);
+  axes.estimate_sigma_s = false;
+  JointState start = state;
+  start.noise.law = NoiseLaw::constant;
+  seed_curve_and_noise(axes, 1, start);
+  const JointFit fit = solve_joint_block(axes, start);
+  if (!std::isfinite(fit.joint_nll) || !(fit.joint_nll <= fit.start_nll)) return;
+  state.stops = fit.state.stops;
+  state.landmarks = fit.state.landmarks;
+}
+
+}  // namespace
 
 void seed_curve_and_noise(const JointProblem& problem, int order, JointState& state) {
   const Cells& c = problem.cells;
@@ -67,6 +96,7 @@ JointState position_seed(const JointProblem& problem, int order, NoiseLaw law) {
   }
   for (std::size_t l = 0; l < weight.size(); ++l)
     if (weight[l] > 0.0) state.landmarks[l] /= weight[l];
+  if (stands_inside(problem, state)) relax_on_axes(problem, state);
   seed_curve_and_noise(problem, order, state);
   return state;
 }
