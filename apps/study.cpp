@@ -28,7 +28,7 @@ bool started_by_mpirun() {
 /// where it is there.
 [[noreturn]] void become_mpi_program(const StudyJob& job) {
   const std::string program =
-      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "rangecal-study-mpi").string();
+      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "rangecal-mpi").string();
   std::vector<std::string> words{program, "study", job.file, "-o", job.folder};
   if (job.resume) words.push_back("--resume");
   if (!job.shard_text.empty()) words.insert(words.end(), {"--shard", job.shard_text});

@@ -20,7 +20,7 @@ set(CPACK_COMPONENT_RUNTIME_DESCRIPTION
 from readings of landmarks in unknown places, and diagnoses what the
 calibration leaves out.")
 
-if(TARGET rangecal-study-mpi)
+if(TARGET rangecal-mpi)
   list(APPEND CPACK_COMPONENTS_ALL mpi)
   set(CPACK_DEBIAN_MPI_PACKAGE_NAME rangecal-mpi)
   set(CPACK_DEBIAN_MPI_PACKAGE_SECTION science)

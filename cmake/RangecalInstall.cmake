@@ -23,8 +23,8 @@ install(FILES "${PROJECT_BINARY_DIR}/rangecalConfig.cmake" "${PROJECT_BINARY_DIR
 if(TARGET rangecal)
   install(TARGETS rangecal RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT runtime)
 endif()
-if(TARGET rangecal-study-mpi)
-  install(TARGETS rangecal-study-mpi RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT mpi)
+if(TARGET rangecal-mpi)
+  install(TARGETS rangecal-mpi RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT mpi)
 endif()
 install(DIRECTORY notebooks_data/field-layout notebooks_data/pairs-2016 notebooks_data/scenes
         DESTINATION "${CMAKE_INSTALL_DATADIR}/rangecal/notebooks_data" COMPONENT runtime)

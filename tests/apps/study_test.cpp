@@ -96,7 +96,7 @@ TEST(Study, OneThreadEightThreadsAndShardsGiveTheSameBytes) {
 }
 
 TEST(Study, MpiRanksGiveTheSameBytes) {
-  const std::filesystem::path beside = std::filesystem::path(RANGECAL_BINARY).parent_path() / "rangecal-study-mpi";
+  const std::filesystem::path beside = std::filesystem::path(RANGECAL_BINARY).parent_path() / "rangecal-mpi";
   if (!std::filesystem::exists(beside)) GTEST_SKIP() << "built without MPI: " << beside << " is missing";
   const TemporaryFolder folder;
   folder.write("study.yaml", study_text(30));
