@@ -27,10 +27,7 @@ class SigmaSProfile {
     at.sigma_s_m = sigma_s;
     Marginal marginal(problem_, at, options_);
     const Held& held = options_.held;
-    if (!marginal.minimise(at, held, 1e-2)) return infinity;
-    for (int renewal = 0; renewal < 2 && !held.sigmas; ++renewal)
-      if (!marginal.renew_slopes(at, held, renewal == 0) || !marginal.minimise(at, held, 1e-5))
-        return infinity;
+    if (!marginal.minimise(at, held, 1e-5, Marginal::Renewal{})) return infinity;
     const double value = marginal.marginal_nll + marginal.half_log_det_phi(held);
     if (std::isfinite(value)) state_ = at;
     return value;
@@ -103,28 +100,9 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
       return fit;
     }
   }
-  bool converged = false;
-  double change =
-      infinity;  // of the slopes, relative; a free sigma_s may be weakly determined and needs them closer
-  const double enough = options.estimate_sigma_s ? 1e-5 : 1e-4,
-               polish_above = options.estimate_sigma_s ? 0.0 : 1e-3;
-  // A first guess of the slopes saves a solve; where it cannot be had, they start at zero.
-  if (!options.held.sigmas) marginal.renew_slopes(fit.state, options.held, false);
-  for (int outer = 0; outer < options.max_outer; ++outer) {
-    const bool last = converged || options.held.sigmas;
-    const double tolerance = last ? options.gradient_tolerance : outer == 0 ? 1e-2 : 1e-4;
-    const bool settled = marginal.minimise(fit.state, options.held, tolerance);
-    if (last || !settled) {
-      converged = settled;
-      break;
-    }
-    const Eigen::VectorXd before = marginal.slopes();
-    if (!marginal.renew_slopes(fit.state, options.held, change > polish_above)) break;
-    // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6
-    // nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
-    change = (marginal.slopes() - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm());
-    converged = change < enough && outer > 0;
-  }
+  // A free sigma_s may be weakly determined and needs the slopes closer.
+  const Marginal::Renewal renewal = options.estimate_sigma_s ? Marginal::Renewal{1e-5, 0.0} : Marginal::Renewal{};
+  const bool converged = marginal.minimise(fit.state, options.held, options.gradient_tolerance, renewal);
   marginal.value(fit.state, 1e-12);
   fit.joint_nll = marginal.joint_nll;
   fit.marginal_nll = marginal.marginal_nll;

@@ -23,11 +23,10 @@ class Marginal {
         system_(problem, static_cast<int>(start.alpha.size()),
                 static_cast<int>(start.noise.parameters.size()), options.estimate_sigma_s),
         slopes_(Eigen::VectorXd::Zero(layout().sigma_count())),
-        polish_(slopes_) {}
+        further_turn_(Eigen::MatrixXd::Zero(layout().phi_count, layout().sigma_count())) {}
 
   const JointLayout& layout() const { return system_.layout(); }
   JointSystem& system() { return system_; }
-  Eigen::VectorXd& slopes() { return slopes_; }
   int evaluations = 0, iterations = 0;
   double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
 
@@ -59,21 +58,41 @@ class Marginal {
     return h;
   }
 
-  /// Newton's method from `state` over the globals not held, the stops moving along. True if the gradient at
-  /// `state` fell below the tolerance.
-  bool minimise(JointState& state, const Held& held, double tolerance) {
+  /// How closely minimise() renews the REML slopes.
+  struct Renewal {
+    double enough = 1e-4;        ///< relative change of the slopes below which they are kept
+    double polish_above = 1e-3;  ///< their change above which the turn of phi-hat is measured anew
+  };
+
+  /// Newton's method from `state` over the globals not held, the stops moving along. With `renewal` the slopes are
+  /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
+  /// below the tolerance and the slopes had settled.
+  bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal) {
     const std::vector<int> free = free_globals(layout(), held);
-    double current = value(state);
-    if (!std::isfinite(current)) return false;
+    if (!std::isfinite(value(state))) return false;
+    bool settled = !renewal || held.sigmas;
+    double change = infinity;
+    int renewals = 0;
     for (int iteration = 0; iteration < options_.max_iterations; ++iteration, ++iterations) {
       Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
+      if (!settled) {
+        if (++renewals > options_.max_outer) return false;
+        const bool near = gradient_norm < near_norm && iteration > 0, polish = near && (!polished_ || change > renewal->polish_above);
+        const Eigen::VectorXd before = slopes_;
+        if (!renew_slopes(state, held, gradient, polish)) return false;
+        // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6
+        // nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
+        change = (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm());
+        settled = near && polished_ && change < renewal->enough;
+      }
+      const double current = marginal_nll + slopes_.dot(sigma_coordinates(state));
       gradient.tail(layout().sigma_count()) += slopes_;
       std::optional<Eigen::VectorXd> step = newton_step(hessian(state), gradient, free);
       if (!step) step = fisher_step(state, gradient, free);
       if (!step) return false;
       const double decrement_sq = -gradient.dot(*step);
       gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
-      if (gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance))
+      if (settled && gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance))
         return true;
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
@@ -86,14 +105,13 @@ class Marginal {
         if (std::isfinite(trial_value) &&
             trial_value <= current + slack + 0.3 * std::sqrt(stop_decrement_sq_)) {
           std::swap(state, trial);
-          current = trial_value;
           accepted = true;
           break;
         }
       }
       if (!accepted) {
         value(state);
-        return gradient_norm < 1e-4;
+        return settled && gradient_norm < 1e-4;
       }
     }
     return false;
@@ -110,57 +128,46 @@ class Marginal {
     return factor.matrixLLT().diagonal().array().log().sum();
   }
 
-  /// d(1/2 log det A)/dsigma along phi-hat(sigma), by central differences. phi-hat and the stops are
-  /// predicted to first order (what the prediction leaves out is even in the step and cancels). A without the
-  /// log-determinant's own part predicts phi-hat only roughly: `polish` puts it right by one Newton step and
-  /// keeps the difference that this made, which changes little with sigma, for the renewals after it.
-  bool renew_slopes(const JointState& at, const Held& held, bool polish) {
+ private:
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+  static constexpr double near_norm = 0.1;  ///< Newton's decrement from which on phi-hat turns as it will at the optimum
+
+  /// c = d(1/2 log det A)/dsigma along phi-hat(sigma), after value(state); `gradient`: that of l_s. A without the
+  /// log-determinant's own part predicts the turn d phi-hat / dsigma only roughly: `polish` measures what it leaves of the
+  /// gradient and keeps the difference that this makes, which changes little with sigma, for the renewals after it.
+  bool renew_slopes(JointState& state, const Held& held, const Eigen::VectorXd& gradient, bool polish) {
     Held phi_only = held;
     phi_only.sigmas = true;
-    Eigen::VectorXd renewed(slopes_.size());
     const std::vector<int> phi = free_globals(layout(), phi_only);
-    JointState home = at;
-    if (!std::isfinite(value(home))) return false;
-    const Eigen::MatrixXd schur = system_.schur();
-    std::vector<JointState> moved;
-    for (int j = 0; j < slopes_.size(); ++j)
-      for (int sign : {1, -1}) {
+    const Eigen::Index phis = layout().phi_count, ns = layout().sigma_count();
+    const Eigen::LLT<Eigen::MatrixXd> factor(system_.schur()(phi, phi));
+    if (factor.info() != Eigen::Success) return false;
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(phis, phis);
+    const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()));
+    covariance(phi, phi) = inverse;
+    const Eigen::VectorXd slope = system_.log_det_phi_gradient(state, covariance);
+    const Eigen::MatrixXd turn = -covariance * system_.schur().topRightCorner(phis, ns);
+    if (polish) {
+      std::vector<JointState> moved;
+      for (Eigen::Index j = 0; j < ns; ++j) {
         Eigen::VectorXd globals = Eigen::VectorXd::Zero(layout().global_count);
-        globals[layout().phi_count + j] = sign * step_of(at, j);
-        const Eigen::VectorXd pull = schur.col(layout().phi_count + j) * globals[layout().phi_count + j];
-        if (const auto follow = newton_step(schur, pull, phi)) globals += *follow;
-        moved.push_back(
-            step_state(problem_, layout(), home, globals, system_.back_substitute(globals, false)));
+        globals.head(phis) = step_of(state, j) * turn.col(j);
+        globals[phis + j] = step_of(state, j);
+        moved.push_back(step_state(problem_, layout(), state, globals, system_.back_substitute(globals, false)));
       }
-    for (int j = 0; j < slopes_.size(); ++j) {
-      double half_log_det[2], predicted[2];
-      for (int side = 0; side < 2; ++side) {
-        JointState& state = moved[2 * j + side];
-        if (!std::isfinite(value(state))) return false;
-        predicted[side] = half_log_det_phi(held);
-        if (polish) {
-          const Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
-          const auto step = newton_step(system_.schur(), gradient, phi);
-          if (!step) return false;
-          state = step_state(problem_, layout(), state, *step, system_.back_substitute(*step, true));
-          if (!std::isfinite(value(state))) return false;
-        }
-        half_log_det[side] = polish ? half_log_det_phi(held) : predicted[side];
+      for (Eigen::Index j = 0; j < ns; ++j) {
+        if (!std::isfinite(value(moved[j]))) return false;
+        const Eigen::VectorXd there = system_.reduced_gradient() + system_.log_det_gradient(moved[j]);
+        further_turn_.col(j) = -covariance * (there - gradient).head(phis) / step_of(state, j);
       }
-      const double width = 2.0 * step_of(at, j);
-      renewed[j] = (half_log_det[0] - half_log_det[1]) / width;
-      if (polish)
-        polish_[j] = renewed[j] - (predicted[0] - predicted[1]) / width;
-      else
-        renewed[j] += polish_[j];
+      polished_ = true;
+      if (!std::isfinite(value(state))) return false;
     }
+    const Eigen::VectorXd renewed = slope.tail(ns) + (turn + further_turn_).transpose() * slope.head(phis);
     if (!renewed.allFinite()) return false;
     slopes_ = renewed;
     return true;
   }
-
- private:
-  static constexpr double infinity = std::numeric_limits<double>::infinity();
 
   Eigen::VectorXd sigma_coordinates(const JointState& state) const {
     Eigen::VectorXd s(layout().sigma_count());
@@ -173,10 +180,10 @@ class Marginal {
     return s;
   }
 
-  /// Step of the central differences in sigma coordinate j: logs, or a small part of the largest beta.
-  double step_of(const JointState& state, int j) const {
+  /// Step of the differences in sigma coordinate j: logs, or a small part of the largest beta.
+  double step_of(const JointState& state, Eigen::Index j) const {
     const bool beta = state.noise.law == NoiseLaw::polynomial && j < layout().tau_count;
-    return beta ? 1e-3 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-3;
+    return beta ? 1e-4 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-4;
   }
 
   std::optional<Eigen::VectorXd> fisher_step(JointState& state, const Eigen::VectorXd& gradient,
@@ -192,7 +199,9 @@ class Marginal {
   const JointProblem& problem_;
   const MarginalOptions& options_;
   JointSystem system_;
-  Eigen::VectorXd slopes_, polish_;
+  Eigen::VectorXd slopes_;
+  Eigen::MatrixXd further_turn_;  ///< of phi-hat with sigma, beyond what A predicts
+  bool polished_ = false;
   double stop_decrement_sq_ = 0.0;
 };
 

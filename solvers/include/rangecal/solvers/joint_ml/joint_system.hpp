@@ -92,6 +92,11 @@ class JointSystem {
   /// After assemble(exact) and eliminate(0): gradient of 1/2 log det H_ss with respect to the globals, the stops
   /// following their conditional optimum (implicit function theorem).
   Eigen::VectorXd log_det_gradient(const JointState& state) const;
+  /// After assemble(exact) and eliminate(0): gradient of 1/2 log det A with respect to the globals, A the Schur
+  /// complement on phi, the stops following their conditional optimum. `phi_covariance`: A^-1 (phi_count square), zero in
+  /// the rows and columns of what is held. 1/2 log det A = 1/2 log det H - 1/2 log det H_ss, so that the same sum over cells
+  /// serves with M = H^-1 - C, which is (1, -U)^T A^-1 (1, -U), U = H_ss^-1 G.
+  Eigen::VectorXd log_det_phi_gradient(const JointState& state, const Eigen::MatrixXd& phi_covariance) const;
   /// Second derivatives of 1/2 log det H_ss in the sigmas (sigma_count square), every block scaling as 1 / sigma^2.
   Eigen::MatrixXd log_det_sigma_hessian(const JointState& state) const;
   /// Diagonal block of H_ss^-1 of a node.
@@ -119,6 +124,10 @@ class JointSystem {
   bool eliminate_node(const JointLayout::Node& node, double damping, Elimination& sum);
   bool eliminate_chain(double damping);
   void selected_inverse() const;
+  template <typename Covariance>
+  Eigen::VectorXd trace_gradient(const JointState& state, Covariance& covariance) const;
+  template <typename Covariance>
+  void add_taped_trace(const JointState& state, const Covariance& covariance, Eigen::VectorXd& by_global) const;
   Eigen::Map<const Eigen::MatrixXd> inverse_of(const JointLayout::Node& node) const {
     return {inverse_diagonal_.data() + node.square, node.dim, node.dim};
   }

@@ -21,7 +21,7 @@ struct LaplaceValue {
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state);
 
 struct MarginalOptions {
-  int max_iterations = 60;            ///< Newton iterations for one set of REML slopes
+  int max_iterations = 60;            ///< Newton iterations
   int max_outer = 20;                 ///< updates of the REML slopes
   double gradient_tolerance = 1e-7;
   bool estimate_sigma_s = false;      ///< sigma_s of the shared stops is a parameter
@@ -36,14 +36,14 @@ struct MarginalFit : JointFit {
 
 /// `marginal`: phi = (alpha, landmarks) minimise l_s; sigma = (noise, sigma_theta, sigma_s where asked) minimise
 /// l_s at phi-hat(sigma) + 1/2 log det A, A = d2 l_s / dphi2 (REML, flat prior on phi). Solved as a fixed point: with
-/// the REML slopes c = d(1/2 log det A)/dsigma held, l_s + c . sigma is one smooth function, minimised by Newton's
-/// method with the stops moving along towards their conditional optimum; then c is renewed by central differences along
-/// phi-hat(sigma). A free sigma_s is searched on the REML criterion with all else profiled out, since the fixed point
+/// the REML slopes c = d(1/2 log det A)/dsigma held, l_s + c . sigma is one smooth function, of which Newton's method takes
+/// one step at a time with the stops moving along towards their conditional optimum; c is renewed in between, in closed form
+/// but for a small part of how phi-hat turns with sigma. A free sigma_s is searched on the REML criterion with all else profiled out, since the fixed point
 /// creeps where it is small; the fixed point then only refines it.
 /// A is taken from the joint Hessian's Schur complement; the second derivative of 1/2 log det H_ss in phi, which is
 /// smaller by the number of readings per stop, is left out of A (not of the gradient). gradient_norm is that of all
 /// globals not held, at the estimate.
-/// Cost: linear in the cells per evaluation; 30 to 50 evaluations, twenty times as many with sigma_s free.
+/// Cost: linear in the cells per evaluation; 10 to 15 evaluations, twenty times as many with sigma_s free.
 MarginalFit solve_marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options = {});
 
 }  // namespace rangecal
