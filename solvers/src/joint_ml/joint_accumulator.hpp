@@ -49,7 +49,12 @@ struct JointSystem::Accumulator {
 struct JointSystem::Elimination {
   Eigen::MatrixXd schur;  ///< upper triangle
   Eigen::VectorXd reduced;
-  std::vector<double> half;  ///< L^-1 G of one node, row by row
+  std::vector<double> half, zeros;  ///< (L^-1 G, L^-1 g) of one node, row by row
+  // W^T W of the nodes in a row that see the same landmarks, over their own columns: upper triangle, row by row.
+  std::vector<double> own;
+  std::vector<int> landmarks;
+  int columns = 0;
+  std::size_t stride = 0;
   double log_det = 0.0;
   bool ok = true;
 };

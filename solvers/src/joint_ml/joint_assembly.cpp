@@ -148,7 +148,7 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
         position_bearing[0] -= cross * ny;
         position_bearing[1] += cross * nx;
       }
-      double* const column = G + dim * (first_landmark_column + 2 * layout_.slot_of_cell[i]);
+      double* const column = G + dim * (first_landmark_column + 2 * layout_.slot_of(node, i));
       if (moves) {
         position[0] += gx;
         position[1] += gy;

@@ -156,7 +156,7 @@ class Program : public ceres::IterationCallback {
 
   void add_blocks() {
     for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
-      StopCost& cost = stop_costs_.emplace_back(StopResidual(problem_, start_, basis_, layout_.nodes[j].stops));
+      StopCost& cost = stop_costs_.emplace_back(StopResidual(problem_, start_, basis_, {layout_.nodes[j].stops.begin(), layout_.nodes[j].stops.end()}));
       program_.AddResidualBlock(&cost, nullptr, parameters_of(cost.residual(), j));
     }
     BearingSpreadResidual bearing;

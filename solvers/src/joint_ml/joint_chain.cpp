@@ -99,8 +99,8 @@ bool JointSystem::eliminate_chain(double damping) {
   return true;
 }
 
-Eigen::VectorXd JointSystem::solve_stops(const Eigen::VectorXd& rhs) const {
-  Eigen::VectorXd u = rhs;
+Eigen::VectorXd JointSystem::solve_stops(Eigen::VectorXd rhs) const {
+  Eigen::VectorXd u = std::move(rhs);
   const std::size_t nodes = layout_.nodes.size();
   for (std::size_t j = 0; j < nodes; ++j) {
     const JointLayout::Node& node = layout_.nodes[j];
@@ -124,12 +124,19 @@ Eigen::VectorXd JointSystem::solve_stops(const Eigen::VectorXd& rhs) const {
 void JointSystem::selected_inverse() const {
   if (inverse_valid_) return;
   const std::size_t nodes = layout_.nodes.size();
-  inverse_diagonal_.resize(layout_.squares);
+  if (inverse_begin_.empty()) {
+    std::size_t squares = 0;
+    for (const JointLayout::Node& node : layout_.nodes) {
+      inverse_begin_.push_back(squares);
+      squares += static_cast<std::size_t>(node.dim) * node.dim;
+    }
+    inverse_diagonal_.resize(squares);
+  }
   inverse_below_.resize(layout_.chained ? nodes : 0);
   for (std::size_t j = nodes; j-- > 0;) {
     const JointLayout::Node& node = layout_.nodes[j];
     const int dim = node.dim;
-    double* const inverse = inverse_diagonal_.data() + node.square;
+    double* const inverse = inverse_diagonal_.data() + inverse_begin_[j];
     std::fill_n(inverse, dim * dim, 0.0);
     for (int i = 0; i < dim; ++i) {
       inverse[i * dim + i] = 1.0;

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <functional>
+#include <numeric>
+#include <vector>
 
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
@@ -13,11 +16,32 @@ JointLayout::JointLayout(const JointProblem& problem, int alphas, int taus, bool
   global_count = sigma_theta + 1;
   if (sigma_s_free) sigma_s = global_count++;
 
+  describe_nodes(problem);
+  for (Node& node : nodes) {
+    node.columns = alpha_count + sigma_count() + 2 * static_cast<int>(node.landmarks.size());
+    node.block = arena;
+    node.coordinate = coordinates;
+    arena += static_cast<std::size_t>(node.dim) * (2 * node.dim + node.columns);
+    coordinates += node.dim;
+  }
+}
+
+void JointLayout::describe_nodes(const JointProblem& problem) {
+  const std::size_t stops = problem.stops.size();
+  const Cells& c = problem.cells;
   nodes.resize(problem.place_count);
-  node_of_stop.resize(problem.stops.size());
-  slot_of_stop.resize(problem.stops.size());
-  slot_of_cell.resize(problem.cells.size());
-  for (int k = 0; k < problem.stop_count(); ++k) {
+  node_of_stop.resize(stops);
+  slot_of_stop.resize(stops);
+  std::vector<int> count(problem.place_count, 0), begin(problem.place_count + 1, 0);
+  for (std::size_t k = 0; k < stops; ++k) {
+    const int place = problem.stops[k].place;
+    node_of_stop[k] = place;
+    slot_of_stop[k] = count[place]++;
+  }
+  std::partial_sum(count.begin(), count.end(), begin.begin() + 1);
+  stops_.resize(stops);
+  headings_.resize(stops);
+  for (std::size_t k = 0; k < stops; ++k) {
     const StopPrior& prior = problem.stops[k];
     Node& node = nodes[prior.place];
     if (prior.opens_place) {
@@ -26,30 +50,40 @@ JointLayout::JointLayout(const JointProblem& problem, int alphas, int taus, bool
       node.chained = prior.chained;
       chained = chained || prior.chained;
     }
-    node_of_stop[k] = prior.place;
-    slot_of_stop[k] = static_cast<int>(node.stops.size());
-    node.stops.push_back(k);
-    node.heading.push_back(prior.sigma_heading_rad > 0.0 ? node.dim++ : -1);
-    for (int i = problem.cells.stop_begin[k]; i < problem.cells.stop_begin[k + 1]; ++i) {
-      const int landmark = problem.cells.landmark[i];
-      const auto at = std::lower_bound(node.landmarks.begin(), node.landmarks.end(), landmark);
-      if (at == node.landmarks.end() || *at != landmark) node.landmarks.insert(at, landmark);
+    const int at = begin[prior.place] + slot_of_stop[k];
+    stops_[at] = static_cast<int>(k);
+    headings_[at] = prior.sigma_heading_rad > 0.0 ? node.dim++ : -1;
+  }
+
+  std::vector<int> seen;
+  struct Kept {
+    std::size_t node, begin, size;
+  };
+  std::vector<Kept> kept;
+  for (std::size_t j = 0; j < nodes.size(); ++j) {
+    Node& node = nodes[j];
+    node.stops = {stops_.data() + begin[j], static_cast<std::size_t>(count[j])};
+    node.heading = {headings_.data() + begin[j], static_cast<std::size_t>(count[j])};
+    seen.clear();
+    for (int k : node.stops)
+      seen.insert(seen.end(), c.landmark.begin() + c.stop_begin[k], c.landmark.begin() + c.stop_begin[k + 1]);
+    const bool once = std::adjacent_find(seen.begin(), seen.end(), std::greater_equal<>()) == seen.end();
+    if (once && count[j] == 1) {  // the cells themselves say it
+      node.first_cell = c.stop_begin[node.stops[0]];
+      node.landmarks = {c.landmark.data() + node.first_cell, seen.size()};
+      continue;
     }
+    std::sort(seen.begin(), seen.end());
+    seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+    kept.push_back({j, landmarks_.size(), seen.size()});
+    landmarks_.insert(landmarks_.end(), seen.begin(), seen.end());
+    slot_of_cell_.resize(c.size());
+    for (int k : node.stops)
+      for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i)
+        slot_of_cell_[i] =
+            static_cast<int>(std::lower_bound(seen.begin(), seen.end(), c.landmark[i]) - seen.begin());
   }
-  for (std::size_t i = 0; i < problem.cells.size(); ++i) {
-    const std::vector<int>& seen = nodes[node_of_stop[problem.cells.stop[i]]].landmarks;
-    slot_of_cell[i] =
-        static_cast<int>(std::lower_bound(seen.begin(), seen.end(), problem.cells.landmark[i]) - seen.begin());
-  }
-  for (Node& node : nodes) {
-    node.columns = alpha_count + sigma_count() + 2 * static_cast<int>(node.landmarks.size());
-    node.block = arena;
-    node.coordinate = coordinates;
-    node.square = squares;
-    squares += static_cast<std::size_t>(node.dim) * node.dim;
-    arena += static_cast<std::size_t>(node.dim) * (2 * node.dim + node.columns);
-    coordinates += node.dim;
-  }
+  for (const Kept& k : kept) nodes[k.node].landmarks = {landmarks_.data() + k.begin, k.size};  // at rest now
 }
 
 JointState step_state(const JointProblem& problem, const JointLayout& layout, const JointState& state,

@@ -12,14 +12,15 @@ namespace {
 /// C = H_ss^-1 as trace_gradient() reads it.
 class StopCovariance {
  public:
-  StopCovariance(const JointLayout& layout, const std::vector<double>& diagonal, const std::vector<Eigen::MatrixXd>& below)
-      : layout_(layout), diagonal_(diagonal), below_(below) {}
+  StopCovariance(const JointLayout& layout, const double* diagonal, const std::vector<std::size_t>& begin,
+                 const std::vector<Eigen::MatrixXd>& below)
+      : layout_(layout), diagonal_(diagonal), begin_(begin), below_(below) {}
 
   static constexpr bool with_alpha = false;
   void enter(const JointLayout::Node& node) {
     dim_ = node.dim;
     moves_ = node.free_position;
-    block_ = diagonal_.data() + node.square;
+    block_ = diagonal_ + begin_[&node - layout_.nodes.data()];
   }
   double position_trace() const { return moves_ ? block_[0] + block_[dim_ + 1] : 0.0; }
   void cell(int heading, int, int, SightCovariance& c) const {
@@ -33,14 +34,14 @@ class StopCovariance {
   double between(int node_a, int p, int node_b, int q) const {
     if (node_a < node_b) return below_[node_b](q, p);
     if (node_a > node_b) return below_[node_a](p, q);
-    const JointLayout::Node& node = layout_.nodes[node_a];
-    return diagonal_[node.square + q * node.dim + p];
+    return diagonal_[begin_[node_a] + static_cast<std::size_t>(q) * layout_.nodes[node_a].dim + p];
   }
   double landmarks(int, int) const { return 0.0; }
 
  private:
   const JointLayout& layout_;
-  const std::vector<double>& diagonal_;
+  const double* diagonal_;
+  const std::vector<std::size_t>& begin_;
   const std::vector<Eigen::MatrixXd>& below_;
   int dim_ = 0;
   bool moves_ = false;
@@ -64,7 +65,7 @@ double expected_information(const JointState& state, double d, const Cells& c, s
 
 Eigen::VectorXd JointSystem::log_det_gradient(const JointState& state) const {
   selected_inverse();
-  StopCovariance covariance(layout_, inverse_diagonal_, inverse_below_);
+  StopCovariance covariance(layout_, inverse_diagonal_.data(), inverse_begin_, inverse_below_);
   return trace_gradient(state, covariance);
 }
 
@@ -121,7 +122,7 @@ Eigen::MatrixXd JointSystem::log_det_sigma_hessian(const JointState& state) cons
         }
       }
     }
-    const double* C = inverse_diagonal_.data() + node.square;
+    const double* C = inverse_of_node(node);
     for (int m = 0; m < 3; ++m)
       for (int column = 0; column < dim; ++column)
         for (int row = 0; row < dim; ++row) {

@@ -4,6 +4,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "joint_ml/blocks.hpp"
@@ -42,74 +43,62 @@ bool JointSystem::eliminate_node(const JointLayout::Node& node, double damping, 
   if (!factor_node(b, damping, sum.log_det)) return false;
   const int dim = D == Eigen::Dynamic ? node.dim : D, columns = node.columns;
   const double *L = b.L.data(), *G = b.G.data(), *g = b.g.data();
-  double* half_gradient = sum.half.data();  // L^-1 g, then L^-1 G row by row
-  double* W = half_gradient + dim;
+  if (!std::equal(sum.landmarks.begin(), sum.landmarks.end(), node.landmarks.begin(), node.landmarks.end()))
+    flush(sum, node.landmarks);
+  const std::size_t stride = sum.stride;  // of rows of (L^-1 G, L^-1 g)
+  double* const W = sum.half.data();
   for (int i = 0; i < dim; ++i) {
     const double inverse = 1.0 / L[i * dim + i];
-    double value = g[i];
-    for (int k = 0; k < i; ++k) value -= L[k * dim + i] * half_gradient[k];
-    half_gradient[i] = value * inverse;
-    double* row = W + i * columns;
+    double* const row = W + i * stride;
     for (int e = 0; e < columns; ++e) row[e] = G[e * dim + i];
+    row[columns] = g[i];
     for (int k = 0; k < i; ++k) {
       const double factor = L[k * dim + i];
-      const double* above = W + k * columns;
-      for (int e = 0; e < columns; ++e) row[e] -= factor * above[e];
+      const double* above = W + k * stride;
+      for (int e = 0; e <= columns; ++e) row[e] -= factor * above[e];
     }
-    for (int e = 0; e < columns; ++e) row[e] *= inverse;
+    for (int e = 0; e <= columns; ++e) row[e] *= inverse;
+    if (columns % 2 == 0) row[columns + 1] = 0.0;
   }
 
-  // S -= W^T W over the globals that the node touches; S is column-major with its upper triangle used.
-  const int na = layout_.alpha_count, ns = layout_.sigma_count(), phi = layout_.phi_count, p = layout_.global_count;
-  const int first = na + ns, landmark0 = layout_.landmark_begin, seen = static_cast<int>(node.landmarks.size());
-  double* const S = sum.schur.data();
-  double* const reduced = sum.reduced.data();
-  for (int i = 0; i < dim; ++i) {
-    const double* w = W + i * columns;
-    const double h = half_gradient[i];
-    for (int a = 0; a < na; ++a) reduced[a] -= h * w[a];
-    for (int s = 0; s < ns; ++s) reduced[phi + s] -= h * w[na + s];
-    for (int l = 0; l < seen; ++l) {
-      const int at = landmark0 + 2 * node.landmarks[l];
-      reduced[at] -= h * w[first + 2 * l];
-      reduced[at + 1] -= h * w[first + 2 * l + 1];
+  // W^T W over the node's own columns, the gradient as the last of them: neighbours mostly see the same landmarks.
+  double* const own = sum.own.data();
+  for (int i = 0; i < dim; i += 2) {
+    const double* const w0 = W + i * stride;
+    const double* const w1 = i + 1 < dim ? w0 + stride : sum.zeros.data();
+    for (int e = 0; e < columns; ++e) {
+      const double x = w0[e], y = w1[e];
+      double* const to = own + e * stride;
+      for (int f = e & ~1; f <= columns; f += 2) {
+        to[f] += x * w0[f] + y * w1[f];
+        to[f + 1] += x * w0[f + 1] + y * w1[f + 1];
+      }
     }
-  }
-  const bool contiguous = seen > 0 && node.landmarks.back() - node.landmarks.front() == seen - 1;
-  const auto subtract = [&](int column, int local, const double* w0, const double* w1, const double* w2) {
-    double* const to = S + static_cast<std::size_t>(column) * p;
-    const double x = w0[local], y = w1 ? w1[local] : 0.0, z = w2 ? w2[local] : 0.0;
-    const auto run = [&](int row, int from, int count) {
-      double* const cell = to + row;
-      if (w2)
-        for (int a = 0; a < count; ++a) cell[a] -= x * w0[from + a] + y * w1[from + a] + z * w2[from + a];
-      else if (w1)
-        for (int a = 0; a < count; ++a) cell[a] -= x * w0[from + a] + y * w1[from + a];
-      else
-        for (int a = 0; a < count; ++a) cell[a] -= x * w0[from + a];
-    };
-    if (column < na) {
-      run(0, 0, column + 1);
-      return;
-    }
-    run(0, 0, na);
-    const int before = column < phi ? (local - first) / 2 + 1 : seen;  // landmarks up to and with the column's own
-    if (contiguous)
-      run(landmark0 + 2 * node.landmarks[0], first, 2 * before);
-    else
-      for (int l = 0; l < before; ++l) run(landmark0 + 2 * node.landmarks[l], first + 2 * l, 2);
-    if (column >= phi) run(phi, na, column - phi + 1);
-  };
-  for (int i = 0; i < dim; i += 3) {
-    const double* w0 = W + i * columns;
-    const double* w1 = i + 1 < dim ? w0 + columns : nullptr;
-    const double* w2 = i + 2 < dim ? w1 + columns : nullptr;
-    for (int a = 0; a < na; ++a) subtract(a, a, w0, w1, w2);
-    for (int l = 0; l < seen; ++l)
-      for (int e = 0; e < 2; ++e) subtract(landmark0 + 2 * node.landmarks[l] + e, first + 2 * l + e, w0, w1, w2);
-    for (int s = 0; s < ns; ++s) subtract(phi + s, na + s, w0, w1, w2);
   }
   return true;
+}
+
+/// Takes what has gathered over the present columns from the Schur complement, and begins anew over `next`.
+void JointSystem::flush(Elimination& sum, std::span<const int> next) const {
+  const int na = layout_.alpha_count, before = na + layout_.sigma_count();
+  const auto global_of = [&](int column) {
+    return column < na       ? column
+           : column < before ? layout_.phi_count + column - na
+                             : layout_.landmark_begin + 2 * sum.landmarks[(column - before) / 2] + (column - before) % 2;
+  };
+  for (int e = 0; e < sum.columns; ++e) {
+    const int from = global_of(e);
+    const double* const row = sum.own.data() + e * sum.stride;
+    for (int f = e; f < sum.columns; ++f) {
+      const int to = global_of(f);
+      sum.schur(std::min(from, to), std::max(from, to)) -= row[f];
+    }
+    sum.reduced[from] -= row[sum.columns];
+  }
+  sum.landmarks.assign(next.begin(), next.end());
+  sum.columns = before + 2 * static_cast<int>(next.size());
+  sum.stride = (sum.columns + 2) & ~1;
+  std::fill_n(sum.own.begin(), sum.columns * sum.stride, 0.0);
 }
 
 bool JointSystem::eliminate(double damping) {
@@ -118,11 +107,17 @@ bool JointSystem::eliminate(double damping) {
   const std::size_t nodes = layout_.nodes.size();
   const int parts = part_count(nodes), p = layout_.global_count;
   if (eliminations_.empty()) {
-    std::size_t largest = 0;
-    for (const JointLayout::Node& node : layout_.nodes)
-      largest = std::max(largest, static_cast<std::size_t>(node.dim) * (node.columns + 1));
+    std::size_t dims = 0, columns = 0;
+    for (const JointLayout::Node& node : layout_.nodes) {
+      dims = std::max(dims, static_cast<std::size_t>(node.dim));
+      columns = std::max(columns, static_cast<std::size_t>(node.columns));
+    }
     eliminations_.resize(parts);
-    for (Elimination& part : eliminations_) part.half.resize(largest);
+    for (Elimination& part : eliminations_) {
+      part.half.resize(dims * (columns + 2));
+      part.zeros.assign(columns + 2, 0.0);
+      part.own.resize(columns * (columns + 2));
+    }
   }
   const auto run = [&](int part) {
     Elimination& sum = eliminations_[part];
@@ -130,6 +125,8 @@ bool JointSystem::eliminate(double damping) {
     sum.reduced.setZero(p);
     sum.log_det = 0.0;
     sum.ok = true;
+    sum.columns = 0;
+    flush(sum, {});
     const std::size_t end = nodes * (part + 1) / parts;
     for (std::size_t j = nodes * part / parts; j < end && sum.ok; ++j) {
       const JointLayout::Node& node = layout_.nodes[j];
@@ -138,6 +135,7 @@ bool JointSystem::eliminate(double damping) {
                : node.dim == 3 ? eliminate_node<3>(node, damping, sum)
                                : eliminate_node<Eigen::Dynamic>(node, damping, sum);
     }
+    flush(sum, {});
   };
   if (parts == 1)
     run(0);
@@ -191,7 +189,7 @@ Eigen::VectorXd JointSystem::back_substitute(const Eigen::VectorXd& globals, boo
     take(globals.data() + layout_.phi_count, ns);
     for (int landmark : node.landmarks) take(globals.data() + layout_.landmark_begin + 2 * landmark, 2);
   }
-  return solve_stops(rhs);
+  return solve_stops(std::move(rhs));
 }
 
 Eigen::MatrixXd JointSystem::dense_hessian() const {

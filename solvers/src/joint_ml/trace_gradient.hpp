@@ -228,7 +228,7 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
         const double inverse = 1.0 / D, inverse_sq = inverse * inverse, nx = vx * inverse, ny = vy * inverse;
         const double d = D - c.radius_m[i];
         range.evaluate(d, c, i);
-        covariance.cell(heading, c.landmark[i], layout_.slot_of_cell[i], of);
+        covariance.cell(heading, c.landmark[i], layout_.slot_of(node, i), of);
         // C along n = (nx, ny) and across t = (-ny, nx).
         const double nn = of.xx * nx * nx + 2.0 * of.xy * nx * ny + of.yy * ny * ny, tt = of.xx + of.yy - nn;
         const double mixed = (of.yy - of.xx) * nx * ny + of.xy * (nx * nx - ny * ny);

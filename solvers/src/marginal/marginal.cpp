@@ -27,7 +27,7 @@ class SigmaSProfile {
     at.sigma_s_m = sigma_s;
     Marginal marginal(problem_, at, options_);
     const Held& held = options_.held;
-    if (!marginal.minimise(at, held, 1e-5, Marginal::Renewal{})) return infinity;
+    if (!std::isfinite(marginal.value(at)) || !marginal.minimise(at, held, 1e-5, Marginal::Renewal{})) return infinity;
     const double value = marginal.marginal_nll + marginal.half_log_det_phi(held);
     if (std::isfinite(value)) state_ = at;
     return value;
@@ -92,6 +92,7 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     const double sigma_s = search_sigma_s(profile), nll = fit.start_nll;
     fit.state = profile.state();
     fit.state.sigma_s_m = sigma_s;
+    marginal.value(fit.state);
     if (sigma_s == no_sigma_s) {
       fit = solve_marginal(problem, JointState(fit.state), without);
       fit.start_nll = nll;
@@ -103,7 +104,7 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
   // A free sigma_s may be weakly determined and needs the slopes closer.
   const Marginal::Renewal renewal = options.estimate_sigma_s ? Marginal::Renewal{1e-5, 0.0} : Marginal::Renewal{};
   const bool converged = marginal.minimise(fit.state, options.held, options.gradient_tolerance, renewal);
-  marginal.value(fit.state, 1e-12);
+  if (!converged) marginal.value(fit.state, 1e-12);
   fit.joint_nll = marginal.joint_nll;
   fit.marginal_nll = marginal.marginal_nll;
   fit.gradient_norm = marginal.gradient_norm;

@@ -64,12 +64,11 @@ class Marginal {
     double polish_above = 1e-3;  ///< their change above which the turn of phi-hat is measured anew
   };
 
-  /// Newton's method from `state` over the globals not held, the stops moving along. With `renewal` the slopes are
+  /// After value(state): Newton's method over the globals not held, the stops moving along. With `renewal` the slopes are
   /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
   /// below the tolerance and the slopes had settled.
   bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal) {
     const std::vector<int> free = free_globals(layout(), held);
-    if (!std::isfinite(value(state))) return false;
     bool settled = !renewal || held.sigmas;
     double change = infinity;
     int renewals = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,7 +20,9 @@ enum class HessianKind {
 /// before the bar is phi, the part after it sigma. tau: log sigma of a power law, or beta. Stops are grouped into
 /// nodes, one per place: (x, y) if the position is not exact, then one heading per stop whose heading is not exact.
 struct JointLayout {
+  /// Refers to the problem's cells: the problem must outlive it.
   JointLayout(const JointProblem& problem, int alpha_count, int tau_count, bool sigma_s_free);
+  JointLayout(JointLayout&&) noexcept = default;
 
   int alpha_count = 0, landmark_begin = 0, tau_begin = 0, tau_count = 0, sigma_theta = 0, sigma_s = -1;
   int phi_count = 0;    ///< alpha and landmarks
@@ -27,23 +30,32 @@ struct JointLayout {
   int sigma_count() const { return global_count - phi_count; }
 
   struct Node {
-    int dim = 0;                  ///< free coordinates
-    bool free_position = false;   ///< coordinates 0, 1 are the position error of the place
-    std::vector<int> stops;
-    std::vector<int> heading;     ///< per stop of the node: its coordinate in the node, or -1 where exact
-    std::vector<int> landmarks;   ///< distinct landmarks seen from here, ascending
-    bool chained = false;         ///< coupled to the node before
-    std::size_t block = 0;        ///< offset of the node's doubles in the arena
-    std::size_t square = 0;       ///< offset of dim x dim doubles in an array of such blocks
-    std::size_t coordinate = 0;   ///< offset of its coordinates in the vector of all stop coordinates
-    int columns = 0;              ///< alpha, sigmas, then two per landmark
+    std::span<const int> stops;
+    std::span<const int> heading;    ///< per stop of the node: its coordinate in the node, or -1 where exact
+    std::span<const int> landmarks;  ///< distinct landmarks seen from here, ascending
+    std::size_t block = 0;           ///< offset of the node's doubles in the arena
+    int coordinate = 0;              ///< offset of its coordinates in the vector of all stop coordinates
+    int dim = 0;                     ///< free coordinates
+    int columns = 0;                 ///< alpha, sigmas, then two per landmark
+    int first_cell = -1;             ///< cell of its first landmark, where cell after cell sees the next one
+    bool free_position = false;      ///< coordinates 0, 1 are the position error of the place
+    bool chained = false;            ///< coupled to the node before
   };
   std::vector<Node> nodes;
   std::vector<int> node_of_stop, slot_of_stop;  ///< slot: index within Node::stops
-  std::vector<int> slot_of_cell;                ///< index of the cell's landmark within Node::landmarks
-  std::size_t coordinates = 0;                  ///< all stop coordinates
-  std::size_t arena = 0, squares = 0;
+  /// Index of the cell's landmark within Node::landmarks.
+  int slot_of(const Node& node, int cell) const {
+    return node.first_cell >= 0 ? cell - node.first_cell : slot_of_cell_[cell];
+  }
+  std::size_t arena = 0;
+  int coordinates = 0;                          ///< all stop coordinates
   bool chained = false;                         ///< any node is coupled to its predecessor
+
+ private:
+  void describe_nodes(const JointProblem& problem);
+
+  // Storage behind the nodes' spans, and slots of the cells of nodes that see a landmark more than once.
+  std::vector<int> stops_, headings_, landmarks_, slot_of_cell_;
 };
 
 /// The joint NLL's value, gradient and Hessian in block form, and the elimination of the stops by Schur complement.
@@ -85,7 +97,7 @@ class JointSystem {
   /// `with_gradient`, else u = -H^-1 G gamma.
   Eigen::VectorXd back_substitute(const Eigen::VectorXd& globals, bool with_gradient) const;
   /// After eliminate: H^-1 rhs over the stop coordinates alone.
-  Eigen::VectorXd solve_stops(const Eigen::VectorXd& rhs) const;
+  Eigen::VectorXd solve_stops(Eigen::VectorXd rhs) const;
   /// G^T u: the globals' share of a vector over the stop coordinates.
   Eigen::VectorXd couple(const Eigen::VectorXd& stop_vector) const;
 
@@ -122,14 +134,18 @@ class JointSystem {
   double assemble_taped(const JointState& state, HessianKind kind);
   template <int D>
   bool eliminate_node(const JointLayout::Node& node, double damping, Elimination& sum);
+  void flush(Elimination& sum, std::span<const int> next) const;
   bool eliminate_chain(double damping);
   void selected_inverse() const;
   template <typename Covariance>
   Eigen::VectorXd trace_gradient(const JointState& state, Covariance& covariance) const;
   template <typename Covariance>
   void add_taped_trace(const JointState& state, const Covariance& covariance, Eigen::VectorXd& by_global) const;
+  const double* inverse_of_node(const JointLayout::Node& node) const {
+    return inverse_diagonal_.data() + inverse_begin_[&node - layout_.nodes.data()];
+  }
   Eigen::Map<const Eigen::MatrixXd> inverse_of(const JointLayout::Node& node) const {
-    return {inverse_diagonal_.data() + node.square, node.dim, node.dim};
+    return {inverse_of_node(node), node.dim, node.dim};
   }
 
   const JointProblem& problem_;
@@ -144,7 +160,8 @@ class JointSystem {
   std::vector<Eigen::MatrixXd> link_;               ///< chained: coupling block H_{k,k-1}
   std::vector<Eigen::MatrixXd> chain_coupling_;     ///< chained: G after elimination, dense over the globals
   std::vector<Eigen::VectorXd> chain_gradient_;
-  mutable std::vector<double> inverse_diagonal_;    ///< blocks of H_ss^-1, at JointLayout::Node::square
+  mutable std::vector<double> inverse_diagonal_;    ///< blocks of H_ss^-1
+  mutable std::vector<std::size_t> inverse_begin_;  ///< where each node's begins
   mutable std::vector<Eigen::MatrixXd> inverse_below_;
   mutable bool inverse_valid_ = false;
 };
