@@ -124,7 +124,7 @@ Calibration approximate_joint_calibration(const JointProblem& problem, const Clo
   result.outcome = Outcome::not_converged;
   for (result.iterations = 0; result.iterations < options.max_sweeps;) {
     samples = samples_at(problem, map, stops);
-    model = fit_range_model(samples, RangeWeighting::d_squared, map.covariance, order, options);
+    model = fit_range_model(samples, RangeWeighting::d_squared, map.covariance, order, options, false);
     if (!is_usable(model.outcome) || !model.f_positive) break;
     order = static_cast<int>(model.alpha.size()) - 1;  // chosen once, then kept
     if (!options.bearings.sigma_theta_rad) {

@@ -72,24 +72,22 @@ void fit_noise(const std::vector<RangeSample>& samples,
     beta = fit_beta(samples, model.alpha);
     shape.parameters = beta.beta;
   }
-  std::vector<MomentTerm> terms, bare;
-  double within = 0.0, dof = -static_cast<double>(model.alpha.size());
+  std::vector<MomentTerm> terms;
+  terms.reserve(samples.size());
+  double within = 0.0, bare = 0.0, dof = -static_cast<double>(model.alpha.size());
   for (const RangeSample& s : samples) {
     const double f = evaluate_polynomial(model.alpha, s.d), slope = evaluate_derivative(model.alpha, s.d);
     const double g = std::max(shape.spread(s.d, f), 1e-12), r = s.y - f;
     terms.push_back({r * r, g * g / s.R, slope * slope * distance_variance(s, landmark_covariance)});
-    bare.push_back({r * r, g * g / s.R, 0.0});
+    bare += r * r / (g * g / s.R);
+    if (!(f > 0.0)) model.f_positive = false;
     within += s.R * s.mean_square / (g * g);
     dof += s.R;
   }
-  for (const RangeSample& s : samples) {
-    if (evaluate_polynomial(model.alpha, s.d) > 0.0) continue;
-    model.f_positive = false;
-    model.note = "f is not positive at every distance of the data";
-    break;
-  }
+  if (!model.f_positive) model.note = "f is not positive at every distance of the data";
   double variance = variance_from_moments(terms, within, dof);
-  const double whole = variance_from_moments(bare, within, dof);
+  // As if stops and landmarks were exact.
+  const double whole = dof > 0.0 && std::isfinite(within + bare) ? (within + bare) / dof : 0.0;
   // Below a ten-thousandth of the residuals nothing is left that the stops do not explain.
   if (variance < 1e-4 * whole) {
     variance = whole;
@@ -139,7 +137,7 @@ MatrixXd alpha_covariance(const std::vector<RangeSample>& samples, const std::ve
 
 RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighting weighting,
                            const std::vector<Eigen::Matrix2d>& landmark_covariance, std::optional<int> order,
-                           const ClosedFormOptions& options) {
+                           const ClosedFormOptions& options, bool with_covariance) {
   std::vector<double> d, y, weights;
   double mean = 0.0, uncertainty = 0.0;
   for (const RangeSample& s : samples) {
@@ -184,7 +182,7 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   if (!fit.usable()) return model;
   model.alpha = fit.alpha;
   fit_noise(samples, landmark_covariance, options.noise_law, model);
-  model.alpha_covariance = alpha_covariance(samples, weights, landmark_covariance, fit.cofactor, model);
+  if (with_covariance) model.alpha_covariance = alpha_covariance(samples, weights, landmark_covariance, fit.cofactor, model);
   return model;
 }
 

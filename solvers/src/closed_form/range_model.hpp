@@ -36,9 +36,9 @@ struct RangeModel {
 };
 
 /// alpha by weighted least squares, noise by moments (landmark_calibration.hpp). `landmark_covariance`: one
-/// per landmark, empty where distances are known.
+/// per landmark, empty where distances are known. `with_covariance`: alpha_covariance is filled.
 RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighting weighting,
                            const std::vector<Eigen::Matrix2d>& landmark_covariance, std::optional<int> order,
-                           const ClosedFormOptions& options);
+                           const ClosedFormOptions& options, bool with_covariance = true);
 
 }  // namespace rangecal

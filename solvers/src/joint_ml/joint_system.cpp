@@ -37,6 +37,21 @@ JointSystem::JointSystem(const JointProblem& problem, int alpha_count, int tau_c
 JointSystem::~JointSystem() = default;
 JointSystem::JointSystem(JointSystem&&) noexcept = default;
 
+/// Adds to rows e and e + 1 of an upper triangle, both from column e on, what the rows w0, w1 of a factor give.
+inline void add_outer_rows(const double* __restrict w0, const double* __restrict w1, int e, int stride,
+                           double* __restrict to) {
+  double* const below = to + stride;
+  const double x0 = w0[e], y0 = w1[e], x1 = w0[e + 1], y1 = w1[e + 1];
+  for (int f = e; f < stride; f += 2) {
+    const double a = to[f] + x0 * w0[f] + y0 * w1[f], b = to[f + 1] + x0 * w0[f + 1] + y0 * w1[f + 1];
+    const double c = below[f] + x1 * w0[f] + y1 * w1[f], d = below[f + 1] + x1 * w0[f + 1] + y1 * w1[f + 1];
+    to[f] = a;
+    to[f + 1] = b;
+    below[f] = c;
+    below[f + 1] = d;
+  }
+}
+
 template <int D>
 bool JointSystem::eliminate_node(const JointLayout::Node& node, double damping, Elimination& sum) {
   NodeBlocks<D> b(node, arena_.data(), stop_gradient_.data());
@@ -66,14 +81,7 @@ bool JointSystem::eliminate_node(const JointLayout::Node& node, double damping, 
   for (int i = 0; i < dim; i += 2) {
     const double* const w0 = W + i * stride;
     const double* const w1 = i + 1 < dim ? w0 + stride : sum.zeros.data();
-    for (int e = 0; e < columns; ++e) {
-      const double x = w0[e], y = w1[e];
-      double* const to = own + e * stride;
-      for (int f = e & ~1; f <= columns; f += 2) {
-        to[f] += x * w0[f] + y * w1[f];
-        to[f + 1] += x * w0[f + 1] + y * w1[f + 1];
-      }
-    }
+    for (int e = 0; e < columns; e += 2) add_outer_rows(w0, w1, e, static_cast<int>(stride), own + e * stride);
   }
   return true;
 }
@@ -98,7 +106,7 @@ void JointSystem::flush(Elimination& sum, std::span<const int> next) const {
   sum.landmarks.assign(next.begin(), next.end());
   sum.columns = before + 2 * static_cast<int>(next.size());
   sum.stride = (sum.columns + 2) & ~1;
-  std::fill_n(sum.own.begin(), sum.columns * sum.stride, 0.0);
+  std::fill_n(sum.own.begin(), sum.stride * sum.stride, 0.0);
 }
 
 bool JointSystem::eliminate(double damping) {
@@ -116,7 +124,7 @@ bool JointSystem::eliminate(double damping) {
     for (Elimination& part : eliminations_) {
       part.half.resize(dims * (columns + 2));
       part.zeros.assign(columns + 2, 0.0);
-      part.own.resize(columns * (columns + 2));
+      part.own.resize((columns + 2) * (columns + 2));
     }
   }
   const auto run = [&](int part) {
@@ -182,6 +190,16 @@ Eigen::VectorXd JointSystem::back_substitute(const Eigen::VectorXd& globals, boo
     const double* const g = stop_gradient_.data() + node.coordinate;
     for (int i = 0; i < dim; ++i) own[i] = with_gradient ? -g[i] : 0.0;
     const auto take = [&](const double* by, int count) {
+      if (dim == 2) {
+        double x = own[0], y = own[1];
+        for (int e = 0; e < count; ++e, column += 2) {
+          x -= column[0] * by[e];
+          y -= column[1] * by[e];
+        }
+        own[0] = x;
+        own[1] = y;
+        return;
+      }
       for (int e = 0; e < count; ++e, column += dim)
         for (int i = 0; i < dim; ++i) own[i] -= column[i] * by[e];
     };
