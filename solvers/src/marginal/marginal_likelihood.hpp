@@ -78,10 +78,11 @@ class Marginal {
         if (++renewals > options_.max_outer) return false;
         const bool near = gradient_norm < near_norm && iteration > 0, polish = near && (!polished_ || change > renewal->polish_above);
         const Eigen::VectorXd before = slopes_;
-        if (!renew_slopes(state, held, gradient, polish)) return false;
+        const bool renewed = renew_slopes(state, held, gradient, polish);
+        if (!renewed && near) return false;  // further off they stay as they were
         // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6
         // nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
-        change = (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm());
+        change = renewed ? (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm()) : infinity;
         settled = near && polished_ && change < renewal->enough;
       }
       const double current = marginal_nll + slopes_.dot(sigma_coordinates(state));
