@@ -27,6 +27,8 @@ class Marginal {
 
   const JointLayout& layout() const { return system_.layout(); }
   JointSystem& system() { return system_; }
+  /// After minimise(): the sigmas (as globals) that the likelihood draws to 0.
+  const std::vector<int>& vanished() const { return vanished_; }
   int evaluations = 0, iterations = 0;
   double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
 
@@ -68,10 +70,13 @@ class Marginal {
   /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
   /// below the tolerance and the slopes had settled.
   bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal) {
-    const std::vector<int> free = free_globals(layout(), held);
+    std::vector<int> free = free_globals(layout(), held);
+    vanished_.clear();
     bool settled = !renewal || held.sigmas;
     double change = infinity;
     int renewals = 0;
+    Eigen::VectorXd last_step;
+    double last_norm = 0.0;
     for (int iteration = 0; iteration < options_.max_iterations; ++iteration, ++iterations) {
       Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
       if (!settled) {
@@ -87,13 +92,24 @@ class Marginal {
       }
       const double current = marginal_nll + slopes_.dot(sigma_coordinates(state));
       gradient.tail(layout().sigma_count()) += slopes_;
-      std::optional<Eigen::VectorXd> step = newton_step(hessian(state), gradient, free);
+      const Eigen::MatrixXd curvature = hessian(state);
+      std::erase_if(free, [&](int i) {
+        const bool gone = i >= layout().phi_count && is_logarithm(state, i) && gradient[i] > 0.0 &&
+                          gradient[i] < vanishing_gradient && curvature(i, i) < vanishing_curvature;
+        if (gone) vanished_.push_back(i);
+        return gone;
+      });
+      std::optional<Eigen::VectorXd> step = newton_step(curvature, gradient, free);
       if (!step) step = fisher_step(state, gradient, free);
       if (!step) return false;
       const double decrement_sq = -gradient.dot(*step);
       gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
       if (settled && gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance))
         return true;
+      // A step back of nearly the same length: the curvature, which lacks what moves with the slopes and with the
+      // log-determinant, is too small that way, by as much as the step went too far.
+      const double before = last_step.size() > 0 ? last_norm : 0.0, ratio = before > 0.0 ? gradient_norm / before : 0.0;
+      if (ratio > 0.3 && -gradient.dot(last_step) < -0.5 * gradient_norm * before) *step /= 1.0 + ratio;
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
@@ -106,15 +122,16 @@ class Marginal {
             trial_value <= current + slack + 0.3 * std::sqrt(stop_decrement_sq_)) {
           std::swap(state, trial);
           accepted = true;
+          last_step = factor * *step;
+          last_norm = std::sqrt(std::max(0.0, last_step.dot(curvature * last_step)));
           break;
         }
       }
-      if (!accepted) {
-        value(state);
-        return settled && gradient_norm < 1e-4;
-      }
+      if (!accepted) break;
     }
-    return false;
+    // Rounding, or the slow end that A without the log-determinant's own part has where the stops explain nearly all.
+    value(state);
+    return settled && gradient_norm < 1e-4;
   }
 
   /// 1/2 log det of the Hessian of l_s in the free part of phi, after value().
@@ -130,6 +147,9 @@ class Marginal {
 
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
+  // A sigma that goes to 0 leaves slope and curvature in its logarithm that go to 0 alike: here a standard deviation of 10
+  // of the logarithm and a thousandth of a nat to gain. It is held where it is.
+  static constexpr double vanishing_gradient = 1e-3, vanishing_curvature = 1e-2;
   static constexpr double near_norm = 0.1;  ///< Newton's decrement from which on phi-hat turns as it will at the optimum
 
   /// c = d(1/2 log det A)/dsigma along phi-hat(sigma), after value(state); `gradient`: that of l_s. A without the
@@ -169,6 +189,10 @@ class Marginal {
     return true;
   }
 
+  bool is_logarithm(const JointState& state, int global) const {
+    return state.noise.law != NoiseLaw::polynomial || global >= layout().sigma_theta;
+  }
+
   Eigen::VectorXd sigma_coordinates(const JointState& state) const {
     Eigen::VectorXd s(layout().sigma_count());
     if (state.noise.law == NoiseLaw::polynomial)
@@ -202,6 +226,7 @@ class Marginal {
   Eigen::VectorXd slopes_;
   Eigen::MatrixXd further_turn_;  ///< of phi-hat with sigma, beyond what A predicts
   bool polished_ = false;
+  std::vector<int> vanished_;
   double stop_decrement_sq_ = 0.0;
 };
 

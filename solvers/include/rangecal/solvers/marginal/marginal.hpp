@@ -21,8 +21,8 @@ struct LaplaceValue {
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state);
 
 struct MarginalOptions {
-  int max_iterations = 60;            ///< Newton iterations
-  int max_outer = 20;                 ///< updates of the REML slopes
+  int max_iterations = 100;           ///< Newton iterations
+  int max_outer = 80;                 ///< updates of the REML slopes
   double gradient_tolerance = 1e-7;
   bool estimate_sigma_s = false;      ///< sigma_s of the shared stops is a parameter
   Held held;
