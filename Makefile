@@ -58,5 +58,5 @@ prove: build
 .PHONY: gallery
 gallery: build
 	rm -rf build/gallery
-	$(BUILD)/apps/report/rangecal_gallery build/gallery
-	node docs/make_gallery.mjs build/gallery $(BUILD)/apps/report/web/node_modules apps/report/page/page.css docs
+	$(BUILD)/report/rangecal_gallery build/gallery
+	node docs/make_gallery.mjs build/gallery $(BUILD)/report/web/node_modules report/page/page.css docs

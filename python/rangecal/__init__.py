@@ -14,10 +14,11 @@ Everything is SI: metres, radians, seconds. Results have attributes, ``to_frame(
 from . import _api, _html, _native, _plots, _recording, _results
 from ._api import (calibrate, compare, compare_curves, correct, diagnose, effects, load, residuals,
                    simulate, study)
+from ._ingest import extract, import_dataset, import_lego, import_mrclam
 from ._native import (Calibration, CheckReport, CurveChange, Diagnosis, Effect, EffectEstimate, EffectParameter,
                       Explanation, Finding, FitSummary, InputError, ModelScore, NextExperiment, Recording, Residuals,
                       Sensor, TruthScore, Unseen, __version__)
-from ._results import Comparison, Corrected, Study
+from ._results import Comparison, Corrected, Extraction, Study
 
 
 def _repr_of(name, text):
@@ -36,17 +37,18 @@ for _cls in (Calibration, CurveChange, Diagnosis, Effect, Recording, Residuals):
 _attach(Recording, __init__=_recording.init, columns=_recording.columns, to_frame=_recording.to_frame,
         stops_to_frame=_recording.stops_to_frame, describe=_recording.describe, plot=_plots.recording,
         _repr_html_=_html.recording, __repr__=_repr_of("Recording", _recording.describe))
-_attach(Calibration, models=(), notes=(), check=None, to_frame=_results.calibration_to_frame,
+_attach(Calibration, models=(), notes=(), check=None, _origin=None, report=_results.report_calibration, to_frame=_results.calibration_to_frame,
         models_to_frame=_results.models_to_frame, landmarks_to_frame=_results.landmarks_to_frame, stops_to_frame=_results.stops_to_frame,
         plot=_plots.calibration, plot_scene=_plots.scene, _repr_html_=_html.calibration,
         __repr__=_repr_of("Calibration", lambda c: f"{c.method}, order {c.order}, noise {c.noise_law}, {c.outcome}"))
-_attach(Diagnosis, to_frame=_results.diagnosis_to_frame, plot=_plots.diagnosis, _repr_html_=_html.diagnosis,
+_attach(Diagnosis, _recordings=(), report=_results.report_diagnosis, to_frame=_results.diagnosis_to_frame, plot=_plots.diagnosis, _repr_html_=_html.diagnosis,
         __repr__=_repr_of("Diagnosis", lambda d: f"{d.verdict}, {' + '.join(d.final_effects) or 'nothing to add'}"))
 _attach(Residuals, to_frame=_results.residuals_to_frame, plot=_plots.residuals,
         __repr__=_repr_of("Residuals", lambda r: f"{len(r)} readings"))
 _attach(Effect, __repr__=_repr_of("Effect", lambda e: f"{e.id}, {e.channel} along {e.covariate}"))
 
 __all__ = ["Calibration", "CheckReport", "Comparison", "Corrected", "CurveChange", "Diagnosis", "Effect", "EffectEstimate",
-           "EffectParameter", "Explanation", "Finding", "FitSummary", "InputError", "ModelScore", "NextExperiment",
+           "EffectParameter", "Explanation", "Extraction", "Finding", "FitSummary", "InputError", "ModelScore", "NextExperiment",
            "Recording", "Residuals", "Sensor", "Study", "TruthScore", "Unseen", "calibrate", "compare", "compare_curves",
-           "correct", "diagnose", "effects", "load", "residuals", "simulate", "study"]
+           "correct", "diagnose", "effects", "extract", "import_dataset", "import_lego", "import_mrclam", "load", "residuals",
+           "simulate", "study"]

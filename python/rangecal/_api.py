@@ -98,9 +98,10 @@ def _calibrate(recordings, methods, order, noise, noise_shape, solver, weights, 
         if order != "auto":
             raise _native.InputError(f"order is '{order}', not a whole number, nor auto")
         order = None
+    recordings = _recordings(recordings)
     return Comparison(_native.calibrate_job(
-        _recordings(recordings), methods, order, None if noise == "auto" else noise, noise_shape, solver, weights,
-        check, start, progress))
+        recordings, methods, order, None if noise == "auto" else noise, noise_shape, solver, weights, check, start,
+        progress), recordings)
 
 
 def correct(calibration, readings, *, roots="ls", **columns):
@@ -221,8 +222,11 @@ def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_o
         calibration = simulation
     elif simulation is not None:
         other = _recordings(simulation)
-    return _native.diagnose_job(_recordings(recordings), calibration, other, alarm_rate, force, held_out, unseen,
-                                next_experiments, progress)
+    recordings = _recordings(recordings)
+    diagnosis = _native.diagnose_job(recordings, calibration, other, alarm_rate, force, held_out, unseen,
+                                     next_experiments, progress)
+    diagnosis._recordings = recordings
+    return diagnosis
 
 
 def residuals(recordings, calibration, along=()):

@@ -4,6 +4,8 @@ import html
 
 import numpy as np
 
+from . import _native
+
 
 def _number(value):
     if isinstance(value, str):
@@ -43,13 +45,4 @@ def comparison(self):
 
 
 def diagnosis(self):
-    parts = []
-    explained = self.to_frame("explanations")
-    if len(explained):
-        parts.append(_table(explained.columns, explained.itertuples(index=False)))
-    fit = self.to_frame("fit")
-    parts.append(_table(["", "before", "after"], fit.itertuples()))
-    if self.next_experiments:
-        parts.append(_table(["next experiment", "settles", "power"],
-                            self.to_frame("next_experiments").itertuples(index=False)))
-    return _page(f"Diagnosis: {self.verdict}", self.sentence, *parts)
+    return _native.diagnosis_summary(self)

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Results as tables: what the C++ classes show of themselves as data frames, and the corrected readings."""
+import html
+import os
+
 import numpy as np
+
+from . import _native
 
 
 class Corrected:
@@ -63,11 +68,13 @@ class Comparison:
         What the second program said about the optimum of the full likelihood.
     """
 
-    def __init__(self, job):
+    def __init__(self, job, recordings):
+        self._job, self._recordings = job, recordings
         self.calibrations, self.scores = job.calibrations, job.scores
         self.models, self.notes, self.check = job.models, job.notes, job.check
-        for calibration in self.calibrations:
+        for index, calibration in enumerate(self.calibrations):
             calibration.models, calibration.notes, calibration.check = self.models, self.notes, self.check
+            calibration._origin = (job, index, recordings)
 
     def __getitem__(self, method):
         for calibration in self.calibrations:
@@ -112,18 +119,30 @@ class Comparison:
         from . import _plots
         return _plots.comparison(self, ax)
 
+    def report(self, path):
+        """Write the report of ``rangecal compare --report``: one HTML file that needs no network.
+
+        Raises
+        ------
+        InputError
+            Where the file cannot be written, or this build has no charting library.
+        """
+        _native.report_comparison(self._job, self._recordings, os.fspath(path))
+
 
 class Study:
     """Tables of a Monte-Carlo study, one row per point of its grid and estimator (``docs/study.md`` has the columns).
 
     Attributes
     ----------
+    name : str
+        Of the study.
     results_csv, timing_csv : str
         The tables as files hold them. Times are apart, since no two runs agree in them.
     """
 
-    def __init__(self, results_csv, timing_csv):
-        self.results_csv, self.timing_csv = results_csv, timing_csv
+    def __init__(self, name, results_csv, timing_csv):
+        self.name, self.results_csv, self.timing_csv = name, results_csv, timing_csv
 
     def __len__(self):
         return self.results_csv.count("\n") - 1
@@ -145,6 +164,82 @@ class Study:
         """One column over another, a line per estimator (and per value of every other parameter that varies)."""
         from . import _plots
         return _plots.study(self, x, y, ax)
+
+    def report(self, path):
+        """Write the report of ``rangecal study --report``: one HTML file that needs no network."""
+        _native.report_study(self.name, self.results_csv, os.fspath(path))
+
+
+class Extraction:
+    """What was found in raw scans, and what was thrown away and why.
+
+    Attributes
+    ----------
+    recording : Recording or None
+        None where no landmark was found.
+    counts : dict of dict of int
+        Of ``scans``, ``beams``, ``segments`` and ``cylinders``: how many of them ended how.
+    noise : dict
+        ``floor_m, quadratic_per_m, origin``: standard deviation of a beam at r,
+        ``sqrt(floor_m**2 + (quadratic_per_m * r**2)**2)`` [m], and where it is from.
+    arc : str
+        Which point of the arc is the range.
+    runs_clockwise : bool
+        With bearings turned round the stops agree much better: try ``clockwise=True``.
+    text : str
+        All of it as the command line prints it.
+    """
+
+    def __init__(self, recording, facts, text):
+        self.recording = recording if facts["landmarks"] else None
+        self.counts = {part: facts[part] for part in ("scans", "beams", "segments", "cylinders")}
+        self.noise, self.arc, self.runs_clockwise = facts["noise"], facts["arc"], facts["runs_clockwise"]
+        self.text = text
+        self._landmarks = facts["landmarks"]
+
+    def __repr__(self):
+        return f"<rangecal.Extraction: {len(self._landmarks)} landmarks, {self.counts['cylinders'].get('used', 0)} readings>"
+
+    def _repr_html_(self):
+        return f"<pre>{html.escape(self.text)}</pre>"
+
+    def to_frame(self):
+        """The landmarks as a pandas.DataFrame: ``landmark, radius_m, x_m, y_m, stops, readings``."""
+        import pandas
+        return pandas.DataFrame(self._landmarks, columns=["landmark", "radius_m", "x_m", "y_m", "stops", "readings"])
+
+
+def report_calibration(self, path):
+    """Write the report of ``rangecal calibrate --report``: one HTML file that needs no network.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+
+    Raises
+    ------
+    InputError
+        For a calibration that was read from a file: a report shows the recordings too. Where the file cannot be written,
+        or this build has no charting library.
+    """
+    if self._origin is None:
+        raise _native.InputError("a report shows the recordings too: it takes a calibration made by calibrate or compare")
+    _native.report_calibration(*self._origin, os.fspath(path))
+
+
+def report_diagnosis(self, path):
+    """Write the report of ``rangecal diagnose --report``: one HTML file that needs no network.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written, or this build has no charting library.
+    """
+    _native.report_diagnosis(self, self._recordings, os.fspath(path))
 
 
 def models_to_frame(self):

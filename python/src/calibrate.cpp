@@ -5,18 +5,12 @@
 
 #include <chrono>
 
+#include "job_result.hpp"
 #include "module.hpp"
-#include "rangecal/solvers/calibrate/truth_score.hpp"
 #include "work.hpp"
 
 namespace rangecal::python {
 namespace {
-
-/// The calibrations of one job, each against ground truth where there is any.
-struct JobResult {
-  CalibrationReport report;
-  std::vector<TruthScore> scores;  ///< one per calibration
-};
 
 CalibrateOptions options_from(const std::vector<std::string>& methods, const std::optional<int>& order,
                               const std::optional<std::string>& noise, const std::string& noise_shape,
@@ -77,13 +71,15 @@ void bind_calibrate(py::module_& module) {
       .def_readonly("order", &ModelScore::order)
       .def_property_readonly("noise_law", [](const ModelScore& m) { return to_string(m.law); })
       .def_readonly("nll", &ModelScore::nll)
-      .def_readonly("aic", &ModelScore::aic);
+      .def_readonly("aic", &ModelScore::aic)
+      .def(picklable<ModelScore>());
 
   py::class_<CheckReport>(module, "CheckReport")
       .def_readonly("agrees", &CheckReport::agrees)
       .def_readonly("better_basin", &CheckReport::better_basin)
       .def_readonly("nll", &CheckReport::nll)
-      .def_readonly("report", &CheckReport::report);
+      .def_readonly("report", &CheckReport::report)
+      .def(picklable<CheckReport>());
 
   py::class_<TruthScore>(module, "TruthScore")
       .def_readonly("landmark_rmse_m", &TruthScore::landmark_rmse_m)
@@ -93,14 +89,16 @@ void bind_calibrate(py::module_& module) {
       .def_readonly("rmse_raw_m", &TruthScore::rmse_raw_m)
       .def_readonly("rmse_corrected_m", &TruthScore::rmse_corrected_m)
       .def_readonly("readings", &TruthScore::readings)
-      .def_readonly("estimated_stops", &TruthScore::estimated_stops);
+      .def_readonly("estimated_stops", &TruthScore::estimated_stops)
+      .def(picklable<TruthScore>());
 
-  py::class_<JobResult>(module, "JobResult")
+  py::class_<JobResult, std::shared_ptr<JobResult>>(module, "JobResult")
       .def_property_readonly("calibrations", [](const JobResult& r) { return r.report.calibrations; })
       .def_property_readonly("models", [](const JobResult& r) { return r.report.models; })
       .def_property_readonly("notes", [](const JobResult& r) { return r.report.notes; })
       .def_property_readonly("check", [](const JobResult& r) { return r.report.check; })
-      .def_readonly("scores", &JobResult::scores);
+      .def_readonly("scores", &JobResult::scores)
+      .def(picklable<JobResult>());
 
   module.def("calibrate_job", &calibrate_job, py::arg("recordings"), py::arg("methods"), py::arg("order"),
              py::arg("noise"), py::arg("noise_shape"), py::arg("solver"), py::arg("weights"),

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "archive_fields.hpp"
 #include "arrays.hpp"
 #include "module.hpp"
 #include "rangecal/core/calibration_io.hpp"
@@ -144,7 +145,8 @@ void bind_calibration(py::module_& module) {
       .def("to_json", [](const Calibration& c) { return calibrations_to_json({c}); })
       .def(
           "save", [](const Calibration& c, const std::string& path) { save_calibrations({c}, path); },
-          py::arg("path"));
+          py::arg("path"))
+      .def(picklable<Calibration>());
 
   py::class_<CurveChange>(module, "CurveChange")
       .def_readonly("largest_m", &CurveChange::largest_m)

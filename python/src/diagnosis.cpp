@@ -3,6 +3,7 @@
 
 #include <pybind11/stl.h>
 
+#include "archive_fields.hpp"
 #include "arrays.hpp"
 #include "module.hpp"
 #include "rangecal/core/errors.hpp"
@@ -79,13 +80,15 @@ void bind_findings(py::module_& module) {
       .def_property_readonly("before", residual(&BinnedResidual::before))
       .def_property_readonly("after", residual(&BinnedResidual::after))
       .def_property_readonly("std", residual(&BinnedResidual::std_dev))
-      .def_property_readonly("readings", residual(&BinnedResidual::readings));
+      .def_property_readonly("readings", residual(&BinnedResidual::readings))
+      .def(picklable<Finding>());
 
   py::class_<EffectEstimate>(module, "EffectEstimate")
       .def_readonly("name", &EffectEstimate::name)
       .def_readonly("estimate", &EffectEstimate::estimate)
       .def_readonly("std", &EffectEstimate::std_dev)
-      .def_property_readonly("ci95", [](const EffectEstimate& e) { return std::pair(e.low95, e.high95); });
+      .def_property_readonly("ci95", [](const EffectEstimate& e) { return std::pair(e.low95, e.high95); })
+      .def(picklable<EffectEstimate>());
   py::class_<Explanation>(module, "Explanation")
       .def_readonly("effects", &Explanation::effects)
       .def_readonly("probability", &Explanation::probability)
@@ -95,24 +98,28 @@ void bind_findings(py::module_& module) {
       .def_readonly("p_value", &Explanation::p_value)
       .def_readonly("indistinguishable_from", &Explanation::indistinguishable_from)
       .def_readonly("separated_by", &Explanation::separated_by)
-      .def_readonly("physics", &Explanation::physics);
+      .def_readonly("physics", &Explanation::physics)
+      .def(picklable<Explanation>());
   py::class_<Unseen>(module, "Unseen")
       .def_readonly("effect", &Unseen::effect)
       .def_readonly("typical", &Unseen::typical)
       .def_readonly("detectable", &Unseen::detectable)
       .def_readonly("harm_m", &Unseen::harm_m)
-      .def_readonly("settled_by", &Unseen::settled_by);
+      .def_readonly("settled_by", &Unseen::settled_by)
+      .def(picklable<Unseen>());
   py::class_<NextExperiment>(module, "NextExperiment")
       .def_readonly("change", &NextExperiment::change)
       .def_readonly("settles", &NextExperiment::settles)
-      .def_readonly("power", &NextExperiment::power);
+      .def_readonly("power", &NextExperiment::power)
+      .def(picklable<NextExperiment>());
   py::class_<FitSummary>(module, "FitSummary")
       .def_readonly("nll", &FitSummary::nll)
       .def_readonly("heldout_nll", &FitSummary::heldout_nll)
       .def_readonly("heldout_std", &FitSummary::heldout_std)
       .def_readonly("rms_range_m", &FitSummary::rms_range_m)
       .def_readonly("rms_bearing_rad", &FitSummary::rms_bearing_rad)
-      .def_readonly("chi_sq_per_dof", &FitSummary::chi_sq_per_dof);
+      .def_readonly("chi_sq_per_dof", &FitSummary::chi_sq_per_dof)
+      .def(picklable<FitSummary>());
 }
 
 }  // namespace
@@ -122,7 +129,7 @@ void bind_diagnosis(py::module_& module) {
   const auto to_dict = [](const Diagnosis& d) -> py::dict {
     return py::module_::import("json").attr("loads")(diagnosis_to_json(d));
   };
-  py::class_<Diagnosis, std::shared_ptr<Diagnosis>>(module, "Diagnosis")
+  py::class_<Diagnosis, std::shared_ptr<Diagnosis>>(module, "Diagnosis", py::dynamic_attr())
       .def_property_readonly("verdict", [](const Diagnosis& d) { return to_string(d.verdict); })
       .def_property_readonly(
           "sentence",
@@ -146,7 +153,8 @@ void bind_diagnosis(py::module_& module) {
       .def(
           "save", [](const Diagnosis& d, const std::string& path) { write_file(path, diagnosis_to_json(d)); },
           py::arg("path"))
-      .def("simulate_all", &simulate_again, py::arg("seed"), py::call_guard<py::gil_scoped_release>());
+      .def("simulate_all", &simulate_again, py::arg("seed"), py::call_guard<py::gil_scoped_release>())
+      .def(picklable<Diagnosis>());
 
   module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),
              py::arg("simulation"), py::arg("alarm_rate"), py::arg("force"), py::arg("held_out"),

@@ -21,5 +21,7 @@ PYBIND11_MODULE(_native, module) {
   bind_diagnosis(module);
   bind_residuals(module);
   bind_study(module);
+  bind_report(module);
+  bind_ingest(module);
   py::module_::import("atexit").attr("register")(py::cpp_function(&join_leftovers));
 }

@@ -22,6 +22,8 @@ void bind_simulate(py::module_& module);
 void bind_diagnosis(py::module_& module);
 void bind_residuals(py::module_& module);
 void bind_study(py::module_& module);
+void bind_report(py::module_& module);
+void bind_ingest(py::module_& module);
 
 /// The recordings of a call, kept alive as long as its work runs; one is not copied.
 class Recordings {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "archive_fields.hpp"
 #include "arrays.hpp"
 #include "columns.hpp"
 #include "module.hpp"
@@ -113,7 +114,8 @@ void bind_recording(py::module_& module) {
       .def_readonly("name", &Sensor::name)
       .def_readonly("principle", &Sensor::principle)
       .def_readonly("range_min_m", &Sensor::range_min_m)
-      .def_readonly("range_max_m", &Sensor::range_max_m);
+      .def_readonly("range_max_m", &Sensor::range_max_m)
+      .def(picklable<Sensor>());
 
   py::class_<Recording, std::shared_ptr<Recording>>(module, "Recording")
       .def(py::init(&parse), py::arg("header"), py::arg("tables"))
@@ -132,6 +134,7 @@ void bind_recording(py::module_& module) {
                                                                                   : "independent";
                              })
       .def_property_readonly("counts", [](const Recording& r) { return counts(r.counts); })
+      .def_readonly("extraction", &Recording::extraction)
       .def_property_readonly(
           "stop_labels",
           [](const Recording& r) { return labels(r.stops, [](const Stop& s) { return s.label; }); })
@@ -168,7 +171,8 @@ void bind_recording(py::module_& module) {
       .def_property_readonly("row", column<int>(&Readings::row, &Pairs::row))
       .def_property_readonly("covariates", &covariates)
       .def("save", &save_recording, py::arg("folder"), py::call_guard<py::gil_scoped_release>())
-      .def("__len__", [](const Recording& r) { return is_pairs(r) ? r.pairs.size() : r.readings.size(); });
+      .def("__len__", [](const Recording& r) { return is_pairs(r) ? r.pairs.size() : r.readings.size(); })
+      .def(picklable<Recording>());
 
   module.def(
       "load_recording",

@@ -3,7 +3,7 @@
 
 #include <map>
 #include <optional>
-#include <utility>
+#include <tuple>
 
 #include "module.hpp"
 #include "rangecal/core/errors.hpp"
@@ -14,8 +14,8 @@
 namespace rangecal::python {
 namespace {
 
-/// The tables of a study as CSV: of results, of processor times.
-using Tables = std::pair<std::string, std::string>;
+/// Its name, and its tables as CSV: of results, of processor times.
+using Tables = std::tuple<std::string, std::string, std::string>;
 
 Tables run(const Study& study, int threads, const StageHook& hook) {
   const long units = static_cast<long>(study.points.size()) * study_pieces(study);
@@ -33,9 +33,9 @@ Tables run(const Study& study, int threads, const StageHook& hook) {
     timing[point.point] = timing_csv_rows(study, point);
   };
   run_study(study, options);
-  Tables tables{study_csv_header(study), timing_csv_header(study)};
-  for (const auto& [point, rows] : results) tables.first += rows;
-  for (const auto& [point, rows] : timing) tables.second += rows;
+  Tables tables{study.name, study_csv_header(study), timing_csv_header(study)};
+  for (const auto& [point, rows] : results) std::get<1>(tables) += rows;
+  for (const auto& [point, rows] : timing) std::get<2>(tables) += rows;
   return tables;
 }
 

@@ -60,9 +60,10 @@ TEST(ExtractCommand, FromScansToACalibration) {
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, AllOf(HasSubstr("told apart by label"), HasSubstr("wall"),
                                 HasSubstr("dropped at a cylinder's edge"), HasSubstr("6 stops, 5 landmarks")));
-  EXPECT_THAT(slurp(rec + "/recording.yaml"), AllOf(HasSubstr("arc: mean"), HasSubstr("source: \"scans.csv\"")));
+  EXPECT_THAT(slurp(rec + "/recording.yaml"), AllOf(HasSubstr("arc: mean"), HasSubstr("source: scans.csv")));
   const Recording recording = load_recording(rec);
   EXPECT_EQ(recording.landmarks.size(), 5u);
+  EXPECT_EQ(recording.extraction.at("arc"), "mean");
   EXPECT_DOUBLE_EQ(recording.landmarks[0].radius_m, 0.12);
   EXPECT_EQ(recording.readings.covariates.count("beams"), 1u);
   const auto json = nlohmann::json::parse(slurp(rec + "/extraction.json"));

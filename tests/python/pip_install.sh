@@ -8,7 +8,7 @@ shift 3
 rm -rf "$work"
 mkdir -p "$work/rangecal"
 cd "$source"
-cp -r CMakeLists.txt LICENSE pyproject.toml setup.py cmake core problems solvers python "$work/rangecal"
+cp -r CMakeLists.txt LICENSE pyproject.toml setup.py cmake core problems solvers report ingest python "$work/rangecal"
 cd "$work/rangecal"
 if command -v ccache >/dev/null; then
   export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_BASEDIR=$work/rangecal

@@ -30,7 +30,7 @@ def test_axes_are_taken(calibration):
 
 def test_notebook_display(field, pairs, calibration, diagnosis):
     for result, word in ((field, "500 readings"), (pairs, "600 pairs"), (calibration, "alpha_2"),
-                         (rangecal.compare(pairs), "marginal NLL"), (diagnosis, "range_eccentricity.amplitude_m")):
+                         (rangecal.compare(pairs), "marginal NLL"), (diagnosis, "range_eccentricity.amplitude")):
         assert word in result._repr_html_()
         assert repr(result).startswith("<rangecal.")
     assert "<script" not in diagnosis._repr_html_()

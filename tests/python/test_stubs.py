@@ -5,6 +5,7 @@ import inspect
 import pathlib
 
 import rangecal
+from conftest import scans_of
 
 TREE = ast.parse((pathlib.Path(rangecal.__file__).parent / "__init__.pyi").read_text())
 
@@ -28,7 +29,8 @@ def test_every_member_is_in_the_stubs(source, field, calibration, diagnosis, ecc
                 diagnosis.before, diagnosis.location[0], diagnosis.explanations[0],
                 diagnosis.explanations[0].parameters[0], diagnosis.next_experiments[0], diagnosis.unseen[0],
                 rangecal.study(source / "notebooks_data/studies/quick.yaml", repeats=2),
-                rangecal.residuals(eccentric, calibration), rangecal.effects()[0], rangecal.effects()[0].parameters[0]]
+                rangecal.extract(scans_of([], [(0.0, 0.0)])), rangecal.residuals(eccentric, calibration),
+                rangecal.effects()[0], rangecal.effects()[0].parameters[0]]
     by_name = {type(e).__name__: e for e in examples}
     left_out = {"InputError", "CheckReport"}
     for node in TREE.body:

@@ -72,10 +72,7 @@ RecordingHeader read_header(const Files& files, Recording& recording) {
     landmarks.allow_only({"radius_m"});
     if (landmarks.has("radius_m")) header.landmark_radius_m = landmarks.at("radius_m").not_negative();
   }
-  if (top.has("extraction")) {  // how the readings were cut out of raw scans: a note for people, of any fields
-    const YamlReader extraction = top.at("extraction");
-    if (!extraction.is_map()) extraction.fail("is not a map");
-  }
+  if (top.has("extraction")) recording.extraction = top.at("extraction").texts();  // for people: of any fields
   if (top.has("known_distances")) {
     for (const YamlReader& item : top.at("known_distances").items()) header.taped.push_back(read_taped(item));
   }

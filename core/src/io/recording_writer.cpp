@@ -34,6 +34,17 @@ class CsvText {
   std::string text_;
 };
 
+/// A field of `extraction` as its node: a list or map where the text is one, else the text.
+YAML::Node field_node(const std::string& text) {
+  if (text.starts_with('[') || text.starts_with('{')) {
+    try {
+      return YAML::Load(text);
+    } catch (const YAML::Exception&) {  // a text that begins like a list
+    }
+  }
+  return YAML::Node(text);
+}
+
 std::string header_text(const Recording& recording) {
   const bool landmarks = recording.kind == RecordingKind::landmarks;
   YAML::Emitter out;
@@ -70,6 +81,12 @@ std::string header_text(const Recording& recording) {
       }
       out << YAML::EndSeq;
     }
+  }
+  if (!recording.extraction.empty()) {
+    out << YAML::Key << "extraction" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    for (const auto& [field, text] : recording.extraction)
+      out << YAML::Key << field << YAML::Value << field_node(text);
+    out << YAML::EndMap;
   }
   out << YAML::EndMap;
   return std::string(out.c_str()) + "\n";

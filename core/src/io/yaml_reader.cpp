@@ -126,4 +126,22 @@ std::vector<double> YamlReader::numbers() const {
   return values;
 }
 
+std::map<std::string, std::string> YamlReader::texts() const {
+  if (!node_.IsMap()) fail("is not a map of keys to values");
+  std::map<std::string, std::string> texts;
+  for (const auto& entry : node_) {
+    if (!entry.first.IsScalar()) fail("a key is not a text");
+    std::string& text = texts[entry.first.Scalar()];
+    if (entry.second.IsScalar()) {
+      text = entry.second.Scalar();
+    } else if (!entry.second.IsNull()) {
+      YAML::Emitter line;
+      line.SetSeqFormat(YAML::Flow), line.SetMapFormat(YAML::Flow);
+      line << entry.second;
+      text = line.c_str();
+    }
+  }
+  return texts;
+}
+
 }  // namespace rangecal

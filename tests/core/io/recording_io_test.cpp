@@ -102,6 +102,7 @@ void expect_same(const Recording& a, const Recording& b) {
     if (a.truth.stops[i]) expect_same(*a.truth.stops[i], *b.truth.stops[i]);
   }
   EXPECT_EQ(a.truth.landmarks, b.truth.landmarks);
+  EXPECT_EQ(a.extraction, b.extraction);
 }
 
 Recording random_landmarks_recording(std::uint64_t seed) {
@@ -144,6 +145,10 @@ Recording random_landmarks_recording(std::uint64_t seed) {
     readings.covariates["temperature_c"].push_back(random.normal(20.0, 1e-7));
   }
   recording.counts.read = recording.counts.used = 40;
+  recording.extraction = {{"arc", "mean"},         {"radius", "[0.04, 0.12]"}, {"edge_cut", "0.9"},
+                          {"source", "run: #1.csv"}, {"odd", "[half a list"},    {"empty", ""},
+                          {"nothing", "null"},       {"mark", "~"},              {"two", "a\nline, \"b\""},
+                          {"key: {", " x "}};
   return recording;
 }
 
@@ -224,6 +229,20 @@ TEST(RecordingIo, SigmaMayBeEstimated) {
   const Recording recording = load_recording(folder.path());
   EXPECT_TRUE(recording.estimate_sigma_xy);
   EXPECT_EQ(recording.stop_error, StopErrorModel::random_walk);
+}
+
+// What extract notes about the arc, and whatever else stands there, is the recording's and survives load and save.
+TEST(RecordingIo, TheNoteOfTheExtractionIsKept) {
+  RecordingFolder folder;
+  folder.write("recording.yaml",
+               "format: rangecal/1\nextraction:\n  arc: smallest\n  radius:\n  - 0.04\n  - 0.12\n"
+               "  by: {who: me, when: [1, 2]}\n  none:\n");
+  const Recording recording = load_recording(folder.path());
+  EXPECT_THAT(recording.extraction, UnorderedElementsAre(Pair("arc", "smallest"), Pair("radius", "[0.04, 0.12]"),
+                                                         Pair("by", "{who: me, when: [1, 2]}"), Pair("none", "")));
+  const TemporaryFolder copy;
+  save_recording(recording, copy.path());
+  EXPECT_EQ(load_recording(copy.path()).extraction, recording.extraction);
 }
 
 TEST(RecordingIo, UnusableReadingsAreDroppedAndCountedByReason) {

@@ -109,6 +109,10 @@ struct Recording {
   Pairs pairs;                        ///< kind pairs
   Counts counts;
   Truth truth;
+
+  /// `extraction:` of recording.yaml, how the readings were cut out of raw scans: each field's text, a list as YAML.
+  /// "arc" is which point of a cylinder's arc was taken for the range.
+  std::map<std::string, std::string> extraction;
 };
 
 }  // namespace rangecal

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <initializer_list>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,7 @@ class YamlReader {
   double not_negative() const;                    ///< finite and >= 0
   int whole(int at_least) const;                  ///< whole number of at least `at_least`
   std::vector<double> numbers() const;            ///< a list of finite numbers
+  std::map<std::string, std::string> texts() const;  ///< a map of any fields; what is no text as YAML on one line
   [[noreturn]] void fail(const std::string& what) const;
 
  private:

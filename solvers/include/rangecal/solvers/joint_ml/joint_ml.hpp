@@ -45,6 +45,8 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
 
 /// A start from the readings alone: each landmark at the mean of stop + (y + radius) (cos, sin) over its cells (no
 /// geometry ruins it), alpha by least squares weighted with 1/d^4, sigmas from the residuals; stops as commanded.
+/// Where a commanded stop stands inside a landmark that it sees (odometry that has drifted), stops and landmarks are
+/// those of the joint maximum of the distances to the axes instead.
 JointState position_seed(const JointProblem& problem, int order, NoiseLaw law);
 
 /// alpha, noise and sigma_theta that go with given landmarks and stops: least squares weighted with 1/d^4, then

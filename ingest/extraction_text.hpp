@@ -5,7 +5,7 @@
 
 #include "rangecal/solvers/extract/extract.hpp"
 
-namespace rangecal::app {
+namespace rangecal::ingest {
 
 /// What was found and what was thrown away, and why, for the terminal.
 std::string describe(const Extraction& extraction, const ExtractOptions& options);
@@ -13,9 +13,7 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
 /// The same as JSON (`rangecal-extraction/1`): counts per reason, noise, arc, landmarks.
 std::string extraction_json(const Extraction& extraction, const ExtractOptions& options);
 
-/// Writes the recording with its note: `extraction` in recording.yaml says which point of the arc is the range;
-/// extraction.json holds the counts. `source` says in words what it was made of.
-void save_extraction(const Extraction& extraction, const ExtractOptions& options, const std::string& folder,
-                     const std::string& source);
+/// Notes in the recording (`extraction`) which point of the arc is the range; `source` says in words what it was made of.
+void note_extraction(Extraction& extraction, const ExtractOptions& options, const std::string& source);
 
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "import/importer.hpp"
+#include "importer.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -9,7 +9,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 
-namespace rangecal::app {
+namespace rangecal::ingest {
 namespace {
 
 std::vector<Importer>& list() {
@@ -60,4 +60,4 @@ double WordTable::number(std::size_t row, std::size_t word) const {
   return value;
 }
 
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

@@ -15,7 +15,7 @@
 #include "rosbag/bag_reader.hpp"
 #endif
 
-namespace rangecal::app {
+namespace rangecal::ingest {
 namespace {
 
 bool is_bag(const std::string& path) {
@@ -59,4 +59,4 @@ ScanLog read_scan_file(const std::string& path, const std::string& topic) {
   return is_bag(path) ? read_bag(path, topic) : read_scans(path);
 }
 
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

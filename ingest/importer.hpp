@@ -1,20 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
 #include <vector>
 
-#include "commands.hpp"
+#include "rangecal/core/recording.hpp"
 
-namespace rangecal::app {
+namespace rangecal::ingest {
+
+/// What an importer made of a data set.
+struct Imported {
+  Recording recording;
+  std::string words;            ///< what was read and what was left out, for people
+  std::string extraction_json;  ///< of raw scans: extraction.json (extraction_text.hpp); else empty
+};
 
 /// A published data set that becomes a recording. Adding one is adding a file to this folder with
 ///   const bool kKnown = know_importer({"name", "what it reads", add});
-/// where `add` declares the options of `rangecal import name` and sets `chosen`.
+/// where `add` declares the options of `rangecal import name`, the output's excepted, and returns what imports by them
+/// once they are parsed. The same options are the arguments of rangecal.import_dataset in Python.
 struct Importer {
   std::string name, what;
-  std::function<void(CLI::App& command, Action& chosen)> add;
+  std::function<std::function<Imported()>(CLI::App& command)> add;
 };
 
 /// Registers an importer before main() begins; returns true.
@@ -38,4 +47,4 @@ class WordTable {
   std::vector<int> lines_;
 };
 
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

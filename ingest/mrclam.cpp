@@ -16,13 +16,11 @@
 #include <optional>
 #include <set>
 
-#include "import/importer.hpp"
+#include "importer.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/recording_io.hpp"
-#include "text.hpp"
 
-namespace rangecal::app {
+namespace rangecal::ingest {
 namespace {
 
 constexpr double kGap = 0.25;     ///< between the motion capture poses around a sighting; half-width for speeds [s]
@@ -31,7 +29,7 @@ constexpr double kStandM = 0.02,
                  kStandRad = 0.02;  ///< a dwell ends where the robot is farther than this from its start
 
 struct Given {
-  std::string source, folder, as = "stops", poses = "mocap";
+  std::string source, as = "stops", poses = "mocap";
   int robot = 0, readings_min = 4, tubes_min = 2, stops_max = 0;
 };
 
@@ -242,7 +240,7 @@ Recording as_stops(const DataSet& data, const Given& given) {
   return recording;
 }
 
-int import_mrclam(const Given& given) {
+Imported import_mrclam(const Given& given) {
   if (given.as != "stops" && given.as != "pairs")
     throw InputError("--as: '" + given.as + "' is neither stops nor pairs");
   if (given.poses != "mocap" && given.poses != "odometry")
@@ -250,28 +248,24 @@ int import_mrclam(const Given& given) {
   const DataSet data = read_data_set(given);
   Recording recording = given.as == "pairs" ? as_pairs(data) : as_stops(data, given);
   recording.sensor = {"barcode-camera", "camera", 0.3, 12.0};
-  save_recording(recording, given.folder);
-  fmt::print(
+  std::string words = fmt::format(
       "sightings  {} of tubes between motion capture poses {} s apart at most; {} of other robots, {} of unknown "
       "barcodes, {} without "
       "motion capture left out\n",
       data.sightings.size(), kGap, data.robots_seen, data.unknown, data.without_pose);
   if (given.as == "stops")
-    fmt::print(
+    words += fmt::format(
         "stops      {} dwells within {} m and {} rad with {} readings of {} tubes at least; {} sightings outside "
         "them\n",
         recording.stops.size(), kStandM, kStandRad, given.readings_min, given.tubes_min,
         data.sightings.size() - recording.readings.size());
-  recording.path = given.folder;
-  fmt::print("{}\n", describe({&recording, 1}));
-  return done;
+  return {recording, words, ""};
 }
 
-void add(CLI::App& command, Action& chosen) {
+std::function<Imported()> add(CLI::App& command) {
   const auto given = std::make_shared<Given>();
   command.add_option("DIR", given->source, "folder with Barcodes.dat, RobotN_Measurement.dat, ...")->required();
   command.add_option("--robot", given->robot, "number of the robot, 1 to 5")->required()->check(CLI::Range(1, 5));
-  command.add_option("-o,--output", given->folder, "folder of the recording, made if missing")->required();
   command
       .add_option("--as", given->as,
                   "stops: sightings grouped where the robot stands, tubes unknown; pairs: true distance "
@@ -288,10 +282,10 @@ void add(CLI::App& command, Action& chosen) {
       "Data: http://asrl.utias.utoronto.ca/datasets/mrclam/. A tube's range is that to the tube: radius 0.\n"
       "Example:\n"
       "  rangecal import mrclam MRCLAM_Dataset6 --robot 2 --as pairs -o rec && rangecal calibrate rec");
-  command.callback([given, &chosen] { chosen = [given] { return import_mrclam(*given); }; });
+  return [given] { return import_mrclam(*given); };
 }
 
 const bool kKnown = know_importer({"mrclam", "UTIAS multi-robot data set: camera ranges to barcode tubes", add});
 
 }  // namespace
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

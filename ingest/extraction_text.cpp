@@ -9,11 +9,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "rangecal/core/files.hpp"
-#include "rangecal/core/recording_io.hpp"
 #include "text.hpp"
 
-namespace rangecal::app {
+namespace rangecal::ingest {
 namespace {
 
 /// "216000 all: 24041 fitted, 2734 no return, ...": the total first, then the largest.
@@ -54,7 +52,7 @@ std::vector<LandmarkSummary> summarise(const Recording& recording) {
 }
 
 std::string line(const char* what, const std::string& text) {
-  return fmt::format("{:<11}{}\n", what, wrapped(text, 11, 100));
+  return fmt::format("{:<11}{}\n", what, app::wrapped(text, 11, 100));
 }
 
 const char* arc_in_words(ArcRule arc) {
@@ -125,17 +123,14 @@ std::string extraction_json(const Extraction& extraction, const ExtractOptions& 
   return json.dump(2) + "\n";
 }
 
-void save_extraction(const Extraction& extraction, const ExtractOptions& options, const std::string& folder,
-                     const std::string& source) {
-  save_recording(extraction.recording, folder);
-  const std::string header = folder + "/recording.yaml";
+void note_extraction(Extraction& extraction, const ExtractOptions& options, const std::string& source) {
   const CylinderOptions& cylinder = options.cylinder;
   std::string radius = "estimated";
   if (!cylinder.radii_m.empty()) radius = fmt::format("[{}]", fmt::join(cylinder.radii_m, ", "));
-  write_file(header, read_file(header) + fmt::format("extraction: {{source: {}, arc: {}, radius: {}, edge_cut: {}}}\n",
-                                                     nlohmann::json(source).dump(), to_string(options.arc), radius,
-                                                     cylinder.edge_cut));
-  write_file(folder + "/extraction.json", extraction_json(extraction, options));
+  extraction.recording.extraction = {{"source", source},
+                                     {"arc", to_string(options.arc)},
+                                     {"radius", radius},
+                                     {"edge_cut", fmt::format("{}", cylinder.edge_cut)}};
 }
 
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

@@ -31,6 +31,11 @@ Badge badge_of(Verdict verdict) {
   return {"", ""};
 }
 
+/// A harm to two digits; what no one could measure as a bound.
+std::string millimetres(double harm_m) {
+  return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
+}
+
 void add_key_figures(Page& page, const Diagnosis& d) {
   std::vector<Page::Figure> figures;
   if (d.verdict == Verdict::explained && !d.explanations.empty())
@@ -121,7 +126,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
       std::string typical;
       for (const auto& [name, value] : u.typical)
         typical += fmt::format("{}{} {:.3g}", typical.empty() ? "" : ", ", name, value);
-      unseen.rows.push_back({u.effect, typical, fmt::format("{:.2g}", 1e3 * u.harm_m),
+      unseen.rows.push_back({u.effect, typical, millimetres(u.harm_m),
                              u.detectable ? fmt::format("{:.3g}", *u.detectable) : std::string("no size"),
                              u.settled_by});
     }
@@ -139,7 +144,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
           if (u.effect == id) harm = std::max(harm, u.harm_m);
       next.rows.push_back({e.change, fmt::format("{}", fmt::join(e.settles, ", ")),
                            fmt::format("{:.2f}", e.power),
-                           harm > 0.0 ? fmt::format("{:.2g}", 1e3 * harm) : std::string("-")});
+                           harm > 0.0 ? millimetres(harm) : std::string("-")});
     }
     page.table(next);
   }

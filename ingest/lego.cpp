@@ -16,12 +16,11 @@
 #include <optional>
 
 #include "extraction_text.hpp"
-#include "import/importer.hpp"
+#include "importer.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
-#include "text.hpp"
 
-namespace rangecal::app {
+namespace rangecal::ingest {
 namespace {
 
 constexpr double kPitch = 2.0 * std::numbers::pi / 1024.0;  ///< from beam to beam [rad]
@@ -30,7 +29,7 @@ constexpr double kTick = 0.349e-3;                          ///< way of one tick
 constexpr Pose2 kStart{1.850, 1.897, 213.0 * std::numbers::pi / 180.0};
 
 struct Given {
-  std::string source, folder, arc = "nearest", poses = "odometry";
+  std::string source, arc = "nearest", poses = "odometry";
   double track_m = 0.150;
   std::optional<double> radius_m;
 };
@@ -89,7 +88,7 @@ std::vector<MappedLandmark> surveyed(const std::string& path) {
   return map;
 }
 
-int import_lego(const Given& given) {
+Imported import_lego(const Given& given) {
   if (given.poses != "odometry" && given.poses != "reference")
     throw InputError("--poses: '" + given.poses + "' is neither odometry nor reference");
   if (given.radius_m && !(*given.radius_m >= 0.0 && *given.radius_m <= 0.1))
@@ -130,17 +129,13 @@ int import_lego(const Given& given) {
   for (const Landmark& landmark : recording.landmarks)
     for (const MappedLandmark& known : options.map)
       if (known.label == landmark.label) recording.truth.landmarks.emplace_back(known.position);
-  save_extraction(extraction, options, given.folder, "LEGO robot, C. Brenner 2012, poses by " + given.poses);
-  fmt::print("{}", describe(extraction, options));
-  recording.path = given.folder;
-  fmt::print("\n{}\n", describe({&recording, 1}));
-  return done;
+  note_extraction(extraction, options, "LEGO robot, C. Brenner 2012, poses by " + given.poses);
+  return {recording, describe(extraction, options) + "\n", extraction_json(extraction, options)};
 }
 
-void add(CLI::App& command, Action& chosen) {
+std::function<Imported()> add(CLI::App& command) {
   const auto given = std::make_shared<Given>();
   command.add_option("DIR", given->source, "folder with robot4_scan.txt, robot4_motors.txt, ...")->required();
-  command.add_option("-o,--output", given->folder, "folder of the recording, made if missing")->required();
   command
       .add_option("--poses", given->poses,
                   "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
@@ -157,10 +152,10 @@ void add(CLI::App& command, Action& chosen) {
       "Cylinders are cut out of the raw scans as 'rangecal extract' does, labelled by the surveyed map.\n"
       "Example:\n"
       "  rangecal import lego brenner-lego -o rec && rangecal diagnose rec");
-  command.callback([given, &chosen] { chosen = [given] { return import_lego(*given); }; });
+  return [given] { return import_lego(*given); };
 }
 
 const bool kKnown = know_importer({"lego", "LEGO robot among six cylinders (C. Brenner 2012): raw scans", add});
 
 }  // namespace
-}  // namespace rangecal::app
+}  // namespace rangecal::ingest

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "extraction_text.hpp"
+
+namespace rangecal::ingest {
+
+/// What was made of files of scans, and by which options.
+struct Extracted {
+  Extraction extraction;  ///< its recording carries the note of the extraction
+  ExtractOptions options;
+  std::string source, format;  ///< of the scans, in words
+};
+
+/// Declares the options of `rangecal extract` that say what is made; what is returned makes it once they are parsed.
+std::function<Extracted()> add_extract_options(CLI::App& command);
+
+}  // namespace rangecal::ingest

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Raw scans and published data sets: arguments of Python as the words of the command line, which checks them."""
+import json
+import math
+import os
+import tempfile
+
+from . import _native
+from ._recording import _columns
+from ._results import Extraction
+
+
+def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", beams_min=4, edge_cut=0.9, support=0.5,
+            split="automatic", scans_min=None, sigma_xy_m=None, sigma_heading_rad=None, stop_error="independent",
+            noise=None, range_min_m=0.0, range_max_m=math.inf, clockwise=False, bearing_offset_rad=0.0, name="",
+            principle="", topic=""):
+    """Find cylinders in raw scans and make a recording of them (``docs/extract.md``).
+
+    Parameters
+    ----------
+    scans : path, list of paths, or table
+        Files of scans: CSV, CARMEN logs, ROS 1 bags where the build reads them. Or one table with a row per beam:
+        columns ``stamp`` [s], ``angle_rad``, ``range_m``, optionally ``stop``.
+    stops : path or table, optional
+        Columns ``stop, x_m, y_m, heading_rad``; else the log's odometry, or one stop at the origin.
+    radius_m : float or list of float, optional
+        Of the cylinders, one or several kinds [m]; estimated where it is not given, 2 to 20 cm.
+    landmarks : path or table, optional
+        Known places, for the labels: columns ``landmark, x_m, y_m``, optionally ``radius_m``.
+    arc : {"nearest", "mean", "smallest"}
+        Which point of the arc is the range.
+    beams_min : int
+        Hits that a cylinder must have.
+    edge_cut : float
+        Hits that pass the axis at more than this share of the radius are dropped.
+    support : float
+        Share of a stop's scans in which a landmark must be found.
+    split : {"automatic", "label", "file", "scan", "standing"}
+        What tells stops apart.
+    scans_min : int, optional
+        Scans that a stand must have.
+    sigma_xy_m, sigma_heading_rad : float, optional
+        How far a stop may be from its pose [m], [rad].
+    stop_error : {"independent", "random_walk"}
+    noise : (float, float), optional
+        Standard deviation of a beam: floor [m] and quadratic part [1/m]; estimated where it is not given.
+    range_min_m, range_max_m : float
+        Readings outside are no hits [m].
+    clockwise : bool
+        Bearings of the scans run clockwise.
+    bearing_offset_rad : float
+        Mount of the sensor, for the labels alone [rad].
+    name, principle : str
+        Of the sensor, for the recording.
+    topic : str
+        Of the scans in a ROS bag with several.
+
+    Returns
+    -------
+    Extraction
+        Its ``recording``, and what was thrown away and why.
+
+    Raises
+    ------
+    InputError
+        With the message of the command line.
+    """
+    radii = None if radius_m is None else ",".join(repr(float(r)) for r in _list(radius_m))
+    words = _words(radius=radii, arc=arc, beams_min=beams_min, edge_cut=edge_cut, support=support, split=split,
+                   scans_min=scans_min, sigma_xy=sigma_xy_m, sigma_heading=sigma_heading_rad, error=stop_error,
+                   noise=None if noise is None else ",".join(repr(float(x)) for x in noise), range_min=range_min_m,
+                   range_max=None if math.isinf(range_max_m) else range_max_m, bearing_offset=bearing_offset_rad,
+                   sensor=name or None, principle=principle or None, topic=topic or None)
+    if clockwise:
+        words.append("--clockwise")
+    with tempfile.TemporaryDirectory() as folder:
+        for option, table in (("--stops", stops), ("--map", landmarks)):
+            if table is not None:
+                words.append(f"{option}={_file(table, folder, option[2:] + '.csv')}")
+        paths = scans if isinstance(scans, (list, tuple)) else [scans]
+        files = [_file(one, folder, f"scans{i or ''}.csv") for i, one in enumerate(paths)]
+        recording, facts, text = _native.extract_job([*words, "--", *files])
+    return Extraction(recording, json.loads(facts), text)
+
+
+def import_lego(path, *, poses="odometry", track_m=0.150, radius_m=None, arc="nearest"):
+    """The LEGO robot among six cylinders (C. Brenner, SLAM Lectures, 2012), as published.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Folder with ``robot4_scan.txt``, ``robot4_motors.txt``, ...
+    poses : {"odometry", "reference"}
+        Wheel ticks; or places of the overhead camera with headings of the odometry.
+    track_m : float
+        Distance of the tracks [m].
+    radius_m : float, optional
+        Written into the recording [m]; else the surveyed one. 0 counts distances to the axis.
+    arc : {"nearest", "mean", "smallest"}
+
+    Returns
+    -------
+    Recording
+    """
+    return import_dataset("lego", path, poses=poses, track=track_m, radius=radius_m, arc=arc)
+
+
+def import_mrclam(path, robot, *, kind="stops", poses="mocap", readings_min=4, tubes_min=2, stops_max=0):
+    """A robot of the UTIAS multi-robot data set (Leung et al., IJRR 30(8), 2011), as published.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Folder with ``Barcodes.dat``, ``RobotN_Measurement.dat``, ...
+    robot : int
+        1 to 5.
+    kind : {"stops", "pairs"}
+        Sightings grouped where the robot stands, tubes unknown; or true distance and reading.
+    poses : {"mocap", "odometry"}
+        Of the stops.
+    readings_min, tubes_min : int
+        That a stop must have, must see.
+    stops_max : int
+        At most so many stops; 0: all.
+
+    Returns
+    -------
+    Recording
+    """
+    return import_dataset("mrclam", path, robot=robot, **{"as": kind}, poses=poses, readings_min=readings_min,
+                          tubes_min=tubes_min, stops_max=stops_max)
+
+
+def import_dataset(name, path, **options):
+    """Any data set that ``rangecal import`` knows, by its name.
+
+    Parameters
+    ----------
+    name : str
+        ``"lego"``, ``"mrclam"``, ...
+    path : str or os.PathLike
+        Folder of the data as published.
+    **options
+        Those of ``rangecal import NAME --help``, ``_`` in place of ``-``; None: not given.
+
+    Returns
+    -------
+    Recording
+        Nothing is corrected: outliers and everything that a calibration has to find stay in.
+
+    Raises
+    ------
+    InputError
+        With the message of the command line.
+    """
+    return _native.import_job(name, [*_words(**options), "--", os.fspath(path)])[0]
+
+
+def _list(values):
+    return values if isinstance(values, (list, tuple)) else [values]
+
+
+def _words(**options):
+    return [f"--{name.replace('_', '-')}={value}" for name, value in options.items() if value is not None]
+
+
+def _file(table, folder, name):
+    if isinstance(table, (str, os.PathLike)):
+        return os.fspath(table)
+    path = os.path.join(folder, name)
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(_native.csv_text(_columns(table), name))
+    return path

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <utility>
+
+#include "archive.hpp"
+#include "rangecal/core/calibration.hpp"
+#include "rangecal/core/recording.hpp"
+#include "rangecal/core/version.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/calibrate/truth_score.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "rangecal/solvers/diagnosis/model_residuals.hpp"
+
+// The members of every structure in their order. A member that is added and not listed does not compile.
+namespace rangecal {
+
+inline void archive_fields(python::Archive& a, Sensor& s) {
+  auto& [name, principle, lowest, highest] = s;
+  a(name, principle, lowest, highest);
+}
+inline void archive_fields(python::Archive& a, Pose2& s) {
+  auto& [x, y, heading] = s;
+  a(x, y, heading);
+}
+inline void archive_fields(python::Archive& a, Stop& s) {
+  auto& [label, commanded, sigma_xy, sigma_heading, place] = s;
+  a(label, commanded, sigma_xy, sigma_heading, place);
+}
+inline void archive_fields(python::Archive& a, Landmark& s) {
+  auto& [label, radius, reflectance] = s;
+  a(label, radius, reflectance);
+}
+inline void archive_fields(python::Archive& a, KnownDistance& s) {
+  auto& [from, to, distance, sigma] = s;
+  a(from, to, distance, sigma);
+}
+inline void archive_fields(python::Archive& a, Readings& s) {
+  auto& [stop, landmark, repeat, time, range, bearing, row, covariates] = s;
+  a(stop, landmark, repeat, time, range, bearing, row, covariates);
+}
+inline void archive_fields(python::Archive& a, Pairs& s) {
+  auto& [distance, reading, batch, labels, landmark, time, bearing, row, covariates] = s;
+  a(distance, reading, batch, labels, landmark, time, bearing, row, covariates);
+}
+inline void archive_fields(python::Archive& a, Counts& s) {
+  auto& [read, used, dropped, cells] = s;
+  a(read, used, dropped, cells);
+}
+inline void archive_fields(python::Archive& a, Truth& s) {
+  auto& [stops, landmarks] = s;
+  a(stops, landmarks);
+}
+inline void archive_fields(python::Archive& a, Recording& s) {
+  auto& [path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs, counts,
+         truth, extraction] = s;
+  a(path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs, counts,
+    truth, extraction);
+}
+
+inline void archive_fields(python::Archive& a, Noise& s) {
+  auto& [law, parameters] = s;
+  a(law, parameters);
+}
+inline void archive_fields(python::Archive& a, Estimate& s) {
+  auto& [value, std_dev] = s;
+  a(value, std_dev);
+}
+inline void archive_fields(python::Archive& a, ShapeEstimate& s) {
+  auto& [family, parameters] = s;
+  a(family, parameters);
+}
+inline void archive_fields(python::Archive& a, LandmarkEstimate& s) {
+  auto& [recording, label, position, covariance] = s;
+  a(recording, label, position, covariance);
+}
+inline void archive_fields(python::Archive& a, StopEstimate& s) {
+  auto& [recording, label, pose] = s;
+  a(recording, label, pose);
+}
+inline void archive_fields(python::Archive& a, Calibration& s) {
+  auto& [method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta, sigma_s,
+         upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest, iterations, seconds] =
+      s;
+  a(method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta, sigma_s, upper,
+    lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest, iterations, seconds);
+}
+inline void archive_fields(python::Archive& a, ModelScore& s) {
+  auto& [order, law, nll, aic] = s;
+  a(order, law, nll, aic);
+}
+inline void archive_fields(python::Archive& a, CheckReport& s) {
+  auto& [agrees, better, nll, report] = s;
+  a(agrees, better, nll, report);
+}
+inline void archive_fields(python::Archive& a, CalibrationReport& s) {
+  auto& [calibrations, models, notes, check, shape] = s;
+  a(calibrations, models, notes, check, shape);
+}
+inline void archive_fields(python::Archive& a, TruthScore& s) {
+  auto& [rmse, landmarks, strain, ratio, raw, corrected, readings, estimated] = s;
+  a(rmse, landmarks, strain, ratio, raw, corrected, readings, estimated);
+}
+
+inline void archive_fields(python::Archive& a, BinnedResidual& s) {
+  auto& [at, before, after, std_dev, readings] = s;
+  a(at, before, after, std_dev, readings);
+}
+inline void archive_fields(python::Archive& a, Finding& s) {
+  auto& [channel, covariate, shape, from, to, group, size, unit, p_value, share, residuals] = s;
+  a(channel, covariate, shape, from, to, group, size, unit, p_value, share, residuals);
+}
+inline void archive_fields(python::Archive& a, EffectEstimate& s) {
+  auto& [name, estimate, std_dev, low, high] = s;
+  a(name, estimate, std_dev, low, high);
+}
+inline void archive_fields(python::Archive& a, Explanation& s) {
+  auto& [effects, probability, parameters, nll, heldout, p_value, alike, separated, physics] = s;
+  a(effects, probability, parameters, nll, heldout, p_value, alike, separated, physics);
+}
+inline void archive_fields(python::Archive& a, Unseen& s) {
+  auto& [effect, typical, detectable, harm, settled] = s;
+  a(effect, typical, detectable, harm, settled);
+}
+inline void archive_fields(python::Archive& a, NextExperiment& s) {
+  auto& [code, change, settles, power] = s;
+  a(code, change, settles, power);
+}
+inline void archive_fields(python::Archive& a, FitSummary& s) {
+  auto& [nll, heldout, std_dev, range, bearing, chi_sq] = s;
+  a(nll, heldout, std_dev, range, bearing, chi_sq);
+}
+inline void archive_fields(python::Archive& a, AddedChange& s) {
+  auto& [range, bearing, range_variance, bearing_variance] = s;
+  a(range, bearing, range_variance, bearing_variance);
+}
+inline void archive_fields(python::Archive& a, SimulationModel& s) {
+  auto& [recordings, read, calibration, added] = s;
+  a(recordings, read, calibration, added);
+}
+inline void archive_fields(python::Archive& a, Diagnosis& s) {
+  auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins, unseen,
+         next, notes, simulation] = s;
+  a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins, unseen, next,
+    notes, simulation);
+}
+
+namespace python {
+
+/// pickle, copy and multiprocessing for a bound class, attributes given in Python included.
+template <typename T>
+auto picklable() {
+  namespace py = pybind11;
+  return py::pickle(
+      [](const py::object& self) {
+        Archive archive;
+        T copy = self.cast<const T&>();
+        archive(copy);
+        return py::make_tuple(std::string(version()), py::bytes(archive.bytes()),
+                              py::getattr(self, "__dict__", py::dict()));
+      },
+      [](const py::tuple& state) {
+        if (state.size() != 3 || state[0].cast<std::string>() != version())
+          throw InputError("pickled by another version of rangecal than " + std::string(version()));
+        Archive archive(state[1].cast<std::string>());
+        T value;
+        archive(value);
+        if (!archive.at_end()) throw InputError("the pickled bytes are damaged");
+        return std::pair(std::move(value), state[2].cast<py::dict>());
+      });
+}
+
+}  // namespace python
+}  // namespace rangecal

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <pybind11/stl.h>
+
+#include "columns.hpp"
+#include "ingest/extract_options.hpp"
+#include "ingest/importer.hpp"
+#include "module.hpp"
+#include "rangecal/core/errors.hpp"
+#include "work.hpp"
+
+namespace rangecal::python {
+namespace {
+
+/// The options of a command from words as its command line has them, then its work, interruptibly.
+template <typename Result>
+Result run_command(const std::function<std::function<Result()>(CLI::App&)>& declare, const std::string& name,
+                   const std::vector<std::string>& words) {
+  CLI::App command{name};
+  const std::function<Result()> work = declare(command);
+  try {
+    command.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  } catch (const CLI::ParseError& error) {
+    throw InputError(name + ": " + error.what());
+  }
+  return run_interruptible<Result>([work](const StageHook&) { return work(); }, py::none());
+}
+
+py::tuple extract_job(const std::vector<std::string>& words) {
+  const auto found = run_command<ingest::Extracted>(ingest::add_extract_options, "extract", words);
+  const Extraction& extraction = found.extraction;
+  return py::make_tuple(std::make_shared<Recording>(extraction.recording),
+                        ingest::extraction_json(extraction, found.options),
+                        ingest::describe(extraction, found.options));
+}
+
+py::tuple import_job(const std::string& name, const std::vector<std::string>& words) {
+  std::string known;
+  for (const ingest::Importer& importer : ingest::importers()) {
+    known += (known.empty() ? "" : ", ") + importer.name;
+    if (importer.name != name) continue;
+    const auto got = run_command<ingest::Imported>(importer.add, "import " + name, words);
+    return py::make_tuple(std::make_shared<Recording>(got.recording), got.extraction_json, got.words);
+  }
+  throw InputError("no importer is called '" + name + "'; known: " + known);
+}
+
+}  // namespace
+
+void bind_ingest(py::module_& module) {
+  module.def("extract_job", &extract_job);
+  module.def("import_job", &import_job);
+  module.def("csv_text", &csv_text);
+}
+
+}  // namespace rangecal::python

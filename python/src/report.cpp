@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "report/report.hpp"
+
+#include <pybind11/stl.h>
+
+#include "comparison.hpp"
+#include "job_result.hpp"
+#include "module.hpp"
+#include "rangecal/core/csv_table.hpp"
+#include "rangecal/core/files.hpp"
+#include "work.hpp"
+
+namespace rangecal::python {
+namespace {
+
+/// Writes the page that `make` makes, on a thread that Ctrl-C leaves.
+void write_page(const std::string& path, std::function<std::string()> make) {
+  report::require_available();
+  write_file(path, run_interruptible<std::string>([make](const StageHook&) { return make(); }, py::none()));
+}
+
+using Given = std::vector<std::shared_ptr<Recording>>;
+
+Recordings recordings_of(const Given& given) { return Recordings({given.begin(), given.end()}); }
+
+void report_calibration(const std::shared_ptr<JobResult>& job, std::size_t index, const Given& recordings,
+                        const std::string& path) {
+  const Recordings all = recordings_of(recordings);
+  write_page(path, [job, index, all] {
+    return report::calibration_page(all.span(), job->report, job->report.calibrations.at(index));
+  });
+}
+
+void report_comparison(const std::shared_ptr<JobResult>& job, const Given& recordings, const std::string& path) {
+  const Recordings all = recordings_of(recordings);
+  write_page(path, [job, all] {
+    return report::comparison_page(all.span(), job->report, job->scores,
+                                   app::verdict(job->report, all.span(), job->scores));
+  });
+}
+
+void report_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis, const Given& recordings, const std::string& path) {
+  const Recordings all = recordings_of(recordings);
+  write_page(path, [diagnosis, all] { return report::diagnosis_page(all.span(), *diagnosis); });
+}
+
+void report_study(const std::string& name, const std::string& results_csv, const std::string& path) {
+  write_page(path, [name, results_csv] { return report::study_page(name, CsvTable::parse(results_csv, name)); });
+}
+
+}  // namespace
+
+void bind_report(py::module_& module) {
+  module.def("report_calibration", &report_calibration);
+  module.def("report_comparison", &report_comparison);
+  module.def("report_diagnosis", &report_diagnosis);
+  module.def("report_study", &report_study);
+  module.def("diagnosis_summary", &report::diagnosis_summary);
+}
+
+}  // namespace rangecal::python
