@@ -23,33 +23,34 @@ double norm_in(const Matrix& metric, const Vector& gradient, int free) {
 
 NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iterations, double tolerance) {
   NewtonResult result;
-  Evaluation at, trial;
-  pairs.evaluate(x, false, at);
+  Evaluation first, second;  // swapped by address: they are kilobytes
+  Evaluation *at = &first, *trial = &second;
+  pairs.evaluate(x, false, *at);
   bool has_information = false;
-  if (!at.valid) {
+  if (!at->valid) {
     result.x = x;
     return result;
   }
   double last_norm = std::numeric_limits<double>::infinity();
   for (int iteration = 1; iteration <= max_iterations; ++iteration) {
     result.iterations = iteration;
-    Eigen::LLT<Matrix> factor(at.hessian.topLeftCorner(free, free));
-    if (factor.info() != Eigen::Success || (at.hessian.diagonal().head(free).array() <= 0.0).any()) {
+    Eigen::LLT<Matrix> factor(at->hessian.topLeftCorner(free, free));
+    if (factor.info() != Eigen::Success || (at->hessian.diagonal().head(free).array() <= 0.0).any()) {
       if (!has_information) {
-        pairs.evaluate(x, true, at);
+        pairs.evaluate(x, true, *at);
         has_information = true;
       }
-      factor.compute(at.information.topLeftCorner(free, free));
+      factor.compute(at->information.topLeftCorner(free, free));
       if (factor.info() != Eigen::Success) {
         result.outcome = Outcome::failed;
         break;
       }
     }
-    Vector step = -factor.solve(at.gradient.head(free));
-    const double decrement = std::sqrt(std::fmax(0.0, -step.dot(at.gradient.head(free))));
+    Vector step = -factor.solve(at->gradient.head(free));
+    const double decrement = std::sqrt(std::fmax(0.0, -step.dot(at->gradient.head(free))));
     if (!std::isfinite(decrement)) break;
     if (has_information) {
-      result.gradient_norm = norm_in(at.information, at.gradient, free);
+      result.gradient_norm = norm_in(at->information, at->gradient, free);
       // Rounding sets a floor; a norm that no longer falls below 1e-6 is that floor.
       if (result.gradient_norm < tolerance || (result.gradient_norm < 1e-6 && decrement >= 0.5 * last_norm)) {
         result.outcome = Outcome::converged;
@@ -60,21 +61,21 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
     if (pairs.log_sigma() && free == pairs.unknowns()) {
       // For fixed coefficients log sigma has its optimum at log(S / N) / 2, S the sum of squares in units of s, of
       // which Newton takes the first order: the rest is added. Of second order, so the speed near the optimum stays.
-      const double squares = 0.5 * at.hessian(free - 1, free - 1), readings = at.gradient[free - 1] + squares;
+      const double squares = 0.5 * at->hessian(free - 1, free - 1), readings = at->gradient[free - 1] + squares;
       if (squares > 0.0 && readings > 0.0) {
         step[free - 1] += 0.5 * std::log(squares / readings) - 0.5 * (1.0 - readings / squares);
       }
     }
     last_norm = decrement;
 
-    const double slack = 1e-12 * (1.0 + std::abs(at.nll));
+    const double slack = 1e-12 * (1.0 + std::abs(at->nll));
     double scale = 1.0;
     bool moved = false;
     for (int cut = 0; cut < 40 && !moved; ++cut, scale *= 0.25) {
       Vector next = x;
       next.head(free) += scale * step;
-      pairs.evaluate(next, near, trial);
-      if (trial.valid && trial.nll <= at.nll - 1e-4 * scale * decrement * decrement + slack) {
+      pairs.evaluate(next, near, *trial);
+      if (trial->valid && trial->nll <= at->nll - 1e-4 * scale * decrement * decrement + slack) {
         x = next;
         std::swap(at, trial);
         has_information = near;
@@ -82,8 +83,8 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
       }
     }
     if (!moved) {
-      if (!has_information) pairs.evaluate(x, true, at);
-      result.gradient_norm = norm_in(at.information, at.gradient, free);
+      if (!has_information) pairs.evaluate(x, true, *at);
+      result.gradient_norm = norm_in(at->information, at->gradient, free);
       has_information = true;
       result.outcome = result.gradient_norm < 1e-6 ? Outcome::converged : Outcome::not_converged;
       break;
@@ -91,11 +92,11 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
     if (iteration == max_iterations) result.outcome = Outcome::not_converged;
   }
   if (!has_information) {
-    pairs.evaluate(x, true, at);
-    result.gradient_norm = norm_in(at.information, at.gradient, free);
+    pairs.evaluate(x, true, *at);
+    result.gradient_norm = norm_in(at->information, at->gradient, free);
   }
   result.x = x;
-  result.at = at;
+  result.at = std::move(*at);
   return result;
 }
 
