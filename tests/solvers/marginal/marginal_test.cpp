@@ -226,5 +226,24 @@ TEST(Marginal, RowsAndCellsHaveTheSameOptimum) {
   EXPECT_NEAR(by_rows.state.sigma_theta_rad, by_cells.state.sigma_theta_rad, 1e-9);
 }
 
+TEST(Marginal, SaysWhereTheStopsExplainOneNoise) {
+  // One landmark from stops that may be 20 cm off: their errors explain ranges or bearings of a much better sensor, and the
+  // likelihood draws a sigma to 0. The answer says so; where there is none it says why.
+  int drawn = 0;
+  for (int repeat = 0; repeat < 20; ++repeat) {
+    const testing::Scene scene = make_scene("drawn" + std::to_string(repeat),
+                                            {.stops = 20, .landmarks = 1, .law = NoiseLaw::f, .sigma_e = 0.05, .sigma_s = 0.2});
+    const MarginalFit fit = solve_marginal(scene.problem, scene.truth);
+    if (fit.reason.find("is drawn to 0 and held") == std::string::npos) {
+      EXPECT_EQ(fit.outcome == Outcome::converged, fit.reason.empty()) << repeat << " " << fit.reason;
+      continue;
+    }
+    ++drawn;
+    EXPECT_TRUE(is_usable(fit.outcome)) << repeat << " " << fit.reason;
+    EXPECT_LT(std::min(fit.state.noise.parameters[0] / 0.05, fit.state.sigma_theta_rad / scene.truth.sigma_theta_rad), 0.5);
+  }
+  EXPECT_GT(drawn, 0);
+}
+
 }  // namespace
 }  // namespace rangecal

@@ -40,6 +40,8 @@ struct MarginalFit : JointFit {
 /// one step at a time with the stops moving along towards their conditional optimum; c is renewed in between, in closed form
 /// but for a small part of how phi-hat turns with sigma. A free sigma_s is searched on the REML criterion with all else profiled out, since the fixed point
 /// creeps where it is small; the fixed point then only refines it.
+/// A sigma that the likelihood draws to 0, since the errors of the stops explain all that it would, is held where it no
+/// longer matters (a thousandth of a nat), and `reason` says so beside the outcome `converged`.
 /// A is taken from the joint Hessian's Schur complement; the second derivative of 1/2 log det H_ss in phi, which is
 /// smaller by the number of readings per stop, is left out of A (not of the gradient). gradient_norm is that of all
 /// globals not held, at the estimate.
