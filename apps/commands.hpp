@@ -20,8 +20,10 @@ void add_simulate(CLI::App& app, Action& chosen);
 void add_diagnose(CLI::App& app, Action& chosen);
 void add_effects(CLI::App& app, Action& chosen);
 void add_extract(CLI::App& app, Action& chosen);
+void add_fleet(CLI::App& app, Action& chosen);
 void add_import(CLI::App& app, Action& chosen);
 void add_prove(CLI::App& app, Action& chosen);
 void add_study(CLI::App& app, Action& chosen);
+void add_track(CLI::App& app, Action& chosen);
 
 }  // namespace rangecal::app

@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <iostream>
 #include <iterator>
@@ -16,21 +15,11 @@
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/solvers/correction/posterior.hpp"
+#include "track/line_source.hpp"
 
 namespace rangecal::app {
 namespace {
-
-/// A number that fills the text, spaces around it aside; nothing otherwise.
-std::optional<double> number_of(std::string_view text) {
-  const auto is_space = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 std::vector<std::string_view> lines_of(std::string_view text) {
   std::vector<std::string_view> lines;
@@ -86,8 +75,82 @@ std::optional<CsvTable> table_from(const std::string& text, const std::string& n
   return CsvTable::parse(text, name);
 }
 
+/// Posteriors of readings that follow each other, under a prior that may follow from the one before.
+class Posteriors {
+ public:
+  Posteriors(const ReadingSettings& settings, const std::string& kind, const std::vector<double>& limits, double speed,
+             const CsvTable* table, const std::string& name)
+      : settings_(settings), table_(table), speed_(speed) {
+    if (kind != "uniform" && kind != "map" && kind != "motion") throw InputError("--prior is '" + kind + "', not uniform, map or motion");
+    if (!limits.empty()) {
+      base_.low_m = limits[0];
+      base_.high_m = limits[1];
+    }
+    base_.check();
+    const auto column = [&](const char* of) {
+      const auto found = table ? table->find(of) : std::nullopt;
+      if (!found) throw InputError(name, 1, of, "is missing: --prior " + kind + " needs it");
+      return *found;
+    };
+    if (kind == "map") map_ = {column("prior_m"), column("prior_sigma_m")};
+    if (kind == "motion") {
+      if (!(speed > 0.0)) throw InputError("--prior motion needs --speed, the largest speed along the beam in m/s");
+      time_ = column("time_s");
+    }
+  }
+
+  void print(std::size_t i, double reading) {
+    const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
+    DistancePrior prior = base_;
+    double time = 0.0;
+    if (map_) {
+      const double mean = table_->number(i, map_->first).value_or(std::nan("")), sigma = table_->number(i, map_->second).value_or(std::nan(""));
+      if (std::isfinite(mean) && std::isfinite(sigma)) {
+        if (!(sigma > 0.0)) table_->fail(i, map_->second, "is not positive");
+        prior.components = {{1.0, mean, sigma, 0.0}};
+      }
+    }
+    if (time_) {
+      time = table_->finite(i, *time_);
+      if (before_ && time < last_time_) table_->fail(i, *time_, "is earlier than the row before");
+      if (before_) prior = moved(*before_, base_, speed_ * (time - last_time_));
+    }
+    if (!(reading > 0.0) || !std::isfinite(reading)) {
+      const CorrectionCandidate why = correction_candidates(settings_.corrector, reading, settings_.of_reading[i], false).front();
+      fmt::print("{},,,,{},,,,,\n", field, why.flag);
+      return;
+    }
+    const DistancePosterior posterior = distance_posterior(settings_.corrector, reading, settings_.of_reading[i], prior);
+    if (posterior.outcome != Outcome::converged) {
+      fmt::print("{},,,,out_of_range,,,,,\n", field);
+      return;
+    }
+    if (time_) {
+      before_ = posterior;
+      last_time_ = time;
+    }
+    std::vector<PosteriorRoot> roots = posterior.roots;
+    std::sort(roots.begin(), roots.end(), [](const auto& a, const auto& b) { return a.probability > b.probability; });
+    std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
+    for (std::size_t k = 0; k < roots.size(); ++k)
+      fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m, roots[k].std_dev_m, k + 1,
+                 roots.size() > 1 ? "ambiguous" : "ok", roots[k].probability, posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m);
+  }
+
+ private:
+  const ReadingSettings& settings_;
+  const CsvTable* table_;
+  double speed_, last_time_ = 0.0;
+  DistancePrior base_;
+  std::optional<std::pair<std::size_t, std::size_t>> map_;
+  std::optional<std::size_t> time_;
+  std::optional<DistancePosterior> before_;
+};
+
 struct CorrectCommand {
-  std::string calibration, file = "-", roots = "ls";
+  std::string calibration, file = "-", roots = "ls", prior;
+  std::vector<double> limits;
+  double speed = 0.0;
 
   int run() const {
     if (roots != "ls" && roots != "ml") throw InputError("--roots is '" + roots + "', not ls or ml");
@@ -102,6 +165,13 @@ struct CorrectCommand {
     const std::vector<double> readings = readings_from(text, name);
     const std::optional<CsvTable> table = table_from(text, name);
     const ReadingSettings settings = reading_settings(loaded, table ? &*table : nullptr, name, readings.size());
+    if (prior.empty() && (!limits.empty() || speed != 0.0)) throw InputError("--limits and --speed say what a --prior is; there is none");
+    if (!prior.empty()) {
+      Posteriors posteriors(settings, prior, limits, speed, table ? &*table : nullptr, name);
+      fmt::print("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n");
+      for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(i, readings[i]);
+      return done;
+    }
     fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
     for (std::size_t i = 0; i < readings.size(); ++i)
       print_correction(readings[i], correction_candidates(settings.corrector, readings[i], settings.of_reading[i],
@@ -126,6 +196,11 @@ void add_correct(CLI::App& app, Action& chosen) {
           "--roots", state->roots,
           "ls: distances where f(d) is the reading; ml: the most likely distances (2016 paper, eq. 27)")
       ->capture_default_str();
+  command->add_option("--prior", state->prior,
+                      "give posteriors: uniform (over --limits), map (columns prior_m, prior_sigma_m: what a map predicts), motion (the "
+                      "reading before, column time_s, and --speed)");
+  command->add_option("--limits", state->limits, "MIN MAX of the distance [m]; else those over which f was fitted")->expected(2);
+  command->add_option("--speed", state->speed, "largest speed along the beam [m/s], for --prior motion");
   command->footer(
       "Prints CSV: reading_m, distance_m, std_m (noise of the reading and uncertainty of f together), "
       "candidate (1 is\n"
@@ -136,9 +211,12 @@ void add_correct(CLI::App& app, Action& chosen) {
       "missing, zero, negative, not_finite.\n"
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
       "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is named.\n"
+      "With --prior each candidate is a part of the curve, distance_m and std_m are those of the posterior on it, and more\n"
+      "columns follow: probability (that the distance lies on this part), mode_m, mean_m, low95_m, high95_m (of the whole).\n"
       "\n"
       "Examples:\n"
       "  rangecal correct cal.json readings.csv > distances.csv\n"
+      "  rangecal correct cal.json readings.csv --prior motion --speed 0.5\n"
       "  echo 1.234 | rangecal correct cal.json");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
 }

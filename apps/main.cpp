@@ -60,6 +60,7 @@ int run(int argc, char** argv) {
       "  rangecal calibrate my-recording --json cal.json        calibrate, keep the result\n"
       "  echo 1.234 | rangecal correct cal.json                 true distance behind a reading\n"
       "  rangecal diagnose my-recording                         what the model leaves out, and why\n"
+      "  rangecal track stream.csv --json cal.json              calibrate as the readings come\n"
       "  rangecal simulate notebooks_data/scenes/field-layout.yaml -o sim --seed 7\n"
       "\n"
       "'rangecal COMMAND --help' explains a command. A recording is a folder with recording.yaml and CSV tables.\n"
@@ -75,9 +76,11 @@ int run(int argc, char** argv) {
   app::add_diagnose(app, chosen);
   app::add_effects(app, chosen);
   app::add_extract(app, chosen);
+  app::add_fleet(app, chosen);
   app::add_import(app, chosen);
   app::add_prove(app, chosen);
   app::add_study(app, chosen);
+  app::add_track(app, chosen);
   const auto is_first = [&](CLI::App* command) { return argc > 1 && command->get_name() == argv[1]; };
   if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_first).empty())
     throw InputError(fmt::format("'{}' is not a command; see 'rangecal --help'", argv[1]));

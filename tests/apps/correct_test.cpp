@@ -100,6 +100,33 @@ TEST_F(CorrectCommand, RefusesWhatIsNoCalibration) {
   EXPECT_THAT(result.err, HasSubstr("unbounded"));
 }
 
+TEST_F(CorrectCommand, PosteriorSaysHowProbableEachRootIs) {
+  // f = 1 + (d - 1)^2 on 0.2 to 3: 1.25 at 0.5 and 1.5, |f'| = 1 at both: one half each. s = 1 cm: std about 0.01.
+  Calibration bowl = line();
+  bowl.alpha = Eigen::Vector3d(2.0, -2.0, 1.0);
+  bowl.range_min_m = 0.2;
+  bowl.range_max_m = 3.0;
+  const std::string json = save(bowl);
+  const RunResult flat = run("correct " + json + " --prior uniform", "1.25\n0\n");
+  ASSERT_EQ(flat.code, 0) << flat.err;
+  EXPECT_THAT(flat.out, HasSubstr("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n"));
+  EXPECT_EQ(count_of(flat.out, ",ambiguous,0.5000,"), 2) << flat.out;
+  EXPECT_THAT(flat.out, HasSubstr("0,,,,zero,,,,,\n"));
+  EXPECT_EQ(count_of(run("correct " + json + " --prior uniform --limits 1.1 3", "1.25\n").out, ",ok,1.0000,1.5"), 1);
+  folder.write("map.csv", "reading_m,prior_m,prior_sigma_m\n1.25,0.6,0.1\n1.25,,\n");
+  const RunResult map = run("correct " + json + " " + folder.file("map.csv") + " --prior map");
+  EXPECT_EQ(count_of(map.out, "ambiguous"), 2) << map.out;
+  EXPECT_EQ(count_of(map.out, ",1,ok,1.0000,"), 1) << map.out;
+  // from f(2.8) = 4.24, which only 2.8 m explains, to 1.25 within 3 s at most 0.5 m/s: 1.5 m, not 0.5 m
+  folder.write("motion.csv", "reading_m,time_s\n4.24,0\n1.25,3\n");
+  const RunResult motion = run("correct " + json + " " + folder.file("motion.csv") + " --prior motion --speed 0.5");
+  EXPECT_EQ(count_of(motion.out, ",1,ok,"), 2) << motion.out;
+  EXPECT_EQ(run("correct " + json + " --prior map", "1.25\n").code, 2);
+  EXPECT_EQ(run("correct " + json + " --prior motion " + folder.file("motion.csv")).code, 2);
+  EXPECT_EQ(run("correct " + json + " --prior best", "1.25\n").code, 2);
+  EXPECT_EQ(run("correct " + json + " --speed 1", "1.25\n").code, 2);
+}
+
 TEST_F(CorrectCommand, TakesWhatCalibrateWrote) {
   const std::string json = folder.file("cal.json");
   ASSERT_EQ(run("calibrate " + shipped("pairs-2016") + " --json " + json).code, 0);

@@ -75,6 +75,31 @@ ReadingChange<double> EffectCorrector::change(double d, const ReadingSetting& se
   return sum;
 }
 
+EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {
+  const double f = evaluate_polynomial(calibration_.alpha, d), s = calibration_.noise.spread(d, f);
+  double curve = 0.0;
+  if (const auto& covariance = calibration_.alpha_covariance) {   // phi^T C phi, as two of Horner's rules
+    for (Eigen::Index i = covariance->rows(); i-- > 0;) {
+      double row = 0.0;
+      for (Eigen::Index j = covariance->cols(); j-- > 0;) row = row * d + (*covariance)(i, j);
+      curve = curve * d + row;
+    }
+  }
+  if (active_.empty()) return {f, std::sqrt(s * s + curve)};
+  const ReadingChange<double> own = change(d, setting);
+  return {f + own.range, std::sqrt(s * s * std::exp(own.range_log_variance) + curve)};
+}
+
+std::vector<double> EffectCorrector::turning_points(double low_m, double high_m) const {
+  const Eigen::VectorXd& alpha = calibration_.alpha;
+  if (alpha.size() < 3) return {};
+  Eigen::VectorXd slope(alpha.size() - 1);
+  for (Eigen::Index i = 1; i < alpha.size(); ++i) slope[i - 1] = static_cast<double>(i) * alpha[i];
+  std::vector<double> points = real_roots(slope, low_m, high_m);
+  std::erase_if(points, [&](double d) { return d <= low_m || d >= high_m; });
+  return points;
+}
+
 std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
   std::vector<Need> needs;
   EffectContext context = context_;

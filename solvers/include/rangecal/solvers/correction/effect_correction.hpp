@@ -38,6 +38,16 @@ class EffectCorrector {
   /// Every distance that explains the reading. Cost: some ten corrections.
   Correction correct(double reading_m, const ReadingSetting& setting, const CorrectionOptions& options = {}) const;
 
+  /// What a reading of the distance d [m] is expected to be: its mean f(d) + delta r, and its standard deviation
+  /// sqrt(s^2 e^v + phi^T cov(alpha) phi), both in metres.
+  struct Expected {
+    double mean_m = 0.0, spread_m = 0.0;
+  };
+  Expected at(double d, const ReadingSetting& setting) const;
+  /// f'(d) = 0 inside (low, high), ascending.
+  std::vector<double> turning_points(double low_m, double high_m) const;
+  const Calibration& calibration() const { return calibration_; }
+
  private:
   struct Active {
     const Effect* effect;

@@ -1,0 +1,406 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "fleet/fleet_job.hpp"
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+
+#include "fleet/database.hpp"
+#include "rangecal/core/csv_table.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+namespace rangecal::app {
+namespace {
+
+using Eigen::VectorXd;
+namespace fs = std::filesystem;
+constexpr int chunk = 256;   // units of one transaction
+constexpr int readings_per_unknown = 10;   // below, the likelihood of a unit is not taken for a normal one
+
+/// What is found out about one unit from its own readings.
+struct Unit {
+  std::string name;
+  Calibration calibration;
+  UnitMisfit misfit;
+  std::optional<UnitSummary> summary;
+};
+
+std::string columns(int order, const char* pattern) {
+  std::string text;
+  for (int i = 0; i <= order; ++i) text += fmt::format(fmt::runtime(pattern), i);
+  return text;
+}
+
+Unit fit_unit(const std::string& name, const FleetJob& job) {
+  Unit unit;
+  unit.name = name;
+  try {
+    const Recording recording = load_recording(name);
+    if (recording.kind == RecordingKind::pairs) {
+      PairsOptions options;
+      options.order = job.order;
+      options.law = job.law;
+      unit.calibration = full_pairs(make_pairs_problem({&recording, 1}), options).calibration;
+      unit.misfit = unit_misfit(recording, unit.calibration);
+    } else {
+      CalibrateOptions options;
+      options.methods = {Method::marginal};
+      options.order = job.order;
+      options.noise = job.law;
+      unit.calibration = calibrate({&recording, 1}, options).front();
+    }
+    unit.summary = summarise(unit.calibration);
+    const int few = readings_per_unknown * (job.order + 2);
+    if (unit.calibration.order() != job.order || unit.calibration.counts.used < few) unit.summary.reset();
+  } catch (const InputError& error) {
+    unit.calibration.outcome = Outcome::failed;
+    unit.calibration.reason = error.what();
+    unit.calibration.counts = {};
+  }
+  return unit;
+}
+
+class Fleet {
+ public:
+  explicit Fleet(const FleetJob& job) : job_(job), database_(job.output) {
+    database_.execute("PRAGMA journal_mode = DELETE; PRAGMA synchronous = NORMAL");
+    const int n = job.order;
+    database_.execute("BEGIN IMMEDIATE");
+    database_.execute(
+        "CREATE TABLE IF NOT EXISTS meta(key TEXT PRIMARY KEY, value TEXT) WITHOUT ROWID;"
+        "CREATE TABLE IF NOT EXISTS inputs(name TEXT PRIMARY KEY) WITHOUT ROWID;"
+        "CREATE TABLE IF NOT EXISTS units(name TEXT PRIMARY KEY, kind TEXT, outcome TEXT, reason TEXT, readings INTEGER, used INTEGER,"
+        " range_min_m REAL, range_max_m REAL, " + columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
+        "sigma REAL, sigma_std REAL, nll REAL, shape_p REAL, shape_m REAL, tail_p REAL, kurtosis REAL, dependence_p REAL,"
+        " correlation REAL, theta BLOB, information BLOB) WITHOUT ROWID;"
+        "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " + columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
+        "sigma REAL, sigma_relative_std REAL, distance_sq REAL, p_value REAL) WITHOUT ROWID;"
+        "CREATE TABLE IF NOT EXISTS oddities(name TEXT, what TEXT, size REAL, unit TEXT, p_value REAL, explanation TEXT, PRIMARY KEY(name, what)) WITHOUT ROWID;"
+        "CREATE TABLE IF NOT EXISTS population(parameter TEXT PRIMARY KEY, mean REAL, std REAL) WITHOUT ROWID");
+    same("format", "rangecal-fleet/1");
+    same("order", std::to_string(job.order));
+    same("law", to_string(job.law));
+    same("shard", fmt::format("{}/{}", job.shard, job.shards));
+    database_.execute("COMMIT");
+  }
+
+  FleetResult run() {
+    FleetResult result;
+    take_names();
+    for (const std::string& file : job_.merge) merge(file);
+    result.resumed = count("SELECT count(*) FROM units");
+    fit_units();
+    result.units = count("SELECT count(*) FROM units");
+    result.fitted = count("SELECT count(*) FROM units WHERE theta IS NOT NULL");
+    result.unreadable = count("SELECT count(*) FROM units WHERE readings IS NULL");
+    result.partial = job_.shards > 1;
+    if (result.partial) return result;
+    fit_whole(result);
+    return result;
+  }
+
+ private:
+  void same(const std::string& key, const std::string& value) {
+    Statement get = database_.prepare("SELECT value FROM meta WHERE key = ?");
+    get.bind(1, key);
+    if (!get.step()) {
+      database_.prepare("INSERT INTO meta VALUES(?, ?)").bind(1, key).bind(2, value).run();
+    } else if (get.text(0) != value) {
+      throw InputError(fmt::format("{}: was made with {} {}, not {}", job_.output, key, get.text(0), value));
+    }
+  }
+
+  std::int64_t count(const std::string& sql) {
+    Statement statement = database_.prepare(sql);
+    statement.step();
+    return statement.integer(0);
+  }
+
+  void take_names() {
+    Statement insert = database_.prepare("INSERT OR IGNORE INTO inputs VALUES(?)");
+    database_.execute("BEGIN");
+    for (const std::string& given : job_.inputs) {
+      const fs::path path = fs::path(given).lexically_normal();
+      std::error_code error;
+      if (!fs::is_directory(path, error)) throw InputError(given, 0, "", "is no folder of a recording or of recordings");
+      if (file_exists((path / "recording.yaml").string())) {
+        insert.bind(1, path.string()).run();
+        continue;
+      }
+      std::int64_t found = 0;
+      for (const fs::directory_entry& entry : fs::directory_iterator(path))
+        if (entry.is_directory(error) && file_exists((entry.path() / "recording.yaml").string())) {
+          insert.bind(1, entry.path().lexically_normal().string()).run();
+          ++found;
+        }
+      if (found == 0) throw InputError(given, 0, "", "holds no recording");
+    }
+    database_.execute("COMMIT");
+  }
+
+  void merge(const std::string& file) {
+    if (!file_exists(file)) throw InputError(file, 0, "", "no such file");
+    database_.prepare("ATTACH ? AS other").bind(1, file).run();
+    {
+      Statement format = database_.prepare("SELECT count(*) FROM other.sqlite_master WHERE name IN ('meta', 'inputs', 'units')");
+      format.step();
+      if (format.integer(0) != 3) throw InputError(file, 0, "", "is no file of 'rangecal fleet'");
+      Statement other = database_.prepare(
+          "SELECT count(*) FROM other.meta a JOIN main.meta b USING(key) WHERE key IN ('format', 'order', 'law') AND a.value = b.value");
+      other.step();
+      if (other.integer(0) != 3) throw InputError(file, 0, "", "was made with another order or noise law");
+    }
+    database_.execute("BEGIN; INSERT OR IGNORE INTO inputs SELECT name FROM other.inputs; INSERT OR IGNORE INTO units SELECT * FROM other.units; COMMIT; DETACH other");
+  }
+
+  void fit_units() {
+    std::int64_t done = 0;
+    const std::int64_t all = count("SELECT count(*) FROM inputs");
+    std::string after;
+    std::int64_t index = -1;
+    while (true) {
+      std::vector<Unit> units;
+      {
+        Statement names = database_.prepare(
+            "SELECT inputs.name, units.name IS NOT NULL FROM inputs LEFT JOIN units USING(name) WHERE inputs.name > ? ORDER BY inputs.name");
+        names.bind(1, after);
+        while (units.size() < chunk && names.step()) {
+          after = names.text(0);
+          ++index;
+          if (index % job_.shards != job_.shard || names.integer(1) != 0) continue;
+          units.emplace_back();
+          units.back().name = after;
+        }
+      }
+      if (units.empty()) break;
+      tbb::parallel_for(std::size_t{0}, units.size(), [&](std::size_t i) { units[i] = fit_unit(units[i].name, job_); });
+      database_.execute("BEGIN");
+      for (const Unit& unit : units) insert(unit);
+      database_.execute("COMMIT");
+      done += static_cast<std::int64_t>(units.size());
+      if (job_.progress) fmt::print(stderr, "\rrangecal: {} of {} units ", done, all);
+    }
+    if (job_.progress && done > 0) fmt::print(stderr, "\n");
+  }
+
+  void insert(const Unit& unit) {
+    const int n = job_.order;
+    if (!insert_) {
+      std::string marks = "?";
+      for (int i = 1; i < 19 + 2 * (n + 1); ++i) marks += ", ?";
+      insert_.reset(new Statement(database_.prepare("INSERT INTO units VALUES(" + marks + ")")));
+    }
+    const Calibration& c = unit.calibration;
+    const double nan = std::nan("");
+    const bool read = c.counts.read > 0;
+    int at = 0;
+    const auto put = [&](const auto& value) { insert_->bind(++at, value); };
+    put(unit.name);
+    put(std::string(!read ? "" : c.kind == RecordingKind::pairs ? "pairs" : "landmarks"));
+    put(std::string(to_string(c.outcome)));
+    put(c.reason);
+    if (read) put(std::int64_t{c.counts.read}); else put(nan);
+    if (read) put(std::int64_t{c.counts.used}); else put(nan);
+    put(read ? c.range_min_m : nan);
+    put(read ? c.range_max_m : nan);
+    for (int i = 0; i <= n; ++i) {
+      put(i < c.alpha.size() ? c.alpha[i] : nan);
+      put(i < c.alpha.size() && c.alpha_covariance ? std::sqrt((*c.alpha_covariance)(i, i)) : nan);
+    }
+    const bool sigma = c.alpha.size() > 0 && c.noise.parameters.size() == 1;
+    put(sigma ? c.noise.parameters[0] : nan);
+    put(sigma && !c.noise_estimates.empty() ? c.noise_estimates[0].std_dev.value_or(nan) : nan);
+    put(c.marginal_nll.value_or(nan));
+    for (const double value : {unit.misfit.shape_p, unit.misfit.shape_m, unit.misfit.tail_p, unit.misfit.kurtosis, unit.misfit.dependence_p,
+                               unit.misfit.correlation})
+      put(value);
+    put(unit.summary ? unit.summary->theta : VectorXd());
+    put(unit.summary ? VectorXd(unit.summary->information.reshaped()) : VectorXd());
+    insert_->run();
+  }
+
+  UnitSummary summary_in(const Statement& row, int column) const {
+    const VectorXd theta = row.vector(column), information = row.vector(column + 1);
+    const Eigen::Index p = job_.order + 2;
+    if (theta.size() != p || information.size() != p * p) throw InputError(job_.output + ": a unit's theta is not of order " + std::to_string(job_.order));
+    return {theta, information.reshaped(p, p)};
+  }
+
+  /// Population, posteriors and oddities, made anew in one transaction each time: cheap beside the units.
+  void fit_whole(FleetResult& result) {
+    const UnitStream stream = [&](const std::function<void(const UnitSummary&)>& visit) {
+      Statement rows = database_.prepare("SELECT theta, information FROM units WHERE theta IS NOT NULL ORDER BY name");
+      while (rows.step()) visit(summary_in(rows, 0));
+    };
+    Population& population = result.population;
+    population = fit_population(stream);
+    population.order = job_.order;
+    population.law = job_.law;
+    {
+      Statement range = database_.prepare("SELECT min(range_min_m), max(range_max_m) FROM units WHERE theta IS NOT NULL");
+      range.step();
+      population.range_min_m = range.number(0).value_or(0.0);
+      population.range_max_m = range.number(1).value_or(0.0);
+    }
+    database_.execute("BEGIN; DELETE FROM posteriors; DELETE FROM oddities; DELETE FROM population; DELETE FROM meta WHERE key = 'population'");
+    database_.prepare("INSERT INTO meta VALUES('population', ?)").bind(1, population_to_json(population)).run();
+    if (is_usable(population.outcome)) {
+      put_population(population);
+      put_posteriors(population, result);
+    }
+    database_.execute("COMMIT");
+    if (is_usable(population.outcome)) name_oddities(result);
+  }
+
+  void put_population(const Population& population) {
+    Statement row = database_.prepare("INSERT INTO population VALUES(?, ?, ?)");
+    for (Eigen::Index i = 0; i < population.mean.size(); ++i)
+      row.bind(1, i <= population.order ? fmt::format("alpha_{}", i) : std::string("log_sigma"))
+          .bind(2, population.mean[i])
+          .bind(3, std::sqrt(population.covariance(i, i)))
+          .run();
+  }
+
+  void put_posteriors(const Population& population, FleetResult& result) {
+    const int n = job_.order;
+    std::string marks = "?";
+    for (int i = 1; i < 6 + 2 * (n + 1); ++i) marks += ", ?";
+    Statement posterior = database_.prepare("INSERT INTO posteriors VALUES(" + marks + ")");
+    Statement odd = database_.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, '')");
+    Statement rows = database_.prepare("SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information FROM units ORDER BY name");
+    const double limit = job_.alarm_rate / (4.0 * static_cast<double>(std::max<std::int64_t>(result.units, 1)));   // four questions a unit
+    while (rows.step()) {
+      const std::string name = rows.text(0);
+      VectorXd mean, deviation;
+      double distance = std::nan(""), p_value = std::nan("");
+      const bool own = rows.vector(9).size() > 0;
+      if (own) {
+        const UnitPosterior shrunk = shrink(summary_in(rows, 9), population);
+        mean = shrunk.mean;
+        deviation = shrunk.covariance.diagonal().cwiseSqrt();
+        distance = shrunk.distance_sq;
+        p_value = shrunk.p_value;
+        if (p_value < limit) {
+          Eigen::Index worst = 0;
+          shrunk.z.cwiseAbs().maxCoeff(&worst);
+          odd.bind(1, name).bind(2, "unlike the others: " + (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
+              .bind(3, shrunk.z[worst]).bind(4, std::string("standard deviations")).bind(5, p_value).run();
+        }
+        const auto ask = [&](int column, const std::string& what, const std::string& unit) {
+          const double p = rows.number(column).value_or(1.0);
+          if (p < limit) odd.bind(1, name).bind(2, what).bind(3, rows.number(column + 1).value_or(std::nan(""))).bind(4, unit).bind(5, p).run();
+        };
+        ask(3, "shape of the curve", "m");
+        ask(5, "tails of the noise", "excess kurtosis");
+        ask(7, "dependence of neighbours", "correlation");
+      } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {   // too few readings alone
+        const Recording recording = load_recording(name);
+        const Calibration fit = calibrate_in_population(make_pairs_problem({&recording, 1}), population);
+        if (fit.outcome != Outcome::converged) continue;
+        mean.resize(n + 2);
+        deviation.resize(n + 2);
+        mean << fit.alpha, std::log(fit.noise.parameters[0]);
+        deviation << fit.alpha_covariance->diagonal().cwiseSqrt(), *fit.noise_estimates[0].std_dev / fit.noise.parameters[0];
+        ++result.by_population;
+      } else {
+        continue;
+      }
+      int at = 0;
+      const auto put = [&](const auto& value) { posterior.bind(++at, value); };
+      put(name);
+      put(std::string(own ? "own readings and population" : "few readings and population"));
+      for (int i = 0; i <= n; ++i) {
+        put(mean[i]);
+        put(deviation[i]);
+      }
+      for (const double value : {std::exp(mean[n + 1]), deviation[n + 1], distance, p_value}) put(value);
+      posterior.run();
+    }
+  }
+
+  /// What the diagnosis says of the oddest units, worst first: of one unlike the others what sets it apart from the
+  /// population's curve, of another what its own curve leaves out.
+  void name_oddities(FleetResult& result) {
+    const Population& population = result.population;
+    Calibration typical;
+    typical.kind = RecordingKind::pairs;
+    typical.outcome = Outcome::converged;
+    typical.alpha = population.mean.head(job_.order + 1);
+    typical.alpha_covariance = population.covariance.topLeftCorner(job_.order + 1, job_.order + 1);
+    typical.noise = {job_.law, VectorXd::Constant(1, std::exp(population.mean[job_.order + 1]))};
+    typical.range_min_m = population.range_min_m;
+    typical.range_max_m = population.range_max_m;
+    result.odd = count("SELECT count(DISTINCT name) FROM oddities");
+    std::vector<std::string> names;
+    std::vector<char> unlike;
+    {
+      Statement worst = database_.prepare(
+          "SELECT name, max(what LIKE 'unlike%') FROM oddities GROUP BY name ORDER BY min(p_value), name LIMIT ?");
+      worst.bind(1, std::int64_t{job_.diagnoses});
+      while (worst.step()) {
+        names.push_back(worst.text(0));
+        unlike.push_back(worst.integer(1) != 0);
+      }
+    }
+    std::vector<std::string> sentences(names.size());
+    tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) {
+      try {
+        const Recording recording = load_recording(names[i]);
+        DiagnoseOptions options;
+        options.held_out = options.unseen = options.next_experiments = false;
+        if (unlike[i] && recording.kind == RecordingKind::pairs) options.simulation = typical;
+        sentences[i] = diagnose({&recording, 1}, options).sentence;
+      } catch (const InputError& error) {
+        sentences[i] = error.what();
+      }
+    });
+    database_.execute("BEGIN");
+    for (std::size_t i = 0; i < names.size(); ++i)
+      database_.prepare("UPDATE oddities SET explanation = ? WHERE name = ?").bind(1, sentences[i]).bind(2, names[i]).run();
+    database_.execute("COMMIT");
+  }
+
+  const FleetJob& job_;
+  Database database_;
+  std::unique_ptr<Statement> insert_;
+};
+
+/// units joined with their posteriors, as CSV.
+void write_csv(Database& database, const std::string& path) {
+  Statement rows = database.prepare(
+      "SELECT u.name, u.kind, u.outcome, u.reason, u.readings, u.used, p.* FROM units u LEFT JOIN posteriors p USING(name) ORDER BY u.name");
+  std::string text;
+  for (int c = 0; c < rows.columns(); ++c)
+    if (c != 6) text += (c ? "," : "") + rows.name(c);
+  text += "\n";
+  while (rows.step()) {
+    for (int c = 0; c < rows.columns(); ++c)
+      if (c != 6) text += (c ? "," : "") + csv_field(rows.text(c));
+    text += "\n";
+  }
+  write_file(path, text);
+}
+
+}  // namespace
+
+FleetResult run_fleet(const FleetJob& job) {
+  std::optional<tbb::global_control> limit;
+  if (job.threads > 0) limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(job.threads));
+  const FleetResult result = Fleet(job).run();
+  if (!job.csv.empty() && !result.partial) {
+    Database database(job.output);
+    write_csv(database, job.csv);
+  }
+  return result;
+}
+
+}  // namespace rangecal::app

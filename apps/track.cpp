@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "commands.hpp"
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "text.hpp"
+#include "track/tracking.hpp"
+
+namespace rangecal::app {
+namespace {
+
+struct TrackCommand {
+  TrackJob job;
+  std::string order = "2", noise = "f2", json;
+  std::vector<double> range;
+  double forget = 0.0;
+
+  int run() {
+    job.options.order.reset();
+    if (order != "auto") {
+      if (order.size() != 1 || order[0] < '0' || order[0] > '8')
+        throw InputError("--order is '" + order + "', not a number of 0 to 8 or auto");
+      job.options.order = order[0] - '0';
+    }
+    job.options.law = noise_law_from_string(noise);
+    if (!range.empty()) {
+      job.options.range_min_m = range[0];
+      job.options.range_max_m = range[1];
+    }
+    if (forget != 0.0) job.options.forget = forget;
+    job.options.check();
+    const Tracked tracked = track(job);
+    if (!json.empty() && tracked.calibration) save_calibrations({*tracked.calibration}, json);
+    if (!job.output.empty()) fmt::print("{}", page(tracked));
+    for (const std::string& note : tracked.notes) fmt::print(stderr, "rangecal: {}\n", note);
+    return !job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome)) ? done : not_delivered;
+  }
+
+  std::string page(const Tracked& tracked) const {
+    std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; pairs: {}\n", tracked.rows, tracked.corrected,
+                                   tracked.malformed, describe(tracked.counts));
+    if (!tracked.calibration) return text + "Curve f    no row had a true distance\n";
+    const Calibration& c = *tracked.calibration;
+    text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method), c.reason.empty() ? "" : ": ", c.reason);
+    if (c.alpha.size() == 0) return text;
+    if (std::isfinite(job.options.forget))
+      text += fmt::format("Memory     time constant {} {}; {:.0f} readings count\n", job.options.forget,
+                          tracked.timed ? "s" : "readings", tracked.effective);
+    text += fmt::format("Model      order {}, noise {}, {:.3g} +- {:.2g} {}\nCurve f    reading =", c.order(), law_in_words(c.noise.law),
+                        c.noise.parameters[0], c.noise_estimates[0].std_dev.value_or(0.0), law_unit(c.noise.law, 0));
+    for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {
+      std::optional<double> std_dev;
+      if (c.alpha_covariance) std_dev = std::sqrt((*c.alpha_covariance)(i, i));
+      text += fmt::format("{}({}){}", i == 0 ? " " : " + ", with_std(c.alpha[i], std_dev), i == 0 ? "" : i == 1 ? " d" : fmt::format(" d^{}", i));
+    }
+    return text + fmt::format("; d in m, seen from {:.3g} to {:.3g} m\n", c.range_min_m, c.range_max_m);
+  }
+};
+
+}  // namespace
+
+void add_track(CLI::App& app, Action& chosen) {
+  CLI::App* command = app.add_subcommand("track", "calibrate and correct readings as they come");
+  const auto state = std::make_shared<TrackCommand>();
+  command->add_option("FILE", state->job.input, "CSV with reading_m (or range_m), and true_m, time_s where known; - or nothing: stdin")
+      ->capture_default_str();
+  command->add_flag("--follow", state->job.follow, "wait for more at the end of FILE until Ctrl-C");
+  command->add_option("--state", state->job.state, "keep the state in this file: a run that was stopped or killed goes on there");
+  command->add_option("--every", state->job.every, "rows from one saving of the state to the next")->check(CLI::Range(1, 100000000))->capture_default_str();
+  command->add_option("--from", state->job.from, "calibration (JSON) to correct by until the stream has its own");
+  command->add_option("--order", state->order, "of f: 0 to 8, or auto: the lowest AIC of 1 to 4 at each estimate")->capture_default_str();
+  command->add_option("--noise", state->noise, "noise law: constant, f, f2, f3, d2")->capture_default_str();
+  command->add_option("--forget", state->forget, "time constant of the memory: seconds, or readings where there is no time_s")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);
+  command->add_flag("--approximate", state->job.approximate, "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
+  command->add_option("-o,--output", state->job.output, "write the corrected distances here and a summary to stdout");
+  command->add_option("--json", state->json, "write the last calibration to this file");
+  command->footer(
+      "Every row gives a line reading_m, distance_m, std_m, flag as soon as it is read: the most likely distance under the\n"
+      "calibration so far. Rows with true_m also teach the calibration, in constant memory; it is estimated anew each time the\n"
+      "pairs have grown by 2 %. A row that cannot be understood is flagged 'malformed', named on stderr, and skipped. With --state\n"
+      "(and -o) a killed run goes on where it was saved: no row is lost, none counts twice.\n"
+      "Exit code 1 where the stream did not determine a calibration and --from gives none.\n"
+      "\n"
+      "Examples:\n"
+      "  rangecal track notebooks_data/pairs-2016/pairs.csv -o distances.csv --json cal.json\n"
+      "  sensor-program | rangecal track --from cal.json --forget 3600\n"
+      "  rangecal track log.csv --follow --state track.json -o distances.csv");
+  command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
+}
+
+}  // namespace rangecal::app

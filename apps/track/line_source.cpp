@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "track/line_source.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::app {
+
+LineSource::LineSource(const std::string& path, std::int64_t offset) : path_(path) {
+  if (path == "-") {
+    file_ = STDIN_FILENO;
+    path_ = "stdin";
+    return;
+  }
+  file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  struct stat status{};
+  if (file_ < 0 || ::fstat(file_, &status) != 0) throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
+  if (S_ISDIR(status.st_mode)) throw InputError(path, 0, "", "is a folder, not a file");
+  if (S_ISREG(status.st_mode)) {
+    if (status.st_size < offset)
+      throw InputError(path, 0, "", "is shorter than the " + std::to_string(offset) + " bytes that the state has taken from it");
+    ::lseek(file_, offset, SEEK_SET);
+    offset_ = offset;
+  }
+}
+
+LineSource::~LineSource() {
+  if (file_ > STDIN_FILENO) ::close(file_);
+}
+
+LineSource::Status LineSource::next(std::string& line) {
+  std::size_t searched = begin_;
+  while (true) {
+    const std::size_t end = buffer_.find('\n', searched);
+    if (end != std::string::npos) {
+      line.assign(buffer_, begin_, end - begin_);
+      if (!line.empty() && line.back() == '\r') line.pop_back();
+      offset_ += static_cast<std::int64_t>(end + 1 - begin_);
+      begin_ = end + 1;
+      return Status::line;
+    }
+    buffer_.erase(0, begin_);
+    begin_ = 0;
+    searched = buffer_.size();
+    std::array<char, 65536> chunk;
+    const ssize_t count = ::read(file_, chunk.data(), chunk.size());
+    if (count < 0 && errno == EINTR) return Status::interrupted;
+    if (count < 0) throw InputError(path_, 0, "", std::string("cannot be read: ") + std::strerror(errno));
+    if (count == 0) return Status::end;
+    buffer_.append(chunk.data(), static_cast<std::size_t>(count));
+  }
+}
+
+std::string LineSource::rest() {
+  std::string line = buffer_.substr(begin_);
+  offset_ += static_cast<std::int64_t>(line.size());
+  begin_ = buffer_.size();
+  return line;
+}
+
+std::optional<std::vector<std::string>> csv_fields(std::string_view line) {
+  std::vector<std::string> fields(1);
+  bool quoted = false;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quoted && c == '"' && i + 1 < line.size() && line[i + 1] == '"') {
+      fields.back() += '"';
+      ++i;
+    } else if (c == '"') {
+      quoted = !quoted;
+    } else if (c == ',' && !quoted) {
+      fields.emplace_back();
+    } else {
+      fields.back() += c;
+    }
+  }
+  if (quoted) return std::nullopt;
+  return fields;
+}
+
+std::optional<double> number_of(std::string_view text) {
+  const auto is_space = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
+  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+}  // namespace rangecal::app

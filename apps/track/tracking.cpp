@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "track/tracking.hpp"
+
+#include <fmt/core.h>
+#include <signal.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/csv_table.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
+#include "rangecal/solvers/correction/candidates.hpp"
+#include "track/line_source.hpp"
+
+namespace rangecal::app {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr const char* format_name = "rangecal-track/1";
+constexpr int most_complaints = 10;
+
+volatile sig_atomic_t stopped = 0;
+void stop(int) { stopped = 1; }
+
+/// Which fields hold what; -1 where there is no such column.
+struct Columns {
+  int reading = 0, truth = -1, time = -1;
+  std::size_t count = 1;
+};
+
+/// What a correction needs of a calibration, bit by bit.
+Json json_of(const Calibration& c) {
+  return {{"alpha", std::vector<double>(c.alpha.begin(), c.alpha.end())},
+          {"covariance", std::vector<double>(c.alpha_covariance->reshaped().begin(), c.alpha_covariance->reshaped().end())},
+          {"law", to_string(c.noise.law)},
+          {"sigma", c.noise.parameters[0]},
+          {"range_m", {c.range_min_m, c.range_max_m}}};
+}
+
+Calibration calibration_in(const Json& json) {
+  Calibration c;
+  const auto alpha = json.at("alpha").get<std::vector<double>>(), covariance = json.at("covariance").get<std::vector<double>>();
+  const auto size = static_cast<Eigen::Index>(alpha.size());
+  if (size == 0 || covariance.size() != alpha.size() * alpha.size()) throw InputError("the state's calibration is not whole");
+  c.outcome = Outcome::converged;
+  c.kind = RecordingKind::pairs;
+  c.alpha = Eigen::VectorXd::Map(alpha.data(), size);
+  c.alpha_covariance = Eigen::MatrixXd::Map(covariance.data(), size, size);
+  c.noise = {noise_law_from_string(json.at("law").get<std::string>()), Eigen::VectorXd::Constant(1, json.at("sigma").get<double>())};
+  c.range_min_m = json.at("range_m").at(0);
+  c.range_max_m = json.at("range_m").at(1);
+  return c;
+}
+
+class Run {
+ public:
+  explicit Run(const TrackJob& job) : job_(job), calibrator_(job.options), name_(job.input == "-" ? "stdin" : job.input) {
+    if (!job.from.empty()) {
+      given_ = load_calibration(job.from);
+      require_curve(*given_, job.from);
+      if (!given_->effects.empty()) throw InputError(job.from + ": holds effects, which a stream cannot undo; use 'rangecal correct'");
+    }
+    if (!job.state.empty() && file_exists(job.state)) load();
+    open_output();
+    source_ = std::make_unique<LineSource>(job.input, offset_);
+  }
+
+  Tracked run() {
+    struct sigaction action{};
+    action.sa_handler = stop;
+    ::sigaction(SIGINT, &action, nullptr);
+    ::sigaction(SIGTERM, &action, nullptr);
+    if (current_)
+      corrector_.emplace(*current_, std::vector<std::string>{});
+    else if (given_)
+      corrector_.emplace(*given_, std::vector<std::string>{});
+    std::string line;
+    bool idle = false;
+    while (!stopped) {
+      const LineSource::Status status = source_->next(line);
+      if (status == LineSource::Status::interrupted) break;
+      if (status == LineSource::Status::end) {
+        if (!job_.follow || job_.input == "-") break;
+        if (!idle) save();
+        idle = true;
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        continue;
+      }
+      idle = false;
+      take(line);
+    }
+    if (!stopped && source_->has_rest()) {
+      if (job_.follow || (!job_.state.empty() && job_.input != "-"))
+        notes_.push_back(name_ + ": the last line has no end yet and was left for the next run");
+      else
+        take(source_->rest());
+    }
+    if (columns_read_ == 0 && header_.empty()) throw InputError(name_, 0, "", "holds no reading");
+    save();
+    Tracked result;
+    if (calibrator_.counts().read > 0)
+      result.calibration = job_.approximate ? calibrator_.approximate() : calibrator_.full();
+    result.counts = calibrator_.counts();
+    result.rows = rows_;
+    result.corrected = corrected_;
+    result.malformed = malformed_;
+    result.effective = calibrator_.effective_readings();
+    result.timed = columns_.time >= 0;
+    result.notes = notes_;
+    if (malformed_ > most_complaints) result.notes.push_back(fmt::format("{}: {} rows were not understood in all", name_, malformed_));
+    return result;
+  }
+
+ private:
+  void load() {
+    const std::string& path = job_.state;
+    try {
+      const Json state = Json::parse(read_file(path));
+      if (state.at("format") != format_name) throw InputError(path + ": field 'format' is not '" + format_name + "'");
+      calibrator_ = RecursiveCalibrator::from_json(state.at("calibrator").dump(), path);
+      const RecursiveOptions& saved = calibrator_.options();
+      if (saved.order != job_.options.order || saved.law != job_.options.law || saved.forget != job_.options.forget ||
+          saved.range_min_m != job_.options.range_min_m || saved.range_max_m != job_.options.range_max_m)
+        throw InputError(path + ": was made with another --order, --noise, --forget or --range");
+      header_ = state.at("header").get<std::string>();
+      if (!header_.empty()) read_header(header_);
+      columns_read_ = header_.empty() ? 0 : 1;
+      offset_ = job_.input == "-" ? 0 : state.at("offset").get<std::int64_t>();
+      line_ = job_.input == "-" ? 0 : state.at("line").get<long>();
+      output_bytes_ = state.at("output_bytes");
+      rows_ = state.at("rows");
+      corrected_ = state.at("corrected");
+      malformed_ = state.at("malformed");
+      next_estimate_ = state.at("next_estimate");
+      if (state.at("calibration").is_object()) current_ = calibration_in(state.at("calibration"));
+    } catch (const Json::exception& error) {
+      throw InputError(path + ": is no state of 'rangecal track': " + error.what());
+    }
+  }
+
+  void save() {
+    if (std::fflush(out_) != 0) throw InputError(job_.output.empty() ? "stdout" : job_.output, 0, "", "cannot be written");
+    if (job_.state.empty()) return;
+    Json state{{"format", format_name}, {"header", header_}, {"offset", source_->offset()}, {"line", line_},
+               {"output_bytes", output_bytes_}, {"rows", rows_}, {"corrected", corrected_}, {"malformed", malformed_},
+               {"next_estimate", next_estimate_}, {"calibration", current_ ? json_of(*current_) : Json(nullptr)},
+               {"calibrator", Json::parse(calibrator_.to_json())}};
+    write_file(job_.state, state.dump() + "\n");
+  }
+
+  void open_output() {
+    out_ = stdout;
+    if (!job_.output.empty()) {
+      std::error_code error;
+      const bool resumed = output_bytes_ > 0;
+      if (resumed) {
+        const auto size = std::filesystem::file_size(job_.output, error);
+        if (error || static_cast<std::int64_t>(size) < output_bytes_)
+          throw InputError(job_.output, 0, "", "is missing or shorter than the state says");
+        std::filesystem::resize_file(job_.output, static_cast<std::uintmax_t>(output_bytes_));
+      }
+      out_ = std::fopen(job_.output.c_str(), resumed ? "ab" : "wb");
+      if (!out_) throw InputError(job_.output, 0, "", "cannot be written");
+      closer_.reset(out_);
+      if (resumed) return;
+    }
+    print("reading_m,distance_m,std_m,flag\n");
+  }
+
+  void print(const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), out_) != text.size())
+      throw InputError(job_.output.empty() ? "stdout" : job_.output, 0, "", "cannot be written");
+    output_bytes_ += static_cast<std::int64_t>(text.size());
+  }
+
+  void read_header(const std::string& line) {
+    const auto fields = csv_fields(line);
+    if (!fields) throw InputError(name_, line_, "", "a quote is left open");
+    columns_ = {-1, -1, -1, fields->size()};
+    for (std::size_t i = 0; i < fields->size(); ++i) {
+      std::string field = (*fields)[i];
+      if (i == 0 && field.starts_with("\xEF\xBB\xBF")) field.erase(0, 3);
+      while (!field.empty() && field.back() == ' ') field.pop_back();
+      while (!field.empty() && field.front() == ' ') field.erase(0, 1);
+      if (field == "reading_m" || (field == "range_m" && columns_.reading < 0)) columns_.reading = static_cast<int>(i);
+      if (field == "true_m") columns_.truth = static_cast<int>(i);
+      if (field == "time_s") columns_.time = static_cast<int>(i);
+    }
+    if (columns_.reading < 0) throw InputError(name_, line_, "", "there is no column reading_m or range_m, and the first line is no number");
+  }
+
+  void complain(const std::string& column, const std::string& what) {
+    if (++malformed_ <= most_complaints) notes_.push_back(InputError(name_, line_, column, what).what());
+    print(",,,malformed\n");
+  }
+
+  void take(const std::string& line) {
+    ++line_;
+    if (line.find_first_not_of(" \t") == std::string::npos) return;
+    if (columns_read_ == 0) {
+      columns_read_ = 1;
+      if (!number_of(line)) {
+        header_ = line;
+        read_header(line);
+        return;
+      }
+    } else if (job_.input == "-" && line == header_) {   // the same program started again
+      return;
+    }
+    ++rows_;
+    row(line);
+    if (rows_ % job_.every == 0) save();
+  }
+
+  void row(const std::string& line) {
+    const auto fields = csv_fields(line);
+    if (!fields) return complain("", "a quote is left open");
+    if (fields->size() != columns_.count)
+      return complain("", fmt::format("has {} fields where the header has {}", fields->size(), columns_.count));
+    const auto number = [&](int column, const char* name, double& value) {
+      value = std::nan("");
+      if (column < 0) return true;
+      const std::string& text = (*fields)[static_cast<std::size_t>(column)];
+      if (text.find_first_not_of(" \t\r") == std::string::npos || text == "NA") return true;
+      const auto read = number_of(text);
+      if (!read) complain(name, "'" + text + "' is not a number");
+      value = read.value_or(value);
+      return read.has_value();
+    };
+    double reading = 0.0, truth = 0.0, time = 0.0;
+    if (!number(columns_.reading, "reading_m", reading) || !number(columns_.truth, "true_m", truth) ||
+        !number(columns_.time, "time_s", time))
+      return;
+    if (columns_.time >= 0 && !std::isfinite(time)) return complain("time_s", "there is no time");
+    if (std::isfinite(truth)) {
+      calibrator_.add(truth, reading, time);
+      if (calibrator_.used() >= next_estimate_) estimate();
+    }
+    correct_reading(reading);
+  }
+
+  /// The calibration so far, and when to look again: after 2 % more pairs of those that count.
+  void estimate() {
+    if (calibrator_.used() > calibrator_.options().order.value_or(1) + 2) {
+      Calibration now = job_.approximate ? calibrator_.approximate() : calibrator_.full();
+      if (now.outcome == Outcome::converged && now.alpha_covariance && now.range_max_m > now.range_min_m) {
+        current_ = std::move(now);
+        corrector_.emplace(*current_, std::vector<std::string>{});
+      }
+    }
+    next_estimate_ = calibrator_.used() + std::max<std::int64_t>(1, static_cast<std::int64_t>(0.02 * calibrator_.effective_readings()));
+  }
+
+  void correct_reading(double reading) {
+    const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
+    if (!corrector_) return print(field + ",,,no_calibration_yet\n");
+    const CorrectionCandidate best = correction_candidates(*corrector_, reading, {}, false).front();
+    if (best.distance_m) ++corrected_;
+    print(fmt::format("{},{},{},{}\n", field, best.distance_m ? fmt::format("{:.6f}", *best.distance_m) : "",
+                      best.std_dev_m ? fmt::format("{:.6f}", *best.std_dev_m) : "", best.flag));
+  }
+
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  const TrackJob& job_;
+  RecursiveCalibrator calibrator_;
+  std::string name_, header_;
+  std::optional<Calibration> given_, current_;
+  std::optional<EffectCorrector> corrector_;
+  std::unique_ptr<LineSource> source_;
+  std::unique_ptr<std::FILE, Close> closer_;
+  std::FILE* out_ = stdout;
+  Columns columns_;
+  int columns_read_ = 0;
+  long line_ = 0;
+  std::int64_t offset_ = 0, output_bytes_ = 0, rows_ = 0, corrected_ = 0, malformed_ = 0, next_estimate_ = 0;
+  std::vector<std::string> notes_;
+};
+
+}  // namespace
+
+Tracked track(const TrackJob& job) { return Run(job).run(); }
+
+}  // namespace rangecal::app

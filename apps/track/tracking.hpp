@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rangecal/core/calibration.hpp"
+#include "rangecal/solvers/recursive/recursive_calibrator.hpp"
+
+namespace rangecal::app {
+
+struct TrackJob {
+  std::string input = "-", state, from, output;
+  bool follow = false, approximate = false;
+  int every = 1000;
+  RecursiveOptions options;
+};
+
+struct Tracked {
+  std::optional<Calibration> calibration;   ///< none where no row had a true distance
+  Counts counts;
+  std::int64_t rows = 0, corrected = 0, malformed = 0;
+  double effective = 0.0;
+  bool timed = false;
+  std::vector<std::string> notes;
+};
+
+/// Runs a stream to its end, or to SIGINT or SIGTERM. The state is saved every `every` rows and at the end, the output
+/// flushed before it; on the next run output beyond the saved length is cut off and the file read on from the saved place.
+/// Throws InputError for a stream without a column of readings and a state that does not fit.
+Tracked track(const TrackJob& job);
+
+}  // namespace rangecal::app

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "rangecal/core/calibration.hpp"
+#include "rangecal/problems/pairs/pairs_problem.hpp"
+
+namespace rangecal {
+
+/// Sensors of one make differ (Alhashimi 2016, section 6). Each has theta = (alpha_0 .. alpha_n, log sigma), alpha_i in
+/// m^(1-i), sigma that of a noise law with one parameter, and
+///
+///   theta_u ~ N(mu, Sigma),            readings_u | theta_u: the likelihood of the 2016 problem,
+///
+/// which for a unit with readings enough is N(theta; theta^_u, Lambda_u^-1), theta^_u its maximum, Lambda_u the expected
+/// information there. mu and Sigma maximise the marginal likelihood prod_u N(theta^_u; mu, Sigma + Lambda_u^-1) by EM:
+///
+///   V_u = (Sigma^-1 + Lambda_u)^-1,  m_u = V_u (Sigma^-1 mu + Lambda_u theta^_u),
+///   mu = mean m_u,  Sigma = mean (V_u + (m_u - mu) (m_u - mu)^T)
+///
+/// (Laird and Ware 1982, Biometrics 38, 963; Gelman et al., Bayesian Data Analysis, ch. 5). (m_u, V_u) is the unit's
+/// posterior: its own answer, shrunk towards the population.
+struct UnitSummary {
+  Eigen::VectorXd theta;        ///< theta^_u
+  Eigen::MatrixXd information;  ///< Lambda_u
+};
+
+struct Population {
+  Outcome outcome = Outcome::failed;   ///< converged; too_few_data; not_converged
+  std::string reason;
+  int order = 2;
+  NoiseLaw law = NoiseLaw::f_squared;
+  double range_min_m = 0.0, range_max_m = 0.0;   ///< distances that the units were seen at
+  Eigen::VectorXd mean;         ///< mu
+  Eigen::MatrixXd covariance;   ///< Sigma
+  double log_likelihood = 0.0;  ///< marginal [nats], of the units kept
+  int iterations = 0;
+  std::int64_t units = 0, left_out = 0;   ///< kept; outlying, of no influence on mu and Sigma
+};
+
+/// Calls its argument once for every unit, each time in the same order: a file, a table, an array.
+using UnitStream = std::function<void(const std::function<void(const UnitSummary&)>&)>;
+
+struct PopulationOptions {
+  int max_iterations = 3000;    ///< passes over the units
+  double tolerance = 1e-3;      ///< on the gain of log likelihood in a pass [nats]; a scatter of 0 is reached slowly
+  /// Units whose distance from the rest has a p-value below this over their number are left out, until none is.
+  double outlier_rate = 0.01;
+
+  void check() const;
+};
+
+/// Memory does not depend on the number of units; the same bits whatever made the stream. too_few_data: fewer units than
+/// unknowns of theta + 2. Cost: some 2 us per unit and pass, 20 to 500 passes.
+Population fit_population(const UnitStream& units, const PopulationOptions& options = {});
+
+/// A unit before the background of its population.
+struct UnitPosterior {
+  Eigen::VectorXd mean;         ///< m_u
+  Eigen::MatrixXd covariance;   ///< V_u
+  double distance_sq = 0.0;     ///< (theta^ - mu)^T (Sigma + Lambda^-1)^-1 (theta^ - mu): chi^2 with size(theta) degrees of freedom
+  double p_value = 1.0;         ///< of it, for this unit alone
+  Eigen::VectorXd z;            ///< (theta^ - mu)_i over its standard deviation under the population
+};
+UnitPosterior shrink(const UnitSummary& unit, const Population& population);
+
+/// theta and information of a calibration of order n: alpha with its covariance, sigma with its standard deviation.
+/// Nothing where it has no covariance or more than one noise parameter.
+std::optional<UnitSummary> summarise(const Calibration& calibration);
+
+/// The calibration of a unit from its pairs and its population together: the maximum of likelihood times
+/// N(theta; mu, Sigma), covariance the inverse of the information there, Sigma^-1 included. A handful of readings
+/// will do, none gives the population. Throws InputError for a population without an answer. Outcomes: converged,
+/// not_converged, failed. Cost: 10 passes over the readings.
+Calibration calibrate_in_population(const PairsProblem& problem, const Population& population);
+
+/// What a unit's residuals z = (y - f) / s show that its curve does not hold, for readings in their order; p-values of each
+/// alone, two-sided, 1 where there are too few readings.
+struct UnitMisfit {
+  double shape_p = 1.0;        ///< two orders more fit better: likelihood ratio, chi^2 with 2 degrees of freedom
+  double tail_p = 1.0;         ///< excess kurtosis k of z: k sqrt(N / 24) is N(0, 1)
+  double dependence_p = 1.0;   ///< correlation r of neighbours: r sqrt(N) is N(0, 1)
+  double shape_m = 0.0;        ///< largest change of f by the two orders [m]
+  double kurtosis = 0.0, correlation = 0.0;
+};
+UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibration);
+
+/// `rangecal-population/1` JSON, and back; throws InputError naming `name` for a text that is none.
+std::string population_to_json(const Population& population);
+Population population_from_json(const std::string& text, const std::string& name);
+
+}  // namespace rangecal

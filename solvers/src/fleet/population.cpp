@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/fleet/population.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <Eigen/Cholesky>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <fmt/format.h>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+double chi_squared_p(double statistic, double degrees_of_freedom) {
+  if (!(statistic >= 0.0)) return 1.0;
+  return boost::math::cdf(boost::math::complement(boost::math::chi_squared(degrees_of_freedom), statistic));
+}
+
+/// theta in units of its spread over the population: EM then sees numbers near one.
+struct Scale {
+  VectorXd origin, unit;
+  UnitSummary in(const UnitSummary& u) const {
+    return {(u.theta - origin).cwiseQuotient(unit), unit.asDiagonal() * u.information * unit.asDiagonal()};
+  }
+};
+
+struct Pass {
+  VectorXd first;
+  MatrixXd second;   ///< of m_u and V_u
+  double log_likelihood = 0.0;
+  std::int64_t kept = 0, left_out = 0;
+};
+
+/// p-value of a unit at (mu, Sigma), with what EM needs of it.
+struct Step {
+  VectorXd m;
+  MatrixXd V;
+  double distance_sq = 0.0, log_likelihood = 0.0;
+};
+
+Step step_of(const UnitSummary& u, const VectorXd& mu, const MatrixXd& precision, double log_det_Sigma) {
+  const Eigen::Index p = mu.size();
+  Step step;
+  const Eigen::LLT<MatrixXd> sum(precision + u.information);
+  step.V = sum.solve(MatrixXd::Identity(p, p));
+  const VectorXd e = u.theta - mu, pull = u.information * e;
+  step.m = mu + step.V * pull;
+  // (Sigma + Lambda^-1)^-1 = Lambda - Lambda V Lambda
+  step.distance_sq = std::fmax(0.0, e.dot(pull) - pull.dot(step.V * pull));
+  const double log_det_sum = 2.0 * sum.matrixLLT().diagonal().array().log().sum();
+  const double log_det_information = 2.0 * MatrixXd(u.information.llt().matrixL()).diagonal().array().log().sum();
+  step.log_likelihood = -0.5 * (static_cast<double>(p) * std::log(2.0 * std::numbers::pi) + step.distance_sq + log_det_Sigma + log_det_sum -
+                                log_det_information);
+  return step;
+}
+
+Pass pass_over(const UnitStream& units, const Scale& scale, const VectorXd& mu, const MatrixXd& Sigma, double distance_limit) {
+  const Eigen::Index p = mu.size();
+  const Eigen::LLT<MatrixXd> factor(Sigma);
+  const MatrixXd precision = factor.solve(MatrixXd::Identity(p, p));
+  const double log_det = 2.0 * factor.matrixLLT().diagonal().array().log().sum();
+  Pass pass{VectorXd::Zero(p), MatrixXd::Zero(p, p)};
+  units([&](const UnitSummary& raw) {
+    const Step step = step_of(scale.in(raw), mu, precision, log_det);
+    if (step.distance_sq > distance_limit) {
+      ++pass.left_out;
+      return;
+    }
+    ++pass.kept;
+    const VectorXd e = step.m - mu;
+    pass.first += e;
+    pass.second += step.V + e * e.transpose();
+    pass.log_likelihood += step.log_likelihood;
+  });
+  return pass;
+}
+
+/// Median of one coordinate, from a histogram refined in passes: the start must not follow outliers.
+VectorXd medians(const UnitStream& units, const VectorXd& low, const VectorXd& high, double share) {
+  VectorXd a = low, b = high;
+  const Eigen::Index p = a.size();
+  for (int pass = 0; pass < 5; ++pass) {
+    constexpr int bins = 64;
+    Eigen::MatrixXd counts = Eigen::MatrixXd::Zero(p, bins);
+    VectorXd below = VectorXd::Zero(p);
+    double total = 0.0;
+    units([&](const UnitSummary& u) {
+      total += 1.0;
+      for (Eigen::Index i = 0; i < p; ++i) {
+        const double at = (u.theta[i] - a[i]) / (b[i] - a[i]) * bins;
+        if (at < 0.0) below[i] += 1.0;
+        else if (at < bins) counts(i, static_cast<Eigen::Index>(at)) += 1.0;
+      }
+    });
+    for (Eigen::Index i = 0; i < p; ++i) {
+      double sum = below[i];
+      Eigen::Index bin = 0;
+      while (bin + 1 < bins && sum + counts(i, bin) < share * total) sum += counts(i, bin++);
+      const double width = (b[i] - a[i]) / bins;
+      a[i] += width * static_cast<double>(bin);
+      b[i] = a[i] + width;
+    }
+  }
+  return 0.5 * (a + b);
+}
+
+}  // namespace
+
+void PopulationOptions::check() const {
+  if (max_iterations < 1) throw InputError(fmt::format("PopulationOptions: max_iterations = {} is below 1", max_iterations));
+  if (!(tolerance > 0.0)) throw InputError(fmt::format("PopulationOptions: tolerance = {} is not positive", tolerance));
+  if (!(outlier_rate >= 0.0 && outlier_rate < 1.0)) throw InputError(fmt::format("PopulationOptions: outlier_rate = {} is not in [0, 1)", outlier_rate));
+}
+
+Population fit_population(const UnitStream& units, const PopulationOptions& options) {
+  options.check();
+  Population result;
+  std::int64_t count = 0;
+  VectorXd low, high;
+  units([&](const UnitSummary& u) {
+    if (count == 0) low = high = u.theta;
+    if (u.theta.size() != low.size() || u.information.rows() != low.size() || u.information.cols() != low.size())
+      throw InputError("fit_population: units differ in their number of unknowns");
+    if (!u.theta.allFinite() || !u.information.allFinite()) throw InputError("fit_population: a unit is not finite");
+    low = low.cwiseMin(u.theta);
+    high = high.cwiseMax(u.theta);
+    ++count;
+  });
+  const Eigen::Index p = low.size();
+  if (count < p + 2) {
+    result.outcome = Outcome::too_few_data;
+    result.reason = fmt::format("{} units are too few for a population of {} unknowns", count, p);
+    return result;
+  }
+  result.order = static_cast<int>(p) - 2;
+  // Start: medians, and the middle two thirds as two standard deviations, widened.
+  const VectorXd slack = 1e-9 * (high - low).cwiseAbs() + VectorXd::Constant(p, 1e-12);
+  Scale scale;
+  scale.origin = medians(units, low - slack, high + slack, 0.5);
+  scale.unit = 0.5 * (medians(units, low - slack, high + slack, 0.8413) - medians(units, low - slack, high + slack, 0.1587));
+  scale.unit = scale.unit.cwiseMax(slack);
+  VectorXd mu = VectorXd::Zero(p);
+  MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p);
+  const boost::math::chi_squared distances(static_cast<double>(p));
+  const double limit = options.outlier_rate > 0.0
+                           ? boost::math::quantile(boost::math::complement(distances, options.outlier_rate / static_cast<double>(count)))
+                           : std::numeric_limits<double>::infinity();
+  result.outcome = Outcome::not_converged;
+  double before = -std::numeric_limits<double>::infinity();
+  std::int64_t kept_before = -1;
+  for (result.iterations = 1; result.iterations <= options.max_iterations; ++result.iterations) {
+    const Pass pass = pass_over(units, scale, mu, Sigma, limit);
+    if (pass.kept < p + 2) {
+      result.outcome = Outcome::failed;
+      result.reason = "hardly any two units are alike";
+      return result;
+    }
+    result.units = pass.kept;
+    result.left_out = pass.left_out;
+    result.log_likelihood = pass.log_likelihood - static_cast<double>(pass.kept) * scale.unit.array().log().sum();
+    const bool settled = pass.kept == kept_before && pass.log_likelihood - before < options.tolerance;
+    if (settled) {
+      result.outcome = Outcome::converged;
+      break;
+    }
+    before = pass.log_likelihood;
+    kept_before = pass.kept;
+    const VectorXd shift = pass.first / static_cast<double>(pass.kept);
+    mu += shift;
+    Sigma = pass.second / static_cast<double>(pass.kept) - shift * shift.transpose();
+  }
+  if (result.outcome == Outcome::not_converged) result.reason = fmt::format("stopped after {} passes", options.max_iterations);
+  result.mean = scale.origin + scale.unit.cwiseProduct(mu);
+  result.covariance = scale.unit.asDiagonal() * Sigma * scale.unit.asDiagonal();
+  return result;
+}
+
+UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
+  const Eigen::Index p = population.mean.size();
+  if (unit.theta.size() != p) throw InputError(fmt::format("shrink: {} unknowns where the population has {}", unit.theta.size(), p));
+  const Scale scale{population.mean, population.covariance.diagonal().cwiseSqrt()};
+  const VectorXd inverse = scale.unit.cwiseInverse();
+  const MatrixXd Sigma = inverse.asDiagonal() * population.covariance * inverse.asDiagonal();
+  const MatrixXd precision = Sigma.llt().solve(MatrixXd::Identity(p, p));
+  const UnitSummary scaled = scale.in(unit);
+  const Step step = step_of(scaled, VectorXd::Zero(p), precision, 0.0);
+  UnitPosterior result;
+  result.mean = scale.origin + scale.unit.cwiseProduct(step.m);
+  result.covariance = scale.unit.asDiagonal() * step.V * scale.unit.asDiagonal();
+  result.distance_sq = step.distance_sq;
+  result.p_value = chi_squared_p(step.distance_sq, static_cast<double>(p));
+  const MatrixXd spread = Sigma + scaled.information.llt().solve(MatrixXd::Identity(p, p));
+  result.z = scaled.theta.cwiseQuotient(spread.diagonal().cwiseSqrt());
+  return result;
+}
+
+std::optional<UnitSummary> summarise(const Calibration& calibration) {
+  if (calibration.outcome != Outcome::converged || !calibration.alpha_covariance || calibration.noise.parameters.size() != 1 ||
+      calibration.noise_estimates.size() != 1 || !calibration.noise_estimates[0].std_dev || !(calibration.noise.parameters[0] > 0.0))
+    return std::nullopt;
+  const Eigen::Index n = calibration.alpha.size();
+  UnitSummary unit{VectorXd(n + 1), MatrixXd::Zero(n + 1, n + 1)};
+  const double sigma = calibration.noise.parameters[0];
+  unit.theta << calibration.alpha, std::log(sigma);
+  const Eigen::LLT<MatrixXd> factor(*calibration.alpha_covariance);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  unit.information.topLeftCorner(n, n) = factor.solve(MatrixXd::Identity(n, n));
+  unit.information(n, n) = std::pow(sigma / *calibration.noise_estimates[0].std_dev, 2);
+  if (!unit.information.allFinite() || unit.information.llt().info() != Eigen::Success) return std::nullopt;
+  return unit;
+}
+
+}  // namespace rangecal

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "pairs_ml/dense_newton.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/solvers/fleet/population.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+namespace rangecal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+double two_sided(double z) { return std::erfc(std::abs(z) / std::sqrt(2.0)); }
+
+}  // namespace
+
+Calibration calibrate_in_population(const PairsProblem& problem, const Population& population) {
+  const Eigen::Index p = population.mean.size(), n = p - 1;
+  if (!is_usable(population.outcome) || p < 2) throw InputError("calibrate_in_population: the population has no answer");
+  const VectorXd unit = population.covariance.diagonal().cwiseSqrt();
+  const MatrixXd correlation = unit.cwiseInverse().asDiagonal() * population.covariance * unit.cwiseInverse().asDiagonal();
+  const MatrixXd precision = unit.cwiseInverse().asDiagonal() * correlation.llt().solve(MatrixXd::Identity(p, p)) * unit.cwiseInverse().asDiagonal();
+  Calibration result;
+  result.method = Method::full;
+  result.kind = RecordingKind::pairs;
+  result.counts = problem.counts;
+  result.range_min_m = population.range_min_m;
+  result.range_max_m = population.range_max_m;
+  const pairs_ml::DenseNewton end = pairs_ml::minimise([&](const VectorXd& x) {
+    PairsDerivatives d = pairs_derivatives(problem, x.head(n), {population.law, VectorXd::Constant(1, std::exp(x[n]))});
+    const VectorXd e = x - population.mean, pull = precision * e;
+    d.nll += 0.5 * e.dot(pull);
+    d.gradient += pull;
+    d.hessian += precision;
+    d.information += precision;
+    return d;
+  }, population.mean);
+  const VectorXd& x = end.x;
+  result.outcome = end.outcome;
+  result.iterations = end.iterations;
+  result.alpha = x.head(n);
+  result.noise = {population.law, VectorXd::Constant(1, std::exp(x[n]))};
+  if (result.outcome != Outcome::converged) {
+    result.reason = end.outcome == Outcome::failed ? "the population's mean lies outside the model's domain at these distances"
+                                                   : "the Newton steps did not settle";
+    return result;
+  }
+  const MatrixXd covariance = unit.asDiagonal() * (unit.asDiagonal() * end.at.information * unit.asDiagonal()).llt().solve(MatrixXd::Identity(p, p)) * unit.asDiagonal();
+  result.alpha_covariance = covariance.topLeftCorner(n, n);
+  result.covariance_reason = "of the posterior, population included";
+  result.noise_estimates = {Estimate{result.noise.parameters[0], result.noise.parameters[0] * std::sqrt(covariance(n, n))}};
+  result.joint_nll = result.marginal_nll = pairs_nll(problem, result.alpha, result.noise);
+  return result;
+}
+
+UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibration) {
+  UnitMisfit misfit;
+  const Pairs& pairs = recording.pairs;
+  const std::size_t count = pairs.size();
+  if (recording.kind != RecordingKind::pairs || count < 100 || calibration.outcome != Outcome::converged) return misfit;
+  double second = 0.0, fourth = 0.0, neighbours = 0.0, before = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double f = evaluate_polynomial(calibration.alpha, pairs.true_m[i]);
+    const double z = (pairs.reading_m[i] - f) / calibration.noise.spread(pairs.true_m[i], f);
+    second += z * z;
+    fourth += z * z * z * z;
+    neighbours += z * before;
+    before = z;
+  }
+  const double N = static_cast<double>(count);
+  misfit.kurtosis = N * fourth / (second * second) - 3.0;
+  misfit.correlation = neighbours / second;
+  misfit.tail_p = two_sided(misfit.kurtosis * std::sqrt(N / 24.0));
+  misfit.dependence_p = two_sided(misfit.correlation * std::sqrt(N));
+  PairsOptions wider;
+  wider.order = std::min(calibration.order() + 2, 8);
+  wider.law = calibration.noise.law;
+  const PairsFit fit = full_pairs(make_pairs_problem({&recording, 1}), wider);
+  if (fit.calibration.outcome != Outcome::converged || !calibration.joint_nll) return misfit;
+  const double gain = 2.0 * (*calibration.joint_nll - fit.nll);
+  misfit.shape_p = gain > 0.0 ? boost::math::cdf(boost::math::complement(boost::math::chi_squared(2.0), gain)) : 1.0;
+  for (int i = 0; i <= 20; ++i) {
+    const double d = calibration.range_min_m + i / 20.0 * (calibration.range_max_m - calibration.range_min_m);
+    misfit.shape_m = std::max(misfit.shape_m, std::abs(evaluate_polynomial(fit.calibration.alpha, d) - evaluate_polynomial(calibration.alpha, d)));
+  }
+  return misfit;
+}
+
+std::string population_to_json(const Population& population) {
+  nlohmann::ordered_json object{{"format", "rangecal-population/1"},
+                                {"outcome", to_string(population.outcome)},
+                                {"reason", population.reason},
+                                {"order", population.order},
+                                {"law", to_string(population.law)},
+                                {"range_m", {population.range_min_m, population.range_max_m}},
+                                {"units", population.units},
+                                {"left_out", population.left_out},
+                                {"log_likelihood", population.log_likelihood},
+                                {"iterations", population.iterations},
+                                {"mean", std::vector<double>(population.mean.begin(), population.mean.end())}};
+  object["covariance"] = nlohmann::ordered_json::array();
+  for (Eigen::Index i = 0; i < population.covariance.rows(); ++i) {
+    const VectorXd row = population.covariance.row(i);
+    object["covariance"].push_back(std::vector<double>(row.begin(), row.end()));
+  }
+  return object.dump(2) + "\n";
+}
+
+Population population_from_json(const std::string& text, const std::string& name) {
+  try {
+    const auto object = nlohmann::json::parse(text);
+    if (object.at("format") != "rangecal-population/1") throw InputError(name + ": field 'format' is not 'rangecal-population/1'");
+    Population population;
+    population.outcome = outcome_from_string(object.at("outcome").get<std::string>());
+    population.reason = object.at("reason");
+    population.order = object.at("order");
+    population.law = noise_law_from_string(object.at("law").get<std::string>());
+    population.range_min_m = object.at("range_m").at(0);
+    population.range_max_m = object.at("range_m").at(1);
+    population.units = object.at("units");
+    population.left_out = object.at("left_out");
+    population.log_likelihood = object.at("log_likelihood");
+    population.iterations = object.at("iterations");
+    const auto mean = object.at("mean").get<std::vector<double>>();
+    const auto rows = object.at("covariance").get<std::vector<std::vector<double>>>();
+    const auto p = static_cast<Eigen::Index>(mean.size());
+    population.mean = VectorXd::Map(mean.data(), p);
+    population.covariance.resize(p, p);
+    if (rows.size() != mean.size()) throw InputError(name + ": field 'covariance' does not fit 'mean'");
+    for (Eigen::Index i = 0; i < p; ++i) {
+      if (rows[static_cast<std::size_t>(i)].size() != mean.size()) throw InputError(name + ": field 'covariance' does not fit 'mean'");
+      for (Eigen::Index j = 0; j < p; ++j) population.covariance(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+    }
+    return population;
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError(name + ": is no population: " + error.what());
+  }
+}
+
+}  // namespace rangecal

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include "apps/run_binary.hpp"
+#include "rangecal/core/random.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// Units u000, u001, ..: alpha_0 ~ N(0.05, 0.02^2), alpha_1 ~ N(0.9, 0.03^2), s = 0.01 f^2. u007 lies 0.4 m off; u011 has
+/// 3 readings; u013's file is broken.
+void write_fleet(const TemporaryFolder& folder, int units, int readings) {
+  for (int u = 0; u < units; ++u) {
+    Random random(seed_from("fleet", {static_cast<std::uint64_t>(u)}));
+    const std::string path = fmt::format("{}/fleet/u{:03}", folder.path(), u);
+    std::filesystem::create_directories(path);
+    std::ofstream(path + "/recording.yaml") << "format: rangecal/1\nkind: pairs\nsensor: {name: unit, principle: triangulation}\n";
+    std::ofstream pairs(path + "/pairs.csv");
+    pairs << "true_m,reading_m\n";
+    const double offset = random.normal(0.05, 0.02) + (u == 7 ? 0.4 : 0.0), slope = random.normal(0.9, 0.03);
+    for (int i = 0; i < (u == 11 ? 3 : readings); ++i) {
+      const double d = random.uniform(0.5, 4.0), f = offset + slope * d;
+      pairs << fmt::format("{:.5f},{:.5f}\n", d, random.normal(f, 0.01 * f * f));
+    }
+    if (u == 13) pairs << "far,1\n";
+  }
+}
+
+TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
+  const TemporaryFolder folder;
+  write_fleet(folder, 60, 200);
+  const std::string fleet = folder.file("fleet"), order = " --order 1 -o ";
+  const RunResult result = run("fleet " + fleet + order + folder.file("a.db") + " --csv " + folder.file("a.csv") + " --threads 1 --diagnose 2");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("60 in"));
+  EXPECT_THAT(result.out, HasSubstr("58 fitted, 1 unreadable"));
+  EXPECT_THAT(result.out, HasSubstr("1 units have too few"));
+  EXPECT_THAT(result.out, HasSubstr("Odd units    1;"));
+  const std::string csv = slurp(folder.file("a.csv"));
+  EXPECT_EQ(count_of(csv, "\n"), 61);
+  EXPECT_EQ(count_of(csv, "few readings and population"), 1);
+  EXPECT_THAT(csv, HasSubstr("pairs.csv, row 202"));
+
+  // the same rows on other threads, from shards, and in a second run over a file that is there already
+  ASSERT_EQ(run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv") + " --threads 4").code, 0);
+  EXPECT_EQ(slurp(folder.file("b.csv")), csv);
+  for (const std::string i : {"0", "1", "2"})
+    ASSERT_EQ(run("fleet " + fleet + order + folder.file("s" + i) + " --shard " + i + "/3").code, 0);
+  ASSERT_EQ(run("fleet --merge " + folder.file("s2") + " " + folder.file("s0") + " " + folder.file("s1") + order + folder.file("c.db") + " --csv " + folder.file("c.csv")).code, 0);
+  EXPECT_EQ(slurp(folder.file("c.csv")), csv);
+  const RunResult again = run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv"));
+  EXPECT_THAT(again.out, HasSubstr("60 were there already"));
+  EXPECT_EQ(slurp(folder.file("b.csv")), csv);
+}
+
+TEST(FleetCommand, GoesOnAfterAKill) {
+  const TemporaryFolder folder;
+  write_fleet(folder, 600, 60);   // three transactions of units
+  const std::string fleet = folder.file("fleet"), file = folder.file("killed.db");
+  for (int attempt = 0; attempt < 4; ++attempt) {   // killed wherever it happens to be
+    const pid_t child = ::fork();
+    if (child == 0) {
+      std::freopen("/dev/null", "w", stdout);
+      ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "fleet", fleet.c_str(), "--order", "1", "-o", file.c_str(), "--diagnose", "0", nullptr);
+      ::_exit(99);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(60 * (attempt + 1)));
+    ::kill(child, SIGKILL);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+  }
+  const std::string csv = folder.file("killed.csv"), whole = folder.file("whole.csv");
+  ASSERT_EQ(run("fleet " + fleet + " --order 1 -o " + file + " --csv " + csv + " --diagnose 0").code, 0);
+  ASSERT_EQ(run("fleet " + fleet + " --order 1 -o " + folder.file("whole.db") + " --csv " + whole + " --diagnose 0").code, 0);
+  EXPECT_EQ(slurp(csv), slurp(whole));
+  EXPECT_EQ(count_of(slurp(csv), "\n"), 601);
+}
+
+TEST(FleetCommand, RefusesWhatDoesNotFit) {
+  const TemporaryFolder folder;
+  write_fleet(folder, 3, 30);
+  const std::string fleet = folder.file("fleet");
+  const RunResult few = run("fleet " + fleet + " --order 1 -o " + folder.file("a.db"));
+  EXPECT_EQ(few.code, 1);   // three units make no population of three unknowns
+  EXPECT_THAT(few.out, HasSubstr("too_few_data"));
+  EXPECT_EQ(run("fleet " + fleet + " --order 2 -o " + folder.file("a.db")).code, 2);   // another order
+  EXPECT_EQ(run("fleet " + folder.path() + " -o " + folder.file("b.db")).code, 2);     // no recordings
+  EXPECT_EQ(run("fleet -o " + folder.file("b.db")).code, 2);
+  EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("b.db") + " --shard 3/3").code, 2);
+  EXPECT_EQ(run("fleet --merge /nowhere -o " + folder.file("b.db")).code, 2);
+  folder.write("text.db", "this is no data base, but long enough to be looked at as one");
+  EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("text.db")).code, 2);
+}
+
+}  // namespace
+}  // namespace rangecal::test

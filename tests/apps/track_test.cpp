@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <string>
+#include <sstream>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include "apps/run_binary.hpp"
+#include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/random.hpp"
+
+namespace rangecal::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// Rows of reading_m,true_m,time_s: f(d) = 0.1 + 0.9 d, s = 0.01 f^2; every fifth row without a true distance.
+std::string rows(int first, int count) {
+  std::string text;
+  for (int i = first; i < first + count; ++i) {
+    Random random(seed_from("track stream", {static_cast<std::uint64_t>(i)}));
+    const double d = random.uniform(0.5, 4.0), f = 0.1 + 0.9 * d;
+    text += fmt::format("{:.5f},{},{}\n", random.normal(f, 0.01 * f * f), i % 5 == 4 ? "" : fmt::format("{:.5f}", d), 0.1 * i);
+  }
+  return text;
+}
+const std::string header = "reading_m,true_m,time_s\n";
+
+TEST(TrackCommand, TeachesAndCorrectsAsReadingsCome) {
+  const TemporaryFolder folder;
+  folder.write("in.csv", header + rows(0, 2000));
+  const RunResult result =
+      run("track " + folder.file("in.csv") + " --order 1 -o " + folder.file("out.csv") + " --json " + folder.file("cal.json"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("Curve f"));
+  const Calibration tracked = load_calibration(folder.file("cal.json"));
+  // 1600 pairs: alpha known to about 1 mm
+  EXPECT_NEAR(tracked.alpha[0], 0.1, 0.005);
+  EXPECT_NEAR(tracked.alpha[1], 0.9, 0.005);
+  EXPECT_NEAR(tracked.noise.parameters[0], 0.01, 0.001);
+  const std::string out = slurp(folder.file("out.csv"));
+  EXPECT_EQ(count_of(out, "\n"), 2001);
+  EXPECT_THAT(out, HasSubstr("no_calibration_yet"));
+  EXPECT_EQ(count_of(out, ",ok\n") + count_of(out, "no_calibration_yet") + count_of(out, "out_of_range") + count_of(out, "extrapolated"), 2000);
+}
+
+TEST(TrackCommand, BadRowsAreNamedAndNothingElseIsLost) {
+  const RunResult result = run("track --order 1", header + rows(0, 50) + "far,1.0,5\n1.0,2.0\n\"1.0,2.0,3\n1.2,1.2,\n,,6\n0,,7\n" + rows(60, 50));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(count_of(result.out, "malformed"), 4);
+  EXPECT_EQ(count_of(result.out, "missing"), 1);
+  EXPECT_EQ(count_of(result.out, "zero"), 1);
+  EXPECT_EQ(count_of(result.out, "\n"), 1 + 106);
+  EXPECT_THAT(result.err, HasSubstr("stdin, row 52, column 'reading_m': 'far' is not a number"));
+  EXPECT_EQ(run("track", "").code, 2);
+  EXPECT_EQ(run("track", "distance\n1.0\n").code, 2);
+  EXPECT_EQ(run("track", "1.0\n2.0\n").code, 1);   // nothing to learn from, nothing given
+  EXPECT_EQ(run("track --order 9", header).code, 2);
+  EXPECT_EQ(run("track /nowhere.csv").code, 2);
+}
+
+TEST(TrackCommand, CorrectsByACalibrationGiven) {
+  const TemporaryFolder folder;
+  Calibration line;
+  line.outcome = Outcome::converged;
+  line.alpha = Eigen::Vector2d(0.1, 0.5);
+  line.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.01)};
+  line.range_min_m = 0.5;
+  line.range_max_m = 4.0;
+  save_calibrations({line}, folder.file("cal.json"));
+  const RunResult result = run("track --from " + folder.file("cal.json"), "1.1\n0.6\n");
+  ASSERT_EQ(result.code, 0) << result.err;   // d = (y - 0.1) / 0.5
+  EXPECT_EQ(result.out, "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
+}
+
+TEST(TrackCommand, GoesOnFromItsStateAsIfNothingHadHappened) {
+  const TemporaryFolder folder;
+  const std::string whole = header + rows(0, 1500);
+  folder.write("whole.csv", whole);
+  const std::string arguments = " --order auto --forget 100 --every 100 ";
+  ASSERT_EQ(run("track " + folder.file("whole.csv") + arguments + "-o " + folder.file("a.csv") + " --state " + folder.file("a.json")).code, 0);
+  for (const std::size_t length : {whole.size() / 3, whole.size() / 2, whole.size()}) {   // cut within a line
+    folder.write("part.csv", whole.substr(0, length));
+    const RunResult result =
+        run("track " + folder.file("part.csv") + arguments + "-o " + folder.file("b.csv") + " --state " + folder.file("b.json"));
+    ASSERT_EQ(result.code, 0) << result.err;
+  }
+  EXPECT_EQ(slurp(folder.file("a.csv")), slurp(folder.file("b.csv")));
+  EXPECT_EQ(run("track " + folder.file("part.csv") + " --order 3 --state " + folder.file("b.json")).code, 2);
+  folder.write("part.csv", header);
+  EXPECT_EQ(run("track " + folder.file("part.csv") + arguments + " --state " + folder.file("b.json")).code, 2);
+}
+
+TEST(TrackCommand, FollowsAGrowingFileThroughAKill) {
+  const TemporaryFolder folder;
+  const std::string whole = header + rows(0, 900), out = folder.file("out.csv"), state = folder.file("state.json");
+  folder.write("in.csv", "");
+  const auto append = [&](const std::string& text) { std::ofstream(folder.file("in.csv"), std::ios::app | std::ios::binary) << text; };
+  const auto start = [&] {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "track", folder.file("in.csv").c_str(), "--follow", "--order", "1", "--every", "50", "-o",
+              out.c_str(), "--state", state.c_str(), nullptr);
+      ::_exit(99);
+    }
+    return child;
+  };
+  const auto wait_for = [&](int lines) {   // until the saved state has come so far; a minute at most
+    for (int i = 0; i < 1200; ++i) {
+      if (count_of(slurp(state), fmt::format("\"rows\":{},", lines)) > 0) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return false;
+  };
+  const std::size_t cut = whole.size() / 2;
+  append(whole.substr(0, cut));
+  const int complete = count_of(whole.substr(0, cut), "\n") - 1;
+  pid_t child = start();
+  EXPECT_TRUE(wait_for(complete));
+  ::kill(child, SIGKILL);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  append(whole.substr(cut));
+  child = start();
+  EXPECT_TRUE(wait_for(900));
+  ::kill(child, SIGINT);
+  ::waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  const std::string text = slurp(out);
+  ASSERT_EQ(count_of(text, "\n"), 901);
+  std::istringstream given(whole), made(text);   // every reading once, in order
+  std::string a, b;
+  std::getline(given, a);
+  std::getline(made, b);
+  while (std::getline(given, a) && std::getline(made, b)) EXPECT_NEAR(std::stod(a), std::stod(b), 0.0);
+}
+
+}  // namespace
+}  // namespace rangecal::test

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/fleet/population.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+namespace rangecal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+const VectorXd mu{{0.05, 0.9, 0.05, std::log(0.02)}};
+MatrixXd root_of_Sigma() {
+  MatrixXd root = VectorXd{{0.02, 0.03, 0.01, 0.2}}.asDiagonal();
+  root(1, 0) = -0.02;   // offset and slope go against each other
+  return root;
+}
+
+VectorXd draw_unit(Random& random) {
+  return mu + root_of_Sigma() * VectorXd::NullaryExpr(4, [&](Eigen::Index) { return random.normal(); });
+}
+
+Recording readings_of(const VectorXd& theta, int count, Random& random) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  for (int i = 0; i < count; ++i) {
+    const double d = random.uniform(0.3, 5.0), f = evaluate_polynomial(VectorXd(theta.head(3)), d);
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(random.normal(f, std::exp(theta[3]) * f * f));
+  }
+  return recording;
+}
+
+UnitSummary summary_of(const Recording& recording) {
+  const auto unit = summarise(full_pairs(make_pairs_problem({&recording, 1})).calibration);
+  EXPECT_TRUE(unit);
+  return *unit;
+}
+
+UnitStream stream_of(const std::vector<UnitSummary>& units) {
+  return [&units](const std::function<void(const UnitSummary&)>& visit) {
+    for (const UnitSummary& unit : units) visit(unit);
+  };
+}
+
+Population truth() {
+  Population population;
+  population.outcome = Outcome::converged;
+  population.range_min_m = 0.3;
+  population.range_max_m = 5.0;
+  population.mean = mu;
+  population.covariance = root_of_Sigma() * root_of_Sigma().transpose();
+  return population;
+}
+
+TEST(Population, OfExactUnitsIsMeanAndCovariance) {
+  // With information without end the marginal likelihood is that of a normal sample: its mean and its covariance / N.
+  Random random(seed_from("population exact"));
+  std::vector<UnitSummary> units;
+  VectorXd mean = VectorXd::Zero(4);
+  for (int i = 0; i < 500; ++i) {
+    units.push_back({draw_unit(random), 1e16 * MatrixXd::Identity(4, 4)});
+    mean += units.back().theta / 500.0;
+  }
+  MatrixXd covariance = MatrixXd::Zero(4, 4);
+  for (const UnitSummary& u : units) covariance += (u.theta - mean) * (u.theta - mean).transpose() / 500.0;
+  const Population population = fit_population(stream_of(units));
+  ASSERT_EQ(population.outcome, Outcome::converged) << population.reason;
+  EXPECT_EQ(population.units, 500);
+  EXPECT_LT((population.mean - mean).norm(), 1e-6);
+  EXPECT_LT((population.covariance - covariance).norm(), 1e-6 * covariance.norm());
+}
+
+TEST(Population, ComesBackFromReadings) {
+  Random random(seed_from("population readings"));
+  std::vector<UnitSummary> units;
+  constexpr int count = 600;
+  for (int i = 0; i < count; ++i) units.push_back(summary_of(readings_of(draw_unit(random), 100, random)));
+  const Population population = fit_population(stream_of(units));
+  ASSERT_EQ(population.outcome, Outcome::converged) << population.reason;
+  const MatrixXd Sigma = truth().covariance;
+  for (int i = 0; i < 4; ++i) {
+    // spread of the mean: sqrt((Sigma + Lambda^-1) / N); of a variance: 2 (Sigma + Lambda^-1)^2 / N; 4 standard deviations.
+    const MatrixXd inverse = units[0].information.inverse();
+    const double total = Sigma(i, i) + inverse(i, i);
+    // sigma by ML from 100 readings is low by (n + 1) / (2 N) = 1.5 % in log sigma, which is the 0.015 here
+    EXPECT_NEAR(population.mean[i], mu[i], 4.0 * std::sqrt(total / count) + (i == 3 ? 0.015 : 0.0)) << i;
+    EXPECT_NEAR(population.covariance(i, i), Sigma(i, i), 4.0 * total * std::sqrt(2.0 / count)) << i;
+  }
+}
+
+TEST(Population, PosteriorsCoverTheirUnits) {
+  // Share of true alpha_1 within 1.96 posterior deviations over 500 new units of 4 readings: binomial, 4 * 0.0097. Fewer
+  // readings than unknowns: alone they determine nothing.
+  const Population population = truth();
+  Random random(seed_from("population coverage"));
+  int held = 0;
+  for (int i = 0; i < 500; ++i) {
+    const VectorXd theta = draw_unit(random);
+    const Recording recording = readings_of(theta, 4, random);
+    const Calibration fit = calibrate_in_population(make_pairs_problem({&recording, 1}), population);
+    ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+    held += std::abs(fit.alpha[1] - theta[1]) < 1.96 * std::sqrt((*fit.alpha_covariance)(1, 1));
+  }
+  EXPECT_NEAR(held / 500.0, 0.95, 0.039);
+}
+
+TEST(Population, NoReadingsGiveThePopulationAndManyTheUnit) {
+  const Population population = truth();
+  const Calibration none = calibrate_in_population(PairsProblem{}, population);
+  EXPECT_LT((none.alpha - mu.head(3)).norm(), 1e-9);
+  EXPECT_LT((*none.alpha_covariance - population.covariance.topLeftCorner(3, 3)).norm(), 1e-9);
+  Random random(seed_from("population many"));
+  const Recording recording = readings_of(draw_unit(random), 20000, random);
+  const PairsProblem problem = make_pairs_problem({&recording, 1});
+  const Calibration many = calibrate_in_population(problem, population), own = full_pairs(problem).calibration;
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(many.alpha[i], own.alpha[i], 0.2 * std::sqrt((*own.alpha_covariance)(i, i)));
+  // shrink() is the same to the order of the quadratic approximation
+  const UnitPosterior posterior = shrink(*summarise(own), population);
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(posterior.mean[i], many.alpha[i], 0.02 * std::sqrt((*own.alpha_covariance)(i, i)));
+}
+
+TEST(Population, OutlyingUnitsAreNamedAndDoNotMoveIt) {
+  Random random(seed_from("population outliers"));
+  std::vector<UnitSummary> clean;
+  for (int i = 0; i < 300; ++i) clean.push_back({draw_unit(random), 1e8 * MatrixXd::Identity(4, 4)});
+  std::vector<UnitSummary> mixed = clean;
+  for (int i = 0; i < 12; ++i) {   // 4 %: an offset ten deviations off
+    mixed.push_back({draw_unit(random), 1e8 * MatrixXd::Identity(4, 4)});
+    mixed.back().theta[0] += 0.2;
+  }
+  const Population a = fit_population(stream_of(clean)), b = fit_population(stream_of(mixed));
+  ASSERT_EQ(b.outcome, Outcome::converged);
+  EXPECT_EQ(b.left_out, 12 + a.left_out);
+  EXPECT_LT((a.covariance - b.covariance).norm(), 1e-6);
+  for (std::size_t i = 300; i < mixed.size(); ++i) {
+    const UnitPosterior posterior = shrink(mixed[i], b);
+    EXPECT_LT(posterior.p_value, 1e-6);
+    EXPECT_GT(posterior.z[0], 5.0);
+  }
+  // Of the clean ones p is uniform: below 0.05 in 5 % +- 4 * 1.3 %
+  int below = 0;
+  for (const UnitSummary& unit : clean) below += shrink(unit, a).p_value < 0.05;
+  EXPECT_NEAR(below / 300.0, 0.05, 0.05);
+}
+
+TEST(Population, MisfitSeesShapeTailsAndDependenceAtTheirRate) {
+  Random random(seed_from("population misfit"));
+  int alarms = 0;
+  for (int i = 0; i < 300; ++i) {
+    const Recording recording = readings_of(mu, 400, random);
+    const UnitMisfit misfit = unit_misfit(recording, full_pairs(make_pairs_problem({&recording, 1})).calibration);
+    alarms += (misfit.shape_p < 0.01) + (misfit.tail_p < 0.01) + (misfit.dependence_p < 0.01);
+  }
+  EXPECT_LT(alarms, 30);   // 9 expected of 900; kurtosis is skewed, which adds some
+  Recording odd = readings_of(mu, 400, random);
+  for (std::size_t i = 0; i < odd.pairs.size(); ++i) odd.pairs.reading_m[i] += 0.05 * std::sin(3.0 * odd.pairs.true_m[i]);
+  EXPECT_LT(unit_misfit(odd, full_pairs(make_pairs_problem({&odd, 1})).calibration).shape_p, 1e-6);
+  odd = readings_of(mu, 400, random);
+  for (std::size_t i = 0; i < odd.pairs.size(); i += 20) odd.pairs.reading_m[i] *= 1.3;
+  EXPECT_LT(unit_misfit(odd, full_pairs(make_pairs_problem({&odd, 1})).calibration).tail_p, 1e-6);
+}
+
+TEST(Population, SaysWhenItCannot) {
+  std::vector<UnitSummary> few{{mu, MatrixXd::Identity(4, 4)}};
+  EXPECT_EQ(fit_population(stream_of(few)).outcome, Outcome::too_few_data);
+  EXPECT_THROW(calibrate_in_population(PairsProblem{}, Population{}), InputError);
+  few.push_back({VectorXd::Zero(3), MatrixXd::Identity(3, 3)});
+  EXPECT_THROW(fit_population(stream_of(few)), InputError);
+  Calibration none;
+  EXPECT_FALSE(summarise(none));
+  const Population population = truth(), back = population_from_json(population_to_json(population), "p");
+  EXPECT_EQ(back.mean, population.mean);
+  EXPECT_EQ(back.covariance, population.covariance);
+  EXPECT_THROW(population_from_json("{}", "p"), InputError);
+}
+
+}  // namespace
+}  // namespace rangecal

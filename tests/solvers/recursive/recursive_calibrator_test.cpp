@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/recursive/recursive_calibrator.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+namespace rangecal {
+namespace {
+
+struct Stream {
+  std::vector<double> d, y;
+};
+
+/// y ~ N(f, (0.02 f^2)^2) at distances of 0.3 to 5 m; f the curve of the 2016 paper.
+Stream draw(std::uint64_t repeat, int count, const Eigen::VectorXd& alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584)) {
+  Random random(seed_from("recursive", {repeat}));
+  Stream stream;
+  for (int i = 0; i < count; ++i) {
+    const double d = random.uniform(0.3, 5.0), f = evaluate_polynomial(alpha, d);
+    stream.d.push_back(d);
+    stream.y.push_back(random.normal(f, 0.02 * f * f));
+  }
+  return stream;
+}
+
+RecursiveCalibrator after(const Stream& stream, const RecursiveOptions& options) {
+  RecursiveCalibrator tracked(options);
+  for (std::size_t i = 0; i < stream.d.size(); ++i) tracked.add(stream.d[i], stream.y[i]);
+  return tracked;
+}
+
+Recording recording_of(const Stream& stream) {
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.pairs.true_m = stream.d;
+  recording.pairs.reading_m = stream.y;
+  return recording;
+}
+
+TEST(RecursiveCalibrator, ApproximateIsTheBatchAnswer) {
+  for (const int count : {6, 40, 3000}) {
+    for (const int order : {0, 1, 2, 3}) {
+      for (const NoiseLaw law : {NoiseLaw::f_squared, NoiseLaw::d_squared, NoiseLaw::f}) {
+        const Stream stream = draw(static_cast<std::uint64_t>(count), count);
+        RecursiveOptions options;
+        options.order = order;
+        options.law = law;
+        const Calibration ours = after(stream, options).approximate();
+        ClosedFormOptions closed;
+        closed.order = order;
+        closed.noise_law = law;
+        const Calibration batch = approximate_pairs(recording_of(stream), closed);
+        ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
+        for (int i = 0; i <= order; ++i) EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 1e-8) << count << " order " << order;
+        EXPECT_NEAR(ours.noise.parameters[0], batch.noise.parameters[0], 1e-8);
+        EXPECT_NEAR(*ours.noise_estimates[0].std_dev, *batch.noise_estimates[0].std_dev, 1e-8);
+        // interpolated over a bin, 1e-6 where few readings let f bend strongly
+        EXPECT_LT((*ours.alpha_covariance - *batch.alpha_covariance).norm(), 1e-5 * batch.alpha_covariance->norm());
+      }
+    }
+  }
+}
+
+TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDeviation) {
+  for (const int count : {30, 500, 50000}) {
+    for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed, NoiseLaw::d_squared}) {
+      const Stream stream = draw(7, count);
+      RecursiveOptions options;
+      options.law = law;
+      RecursiveCalibrator tracked(options);
+      Calibration ours;
+      for (std::size_t i = 0; i < stream.d.size(); ++i) {
+        tracked.add(stream.d[i], stream.y[i]);
+        if (i % 1000 == 20) tracked.full();   // estimates on the way change nothing
+      }
+      ours = tracked.full();
+      PairsOptions pairs;
+      pairs.law = law;
+      const PairsFit batch = full_pairs(make_pairs_problem(stream.d, stream.y), pairs);
+      ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason << " " << to_string(law) << count;
+      for (int i = 0; i < 3; ++i) {
+        const double std_dev = std::sqrt((*batch.calibration.alpha_covariance)(i, i));
+        EXPECT_NEAR(ours.alpha[i], batch.calibration.alpha[i], 0.01 * std_dev) << to_string(law) << count;
+      }
+      EXPECT_NEAR(ours.noise.parameters[0], batch.calibration.noise.parameters[0], 0.01 * *batch.calibration.noise_estimates[0].std_dev);
+      EXPECT_LT((*ours.alpha_covariance - *batch.calibration.alpha_covariance).norm(), 1e-5 * batch.calibration.alpha_covariance->norm());
+      EXPECT_NEAR(*ours.joint_nll, batch.nll, 1e-8 * std::abs(batch.nll) + 1e-4);
+    }
+  }
+}
+
+TEST(RecursiveCalibrator, TracksTheOrder) {
+  for (const auto& [alpha, order] : {std::pair<Eigen::VectorXd, int>{Eigen::Vector2d(0.05, 0.9), 1},
+                                     {Eigen::Vector3d(0.0525, 0.8838, 0.0584), 2}}) {
+    const Stream stream = draw(11, 2000, alpha);
+    RecursiveOptions options;
+    options.order.reset();
+    RecursiveCalibrator tracked = after(stream, options);
+    PairsOptions pairs;
+    pairs.order.reset();
+    const PairsFit batch = full_pairs(make_pairs_problem(stream.d, stream.y), pairs);
+    EXPECT_EQ(tracked.full().order(), batch.calibration.order());
+    EXPECT_GE(tracked.full().order(), order);
+    EXPECT_GE(tracked.approximate().order(), order);
+  }
+}
+
+TEST(RecursiveCalibrator, ForgetsWithItsTimeConstant) {
+  // Weights exp(-age / 100 s), the batch's with the same weights as reference; one reading a second, out of order in places.
+  const Stream stream = draw(13, 5000);
+  RecursiveOptions options;
+  options.forget = 100.0;
+  options.law = NoiseLaw::d_squared;
+  RecursiveCalibrator tracked(options);
+  std::vector<double> weights;
+  for (std::size_t i = 0; i < stream.d.size(); ++i) {
+    const double time = 1e6 + static_cast<double>(i % 7 == 3 ? i - 2 : i);
+    tracked.add(stream.d[i], stream.y[i], time);
+    weights.push_back(std::exp((time - 1e6 - 4999.0) / 100.0) / std::pow(stream.d[i], 4));
+  }
+  // sum over ages of exp(-age / 100) = 1 / (1 - e^-0.01) = 100.5, of its square 50.25: 100.5^2 / 50.25 = 201
+  EXPECT_NEAR(tracked.effective_readings(), 201.0, 2.0);
+  const PolynomialFit batch = fit_polynomial(stream.d, stream.y, 2, weights);
+  const Calibration ours = tracked.approximate();
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 1e-8);
+}
+
+TEST(RecursiveCalibrator, FollowsADriftThatTheStateWithoutForgettingAverages) {
+  Random random(seed_from("recursive drift"));
+  RecursiveOptions options;
+  options.order = 1;
+  options.law = NoiseLaw::constant;
+  RecursiveCalibrator all(options);
+  options.forget = 200.0;
+  RecursiveCalibrator recent(options);
+  for (int i = 0; i < 10000; ++i) {   // the offset creeps from 0 to 0.1 m, 2 mm in 200 readings
+    const double d = random.uniform(0.5, 4.0), y = 1e-5 * i + d + random.normal(0.0, 0.01);
+    all.add(d, y);
+    recent.add(d, y);
+  }
+  // weighted mean age 200 readings: 0.1 - 0.002, +- 0.01 / sqrt(400) = 0.5 mm at mid range, times 3 at d = 0
+  EXPECT_NEAR(recent.full().alpha[0], 0.098, 0.006);
+  EXPECT_NEAR(all.full().alpha[0], 0.05, 0.002);
+}
+
+TEST(RecursiveCalibrator, CovarianceOfForgettingHolds) {
+  // 400 streams; the share of |alpha_1 - truth| < 1.96 standard deviations is binomial: 0.95 +- 4 * 0.011
+  RecursiveOptions options;
+  options.forget = 60.0;
+  int held = 0;
+  for (std::uint64_t repeat = 0; repeat < 400; ++repeat) {
+    const Calibration fit = after(draw(1000 + repeat, 400), options).full();
+    ASSERT_EQ(fit.outcome, Outcome::converged);
+    held += std::abs(fit.alpha[1] - 0.8838) < 1.96 * std::sqrt((*fit.alpha_covariance)(1, 1));
+  }
+  EXPECT_NEAR(held / 400.0, 0.95, 0.044);
+}
+
+TEST(RecursiveCalibrator, StateIsSavedWholeAndGoesOnBitByBit) {
+  const Stream stream = draw(17, 900);
+  RecursiveOptions options;
+  options.order.reset();
+  options.forget = 300.0;
+  RecursiveCalibrator whole(options), first(options);
+  for (std::size_t i = 0; i < stream.d.size(); ++i) whole.add(stream.d[i], stream.y[i]);
+  for (std::size_t i = 0; i < 400; ++i) first.add(stream.d[i], stream.y[i]);
+  first.add(-1.0, 2.0);
+  RecursiveCalibrator second = RecursiveCalibrator::from_json(first.to_json(), "state");
+  EXPECT_EQ(second.to_json(), first.to_json());
+  EXPECT_EQ(second.counts().dropped.size(), 1u);
+  for (std::size_t i = 400; i < stream.d.size(); ++i) second.add(stream.d[i], stream.y[i]);
+  EXPECT_EQ(second.full().alpha, whole.full().alpha);
+  EXPECT_EQ(second.approximate().alpha, whole.approximate().alpha);
+  EXPECT_THROW(RecursiveCalibrator::from_json("{}", "state"), InputError);
+  EXPECT_THROW(RecursiveCalibrator::from_json("not json", "state"), InputError);
+  std::string broken = first.to_json();
+  broken.replace(broken.find("recursive/1"), 11, "recursive/9");
+  EXPECT_THROW(RecursiveCalibrator::from_json(broken, "state"), InputError);
+}
+
+TEST(RecursiveCalibrator, HostileInput) {
+  RecursiveCalibrator tracked;
+  const double nan = std::nan("");
+  EXPECT_FALSE(tracked.add(nan, 1.0));
+  EXPECT_FALSE(tracked.add(1.0, nan));
+  EXPECT_FALSE(tracked.add(1.0, 0.0));
+  EXPECT_FALSE(tracked.add(1.0, -1.0));
+  EXPECT_FALSE(tracked.add(1e9, 1.0));
+  EXPECT_FALSE(tracked.add(1.0, INFINITY));
+  EXPECT_EQ(tracked.used(), 0);
+  EXPECT_EQ(tracked.counts().read, 6);
+  EXPECT_EQ(tracked.approximate().outcome, Outcome::too_few_data);
+  EXPECT_EQ(tracked.full().outcome, Outcome::too_few_data);
+  for (int i = 0; i < 10; ++i) tracked.add(1.0 + i % 2, 1.1 + i % 2 + 0.01 * i);   // two distances, three coefficients
+  EXPECT_EQ(tracked.approximate().outcome, Outcome::too_few_data);
+  EXPECT_FALSE(is_usable(tracked.full().outcome));
+  EXPECT_THROW(tracked.add(1.0, 1.0, 5.0), InputError);   // a time where the others have none
+  RecursiveCalibrator perfect;
+  for (int i = 1; i < 10; ++i) perfect.add(0.3 * i, 0.3 * i);
+  EXPECT_FALSE(is_usable(perfect.full().outcome));
+  RecursiveOptions bad;
+  bad.range_max_m = 0.01;
+  EXPECT_THROW(RecursiveCalibrator{bad}, InputError);
+  bad = {};
+  bad.forget = 0.0;
+  EXPECT_THROW(RecursiveCalibrator{bad}, InputError);
+}
+
+}  // namespace
+}  // namespace rangecal
