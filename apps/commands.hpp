@@ -22,6 +22,7 @@ void add_effects(CLI::App& app, Action& chosen);
 void add_extract(CLI::App& app, Action& chosen);
 void add_fleet(CLI::App& app, Action& chosen);
 void add_import(CLI::App& app, Action& chosen);
+void add_plan(CLI::App& app, Action& chosen);
 void add_prove(CLI::App& app, Action& chosen);
 void add_study(CLI::App& app, Action& chosen);
 void add_track(CLI::App& app, Action& chosen);

@@ -78,6 +78,7 @@ int run(int argc, char** argv) {
   app::add_extract(app, chosen);
   app::add_fleet(app, chosen);
   app::add_import(app, chosen);
+  app::add_plan(app, chosen);
   app::add_prove(app, chosen);
   app::add_study(app, chosen);
   app::add_track(app, chosen);

@@ -38,8 +38,21 @@ struct TrackCommand {
     const Tracked tracked = track(job);
     if (!json.empty() && tracked.calibration) save_calibrations({*tracked.calibration}, json);
     if (!job.output.empty()) fmt::print("{}", page(tracked));
+    if (job.watch > 0.0) fmt::print(job.output.empty() ? stderr : stdout, "{}", changes(tracked));
     for (const std::string& note : tracked.notes) fmt::print(stderr, "rangecal: {}\n", note);
     return !job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome)) ? done : not_delivered;
+  }
+
+  std::string changes(const Tracked& tracked) const {
+    if (tracked.changes.empty()) return "Changes    none against " + job.from + "\n";
+    std::string text;
+    for (const ChangeAlarm& c : tracked.changes) {
+      const char* unit = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder ? " m" : c.kind == ChangeKind::pointing ? " 1/m" : "";
+      text += fmt::format("Changes    alarm at pair {}, since about pair {}{}\n", c.reading, c.since,
+                          c.named ? fmt::format(": {} by {}{} (probability {:.2f})", to_string(c.kind), with_std(c.size, c.std_dev), unit, c.probability)
+                                  : std::string("; not enough pairs yet to say what"));
+    }
+    return text;
   }
 
   std::string page(const Tracked& tracked) const {
@@ -80,6 +93,9 @@ void add_track(CLI::App& app, Action& chosen) {
       ->check(CLI::PositiveNumber);
   command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);
   command->add_flag("--approximate", state->job.approximate, "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
+  command->add_option("--watch", state->job.watch, "watch for a change against --from; so many pairs lie between two false alarms (100000, say)")
+      ->check(CLI::Range(100.0, 1e12));
+  command->add_option("--changes", state->job.changes, "keep a table of the alarms of --watch in this file");
   command->add_option("-o,--output", state->job.output, "write the corrected distances here and a summary to stdout");
   command->add_option("--json", state->json, "write the last calibration to this file");
   command->footer(
@@ -87,11 +103,13 @@ void add_track(CLI::App& app, Action& chosen) {
       "calibration so far. Rows with true_m also teach the calibration, in constant memory; it is estimated anew each time the\n"
       "pairs have grown by 2 %. A row that cannot be understood is flagged 'malformed', named on stderr, and skipped. With --state\n"
       "(and -o) a killed run goes on where it was saved: no row is lost, none counts twice.\n"
+      "--watch tells within some hundred pairs what changed: window (offset), baseline (scale), pointing (disparity) or noise.\n"
       "Exit code 1 where the stream did not determine a calibration and --from gives none.\n"
       "\n"
       "Examples:\n"
       "  rangecal track notebooks_data/pairs-2016/pairs.csv -o distances.csv --json cal.json\n"
       "  sensor-program | rangecal track --from cal.json --forget 3600\n"
+      "  rangecal track today.csv --from cal.json --watch 100000 -o distances.csv\n"
       "  rangecal track log.csv --follow --state track.json -o distances.csv");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
 }

@@ -26,6 +26,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 constexpr const char* format_name = "rangecal-track/1";
 constexpr int most_complaints = 10;
+constexpr std::size_t most_changes = 1000;   // kept, the latest
 
 volatile sig_atomic_t stopped = 0;
 void stop(int) { stopped = 1; }
@@ -67,6 +68,14 @@ class Run {
       given_ = load_calibration(job.from);
       require_curve(*given_, job.from);
       if (!given_->effects.empty()) throw InputError(job.from + ": holds effects, which a stream cannot undo; use 'rangecal correct'");
+    }
+    if (job.watch > 0.0) {
+      if (!given_) throw InputError("--watch needs --from, the calibration that may have changed");
+      ChangeOptions watch;
+      watch.run_length = job.watch;
+      detector_.emplace(*given_, watch);
+    } else if (!job.changes.empty()) {
+      throw InputError("--changes needs --watch");
     }
     if (!job.state.empty() && file_exists(job.state)) load();
     open_output();
@@ -114,6 +123,7 @@ class Run {
     result.malformed = malformed_;
     result.effective = calibrator_.effective_readings();
     result.timed = columns_.time >= 0;
+    result.changes = changes_;
     result.notes = notes_;
     if (malformed_ > most_complaints) result.notes.push_back(fmt::format("{}: {} rows were not understood in all", name_, malformed_));
     return result;
@@ -140,6 +150,13 @@ class Run {
       corrected_ = state.at("corrected");
       malformed_ = state.at("malformed");
       next_estimate_ = state.at("next_estimate");
+      if (state.at("watch").is_array() != detector_.has_value()) throw InputError(path + ": was made with or without --watch, now it is otherwise");
+      if (detector_) detector_->restore(state.at("watch").get<std::vector<double>>());
+      for (const Json& c : state.at("changes")) {
+        ChangeAlarm alarm{c.at(0), c.at(1), c.at(2), {}, c.at(4), c.at(5), c.at(6)};
+        alarm.kind = static_cast<ChangeKind>(c.at(3).get<int>());
+        changes_.push_back(alarm);
+      }
       if (state.at("calibration").is_object()) current_ = calibration_in(state.at("calibration"));
     } catch (const Json::exception& error) {
       throw InputError(path + ": is no state of 'rangecal track': " + error.what());
@@ -152,7 +169,9 @@ class Run {
     Json state{{"format", format_name}, {"header", header_}, {"offset", source_->offset()}, {"line", line_},
                {"output_bytes", output_bytes_}, {"rows", rows_}, {"corrected", corrected_}, {"malformed", malformed_},
                {"next_estimate", next_estimate_}, {"calibration", current_ ? json_of(*current_) : Json(nullptr)},
-               {"calibrator", Json::parse(calibrator_.to_json())}};
+               {"watch", detector_ ? Json(detector_->state()) : Json(nullptr)}, {"changes", Json::array()}, {"calibrator", Json::parse(calibrator_.to_json())}};
+    for (const ChangeAlarm& c : changes_)
+      state["changes"].push_back({c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev});
     write_file(job_.state, state.dump() + "\n");
   }
 
@@ -240,6 +259,7 @@ class Run {
         !number(columns_.time, "time_s", time))
       return;
     if (columns_.time >= 0 && !std::isfinite(time)) return complain("time_s", "there is no time");
+    if (detector_ && std::isfinite(truth)) watch(truth, reading);
     if (std::isfinite(truth)) {
       calibrator_.add(truth, reading, time);
       if (calibrator_.used() >= next_estimate_) estimate();
@@ -259,6 +279,22 @@ class Run {
     next_estimate_ = calibrator_.used() + std::max<std::int64_t>(1, static_cast<std::int64_t>(0.02 * calibrator_.effective_readings()));
   }
 
+  void watch(double truth, double reading) {
+    const auto alarm = detector_->add(truth, reading);
+    if (!alarm) return;
+    if (alarm->named && !changes_.empty())
+      changes_.back() = *alarm;
+    else
+      changes_.push_back(*alarm);
+    if (changes_.size() > most_changes) changes_.erase(changes_.begin());
+    if (job_.changes.empty()) return;
+    std::string text = "pair,since_pair,kind,probability,size,std\n";
+    for (const ChangeAlarm& c : changes_)
+      text += c.named ? fmt::format("{},{},{},{:.4f},{:.6g},{:.2g}\n", c.reading, c.since, to_string(c.kind), c.probability, c.size, c.std_dev)
+                      : fmt::format("{},{},,,,\n", c.reading, c.since);
+    write_file(job_.changes, text);
+  }
+
   void correct_reading(double reading) {
     const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
     if (!corrector_) return print(field + ",,,no_calibration_yet\n");
@@ -276,6 +312,8 @@ class Run {
   std::string name_, header_;
   std::optional<Calibration> given_, current_;
   std::optional<EffectCorrector> corrector_;
+  std::optional<ChangeDetector> detector_;
+  std::vector<ChangeAlarm> changes_;
   std::unique_ptr<LineSource> source_;
   std::unique_ptr<std::FILE, Close> closer_;
   std::FILE* out_ = stdout;

@@ -7,12 +7,15 @@
 #include <vector>
 
 #include "rangecal/core/calibration.hpp"
+#include "rangecal/solvers/change/change_detector.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 
 namespace rangecal::app {
 
 struct TrackJob {
   std::string input = "-", state, from, output;
+  std::string changes;        ///< table of the alarms, written anew at each
+  double watch = 0.0;         ///< readings between two false alarms against `from`; 0: no watch
   bool follow = false, approximate = false;
   int every = 1000;
   RecursiveOptions options;
@@ -24,6 +27,7 @@ struct Tracked {
   std::int64_t rows = 0, corrected = 0, malformed = 0;
   double effective = 0.0;
   bool timed = false;
+  std::vector<ChangeAlarm> changes;   ///< named, and one that is still open
   std::vector<std::string> notes;
 };
 

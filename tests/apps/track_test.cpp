@@ -79,6 +79,34 @@ TEST(TrackCommand, CorrectsByACalibrationGiven) {
   EXPECT_EQ(result.out, "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
 }
 
+TEST(TrackCommand, WatchesForAChange) {
+  // The stream's own curve; from row 1000 on 3 cm are added to every reading.
+  const TemporaryFolder folder;
+  Calibration line;
+  line.outcome = Outcome::converged;
+  line.alpha = Eigen::Vector2d(0.1, 0.9);
+  line.noise = {NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.01)};
+  line.range_min_m = 0.5;
+  line.range_max_m = 4.0;
+  save_calibrations({line}, folder.file("cal.json"));
+  std::istringstream before(rows(0, 1000)), after(rows(1000, 1000));
+  std::string changed = header + before.str(), row;
+  while (std::getline(after, row)) {
+    const std::size_t comma = row.find(',');
+    changed += fmt::format("{:.5f}{}\n", std::stod(row.substr(0, comma)) + 0.03, row.substr(comma));
+  }
+  folder.write("same.csv", header + before.str());
+  folder.write("changed.csv", changed);
+  const std::string arguments = " --from " + folder.file("cal.json") + " --order 1 --watch 100000 -o " + folder.file("out.csv");
+  EXPECT_THAT(run("track " + folder.file("same.csv") + arguments).out, HasSubstr("Changes    none"));
+  const RunResult result = run("track " + folder.file("changed.csv") + arguments + " --changes " + folder.file("changes.csv"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr(": window by 0.03"));
+  const std::string table = slurp(folder.file("changes.csv"));
+  EXPECT_THAT(table, HasSubstr("pair,since_pair,kind,probability,size,std\n8"));   // of 1600 pairs the change is after 800
+  EXPECT_EQ(run("track --watch 1000", "1.0\n").code, 2);
+}
+
 TEST(TrackCommand, GoesOnFromItsStateAsIfNothingHadHappened) {
   const TemporaryFolder folder;
   const std::string whole = header + rows(0, 1500);
