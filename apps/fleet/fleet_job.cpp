@@ -10,11 +10,10 @@
 #include <memory>
 
 #include "fleet/database.hpp"
-#include "rangecal/core/csv_table.hpp"
+#include "fleet/units.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
@@ -24,49 +23,11 @@ namespace {
 using Eigen::VectorXd;
 namespace fs = std::filesystem;
 constexpr int chunk = 256;   // units of one transaction
-constexpr int readings_per_unknown = 10;   // below, the likelihood of a unit is not taken for a normal one
-
-/// What is found out about one unit from its own readings.
-struct Unit {
-  std::string name;
-  Calibration calibration;
-  UnitMisfit misfit;
-  std::optional<UnitSummary> summary;
-};
 
 std::string columns(int order, const char* pattern) {
   std::string text;
   for (int i = 0; i <= order; ++i) text += fmt::format(fmt::runtime(pattern), i);
   return text;
-}
-
-Unit fit_unit(const std::string& name, const FleetJob& job) {
-  Unit unit;
-  unit.name = name;
-  try {
-    const Recording recording = load_recording(name);
-    if (recording.kind == RecordingKind::pairs) {
-      PairsOptions options;
-      options.order = job.order;
-      options.law = job.law;
-      unit.calibration = full_pairs(make_pairs_problem({&recording, 1}), options).calibration;
-      unit.misfit = unit_misfit(recording, unit.calibration);
-    } else {
-      CalibrateOptions options;
-      options.methods = {Method::marginal};
-      options.order = job.order;
-      options.noise = job.law;
-      unit.calibration = calibrate({&recording, 1}, options).front();
-    }
-    unit.summary = summarise(unit.calibration);
-    const int few = readings_per_unknown * (job.order + 2);
-    if (unit.calibration.order() != job.order || unit.calibration.counts.used < few) unit.summary.reset();
-  } catch (const InputError& error) {
-    unit.calibration.outcome = Outcome::failed;
-    unit.calibration.reason = error.what();
-    unit.calibration.counts = {};
-  }
-  return unit;
 }
 
 class Fleet {
@@ -373,22 +334,6 @@ class Fleet {
   Database database_;
   std::unique_ptr<Statement> insert_;
 };
-
-/// units joined with their posteriors, as CSV.
-void write_csv(Database& database, const std::string& path) {
-  Statement rows = database.prepare(
-      "SELECT u.name, u.kind, u.outcome, u.reason, u.readings, u.used, p.* FROM units u LEFT JOIN posteriors p USING(name) ORDER BY u.name");
-  std::string text;
-  for (int c = 0; c < rows.columns(); ++c)
-    if (c != 6) text += (c ? "," : "") + rows.name(c);
-  text += "\n";
-  while (rows.step()) {
-    for (int c = 0; c < rows.columns(); ++c)
-      if (c != 6) text += (c ? "," : "") + csv_field(rows.text(c));
-    text += "\n";
-  }
-  write_file(path, text);
-}
 
 }  // namespace
 

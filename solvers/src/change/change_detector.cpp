@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -90,7 +91,7 @@ ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions
       const double f = evaluate_polynomial(reference_.alpha, d), s = reference_.noise.spread(d, f);
       if (!(s > 0.0)) throw InputError("ChangeDetector: the calibration's noise is not positive over its range");
       // a wave is as large in the mean over a turn as over bearings of 45 degrees
-      sum += std::pow(direction(kind, wave, f, s, 0.25 * 3.14159265358979), 2) / points;
+      sum += std::pow(direction(kind, wave, f, s, 0.25 * std::numbers::pi), 2) / points;
     }
     const double size = options_.shift / std::sqrt(sum);
     for (const double sign : {1.0, -1.0}) charts_.push_back({kind, wave, sign * size, 0.0});

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "fleet/database.hpp"
+#include "fleet/fleet_job.hpp"
+
+namespace rangecal::app {
+
+/// What is found out about one unit from its own readings.
+struct Unit {
+  std::string name;
+  Calibration calibration;
+  UnitMisfit misfit;
+  std::optional<UnitSummary> summary;
+};
+
+/// Reads and fits one recording; what cannot be read is a failed outcome with its reason.
+Unit fit_unit(const std::string& name, const FleetJob& job);
+
+/// The units joined with their posteriors, as CSV.
+void write_csv(Database& database, const std::string& path);
+
+}  // namespace rangecal::app
