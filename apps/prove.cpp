@@ -6,9 +6,11 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "commands.hpp"
 #include "proof/fresh.hpp"
+#include "proof/journal.hpp"
 #include "proof/sealed.hpp"
 #include "proof/table.hpp"
 #include "rangecal/core/errors.hpp"
@@ -23,7 +25,7 @@ struct ProveOptions {
   int fresh = 0, make = 0, world = -1;
   std::uint64_t seed = 0;
   std::string design = "both", csv, out, dump;
-  bool no_oracle = false;
+  bool no_oracle = false, resume = false;
 };
 
 const proof::Diagnose blind = [](std::span<const Recording> recordings, const DiagnoseOptions& options) {
@@ -66,8 +68,15 @@ int prove_fresh(const ProveOptions& o) {
   for (const std::string& row : o.rows)
     if (std::find(proof::row_names().begin(), proof::row_names().end(), row) == proof::row_names().end())
       throw InputError("--row " + row + " is not one of: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
+  if (o.resume && o.csv.empty()) throw InputError("--resume needs the --csv FILE of the run that was stopped");
+  if (o.resume && file_exists(o.csv)) options.known = proof::read_scores(read_file(o.csv), o.csv);
+  std::optional<proof::Journal> journal;
+  if (!o.csv.empty()) {
+    journal.emplace(o.csv, options.known);
+    options.scored = [&](const proof::Score& score) { journal->append(score); };
+  }
   const proof::FreshResult result = proof::run_fresh(options, blind);
-  write_csv(o, result.scores);
+  if (journal) journal->finish(result.scores);
   fmt::print("{} fresh worlds a row, seed {}, designs: {}\n\n{}", o.fresh, o.seed, o.design,
              proof::proof_text(result.scores, result.out_of_reach));
   return done;
@@ -129,7 +138,8 @@ void add_prove(CLI::App& app, Action& chosen) {
   command->add_option("--design", options->design, "line, turning or both")
       ->check(CLI::IsMember({"line", "turning", "both"}));
   command->add_option("--row", options->rows, "only these rows: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
-  command->add_option("--csv", options->csv, "one line per world");
+  command->add_option("--csv", options->csv, "one line per world, written as they are done");
+  command->add_flag("--resume", options->resume, "with --fresh: go on where the run that wrote --csv FILE was stopped");
   command->add_option("-o,--out", options->out, "file for the answers, or folder of --make");
   command->add_option("--make", options->make, "make that many concealed recordings")->check(CLI::PositiveNumber);
   command->add_option("--world", options->world, "run the world of that number of one --row and --design");

@@ -4,12 +4,12 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <exception>
 #include <map>
 #include <mutex>
 
+#include "journal.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/physical/experiments.hpp"
@@ -205,16 +205,24 @@ FreshResult run_fresh(const FreshOptions& options, const Diagnose& diagnose) {
   FreshResult out;
   out.scores.resize(jobs.size());
   std::vector<std::vector<std::string>> unreached(jobs.size());
-  std::atomic<int> done{0};
+  int done = 0;
   std::mutex reporting;
+  std::map<ScoreKey, const Score*> known;
+  for (const Score& score : options.known) {
+    if (score.seed != world_seed(score.row, options.seed, score.index, score.design))
+      throw InputError("the scores to resume from are of worlds of another seed");
+    known[key_of(score)] = &score;
+  }
   const auto run = [&](std::size_t i) {
     const Job& job = jobs[i];
+    const auto before = known.find({job.row, job.design, job.index});
     out.scores[i] =
-        run_case(job.row, options.seed, job.index, job.design, options.oracle, diagnose, &unreached[i]);
-    const int now = ++done;
-    if (!options.progress) return;
+        before != known.end()
+            ? *before->second
+            : run_case(job.row, options.seed, job.index, job.design, options.oracle, diagnose, &unreached[i]);
     const std::lock_guard<std::mutex> lock(reporting);
-    options.progress(now, static_cast<int>(jobs.size()));
+    if (before == known.end() && options.scored) options.scored(out.scores[i]);
+    if (options.progress) options.progress(++done, static_cast<int>(jobs.size()));
   };
   // Small tasks, so that slow worlds do not leave a core idle; those for speed one by one.
   tbb::parallel_for(

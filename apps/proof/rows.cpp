@@ -171,18 +171,22 @@ const std::vector<std::string>& row_names() {
   return names;
 }
 
+std::uint64_t world_seed(const std::string& row, std::uint64_t seed, int index, const std::string& design) {
+  // Worlds against a simulation, and those for speed, are those of lambda 100: the same draws.
+  const bool same_as_100 = row == "simulation-effect" || row == "closed-loop" || row == "speed";
+  const std::string drawn = same_as_100 ? "lambda-100" : row;
+  std::uint64_t number = 0;
+  while (row_names()[number] != drawn) ++number;
+  return seed_from("prove", {seed, number, static_cast<std::uint64_t>(index), design == "line" ? 0ULL : 1ULL});
+}
+
 Case draw_case(const std::string& row, std::uint64_t seed, int index, const std::string& design) {
   if (std::find(row_names().begin(), row_names().end(), row) == row_names().end())
     throw InputError("row '" + row + "' is not one of the proof");
   if (design != "line" && design != "turning") throw InputError("design '" + design + "' is not line or turning");
   Case c;
   c.row = row, c.design = design, c.index = index;
-  // Worlds against a simulation, and those for speed, are those of lambda 100: the same draws.
-  const bool same_as_100 = row == "simulation-effect" || row == "closed-loop" || row == "speed";
-  const std::string drawn = same_as_100 ? "lambda-100" : row;
-  std::uint64_t number = 0;
-  while (row_names()[number] != drawn) ++number;
-  c.seed = seed_from("prove", {seed, number, static_cast<std::uint64_t>(index), design == "line" ? 0ULL : 1ULL});
+  c.seed = world_seed(row, seed, index, design);
   Random random(c.seed);
   c.clean = world::vary(design == "line" ? world::make_line_design() : world::make_turning_design(), random);
   c.planted = c.clean;

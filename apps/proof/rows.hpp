@@ -22,6 +22,9 @@ namespace rangecal::proof {
 ///   speed                      lambda 100, one world after the other
 const std::vector<std::string>& row_names();
 
+/// The seed that draws the world of that row, number and design.
+std::uint64_t world_seed(const std::string& row, std::uint64_t seed, int index, const std::string& design);
+
 /// World number `index` of a row. The same (row, seed, index, design) gives the same world; design "line" or "turning".
 /// Throws InputError for an unknown row or design.
 Case draw_case(const std::string& row, std::uint64_t seed, int index, const std::string& design);

@@ -221,22 +221,4 @@ std::string proof_text(const std::vector<Score>& scores, const std::map<std::str
   return out;
 }
 
-std::string proof_csv(const std::vector<Score>& scores) {
-  std::string out =
-      "row,design,index,seed,planted,size,lambda_or_nats,answer,class,set_size,probability,alarm_p,location,located,"
-      "gain_ratio,gain_excess_nats,covered,intervals,held_out_improves,listed,experiment,experiment_good,seconds,error\n";
-  const auto number = [](const std::optional<double>& v) { return v ? fmt::format("{:.6g}", *v) : std::string(); };
-  const auto flag = [](const std::optional<bool>& v) { return v ? std::string(*v ? "1" : "0") : std::string(); };
-  for (const Score& s : scores) {
-    std::string error = s.error;
-    std::replace(error.begin(), error.end(), ',', ';');
-    out += fmt::format("{},{},{},{},{},{:.6g},{:.6g},{},{},{},{:.4f},{:.4g},{},{},{},{},{},{},{},{},{},{},{:.3f},{}\n",
-                       s.row, s.design, s.index, s.seed, s.planted, s.size, s.value, s.answer, to_string(s.result),
-                       s.set_size, s.probability, s.alarm_p, s.location, s.located ? 1 : 0, number(s.gain_ratio),
-                       number(s.gain_excess_nats), s.covered, s.intervals, flag(s.held_out_improves), flag(s.listed),
-                       s.experiment, flag(s.experiment_good), s.seconds, error);
-  }
-  return out;
-}
-
 }  // namespace rangecal::proof

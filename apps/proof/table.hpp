@@ -26,7 +26,5 @@ std::vector<Line> proof_lines(const std::vector<Score>& scores);
 
 /// The table in text: lines, what was missed per row, confusion, set sizes, seconds.
 std::string proof_text(const std::vector<Score>& scores, const std::map<std::string, int>& out_of_reach);
-/// One line per world.
-std::string proof_csv(const std::vector<Score>& scores);
 
 }  // namespace rangecal::proof

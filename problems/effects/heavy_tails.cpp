@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // N5. Outliers everywhere: other lidars, specular hits.
 //
-//   (y - f) / s ~ Student-t with nu degrees of freedom     nu [-], ranges
+//   (y - f) / s ~ (1 - pi) N(0, 1) + pi N(0, kappa^2)     pi share [-], kappa ratio of the spreads [-],
+//   ranges
 //
 // Source: physics catalogue N5.
+#include <cmath>
+
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {
@@ -19,21 +22,25 @@ class HeavyTails final : public Effect {
         .covariate = "any",
         .physics =
             "A few readings miss by far, everywhere: another lidar, specular hits, or people walking by.",
-        .formula = "residuals follow a Student-t with nu degrees of freedom",
+        .formula =
+            "a share pi of the readings has kappa times the spread: (1 - pi) N(0, s^2) + pi N(0, kappa^2 "
+            "s^2)",
         .source = "physics catalogue N5",
         .visible_by = "several hundred readings",
         .settled_by =
             "look where the outliers are: at edges, at one landmark, towards one device, everywhere",
-        .parameters = {
-            {.name = "degrees_of_freedom", .typical = 5.0, .low = 2.1, .high = 200.0, .linear = false}}};
+        .parameters = {{.name = "share", .typical = 0.03, .low = 1e-4, .high = 0.4, .linear = false},
+                       {.name = "ratio", .typical = 5.0, .low = 1.5, .high = 100.0, .linear = false}}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
-    return grid_of({{3.0, 5.0, 8.0}});
+    return grid_of({{0.01, 0.03, 0.1}, {3.0, 6.0, 12.0}});
   }
 
-  double degrees_of_freedom(const double* p) const override { return p[0]; }
+  Contamination contamination(const ReadingView<double>& at, const double* p) const override {
+    return {.share = p[0], .extra_sigma_m = at.spread * std::sqrt(p[1] * p[1] - 1.0)};
+  }
 };
 
 }  // namespace

@@ -51,6 +51,8 @@ class NearRegime final : public Effect {
     if (!(at.d < p[2])) return {};
     return {.range = p[0] + p[1] * (at.d - p[2])};
   }
+
+  double switching_distance(const double* p) const override { return p[2]; }
 };
 
 }  // namespace

@@ -5,7 +5,8 @@
 
 namespace rangecal {
 
-double Effect::degrees_of_freedom(const double*) const { return std::numeric_limits<double>::infinity(); }
+double Effect::switching_distance(const double*) const { return std::numeric_limits<double>::quiet_NaN(); }
+
 
 std::vector<std::pair<std::string, double>> Effect::reported(const EffectContext&, const double* p) const {
   std::vector<std::pair<std::string, double>> values;

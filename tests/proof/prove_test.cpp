@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "proof/fresh.hpp"
+#include "proof/journal.hpp"
 #include "proof/sealed.hpp"
 #include "proof/table.hpp"
 #include "proof/twins.hpp"
@@ -124,6 +125,44 @@ TEST(Sealed, CommitmentFailsOnAChangedKey) {
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), HasSubstr("does not match the commitment"));
   }
+}
+
+/// Diagnosis stands for a fit here: it answers at once and counts how often it is asked.
+TEST(Journal, AStoppedRunGoesOnAndNothingIsCountedTwice) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path() + "/scores.csv";
+  int asked = 0;
+  const Diagnose quiet = [&](std::span<const Recording>, const DiagnoseOptions&) {
+    ++asked;
+    return Diagnosis{};
+  };
+  FreshOptions options;
+  options.worlds = 3, options.seed = 5, options.rows = {"clean"}, options.design = "line";
+  const FreshResult whole = run_fresh(options, quiet);
+  ASSERT_EQ(asked, 5);  // clean worlds are 5/3 of those asked for
+  // Stopped in the middle of the third line.
+  std::string text = proof_csv({whole.scores[0], whole.scores[1], whole.scores[2]});
+  text.resize(text.size() - 9);
+  options.known = read_scores(text, path);
+  ASSERT_EQ(options.known.size(), 2u);
+  std::vector<Score> written;
+  Journal journal(path, options.known);
+  options.scored = [&](const Score& score) {
+    written.push_back(score);
+    journal.append(score);
+  };
+  asked = 0;
+  const FreshResult resumed = run_fresh(options, quiet);
+  EXPECT_EQ(asked, 3);
+  EXPECT_EQ(written.size(), 3u);
+  EXPECT_EQ(read_scores(read_file(path), path).size(), 5u);
+  journal.finish(resumed.scores);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(key_of(resumed.scores[i]), key_of(whole.scores[i]));
+    EXPECT_EQ(resumed.scores[i].seed, whole.scores[i].seed);
+  }
+  options.seed = 6;
+  EXPECT_THROW(run_fresh(options, quiet), InputError);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <boost/math/distributions/normal.hpp>
-#include <boost/math/distributions/students_t.hpp>
 #include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <limits>
@@ -28,13 +27,6 @@ double upper_quantile(double upper) {
   if (!(upper > 1e-299)) return 37.0;
   if (upper >= 0.5) return 0.0;
   return boost::math::quantile(boost::math::complement(boost::math::normal(), upper));
-}
-
-/// The normal quantile of a Student-t value's probability.
-double student_to_normal(double t, double nu) {
-  const double upper = boost::math::cdf(boost::math::complement(boost::math::students_t(nu), std::abs(t)));
-  const double z = upper_quantile(upper);
-  return t < 0.0 ? -z : z;
 }
 
 /// The normal quantile of a contaminated normal's probability; `wide`: standard deviation of the share.
@@ -75,15 +67,14 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
 }
 
 void Battery::score_rows(const Model& model) {
-  double nu = std::numeric_limits<double>::infinity(), range_rho = 0.0, bearing_rho = 0.0;
+  double range_rho = 0.0, bearing_rho = 0.0;
   for (const ActiveEffect& active : model) {
     if (active.effect->info().kind == EffectKind::grid) continue;
-    nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
     const Dependence dependence = active.effect->dependence(active.parameters.data());
     range_rho += dependence.range_correlation;
     bearing_rho += dependence.bearing_correlation;
   }
-  rescored_ = std::isfinite(nu) || range_rho != 0.0 || bearing_rho != 0.0;
+  rescored_ = range_rho != 0.0 || bearing_rho != 0.0;
   const auto whiten = [&](const Eigen::VectorXd& rows, const Eigen::VectorXd& information,
                           const Eigen::VectorXd& log_variance, double rho) {
     Eigen::VectorXd scores =
@@ -98,8 +89,6 @@ void Battery::score_rows(const Model& model) {
       whiten(range_rows_, projector_.row_range_information, changes_.range_log_variance, range_rho);
   bearing_scores_ =
       whiten(bearing_rows_, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
-  if (std::isfinite(nu))
-    for (double& z : range_scores_) z = student_to_normal(z, nu);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const Contamination tail = contamination_of(rows_, projector_.geometry(), model, i);
     if (!(tail.share > 0.0)) continue;

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "diagnosis/battery.hpp"
+#include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -42,6 +43,21 @@ std::vector<Eigen::VectorXd> hats(const Eigen::VectorXd& values, const std::vect
     shapes.push_back(shape);
   }
   return shapes;
+}
+
+/// Where a change in time can be: at the first reading of each stop, or at equal shares of a long run.
+std::vector<double> change_points(const EffectContext& context) {
+  constexpr std::size_t most = 40;
+  std::vector<double> at;
+  if (context.stop_time_s.size() > 2 && context.stop_time_s.size() <= most) {
+    at = context.stop_time_s;
+    std::sort(at.begin(), at.end());
+    at.erase(std::unique(at.begin(), at.end()), at.end());
+    at.erase(at.begin());
+    return at;
+  }
+  for (int j = 1; j < 24; ++j) at.push_back(context.duration_s * j / 24.0);
+  return at;
 }
 
 Eigen::VectorXd map(const Eigen::VectorXd& values, const std::function<double(double)>& f) {
@@ -89,12 +105,28 @@ void Battery::ask_means() {
             {map(values, [&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })}, at[j],
             at[j + 2]);
     };
+    // One bump somewhere, exp(-u^2 / 2) with u the distance from its middle in widths: at two widths,
+    // everywhere.
+    const auto local = [&](const std::string& covariate, const Eigen::VectorXd& values,
+                           const std::function<double(double, double)>& difference) {
+      const double low = values.minCoeff(), span = values.maxCoeff() - low;
+      if (!(span > 0.0)) return;
+      for (const double share : {0.03, 0.06}) {
+        const double width = share * span;
+        for (double middle = low; middle <= low + span; middle += width)
+          ask(covariate, "local bump",
+              {map(values,
+                   [&](double v) { return std::exp(-0.5 * std::pow(difference(v, middle) / width, 2)); })},
+              middle - 2.0 * width, middle + 2.0 * width);
+      }
+    };
     ask("constant", "offset", {Eigen::VectorXd::Ones(n)});
     ask("range", "linear", {d});
     ask("range", "quadratic", {d.cwiseAbs2()});
     ask("range", "cubic", {d.array().cube().matrix()});
     ask("disparity", "linear", {d.cwiseInverse()});
     smooth("range", d, 9);
+    local("range", d, [](double a, double b) { return a - b; });
     if (has_bearing) {
       ask("sensor_bearing", "linear", {bearing});
       for (int k : {1, 2, 3, 4, 6, 8})
@@ -102,6 +134,7 @@ void Battery::ask_means() {
             {map(bearing, [k](double b) { return std::cos(k * b); }),
              map(bearing, [k](double b) { return std::sin(k * b); })});
       smooth("sensor_bearing", bearing, 9);
+      local("sensor_bearing", bearing, [](double a, double b) { return wrap_angle(a - b); });
     }
     if (rows_.context.headings > 0.05) {
       const Eigen::VectorXd heading = per_row([&](std::size_t i) { return rows_.heading_rad[i]; });
@@ -114,9 +147,8 @@ void Battery::ask_means() {
       ask("time", "quadratic", {time.cwiseAbs2()});
       for (double share : {0.05, 0.15, 0.4})
         ask("time", "exponential", {map(time, [&](double t) { return std::exp(-t / (share * duration)); })});
-      for (int j = 1; j < 12; ++j)
-        ask("time", "change point",
-            {map(time, [&](double t) { return t > duration * j / 12.0 ? 1.0 : 0.0; })}, duration * j / 12.0);
+      for (const double at : change_points(rows_.context))
+        ask("time", "change point", {map(time, [&](double t) { return t >= at ? 1.0 : 0.0; })}, at);
       for (int k = 1; k <= 40; ++k) {
         const double omega = 2.0 * std::numbers::pi * k / (2.0 * duration);
         ask("time", "periodic",

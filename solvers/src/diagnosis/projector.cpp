@@ -59,9 +59,12 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   const int cells = static_cast<int>(c.size());
   for (auto* column : {&range_residual, &bearing_residual, &range_information, &bearing_information})
     column->resize(cells);
+  slope_.resize(cells);
   const double bearing_weight = rows.pairs ? 0.0 : 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
   for (int i = 0; i < cells; ++i) {
-    range_residual[i] = c.range_mean[i] - geometry_.f[i];
+    slope_[i] = geometry_.slope[i] + (c.bend.empty() ? 0.0 : c.bend[i]);
+    range_residual[i] =
+        c.range_mean[i] - geometry_.f[i] - c.bent(static_cast<std::size_t>(i), geometry_.d[i]);
     bearing_residual[i] = rows.pairs ? 0.0 : wrap_angle(c.bearing_mean[i] - geometry_.bearing[i]);
     range_information[i] = c.range_weight[i] / (geometry_.spread[i] * geometry_.spread[i]);
     bearing_information[i] = c.bearing_weight[i] * bearing_weight;
@@ -121,7 +124,7 @@ void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::Vector
     double power = range;
     for (int a = 0; a < layout.alpha_count; ++a, power *= geometry_.d[i]) by_global[a] += power;
     const Eigen::Vector2d pull =
-        range * geometry_.slope[i] * geometry_.n[i] + bearing / geometry_.axis_distance[i] * geometry_.t[i];
+        range * slope_[i] * geometry_.n[i] + bearing / geometry_.axis_distance[i] * geometry_.t[i];
     by_global.segment<2>(layout.landmark_begin + 2 * c.landmark[i]) += pull;
     const int k = c.stop[i];
     const JointLayout::Node& node = layout.nodes[layout.node_of_stop[k]];
@@ -149,7 +152,7 @@ Signature Projector::of_calibration(const Eigen::VectorXd& phi, const Eigen::Vec
     const double turn = heading >= 0 ? stops[node.coordinate + heading] : 0.0;
     double curve = 0.0;
     for (int a = layout.alpha_count; a-- > 0;) curve = curve * geometry_.d[i] + phi[a];
-    x.range[i] = curve + geometry_.slope[i] * geometry_.n[i].dot(moved);
+    x.range[i] = curve + slope_[i] * geometry_.n[i].dot(moved);
     x.bearing[i] = geometry_.t[i].dot(moved) / geometry_.axis_distance[i] - turn;
   }
   return x;
@@ -196,7 +199,7 @@ Signature Projector::of_stops(const std::vector<Eigen::Vector3d>& moved) const {
   x.bearing.resize(cells());
   for (int i = 0; i < cells(); ++i) {
     const Eigen::Vector3d& step = moved[problem_.cells.stop[i]];
-    x.range[i] = -geometry_.slope[i] * geometry_.n[i].dot(step.head<2>());
+    x.range[i] = -slope_[i] * geometry_.n[i].dot(step.head<2>());
     x.bearing[i] = -geometry_.t[i].dot(step.head<2>()) / geometry_.axis_distance[i] - step[2];
   }
   return x;

@@ -61,7 +61,8 @@ class Projector {
  private:
   const Rows& rows_;
   CellGeometry geometry_;
-  JointProblem problem_;  ///< with its spreads held
+  Eigen::VectorXd slope_;  ///< of the mean range in d, the effects' own included
+  JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
   Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
 };

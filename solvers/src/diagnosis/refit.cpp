@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/rounds.hpp"
 #include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
@@ -184,10 +185,9 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   marginal.held.landmarks = marginal.held.landmarks || rows.pairs;
   marginal.gradient_tolerance = 1e-4;
   double value = infinity;
-  // Twice at most: the second time with the effects at the new geometry (and the tails' new weights).
-  const int rounds = model.empty() ? 1 : 2;
-  for (int round = 0; round < rounds; ++round) {
-    const WorkingProblem working = working_problem(rows, model, state);
+  Rounds rounds(model);
+  do {
+    const WorkingProblem working = rounds.begin(rows, model, state);
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
     MarginalFit fit = solve_marginal(working.problem, start, marginal);
@@ -206,7 +206,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     state = fit.state;
     value = fit_value + working.constant;
     if (detail) *detail = std::move(fit);
-  }
+  } while (rounds.another(rows, model, state, value));
   return value;
 }
 

@@ -21,7 +21,9 @@ constexpr double combination_margin = 10.0;
 constexpr double curve_margin =
     4.0;  ///< nats by which a free curve may beat a single name before it is refused
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
-constexpr double trace_share = 0.05;
+constexpr double trace_share =
+    0.1;  ///< of what a first name gained: a second that adds less may be its formula's error
+constexpr double soaked_share = 0.8;
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
@@ -68,6 +70,16 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
   };
   std::sort(shapes.begin(), shapes.end(),
             [&](const Question& a, const Question& b) { return worth(a) > worth(b); });
+  // A column that rises with time says no more than time does, unless it is clearly better.
+  constexpr double clearly = 3.0;  // nats
+  for (auto column = shapes.begin(); column != shapes.end(); ++column) {
+    const auto& names = rows.context.covariates;
+    if (std::find(names.begin(), names.end(), column->covariate) == names.end()) continue;
+    const auto time = std::find_if(column, shapes.end(), [&](const Question& q) {
+      return q.channel == column->channel && q.covariate == "time";
+    });
+    if (time != shapes.end() && worth(*time) > worth(*column) - clearly) std::rotate(column, time, time + 1);
+  }
   std::vector<Question> kept;
   for (Question& q : shapes) {
     const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
@@ -227,6 +239,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const double free_curve_gain =
       std::max(best_curve(rows, result, "range"), best_curve(rows, result, "bearing"));
 
+  // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
+  // where no curve explains nearly as much.
+  std::erase_if(singles, [&](const Candidate& c) {
+    const Effect& effect = *c.fit.model.back().effect;
+    return effect.info().kind == EffectKind::dependence && !effect.acts_on_stops() &&
+           free_curve_gain > soaked_share * c.evidence;
+  });
+
   // One name: clean, close to the best of its kind, and not beaten by a free curve.
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
   for (std::size_t i = 0; i < batteries.size(); ++i) {
@@ -282,8 +302,10 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     }
   }
   // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds
-  // next to nothing to it is not a second cause.
-  const double trace = singles.empty() ? 0.0 : trace_share * singles[0].gain;
+  // next to nothing to it is not a second cause. Noise and dependence have no formula that could be off.
+  const bool has_formula =
+      !singles.empty() && singles[0].fit.model.back().effect->info().kind == EffectKind::mean;
+  const double trace = has_formula ? trace_share * singles[0].gain : 0.0;
   const auto left_by_first = [&] {
     double left = 0.0;
     for (const Question& q : batteries[0]->questions)

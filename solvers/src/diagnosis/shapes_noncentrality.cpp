@@ -9,26 +9,29 @@
 //   estimate
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <boost/math/special_functions/digamma.hpp>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <utility>
 
 #include "diagnosis/signatures.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-double digamma(double x) { return boost::math::digamma(x); }
-
-/// 2 (H_normal - H_t) at equal variance (nu > 2).
-double student_gain(double nu) {
-  nu = std::max(nu, 2.05);
-  const double variance = nu / (nu - 2.0);
-  const double log_beta =
-      std::lgamma(0.5 * nu) + 0.5 * std::log(std::numbers::pi) - std::lgamma(0.5 * (nu + 1.0));
-  const double student =
-      0.5 * (nu + 1.0) * (digamma(0.5 * (nu + 1.0)) - digamma(0.5 * nu)) + 0.5 * std::log(nu) + log_beta;
-  return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - student);
+/// 2 (H_normal - H_mixture) at equal variance, per reading, for (1 - pi) N(0, 1) + pi N(0, w^2): the integral
+/// of the mixture's log density by the trapezoidal rule, exact to rounding for such smooth tails.
+double contamination_gain(double share, double wide) {
+  const double reach = 10.0 * wide, step = std::min(0.05, 0.05 * wide);
+  double entropy = 0.0;
+  for (double z = -reach; z <= reach; z += step) {
+    const double density =
+        ((1.0 - share) * std::exp(-0.5 * z * z) + share / wide * std::exp(-0.5 * z * z / (wide * wide))) /
+        std::sqrt(2.0 * std::numbers::pi);
+    if (density > 0.0) entropy -= step * density * std::log(density);
+  }
+  const double variance = 1.0 + share * (wide * wide - 1.0);
+  return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - entropy);
 }
 
 /// Covariance of the stops' x (or y) errors under a set of priors: shared in a place, summed along a chain.
@@ -128,8 +131,17 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   const double repeats = static_cast<double>(rows.size()) - cells;
   for (double rho : {own.range_correlation, rows.pairs ? 0.0 : own.bearing_correlation})
     if (rho != 0.0) sum -= repeats * std::log1p(-std::min(rho * rho, 0.999));
-  const double nu = active.effect->degrees_of_freedom(parameters);
-  if (std::isfinite(nu)) sum += student_gain(nu) * static_cast<double>(rows.size());
+  if (active.effect->info().kind == EffectKind::tail) {
+    std::map<std::pair<double, double>, double> known;  // most readings share a law
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const Contamination tail = active.effect->contamination(view_of(rows, p.geometry(), i), parameters);
+      if (!(tail.share > 0.0)) continue;
+      const double ratio = tail.extra_sigma_m / p.geometry().spread[static_cast<std::size_t>(rows.cell[i])];
+      const auto [at, fresh] = known.try_emplace({tail.share, ratio}, 0.0);
+      if (fresh) at->second = contamination_gain(tail.share, std::sqrt(1.0 + ratio * ratio));
+      sum += at->second;
+    }
+  }
   if (active.effect->noise_before_reciprocal())
     for (std::size_t i = 0; i < rows.size(); ++i)
       sum += 6.0 * std::pow(parameters[0] * p.geometry().d[static_cast<std::size_t>(rows.cell[i])], 2);

@@ -3,7 +3,6 @@
 //   y = f(d) + delta r + s exp(v / 2) e + u,   bearing = theta + delta theta + sigma_theta exp(w / 2) e' + u'
 // delta, v, w the effects' changes, e normal or Student-t, AR(1) over the repeats of a cell, u shared within
 // a cell.
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <limits>
 
@@ -41,7 +40,6 @@ std::vector<Recording> layout_of(const SimulationModel& model) {
 
 struct Errors {
   Dependence dependence;
-  double degrees_of_freedom = std::numeric_limits<double>::infinity();
   bool reciprocal = false;
   double disparity_step = 0.0, output_step = 0.0, bearing_step = 0.0;
 };
@@ -61,19 +59,12 @@ Errors errors_of(const Model& model) {
     sum.bearing_cell_sigma_rad = std::hypot(sum.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
     sum.range_correlation += own.range_correlation;
     sum.bearing_correlation += own.bearing_correlation;
-    errors.degrees_of_freedom = std::min(errors.degrees_of_freedom, active.effect->degrees_of_freedom(p));
     errors.reciprocal = errors.reciprocal || active.effect->noise_before_reciprocal();
   }
   return errors;
 }
 
 double to_grid(double value, double step) { return step > 0.0 ? step * std::round(value / step) : value; }
-
-double draw(Random& random, double degrees_of_freedom) {
-  if (!std::isfinite(degrees_of_freedom)) return random.normal();
-  const double u = std::min(std::max(random.uniform(), 1e-16), 1.0 - 1e-16);
-  return boost::math::quantile(boost::math::students_t(degrees_of_freedom), u);
-}
 
 RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry,
                       const Model& effects) {
@@ -148,8 +139,7 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
       const auto follow = [&](double before, double rho, double fresh) {
         return i == rows.cell_begin[cell] ? fresh : rho * before + std::sqrt(1.0 - rho * rho) * fresh;
       };
-      range_error =
-          follow(range_error, errors.dependence.range_correlation, draw(random, errors.degrees_of_freedom));
+      range_error = follow(range_error, errors.dependence.range_correlation, random.normal());
       bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());
       double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
       const Contamination tail = contamination_of(rows, geometry, effects, static_cast<std::size_t>(i));

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "diagnosis/rounds.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 
@@ -75,9 +76,11 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
 
 double laplace_value(const Rows& rows, const Model& model, JointState& state) {
   double value = std::numeric_limits<double>::quiet_NaN();
-  for (int round = 0; round < (model.empty() ? 1 : 2);
-       ++round) {  // the second with the effects at the new stops
-    const WorkingProblem working = working_problem(rows, model, state);
+  Rounds rounds(model);
+  do {
+    WorkingProblem working = rounds.begin(rows, model, state);
+    // A stop predicted from others is off by more than the stretch on which a fast effect is straight.
+    working.problem.cells.bend.clear();
     JointState start = state;
     for (std::size_t k = 0; k < start.stops.size(); ++k) {
       const StopPrior& prior = working.problem.stops[k];
@@ -91,7 +94,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state) {
     if (!laplace.ok) return std::numeric_limits<double>::quiet_NaN();
     state = laplace.state;
     value = laplace.marginal_nll + working.constant;
-  }
+  } while (rounds.another(rows, model, state, value));
   return value;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/working.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -53,20 +54,8 @@ CellStatistic cell_statistic(const double* y, const double* multiplier, int coun
   return cell;
 }
 
-/// Weights (nu + 1) / (nu + z^2) of the rows at residuals z, and what the Student-t NLL differs by from the
-/// weighted one.
-double student_weights(double nu, double z, double& multiplier) {
-  const double weight = (nu + 1.0) / (nu + z * z);
-  multiplier *= 1.0 / weight;
-  const double normaliser =
-      std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
-  const double student = -normaliser + 0.5 * (nu + 1.0) * std::log1p(z * z / nu);
-  const double weighted = 0.5 * weight * z * z + 0.5 * std::log(2.0 * std::numbers::pi);
-  return student - weighted +
-         0.5 * std::log(weight);  // cell_statistic adds 1/2 log multiplier = -1/2 log weight
-}
-
-/// The same for a contaminated normal: a share has variance 1 + extra^2 in units of the spread.
+/// Weights of a contaminated normal at residual z, and what its NLL differs by from the weighted one: a share
+/// has variance 1 + extra^2 in units of the spread.
 double contaminated_weights(double share, double extra, double z, double& multiplier) {
   const double variance = 1.0 + extra * extra;
   const double body = (1.0 - share) * std::exp(-0.5 * z * z);
@@ -74,6 +63,43 @@ double contaminated_weights(double share, double extra, double z, double& multip
   const double part = outlier / (body + outlier), weight = (1.0 - part) + part / variance;
   multiplier *= 1.0 / weight;
   return -std::log(body + outlier) - 0.5 * weight * z * z + 0.5 * std::log(weight);
+}
+
+/// Slope in d of what the model's effects add to the range of a cell, read at its first row; 0 across a jump.
+double bend_of(const Rows& rows, const CellGeometry& geometry, const Model& model, int cell) {
+  constexpr double step = 1e-4;  // metres: far below any period, far above rounding
+  const double d = geometry.d[cell];
+  double bend = 0.0;
+  for (const ActiveEffect& active : model) {
+    const EffectKind kind = active.effect->info().kind;
+    if (kind != EffectKind::mean) continue;
+    const double jump = active.effect->switching_distance(active.parameters.data());
+    if (std::abs(jump - d) <= step) continue;
+    const auto change_at = [&](double h) {
+      ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
+      view.d += h;
+      view.axis_distance += h;
+      view.f += h * view.slope;
+      return active.effect->reading(view, active.parameters.data()).range;
+    };
+    bend += (change_at(step) - change_at(-step)) / (2.0 * step);
+  }
+  return bend;
+}
+
+/// Lets the fit follow effects that change fast with distance, as it moves cells: their slope goes along.
+/// Slow ones (below a fiftieth of a metre per metre) need none: evaluating them anew at the fit is enough.
+void bend_cells(const Rows& rows, const CellGeometry& geometry, const Model& model, Cells& cells) {
+  constexpr double slow = 0.02;
+  std::vector<double> bend(static_cast<std::size_t>(rows.cell_count));
+  double steepest = 0.0;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    bend[c] = bend_of(rows, geometry, model, c);
+    steepest = std::max(steepest, std::abs(bend[c]));
+  }
+  if (!(steepest > slow)) return;
+  cells.bend = std::move(bend);
+  cells.bend_at_m = geometry.d;
 }
 
 }  // namespace
@@ -122,7 +148,6 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   if (model.empty()) return working;
   const RowChanges changes = row_changes(rows, geometry, model);
   Dependence dependence;
-  double nu = std::numeric_limits<double>::infinity();
   bool reciprocal = false;
   for (const ActiveEffect& active : model) {
     if (active.effect->info().kind == EffectKind::grid)
@@ -133,12 +158,12 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
         std::hypot(dependence.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
     dependence.range_correlation += own.range_correlation;
     dependence.bearing_correlation += own.bearing_correlation;
-    nu = std::min(nu, active.effect->degrees_of_freedom(active.parameters.data()));
     reciprocal = reciprocal || active.effect->noise_before_reciprocal();
     if (active.effect->acts_on_stops())
       active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
   }
   Cells& c = working.problem.cells;
+  if (!rows.pairs) bend_cells(rows, geometry, model, c);
   std::vector<double> range, bearing, range_multiplier, bearing_multiplier;
   for (int cell = 0; cell < rows.cell_count; ++cell) {
     const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
@@ -167,9 +192,6 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
         const double spread = s * std::sqrt(range_multiplier[j]);
         working.constant += contaminated_weights(tail.share, tail.extra_sigma_m / spread,
                                                  (range[j] - geometry.f[cell]) / spread, range_multiplier[j]);
-      } else if (std::isfinite(nu)) {
-        const double z = (range[j] - geometry.f[cell]) / (s * std::sqrt(range_multiplier[j]));
-        working.constant += student_weights(nu, z, range_multiplier[j]);
       }
     }
     const double range_ratio = std::pow(dependence.range_cell_sigma_m / s, 2);

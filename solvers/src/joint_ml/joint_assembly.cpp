@@ -73,7 +73,7 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
   double nll = assemble_priors(state, exact, node, sum);
 
   const NoiseLaw law = state.noise.law;
-  const bool power_law = law != NoiseLaw::polynomial && law != NoiseLaw::d_squared;
+  const bool power_law = law != NoiseLaw::polynomial && law != NoiseLaw::d_squared && c.bend.empty();
   const double sigma = state.noise.parameters[0], tau = power_law ? std::log(sigma) : 0.0;
   if (power_law && !(sigma > 0.0)) return infinity;
   const PowerLaw power{state.noise.power_of_f(), 1.0 / (sigma * sigma)};

@@ -58,6 +58,7 @@ double expected_information(const JointState& state, double d, const Cells& c, s
   const double s = state.noise.spread(d, f);
   const int power = state.noise.power_of_f();
   const double log_slope = state.noise.law == NoiseLaw::d_squared ? 2.0 / d : power > 0 ? power * slope / f : 0.0;
+  if (!c.bend.empty()) slope += c.bend[i];
   return c.range_weight[i] * slope * slope / (s * s) + 2.0 * c.count[i] * log_slope * log_slope;
 }
 

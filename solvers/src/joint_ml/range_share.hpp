@@ -57,11 +57,10 @@ bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, 
   return true;
 }
 
-/// The same for any law, by RangeTerm.
+/// The same for any law, and for cells with a bend, by RangeTerm.
 inline bool general_share(RangeTerm<2>& term, const JointState& state, double d, const Cells& c, std::size_t i, bool exact,
                    RangeShare& share, double* gradient, double* hessian) {
-  if (!term.evaluate(d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha, state.noise))
-    return false;
+  if (!term.evaluate(d, c, i, state.alpha, state.noise)) return false;
   const int na = term.coefficients(), nt = term.noise_parameters(), m = na + nt;
   share.value = term.cost.value();
   share.along = term.cost.first();

@@ -39,14 +39,14 @@ inline double link_trace(const JointProblem& problem, const JointState& state, i
 /// One cell's range share to third order in d: derivatives q1, q2, q3 of q, and per parameter of the curve (alpha, then
 /// tau) the first and second derivative in d of dq/dparameter.
 struct ThirdOrder {
-  explicit ThirdOrder(const JointState& at)
+  ThirdOrder(const JointState& at, const Cells& cells)
       : state(at), moved(at), na(static_cast<int>(at.alpha.size())),
-        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared),
+        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared && cells.bend.empty()),
         law{at.noise.power_of_f(), 1.0 / (at.noise.parameters[0] * at.noise.parameters[0])} {}
 
   void evaluate(double d, const Cells& c, std::size_t i) {
     if (!is_power) {
-      general.evaluate(d, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], state.alpha, state.noise);
+      general.evaluate(d, c, i, state.alpha, state.noise);
       q1 = general.cost.first();
       q2 = general.cost.second();
       q3 = general.cost.third();
@@ -134,7 +134,7 @@ struct ThirdOrder {
   void differentiate_alpha_trace(double d, const Cells& c, std::size_t i, const double* n, const double* M, AlphaTrace& out) {
     constexpr double part = 1e-5;
     const auto trace = [&](double at) {
-      near.evaluate(at, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i], moved.alpha, moved.noise);
+      near.evaluate(at, c, i, moved.alpha, moved.noise);
       double sum = 0.0;
       for (int a = 0; a < na; ++a) {
         sum += 2.0 * near.by_alpha(a).first() * n[a];
@@ -203,7 +203,7 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
   Eigen::VectorXd by_global = Eigen::VectorXd::Zero(layout_.global_count);
   Eigen::VectorXd by_stop = Eigen::VectorXd::Zero(layout_.coordinates);
   const double bearing_information = 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
-  ThirdOrder range(state);
+  ThirdOrder range(state, c);
   ThirdOrder::AlphaTrace extra;
   SightCovariance of;
   std::array<double, 2 * RangeTerm<3>::max_coefficients> by_curve{};

@@ -56,10 +56,11 @@ Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p) {
   const Dependence dependence = effect.dependence(p.data());
   all.insert(all.end(),
              {dependence.range_cell_sigma_m, dependence.bearing_cell_sigma_rad, dependence.range_correlation,
-              dependence.bearing_correlation, 1.0 / effect.degrees_of_freedom(p.data())});
+              dependence.bearing_correlation});
   ReadingView<double> seen{};
   seen.d = 2.0;
   seen.radius = 0.1;
+  seen.spread = 0.01;
   const Contamination tail = effect.contamination(seen, p.data());
   all.insert(all.end(), {tail.share, tail.extra_sigma_m});
   return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));

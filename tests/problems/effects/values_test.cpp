@@ -171,20 +171,25 @@ TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
 }
 
 TEST(EffectValues, DependenceAndTails) {
-  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, nu[] = {4.0}, edge[] = {0.002};
+  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, outliers[] = {0.03, 5.0}, edge[] = {0.002};
   EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0035721726,
               1e-10);
   EXPECT_EQ(find_effect("cell_effect")->dependence(sigma).range_cell_sigma_m, 0.005);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).range_correlation, 0.6);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).bearing_correlation, 0.3);
-  EXPECT_EQ(find_effect("heavy_tails")->degrees_of_freedom(nu), 4.0);
   ReadingView<double> at{};
+  at.spread = 0.01;
+  // Five times the spread is the spread and sqrt(5^2 - 1) = 4.8989795 of it, independent of each other.
+  EXPECT_EQ(find_effect("heavy_tails")->contamination(at, outliers).share, 0.03);
+  EXPECT_NEAR(find_effect("heavy_tails")->contamination(at, outliers).extra_sigma_m, 0.048989795, 1e-9);
   at.d = 2.0;
   at.radius = 0.1;
   // share 0.002 / 0.1; half the spot radius times d / s is 0.001 * 2 / 0.05 = 0.04 m, spread evenly: / sqrt(3)
   EXPECT_NEAR(find_effect("mixed_pixels")->contamination(at, edge).share, 0.02, 1e-15);
   EXPECT_NEAR(find_effect("mixed_pixels")->contamination(at, edge).extra_sigma_m, 0.0230940108, 1e-10);
-  EXPECT_TRUE(std::isinf(find_effect("tilt")->degrees_of_freedom(edge)));
+  EXPECT_EQ(find_effect("tilt")->contamination(at, edge).share, 0.0);
+  EXPECT_EQ(find_effect("near_regime")->switching_distance(std::vector{0.01, 0.0, 1.5}.data()), 1.5);
+  EXPECT_TRUE(std::isnan(find_effect("tilt")->switching_distance(edge)));
 }
 
 TEST(EffectValues, AmplitudesAndPhasesAreReported) {

@@ -126,12 +126,13 @@ class Effect {
   /// What the user reads: names (ending in the unit) and values made from p, an amplitude and a phase from a cosine and
   /// a sine, say. By default the parameters themselves.
   virtual std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const;
-  /// Tail: degrees of freedom of a Student-t for the ranges; infinity for normal.
-  virtual double degrees_of_freedom(const double* p) const;
   /// Tail: which share of such readings misses, and by how much more than the spread.
   virtual Contamination contamination(const ReadingView<double>&, const double* /*p*/) const { return {}; }
   /// True if the noise of range is Gaussian in 1/r instead of r (before the reciprocal); reading() is then not used.
   virtual bool noise_before_reciprocal() const { return false; }
+  /// Distance [m] at which reading() jumps under p; NaN if it does nowhere. On which side of it a reading near it lies
+  /// is uncertain, and estimated with the rest.
+  virtual double switching_distance(const double* p) const;
 };
 
 /// Start grids are products of axes: every combination of the given values, in order; axes of one 0 for linear ones.

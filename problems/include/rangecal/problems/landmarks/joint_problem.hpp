@@ -26,8 +26,12 @@ struct Cells {
   std::vector<double> bearing_mean_square;
   std::vector<double> radius_m;           ///< of the cell's landmark
   std::vector<int> stop_begin;            ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
+  /// Effects that change with distance leave b (d - d_0) on top of f(d): b [-] and d_0 [m]; both empty for none.
+  std::vector<double> bend, bend_at_m;
 
   std::size_t size() const { return stop.size(); }
+  /// b (d - d_0) of cell i [m].
+  double bent(std::size_t i, double d) const { return bend.empty() ? 0.0 : bend[i] * (d - bend_at_m[i]); }
 };
 
 /// What is known beforehand about one stop.

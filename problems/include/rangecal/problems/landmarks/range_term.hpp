@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "rangecal/core/noise.hpp"
+#include "rangecal/problems/landmarks/joint_problem.hpp"
 #include "rangecal/problems/landmarks/taylor.hpp"
 
 namespace rangecal {
@@ -13,8 +14,10 @@ namespace rangecal {
 /// One cell's share of the range likelihood, with its derivatives.
 ///
 /// Measured: R readings y of one distance d [m], as mean y_bar [m] and mean square deviation S^2 [m^2].
-/// Equation: y = f(d) + s(d) e, e ~ N(0, 1), f(d) = sum alpha_i d^i, log s = lambda(f, d; tau).
-/// Cost:     q(d, alpha, tau) = R lambda + W ((y_bar - f)^2 + S^2) / (2 s^2)   [nats, without log(2 pi)/2 per reading]
+/// Equation: y = f(d) + b (d - d_0) + s(d) e, e ~ N(0, 1), f(d) = sum alpha_i d^i, log s = lambda(f, d; tau).
+///           b and d_0 are constants of the cell (Cells::bend): an effect's own slope there, 0 for the seed model.
+/// Cost:     q(d, alpha, tau) = R lambda + W ((y_bar - f - b (d - d_0))^2 + S^2) / (2 s^2)
+///           [nats, without log(2 pi)/2 per reading]
 ///           W = R, or the sum of robust weights. The log-determinant is the term R lambda.
 /// Source:   Alhashimi 2016 eq. 17, 18, for cells.
 ///
@@ -26,9 +29,11 @@ class RangeTerm {
  public:
   static constexpr int max_coefficients = 9;
 
-  /// alpha: `order + 1` coefficients. noise.parameters: sigma or beta. False if d, f or s leaves the model's domain.
-  bool evaluate(double d, double count, double weight, double mean, double mean_square, const Eigen::VectorXd& alpha,
-                const Noise& noise) {
+  /// One of `cells` at distance d. alpha: `order + 1` coefficients. noise.parameters: sigma or beta. False if d, f or
+  /// s leaves the model's domain.
+  bool evaluate(double d, const Cells& cells, std::size_t cell, const Eigen::VectorXd& alpha, const Noise& noise) {
+    const double count = cells.count[cell], weight = cells.range_weight[cell];
+    const double bend = cells.bend.empty() ? 0.0 : cells.bend[cell];
     coefficients_ = static_cast<int>(alpha.size());
     noise_parameters_ = static_cast<int>(noise.parameters.size());
     if (!(d > 0.0)) return false;
@@ -69,9 +74,10 @@ class RangeTerm {
     }
     polynomial_law_ = noise.law == NoiseLaw::polynomial;
 
-    const Taylor<N> e = Taylor<N>::constant(mean) - f;
+    Taylor<N> e = Taylor<N>::constant(cells.range_mean[cell] - cells.bent(cell, d)) - f;
+    e.c[1] -= bend;
     Taylor<N> square = e * e;
-    square.c[0] += mean_square;
+    square.c[0] += cells.range_mean_square[cell];
     const Taylor<N> chi_sq = weight * (square * precision);
     cost = count * lambda + 0.5 * chi_sq;
     by_lambda = Taylor<N>::constant(count) - chi_sq;
@@ -88,9 +94,9 @@ class RangeTerm {
     tau_tau = by_lambda_lambda - (polynomial_law_ ? by_lambda.value() : 0.0);
 
     // Expected information of the same.
-    const double f_slope = f.first(), lambda_slope = lambda.first();
-    fisher_d_d = weight * precision.value() * f_slope * f_slope + 2.0 * count * lambda_slope * lambda_slope;
-    fisher_d_alpha = weight * precision.value() * f_slope + 2.0 * count * lambda_slope * p * inverse;
+    const double slope = f.first() + bend, lambda_slope = lambda.first();
+    fisher_d_d = weight * precision.value() * slope * slope + 2.0 * count * lambda_slope * lambda_slope;
+    fisher_d_alpha = weight * precision.value() * slope + 2.0 * count * lambda_slope * p * inverse;
     fisher_d_tau = 2.0 * count * lambda_slope;
     fisher_alpha_alpha = weight * precision.value() + 2.0 * count * p * p * inverse * inverse;
     fisher_alpha_tau = 2.0 * count * p * inverse;

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "diagnosis/working.hpp"
+
+namespace rangecal::diagnosis {
+
+/// On which side of a switching distance every cell lies.
+///
+/// An effect that jumps at a distance L makes the likelihood jump wherever an estimated distance d crosses L.
+/// No gradient leads across; but a cell within the error of d of L costs next to nothing to move, and its
+/// readings, a jump away from where the model expects them, say where it belongs. For a cell of weight w,
+/// residual r on the side where d lies and r' beyond, and the position's standard deviation s left by the
+/// other readings of its stop,
+///   cross if  w r'^2 / 2 + (L - d)^2 / (2 s^2) < w r^2 / 2.
+/// Crossing moves the stop by L - d along the line of sight, so that everything that follows sees one
+/// geometry.
+class Sides {
+ public:
+  /// Moves the stops of `state` to where the readings say that cells near L lie.
+  void settle(const Rows& rows, const Model& model, JointState& state);
+  /// After a solve that knew nothing of sides: moves stops back over L to the side that the solve took for
+  /// granted. Returns what the moves cost in nats.
+  double restore(const Rows& rows, const Model& model, JointState& state) const;
+  /// True if some effect of the model jumps.
+  static bool matter(const Model& model);
+
+ private:
+  std::vector<char> near_;  ///< per effect and cell: d < L
+};
+
+/// The alternation of taking effects out of the readings at a state and solving for the state: twice, the
+/// second time with the effects at the new geometry (and the tails' new weights); where they change fast with
+/// distance, until the value stays.
+///
+///   Rounds rounds(model);
+///   do { working = rounds.begin(rows, model, state);  ... solve: state, value ... }
+///   while (rounds.another(rows, model, state, value));
+class Rounds {
+ public:
+  explicit Rounds(const Model& model) : left_(model.empty() ? 1 : 2), jumps_(Sides::matter(model)) {}
+  WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
+  /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: go round
+  /// again.
+  bool another(const Rows& rows, const Model& model, JointState& state, double& value);
+
+ private:
+  int left_, done_ = 0;
+  bool jumps_, bends_ = false;
+  double before_ = 0.0;
+  Sides sides_;
+};
+
+}  // namespace rangecal::diagnosis
