@@ -58,7 +58,34 @@ void refine(const Rows& rows, const RefitOptions& options, Fit& fit) {
   }
 }
 
+/// Tries the period of an effect that bends around the fit, by a quarter of a peak's width: the likelihood
+/// has many peaks beside the highest. Each trial starts from the seed model's geometry, not from one that
+/// lies on a wrong peak.
+void try_periods(const Rows& rows, const Fit& base, const RefitOptions& options, Fit& fit) {
+  constexpr int reach = 4;
+  constexpr double part = 0.0025;
+  const ActiveEffect home = fit.model.back();
+  const auto& parameters = home.effect->info().parameters;
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    if (parameters[j].linear || parameters[j].discrete) continue;
+    const auto index = static_cast<Eigen::Index>(j);
+    for (int k = -reach; k <= reach; ++k) {
+      Model model = base.model;
+      model.push_back(home);
+      for (std::size_t other = 0; other < parameters.size(); ++other)
+        if (parameters[other].linear) model.back().parameters[static_cast<Eigen::Index>(other)] = 0.0;
+      model.back().parameters[index] *= 1.0 + k * part;
+      Fit trial = refit(rows, model, base.state, options);
+      if (trial.ok && trial.nll < fit.nll) fit = std::move(trial);
+    }
+  }
+}
+
 }  // namespace
+
+bool bends(const Rows& rows, const Fit& fit) {
+  return !working_problem(rows, fit.model, fit.state).problem.cells.bend.empty();
+}
 
 bool contains(const Model& model, const Effect* effect) {
   return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
@@ -146,7 +173,10 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
     Fit fit = refit(rows, model, base.state, options);
     if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
   }
-  if (candidate.fit.ok && base.nll - candidate.fit.nll > worth_refining) refine(rows, options, candidate.fit);
+  if (candidate.fit.ok && base.nll - candidate.fit.nll > worth_refining) {
+    refine(rows, options, candidate.fit);
+    if (bends(rows, candidate.fit)) try_periods(rows, base, options, candidate.fit);
+  }
   candidate.promised = proposal.promised;
   candidate.log_p = proposal.log_p;
   candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;

@@ -313,7 +313,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     return left;
   };
   if (!pairs.empty() && singles[0].evidence > free_curve_gain - curve_margin &&
-      pairs[0].evidence - singles[0].evidence < trace && left_by_first() < trace + 6.0) {
+      pairs[0].evidence - singles[0].evidence < trace &&
+      (left_by_first() < trace + 6.0 || bends(rows, singles[0].fit))) {
     result.verdict = Verdict::explained;
     result.best = singles[0];
     result.last = std::move(batteries[0]);
