@@ -62,8 +62,8 @@ void refine(const Rows& rows, const RefitOptions& options, Fit& fit) {
 /// has many peaks beside the highest. Each trial starts from the seed model's geometry, not from one that
 /// lies on a wrong peak.
 void try_periods(const Rows& rows, const Fit& base, const RefitOptions& options, Fit& fit) {
-  constexpr int reach = 4;
-  constexpr double part = 0.0025;
+  constexpr int reach = 3;
+  constexpr double part = 0.003;
   const ActiveEffect home = fit.model.back();
   const auto& parameters = home.effect->info().parameters;
   for (std::size_t j = 0; j < parameters.size(); ++j) {
