@@ -181,7 +181,8 @@ bool StopResidual::evaluate(const double* const* blocks, const double* log_floor
     for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i, ++cell, row += per_cell) {
       const double* m = blocks[first_landmark + slot_of_cell_[cell]];
       const double vx = m[0] - x, vy = m[1] - y, D = std::sqrt(vx * vx + vy * vy);
-      if (!curve.at(D - c.radius_m[i])) return false;
+      const double d = D - c.radius_m[i], bend = c.bend.empty() ? 0.0 : c.bend[i];
+      if (!curve.at(d)) return false;
       const double R = c.count[i], root_W = std::sqrt(c.range_weight[i]);
       const double floor = log_floor ? log_floor[cell] : curve.log_spread - 0.5;
       const double height = curve.log_spread - floor;
@@ -189,7 +190,7 @@ bool StopResidual::evaluate(const double* const* blocks, const double* log_floor
       level += R * (floor - reference_log_spread_[cell] + margin);
       const double turn = wrap_angle(c.bearing_mean[i] - std::atan2(vy, vx) + h);
       double* r = residuals + row;
-      r[0] = root_W * (c.range_mean[i] - curve.f) * curve.inverse_s;
+      r[0] = root_W * (c.range_mean[i] - curve.f - c.bent(i, d)) * curve.inverse_s;
       r[1] = std::sqrt(2.0 * R * height);
       r[2] = std::sqrt(c.bearing_weight[i]) * turn * curve.inverse_sigma_theta;
       if (repeats_) r[3] = root_W * std::sqrt(c.range_mean_square[i]) * curve.inverse_s;
@@ -211,7 +212,7 @@ bool StopResidual::evaluate(const double* const* blocks, const double* log_floor
           for (int j = 0; j < nt; ++j) by_sigma[(row + e) * (nt + 1) + j] = by_log[e] * curve.by_tau(j);
           if (e == 2) by_sigma[(row + e) * (nt + 1) + nt] = -r[2];
         }
-        const double in_d = (e == 0 ? by_mean * curve.f_slope : 0.0) + by_log[e] * lambda_slope;
+        const double in_d = (e == 0 ? by_mean * (curve.f_slope + bend) : 0.0) + by_log[e] * lambda_slope;
         const double sx = e == 2 ? across * ny : in_d * nx, sy = e == 2 ? -across * nx : in_d * ny;  // in the landmark
         if (double* j = jacobian(first_landmark + slot_of_cell_[cell])) {
           j[(row + e) * 2] = sx;

@@ -20,6 +20,7 @@ struct Case {
   const char* name;
   SceneOptions options;
   bool sigma_s_free = false;
+  bool bent = false;
 };
 
 std::vector<Case> cases() {
@@ -28,7 +29,7 @@ std::vector<Case> cases() {
   return {{"plain", s.plain},         {"headings", s.headings},     {"walk", s.walk},       {"walk_headings", s.walk_headings},
           {"places", s.places},       {"polynomial", s.polynomial}, {"repeats", s.repeats}, {"walk_places", s.walk_places},
           {"d_squared", s.d_squared}, {"f_cubed", s.f_cubed},       {"constant", s.constant}, {"sigma_s", s.headings, true},
-          {"walk_sigma_s", s.walk_headings, true}};
+          {"walk_sigma_s", s.walk_headings, true}, {"bent", s.walk_headings, false, true}};
 }
 
 class JointSystemTest : public ::testing::TestWithParam<Case> {
@@ -43,6 +44,15 @@ class JointSystemTest : public ::testing::TestWithParam<Case> {
       scene.problem.estimate_sigma_s = true;
       scene.problem.sigma_s_shared.assign(scene.problem.stops.size(), 1);
       state.sigma_s_m = 0.015;
+    }
+    if (GetParam().bent) {  // an effect's slope of up to 0.8 in every cell, about a distance a little beside its own
+      Cells& cells = scene.problem.cells;
+      for (std::size_t i = 0; i < cells.size(); ++i) {
+        const Pose2& pose = state.stops[cells.stop[i]];
+        const double d = (state.landmarks[cells.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm() - cells.radius_m[i];
+        cells.bend.push_back(0.8 * std::sin(7.0 * d));
+        cells.bend_at_m.push_back(d + 0.01 * std::cos(3.0 * d));
+      }
     }
   }
   JointSystem make_system() const {

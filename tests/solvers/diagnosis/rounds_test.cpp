@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/rounds.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rangecal/core/random.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Three stops on the x axis, two landmarks, five readings of each: y = d + c for d < limit, else d, hardly
+/// any noise.
+Recording recording_with_step(double limit, double offset) {
+  Recording recording;
+  recording.kind = RecordingKind::landmarks;
+  recording.path = "made";
+  const Eigen::Vector2d axes[] = {{1.0, 1.0}, {3.0, -1.0}};
+  for (int l = 0; l < 2; ++l) {
+    Landmark landmark;
+    landmark.label = l == 0 ? "a" : "b";
+    recording.landmarks.push_back(landmark);
+  }
+  Random random(seed_from("recording_with_step", {1}));
+  for (int k = 0; k < 3; ++k) {
+    Stop stop;
+    stop.label = std::to_string(k);
+    stop.commanded = {0.5 * k, 0.0, 0.0};
+    stop.sigma_xy_m = 0.01;
+    recording.stops.push_back(stop);
+    for (int l = 0; l < 2; ++l)
+      for (int j = 0; j < 5; ++j) {
+        const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
+        const double d = v.norm();
+        Readings& r = recording.readings;
+        r.stop.push_back(k), r.landmark.push_back(l), r.repeat.push_back(j);
+        r.range_m.push_back(d + (d < limit ? offset : 0.0) + random.normal(0.0, 1e-4));
+        r.bearing_rad.push_back(std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-4));
+        r.time_s.push_back(10.0 * k + j);
+        r.row.push_back(static_cast<int>(r.row.size()) + 2);
+      }
+  }
+  return recording;
+}
+
+JointState truth() {
+  JointState state;
+  state.alpha = Eigen::Vector2d(0.0, 1.0);
+  state.noise.law = NoiseLaw::constant;
+  state.noise.parameters = Eigen::VectorXd::Constant(1, 1e-4);
+  state.sigma_theta_rad = 1e-4;
+  state.landmarks = {{1.0, 1.0}, {3.0, -1.0}};
+  for (int k = 0; k < 3; ++k) state.stops.push_back({0.5 * k, 0.0, 0.0});
+  return state;
+}
+
+TEST(Sides, ACellThatReadsOffTheStepIsMovedOverTheSwitchingDistance) {
+  // Stop 0 sees landmark a at sqrt(2) = 1.41421 m. It switches at 1.416 m: the reading has the step of 20 mm.
+  // A stop estimated 4 mm too far back puts the cell at 1.4170 m, beyond: 20 mm off with a spread of 0.1 mm.
+  const double limit = 1.416, offset = 0.02;
+  const Recording recording = recording_with_step(limit, offset);
+  const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
+  const Effect* effect = find_effect("near_regime");
+  const Model model{{effect, Eigen::Vector3d(offset, 0.0, limit)}};
+  JointState state = truth();
+  state.stops[0].x_m -= 0.004;
+  ASSERT_GT(cell_geometry(rows, state).d[0], limit);
+  Rounds rounds(model);
+  rounds.begin(rows, model, state);
+  EXPECT_LT(cell_geometry(rows, state).d[0], limit);
+  EXPECT_NEAR(cell_geometry(rows, state).d[0], limit, 1e-5);  // just over it
+  // Another stop stays where it was.
+  EXPECT_EQ(state.stops[1].x_m, 0.5);
+}
+
+TEST(Sides, AMoveBackOverTheDistanceCostsItsSquare) {
+  const double limit = 1.416;
+  const Recording recording = recording_with_step(limit, 0.02);
+  const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
+  const Model model{{find_effect("near_regime"), Eigen::Vector3d(0.02, 0.0, limit)}};
+  JointState state = truth();
+  Rounds rounds(model);
+  rounds.begin(rows, model, state);
+  ASSERT_LT(cell_geometry(rows, state).d[0], limit);
+  state.stops[0].x_m -= 0.004;  // what a solve that knows nothing of sides may do
+  const double over = cell_geometry(rows, state).d[0] - limit;
+  double value = 0.0;
+  rounds.another(rows, model, state, value);
+  EXPECT_LT(cell_geometry(rows, state).d[0], limit);
+  // Information of the stop along a line of sight: the prior's 1e4 and half of ten readings of 0.1 mm, 5e8.
+  EXPECT_NEAR(value, 0.5 * over * over * (1e4 + 5e8), 1e-3 * value);
+}
+
+TEST(Bends, AnEffectThatWobblesWithDistanceGivesItsCellsASlope) {
+  const Recording recording = recording_with_step(0.0, 0.0);
+  const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
+  const Effect* effect = find_effect("cyclic_error");
+  const auto grid = effect->start_grid(rows.context);
+  Eigen::VectorXd p = grid[grid.size() / 2];
+  for (std::size_t j = 0; j < effect->info().parameters.size(); ++j)
+    if (effect->info().parameters[j].linear) p[static_cast<Eigen::Index>(j)] = 0.05;
+  const JointState state = truth();
+  const WorkingProblem working = working_problem(rows, {{effect, p}}, state);
+  const Cells& cells = working.problem.cells;
+  ASSERT_EQ(cells.bend.size(), 6u);
+  const CellGeometry geometry = cell_geometry(rows, state);
+  for (int c = 0; c < 6; ++c) {
+    const auto change = [&](double h) {
+      ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
+      view.d += h;
+      return effect->reading(view, p.data()).range;
+    };
+    EXPECT_NEAR(cells.bend[c], (change(1e-6) - change(-1e-6)) / 2e-6, 1e-3 * (1.0 + std::abs(cells.bend[c])));
+    EXPECT_EQ(cells.bent(static_cast<std::size_t>(c), geometry.d[c]), 0.0);
+  }
+  EXPECT_TRUE(working_problem(rows, {}, state).problem.cells.bend.empty());
+}
+
+}  // namespace
+}  // namespace rangecal::diagnosis
