@@ -129,8 +129,8 @@ TEST(Sealed, CommitmentFailsOnAChangedKey) {
 
 /// Diagnosis stands for a fit here: it answers at once and counts how often it is asked.
 TEST(Journal, AStoppedRunGoesOnAndNothingIsCountedTwice) {
-  const TemporaryFolder folder;
-  const std::string path = folder.path() + "/scores.csv";
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("scores.csv");
   int asked = 0;
   const Diagnose quiet = [&](std::span<const Recording>, const DiagnoseOptions&) {
     ++asked;
