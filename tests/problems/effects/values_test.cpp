@@ -92,7 +92,7 @@ std::vector<Case> cases() {
       {"moved_landmark", {0.02, 0.01, 0.0, 2.0}, {}},
       // what these do lies elsewhere: in stops, dependence, tails, labels
       {"label_swap", {0.0, 1.0, 3.0, 3.0}, {}},
-      {"heavy_tails", {4.0}, {}},
+      {"heavy_tails", {0.03, 5.0}, {}},
       {"cell_effect", {0.005}, {}},
       {"autocorrelated_noise", {0.6, 0.3}, {}},
       {"bearing_quantisation", {0.0175}, {}},

@@ -56,15 +56,17 @@ JointState truth() {
 }
 
 TEST(Sides, ACellThatReadsOffTheStepIsMovedOverTheSwitchingDistance) {
-  // Stop 0 sees landmark a at sqrt(2) = 1.41421 m. It switches at 1.416 m: the reading has the step of 20 mm.
-  // A stop estimated 4 mm too far back puts the cell at 1.4170 m, beyond: 20 mm off with a spread of 0.1 mm.
-  const double limit = 1.416, offset = 0.02;
+  // Stop 0 sees landmark a at sqrt(2) = 1.414214 m. It switches at 1.41425 m: the reading has the step of 20
+  // mm. A stop estimated 0.1 mm too far back puts the cell at 1.414284 m, beyond: 20 mm off with a spread of
+  // 0.1 mm. Ten readings of that spread leave the stop sqrt(2 / 10) 0.1 mm = 0.045 mm, so that the side is
+  // open.
+  const double limit = 1.41425, offset = 0.02;
   const Recording recording = recording_with_step(limit, offset);
   const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
   const Effect* effect = find_effect("near_regime");
   const Model model{{effect, Eigen::Vector3d(offset, 0.0, limit)}};
   JointState state = truth();
-  state.stops[0].x_m -= 0.004;
+  state.stops[0].x_m -= 1e-4;
   ASSERT_GT(cell_geometry(rows, state).d[0], limit);
   Rounds rounds(model);
   rounds.begin(rows, model, state);
