@@ -24,6 +24,7 @@ constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are t
 constexpr double trace_share =
     0.1;  ///< of what a first name gained: a second that adds less may be its formula's error
 constexpr double soaked_share = 0.8;
+constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
@@ -47,12 +48,6 @@ bool one_curve(const Model& model) {
            const EffectInfo& info = a.effect->info();
            return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
          }) > 1;
-}
-
-/// What a score's promise is worth once the channel's sigma follows: n/2 log(1 + 2 g / n) of g.
-double settled_gain(const Rows& rows, double promised) {
-  const double n = static_cast<double>(rows.size());
-  return 0.5 * n * std::log1p(2.0 * promised / n);
 }
 
 /// Findings by penalised gain, one per (channel, covariate).
@@ -114,11 +109,11 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
 }
 
 /// Nats of the best free curve in the means of a channel, less what choosing it cost.
-double best_curve(const Rows& rows, const SearchResult& result, const std::string& channel) {
+double best_curve(const SearchResult& result, const std::string& channel) {
   double best = 0.0;
   for (const Question& q : result.first->questions)
     if (!q.effect && q.channel == channel)
-      best = std::max(best, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
+      best = std::max(best, q.gain - q.dof - std::log(result.rates.starts(q.family)));
   return best;
 }
 
@@ -139,7 +134,7 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
     if (left ||
-        singles[i].evidence < std::max(partial_margin, best_curve(rows, result, info.channel) - curve_margin))
+        singles[i].evidence < std::max(partial_margin, best_curve(result, info.channel) - curve_margin))
       continue;
     result.partial = true;
     result.best = singles[i];
@@ -236,8 +231,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), result.rates, refit_options);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
-  const double free_curve_gain =
-      std::max(best_curve(rows, result, "range"), best_curve(rows, result, "bearing"));
+  const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
 
   // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
   // where no curve explains nearly as much.
@@ -306,15 +300,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const bool has_formula =
       !singles.empty() && singles[0].fit.model.back().effect->info().kind == EffectKind::mean;
   const double trace = has_formula ? trace_share * singles[0].gain : 0.0;
-  const auto left_by_first = [&] {
-    double left = 0.0;
+  const auto left_by_first = [&] {  // the smallest p of what no name explains
+    double left = 1.0;
     for (const Question& q : batteries[0]->questions)
-      if (!q.effect && !on_grid(known, q)) left = std::max(left, q.gain - q.dof);
+      if (!q.effect && !on_grid(known, q)) left = std::min(left, batteries[0]->corrected(q));
     return left;
   };
   if (!pairs.empty() && singles[0].evidence > free_curve_gain - curve_margin &&
-      pairs[0].evidence - singles[0].evidence < trace &&
-      (left_by_first() < trace + 6.0 || bends(rows, singles[0].fit))) {
+      pairs[0].evidence - singles[0].evidence < trace && left_by_first() > trace_rate) {
     result.verdict = Verdict::explained;
     result.best = singles[0];
     result.last = std::move(batteries[0]);
