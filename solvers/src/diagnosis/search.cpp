@@ -18,8 +18,9 @@ constexpr double adequacy_rate =
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
 /// kind.
 constexpr double combination_margin = 10.0;
-constexpr double curve_margin =
-    4.0;  ///< nats by which a free curve may beat a single name before it is refused
+/// Nats by which a free curve may beat a name before it is refused: 4, or what a curve's score overstates a
+/// strong one.
+constexpr double curve_margin = 4.0, curve_share = 0.05;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 constexpr double trace_share =
     0.1;  ///< of what a first name gained: a second that adds less may be its formula's error
@@ -27,6 +28,8 @@ constexpr double soaked_share = 0.8;
 constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
 constexpr int largest_start = 3;         ///< single effects that pairs start from
+
+double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
 
 bool has_grid(const Bookkeeping& known) {
   return std::any_of(known.model.begin(), known.model.end(),
@@ -133,8 +136,8 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    if (left ||
-        singles[i].evidence < std::max(partial_margin, best_curve(result, info.channel) - curve_margin))
+    if (left || singles[i].evidence <
+                    std::max(partial_margin, best_curve(result, info.channel) - margin_of(singles[i])))
       continue;
     result.partial = true;
     result.best = singles[i];
@@ -245,7 +248,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
-    if (clean(singles[i], batteries[i]) && leading && singles[i].evidence > free_curve_gain - curve_margin) {
+    if (clean(singles[i], batteries[i]) && leading &&
+        singles[i].evidence > free_curve_gain - margin_of(singles[i])) {
       result.verdict = Verdict::explained;
       result.best = singles[i];
       result.last = std::move(batteries[i]);
@@ -306,7 +310,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       if (!q.effect && !on_grid(known, q)) left = std::min(left, batteries[0]->corrected(q));
     return left;
   };
-  if (!pairs.empty() && singles[0].evidence > free_curve_gain - curve_margin &&
+  if (!pairs.empty() && singles[0].evidence > free_curve_gain - margin_of(singles[0]) &&
       pairs[0].evidence - singles[0].evidence < trace && left_by_first() > trace_rate) {
     result.verdict = Verdict::explained;
     result.best = singles[0];
