@@ -184,9 +184,8 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   // Effects that change fast with distance let the fit choose, stop by stop, among many bends to lie on: gain
   // far beyond what the score promised is that choice, and no evidence.
   const double credible = 1.5 * proposal.promised + 3.0;
-  const bool chosen =
-      candidate.fit.ok && candidate.gain > credible && proposal.promised > 0.0 &&
-      !working_problem(rows, candidate.fit.model, candidate.fit.state).problem.cells.bend.empty();
+  const bool chosen = candidate.fit.ok && candidate.gain > credible && proposal.promised > 0.0 &&
+                      bends(rows, candidate.fit);
   candidate.evidence =
       candidate.fit.ok ? (chosen ? credible : candidate.gain) - price_of(candidate.fit.model.back(), rates)
                        : -1e9;

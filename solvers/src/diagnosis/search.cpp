@@ -18,18 +18,14 @@ constexpr double adequacy_rate =
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
 /// kind.
 constexpr double combination_margin = 10.0;
-/// Nats by which a free curve may beat a name before it is refused: 4, or what a curve's score overstates a
-/// strong one.
-constexpr double curve_margin = 4.0, curve_share = 0.05;
+constexpr double curve_margin =
+    4.0;  ///< nats by which a free curve may beat a single name before it is refused
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 constexpr double trace_share =
     0.1;  ///< of what a first name gained: a second that adds less may be its formula's error
 constexpr double soaked_share = 0.8;
-constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
 constexpr int largest_start = 3;         ///< single effects that pairs start from
-
-double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
 
 bool has_grid(const Bookkeeping& known) {
   return std::any_of(known.model.begin(), known.model.end(),
@@ -51,6 +47,12 @@ bool one_curve(const Model& model) {
            const EffectInfo& info = a.effect->info();
            return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
          }) > 1;
+}
+
+/// What a score's promise is worth once the channel's sigma follows: n/2 log(1 + 2 g / n) of g.
+double settled_gain(const Rows& rows, double promised) {
+  const double n = static_cast<double>(rows.size());
+  return 0.5 * n * std::log1p(2.0 * promised / n);
 }
 
 /// Findings by penalised gain, one per (channel, covariate).
@@ -112,11 +114,11 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
 }
 
 /// Nats of the best free curve in the means of a channel, less what choosing it cost.
-double best_curve(const SearchResult& result, const std::string& channel) {
+double best_curve(const Rows& rows, const SearchResult& result, const std::string& channel) {
   double best = 0.0;
   for (const Question& q : result.first->questions)
     if (!q.effect && q.channel == channel)
-      best = std::max(best, q.gain - q.dof - std::log(result.rates.starts(q.family)));
+      best = std::max(best, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
   return best;
 }
 
@@ -136,8 +138,8 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    if (left || singles[i].evidence <
-                    std::max(partial_margin, best_curve(result, info.channel) - margin_of(singles[i])))
+    if (left ||
+        singles[i].evidence < std::max(partial_margin, best_curve(rows, result, info.channel) - curve_margin))
       continue;
     result.partial = true;
     result.best = singles[i];
@@ -234,7 +236,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), result.rates, refit_options);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
-  const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
+  const double free_curve_gain =
+      std::max(best_curve(rows, result, "range"), best_curve(rows, result, "bearing"));
 
   // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
   // where no curve explains nearly as much.
@@ -248,8 +251,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
-    if (clean(singles[i], batteries[i]) && leading &&
-        singles[i].evidence > free_curve_gain - margin_of(singles[i])) {
+    if (clean(singles[i], batteries[i]) && leading && singles[i].evidence > free_curve_gain - curve_margin) {
       result.verdict = Verdict::explained;
       result.best = singles[i];
       result.last = std::move(batteries[i]);
@@ -304,14 +306,15 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const bool has_formula =
       !singles.empty() && singles[0].fit.model.back().effect->info().kind == EffectKind::mean;
   const double trace = has_formula ? trace_share * singles[0].gain : 0.0;
-  const auto left_by_first = [&] {  // the smallest p of what no name explains
-    double left = 1.0;
+  const auto left_by_first = [&] {
+    double left = 0.0;
     for (const Question& q : batteries[0]->questions)
-      if (!q.effect && !on_grid(known, q)) left = std::min(left, batteries[0]->corrected(q));
+      if (!q.effect && !on_grid(known, q)) left = std::max(left, q.gain - q.dof);
     return left;
   };
-  if (!pairs.empty() && singles[0].evidence > free_curve_gain - margin_of(singles[0]) &&
-      pairs[0].evidence - singles[0].evidence < trace && left_by_first() > trace_rate) {
+  if (!pairs.empty() && singles[0].evidence > free_curve_gain - curve_margin &&
+      pairs[0].evidence - singles[0].evidence < trace &&
+      (left_by_first() < trace + 6.0 || bends(rows, singles[0].fit))) {
     result.verdict = Verdict::explained;
     result.best = singles[0];
     result.last = std::move(batteries[0]);

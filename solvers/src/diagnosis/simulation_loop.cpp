@@ -4,7 +4,6 @@
 // delta, v, w the effects' changes, e normal or Student-t, AR(1) over the repeats of a cell, u shared within
 // a cell.
 #include <cmath>
-#include <limits>
 
 #include "diagnosis/calibrated.hpp"
 #include "diagnosis/working.hpp"

@@ -65,6 +65,14 @@ class JointSystemTest : public ::testing::TestWithParam<Case> {
     (i < layout.global_count ? globals[i] : stops[i - layout.global_count]) = step;
     return step_state(scene.problem, layout, state, globals, stops);
   }
+  /// Moves the stops of `state` to their optimum given the rest, and eliminates them from the system there.
+  void settle(JointSystem& system) {
+    const LaplaceValue home = laplace_marginal(scene.problem, state);
+    ASSERT_TRUE(home.ok);
+    state = home.state;
+    system.assemble(state, HessianKind::exact);
+    ASSERT_TRUE(system.eliminate());
+  }
   testing::Scene scene;
   JointState state;
 };
@@ -148,13 +156,9 @@ TEST_P(JointSystemTest, FisherInformationIsTheExpectationOfTheHessian) {
 
 TEST_P(JointSystemTest, LogDeterminantGradientMatchesDifferences) {
   // Central differences of 1/2 log det H_ss with the stops settled at each side.
-  const LaplaceValue home = laplace_marginal(scene.problem, state);
-  ASSERT_TRUE(home.ok);
-  state = home.state;
   JointSystem system = make_system();
+  ASSERT_NO_FATAL_FAILURE(settle(system));
   const JointLayout& layout = system.layout();
-  system.assemble(state, HessianKind::exact);
-  ASSERT_TRUE(system.eliminate());
   const Eigen::VectorXd gradient = system.log_det_gradient(state);
   for (int i = 0; i < layout.global_count; ++i) {
     const double h = 1e-5;
@@ -178,13 +182,9 @@ TEST_P(JointSystemTest, RestrictedGradientMatchesDifferences) {
     EXPECT_EQ(factor.info(), Eigen::Success);
     return factor.matrixLLT().diagonal().array().log().sum();
   };
-  const LaplaceValue home = laplace_marginal(scene.problem, state);
-  ASSERT_TRUE(home.ok);
-  state = home.state;
   JointSystem system = make_system();
+  ASSERT_NO_FATAL_FAILURE(settle(system));
   const JointLayout& layout = system.layout();
-  system.assemble(state, HessianKind::exact);
-  ASSERT_TRUE(system.eliminate());
   const Eigen::MatrixXd covariance = system.schur().topLeftCorner(layout.phi_count, layout.phi_count).inverse();
   const Eigen::VectorXd gradient = system.log_det_phi_gradient(state, covariance);
   for (int i = 0; i < layout.global_count; ++i) {
