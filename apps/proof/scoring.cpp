@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "scoring.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -159,16 +161,21 @@ bool within(const EffectEstimate& estimate, double value, const std::map<std::st
   return std::abs(off) <= half;
 }
 
-std::pair<int, int> coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth) {
-  int covered = 0, intervals = 0;
-  if (diagnosis.explanations.empty()) return {0, 0};
+Coverage coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth) {
+  Coverage out;
+  if (diagnosis.explanations.empty()) return out;
   for (const EffectEstimate& estimate : diagnosis.explanations[0].parameters) {
     const auto found = truth.find(estimate.name);
     if (found == truth.end() || !(estimate.std_dev > 0.0)) continue;
-    ++intervals;
-    covered += within(estimate, found->second, truth);
+    ++out.intervals;
+    if (within(estimate, found->second, truth)) {
+      ++out.covered;
+      continue;
+    }
+    out.outside += fmt::format("{}{} {:.6g} [{:.6g} {:.6g}]", out.outside.empty() ? "" : "; ", estimate.name,
+                               found->second, estimate.low95, estimate.high95);
   }
-  return {covered, intervals};
+  return out;
 }
 
 Score score(const Case& c, const Diagnosis& diagnosis) {
@@ -189,8 +196,10 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
     out.location = diagnosis.location[0].channel + "/" + diagnosis.location[0].covariate;
   out.located = is_located(diagnosis, c.truth);
   const bool named = diagnosis.verdict == Verdict::explained;
-  if (named && out.result == Answer::right_name)
-    std::tie(out.covered, out.intervals) = coverage(diagnosis, c.planted.truth);
+  if (named && out.result == Answer::right_name) {
+    const Coverage found = coverage(diagnosis, c.planted.truth);
+    out.covered = found.covered, out.intervals = found.intervals, out.outside = found.outside;
+  }
   if (named && diagnosis.before.heldout_nll && diagnosis.after.heldout_nll)
     out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
   if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);

@@ -35,14 +35,15 @@ inline bool is_right(Answer answer) { return answer == Answer::right_name || ans
 struct Case {
   std::string row, design;
   int index = 0;
-  std::uint64_t seed = 0;           ///< draws the world; the noise of its recording comes from it too
+  std::uint64_t seed = 0;  ///< draws the world; the noise of its recording comes from it too
   std::uint64_t effect_seed = 0;
   world::World clean, planted;
-  std::vector<std::string> truth;   ///< planted ids, none for a clean world
+  std::vector<std::string> truth;  ///< planted ids, none for a clean world
   std::vector<double> sizes;
-  double value = 0.0;               ///< lambda or nats of the first effect
+  double value = 0.0;  ///< lambda or nats of the first effect
   bool in_nats = false;
-  std::vector<std::string> out_of_reach;   ///< effects drawn before that cannot reach the target, "id (design)"
+  std::vector<std::string>
+      out_of_reach;  ///< effects drawn before that cannot reach the target, "id (design)"
 };
 
 /// What came out of one world.
@@ -50,22 +51,23 @@ struct Score {
   std::string row, design;
   int index = 0;
   std::uint64_t seed = 0;
-  std::string planted, answer;      ///< "a+b"; "a | b" for a set
+  std::string planted, answer;  ///< "a+b"; "a | b" for a set
   double size = 0.0, value = 0.0;
   Answer result = Answer::missed;
   int set_size = 0;
   double probability = 0.0, alarm_p = 1.0;
-  bool partly_right = false;        ///< a pair: one right and none wrong
-  std::string location;             ///< "channel/covariate" first found
+  bool partly_right = false;  ///< a pair: one right and none wrong
+  std::string location;       ///< "channel/covariate" first found
   bool located = false;
   std::optional<double> gain_ratio, gain_excess_nats;
   int covered = 0, intervals = 0;
+  std::string outside;  ///< intervals that do not hold the truth: "parameter truth [low high]; ..."
   std::optional<bool> held_out_improves;
-  std::optional<bool> listed;       ///< absorbed effects: in twins or unseen
-  std::string experiment;           ///< code carried out, "none" where nothing was said to separate
+  std::optional<bool> listed;  ///< absorbed effects: in twins or unseen
+  std::string experiment;      ///< code carried out, "none" where nothing was said to separate
   std::optional<bool> experiment_good;
   double seconds = 0.0;
-  std::string error;                ///< what was thrown, if anything
+  std::string error;  ///< what was thrown, if anything
 };
 
 /// All sets of effects that a diagnosis answers with, best first, the twins of the best after it.
@@ -73,14 +75,18 @@ std::vector<std::vector<std::string>> answer_sets(const Diagnosis& diagnosis);
 /// "a+b | c".
 std::string in_words(const std::vector<std::vector<std::string>>& sets);
 
-/// The class of an answer. `is_twin` says whether a set of effects leaves too little of the planted one to be told from
-/// it; it is asked only for members of a set that holds the truth.
+/// The class of an answer. `is_twin` says whether a set of effects leaves too little of the planted one to be
+/// told from it; it is asked only for members of a set that holds the truth.
 Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& truth,
                 const std::function<bool(const std::vector<std::string>&)>& is_twin);
 /// The first location is in a channel and covariate of the planted effects.
 bool is_located(const Diagnosis& diagnosis, const std::vector<std::string>& truth);
-/// 95 % intervals of the best explanation that cover the world's truth, and how many have a truth.
-std::pair<int, int> coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth);
+/// 95 % intervals of the best explanation whose parameter has a truth in the world.
+struct Coverage {
+  int covered = 0, intervals = 0;
+  std::string outside;  ///< those that miss: "parameter truth [low high]; ..."
+};
+Coverage coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth);
 
 /// Everything that is scored of one diagnosis; gains over the oracle need a second one and are left empty.
 Score score(const Case& the_case, const Diagnosis& diagnosis);

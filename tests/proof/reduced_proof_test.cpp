@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <ostream>
 
 #include "proof/fresh.hpp"
 #include "proof/table.hpp"
@@ -37,6 +38,9 @@ struct Part {
   bool counts_alarms;      ///< the line's figure is the share of failures
   int hits, measured;      ///< by `rangecal prove --fresh N --seed 77 --row ROW`, failures taken off
 };
+
+/// How a failing test calls it.
+void PrintTo(const Part& part, std::ostream* out) { *out << part.row; }
 
 TEST(Fewest, ByHand) {
   // n = 2, rate (8 + 1) / (8 + 2) = 0.9: P(X < 1) = 0.01 > 0.001, so 0; with rate 99 / 100: P(0) = 1e-4, P(< 2) = 0.0199.

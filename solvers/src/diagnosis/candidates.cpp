@@ -14,6 +14,7 @@ namespace {
 
 constexpr int shortlist = 10;
 constexpr double worth_refining = 5.0;  ///< nats
+constexpr double polish = 0.3;          ///< of a gain: more than refining has ever added to it
 
 /// Step of the grid of a parameter that only a grid can find; 0 for labels and numbers of stops, which have
 /// nothing in between.
@@ -160,10 +161,14 @@ double price_of(const ActiveEffect& active, const Rates& rates) {
   return static_cast<double>(fitted) + std::log(rates.starts(id));
 }
 
+// Effects that change fast with distance let the fit choose, stop by stop, among many bends to lie on: gain
+// far beyond what the score promised is that choice, and no evidence.
+double credible_gain(const Proposal& proposal) { return 1.5 * proposal.promised + 3.0; }
+
 /// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step
 /// does it.
 Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Rates& rates,
-                    const RefitOptions& options) {
+                    const RefitOptions& options, double wanted) {
   Model model = base.model;
   model.push_back({proposal.effect, proposal.start});
   Candidate candidate;
@@ -173,7 +178,8 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
     Fit fit = refit(rows, model, base.state, options);
     if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
   }
-  if (candidate.fit.ok && base.nll - candidate.fit.nll > worth_refining) {
+  const double first = base.nll - candidate.fit.nll;
+  if (candidate.fit.ok && first > worth_refining && (1.0 + polish) * first + worth_refining > wanted) {
     refine(rows, options, candidate.fit);
     if (bends(rows, candidate.fit)) try_periods(rows, base, options, candidate.fit);
   }
@@ -181,11 +187,9 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   candidate.log_p = proposal.log_p;
   candidate.gain = candidate.fit.ok ? base.nll - candidate.fit.nll : 0.0;
   candidate.parameters = static_cast<int>(candidate.fit.free.size());
-  // Effects that change fast with distance let the fit choose, stop by stop, among many bends to lie on: gain
-  // far beyond what the score promised is that choice, and no evidence.
-  const double credible = 1.5 * proposal.promised + 3.0;
-  const bool chosen = candidate.fit.ok && candidate.gain > credible && proposal.promised > 0.0 &&
-                      bends(rows, candidate.fit);
+  const double credible = credible_gain(proposal);
+  const bool chosen =
+      candidate.fit.ok && candidate.gain > credible && proposal.promised > 0.0 && bends(rows, candidate.fit);
   candidate.evidence =
       candidate.fit.ok ? (chosen ? credible : candidate.gain) - price_of(candidate.fit.model.back(), rates)
                        : -1e9;
@@ -193,12 +197,12 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
 }
 
 std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
-                               const Rates& rates, const RefitOptions& options) {
+                               const Rates& rates, const RefitOptions& options, double wanted) {
   std::vector<Candidate> tried;
   double best = 0.0;
   for (const Proposal& proposal : proposals) {
     if (proposal.promised < best - 15.0 && tried.size() >= 3) break;  // cannot come near the best any more
-    Candidate candidate = try_model(rows, base, proposal, rates, options);
+    Candidate candidate = try_model(rows, base, proposal, rates, options, wanted);
     // A refit that does not deliver what its score promised has left the region where the score spoke.
     if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {
       if (!candidate.fit.ok || candidate.gain < 3.0) continue;

@@ -39,13 +39,17 @@ bool bends(const Rows& rows, const Fit& fit);
 /// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
 
-/// Adds the proposed effect to `base` and refits; `gain` and `evidence` are over `base`.
+/// The most nats that a proposal can be believed to bring.
+double credible_gain(const Proposal& proposal);
+
+/// Adds the proposed effect to `base` and refits; `gain` and `evidence` are over `base`. Where the first
+/// refit stays far below `wanted` nats of gain, what only polishes it (steps, beats of a period) is left out.
 Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Rates& rates,
-                    const RefitOptions& options);
+                    const RefitOptions& options, double wanted = 0.0);
 
 /// All that deliver what their scores promised, best evidence first.
 std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
-                               const Rates& rates, const RefitOptions& options);
+                               const Rates& rates, const RefitOptions& options, double wanted = 0.0);
 
 /// Noncentrality left between two effects: what `cause` does to the readings at its fitted size, after the
 /// calibration and every direction of `rival` at its fit were projected out. Small: this design cannot tell

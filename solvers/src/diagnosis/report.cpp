@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -125,10 +126,51 @@ void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
 
 }  // namespace
 
+namespace {
+
+/// 97.5 % quantile for estimates of one effect's parameters. Their variance scales with the channels' own
+/// estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of the information that each channel
+/// brings; by Satterthwaite (1946) the estimate over its standard deviation is Student's t of
+///   nu = 2 / Var log(s^2),  Var log(s^2) = w^2 Var log(s_e^2) + (1 - w)^2 Var log(s_theta^2).
+double quantile_of(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t effect) {
+  double share = 0.0;
+  int counted = 0;
+  for (const FreeParameter& p : fit.free) {
+    if (p.effect != static_cast<int>(effect) || p.acts != FreeParameter::Acts::mean) continue;
+    Signature x = effect_signature(rows, projector, fit.model[effect], p.index);
+    const double whole = projector.raw_information(x);
+    x.bearing.setZero();
+    x.bearing_rows.setZero();
+    if (whole > 0.0) share += projector.raw_information(x) / whole, ++counted;
+  }
+  if (counted == 0) return 1.959964;
+  share /= counted;
+  const double range = share * 2.0 * fit.noise_std;
+  const double bearing =
+      rows.pairs ? 0.0 : (1.0 - share) * 2.0 * fit.sigma_theta_std / fit.state.sigma_theta_rad;
+  const double variance = range * range + bearing * bearing;
+  if (!(variance > 0.0)) return 1.959964;  // the noise is given
+  const double degrees_of_freedom = std::max(1.0, 2.0 / variance);
+  return boost::math::quantile(boost::math::students_t_distribution<double>(degrees_of_freedom), 0.975);
+}
+
+/// True for a parameter that is a positive scale (a time constant, a wavelength): its logarithm is the
+/// better normal.
+bool is_scale(const EffectInfo& info, const std::string& name) {
+  return std::any_of(info.parameters.begin(), info.parameters.end(), [&](const EffectParameter& p) {
+    return p.name == name && !p.linear && !p.discrete && p.low > 0.0;
+  });
+}
+
+}  // namespace
+
 std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
   std::vector<EffectEstimate> estimates;
+  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+  const Projector projector(rows, working.problem, fit.state);
   for (std::size_t e = 0; e < fit.model.size(); ++e) {
     const ActiveEffect& active = fit.model[e];
+    const double quantile = quantile_of(rows, projector, fit, e);
     const std::string& id = active.effect->info().id;
     const auto values = active.effect->reported(rows.context, active.parameters.data());
     if (active.effect->noise_before_reciprocal()) {  // its size is the sensor's own noise
@@ -162,8 +204,13 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
       estimate.name = id + "." + values[v].first;
       estimate.estimate = values[v].second;
       estimate.std_dev = std::sqrt(std::max(0.0, (row * fit.covariance * row.transpose()).value()));
-      estimate.low95 = estimate.estimate - 1.959964 * estimate.std_dev;
-      estimate.high95 = estimate.estimate + 1.959964 * estimate.std_dev;
+      const double half = quantile * estimate.std_dev;
+      estimate.low95 = estimate.estimate - half;
+      estimate.high95 = estimate.estimate + half;
+      if (is_scale(active.effect->info(), values[v].first) && estimate.estimate > 0.0) {
+        estimate.low95 = estimate.estimate * std::exp(-half / estimate.estimate);
+        estimate.high95 = estimate.estimate * std::exp(half / estimate.estimate);
+      }
       estimates.push_back(estimate);
     }
   }

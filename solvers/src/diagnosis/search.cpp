@@ -18,14 +18,18 @@ constexpr double adequacy_rate =
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
 /// kind.
 constexpr double combination_margin = 10.0;
-constexpr double curve_margin =
-    4.0;  ///< nats by which a free curve may beat a single name before it is refused
+/// Nats by which a free curve may beat a name before it is refused: 4, or what a curve's score overstates a
+/// strong one.
+constexpr double curve_margin = 4.0, curve_share = 0.05;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 constexpr double trace_share =
     0.1;  ///< of what a first name gained: a second that adds less may be its formula's error
-constexpr double soaked_share = 0.8;
+constexpr double soaked_share = 1.0;
+constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
 constexpr int largest_start = 3;         ///< single effects that pairs start from
+
+double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
 
 bool has_grid(const Bookkeeping& known) {
   return std::any_of(known.model.begin(), known.model.end(),
@@ -47,12 +51,6 @@ bool one_curve(const Model& model) {
            const EffectInfo& info = a.effect->info();
            return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
          }) > 1;
-}
-
-/// What a score's promise is worth once the channel's sigma follows: n/2 log(1 + 2 g / n) of g.
-double settled_gain(const Rows& rows, double promised) {
-  const double n = static_cast<double>(rows.size());
-  return 0.5 * n * std::log1p(2.0 * promised / n);
 }
 
 /// Findings by penalised gain, one per (channel, covariate).
@@ -114,11 +112,11 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
 }
 
 /// Nats of the best free curve in the means of a channel, less what choosing it cost.
-double best_curve(const Rows& rows, const SearchResult& result, const std::string& channel) {
+double best_curve(const SearchResult& result, const std::string& channel) {
   double best = 0.0;
   for (const Question& q : result.first->questions)
     if (!q.effect && q.channel == channel)
-      best = std::max(best, settled_gain(rows, q.gain) - q.dof - std::log(result.rates.starts(q.family)));
+      best = std::max(best, q.gain - q.dof - std::log(result.rates.starts(q.family)));
   return best;
 }
 
@@ -138,8 +136,8 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    if (left ||
-        singles[i].evidence < std::max(partial_margin, best_curve(rows, result, info.channel) - curve_margin))
+    if (left || singles[i].evidence <
+                    std::max(partial_margin, best_curve(result, info.channel) - margin_of(singles[i])))
       continue;
     result.partial = true;
     result.best = singles[i];
@@ -236,8 +234,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), result.rates, refit_options);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
-  const double free_curve_gain =
-      std::max(best_curve(rows, result, "range"), best_curve(rows, result, "bearing"));
+  const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
 
   // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
   // where no curve explains nearly as much.
@@ -251,7 +248,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
-    if (clean(singles[i], batteries[i]) && leading && singles[i].evidence > free_curve_gain - curve_margin) {
+    if (clean(singles[i], batteries[i]) && leading &&
+        singles[i].evidence > free_curve_gain - margin_of(singles[i])) {
       result.verdict = Verdict::explained;
       result.best = singles[i];
       result.last = std::move(batteries[i]);
@@ -260,22 +258,34 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     }
   }
 
-  // Two names.
+  // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds
+  // next to nothing to it is not a second cause. Noise and dependence have no formula that could be off.
+  const bool has_formula =
+      !singles.empty() && singles[0].fit.model.back().effect->info().kind == EffectKind::mean;
+  const double trace = has_formula ? trace_share * singles[0].gain : 0.0;
+
+  // Two names. Only those are tried that could pass for an answer or keep the first from being one.
   report("combining effects", 0.5);
+  const double sought = std::min(free_curve_gain + combination_margin,
+                                 singles.empty() ? free_curve_gain : singles[0].evidence + trace);
   std::vector<Candidate> pairs;
   const auto extend = [&](const Candidate& first, const Battery& battery) {
     std::vector<Proposal> proposals = propose(rows, battery, first.fit.model);
-    // Shared errors of cells or stops soak up whatever a first name left over: they are no second name.
-    std::erase_if(proposals, [](const Proposal& p) {
-      return p.effect->info().id == "cell_effect" || p.effect->info().id == "stop_effect";
+    // Shared errors of cells or stops soak up whatever a first name left over: they are no second name. Nor
+    // is another name for the same curve.
+    const double wanted = sought - (result.baseline.nll - first.fit.nll);
+    std::erase_if(proposals, [&](const Proposal& p) {
+      Model both = first.fit.model;
+      both.push_back({p.effect, p.start});
+      const std::string& id = p.effect->info().id;
+      return id == "cell_effect" || id == "stop_effect" || one_curve(both) || credible_gain(p) < wanted;
     });
     if (proposals.size() > 6) proposals.resize(6);
-    for (Candidate& candidate : try_all(rows, first.fit, proposals, result.rates, refit_options)) {
+    for (Candidate& candidate : try_all(rows, first.fit, proposals, result.rates, refit_options, wanted)) {
       candidate.gain = result.baseline.nll - candidate.fit.nll;
       candidate.evidence = candidate.gain;
       for (const ActiveEffect& active : candidate.fit.model)
         candidate.evidence -= price_of(active, result.rates);
-      if (one_curve(candidate.fit.model)) continue;
       const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
         return std::all_of(candidate.fit.model.begin(), candidate.fit.model.end(),
                            [&](const ActiveEffect& a) { return contains(other.fit.model, a.effect); });
@@ -301,20 +311,16 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
   }
-  // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds
-  // next to nothing to it is not a second cause. Noise and dependence have no formula that could be off.
-  const bool has_formula =
-      !singles.empty() && singles[0].fit.model.back().effect->info().kind == EffectKind::mean;
-  const double trace = has_formula ? trace_share * singles[0].gain : 0.0;
-  const auto left_by_first = [&] {
-    double left = 0.0;
-    for (const Question& q : batteries[0]->questions)
-      if (!q.effect && !on_grid(known, q)) left = std::max(left, q.gain - q.dof);
-    return left;
+  // What it leaves must be a trace: faint by itself, and weaker than what was named.
+  const auto leaves_a_trace = [&] {
+    return std::all_of(
+        batteries[0]->questions.begin(), batteries[0]->questions.end(), [&](const Question& q) {
+          return q.effect || on_grid(known, q) ||
+                 (batteries[0]->corrected(q) > trace_rate && q.gain - q.dof < singles[0].evidence);
+        });
   };
-  if (!pairs.empty() && singles[0].evidence > free_curve_gain - curve_margin &&
-      pairs[0].evidence - singles[0].evidence < trace &&
-      (left_by_first() < trace + 6.0 || bends(rows, singles[0].fit))) {
+  if (!singles.empty() && singles[0].evidence > free_curve_gain - margin_of(singles[0]) &&
+      (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) && leaves_a_trace()) {
     result.verdict = Verdict::explained;
     result.best = singles[0];
     result.last = std::move(batteries[0]);

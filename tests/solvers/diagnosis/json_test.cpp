@@ -145,7 +145,8 @@ TEST(AgainstSimulation, NamesWhatTheSimulationLacks) {
   const Recording without = world::simulate(world::vary(world::make_line_design(), random), seed_from("without", {1}));
   EXPECT_EQ(diagnose_against({&recording, 1}, {&without, 1}, quick()).final_effects,
             std::vector<std::string>{"range_eccentricity"});
-  EXPECT_EQ(diagnose_against({&recording, 1}, {&with, 1}, quick()).verdict, Verdict::no_mismatch);
+  const Diagnosis alike = diagnose_against({&recording, 1}, {&with, 1}, quick());
+  EXPECT_EQ(alike.verdict, Verdict::no_mismatch) << diagnosis_to_json(alike);
 }
 
 TEST(AgainstSimulation, AnotherRangeZeroIsNamed) {
