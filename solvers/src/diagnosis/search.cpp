@@ -3,18 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <numbers>
 #include <set>
 
+#include "diagnosis/findings.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
 constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
-constexpr double adequacy_rate =
-    0.003;  ///< p at which a free curve over a named effect's own covariate rejects it
+/// p at which a free curve over a named effect's own covariate rejects it.
+constexpr double adequacy_rate = 0.003;
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
 /// kind.
 constexpr double combination_margin = 10.0;
@@ -22,28 +21,13 @@ constexpr double combination_margin = 10.0;
 /// strong one.
 constexpr double curve_margin = 4.0, curve_share = 0.05;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
-constexpr double trace_share =
-    0.1;  ///< of what a first name gained: a second that adds less may be its formula's error
-constexpr double soaked_share = 1.0;
+/// Of what a first name gained: a second that adds less may be its formula's error.
+constexpr double trace_share = 0.1;
 constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
 double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
-
-bool has_grid(const Bookkeeping& known) {
-  return std::any_of(known.model.begin(), known.model.end(),
-                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::grid; });
-}
-
-/// A question about dependence, tails or spread of a channel whose values sit on a grid.
-bool on_grid(const Bookkeeping& known, const Question& q) {
-  const auto suffix = q.channel.find('_');
-  if (suffix == std::string::npos) return false;
-  return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
-    return f.channel == "grid" && (f.covariate == "range") == (q.channel.substr(0, suffix) == "range");
-  });
-}
 
 /// Two names for one curve of range over distance: that is a free curve, not two causes.
 bool one_curve(const Model& model) {
@@ -51,42 +35,6 @@ bool one_curve(const Model& model) {
            const EffectInfo& info = a.effect->info();
            return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
          }) > 1;
-}
-
-/// Findings by penalised gain, one per (channel, covariate).
-std::vector<Question> findings(const Rows& rows, const Battery& battery) {
-  std::vector<Question> shapes;
-  for (const Question& q : battery.questions)
-    if (!q.effect) shapes.push_back(q);
-  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
-  // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands
-  // back.
-  const auto worth = [&](const Question& q) {
-    const bool secondary = q.channel.find("_dependence") != std::string::npos ||
-                           q.channel.find("_tail") != std::string::npos || q.channel == "stop";
-    return (secondary ? 0.6 : 1.0) * q.gain - price * q.dof;
-  };
-  std::sort(shapes.begin(), shapes.end(),
-            [&](const Question& a, const Question& b) { return worth(a) > worth(b); });
-  // A column that rises with time says no more than time does, unless it is clearly better.
-  constexpr double clearly = 3.0;  // nats
-  for (auto column = shapes.begin(); column != shapes.end(); ++column) {
-    const auto& names = rows.context.covariates;
-    if (std::find(names.begin(), names.end(), column->covariate) == names.end()) continue;
-    const auto time = std::find_if(column, shapes.end(), [&](const Question& q) {
-      return q.channel == column->channel && q.covariate == "time";
-    });
-    if (time != shapes.end() && worth(*time) > worth(*column) - clearly) std::rotate(column, time, time + 1);
-  }
-  std::vector<Question> kept;
-  for (Question& q : shapes) {
-    const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
-      return k.channel == q.channel && k.covariate == q.covariate;
-    });
-    if (!seen && battery.corrected(q) < 0.02) kept.push_back(std::move(q));
-    if (kept.size() == 5) break;
-  }
-  return kept;
 }
 
 /// Other explanations of the same size that the data do not reject, best first, at most two.
@@ -237,11 +185,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
 
   // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
-  // where no curve explains nearly as much.
+  // where no curve explains as much.
   std::erase_if(singles, [&](const Candidate& c) {
     const Effect& effect = *c.fit.model.back().effect;
     return effect.info().kind == EffectKind::dependence && !effect.acts_on_stops() &&
-           free_curve_gain > soaked_share * c.evidence;
+           free_curve_gain > c.evidence;
   });
 
   // One name: clean, close to the best of its kind, and not beaten by a free curve.

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/findings.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rangecal::diagnosis {
+
+bool has_grid(const Bookkeeping& known) {
+  return std::any_of(known.model.begin(), known.model.end(),
+                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::grid; });
+}
+
+bool on_grid(const Bookkeeping& known, const Question& q) {
+  const auto suffix = q.channel.find('_');
+  if (suffix == std::string::npos) return false;
+  return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
+    return f.channel == "grid" && (f.covariate == "range") == (q.channel.substr(0, suffix) == "range");
+  });
+}
+
+std::vector<Question> findings(const Rows& rows, const Battery& battery) {
+  std::vector<Question> shapes;
+  for (const Question& q : battery.questions)
+    if (!q.effect) shapes.push_back(q);
+  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
+  // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands
+  // back.
+  const auto worth = [&](const Question& q) {
+    const bool secondary = q.channel.find("_dependence") != std::string::npos ||
+                           q.channel.find("_tail") != std::string::npos || q.channel == "stop";
+    return (secondary ? 0.6 : 1.0) * q.gain - price * q.dof;
+  };
+  std::sort(shapes.begin(), shapes.end(),
+            [&](const Question& a, const Question& b) { return worth(a) > worth(b); });
+  // A column that rises with time says no more than time does, unless it is clearly better.
+  constexpr double clearly = 3.0;  // nats
+  for (auto column = shapes.begin(); column != shapes.end(); ++column) {
+    const auto& names = rows.context.covariates;
+    if (std::find(names.begin(), names.end(), column->covariate) == names.end()) continue;
+    const auto time = std::find_if(column, shapes.end(), [&](const Question& q) {
+      return q.channel == column->channel && q.covariate == "time";
+    });
+    if (time != shapes.end() && worth(*time) > worth(*column) - clearly) std::rotate(column, time, time + 1);
+  }
+  std::vector<Question> kept;
+  for (Question& q : shapes) {
+    const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
+      return k.channel == q.channel && k.covariate == q.covariate;
+    });
+    if (!seen && battery.corrected(q) < 0.02) kept.push_back(std::move(q));
+    if (kept.size() == 5) break;
+  }
+  return kept;
+}
+
+}  // namespace rangecal::diagnosis

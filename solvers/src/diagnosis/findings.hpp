@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "diagnosis/battery.hpp"
+#include "diagnosis/bookkeeping.hpp"
+
+namespace rangecal::diagnosis {
+
+/// True where bookkeeping found readings that sit on a grid.
+bool has_grid(const Bookkeeping& known);
+
+/// A question about dependence, tails or spread of a channel whose values sit on a grid.
+bool on_grid(const Bookkeeping& known, const Question& q);
+
+/// What a battery found, by penalised gain, at most five, one per (channel, covariate).
+std::vector<Question> findings(const Rows& rows, const Battery& battery);
+
+}  // namespace rangecal::diagnosis
