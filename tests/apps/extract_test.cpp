@@ -94,21 +94,25 @@ TEST(ExtractCommand, WrongInputLeavesNothingBehind) {
   refused(scans + " --stops " + folder.file("scans.csv"), "row 2");
 }
 
-// A room without a cylinder: walls and clutter are called so, no recording is made, exit code 1.
+// A room without a cylinder: walls and clutter are called so, whatever radius is looked for; no recording is made, exit
+// code 1.
 class RoomsWithoutCylinders : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(RoomsWithoutCylinders, HaveNone) {
   const std::string scans = recordings() + "/" + GetParam();
   if (!std::filesystem::exists(scans)) GTEST_SKIP() << "the recording " << scans << " is not here";
   const TemporaryFolder folder;
-  const RunResult result =
-      run("extract " + scans + " -o " + folder.file("rec") + " --json " + folder.file("found.json"));
-  EXPECT_EQ(result.code, 1) << result.err;
-  EXPECT_THAT(result.err, HasSubstr("no landmark was found"));
-  EXPECT_FALSE(std::filesystem::exists(folder.file("rec")));
-  const auto json = nlohmann::json::parse(slurp(folder.file("found.json")));
-  EXPECT_GT(json["segments"]["wall"], 100);
-  EXPECT_TRUE(json["landmarks"].empty());
+  for (const std::string radius : {"free", "0.04", "0.08", "0.12"}) {
+    SCOPED_TRACE(radius);
+    const RunResult result = run("extract " + scans + " --radius " + radius + " -o " + folder.file("rec") + " --json " +
+                                 folder.file("found.json"));
+    EXPECT_EQ(result.code, 1) << result.err;
+    EXPECT_THAT(result.err, HasSubstr("no landmark was found"));
+    EXPECT_FALSE(std::filesystem::exists(folder.file("rec")));
+    const auto json = nlohmann::json::parse(slurp(folder.file("found.json")));
+    EXPECT_GT(json["segments"]["wall"], 100);
+    EXPECT_TRUE(json["landmarks"].empty());
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Real, RoomsWithoutCylinders,

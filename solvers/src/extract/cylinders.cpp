@@ -7,6 +7,7 @@
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/solvers/extract/assignment.hpp"
+#include "rangecal/solvers/extract/roundness.hpp"
 
 namespace rangecal::extract {
 namespace {
@@ -176,6 +177,36 @@ std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Associa
     if (!options.map.empty() && options.map[j].radius_m) radii[j] = *options.map[j].radius_m;
   }
   return radii;
+}
+
+std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, const Association& association,
+                                      const std::vector<double>& radii, const Cylinders& found,
+                                      const ScanNoise& noise, const CylinderOptions& options) {
+  std::vector<Roundness> shapes(association.landmarks.size());
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    if (association.landmark[c] < 0) continue;
+    const auto j = static_cast<std::size_t>(association.landmark[c]);
+    for (const std::size_t m : clusters[c].members) {
+      const Segment& segment = found.list[m].segment;
+      if (const auto fit = refit_segment(segment, noise, options, radii[j]))
+        shapes[j].add(segment.beams, *fit, noise.spread(fit->range_m), options.edge_cut);
+    }
+  }
+  std::vector<const char*> doubts;
+  for (const Roundness& each : shapes) {
+    const Roundness::Shape shape = each.shape();
+    const double slack = options.round_slack, sigmas = options.round_sigmas;
+    if (each.most_hits() < options.hits_min)
+      doubts.push_back("too few hits inside its edges, in all scans");
+    else if (shape.bow < sigmas * shape.bow_sd)
+      doubts.push_back("no curvature shows, all scans together");
+    else if (std::abs(shape.bow - 1.0) > slack + sigmas * shape.bow_sd ||
+             std::abs(shape.lean) > slack + sigmas * shape.lean_sd)
+      doubts.push_back("not round, all scans together");
+    else
+      doubts.push_back("");
+  }
+  return doubts;
 }
 
 }  // namespace rangecal::extract

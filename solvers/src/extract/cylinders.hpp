@@ -44,4 +44,10 @@ std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const
 std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Association& association,
                              const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options);
 
+/// Why a landmark, by all its sightings together, is no cylinder of its radius: one text each, empty for a cylinder.
+/// Asks for five hits inside the edges, and a shape (Roundness) that is not flat and not far from round.
+std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, const Association& association,
+                                      const std::vector<double>& radii, const Cylinders& found,
+                                      const ScanNoise& noise, const CylinderOptions& options);
+
 }  // namespace rangecal::extract

@@ -88,6 +88,31 @@ bool is_below(const ScanNoise& refined, const ScanNoise& first, const Cylinders&
   return above < 0.15 * static_cast<double>(found.list.size());
 }
 
+std::vector<Sighting> sightings_of(const std::vector<Cluster>& clusters) {
+  std::vector<Sighting> sightings;
+  for (const Cluster& cluster : clusters) sightings.push_back(cluster.sighting);
+  return sightings;
+}
+
+/// Takes out the clusters of landmarks that are no cylinders; true if there were any.
+bool leave_out_doubtful(std::vector<Cluster>& clusters, const Association& association, const Cylinders& found,
+                        const ScanNoise& noise, const ExtractOptions& options, Tally& tally) {
+  const std::vector<double> radii = radii_of(clusters, association, found, noise, options);
+  const auto doubts = doubts_about(clusters, association, radii, found, noise, options.cylinder);
+  std::vector<Cluster> kept;
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    const int j = association.landmark[c];
+    const std::string doubt = j < 0 ? "" : doubts[static_cast<std::size_t>(j)];
+    if (doubt.empty())
+      kept.push_back(clusters[c]);
+    else
+      tally[doubt] += static_cast<long>(clusters[c].members.size());
+  }
+  const bool any = kept.size() < clusters.size();
+  clusters = std::move(kept);
+  return any;
+}
+
 AssociationOptions association_options(const ExtractOptions& options) {
   AssociationOptions association = options.association;
   // Poses may be exact; for the matching a centimetre and a third of a degree are left open.
@@ -168,15 +193,16 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   out.beams = found.beams, out.segments = found.segments;
   out.cylinders["found"] = static_cast<long>(found.list.size());
 
-  const std::vector<Cluster> clusters = cluster_by_stop(groups, found, options, out.cylinders);
+  std::vector<Cluster> clusters = cluster_by_stop(groups, found, options, out.cylinders);
   std::vector<Pose2> poses;
   for (const StopGroup& group : groups) poses.push_back(group.stop.commanded);
-  std::vector<Sighting> sightings;
-  for (const Cluster& cluster : clusters) sightings.push_back(cluster.sighting);
   const AssociationOptions matching = association_options(options);
-  const Association association = associate(poses, sightings, matching);
+  Association association = associate(poses, sightings_of(clusters), matching);
+  if (options.map.empty() && leave_out_doubtful(clusters, association, found, out.noise, options, out.cylinders))
+    association = associate(poses, sightings_of(clusters), matching);
   out.corrected_stops = association.stops;
-  out.runs_clockwise = poses.size() > 1 && reversed_fits_better(poses, sightings, matching, association);
+  out.runs_clockwise =
+      poses.size() > 1 && reversed_fits_better(poses, sightings_of(clusters), matching, association);
 
   const std::vector<double> radii = radii_of(clusters, association, found, out.noise, options);
   set_up(out.recording, groups, options);

@@ -199,6 +199,27 @@ TEST(Extract, FlatPanelsOfACylindersWidthAndWallsAreNoCylinders) {
   EXPECT_TRUE(free.recording.landmarks.empty());
 }
 
+TEST(Extract, BoxesOfACylindersWidthAreNoCylinders) {
+  World world = ideal(world::make_line_design(), 0.001);
+  world.landmarks.clear();
+  ScanScene scene = room(0.00436332313);
+  for (int k = 0; k < 6; ++k) {  // square, 17 to 24 cm as seen, turned by 0 to 75 degrees
+    const double x = -0.8 + 0.9 * k, y = k % 2 == 0 ? 1.2 : -1.3, turn = k * std::numbers::pi / 12.0;
+    std::array<Eigen::Vector2d, 5> corner;
+    for (std::size_t i = 0; i < corner.size(); ++i) {
+      const double angle = turn + 0.5 * std::numbers::pi * static_cast<double>(i);
+      corner[i] = {x + 0.12 * std::cos(angle), y + 0.12 * std::sin(angle)};
+    }
+    for (std::size_t i = 0; i + 1 < corner.size(); ++i)
+      scene.walls.push_back({corner[i].x(), corner[i].y(), corner[i + 1].x(), corner[i + 1].y()});
+  }
+  const SimulatedScans scans = simulate_scans(world, scene, seed_from("Extract.Boxes"));
+  for (const double radius : {0.08, 0.1, 0.12}) {
+    const Extraction extraction = extract_recording({scans.log}, world.robot.stops, options_for(world, {radius}));
+    EXPECT_TRUE(extraction.recording.landmarks.empty()) << radius;
+  }
+}
+
 TEST(Extract, MixedPixelsAndLostBeamsAreCountedAndDoNotBias) {
   World world = ideal(world::make_line_design(), 0.001);
   world.robot.stops.resize(8);

@@ -27,6 +27,9 @@ struct CylinderOptions {
   double range_slack_m = 0.03, range_slack = 0.05;  ///< raw ranges may be off by this, plus this share: width test
   double flat_nats = 4.5;     ///< log likelihood by which a straight line has to win to make a segment flat
   double fit_p_value = 1e-4;  ///< a circle fit is refused below this p-value
+  int hits_min = 5;           ///< hits inside the edges that a landmark must have in one scan at least
+  double round_sigmas = 4.0;  ///< by which a landmark's bow must differ from that of a straight face (see Roundness)
+  double round_slack = 0.35;  ///< how far bow and lean may be from 1 and 0, beyond as many sigmas
 
   double largest_m() const;  ///< the largest radius looked for
 };
