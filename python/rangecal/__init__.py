@@ -11,7 +11,7 @@
 Everything is SI: metres, radians, seconds. Results have attributes, ``to_frame()`` and ``plot()``. Wrong input raises
 `InputError`; an unlucky solve is an ``outcome`` with a ``reason``.
 """
-from . import _api, _html, _native, _plots, _recording, _results
+from . import _api, _docs, _html, _native, _plots, _recording, _results
 from ._api import (calibrate, compare, compare_curves, correct, diagnose, effects, load, residuals,
                    simulate, study)
 from ._ingest import extract, import_dataset, import_lego, import_mrclam
@@ -31,6 +31,7 @@ def _attach(cls, **methods):
 
 
 InputError.__module__ = __name__
+_docs.attach()
 for _cls in (Calibration, CurveChange, Diagnosis, Effect, Recording, Residuals):
     _cls.__module__ = __name__
 

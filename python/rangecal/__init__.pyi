@@ -35,7 +35,8 @@ class Recording:
                  sigma_xy_m: Union[float, Literal["estimate"]] = 0.01, sigma_heading_rad: float = 0.0,
                  stop_error: Literal["independent", "random_walk"] = "independent", radius_m: float = 0.0,
                  known_distances: Sequence[Mapping[str, Any]] = (), true_stops: Optional[Table] = None,
-                 true_landmarks: Optional[Table] = None) -> None: ...
+                 true_landmarks: Optional[Table] = None,
+                 extraction: Optional[Mapping[str, Any]] = None) -> None: ...
     path: str
     kind: Literal["landmarks", "pairs"]
     sensor: Sensor

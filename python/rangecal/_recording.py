@@ -11,7 +11,7 @@ _native_init = _native.Recording.__init__
 
 def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sensor=None, sigma_xy_m=0.01,
          sigma_heading_rad=0.0, stop_error="independent", radius_m=0.0, known_distances=(), true_stops=None,
-         true_landmarks=None):
+         true_landmarks=None, extraction=None):
     """A recording from tables in memory, checked as files are.
 
     Parameters
@@ -40,6 +40,8 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
         Taped distances: ``{"from": "A", "to": "B", "distance_m": 1.5, "sigma_m": 0.002}``.
     true_stops, true_landmarks : table, optional
         Ground truth, for scores only.
+    extraction : dict, optional
+        How the readings were cut out of raw scans, kept for people: ``source, arc, ...``, each a text, number or list.
 
     Raises
     ------
@@ -60,6 +62,8 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
         tables = {"observations.csv": observations, "stops.csv": stops, "landmarks.csv": landmarks,
                   "truth_stops.csv": true_stops, "truth_landmarks.csv": true_landmarks}
     header["landmarks"] = {"radius_m": radius_m}
+    if extraction:
+        header["extraction"] = dict(extraction)
     if known_distances:
         header["known_distances"] = list(known_distances)
     _native_init(self, json.dumps(header, ensure_ascii=False, default=float),

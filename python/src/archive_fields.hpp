@@ -10,6 +10,7 @@
 #include "rangecal/core/recording.hpp"
 #include "rangecal/core/version.hpp"
 #include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/calibrate/curve.hpp"
 #include "rangecal/solvers/calibrate/truth_score.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "rangecal/solvers/diagnosis/model_residuals.hpp"
@@ -145,6 +146,24 @@ inline void archive_fields(python::Archive& a, Diagnosis& s) {
          next, notes, simulation] = s;
   a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins, unseen, next,
     notes, simulation);
+}
+inline void archive_fields(python::Archive& a, ReadingResidual& s) {
+  auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev, bearing_residual,
+         bearing_std_dev, corrected] = s;
+  a(recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev, bearing_residual,
+    bearing_std_dev, corrected);
+}
+inline void archive_fields(python::Archive& a, ModelResiduals& s) {
+  auto& [readings, along] = s;
+  a(readings, along);
+}
+inline void archive_fields(python::Archive& a, CurveChange::At& s) {
+  auto& [distance, change, std_dev] = s;
+  a(distance, change, std_dev);
+}
+inline void archive_fields(python::Archive& a, CurveChange& s) {
+  auto& [largest, rms, at, chi_sq, p_value, degrees, exact] = s;
+  a(largest, rms, at, chi_sq, p_value, degrees, exact);
 }
 
 namespace python {

@@ -53,11 +53,17 @@ std::shared_ptr<Diagnosis> diagnose_job(const std::vector<std::shared_ptr<Record
       progress);
 }
 
-std::vector<std::shared_ptr<Recording>> simulate_again(const Diagnosis& diagnosis, std::uint64_t seed) {
-  std::vector<std::shared_ptr<Recording>> recordings;
-  for (Recording& recording : simulate(diagnosis.simulation, seed))
-    recordings.push_back(std::make_shared<Recording>(std::move(recording)));
-  return recordings;
+std::vector<std::shared_ptr<Recording>> simulate_again(const std::shared_ptr<Diagnosis>& diagnosis,
+                                                       std::uint64_t seed) {
+  using Drawn = std::vector<std::shared_ptr<Recording>>;
+  return run_interruptible<Drawn>(
+      [=](const StageHook&) {
+        Drawn recordings;
+        for (Recording& recording : simulate(diagnosis->simulation, seed))
+          recordings.push_back(std::make_shared<Recording>(std::move(recording)));
+        return recordings;
+      },
+      py::none());
 }
 
 void bind_findings(py::module_& module) {
@@ -148,12 +154,13 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("unseen", &Diagnosis::unseen)
       .def_readonly("next_experiments", &Diagnosis::next_experiments)
       .def_readonly("notes", &Diagnosis::notes)
-      .def("to_dict", to_dict)
-      .def("to_json", &diagnosis_to_json)
+      .def("to_dict", to_dict, "The diagnosis as the dictionary of its file, rangecal-diagnosis/1.")
+      .def("to_json", &diagnosis_to_json, "The text of its file, rangecal-diagnosis/1.")
       .def(
           "save", [](const Diagnosis& d, const std::string& path) { write_file(path, diagnosis_to_json(d)); },
-          py::arg("path"))
-      .def("simulate_all", &simulate_again, py::arg("seed"), py::call_guard<py::gil_scoped_release>())
+          py::arg("path"), "Write it as `rangecal diagnose --json` does.")
+      .def("simulate_all", &simulate_again, py::arg("seed"),
+           "The recordings drawn anew from the final model; the same seed gives the same.")
       .def(picklable<Diagnosis>());
 
   module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),

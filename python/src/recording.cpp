@@ -11,6 +11,7 @@
 #include "module.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "work.hpp"
 
 namespace rangecal::python {
 
@@ -170,14 +171,19 @@ void bind_recording(py::module_& module) {
       .def_property_readonly("bearing_rad", column<double>(&Readings::bearing_rad, &Pairs::bearing_rad))
       .def_property_readonly("row", column<int>(&Readings::row, &Pairs::row))
       .def_property_readonly("covariates", &covariates)
-      .def("save", &save_recording, py::arg("folder"), py::call_guard<py::gil_scoped_release>())
+      .def("save", &save_recording, py::arg("folder"), py::call_guard<py::gil_scoped_release>(),
+           "Write it as a folder that `load` and the command line read.")
       .def("__len__", [](const Recording& r) { return is_pairs(r) ? r.pairs.size() : r.readings.size(); })
       .def(picklable<Recording>());
 
   module.def(
       "load_recording",
-      [](const std::string& folder) { return std::make_shared<Recording>(load_recording(folder)); },
-      py::arg("folder"), py::call_guard<py::gil_scoped_release>());
+      [](const std::string& folder) {
+        return run_interruptible<std::shared_ptr<Recording>>(
+            [folder](const StageHook&) { return std::make_shared<Recording>(load_recording(folder)); },
+            py::none());
+      },
+      py::arg("folder"));
 }
 
 }  // namespace rangecal::python

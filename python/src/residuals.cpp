@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <pybind11/stl.h>
 
+#include "archive_fields.hpp"
 #include "arrays.hpp"
 #include "module.hpp"
 #include "rangecal/solvers/diagnosis/model_residuals.hpp"
@@ -49,7 +50,8 @@ void bind_residuals(py::module_& module) {
                                  columns[py::str(name)] = view(values, self);
                                return columns;
                              })
-      .def("__len__", [](const ModelResiduals& r) { return r.readings.size(); });
+      .def("__len__", [](const ModelResiduals& r) { return r.readings.size(); })
+      .def(picklable<ModelResiduals>());
   module.def("residuals_job", &residuals_of, py::arg("recordings"), py::arg("calibration"), py::arg("along"));
 }
 

@@ -10,6 +10,7 @@
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/problems/world/scene.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
+#include "work.hpp"
 
 namespace rangecal::python {
 namespace {
@@ -60,31 +61,36 @@ std::shared_ptr<Recording> simulate_scene(const Scene& scene, std::uint64_t seed
   return draw({std::move(recording)}, std::move(truth), effects, seed).front();
 }
 
-std::vector<std::shared_ptr<Recording>> simulate_layout(const std::vector<std::shared_ptr<Recording>>& layout,
-                                                        const Calibration& calibration,
-                                                        const Effects& effects, std::uint64_t seed) {
+using Drawn = std::shared_ptr<Recording>;
+
+Drawn simulate_file(const std::string& path, std::uint64_t seed, const Effects& effects) {
+  return run_interruptible<Drawn>(
+      [=](const StageHook&) { return simulate_scene(load_scene(path), seed, effects); }, py::none());
+}
+
+Drawn simulate_text(const std::string& text, std::uint64_t seed, const Effects& effects) {
+  return run_interruptible<Drawn>(
+      [=](const StageHook&) { return simulate_scene(parse_scene(text, "the scene"), seed, effects); },
+      py::none());
+}
+
+std::vector<Drawn> simulate_layout(const std::vector<Drawn>& layout, const Calibration& calibration,
+                                   const Effects& effects, std::uint64_t seed) {
   const Recordings recordings({layout.begin(), layout.end()});
-  return draw({recordings.span().begin(), recordings.span().end()}, calibration, effects, seed);
+  return run_interruptible<std::vector<Drawn>>(
+      [=](const StageHook&) {
+        return draw({recordings.span().begin(), recordings.span().end()}, calibration, effects, seed);
+      },
+      py::none());
 }
 
 }  // namespace
 
 void bind_simulate(py::module_& module) {
-  const auto release = py::call_guard<py::gil_scoped_release>();
-  module.def(
-      "simulate_scene_file",
-      [](const std::string& path, std::uint64_t seed, const Effects& effects) {
-        return simulate_scene(load_scene(path), seed, effects);
-      },
-      py::arg("path"), py::arg("seed"), py::arg("effects"), release);
-  module.def(
-      "simulate_scene_text",
-      [](const std::string& text, std::uint64_t seed, const Effects& effects) {
-        return simulate_scene(parse_scene(text, "the scene"), seed, effects);
-      },
-      py::arg("text"), py::arg("seed"), py::arg("effects"), release);
+  module.def("simulate_scene_file", &simulate_file, py::arg("path"), py::arg("seed"), py::arg("effects"));
+  module.def("simulate_scene_text", &simulate_text, py::arg("text"), py::arg("seed"), py::arg("effects"));
   module.def("simulate_layout", &simulate_layout, py::arg("layout"), py::arg("calibration"),
-             py::arg("effects"), py::arg("seed"), release);
+             py::arg("effects"), py::arg("seed"));
 
   py::class_<EffectParameter>(module, "EffectParameter")
       .def_readonly("name", &EffectParameter::name)

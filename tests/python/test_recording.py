@@ -44,6 +44,15 @@ def test_a_data_frame_makes_the_same_recording(field):
     assert again.sensor.range_max_m == 10.0
 
 
+def test_how_scans_were_cut_is_kept(field, tmp_path):
+    told = {"arc": "mean", "source": "run.csv", "radius_m": [0.04, 0.12]}
+    again = rangecal.Recording(field.to_frame(), field.stops_to_frame(), extraction=told)
+    assert again.extraction == {"arc": "mean", "source": "run.csv", "radius_m": "[0.04, 0.12]"}
+    again.save(str(tmp_path / "rec"))
+    assert rangecal.load(tmp_path / "rec").extraction == again.extraction
+    assert field.extraction == {}
+
+
 def test_arrays_make_pairs(pairs):
     again = rangecal.Recording(pairs={"true_m": pairs.true_m, "reading_m": pairs.range_m, "batch": pairs.batch})
     np.testing.assert_array_equal(again.range_m, pairs.range_m)

@@ -102,6 +102,11 @@ def test_results_pickle_to_the_last_bit(field, pairs, calibration, diagnosis):
     assert again.to_json() == diagnosis.to_json()
     assert [p.name for p in again.explanations[0].parameters] == [p.name for p in diagnosis.explanations[0].parameters]
     np.testing.assert_array_equal(again.simulate_all(3)[0].range_m, diagnosis.simulate_all(3)[0].range_m)
+    residuals = rangecal.residuals(field, calibration, along=["time"])
+    assert pickle.loads(pickle.dumps(residuals)).to_frame().equals(residuals.to_frame())
+    change = rangecal.compare_curves(calibration, rangecal.calibrate(field, "closed-form"))
+    again = copy.copy(change)
+    assert (again.rms_m, again.p_value, again.degrees_of_freedom) == (change.rms_m, change.p_value, change.degrees_of_freedom)
     comparison = rangecal.compare(field, methods=["closed-form", "marginal"])
     assert pickle.loads(pickle.dumps(comparison)).to_frame().equals(comparison.to_frame())
 

@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pathlib
+import re
 
 import rangecal
 from conftest import scans_of
@@ -50,3 +51,18 @@ def test_functions_have_the_parameters_of_the_stubs_and_docstrings():
                       if p.kind is not inspect.Parameter.VAR_KEYWORD]
             assert stated == actual, node.name
             assert "Returns\n" in inspect.getdoc(function), node.name
+
+
+def test_classes_say_what_their_attributes_are_and_methods_what_they_do():
+    for node in TREE.body:
+        if not isinstance(node, ast.ClassDef) or node.name == "InputError":
+            continue
+        cls = getattr(rangecal, node.name)
+        words = set(re.findall(r"\w+", inspect.getdoc(cls).partition("Attributes\n")[2]))
+        for member in node.body:
+            if isinstance(member, ast.AnnAssign):
+                assert member.target.id in words, f"{node.name}.{member.target.id}"
+            elif isinstance(member, ast.FunctionDef) and not member.name.startswith("_"):
+                text = inspect.getdoc(getattr(cls, member.name))  # of the C++ side: a signature, then the sentence
+                assert text.strip().splitlines()[-1].rstrip().endswith(".") or "Parameters\n" in text, \
+                    f"{node.name}.{member.name}"
