@@ -41,7 +41,5 @@ std::string study_page(const std::string& name, const CsvTable& results);
 /// The first part of a page as a fragment of HTML without scripts, styled inline: verdict and main table. For
 /// notebooks.
 std::string diagnosis_summary(const Diagnosis& diagnosis);
-std::string calibration_summary(const CalibrationReport& report, const Calibration& best,
-                                std::span<const Recording> recordings);
 
 }  // namespace rangecal::report

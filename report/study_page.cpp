@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -13,18 +14,31 @@ namespace rangecal::report {
 namespace {
 
 struct Measure {
-  const char *column, *words;
-  double factor;
+  std::string column, words;
+  double factor = 1.0;
+  int better = -1;        ///< -1: smaller, 1: larger, 0: neither
+  std::string best = "";  ///< what the best estimator has, in words
 };
 
 /// What is drawn where the study has it, most telling first.
-const std::vector<Measure> measures{{"curve_rmse_over_bound", "curve: RMSE over the Cramér-Rao bound", 1.0},
-                                    {"landmark_rmse_over_bound", "landmarks: RMSE over the Cramér-Rao bound", 1.0},
-                                    {"mse_ratio", "MSE of raw over corrected readings", 1.0},
-                                    {"curve_rmse_m", "curve: RMSE [mm]", 1e3},
-                                    {"landmark_rmse_m", "landmarks: RMSE [mm]", 1e3},
-                                    {"curve_bias_m", "curve: bias [mm]", 1e3}};
+const std::vector<Measure> measures{
+    {"curve_rmse_over_bound", "curve: RMSE over the Cramér-Rao bound", 1.0, -1, "the curve nearest to the bound"},
+    {"landmark_rmse_over_bound", "landmarks: RMSE over the bound", 1.0, -1, "the landmarks nearest to the bound"},
+    {"mse_factor", "MSE of raw over corrected readings", 1.0, 1, "the largest gain by correction"},
+    {"nmse_factor", "relative MSE, raw over corrected", 1.0, 1, "the largest gain by correction"},
+    {"curve_rmse_m", "curve: RMSE [mm]", 1e3, -1, "the curve with the least error"},
+    {"landmark_rmse_m", "landmarks: RMSE [mm]", 1e3, -1, "the landmarks with the least error"},
+    {"curve_bias_m", "curve: bias [mm]", 1e3, -1, "the curve with the least bias"},
+    {"landmark_bias_m", "landmarks: bias [mm]", 1e3, -1, "the landmarks with the least bias"},
+    {"curve_coverage95", "curve: share of 95 % intervals that hold", 1.0, 0},
+    {"landmark_coverage95", "landmarks: share of 95 % intervals that hold", 1.0, 0},
+    {"order_1", "share that selects order 1", 1.0, 0},
+    {"order_2", "share that selects order 2", 1.0, 0},
+    {"order_3", "share that selects order 3", 1.0, 0},
+    {"h1_best", "share in which f explains the noise best", 1.0, 0},
+    {"h2_best", "share in which f² explains the noise best", 1.0, 0}};
 constexpr std::size_t most_measures = 4, most_panels = 6;
+constexpr double enough_answers = 0.9;  ///< of the repeats, for an estimator to be called best
 
 /// The table with its parameters told from its measures.
 struct Layout {
@@ -32,7 +46,7 @@ struct Layout {
   std::vector<std::size_t> parameters;  ///< columns
   std::size_t estimator = 0, answers = 0;
   std::optional<std::size_t> swept;     ///< the parameter on the x axis
-  bool numeric = false;
+  bool numeric = false, spread = false;  ///< all its values numbers; all positive, over more than a decade
 
   explicit Layout(const CsvTable& results) : table(results) {
     estimator = table.require("estimator");
@@ -47,6 +61,13 @@ struct Layout {
       swept = c;
       numeric = table.is_numeric(c);
     }
+    if (!swept || !numeric) return;
+    double low = std::numeric_limits<double>::infinity(), high = 0.0;
+    for (std::size_t r = 0; r < table.rows(); ++r) {
+      const double value = *table.number(r, *swept);
+      low = std::min(low, value), high = std::max(high, value);
+    }
+    spread = low > 0.0 && high > 10.0 * low;
   }
   /// The parameters that are not on the axis, in words: one panel each.
   std::string panel_of(std::size_t row) const {
@@ -69,7 +90,7 @@ std::vector<Measure> measures_of(const CsvTable& table) {
 Json rows_of(const Layout& layout, const Measure& m, const std::string& panel) {
   const CsvTable& t = layout.table;
   const std::size_t value = t.require(m.column);
-  const std::string name = m.column;  // of "a" it is "a_se", of "a_m" "a_se_m"
+  const std::string& name = m.column;  // of "a" it is "a_se", of "a_m" "a_se_m"
   std::optional<std::size_t> deviation = t.find(name + "_se");
   if (!deviation) deviation = t.find(name.substr(0, name.rfind("_m")) + "_se_m");
   Json rows = Json::array();
@@ -111,6 +132,9 @@ void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& fo
       Chart chart{id, "study", {}, found[m].words, "", "plot"};
       chart.values = {{"data", id},
                       {"kind", layout.numeric ? "quantitative" : "nominal"},
+                      {"scale", layout.spread ? Json("log") : Json()},
+                      {"zero", layout.numeric ? Json(false) : Json()},
+                      {"padding", layout.numeric ? Json(12) : Json()},
                       {"parameter", layout.table.columns()[*layout.swept]},
                       {"measure", found[m].words}};
       pair.push_back(std::move(chart));
@@ -120,6 +144,65 @@ void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& fo
       }
     }
   }
+}
+
+/// How often each estimator is the best by the first measure that has a best; points where one is alone do not count.
+struct Winner {
+  std::string estimator;
+  int wins = 0, points = 0;
+  std::vector<double> values;  ///< of the measure, over the points
+};
+Winner winner_by(const Layout& layout, const Measure& m) {
+  const CsvTable& t = layout.table;
+  const std::size_t point = t.require("point"), value = t.require(m.column);
+  const std::optional<std::size_t> repeats = t.find("repeats");
+  struct Best {
+    std::string estimator;
+    double value = 0.0;
+    int rivals = 0;
+  };
+  std::map<std::string, Best> points;
+  std::map<std::string, std::vector<double>> values;
+  for (std::size_t r = 0; r < t.rows(); ++r) {
+    const std::optional<double> v = t.number(r, value);
+    const double answers = t.number(r, layout.answers).value_or(0.0);
+    if (!v || (repeats && answers < enough_answers * t.number(r, *repeats).value_or(0.0))) continue;
+    const std::string estimator(t.text(r, layout.estimator));
+    values[estimator].push_back(*v);
+    Best& best = points[std::string(t.text(r, point))];
+    if (best.rivals++ == 0 || m.better * (*v - best.value) > 0.0) best.estimator = estimator, best.value = *v;
+  }
+  Winner winner;
+  std::map<std::string, int> wins;
+  for (const auto& [key, best] : points) {
+    if (best.rivals < 2) continue;
+    ++winner.points;
+    const int count = ++wins[best.estimator];
+    if (count > winner.wins) winner.wins = count, winner.estimator = best.estimator;
+  }
+  winner.values = values[winner.estimator];
+  std::sort(winner.values.begin(), winner.values.end());
+  return winner;
+}
+
+void add_verdict(Page& page, const Layout& layout, const std::vector<Measure>& found, std::size_t points) {
+  const CsvTable& t = layout.table;
+  std::string repeats = "?";
+  if (const auto column = t.find("repeats"); column && t.rows() > 0) repeats = t.text(0, *column);
+  const auto measure = std::find_if(found.begin(), found.end(), [](const Measure& m) { return m.better != 0; });
+  const Winner winner = measure == found.end() ? Winner{} : winner_by(layout, *measure);
+  std::vector<Page::Figure> figures{{std::to_string(points), "points of the grid"},
+                                    {repeats, "repeats of each"}};
+  std::string sentence = "The study is complete.";
+  if (winner.points > 0) {
+    sentence = fmt::format("{} gives {} at {} of {} points.", winner.estimator, measure->best, winner.wins, winner.points);
+    const double low = measure->factor * winner.values.front(), high = measure->factor * winner.values.back(),
+                 middle = measure->factor * winner.values[winner.values.size() / 2];
+    figures.push_back({fmt::format("{:.3g}", middle),
+                       fmt::format("{}, median of {} ({:.3g} to {:.3g})", measure->words, winner.estimator, low, high)});
+  }
+  page.verdict("complete", "good", sentence);
+  page.figures(figures);
 }
 
 }  // namespace
@@ -134,19 +217,20 @@ std::string study_page(const std::string& name, const CsvTable& results) {
     estimators.insert(results.text(r, layout.estimator));
   }
   Page page("rangecal study " + name, fmt::format("{} points of the grid, {} estimators", points.size(), estimators.size()));
+  add_verdict(page, layout, found, points.size());
   if (layout.swept && !found.empty()) add_panels(page, layout, found);
-  page.section("All results", "As in results.csv, which holds more columns.");
+  page.section("All results", "From results.csv, which holds more columns.");
   Table table;
   std::vector<std::size_t> columns = layout.parameters;
   columns.insert(columns.end(), {layout.estimator, layout.answers});
   for (std::size_t c : columns) table.columns.push_back({results.columns()[c], c != layout.estimator});
-  for (const Measure& m : found) table.columns.push_back({m.column, true});
+  for (const Measure& m : found) table.columns.push_back({m.words, true});
   for (std::size_t r = 0; r < results.rows(); ++r) {
     std::vector<std::string> row;
     for (std::size_t c : columns) row.emplace_back(results.text(r, c));
     for (const Measure& m : found) {
       const std::optional<double> v = results.number(r, results.require(m.column));
-      row.push_back(v ? fmt::format("{:.4g}", *v) : "");
+      row.push_back(v ? fmt::format("{:.4g}", m.factor * *v) : "");
     }
     table.rows.push_back(std::move(row));
   }

@@ -5,7 +5,6 @@
 #include "diagnosis_words.hpp"
 #include "page.hpp"
 #include "report.hpp"
-#include "summary.hpp"
 
 namespace rangecal::report {
 namespace {
@@ -38,14 +37,6 @@ std::string diagnosis_summary(const Diagnosis& d) {
   for (const app::ParameterRow& row : app::parameter_rows(d))
     rows.push_back({row.name, row.value + " " + row.unit});
   return text + table_of(rows) + "</div>";
-}
-
-std::string calibration_summary(const CalibrationReport& report, const Calibration& best,
-                                std::span<const Recording> recordings) {
-  std::vector<std::vector<std::string>> rows;
-  for (const app::SummaryItem& item : app::summary_items(report, best, recordings, ""))
-    rows.push_back({item.title, item.text});
-  return "<div>" + table_of(rows) + "</div>";
 }
 
 }  // namespace rangecal::report
