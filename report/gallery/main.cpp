@@ -16,6 +16,7 @@
 #include "rangecal/problems/world/physical/designs.hpp"
 #include "rangecal/problems/world/physical/plants.hpp"
 #include "rangecal/problems/world/physical/simulate.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
 #include "residuals.hpp"
 
 namespace {
@@ -91,21 +92,35 @@ Recording looking_one_way(Recording recording) {
   return recording;
 }
 
-/// For an effect that the physical world cannot plant: a clean recording by a sensor that looks one way,
-/// simulated again with the effect, its linear parameters at a tenth of their typical size.
+/// What a sensor sees that looks one way: landmarks in front of a line of stops.
+const char* const one_way_scene = R"(
+format: rangecal-scene/1
+sensor: {alpha: [0.0525, 0.8838, 0.0584], noise: {law: f2, sigma: 0.003}, sigma_theta_rad: 0.005, range_min_m: 0.1, range_max_m: 10.0}
+stops: {line: {count: 20, step_m: 0.15}, sigma_xy_m: 0.01}
+landmarks:
+  radius_m: 0.05
+  list:
+    - {landmark: A, x_m: 1.8, y_m: 0.9}
+    - {landmark: B, x_m: 2.4, y_m: -1.3}
+    - {landmark: C, x_m: 3.1, y_m: 1.8}
+    - {landmark: D, x_m: 3.6, y_m: -0.7}
+    - {landmark: E, x_m: 4.0, y_m: 0.4}
+    - {landmark: F, x_m: 4.4, y_m: -2.2}
+repeats: 10
+)";
+
+/// For an effect that the physical world cannot plant: that scene, simulated again with the effect at its typical size.
 Specimen modelled_specimen(const Effect& effect) {
   const EffectInfo& info = effect.info();
-  Random random(seed_from("gallery " + info.id));
-  const Recording recording = looking_one_way(
-      world::simulate(world::vary(world::make_line_design(), random), seed_from("gallery run " + info.id)));
+  const Scene scene = parse_scene(one_way_scene, "the scene");
+  const Recording recording = looking_one_way(simulate(scene, seed_from("gallery run " + info.id)));
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
   SimulationModel model = diagnose({&recording, 1}, options).simulation;
   std::string planted;
   for (const EffectParameter& p : info.parameters) {
-    const double value = (p.linear ? 0.1 : 1.0) * p.typical;
-    model.calibration.effects[info.id][p.name] = value;
-    planted += fmt::format("{}{} {:g}", planted.empty() ? "" : ", ", p.name, value);
+    model.calibration.effects[info.id][p.name] = p.typical;
+    planted += fmt::format("{}{} {:g}", planted.empty() ? "" : ", ", p.name, p.typical);
   }
   const Recording again = simulate(model, seed_from("gallery again " + info.id)).front();
   return {again, planted + ", a sensor that looks one way", with_effect_named(again, info.id)};
