@@ -91,4 +91,10 @@ void Database::execute(const std::string& sql) {
     throw InputError(file_ + ": " + ::sqlite3_errmsg(database_));
 }
 
+std::int64_t Database::count(const std::string& sql) {
+  Statement statement = prepare(sql);
+  statement.step();
+  return statement.integer(0);
+}
+
 }  // namespace rangecal::app

@@ -52,6 +52,7 @@ class Database {
 
   void execute(const std::string& sql);
   Statement prepare(const std::string& sql) { return {database_, file_, sql}; }
+  std::int64_t count(const std::string& sql);   ///< the whole number that a query of one row and column gives
   const std::string& file() const { return file_; }
 
  private:

@@ -18,7 +18,9 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
+#include "track/columns.hpp"
 #include "track/line_source.hpp"
+#include "track/saved_calibration.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -30,36 +32,6 @@ constexpr std::size_t most_changes = 1000;   // kept, the latest
 
 volatile sig_atomic_t stopped = 0;
 void stop(int) { stopped = 1; }
-
-/// Which fields hold what; -1 where there is no such column.
-struct Columns {
-  int reading = 0, truth = -1, time = -1;
-  std::size_t count = 1;
-};
-
-/// What a correction needs of a calibration, bit by bit.
-Json json_of(const Calibration& c) {
-  return {{"alpha", std::vector<double>(c.alpha.begin(), c.alpha.end())},
-          {"covariance", std::vector<double>(c.alpha_covariance->reshaped().begin(), c.alpha_covariance->reshaped().end())},
-          {"law", to_string(c.noise.law)},
-          {"sigma", c.noise.parameters[0]},
-          {"range_m", {c.range_min_m, c.range_max_m}}};
-}
-
-Calibration calibration_in(const Json& json) {
-  Calibration c;
-  const auto alpha = json.at("alpha").get<std::vector<double>>(), covariance = json.at("covariance").get<std::vector<double>>();
-  const auto size = static_cast<Eigen::Index>(alpha.size());
-  if (size == 0 || covariance.size() != alpha.size() * alpha.size()) throw InputError("the state's calibration is not whole");
-  c.outcome = Outcome::converged;
-  c.kind = RecordingKind::pairs;
-  c.alpha = Eigen::VectorXd::Map(alpha.data(), size);
-  c.alpha_covariance = Eigen::MatrixXd::Map(covariance.data(), size, size);
-  c.noise = {noise_law_from_string(json.at("law").get<std::string>()), Eigen::VectorXd::Constant(1, json.at("sigma").get<double>())};
-  c.range_min_m = json.at("range_m").at(0);
-  c.range_max_m = json.at("range_m").at(1);
-  return c;
-}
 
 class Run {
  public:
@@ -141,7 +113,7 @@ class Run {
           saved.range_min_m != job_.options.range_min_m || saved.range_max_m != job_.options.range_max_m)
         throw InputError(path + ": was made with another --order, --noise, --forget or --range");
       header_ = state.at("header").get<std::string>();
-      if (!header_.empty()) read_header(header_);
+      if (!header_.empty()) columns_ = columns_of(header_, name_, line_);
       columns_read_ = header_.empty() ? 0 : 1;
       offset_ = job_.input == "-" ? 0 : state.at("offset").get<std::int64_t>();
       line_ = job_.input == "-" ? 0 : state.at("line").get<long>();
@@ -200,22 +172,6 @@ class Run {
     output_bytes_ += static_cast<std::int64_t>(text.size());
   }
 
-  void read_header(const std::string& line) {
-    const auto fields = csv_fields(line);
-    if (!fields) throw InputError(name_, line_, "", "a quote is left open");
-    columns_ = {-1, -1, -1, fields->size()};
-    for (std::size_t i = 0; i < fields->size(); ++i) {
-      std::string field = (*fields)[i];
-      if (i == 0 && field.starts_with("\xEF\xBB\xBF")) field.erase(0, 3);
-      while (!field.empty() && field.back() == ' ') field.pop_back();
-      while (!field.empty() && field.front() == ' ') field.erase(0, 1);
-      if (field == "reading_m" || (field == "range_m" && columns_.reading < 0)) columns_.reading = static_cast<int>(i);
-      if (field == "true_m") columns_.truth = static_cast<int>(i);
-      if (field == "time_s") columns_.time = static_cast<int>(i);
-    }
-    if (columns_.reading < 0) throw InputError(name_, line_, "", "there is no column reading_m or range_m, and the first line is no number");
-  }
-
   void complain(const std::string& column, const std::string& what) {
     if (++malformed_ <= most_complaints) notes_.push_back(InputError(name_, line_, column, what).what());
     print(",,,malformed\n");
@@ -228,7 +184,7 @@ class Run {
       columns_read_ = 1;
       if (!number_of(line)) {
         header_ = line;
-        read_header(line);
+        columns_ = columns_of(line, name_, line_);
         return;
       }
     } else if (job_.input == "-" && line == header_) {   // the same program started again

@@ -30,17 +30,12 @@ class DarkTarget final : public Effect {
         .visible_by = "repeats at every stop, several landmarks",
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
         .parameters = {{.name = "log_variance", .typical = 1.4, .low = 0.0, .high = 6.0},
-                       {.name = "landmark",
-                        .typical = 1.0,
-                        .low = 0.0,
-                        .high = 1e6,
-                        .linear = false,
-                        .discrete = true}}};
+                       which_landmark()}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
-    return grid_of({{0.0}, indices(0, context.landmark_count - 1)});
+    return grid_of({{0.0}, every_landmark(context)});
   }
 
   std::string missing(const EffectContext& context) const override { return lacks_landmarks(context, 2); }

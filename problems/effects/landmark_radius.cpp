@@ -25,17 +25,12 @@ class LandmarkRadius final : public Effect {
         .visible_by = "one landmark seen from several sides",
         .settled_by = "measure the landmark with a calliper",
         .parameters = {{.name = "error_m", .typical = 0.005, .low = -0.05, .high = 0.05},
-                       {.name = "landmark",
-                        .typical = 1.0,
-                        .low = 0.0,
-                        .high = 1e6,
-                        .linear = false,
-                        .discrete = true}}};
+                       which_landmark()}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
-    return grid_of({{0.0}, indices(0, context.landmark_count - 1)});
+    return grid_of({{0.0}, every_landmark(context)});
   }
 
   std::string missing(const EffectContext& context) const override { return lacks_landmarks(context, 2); }

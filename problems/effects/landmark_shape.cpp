@@ -33,17 +33,12 @@ class LandmarkShape final : public Effect {
         .settled_by = "turn the landmark by 90 degrees and repeat",
         .parameters = {{.name = "cosine", .typical = 0.05, .low = -0.3, .high = 0.3},
                        {.name = "sine", .typical = 0.05, .low = -0.3, .high = 0.3},
-                       {.name = "landmark",
-                        .typical = 1.0,
-                        .low = 0.0,
-                        .high = 1e6,
-                        .linear = false,
-                        .discrete = true}}};
+                       which_landmark()}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
-    return grid_of({{0.0}, {0.0}, indices(0, context.landmark_count - 1)});
+    return grid_of({{0.0}, {0.0}, every_landmark(context)});
   }
 
   std::string missing(const EffectContext& context) const override {

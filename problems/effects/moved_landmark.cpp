@@ -33,7 +33,7 @@ class MovedLandmark final : public Effect {
         .parameters = {
             {.name = "x_m", .typical = 0.02, .low = -0.2, .high = 0.2},
             {.name = "y_m", .typical = 0.02, .low = -0.2, .high = 0.2},
-            {.name = "landmark", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true},
+            which_landmark(),
             {.name = "stop", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true}}};
     return value;
   }
@@ -41,7 +41,7 @@ class MovedLandmark final : public Effect {
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
     return grid_of({{0.0},
                     {0.0},
-                    indices(0, context.landmark_count - 1),
+                    every_landmark(context),
                     indices(1, std::max(1, context.stop_count - 1), 40)});
   }
 

@@ -29,6 +29,14 @@ inline std::vector<double> indices(int first, int last, int most = 1 << 20) {
   return values;
 }
 
+/// The parameter of an effect on one landmark: which one; and all that it can be.
+inline EffectParameter which_landmark() {
+  return {.name = "landmark", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true};
+}
+inline std::vector<double> every_landmark(const EffectContext& context) {
+  return indices(0, context.landmark_count - 1);
+}
+
 /// `count` values from low to high, equal steps.
 inline std::vector<double> even_steps(double low, double high, int count) {
   std::vector<double> values;

@@ -30,13 +30,13 @@ class TargetReflectance final : public Effect {
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
         .parameters = {
             {.name = "amplitude_m", .typical = 0.015, .low = -0.05, .high = 0.05},
-            {.name = "landmark", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true},
+            which_landmark(),
             {.name = "power", .typical = 1.0, .low = 0.0, .high = 2.0, .linear = false, .discrete = true}}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
-    return grid_of({{0.0}, indices(0, context.landmark_count - 1), {0.0, 1.0, 2.0}});
+    return grid_of({{0.0}, every_landmark(context), {0.0, 1.0, 2.0}});
   }
 
   std::string missing(const EffectContext& context) const override { return lacks_landmarks(context, 2); }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -17,5 +18,12 @@ inline const std::vector<std::string> catalogue{
     "odometry_scale", "path_curvature", "heading_drift", "odometry_random_walk", "lever_arm", "wheel_slip",
     "moved_landmark", "label_swap", "dropout", "noise_law", "cell_effect", "stop_effect",
     "autocorrelated_noise", "heavy_tails", "reciprocal_noise"};
+
+/// The channels of the file format, and its covariates that are no column.
+inline const std::set<std::string> channels{
+    "range", "bearing", "stop", "range_noise", "bearing_noise", "range_dependence", "bearing_dependence",
+    "range_tail", "bearing_tail", "label", "detection", "grid"};
+inline const std::set<std::string> covariates{"range", "disparity", "sensor_bearing", "heading",  "time", "stop",
+                                              "repeat", "landmark", "radius", "constant", "any"};
 
 }  // namespace rangecal::test

@@ -217,12 +217,7 @@ void simulate_landmarks(const Scene& scene, std::uint64_t seed, Recording& recor
 
 Recording simulate(const Scene& scene, std::uint64_t seed) {
   if (scene.alpha.size() == 0) throw InputError("scene: alpha is empty");
-  Recording recording;
-  recording.kind = scene.kind;
-  recording.sensor = scene.sensor;
-  recording.sigma_xy_m = scene.sigma_xy_m;
-  recording.sigma_heading_rad = scene.sigma_heading_rad;
-  recording.stop_error = scene.stop_error;
+  Recording recording = unread_recording(scene);
   if (scene.kind == RecordingKind::pairs) {
     simulate_pairs(scene, seed, recording);
   } else {

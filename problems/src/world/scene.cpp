@@ -224,6 +224,16 @@ Scene read_scene(const YamlReader& top) {
 
 }  // namespace
 
+Recording unread_recording(const Scene& scene) {
+  Recording recording;
+  recording.kind = scene.kind;
+  recording.sensor = scene.sensor;
+  recording.sigma_xy_m = scene.sigma_xy_m;
+  recording.sigma_heading_rad = scene.sigma_heading_rad;
+  recording.stop_error = scene.stop_error;
+  return recording;
+}
+
 Scene load_scene(const std::string& path) { return read_scene(YamlReader::open(path)); }
 
 Scene parse_scene(const std::string& text, const std::string& name) {

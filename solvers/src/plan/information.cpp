@@ -17,11 +17,7 @@ using diagnosis::Rows;
 
 Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool every_repeat, JointState& state) {
   const Scene& sketch = request.sketch;
-  Recording recording;
-  recording.sensor = sketch.sensor;
-  recording.sigma_xy_m = sketch.sigma_xy_m;
-  recording.sigma_heading_rad = sketch.sigma_heading_rad;
-  recording.stop_error = sketch.stop_error;
+  Recording recording = unread_recording(sketch);
   recording.stops = design.stops;
   for (std::size_t l = 0; l < design.landmarks.size(); ++l)
     recording.landmarks.push_back({"L" + std::to_string(l), design.radius_m[l], std::nullopt});

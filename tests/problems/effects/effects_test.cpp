@@ -20,6 +20,8 @@ using effects_testing::example_reading;
 using effects_testing::example_stops;
 
 using test::catalogue;
+using test::channels;
+using test::covariates;
 
 Eigen::Index size_of(const Effect& effect) {
   return static_cast<Eigen::Index>(effect.info().parameters.size());
@@ -93,20 +95,6 @@ TEST(Effects, TheWholeCatalogueIsRegistered) {
 }
 
 TEST(Effects, TextsAreThereAndChannelsAreThoseOfTheFormat) {
-  const std::set<std::string> channels{"range",
-                                       "bearing",
-                                       "stop",
-                                       "range_noise",
-                                       "bearing_noise",
-                                       "range_dependence",
-                                       "bearing_dependence",
-                                       "range_tail",
-                                       "bearing_tail",
-                                       "label",
-                                       "detection",
-                                       "grid"};
-  const std::set<std::string> covariates{"range",  "disparity", "sensor_bearing", "heading",  "time", "stop",
-                                         "repeat", "landmark",  "radius",         "constant", "any"};
   for (const auto& effect : effect_registry()) {
     const EffectInfo& info = effect->info();
     SCOPED_TRACE(info.id);

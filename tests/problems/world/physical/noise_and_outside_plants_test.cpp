@@ -173,28 +173,15 @@ TEST(Plants, EveryEffectChangesItsWorldAndNothingElseIsInIt) {
 }
 
 TEST(Plants, TableNamesTheCatalogueAndItsPlaces) {
-  const std::set<std::string> channels{"range",
-                                       "bearing",
-                                       "stop",
-                                       "range_noise",
-                                       "bearing_noise",
-                                       "range_dependence",
-                                       "bearing_dependence",
-                                       "range_tail",
-                                       "bearing_tail",
-                                       "label",
-                                       "detection",
-                                       "grid"};
-  const std::set<std::string> covariates{"range", "disparity", "sensor_bearing", "heading", "time",
-                                         "stop",  "repeat",    "landmark",       "radius",  "constant",
-                                         "any",   "intensity", "temperature_c"};
+  std::set<std::string> covariates = rangecal::test::covariates;
+  covariates.insert({"intensity", "temperature_c"});
   std::set<std::string> ids;
   for (const EffectInfo& info : effect_table()) {
     EXPECT_TRUE(ids.insert(info.id).second) << info.id;
     EXPECT_LE(info.typical, info.maximum) << info.id;
     ASSERT_FALSE(info.channels.empty() || info.covariates.empty()) << info.id;
     for (const std::string& channel : info.channels)
-      EXPECT_EQ(channels.count(channel), 1u) << info.id << channel;
+      EXPECT_EQ(rangecal::test::channels.count(channel), 1u) << info.id << channel;
     for (const std::string& name : info.covariates) EXPECT_EQ(covariates.count(name), 1u) << info.id << name;
   }
   for (const std::string& id : rangecal::test::catalogue) {

@@ -57,6 +57,9 @@ struct Scene {
   std::vector<SceneBatch> batches;    ///< kind pairs
 };
 
+/// A recording of the scene before anything is read: kind, sensor, and how far stops may be from their places.
+Recording unread_recording(const Scene& scene);
+
 /// Reads a scene file. Throws InputError naming file, row and field for anything missing, malformed or unknown.
 Scene load_scene(const std::string& path);
 /// The same from text; `name` stands for the file in messages.

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "fleet/whole_fleet.hpp"
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/recording_io.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+
+namespace rangecal::app {
+namespace {
+
+using Eigen::VectorXd;
+
+UnitSummary summary_in(const Statement& row, int column, const FleetJob& job) {
+  const VectorXd theta = row.vector(column), information = row.vector(column + 1);
+  const Eigen::Index p = job.order + 2;
+  if (theta.size() != p || information.size() != p * p) throw InputError(job.output + ": a unit's theta is not of order " + std::to_string(job.order));
+  return {theta, information.reshaped(p, p)};
+}
+
+void put_population(Database& database, const Population& population) {
+  Statement row = database.prepare("INSERT INTO population VALUES(?, ?, ?)");
+  for (Eigen::Index i = 0; i < population.mean.size(); ++i)
+    row.bind(1, i <= population.order ? fmt::format("alpha_{}", i) : std::string("log_sigma"))
+        .bind(2, population.mean[i])
+        .bind(3, std::sqrt(population.covariance(i, i)))
+        .run();
+}
+
+void put_posteriors(Database& database, const FleetJob& job, FleetResult& result) {
+  const Population& population = result.population;
+  const int n = job.order;
+  std::string marks = "?";
+  for (int i = 1; i < 6 + 2 * (n + 1); ++i) marks += ", ?";
+  Statement posterior = database.prepare("INSERT INTO posteriors VALUES(" + marks + ")");
+  Statement odd = database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, '')");
+  Statement rows = database.prepare("SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information FROM units ORDER BY name");
+  const double limit = job.alarm_rate / (4.0 * static_cast<double>(std::max<std::int64_t>(result.units, 1)));   // four questions a unit
+  while (rows.step()) {
+    const std::string name = rows.text(0);
+    VectorXd mean, deviation;
+    double distance = std::nan(""), p_value = std::nan("");
+    const bool own = rows.vector(9).size() > 0;
+    if (own) {
+      const UnitPosterior shrunk = shrink(summary_in(rows, 9, job), population);
+      mean = shrunk.mean;
+      deviation = shrunk.covariance.diagonal().cwiseSqrt();
+      distance = shrunk.distance_sq;
+      p_value = shrunk.p_value;
+      if (p_value < limit) {
+        Eigen::Index worst = 0;
+        shrunk.z.cwiseAbs().maxCoeff(&worst);
+        odd.bind(1, name).bind(2, "unlike the others: " + (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
+            .bind(3, shrunk.z[worst]).bind(4, std::string("standard deviations")).bind(5, p_value).run();
+      }
+      const auto ask = [&](int column, const std::string& what, const std::string& unit) {
+        const double p = rows.number(column).value_or(1.0);
+        if (p < limit) odd.bind(1, name).bind(2, what).bind(3, rows.number(column + 1).value_or(std::nan(""))).bind(4, unit).bind(5, p).run();
+      };
+      ask(3, "shape of the curve", "m");
+      ask(5, "tails of the noise", "excess kurtosis");
+      ask(7, "dependence of neighbours", "correlation");
+    } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {   // too few readings alone
+      const Recording recording = load_recording(name);
+      const Calibration fit = calibrate_in_population(make_pairs_problem({&recording, 1}), population);
+      if (fit.outcome != Outcome::converged) continue;
+      mean.resize(n + 2);
+      deviation.resize(n + 2);
+      mean << fit.alpha, std::log(fit.noise.parameters[0]);
+      deviation << fit.alpha_covariance->diagonal().cwiseSqrt(), *fit.noise_estimates[0].std_dev / fit.noise.parameters[0];
+      ++result.by_population;
+    } else {
+      continue;
+    }
+    int at = 0;
+    const auto put = [&](const auto& value) { posterior.bind(++at, value); };
+    put(name);
+    put(std::string(own ? "own readings and population" : "few readings and population"));
+    for (int i = 0; i <= n; ++i) {
+      put(mean[i]);
+      put(deviation[i]);
+    }
+    for (const double value : {std::exp(mean[n + 1]), deviation[n + 1], distance, p_value}) put(value);
+    posterior.run();
+  }
+}
+
+/// What the diagnosis says of the oddest units, worst first: of one unlike the others what sets it apart from the
+/// population's curve, of another what its own curve leaves out.
+void name_oddities(Database& database, const FleetJob& job, FleetResult& result) {
+  const Population& population = result.population;
+  Calibration typical;
+  typical.kind = RecordingKind::pairs;
+  typical.outcome = Outcome::converged;
+  typical.alpha = population.mean.head(job.order + 1);
+  typical.alpha_covariance = population.covariance.topLeftCorner(job.order + 1, job.order + 1);
+  typical.noise = {job.law, VectorXd::Constant(1, std::exp(population.mean[job.order + 1]))};
+  typical.range_min_m = population.range_min_m;
+  typical.range_max_m = population.range_max_m;
+  result.odd = database.count("SELECT count(DISTINCT name) FROM oddities");
+  std::vector<std::string> names;
+  std::vector<char> unlike;
+  {
+    Statement worst = database.prepare(
+        "SELECT name, max(what LIKE 'unlike%') FROM oddities GROUP BY name ORDER BY min(p_value), name LIMIT ?");
+    worst.bind(1, std::int64_t{job.diagnoses});
+    while (worst.step()) {
+      names.push_back(worst.text(0));
+      unlike.push_back(worst.integer(1) != 0);
+    }
+  }
+  std::vector<std::string> sentences(names.size());
+  tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) {
+    try {
+      const Recording recording = load_recording(names[i]);
+      DiagnoseOptions options;
+      options.held_out = options.unseen = options.next_experiments = false;
+      if (unlike[i] && recording.kind == RecordingKind::pairs) options.simulation = typical;
+      sentences[i] = diagnose({&recording, 1}, options).sentence;
+    } catch (const InputError& error) {
+      sentences[i] = error.what();
+    }
+  });
+  database.execute("BEGIN");
+  for (std::size_t i = 0; i < names.size(); ++i)
+    database.prepare("UPDATE oddities SET explanation = ? WHERE name = ?").bind(1, sentences[i]).bind(2, names[i]).run();
+  database.execute("COMMIT");
+}
+
+}  // namespace
+
+void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
+  const UnitStream stream = [&](const std::function<void(const UnitSummary&)>& visit) {
+    Statement rows = database.prepare("SELECT theta, information FROM units WHERE theta IS NOT NULL ORDER BY name");
+    while (rows.step()) visit(summary_in(rows, 0, job));
+  };
+  Population& population = result.population;
+  population = fit_population(stream);
+  population.order = job.order;
+  population.law = job.law;
+  {
+    Statement range = database.prepare("SELECT min(range_min_m), max(range_max_m) FROM units WHERE theta IS NOT NULL");
+    range.step();
+    population.range_min_m = range.number(0).value_or(0.0);
+    population.range_max_m = range.number(1).value_or(0.0);
+  }
+  database.execute("BEGIN; DELETE FROM posteriors; DELETE FROM oddities; DELETE FROM population; DELETE FROM meta WHERE key = 'population'");
+  database.prepare("INSERT INTO meta VALUES('population', ?)").bind(1, population_to_json(population)).run();
+  if (is_usable(population.outcome)) {
+    put_population(database, population);
+    put_posteriors(database, job, result);
+  }
+  database.execute("COMMIT");
+  if (is_usable(population.outcome)) name_oddities(database, job, result);
+}
+
+}  // namespace rangecal::app

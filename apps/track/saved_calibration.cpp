@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "track/saved_calibration.hpp"
+
+#include <vector>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::app {
+
+using Json = nlohmann::ordered_json;
+
+Json json_of(const Calibration& c) {
+  return {{"alpha", std::vector<double>(c.alpha.begin(), c.alpha.end())},
+          {"covariance",
+           std::vector<double>(c.alpha_covariance->reshaped().begin(), c.alpha_covariance->reshaped().end())},
+          {"law", to_string(c.noise.law)},
+          {"sigma", c.noise.parameters[0]},
+          {"range_m", {c.range_min_m, c.range_max_m}}};
+}
+
+Calibration calibration_in(const Json& json) {
+  Calibration c;
+  const auto alpha = json.at("alpha").get<std::vector<double>>(),
+             covariance = json.at("covariance").get<std::vector<double>>();
+  const auto size = static_cast<Eigen::Index>(alpha.size());
+  if (size == 0 || covariance.size() != alpha.size() * alpha.size())
+    throw InputError("the state's calibration is not whole");
+  c.outcome = Outcome::converged;
+  c.kind = RecordingKind::pairs;
+  c.alpha = Eigen::VectorXd::Map(alpha.data(), size);
+  c.alpha_covariance = Eigen::MatrixXd::Map(covariance.data(), size, size);
+  c.noise = {noise_law_from_string(json.at("law").get<std::string>()),
+             Eigen::VectorXd::Constant(1, json.at("sigma").get<double>())};
+  c.range_min_m = json.at("range_m").at(0);
+  c.range_max_m = json.at("range_m").at(1);
+  return c;
+}
+
+}  // namespace rangecal::app
