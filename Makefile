@@ -51,6 +51,22 @@ studies: build
 	  $(BUILD)/apps/rangecal study notebooks_data/studies/$$name.yaml -o build/studies/$$name --resume \
 	  && cp build/studies/$$name/results.csv $$csv || exit 1; done
 
+# Every reader fed by libFuzzer under AddressSanitizer and UBSan for SECONDS, from the shipped files; clang-14 builds it.
+.PHONY: fuzz hostile soak
+SECONDS ?= 60
+fuzz: build
+	cmake build/release -DRANGECAL_FUZZ=ON
+	cmake --build $(BUILD) -j $(JOBS) --target fuzz_readers write_bag
+	tests/fuzz/run.sh $(BUILD) $(SECONDS) $(JOBS)
+
+# Input of hostile size: lines of 2 GB, 10^8 rows, nested and aliased YAML. Some ten minutes and 6 GB of disk.
+hostile: build
+	benchmarks/hostile.py $(BUILD)
+
+# One process at work for SECONDS (an hour: make soak SECONDS=3600), which may hold no more memory at the end.
+soak: build
+	$(BUILD)/benchmarks/soak $(SECONDS) notebooks_data
+
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
 

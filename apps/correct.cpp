@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
-#include <iterator>
+#include <cstdio>
 #include <memory>
 #include <optional>
 
 #include "commands.hpp"
 #include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -21,43 +21,64 @@
 namespace rangecal::app {
 namespace {
 
-std::vector<std::string_view> lines_of(std::string_view text) {
-  std::vector<std::string_view> lines;
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    lines.push_back(text.substr(0, end));
-    text.remove_prefix(std::min(end + 1, text.size()));
+constexpr std::size_t most_bytes = std::size_t{256} << 20;
+
+std::string text_of_stdin() {
+  std::string text(1 << 16, '\0');
+  std::size_t size = 0;
+  while (const std::size_t count = std::fread(text.data() + size, 1, text.size() - size, stdin)) {
+    size += count;
+    if (size > most_bytes) throw InputError("stdin", 0, "", "is larger than 256 MB; 'rangecal track' takes any stream");
+    if (size == text.size()) text.resize(2 * size);
   }
-  return lines;
+  text.resize(size);
+  return text;
 }
+
+/// The lines of a text.
+class TextLines {
+ public:
+  explicit TextLines(std::string_view text) : rest_(text) {}
+  bool next(std::string_view& line) {
+    if (rest_.empty()) return false;
+    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    line = rest_.substr(0, end);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    ++number_;
+    return true;
+  }
+  long number() const { return number_; }
+
+ private:
+  std::string_view rest_;
+  long number_ = 0;
+};
+
+bool blank(std::string_view line) { return line.find_first_not_of(" \t\r") == std::string_view::npos; }
 
 /// Readings of one per line, or of the column reading_m or range_m; NaN where a field is empty.
 std::vector<double> readings_from(const std::string& text, const std::string& name) {
   std::vector<double> readings;
-  const std::vector<std::string_view> lines = lines_of(text);
-  const auto blank = [](std::string_view line) {
-    return line.find_first_not_of(" \t\r") == std::string_view::npos;
-  };
-  const auto first = std::find_if_not(lines.begin(), lines.end(), blank);
-  if (first == lines.end()) throw InputError(name, 0, "", "holds no reading");
-  if (number_of(*first)) {
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      if (blank(lines[i])) continue;
-      const auto reading = number_of(lines[i]);
-      if (!reading)
-        throw InputError(name, static_cast<long>(i + 1), "",
-                         "'" + std::string(lines[i]) + "' is not a number");
+  TextLines lines(text);
+  std::string_view line;
+  while (lines.next(line) && blank(line)) {
+  }
+  if (blank(line)) throw InputError(name, 0, "", "holds no reading");
+  if (number_of(line)) {
+    do {
+      if (blank(line)) continue;
+      const auto reading = number_of(line);
+      if (!reading) throw InputError(name, lines.number(), "", "'" + std::string(line.substr(0, 40)) + "' is not a number");
       readings.push_back(*reading);
-    }
+    } while (lines.next(line));
     return readings;
   }
-  const CsvTable table = CsvTable::parse(text, name);
-  auto column = table.find("reading_m");
-  if (!column) column = table.find("range_m");
+  CsvRows rows = CsvRows::parse(text, name);
+  auto column = rows.find("reading_m");
+  if (!column) column = rows.find("range_m");
   if (!column)
     throw InputError(name, 1, "", "there is no column reading_m or range_m, and the first line is no number");
-  for (std::size_t row = 0; row < table.rows(); ++row)
-    readings.push_back(table.number(row, *column).value_or(std::nan("")));
+  while (rows.next()) readings.push_back(rows.number(*column).value_or(std::nan("")));
   return readings;
 }
 
@@ -70,8 +91,7 @@ void print_correction(double reading, const std::vector<CorrectionCandidate>& ca
 
 /// The readings as a table where the text is one; nothing where it is one number per line.
 std::optional<CsvTable> table_from(const std::string& text, const std::string& name) {
-  const std::vector<std::string_view> lines = lines_of(text);
-  if (lines.empty() || number_of(lines[0])) return std::nullopt;
+  if (number_of(std::string_view(text).substr(0, text.find('\n')))) return std::nullopt;
   return CsvTable::parse(text, name);
 }
 
@@ -159,8 +179,7 @@ struct CorrectCommand {
     if (loaded.outcome == Outcome::unobservable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
     const bool from_stdin = file == "-";
-    const std::string text =
-        from_stdin ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(file);
+    const std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
     const std::string name = from_stdin ? "stdin" : file;
     const std::vector<double> readings = readings_from(text, name);
     const std::optional<CsvTable> table = table_from(text, name);

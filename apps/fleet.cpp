@@ -31,6 +31,7 @@ struct FleetCommand {
     job.progress = ::isatty(STDERR_FILENO) != 0;
     const FleetResult result = run_fleet(job);
     fmt::print("{}", page(result));
+    for (const std::string& note : result.notes) fmt::print(stderr, "rangecal: {}\n", note);
     return result.partial || is_usable(result.population.outcome) ? done : not_delivered;
   }
 

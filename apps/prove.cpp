@@ -16,6 +16,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/core/write_lock.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -69,6 +70,8 @@ int prove_fresh(const ProveOptions& o) {
     if (std::find(proof::row_names().begin(), proof::row_names().end(), row) == proof::row_names().end())
       throw InputError("--row " + row + " is not one of: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
   if (o.resume && o.csv.empty()) throw InputError("--resume needs the --csv FILE of the run that was stopped");
+  std::optional<WriteLock> lock;
+  if (!o.csv.empty()) lock.emplace(o.csv);
   if (o.resume && file_exists(o.csv)) options.known = proof::read_scores(read_file(o.csv), o.csv);
   std::optional<proof::Journal> journal;
   if (!o.csv.empty()) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "rangecal/core/errors.hpp"
@@ -29,7 +30,7 @@ bool know_importer(Importer importer) {
 const std::vector<Importer>& importers() { return list(); }
 
 WordTable::WordTable(const std::string& path) : path_(path) {
-  std::istringstream lines(read_file(path));
+  std::istringstream lines(read_file(path, std::size_t{64} << 20));
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
     std::istringstream stream(line);
@@ -58,6 +59,14 @@ double WordTable::number(std::size_t row, std::size_t word) const {
     throw InputError(path_, lines_[row], "",
                      "word " + std::to_string(word + 1) + ", '" + field.substr(0, 40) + "', is not a finite number");
   return value;
+}
+
+int WordTable::whole(std::size_t row, std::size_t word) const {
+  const double value = number(row, word);
+  if (value != std::floor(value) || std::abs(value) > std::numeric_limits<int>::max())
+    throw InputError(path_, lines_[row], "",
+                     "word " + std::to_string(word + 1) + ", '" + text(row, word).substr(0, 40) + "', is not a whole number");
+  return static_cast<int>(value);
 }
 
 }  // namespace rangecal::ingest

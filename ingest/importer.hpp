@@ -39,6 +39,7 @@ class WordTable {
   std::size_t words(std::size_t row) const { return rows_[row].size(); }
   const std::string& text(std::size_t row, std::size_t word) const;
   double number(std::size_t row, std::size_t word) const;  ///< finite; throws InputError naming file and row
+  int whole(std::size_t row, std::size_t word) const;      ///< the same, and a whole number that an int holds
   const std::string& path() const { return path_; }
 
  private:

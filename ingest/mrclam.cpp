@@ -114,16 +114,16 @@ DataSet read_data_set(const Given& given) {
   std::map<int, int> subject_of;
   const WordTable codes(given.source + "/Barcodes.dat");
   for (std::size_t row = 0; row < codes.rows(); ++row)
-    subject_of[static_cast<int>(codes.number(row, 1))] = static_cast<int>(codes.number(row, 0));
+    subject_of[codes.whole(row, 1)] = codes.whole(row, 0);
   const WordTable places(given.source + "/Landmark_Groundtruth.dat");
   for (std::size_t row = 0; row < places.rows(); ++row)
-    data.tubes[static_cast<int>(places.number(row, 0))] = {places.number(row, 1), places.number(row, 2)};
+    data.tubes[places.whole(row, 0)] = {places.number(row, 1), places.number(row, 2)};
   const Track truth = motion_capture(robot + "Groundtruth.dat");
   const WordTable table(robot + "Measurement.dat");
   data.zero_s = std::floor(table.number(0, 0));
   for (std::size_t row = 0; row < table.rows(); ++row) {
     Sighted sighting{table.number(row, 0), table.number(row, 2), table.number(row, 3), 0, {}, 0.0, 0.0};
-    const auto subject = subject_of.find(static_cast<int>(table.number(row, 1)));
+    const auto subject = subject_of.find(table.whole(row, 1));
     if (subject == subject_of.end()) {
       ++data.unknown;
       continue;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 
@@ -19,6 +20,8 @@ namespace rangecal::ingest {
 namespace {
 
 bool is_bag(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;   // opening a pipe may take for ever
   std::string start(7, '\0');
   std::ifstream(path, std::ios::binary).read(start.data(), 7);
   return start == "#ROSBAG";

@@ -14,6 +14,7 @@
 #include "fleet/whole_fleet.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/write_lock.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -52,11 +53,16 @@ class Fleet {
     database_.execute("COMMIT");
   }
 
-  FleetResult run() {
-    FleetResult result;
+  /// Takes in what the job names. Throws InputError before anything is fitted.
+  void take_inputs() {
     take_names();
     for (const std::string& file : job_.merge) merge(file);
+  }
+
+  FleetResult run() {
+    FleetResult result;
     result.resumed = database_.count("SELECT count(*) FROM units");
+    database_.execute("DELETE FROM units WHERE readings IS NULL");   // a file that was missing may be back
     fit_units();
     result.units = database_.count("SELECT count(*) FROM units");
     result.fitted = database_.count("SELECT count(*) FROM units WHERE theta IS NOT NULL");
@@ -191,7 +197,19 @@ class Fleet {
 FleetResult run_fleet(const FleetJob& job) {
   std::optional<tbb::global_control> limit;
   if (job.threads > 0) limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(job.threads));
-  const FleetResult result = Fleet(job).run();
+  const WriteLock lock(job.output);
+  const bool fresh = !file_exists(job.output);
+  std::optional<Fleet> fleet;
+  try {
+    fleet.emplace(job);
+    fleet->take_inputs();
+  } catch (...) {   // nothing was begun: no empty file stays behind
+    fleet.reset();
+    std::error_code ignored;
+    if (fresh) fs::remove(job.output, ignored);
+    throw;
+  }
+  const FleetResult result = fleet->run();
   if (!job.csv.empty() && !result.partial) {
     Database database(job.output);
     write_csv(database, job.csv);

@@ -26,10 +26,13 @@ struct FleetResult {
   std::int64_t units = 0, fitted = 0, by_population = 0, unreadable = 0, resumed = 0, odd = 0;
   bool partial = false;              ///< one shard of several: no population yet
   Population population;
+  std::vector<std::string> notes;    ///< units that were read once and are gone now
 };
 
 /// Fits every unit not yet in the file, the population, each unit's posterior, and the oddities, all in `output`. Every
-/// stage is one or many transactions: a killed run goes on where the last one ended, to the same rows.
+/// stage is one or many transactions: a killed run goes on where the last one ended, to the same rows, and tries the units
+/// again that could not be read. Throws InputError for inputs that are none, before `output` is made, and where another run
+/// is writing it.
 FleetResult run_fleet(const FleetJob& job);
 
 }  // namespace rangecal::app

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "fleet/units.hpp"
 
+#include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -53,7 +54,7 @@ void write_csv(Database& database, const std::string& path) {
   text += "\n";
   while (rows.step()) {
     for (int c = 0; c < rows.columns(); ++c)
-      if (c != 6) text += (c ? "," : "") + csv_field(rows.text(c));
+      if (c != 6) text += (c ? "," : "") + csv_label(rows.text(c));
     text += "\n";
   }
   write_file(path, text);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <optional>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -68,8 +69,14 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
       ask(5, "tails of the noise", "excess kurtosis");
       ask(7, "dependence of neighbours", "correlation");
     } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {   // too few readings alone
-      const Recording recording = load_recording(name);
-      const Calibration fit = calibrate_in_population(make_pairs_problem({&recording, 1}), population);
+      std::optional<Recording> recording;
+      try {
+        recording = load_recording(name);
+      } catch (const InputError& error) {   // it was there when its readings were counted
+        result.notes.push_back(name + " is left out: " + error.what());
+        continue;
+      }
+      const Calibration fit = calibrate_in_population(make_pairs_problem({&*recording, 1}), population);
       if (fit.outcome != Outcome::converged) continue;
       mean.resize(n + 2);
       deviation.resize(n + 2);

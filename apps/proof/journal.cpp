@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "journal.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <charconv>
+#include <cstring>
 
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
@@ -93,19 +97,28 @@ std::vector<Score> read_scores(std::string text, const std::string& name) {
 
 Journal::Journal(const std::string& path, const std::vector<Score>& known) : path_(path) {
   write_file(path, proof_csv(known));
-  file_.reset(std::fopen(path.c_str(), "a"));
-  if (!file_) throw InputError(path + ": cannot be written");
+  file_ = ::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+  if (file_ < 0) throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
 }
+
+Journal::~Journal() { ::close(file_); }
 
 void Journal::append(const Score& score) {
   const std::string text = line(score);
-  if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size() || std::fflush(file_.get()) != 0)
-    throw InputError(path_ + ": cannot be written");
+  const off_t before = ::lseek(file_, 0, SEEK_END);
+  std::size_t at = 0;
+  while (at < text.size()) {
+    const ssize_t written = ::write(file_, text.data() + at, text.size() - at);
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) break;
+    at += static_cast<std::size_t>(written);
+  }
+  if (at == text.size()) return;
+  const std::string reason = std::strerror(errno);
+  if (before < 0 || ::ftruncate(file_, before) != 0) throw InputError(path_, 0, "", "ends in a torn line: " + reason);
+  throw InputError(path_, 0, "", "cannot be written: " + reason);
 }
 
-void Journal::finish(const std::vector<Score>& scores) {
-  file_.reset();
-  write_file(path_, proof_csv(scores));
-}
+void Journal::finish(const std::vector<Score>& scores) { write_file(path_, proof_csv(scores)); }
 
 }  // namespace rangecal::proof

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdio>
 #include <map>
-#include <memory>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -29,15 +27,16 @@ class Journal {
  public:
   /// Opens `path`; `known` scores of an earlier run are kept. Throws InputError if it cannot be written.
   Journal(const std::string& path, const std::vector<Score>& known);
+  Journal(const Journal&) = delete;
+  Journal& operator=(const Journal&) = delete;
+  ~Journal();
+  /// A line that a full disk cuts short is taken back, and InputError thrown.
   void append(const Score& score);
   void finish(const std::vector<Score>& scores);
 
  private:
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
   std::string path_;
-  std::unique_ptr<std::FILE, Close> file_;
+  int file_ = -1;
 };
 
 }  // namespace rangecal::proof

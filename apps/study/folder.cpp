@@ -68,11 +68,12 @@ StudyFolder::StudyFolder(const Study& study, const StudyJob& job)
   if (begun && !job.resume && job.merge.empty())
     throw InputError(job.folder, 0, "", "holds a study already begun; --resume continues it");
   make_folder(job.folder);
+  lock_.emplace((std::filesystem::path(job.folder) / "").string(), job.shards > 1);
   std::vector<std::string> folders{job.folder};
   folders.insert(folders.end(), job.merge.begin(), job.merge.end());
   known_ = std::make_unique<JournalReader>(study, folders);
   journal_ = std::make_unique<JournalWriter>(study, mine);
-  remove_partial_tables(job.folder);
+  if (job.shards == 1) remove_partial_tables(job.folder);   // shards write none
   const int pieces = study_pieces(study);
   for (int p = 0; p < static_cast<int>(study.points.size()); ++p)
     for (int c = 0; c < pieces; ++c) {

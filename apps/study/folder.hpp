@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rangecal/core/write_lock.hpp"
 #include "study/journal.hpp"
 
 namespace rangecal::app {
@@ -27,7 +28,7 @@ struct StudyJob {
 class StudyFolder {
  public:
   /// Opens or makes the folder. Throws InputError where it holds a study begun earlier and neither --resume nor
-  /// --merge is given.
+  /// --merge is given, and where another run is writing there: a whole one, or the same shard.
   StudyFolder(const Study& study, const StudyJob& job);
 
   /// Options whose callbacks read and write this folder.
@@ -44,6 +45,7 @@ class StudyFolder {
   using Clock = std::chrono::steady_clock;
   const Study& study_;
   StudyJob job_;
+  std::optional<WriteLock> lock_;                ///< shards share it, each has its journal to itself
   std::unique_ptr<JournalReader> known_;
   std::unique_ptr<JournalWriter> journal_;
   std::map<int, std::string> results_, timing_;  ///< rows of the points complete

@@ -2,11 +2,13 @@
 #include "track/columns.hpp"
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/utf8.hpp"
 #include "track/line_source.hpp"
 
 namespace rangecal::app {
 
 Columns columns_of(const std::string& header, const std::string& file, long line) {
+  if (first_bad_byte(header) != std::string::npos) throw InputError(file, line, "", "is not UTF-8 text");
   const auto fields = csv_fields(header);
   if (!fields) throw InputError(file, line, "", "a quote is left open");
   Columns columns{-1, -1, -1, fields->size()};

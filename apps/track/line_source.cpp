@@ -13,6 +13,11 @@
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal::app {
+namespace {
+
+constexpr std::size_t longest_line = std::size_t{4} << 20;
+
+}  // namespace
 
 LineSource::LineSource(const std::string& path, std::int64_t offset) : path_(path) {
   if (path == "-") {
@@ -49,6 +54,7 @@ LineSource::Status LineSource::next(std::string& line) {
     }
     buffer_.erase(0, begin_);
     begin_ = 0;
+    if (buffer_.size() > longest_line) throw InputError(path_, 0, "", "holds a line longer than 4 MB");
     searched = buffer_.size();
     std::array<char, 65536> chunk;
     const ssize_t count = ::read(file_, chunk.data(), chunk.size());

@@ -25,6 +25,7 @@ Calibration calibration_in(const Json& json) {
   const auto size = static_cast<Eigen::Index>(alpha.size());
   if (size == 0 || covariance.size() != alpha.size() * alpha.size())
     throw InputError("the state's calibration is not whole");
+  if (!(json.at("sigma").get<double>() > 0.0)) throw InputError("the state's sigma is not positive");
   c.outcome = Outcome::converged;
   c.kind = RecordingKind::pairs;
   c.alpha = Eigen::VectorXd::Map(alpha.data(), size);

@@ -17,6 +17,8 @@
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/json_numbers.hpp"
+#include "rangecal/core/write_lock.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
 #include "track/columns.hpp"
 #include "track/line_source.hpp"
@@ -32,6 +34,15 @@ constexpr std::size_t most_changes = 1000;   // kept, the latest
 
 volatile sig_atomic_t stopped = 0;
 void stop(int) { stopped = 1; }
+
+/// The state as JSON. What is nested deeper than any state would overrun the stack when it is handed on.
+Json shallow_json(const std::string& text) {
+  constexpr int deepest = 16;
+  return Json::parse(text, [](int depth, Json::parse_event_t, Json&) {
+    if (depth > deepest) throw InputError("is no state of 'rangecal track': it is nested too deeply");
+    return true;
+  });
+}
 
 class Run {
  public:
@@ -49,6 +60,9 @@ class Run {
     } else if (!job.changes.empty()) {
       throw InputError("--changes needs --watch");
     }
+    for (const std::string& path : {job.state, job.output})
+      if (!path.empty() && (!file_exists(path) || std::filesystem::is_regular_file(path)))
+        locks_.push_back(std::make_unique<WriteLock>(path));
     if (!job.state.empty() && file_exists(job.state)) load();
     open_output();
     source_ = std::make_unique<LineSource>(job.input, offset_);
@@ -105,7 +119,7 @@ class Run {
   void load() {
     const std::string& path = job_.state;
     try {
-      const Json state = Json::parse(read_file(path));
+      const Json state = shallow_json(read_file(path, std::size_t{64} << 20));
       if (state.at("format") != format_name) throw InputError(path + ": field 'format' is not '" + format_name + "'");
       calibrator_ = RecursiveCalibrator::from_json(state.at("calibrator").dump(), path);
       const RecursiveOptions& saved = calibrator_.options();
@@ -115,23 +129,28 @@ class Run {
       header_ = state.at("header").get<std::string>();
       if (!header_.empty()) columns_ = columns_of(header_, name_, line_);
       columns_read_ = header_.empty() ? 0 : 1;
-      offset_ = job_.input == "-" ? 0 : state.at("offset").get<std::int64_t>();
-      line_ = job_.input == "-" ? 0 : state.at("line").get<long>();
-      output_bytes_ = state.at("output_bytes");
-      rows_ = state.at("rows");
-      corrected_ = state.at("corrected");
-      malformed_ = state.at("malformed");
-      next_estimate_ = state.at("next_estimate");
+      const auto count = [&](const char* key) { return whole_number<std::int64_t>(state.at(key), key); };
+      offset_ = job_.input == "-" ? 0 : count("offset");
+      line_ = job_.input == "-" ? 0 : static_cast<long>(count("line"));
+      output_bytes_ = count("output_bytes");
+      rows_ = count("rows");
+      corrected_ = count("corrected");
+      malformed_ = count("malformed");
+      next_estimate_ = count("next_estimate");
       if (state.at("watch").is_array() != detector_.has_value()) throw InputError(path + ": was made with or without --watch, now it is otherwise");
       if (detector_) detector_->restore(state.at("watch").get<std::vector<double>>());
       for (const Json& c : state.at("changes")) {
-        ChangeAlarm alarm{c.at(0), c.at(1), c.at(2), {}, c.at(4), c.at(5), c.at(6)};
-        alarm.kind = static_cast<ChangeKind>(c.at(3).get<int>());
+        ChangeAlarm alarm{whole_number<std::int64_t>(c.at(0), "changes"), whole_number<std::int64_t>(c.at(1), "changes"),
+                          c.at(2), {}, c.at(4), c.at(5), c.at(6)};
+        alarm.kind = static_cast<ChangeKind>(whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::noise)));
         changes_.push_back(alarm);
       }
       if (state.at("calibration").is_object()) current_ = calibration_in(state.at("calibration"));
     } catch (const Json::exception& error) {
-      throw InputError(path + ": is no state of 'rangecal track': " + error.what());
+      throw InputError(path, 0, "", std::string("is no state of 'rangecal track': ") + error.what());
+    } catch (const InputError& error) {
+      const std::string what = error.what();
+      throw what.starts_with(path) ? error : InputError(path, 0, "", what);
     }
   }
 
@@ -264,6 +283,7 @@ class Run {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
   const TrackJob& job_;
+  std::vector<std::unique_ptr<WriteLock>> locks_;
   RecursiveCalibrator calibrator_;
   std::string name_, header_;
   std::optional<Calibration> given_, current_;

@@ -183,6 +183,8 @@ Calibration read_calibration(const Field& top) {
     if (calibration.alpha.size() == 0) alpha.fail("is empty, yet the outcome is usable");
     if (!calibration.alpha.allFinite()) alpha.fail("is not finite, yet the outcome is usable");
     if (!calibration.noise.parameters.allFinite()) noise.fail("is not finite, yet the outcome is usable");
+    if (calibration.noise.law != NoiseLaw::polynomial && !(calibration.noise.parameters[0] > 0.0))
+      noise.fail("is not positive, yet the outcome is usable");
   }
   calibration.sigma_theta_rad = estimate(top, "sigma_theta_rad");
   calibration.sigma_s_m = estimate(top, "sigma_s_m");
@@ -212,7 +214,7 @@ Calibration read_calibration(const Field& top) {
 }  // namespace
 
 std::vector<Calibration> load_calibrations(const std::string& path) {
-  const std::string text = read_file(path);
+  const std::string text = read_file(path, std::size_t{256} << 20);
   Json json;
   try {
     json = Json::parse(text);

@@ -83,7 +83,7 @@ void read_newer(Words& words, bool robot, Scan& scan) {
 
 ScanLog read_carmen_log(const std::string& path, const std::string& text) {
   ScanLog log{path, "CARMEN log", {}, 0};
-  Lines lines(text);
+  Lines lines(text, path);
   for (std::string_view line; lines.next(line);) {
     const auto fields = word_fields(line);
     if (fields.empty() || fields[0].front() == '#') continue;

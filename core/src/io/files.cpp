@@ -3,51 +3,85 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 
+#include "io/input_file.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
+namespace {
+
+/// A file under a name of its own until it is whole; removed unless it is put in place.
+class Temporary {
+ public:
+  Temporary(std::string path, const std::string& text)
+      : path_(std::move(path)), own_(path_ + ".partial" + std::to_string(::getpid())) {
+    std::ofstream stream(own_, std::ios::binary | std::ios::trunc);
+    if (!stream) fail(std::strerror(errno));
+    stream.write(text.data(), static_cast<std::streamsize>(text.size()));
+    stream.close();
+    if (stream) return;
+    const std::string reason = std::strerror(errno);
+    std::filesystem::remove(own_, ignored_);
+    fail(reason);
+  }
+  Temporary(Temporary&& other) noexcept
+      : path_(std::move(other.path_)), own_(std::exchange(other.own_, "")) {}
+  ~Temporary() {
+    if (!own_.empty()) std::filesystem::remove(own_, ignored_);
+  }
+
+  void put_in_place() {
+    std::error_code error;
+    std::filesystem::rename(own_, path_, error);
+    if (error) fail(error.message());
+    own_.clear();
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw InputError(path_, 0, "", "cannot be written: " + reason);
+  }
+  std::string path_, own_;
+  std::error_code ignored_;
+};
+
+}  // namespace
 
 bool file_exists(const std::string& path) {
   std::error_code ignored;
   return std::filesystem::exists(path, ignored);
 }
 
-std::string read_file(const std::string& path) {
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) throw InputError(path, 0, "", "no such file");
-  if (std::filesystem::is_directory(status)) throw InputError(path, 0, "", "is a folder, not a file");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
-  std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  if (stream.bad()) throw InputError(path, 0, "", "cannot be read to its end");
+std::string read_file(const std::string& path, std::size_t most_bytes) {
+  io::InputFile file(path);
+  const auto check = [&](std::size_t size) {
+    if (size > most_bytes)
+      throw InputError(path, 0, "", "is larger than " + std::to_string(most_bytes >> 20) + " MB");
+  };
+  check(file.size());
+  std::string text(std::max<std::size_t>(file.size() + 1, 4096), '\0');
+  std::size_t size = 0;
+  while (const std::size_t count = file.read(text.data() + size, text.size() - size)) {
+    size += count;
+    check(size);
+    if (size == text.size()) text.resize(2 * size);
+  }
+  text.resize(size);
   return text;
 }
 
-void write_file(const std::string& path, const std::string& text) {
-  const std::string temporary = path + ".partial" + std::to_string(::getpid());
-  std::error_code error;
-  std::string reason;
-  {
-    std::ofstream stream(temporary, std::ios::binary | std::ios::trunc);
-    if (!stream) throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
-    stream.write(text.data(), static_cast<std::streamsize>(text.size()));
-    stream.close();
-    if (!stream) reason = std::strerror(errno);
-  }
-  if (reason.empty()) {
-    std::filesystem::rename(temporary, path, error);
-    if (!error) return;
-    reason = error.message();
-  }
-  std::filesystem::remove(temporary, error);
-  throw InputError(path, 0, "", "cannot be written: " + reason);
+void write_file(const std::string& path, const std::string& text) { Temporary(path, text).put_in_place(); }
+
+void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files) {
+  std::vector<Temporary> written;
+  for (const auto& [name, text] : files)
+    written.emplace_back((std::filesystem::path(folder) / name).string(), text);
+  for (Temporary& file : written) file.put_in_place();
 }
 
 void make_folder(const std::string& path) {

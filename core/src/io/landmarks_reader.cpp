@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <utility>
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <unordered_map>
 
 #include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
@@ -18,98 +20,143 @@ LabelIndex read_stops(const Files& files, Recording& recording) {
   return index;
 }
 
-// One row of observations.csv, with the reason why it cannot be used.
-struct Row {
-  int stop = 0, landmark = 0, repeat = 0;
-  double range_m = 0.0, bearing_rad = 0.0;
-  const char* unusable = nullptr;
-};
-
 struct Columns {
   std::size_t stop, landmark, range, bearing;
   std::optional<std::size_t> repeat, time;
 
-  explicit Columns(const CsvTable& table)
-      : stop(table.require("stop")),
-        landmark(table.require("landmark")),
-        range(table.require("range_m")),
-        bearing(table.require("bearing_rad")),
-        repeat(table.find("repeat")),
-        time(table.find("time_s")) {}
+  explicit Columns(const CsvRows& rows)
+      : stop(rows.require("stop")),
+        landmark(rows.require("landmark")),
+        range(rows.require("range_m")),
+        bearing(rows.require("bearing_rad")),
+        repeat(rows.find("repeat")),
+        time(rows.find("time_s")) {}
+};
+
+// A reading, with the reason why it cannot be used.
+struct Measurement {
+  double range_m = 0.0, bearing_rad = 0.0;
+  const char* unusable = nullptr;
 };
 
 // The range decides first; a reading whose bearing is missing cannot be used either.
-void read_measurement(const CsvTable& table, std::size_t i, const Columns& columns, const Sensor& sensor, Row& row) {
-  const auto range = table.number(i, columns.range);
-  const auto bearing = table.number(i, columns.bearing);
-  row.unusable = unusable(sensor, range);
+Measurement measurement(const CsvRows& rows, const Columns& columns, const Sensor& sensor) {
+  const auto range = rows.number(columns.range), bearing = rows.number(columns.bearing);
+  Measurement read{range.value_or(0.0), 0.0, unusable(sensor, range)};
   if (bearing && std::isfinite(*bearing)) {
-    row.bearing_rad = checked_angle(table, i, columns.bearing, *bearing);
-  } else if (row.unusable == nullptr) {
-    row.unusable = bearing ? "not finite" : "missing";
+    read.bearing_rad = checked_angle(rows, columns.bearing, *bearing);
+  } else if (read.unusable == nullptr) {
+    read.unusable = bearing ? "not finite" : "missing";
   }
-  row.range_m = range.value_or(0.0);
+  return read;
+}
+
+// All readings of one landmark from one stop: their losses, and which repeats there were: 0 .. next - 1 and
+// those ahead.
+struct Cell {
+  CellLoss loss;
+  int next = 0;
+  std::unique_ptr<std::set<int>> ahead;
+
+  bool take(int repeat) {  // false: it was there before
+    if (repeat < next) return false;
+    if (repeat > next) {
+      if (!ahead) ahead = std::make_unique<std::set<int>>();
+      return ahead->insert(repeat).second;
+    }
+    if (ahead && ahead->contains(repeat)) return false;
+    for (++next; ahead && ahead->erase(next) > 0;) ++next;
+    return true;
+  }
+};
+
+class Cells {
+ public:
+  Cell& at(int stop, int landmark) {
+    const std::uint64_t key = (static_cast<std::uint64_t>(stop) << 32) | static_cast<std::uint32_t>(landmark);
+    if (!last_ || key != last_key_) last_ = &cells_[key];
+    last_key_ = key;
+    return *last_;
+  }
+  int cut() const {
+    return static_cast<int>(
+        std::count_if(cells_.begin(), cells_.end(), [](const auto& cell) { return cell.second.loss.cut(); }));
+  }
+
+ private:
+  std::unordered_map<std::uint64_t, Cell> cells_;
+  std::uint64_t last_key_ = 0;
+  Cell* last_ = nullptr;  // rows of a cell mostly follow each other
+};
+
+// The current row has stop, landmark and repeat of an earlier one, which is looked for only now.
+[[noreturn]] void fail_repeated(const Files& files, const CsvRows& rows, const Columns& columns) {
+  const std::string stop(rows.label(columns.stop)), landmark(rows.label(columns.landmark));
+  const int repeat = rows.count(*columns.repeat);
+  CsvRows again = files.rows("observations.csv");
+  while (again.next() && again.line() < rows.line())
+    if (again.label(columns.stop) == stop && again.label(columns.landmark) == landmark &&
+        again.count(*columns.repeat) == repeat)
+      rows.fail(*columns.repeat,
+                "stop, landmark and repeat are those of row " + std::to_string(again.line()));
+  rows.fail(*columns.repeat, "stop, landmark and repeat are those of an earlier row");
+}
+
+void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Readings& readings, Counts& counts) {
+  counts.cells_left_out = cells.cut();
+  std::vector<char> unwanted;
+  if (counts.cells_left_out > 0) {
+    unwanted.resize(readings.size());
+    for (std::size_t i = 0; i < readings.size(); ++i)
+      unwanted[i] = cells.at(readings.stop[i], readings.landmark[i]).loss.cut();
+    const auto lost = static_cast<int>(std::count(unwanted.begin(), unwanted.end(), 1));
+    if (lost > 0) counts.dropped["cell cut by a limit"] = lost;
+  }
+  for (auto* column : {&readings.stop, &readings.landmark, &readings.repeat, &readings.row})
+    leave_out(unwanted, *column);
+  for (auto* column : {&readings.time_s, &readings.range_m, &readings.bearing_rad})
+    leave_out(unwanted, *column);
+  readings.covariates = covariates.finish(unwanted);
+  counts.used = static_cast<int>(readings.size());
 }
 
 void read_observations(const Files& files, const RecordingHeader& header, bool listed,
                        const LabelIndex& stops, LabelIndex& landmarks, Recording& recording) {
-  const CsvTable table = files.table("observations.csv");
-  const Columns columns(table);
-  if (table.rows() == 0) throw InputError(table.file(), 0, "", "holds a header and no rows");
-
-  using Cell = std::pair<int, int>;
-  std::vector<Row> rows(table.rows());
-  std::map<Cell, CellLoss> losses;
-  std::map<Cell, int> next_repeat;
-  std::map<std::pair<Cell, int>, int> lines;   // line on which a (stop, landmark, repeat) stands
-  for (std::size_t i = 0; i < table.rows(); ++i) {
-    Row& row = rows[i];
-    const std::string stop = table.label(i, columns.stop);
-    const auto known = stops.find(stop);
-    if (!known) table.fail(i, columns.stop, "unknown stop '" + stop + "': stops.csv does not list it");
-    row.stop = *known;
-    row.landmark = observed_landmark(table, i, columns.landmark, listed, header.landmark_radius_m, recording, landmarks);
-    const Cell cell{row.stop, row.landmark};
-    if (columns.repeat) {
-      row.repeat = table.count(i, *columns.repeat);
-      const auto [first, is_new] = lines.emplace(std::pair(cell, row.repeat), table.line(i));
-      if (!is_new) {
-        table.fail(i, *columns.repeat, "stop, landmark and repeat are those of row " + std::to_string(first->second));
-      }
-    } else {
-      row.repeat = next_repeat[cell]++;
-    }
-    read_measurement(table, i, columns, recording.sensor, row);
-    CellLoss& loss = losses[cell];
-    if (row.unusable == nullptr || lost_at_limit(row.unusable)) ++loss.seen;
-    if (lost_at_limit(row.unusable)) ++loss.lost;
-  }
-
+  CsvRows rows = files.rows("observations.csv");
+  const Columns columns(rows);
+  CovariateColumns covariates(rows, {"stop", "landmark", "repeat", "time_s", "range_m", "bearing_rad"});
+  Cells cells;
   Readings& readings = recording.readings;
   Counts& counts = recording.counts;
-  CovariateColumns covariates(
-      table, {"stop", "landmark", "repeat", "time_s", "range_m", "bearing_rad"}, readings.covariates);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    Row& row = rows[i];
-    const double time_s = columns.time ? table.finite(i, *columns.time) : 0.0;
+  while (rows.next()) {
     ++counts.read;
-    if (row.unusable == nullptr && losses[{row.stop, row.landmark}].cut()) row.unusable = "cell cut by a limit";
-    if (row.unusable != nullptr) {
-      ++counts.dropped[row.unusable];
+    const std::string_view label = rows.label(columns.stop);
+    const auto stop = stops.find(label);
+    if (!stop)
+      rows.fail(columns.stop, "unknown stop '" + std::string(label) + "': stops.csv does not list it");
+    const int landmark =
+        observed_landmark(rows, columns.landmark, listed, header.landmark_radius_m, recording, landmarks);
+    Cell& cell = cells.at(*stop, landmark);
+    const int repeat = columns.repeat ? rows.count(*columns.repeat) : cell.next;
+    if (!cell.take(repeat)) fail_repeated(files, rows, columns);
+    const Measurement read = measurement(rows, columns, recording.sensor);
+    const double time_s = columns.time ? rows.finite(*columns.time) : 0.0;
+    cell.loss.count(read.unusable);
+    covariates.take(rows, read.unusable == nullptr);
+    if (read.unusable != nullptr) {
+      ++counts.dropped[read.unusable];
       continue;
     }
-    ++counts.used;
-    readings.stop.push_back(row.stop);
-    readings.landmark.push_back(row.landmark);
-    readings.repeat.push_back(row.repeat);
+    readings.stop.push_back(*stop);
+    readings.landmark.push_back(landmark);
+    readings.repeat.push_back(repeat);
     if (columns.time) readings.time_s.push_back(time_s);
-    readings.range_m.push_back(row.range_m);
-    readings.bearing_rad.push_back(row.bearing_rad);
-    readings.row.push_back(table.line(i));
-    covariates.append(table, i);
+    readings.range_m.push_back(read.range_m);
+    readings.bearing_rad.push_back(read.bearing_rad);
+    readings.row.push_back(rows.line());
   }
-  counts.cells_left_out =
-      static_cast<int>(std::count_if(losses.begin(), losses.end(), [](const auto& cell) { return cell.second.cut(); }));
+  if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
+  leave_out_cut_cells(cells, covariates, readings, counts);
 }
 
 void resolve_taped(const RecordingHeader& header, const LabelIndex& landmarks, Recording& recording) {
@@ -122,8 +169,8 @@ void resolve_taped(const RecordingHeader& header, const LabelIndex& landmarks, R
     return *found;
   };
   for (const TapedDistance& taped : header.taped) {
-    recording.known_distances.push_back(
-        {index_of(taped, taped.from, "from"), index_of(taped, taped.to, "to"), taped.distance_m, taped.sigma_m});
+    recording.known_distances.push_back({index_of(taped, taped.from, "from"), index_of(taped, taped.to, "to"),
+                                         taped.distance_m, taped.sigma_m});
   }
 }
 

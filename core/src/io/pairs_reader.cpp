@@ -8,117 +8,136 @@
 namespace rangecal::io {
 namespace {
 
-// One row of pairs.csv, with the reason why it cannot be used.
-struct Row {
-  int batch = -1, landmark = -1;
-  double true_m = 0.0, reading_m = 0.0, bearing_rad = 0.0;
-  const char* unusable = nullptr;
-};
-
 struct Columns {
   std::size_t truth, reading;
   std::optional<std::size_t> batch, time, landmark, bearing;
 
-  explicit Columns(const CsvTable& table)
-      : truth(table.require("true_m")),
-        reading(table.require("reading_m")),
-        batch(table.find("batch")),
-        time(table.find("time_s")),
-        landmark(table.find("landmark")),
-        bearing(table.find("bearing_rad")) {}
+  explicit Columns(const CsvRows& rows)
+      : truth(rows.require("true_m")),
+        reading(rows.require("reading_m")),
+        batch(rows.find("batch")),
+        time(rows.find("time_s")),
+        landmark(rows.find("landmark")),
+        bearing(rows.find("bearing_rad")) {}
 };
 
-void read_measurement(const CsvTable& table, std::size_t i, const Columns& columns, const Sensor& sensor, Row& row) {
-  const auto reading = table.number(i, columns.reading);
-  const auto truth = table.number(i, columns.truth);
-  row.unusable = unusable(sensor, reading);
-  row.reading_m = reading.value_or(0.0);
+// A pair, with the reason why it cannot be used.
+struct Measurement {
+  double true_m = 0.0, reading_m = 0.0, bearing_rad = 0.0;
+  const char* unusable = nullptr;
+};
+
+Measurement measurement(const CsvRows& rows, const Columns& columns, const Sensor& sensor) {
+  const auto reading = rows.number(columns.reading), truth = rows.number(columns.truth);
+  Measurement read;
+  read.unusable = unusable(sensor, reading);
+  read.reading_m = reading.value_or(0.0);
   if (truth && std::isfinite(*truth)) {
-    row.true_m = *truth;
-    if (row.true_m <= 0.0) table.fail(i, columns.truth, "the true distance is not positive");
-  } else if (row.unusable == nullptr) {
-    row.unusable = truth ? "not finite" : "missing";
+    read.true_m = *truth;
+    if (read.true_m <= 0.0) rows.fail(columns.truth, "the true distance is not positive");
+  } else if (read.unusable == nullptr) {
+    read.unusable = truth ? "not finite" : "missing";
   }
-  if (!columns.bearing) return;
-  const auto bearing = table.number(i, *columns.bearing);
+  if (!columns.bearing) return read;
+  const auto bearing = rows.number(*columns.bearing);
   if (bearing && std::isfinite(*bearing)) {
-    row.bearing_rad = checked_angle(table, i, *columns.bearing, *bearing);
-  } else if (row.unusable == nullptr) {
-    row.unusable = bearing ? "not finite" : "missing";
+    read.bearing_rad = checked_angle(rows, *columns.bearing, *bearing);
+  } else if (read.unusable == nullptr) {
+    read.unusable = bearing ? "not finite" : "missing";
+  }
+  return read;
+}
+
+// The batches met so far, with their losses.
+struct Batches {
+  LabelIndex index;
+  std::vector<std::string> labels;
+  std::vector<CellLoss> losses;
+
+  int find(const CsvRows& rows, std::size_t column) {  // -1: of no batch
+    if (rows.text(column).empty()) return -1;
+    const std::string_view label = rows.label(column);
+    if (const auto known = index.find(label)) return *known;
+    if (index.size() == LabelIndex::most)
+      rows.fail(column, "there are more than " + std::to_string(LabelIndex::most));
+    labels.emplace_back(label);
+    losses.emplace_back();
+    return index.insert(label);
+  }
+  bool cut(int batch) const { return batch >= 0 && losses[static_cast<std::size_t>(batch)].cut(); }
+};
+
+void leave_out_cut_batches(const Batches& batches, CovariateColumns& covariates, Pairs& pairs,
+                           Counts& counts) {
+  counts.cells_left_out = static_cast<int>(std::count_if(batches.losses.begin(), batches.losses.end(),
+                                                         [](const CellLoss& loss) { return loss.cut(); }));
+  std::vector<char> unwanted;
+  if (counts.cells_left_out > 0) {
+    for (const int batch : pairs.batch) unwanted.push_back(batches.cut(batch));
+    const auto lost = static_cast<int>(std::count(unwanted.begin(), unwanted.end(), 1));
+    if (lost > 0) counts.dropped["cell cut by a limit"] = lost;
+  }
+  for (auto* column : {&pairs.batch, &pairs.landmark, &pairs.row}) leave_out(unwanted, *column);
+  for (auto* column : {&pairs.true_m, &pairs.reading_m, &pairs.time_s, &pairs.bearing_rad})
+    leave_out(unwanted, *column);
+  pairs.covariates = covariates.finish(unwanted);
+  counts.used = static_cast<int>(pairs.size());
+}
+
+// Batches of which nothing is left get no index.
+void number_batches(const Batches& batches, Pairs& pairs) {
+  std::vector<int> kept(batches.labels.size(), -1);
+  for (int& batch : pairs.batch) {
+    if (batch < 0) continue;
+    const auto old = static_cast<std::size_t>(batch);
+    if (kept[old] < 0) {
+      kept[old] = static_cast<int>(pairs.batch_labels.size());
+      pairs.batch_labels.push_back(batches.labels[old]);
+    }
+    batch = kept[old];
   }
 }
 
 }  // namespace
 
 void read_pairs_kind(const Files& files, const RecordingHeader& header, Recording& recording) {
-  const CsvTable table = files.table("pairs.csv");
-  const Columns columns(table);
-  if (table.rows() == 0) throw InputError(table.file(), 0, "", "holds a header and no rows");
+  CsvRows rows = files.rows("pairs.csv");
+  const Columns columns(rows);
   LabelIndex landmarks;
   const bool listed = read_landmark_list(files, header, recording, landmarks);
   if (!header.taped.empty()) {
     throw InputError(header.file, header.taped.front().line, "",
                      "field 'known_distances': has no meaning in a recording of kind pairs");
   }
-
-  std::vector<Row> rows(table.rows());
-  LabelIndex batches;
-  std::vector<std::string> batch_labels;
-  std::vector<CellLoss> losses;
-  for (std::size_t i = 0; i < table.rows(); ++i) {
-    Row& row = rows[i];
-    if (columns.batch && !table.text(i, *columns.batch).empty()) {
-      const std::string label = table.label(i, *columns.batch);
-      row.batch = batches.insert(label);
-      if (batches.size() > losses.size()) {
-        losses.emplace_back();
-        batch_labels.push_back(label);
-      }
-    }
-    if (columns.landmark) {
-      row.landmark =
-          observed_landmark(table, i, *columns.landmark, listed, header.landmark_radius_m, recording, landmarks);
-    }
-    read_measurement(table, i, columns, recording.sensor, row);
-    if (row.batch < 0) continue;
-    CellLoss& loss = losses[static_cast<std::size_t>(row.batch)];
-    if (row.unusable == nullptr || lost_at_limit(row.unusable)) ++loss.seen;
-    if (lost_at_limit(row.unusable)) ++loss.lost;
-  }
-
+  CovariateColumns covariates(rows, {"true_m", "reading_m", "batch", "time_s", "landmark", "bearing_rad"});
+  Batches batches;
   Pairs& pairs = recording.pairs;
   Counts& counts = recording.counts;
-  CovariateColumns covariates(table, {"true_m", "reading_m", "batch", "time_s", "landmark", "bearing_rad"},
-                              pairs.covariates);
-  std::vector<int> kept(losses.size(), -1);   // batches of which nothing is left get no index
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    Row& row = rows[i];
-    const double time_s = columns.time ? table.finite(i, *columns.time) : 0.0;
+  while (rows.next()) {
     ++counts.read;
-    const auto batch = static_cast<std::size_t>(std::max(row.batch, 0));
-    if (row.unusable == nullptr && row.batch >= 0 && losses[batch].cut()) row.unusable = "cell cut by a limit";
-    if (row.unusable != nullptr) {
-      ++counts.dropped[row.unusable];
+    const int batch = columns.batch ? batches.find(rows, *columns.batch) : -1;
+    const int landmark = columns.landmark ? observed_landmark(rows, *columns.landmark, listed,
+                                                              header.landmark_radius_m, recording, landmarks)
+                                          : -1;
+    const Measurement read = measurement(rows, columns, recording.sensor);
+    const double time_s = columns.time ? rows.finite(*columns.time) : 0.0;
+    if (batch >= 0) batches.losses[static_cast<std::size_t>(batch)].count(read.unusable);
+    covariates.take(rows, read.unusable == nullptr);
+    if (read.unusable != nullptr) {
+      ++counts.dropped[read.unusable];
       continue;
     }
-    ++counts.used;
-    if (columns.batch) {
-      if (row.batch >= 0 && kept[batch] < 0) {
-        kept[batch] = static_cast<int>(pairs.batch_labels.size());
-        pairs.batch_labels.push_back(batch_labels[batch]);
-      }
-      pairs.batch.push_back(row.batch >= 0 ? kept[batch] : -1);
-    }
-    pairs.true_m.push_back(row.true_m);
-    pairs.reading_m.push_back(row.reading_m);
-    if (columns.landmark) pairs.landmark.push_back(row.landmark);
+    if (columns.batch) pairs.batch.push_back(batch);
+    if (columns.landmark) pairs.landmark.push_back(landmark);
     if (columns.time) pairs.time_s.push_back(time_s);
-    if (columns.bearing) pairs.bearing_rad.push_back(row.bearing_rad);
-    pairs.row.push_back(table.line(i));
-    covariates.append(table, i);
+    if (columns.bearing) pairs.bearing_rad.push_back(read.bearing_rad);
+    pairs.true_m.push_back(read.true_m);
+    pairs.reading_m.push_back(read.reading_m);
+    pairs.row.push_back(rows.line());
   }
-  counts.cells_left_out =
-      static_cast<int>(std::count_if(losses.begin(), losses.end(), [](const CellLoss& loss) { return loss.cut(); }));
+  if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
+  leave_out_cut_batches(batches, covariates, pairs, counts);
+  number_batches(batches, pairs);
 }
 
 }  // namespace rangecal::io

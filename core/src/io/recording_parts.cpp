@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "io/csv_fields.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -47,6 +48,10 @@ CsvTable Files::table(const char* file) const {
   return texts_ ? CsvTable::parse(text(file), file) : CsvTable::read(name(file));
 }
 
+CsvRows Files::rows(const char* file) const {
+  return texts_ ? CsvRows::parse(text(file), file) : CsvRows::open(name(file));
+}
+
 YamlReader Files::yaml(const char* file) const {
   return texts_ ? YamlReader::parse(text(file), file) : YamlReader::open(name(file));
 }
@@ -73,32 +78,47 @@ bool read_landmark_list(const Files& files, const RecordingHeader& header, Recor
     Landmark landmark;
     landmark.label = table.label(row, label);
     landmark.radius_m = header.landmark_radius_m;
-    if (index.find(landmark.label)) table.fail(row, label, "landmark '" + landmark.label + "' is listed twice");
+    if (index.find(landmark.label))
+      table.fail(row, label, "landmark '" + landmark.label + "' is listed twice");
     if (radius && table.number(row, *radius)) {
       landmark.radius_m = table.finite(row, *radius);
       if (landmark.radius_m < 0.0) table.fail(row, *radius, "is negative");
     }
-    if (reflectance && table.number(row, *reflectance)) landmark.reflectance = table.finite(row, *reflectance);
+    if (reflectance && table.number(row, *reflectance))
+      landmark.reflectance = table.finite(row, *reflectance);
     index.insert(landmark.label);
     recording.landmarks.push_back(std::move(landmark));
   }
   return true;
 }
 
-int observed_landmark(const CsvTable& table, std::size_t row, std::size_t column, bool listed, double radius_m,
+int observed_landmark(const CsvRows& rows, std::size_t column, bool listed, double radius_m,
                       Recording& recording, LabelIndex& index) {
-  const std::string label = table.label(row, column);
+  const std::string_view label = rows.label(column);
   if (const auto known = index.find(label)) return *known;
-  if (listed) table.fail(row, column, "unknown landmark '" + label + "': landmarks.csv does not list it");
-  recording.landmarks.push_back({label, radius_m, std::nullopt});
+  if (listed)
+    rows.fail(column, "unknown landmark '" + std::string(label) + "': landmarks.csv does not list it");
+  if (index.size() == LabelIndex::most)
+    rows.fail(column, "there are more than " + std::to_string(LabelIndex::most));
+  recording.landmarks.push_back({std::string(label), radius_m, std::nullopt});
   return index.insert(label);
 }
 
+namespace {
+
+constexpr const char* degrees = " is beyond +-2 pi rad: degrees, most likely; convert to radians";
+
+bool in_turns(double angle) { return std::abs(angle) <= 2.0 * std::numbers::pi; }
+
+}  // namespace
+
 double checked_angle(const CsvTable& table, std::size_t row, std::size_t column, double angle) {
-  if (std::abs(angle) > 2.0 * std::numbers::pi) {
-    table.fail(row, column, "'" + std::string(table.text(row, column)) +
-                                "' is beyond +-2 pi rad: degrees, most likely; convert to radians");
-  }
+  if (!in_turns(angle)) table.fail(row, column, "'" + std::string(table.text(row, column)) + "'" + degrees);
+  return wrap_angle(angle);
+}
+
+double checked_angle(const CsvRows& rows, std::size_t column, double angle) {
+  if (!in_turns(angle)) rows.fail(column, "'" + std::string(rows.text(column)) + "'" + degrees);
   return wrap_angle(angle);
 }
 
@@ -113,25 +133,41 @@ const char* unusable(const Sensor& sensor, const std::optional<double>& range_m)
 }
 
 bool lost_at_limit(const char* reason) {
-  return reason != nullptr && (std::string_view(reason).starts_with("below") ||
-                               std::string_view(reason).starts_with("above"));
+  return reason != nullptr &&
+         (std::string_view(reason).starts_with("below") || std::string_view(reason).starts_with("above"));
 }
 
-CovariateColumns::CovariateColumns(const CsvTable& table, std::initializer_list<const char*> known,
-                                   Covariates& covariates) {
-  for (std::size_t column = 0; column < table.columns().size(); ++column) {
-    const std::string& name = table.columns()[column];
-    const bool is_known = std::any_of(known.begin(), known.end(), [&](const char* other) { return name == other; });
-    if (name.empty() || is_known || !table.is_numeric(column)) continue;
-    columns.push_back(column);
-    values.push_back(&covariates[name]);
+CovariateColumns::CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known) {
+  for (std::size_t column = 0; column < rows.columns().size(); ++column) {
+    const std::string& name = rows.columns()[column];
+    const bool is_known =
+        std::any_of(known.begin(), known.end(), [&](const char* other) { return name == other; });
+    if (name.empty() || is_known) continue;
+    columns_.push_back({column});
+    names_.push_back(name);
   }
 }
 
-void CovariateColumns::append(const CsvTable& table, std::size_t row) {
-  for (std::size_t i = 0; i < columns.size(); ++i) {
-    values[i]->push_back(table.number(row, columns[i]).value_or(std::numeric_limits<double>::quiet_NaN()));
+void CovariateColumns::take(const CsvRows& rows, bool used) {
+  for (Column& own : columns_) {
+    if (!own.numeric) continue;
+    double value = std::numeric_limits<double>::quiet_NaN();
+    const Parsed parsed = parse_number(rows.text(own.column), value);
+    own.numeric = parsed == Parsed::number || parsed == Parsed::empty;
+    own.any = own.any || parsed == Parsed::number;
+    if (!own.numeric) own.values = {};
+    if (own.numeric && used) own.values.push_back(value);
   }
+}
+
+Covariates CovariateColumns::finish(const std::vector<char>& unwanted) {
+  Covariates covariates;
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    if (!columns_[i].numeric || !columns_[i].any) continue;
+    leave_out(unwanted, columns_[i].values);
+    covariates[names_[i]] = std::move(columns_[i].values);
+  }
+  return covariates;
 }
 
 }  // namespace io

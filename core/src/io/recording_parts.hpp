@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <unordered_map>
 #include <vector>
 
+#include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/core/yaml_reader.hpp"
@@ -20,10 +24,11 @@ class Files {
   explicit Files(std::string folder) : folder_(std::move(folder)) {}
   explicit Files(const std::map<std::string, std::string>& texts) : texts_(&texts) {}
 
-  std::string name(const char* file) const;   ///< as messages call it
+  std::string name(const char* file) const;  ///< as messages call it
   bool has(const char* file) const;
-  CsvTable table(const char* file) const;     ///< throws InputError where it is missing or malformed
-  YamlReader yaml(const char* file) const;    ///< the same
+  CsvTable table(const char* file) const;   ///< throws InputError where it is missing or malformed
+  CsvRows rows(const char* file) const;     ///< the same
+  YamlReader yaml(const char* file) const;  ///< the same
 
  private:
   const std::string& text(const char* file) const;
@@ -34,18 +39,26 @@ class Files {
 /// Labels in their order, and back.
 class LabelIndex {
  public:
-  std::optional<int> find(const std::string& label) const {
+  static constexpr std::size_t most = 10'000'000;  ///< so that no file of labels takes all memory
+
+  std::optional<int> find(std::string_view label) const {
     const auto found = indices_.find(label);
     return found == indices_.end() ? std::nullopt : std::optional<int>(found->second);
   }
   /// The index of the label, new or not.
-  int insert(const std::string& label) {
-    return indices_.emplace(label, static_cast<int>(indices_.size())).first->second;
+  int insert(std::string_view label) {
+    if (const auto known = find(label)) return *known;
+    const int index = static_cast<int>(indices_.size());
+    indices_.emplace(label, index);
+    return index;
   }
   std::size_t size() const { return indices_.size(); }
 
  private:
-  std::map<std::string, int> indices_;
+  struct Hash : std::hash<std::string_view> {
+    using is_transparent = void;
+  };
+  std::unordered_map<std::string, int, Hash, std::equal_to<>> indices_;
 };
 
 /// A taped distance as recording.yaml states it, before the landmarks are known.
@@ -73,7 +86,7 @@ RecordingHeader read_header(const Files& files, Recording& recording);
 bool read_landmark_list(const Files& files, const RecordingHeader& header, Recording& recording,
                         LabelIndex& index);
 /// The landmark of a reading: known, or new where there is no landmarks.csv.
-int observed_landmark(const CsvTable& table, std::size_t row, std::size_t column, bool listed, double radius_m,
+int observed_landmark(const CsvRows& rows, std::size_t column, bool listed, double radius_m,
                       Recording& recording, LabelIndex& index);
 
 /// stops.csv, observations.csv and the truth files.
@@ -86,6 +99,7 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
 
 /// A bearing or heading [rad] wrapped to (-pi, pi]; beyond +-2 pi it throws: degrees, most likely.
 double checked_angle(const CsvTable& table, std::size_t row, std::size_t column, double angle);
+double checked_angle(const CsvRows& rows, std::size_t column, double angle);
 
 /// Why a range reading cannot be used: a key of Counts::dropped, or nullptr.
 const char* unusable(const Sensor& sensor, const std::optional<double>& range_m);
@@ -94,16 +108,41 @@ bool lost_at_limit(const char* reason);
 /// How many readings a cell had, and how many of them the sensor's limits took.
 struct CellLoss {
   int seen = 0, lost = 0;
+  void count(const char* reason) {  // of a reading that cannot be used, or nullptr
+    if (reason != nullptr && !lost_at_limit(reason)) return;
+    ++seen;
+    lost += reason != nullptr;
+  }
   bool cut() const { return lost > 0 && 100.0 * lost > seen; }
 };
 
-/// Numeric columns that are not among `known`, ready to be filled.
-struct CovariateColumns {
-  std::vector<std::size_t> columns;
-  std::vector<std::vector<double>*> values;
+/// Numeric columns that are not among `known`, as their rows come: of at least one number, all others empty.
+class CovariateColumns {
+ public:
+  CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known);
+  void take(const CsvRows& rows, bool used);  ///< the current row; kept where it is used
+  /// Leaves out what stands for a reading that is not wanted (one per reading used) and gives the columns
+  /// away.
+  Covariates finish(const std::vector<char>& unwanted);
 
-  CovariateColumns(const CsvTable& table, std::initializer_list<const char*> known, Covariates& covariates);
-  void append(const CsvTable& table, std::size_t row);
+ private:
+  struct Column {
+    std::size_t column;
+    bool numeric = true, any = false;
+    std::vector<double> values{};
+  };
+  std::vector<Column> columns_;
+  std::vector<std::string> names_;
 };
+
+/// Leaves out the values whose reading is not wanted; nothing where `unwanted` is empty or the column is.
+template <typename Value>
+void leave_out(const std::vector<char>& unwanted, std::vector<Value>& values) {
+  if (unwanted.empty() || values.empty()) return;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (!unwanted[i]) values[kept++] = values[i];
+  values.resize(kept);
+}
 
 }  // namespace rangecal::io

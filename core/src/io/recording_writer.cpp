@@ -6,9 +6,11 @@
 #include <yaml-cpp/yaml.h>
 
 #include "io/recording_parts.hpp"
+#include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/core/write_lock.hpp"
 
 namespace rangecal {
 namespace {
@@ -24,7 +26,7 @@ class CsvText {
   void add(const std::vector<std::string>& fields) {
     for (std::size_t i = 0; i < fields.size(); ++i) {
       if (i > 0) text_ += ',';
-      text_ += csv_field(fields[i]);
+      text_ += csv_label(fields[i]);
     }
     text_ += '\n';
   }
@@ -200,15 +202,14 @@ std::string truth_landmarks_text(const Recording& recording) {
 
 void save_recording(const Recording& recording, const std::string& folder) {
   make_folder(folder);
-  // A file of the format that this recording has no use for is removed: load would take it for this recording's.
+  const WriteLock lock(io::path_in(folder, ""));
+  std::vector<std::pair<std::string, std::string>> files;
+  std::vector<std::string> unused;   // of the format: load would take them for this recording's
   const auto put = [&](const char* name, bool wanted, std::string (*text)(const Recording&)) {
-    const std::string path = io::path_in(folder, name);
-    std::error_code ignored;
-    if (wanted) {
-      write_file(path, text(recording));
-    } else {
-      std::filesystem::remove(path, ignored);
-    }
+    if (wanted)
+      files.emplace_back(name, text(recording));
+    else
+      unused.push_back(io::path_in(folder, name));
   };
   const bool landmarks = recording.kind == RecordingKind::landmarks;
   put("landmarks.csv", !recording.landmarks.empty(), landmarks_text);
@@ -218,6 +219,9 @@ void save_recording(const Recording& recording, const std::string& folder) {
   put("truth_stops.csv", landmarks && !recording.truth.stops.empty(), truth_stops_text);
   put("truth_landmarks.csv", landmarks && !recording.truth.landmarks.empty(), truth_landmarks_text);
   put("recording.yaml", true, header_text);
+  write_files(folder, files);
+  std::error_code ignored;
+  for (const std::string& path : unused) std::filesystem::remove(path, ignored);
 }
 
 }  // namespace rangecal

@@ -105,7 +105,7 @@ ScanLog read_long(const std::string& path, const std::string& text) {
 ScanLog read_csv_scans(const std::string& path, const std::string& text) {
   std::string_view all(text), line;
   if (all.starts_with("\xef\xbb\xbf")) all.remove_prefix(3);
-  Lines lines(all);
+  Lines lines(all, path);
   if (!lines.next(line)) throw InputError(path, 0, "", "is empty");
   const auto header = comma_fields(line);
   if (const auto columns = wide_columns(header)) return read_wide(path, lines, *columns);

@@ -9,14 +9,21 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/scan_io.hpp"
+#include "rangecal/core/utf8.hpp"
 
 namespace rangecal {
 namespace io {
+namespace {
+
+constexpr std::size_t kLongestLine = std::size_t{16} << 20;
+
+}  // namespace
 
 bool Lines::next(std::string_view& line) {
   if (rest_.empty()) return false;
   const std::size_t end = rest_.find('\n');
   line = rest_.substr(0, end);
+  if (line.size() > kLongestLine) throw InputError(file_, number_ + 1, "", "is longer than 16 MB");
   rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
   if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
   ++number_;
@@ -62,8 +69,8 @@ double number_in(std::string_view field, bool beam, const std::string& file, int
 
 namespace {
 
-bool looks_like_carmen(std::string_view text) {
-  Lines lines(text);
+bool looks_like_carmen(std::string_view text, const std::string& file) {
+  Lines lines(text, file);
   for (std::string_view line; lines.next(line) && lines.number() < 1000;) {
     for (const char* start : {"FLASER ", "RAWLASER", "ROBOTLASER", "PARAM ", "ODOM ", "SYNC "})
       if (line.starts_with(start)) return true;
@@ -95,7 +102,10 @@ void set_beams(Scan& scan, double angle_min, double increment, std::vector<doubl
 ScanLog read_scans(const std::string& path) {
   const std::string text = read_file(path);
   if (text.starts_with("#ROSBAG")) throw InputError(path, 0, "", "is a ROS 1 bag, not text");
-  ScanLog log = io::looks_like_carmen(text) ? io::read_carmen_log(path, text) : io::read_csv_scans(path, text);
+  if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
+    throw InputError(path, 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
+                     "is not UTF-8 text");
+  ScanLog log = io::looks_like_carmen(text, path) ? io::read_carmen_log(path, text) : io::read_csv_scans(path, text);
   if (log.scans.empty()) throw InputError(path, 0, "", "holds no scan");
   return log;
 }

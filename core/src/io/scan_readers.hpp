@@ -12,13 +12,14 @@ namespace rangecal::io {
 /// The lines of a text with their numbers, from 1; CR before LF is removed.
 class Lines {
  public:
-  explicit Lines(std::string_view text) : rest_(text) {}
-  /// False at the end. `line` stays valid as long as the text.
+  Lines(std::string_view text, const std::string& file) : rest_(text), file_(file) {}
+  /// False at the end. `line` stays valid as long as the text. Throws InputError for a line of more than 16 MB.
   bool next(std::string_view& line);
   int number() const { return number_; }
 
  private:
   std::string_view rest_;
+  const std::string& file_;
   int number_ = 0;
 };
 

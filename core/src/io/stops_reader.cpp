@@ -8,6 +8,8 @@
 namespace rangecal {
 namespace {
 
+constexpr std::size_t most_stops = 1'000'000;
+
 std::optional<double> optional_sigma(const CsvTable& table, std::size_t row, std::optional<std::size_t> column) {
   if (!column || !table.number(row, *column)) return std::nullopt;
   const double sigma = table.finite(row, *column);
@@ -29,13 +31,14 @@ std::vector<Stop> stops_of(const CsvTable& table) {
   for (std::size_t row = 0; row < table.rows(); ++row) {
     Stop stop;
     stop.label = table.label(row, label);
+    if (stops.size() == most_stops) table.fail(row, label, "there are more than " + std::to_string(most_stops) + " stops");
     if (index.find(stop.label)) table.fail(row, label, "stop '" + stop.label + "' is listed twice");
     stop.commanded.x_m = table.finite(row, x);
     stop.commanded.y_m = table.finite(row, y);
     stop.commanded.heading_rad = io::checked_angle(table, row, heading, table.finite(row, heading));
     stop.sigma_xy_m = optional_sigma(table, row, sigma_xy);
     stop.sigma_heading_rad = optional_sigma(table, row, sigma_heading);
-    if (place) stop.place = std::string(table.text(row, *place));
+    if (place && !table.text(row, *place).empty()) stop.place = table.label(row, *place);
     index.insert(stop.label);
     stops.push_back(std::move(stop));
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/yaml_reader.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -9,6 +10,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/utf8.hpp"
 
 namespace rangecal {
 namespace {
@@ -23,10 +25,13 @@ std::string shortened(const std::string& text) { return text.size() <= 40 ? text
 
 }  // namespace
 
-YamlReader YamlReader::open(const std::string& path) { return parse(read_file(path), path); }
+YamlReader YamlReader::open(const std::string& path) { return parse(read_file(path, kLargestFile), path); }
 
 YamlReader YamlReader::parse(const std::string& text, const std::string& name) {
   if (text.size() > kLargestFile) throw InputError(name, 0, "", "is larger than 16 MB");
+  if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
+    throw InputError(name, 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
+                     "is not UTF-8 text");
   YAML::Node top;
   try {
     top = YAML::Load(text);

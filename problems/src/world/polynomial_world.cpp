@@ -12,6 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/scene_size.hpp"
 
 namespace rangecal {
 namespace {
@@ -217,6 +218,7 @@ void simulate_landmarks(const Scene& scene, std::uint64_t seed, Recording& recor
 
 Recording simulate(const Scene& scene, std::uint64_t seed) {
   if (scene.alpha.size() == 0) throw InputError("scene: alpha is empty");
+  check_size(scene);
   Recording recording = unread_recording(scene);
   if (scene.kind == RecordingKind::pairs) {
     simulate_pairs(scene, seed, recording);

@@ -4,13 +4,19 @@
 #include <cmath>
 #include <numbers>
 #include <set>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/yaml_reader.hpp"
+#include "rangecal/problems/world/scene_size.hpp"
 
 namespace rangecal {
 namespace {
+
+constexpr double most_stops = 1e6, most_random = 1e4, most_readings = 1e8;
 
 double angle(const YamlReader& node) {
   const double value = node.number();
@@ -77,6 +83,7 @@ void read_sensor(const YamlReader& node, Scene& scene) {
 void read_line(const YamlReader& node, Scene& scene) {
   node.allow_only({"count", "start_m", "step_m", "direction_rad", "heading_rad"});
   const int count = node.at("count").whole(1);
+  if (count > most_stops) node.at("count").fail("is more than a million stops");
   const double step = node.at("step_m").positive();
   const double direction = node.has("direction_rad") ? angle(node.at("direction_rad")) : 0.0;
   const double heading = node.has("heading_rad") ? angle(node.at("heading_rad")) : direction;
@@ -157,6 +164,8 @@ void read_landmarks(const YamlReader& node, Scene& scene) {
     landmark.radius_m = item.has("radius_m") ? item.at("radius_m").not_negative() : radius;
     if (item.has("reflectance")) landmark.reflectance = item.at("reflectance").not_negative();
     const Eigen::Vector2d position(coordinate(item.at("x_m")), coordinate(item.at("y_m")));
+    if (static_cast<double>(scene.stops.size()) * static_cast<double>(scene.landmarks.size() + 1) > most_readings)
+      item.fail("with these stops there are more than 1e8 readings");
     for (const Stop& stop : scene.stops) {
       if ((position - Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() <= landmark.radius_m) {
         item.fail("landmark '" + landmark.label + "' covers stop '" + stop.label + "'");
@@ -196,6 +205,15 @@ void read_batches(const YamlReader& node, Scene& scene) {
   if (scene.batches.empty()) node.at("distances_m").fail("holds no number");
 }
 
+Scene sized(const YamlReader& top, Scene scene) {
+  try {
+    check_size(scene);
+  } catch (const InputError& error) {
+    top.fail(error.what());
+  }
+  return scene;
+}
+
 Scene read_scene(const YamlReader& top) {
   Scene scene;
   const YamlReader format = top.at("format");
@@ -208,7 +226,7 @@ Scene read_scene(const YamlReader& top) {
     top.allow_only({"format", "kind", "sensor", "batches"});
     read_sensor(top.at("sensor"), scene);
     read_batches(top.at("batches"), scene);
-    return scene;
+    return sized(top, std::move(scene));
   }
   if (kind != "landmarks") top.at("kind").fail("'" + kind.substr(0, 40) + "' is neither landmarks nor pairs");
   top.allow_only(
@@ -219,7 +237,7 @@ Scene read_scene(const YamlReader& top) {
   if (top.has("known_distances")) read_tapes(top.at("known_distances"), scene);
   if (top.has("repeats")) scene.repeats = top.at("repeats").whole(1);
   if (top.has("visibility")) read_visibility(top.at("visibility"), scene);
-  return scene;
+  return sized(top, std::move(scene));
 }
 
 }  // namespace
@@ -232,6 +250,16 @@ Recording unread_recording(const Scene& scene) {
   recording.sigma_heading_rad = scene.sigma_heading_rad;
   recording.stop_error = scene.stop_error;
   return recording;
+}
+
+void check_size(const Scene& scene) {
+  const int random = scene.random_landmarks ? scene.random_landmarks->count : 0;
+  const auto stops = static_cast<double>(scene.stops.size());
+  double readings = stops * static_cast<double>(scene.landmarks.size() + static_cast<std::size_t>(random)) * scene.repeats;
+  for (const SceneBatch& batch : scene.batches) readings += batch.readings;
+  if (stops > most_stops) throw InputError("scene: more than a million stops");
+  if (random > most_random) throw InputError("scene: more than 10000 random landmarks");
+  if (readings > most_readings) throw InputError(fmt::format("scene: {:.3g} readings are more than 1e8", readings));
 }
 
 Scene load_scene(const std::string& path) { return read_scene(YamlReader::open(path)); }

@@ -195,16 +195,20 @@ std::vector<double> ChangeDetector::state() const {
 
 void ChangeDetector::restore(const std::vector<double>& state) {
   if (state.size() != 4 + 4 * charts_.size()) throw InputError("ChangeDetector: the state is of other charts");
-  readings_ = static_cast<std::int64_t>(state[0]);
-  naming_left_ = static_cast<std::int64_t>(state[1]);
+  const auto count = [](double value) {
+    if (!(value >= 0.0 && value < 0x1p53)) throw InputError("ChangeDetector: the state counts what cannot be counted");
+    return static_cast<std::int64_t>(value);
+  };
+  readings_ = count(state[0]);
+  naming_left_ = count(state[1]);
   open_ = {};
-  open_.reading = static_cast<std::int64_t>(state[2]);
-  open_.since = static_cast<std::int64_t>(state[3]);
+  open_.reading = count(state[2]);
+  open_.since = count(state[3]);
   for (std::size_t i = 0; i < charts_.size(); ++i) {
     charts_[i].value = state[4 + 4 * i];
     charts_[i].score = state[5 + 4 * i];
     charts_[i].information = state[6 + 4 * i];
-    charts_[i].since = static_cast<std::int64_t>(state[7 + 4 * i]);
+    charts_[i].since = count(state[7 + 4 * i]);
   }
 }
 

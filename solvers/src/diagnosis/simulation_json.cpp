@@ -2,9 +2,11 @@
 #include <fmt/core.h>
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
 
 namespace rangecal {
@@ -27,6 +29,8 @@ std::vector<double> column_of(const Json& parent, const char* name) {
     for (const Json& value : parent.at(name)) values.push_back(number_of(value));
   return values;
 }
+
+bool holds(const Json& parent, const char* name) { return parent.contains(name) && !parent.at(name).empty(); }
 
 template <typename T>
 std::vector<T> list_of(const Json& parent, const char* name) {
@@ -109,13 +113,30 @@ Json recording_to_json(const SimulationModel& model, std::size_t index) {
   return json;
 }
 
-void check_indices(const std::vector<int>& indices, std::size_t count, std::size_t readings,
-                   const char* what) {
+/// Indices from 0 to count - 1, one per reading; -1 where `or_none`.
+std::vector<int> indices_of(const Json& parent, const char* name, std::size_t count, std::size_t readings,
+                            bool or_none = false) {
+  std::vector<int> indices;
+  if (parent.contains(name))
+    for (const Json& value : parent.at(name))
+      indices.push_back(whole_number(value, name, or_none ? -1 : 0, static_cast<int>(count) - 1));
   if (indices.size() != readings)
-    throw InputError(fmt::format("simulation: {} has {} entries, not {}", what, indices.size(), readings));
-  for (int i : indices)
-    if (i < 0 || static_cast<std::size_t>(i) >= count)
-      throw InputError(fmt::format("simulation: {} {} is not one of {}", what, i, count));
+    throw InputError(fmt::format("simulation: {} has {} entries, not {}", name, indices.size(), readings));
+  return indices;
+}
+
+/// Nothing, or one value per reading.
+std::vector<double> column_of(const Json& parent, const char* name, std::size_t readings) {
+  std::vector<double> values = column_of(parent, name);
+  if (!values.empty() && values.size() != readings)
+    throw InputError(fmt::format("simulation: {} has {} entries, not {}", name, values.size(), readings));
+  return values;
+}
+
+void check_known(const std::vector<KnownDistance>& distances) {
+  for (const KnownDistance& known : distances)
+    if (!(known.distance_m > 0.0) || !(known.sigma_m > 0.0))
+      throw InputError("simulation: known_distances holds one that is not positive");
 }
 
 void recording_from_json(const Json& json, SimulationModel& model) {
@@ -152,39 +173,46 @@ void recording_from_json(const Json& json, SimulationModel& model) {
       model.calibration.landmarks.push_back(
           {index, landmark.label, {l.at("x_m").get<double>(), l.at("y_m").get<double>()}, std::nullopt});
   }
+  const auto landmark_index = [&](const Json& known, const char* key) {
+    return whole_number(known.at(key), key, 0, static_cast<int>(r.landmarks.size()) - 1);
+  };
   for (const Json& k : json.at("known_distances"))
-    r.known_distances.push_back({k.at("from"), k.at("to"), k.at("distance_m"), k.at("sigma_m")});
+    r.known_distances.push_back({landmark_index(k, "from"), landmark_index(k, "to"), k.at("distance_m"), k.at("sigma_m")});
+  check_known(r.known_distances);
   const Json& readings = json.at("readings");
-  Covariates& columns = r.kind == RecordingKind::pairs ? r.pairs.covariates : r.readings.covariates;
-  for (const auto& [name, values] : readings.at("covariates").items())
-    columns[name] = column_of(readings.at("covariates"), name.c_str());
   std::vector<int> read;
+  std::size_t count = 0;
   if (r.kind == RecordingKind::pairs) {
-    r.pairs.true_m = column_of(readings, "true_m");
-    r.pairs.batch = list_of<int>(readings, "batch");
-    r.pairs.batch_labels = list_of<std::string>(readings, "batch_labels");
-    r.pairs.landmark = list_of<int>(readings, "landmark");
-    r.pairs.time_s = column_of(readings, "time_s");
-    r.pairs.bearing_rad = column_of(readings, "bearing_rad");
-    r.pairs.reading_m.assign(r.pairs.true_m.size(), 1.0);
+    Pairs& pairs = r.pairs;
+    pairs.true_m = column_of(readings, "true_m");
+    count = pairs.true_m.size();
+    for (const double d : pairs.true_m)
+      if (!(d > 0.0)) throw InputError("simulation: true_m holds a distance that is not positive");
+    pairs.batch_labels = list_of<std::string>(readings, "batch_labels");
+    if (holds(readings, "batch")) pairs.batch = indices_of(readings, "batch", pairs.batch_labels.size(), count, true);
+    if (holds(readings, "landmark")) pairs.landmark = indices_of(readings, "landmark", r.landmarks.size(), count);
+    pairs.time_s = column_of(readings, "time_s", count);
+    pairs.bearing_rad = column_of(readings, "bearing_rad", count);
+    pairs.reading_m.assign(count, 1.0);
   } else {
-    r.readings.stop = list_of<int>(readings, "stop");
-    r.readings.landmark = list_of<int>(readings, "landmark");
-    r.readings.repeat = list_of<int>(readings, "repeat");
-    r.readings.time_s = column_of(readings, "time_s");
-    const std::size_t count = r.readings.stop.size();
-    read = readings.contains("landmark_read") ? list_of<int>(readings, "landmark_read") : r.readings.landmark;
-    check_indices(r.readings.stop, r.stops.size(), count, "stop");
-    check_indices(r.readings.landmark, r.landmarks.size(), count, "landmark");
-    check_indices(read, r.landmarks.size(), count, "landmark_read");
+    count = readings.at("stop").size();
+    r.readings.stop = indices_of(readings, "stop", r.stops.size(), count);
+    r.readings.landmark = indices_of(readings, "landmark", r.landmarks.size(), count);
+    r.readings.repeat = indices_of(readings, "repeat", static_cast<std::size_t>(std::numeric_limits<int>::max()), count);
+    r.readings.time_s = column_of(readings, "time_s", count);
+    read = r.readings.landmark;
+    if (readings.contains("landmark_read")) read = indices_of(readings, "landmark_read", r.landmarks.size(), count);
     r.readings.range_m.assign(count, 1.0);
     r.readings.bearing_rad.assign(count, 0.0);
   }
+  Covariates& columns = r.kind == RecordingKind::pairs ? r.pairs.covariates : r.readings.covariates;
+  for (const auto& [name, values] : readings.at("covariates").items())
+    columns[name] = column_of(readings.at("covariates"), name.c_str(), count);
   AddedChange added;
   if (readings.contains("added")) {
     const Json& changes = readings.at("added");
-    added = {column_of(changes, "range_m"), column_of(changes, "bearing_rad"),
-             column_of(changes, "range_log_variance"), column_of(changes, "bearing_log_variance")};
+    added = {column_of(changes, "range_m", count), column_of(changes, "bearing_rad", count),
+             column_of(changes, "range_log_variance", count), column_of(changes, "bearing_log_variance", count)};
   }
   model.recordings.push_back(std::move(r));
   model.landmark_read.push_back(std::move(read));
@@ -225,6 +253,8 @@ SimulationModel simulation_model_from_json(const std::string& text, const std::s
     c.noise.law = noise_law_from_string(json.at("noise").at("law").get<std::string>());
     c.noise.parameters =
         Eigen::Map<const Eigen::VectorXd>(noise.data(), static_cast<Eigen::Index>(noise.size()));
+    if (c.noise.law != NoiseLaw::polynomial && (noise.size() != 1 || !(noise[0] > 0.0)))
+      throw InputError("field 'noise.parameters' is not one positive number");
     if (!json.at("sigma_theta_rad").is_null())
       c.sigma_theta_rad = Estimate{json.at("sigma_theta_rad").get<double>(), {}};
     if (!json.at("sigma_s_m").is_null()) c.sigma_s_m = Estimate{json.at("sigma_s_m").get<double>(), {}};
@@ -234,9 +264,9 @@ SimulationModel simulation_model_from_json(const std::string& text, const std::s
     if (!model.recordings.empty()) c.kind = model.recordings[0].kind;
     return model;
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(file + ": is no diagnosis with a simulation in it: " + error.what());
+    throw InputError(file, 0, "", std::string("is no diagnosis with a simulation in it: ") + error.what());
   } catch (const InputError& error) {
-    throw InputError(file + ": " + error.what());
+    throw InputError(file, 0, "", error.what());
   }
 }
 

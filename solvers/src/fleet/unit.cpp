@@ -9,6 +9,7 @@
 
 #include "pairs_ml/dense_newton.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/fleet/population.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
@@ -118,31 +119,33 @@ std::string population_to_json(const Population& population) {
 Population population_from_json(const std::string& text, const std::string& name) {
   try {
     const auto object = nlohmann::json::parse(text);
-    if (object.at("format") != "rangecal-population/1") throw InputError(name + ": field 'format' is not 'rangecal-population/1'");
+    if (object.at("format") != "rangecal-population/1") throw InputError("field 'format' is not 'rangecal-population/1'");
     Population population;
     population.outcome = outcome_from_string(object.at("outcome").get<std::string>());
     population.reason = object.at("reason");
-    population.order = object.at("order");
+    population.order = whole_number(object.at("order"), "order");
     population.law = noise_law_from_string(object.at("law").get<std::string>());
     population.range_min_m = object.at("range_m").at(0);
     population.range_max_m = object.at("range_m").at(1);
-    population.units = object.at("units");
-    population.left_out = object.at("left_out");
+    population.units = whole_number<decltype(population.units)>(object.at("units"), "units");
+    population.left_out = whole_number<decltype(population.left_out)>(object.at("left_out"), "left_out");
     population.log_likelihood = object.at("log_likelihood");
-    population.iterations = object.at("iterations");
+    population.iterations = whole_number(object.at("iterations"), "iterations");
     const auto mean = object.at("mean").get<std::vector<double>>();
     const auto rows = object.at("covariance").get<std::vector<std::vector<double>>>();
     const auto p = static_cast<Eigen::Index>(mean.size());
     population.mean = VectorXd::Map(mean.data(), p);
     population.covariance.resize(p, p);
-    if (rows.size() != mean.size()) throw InputError(name + ": field 'covariance' does not fit 'mean'");
+    if (rows.size() != mean.size()) throw InputError("field 'covariance' does not fit 'mean'");
     for (Eigen::Index i = 0; i < p; ++i) {
-      if (rows[static_cast<std::size_t>(i)].size() != mean.size()) throw InputError(name + ": field 'covariance' does not fit 'mean'");
+      if (rows[static_cast<std::size_t>(i)].size() != mean.size()) throw InputError("field 'covariance' does not fit 'mean'");
       for (Eigen::Index j = 0; j < p; ++j) population.covariance(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
     }
     return population;
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(name + ": is no population: " + error.what());
+    throw InputError(name, 0, "", std::string("is no population: ") + error.what());
+  } catch (const InputError& error) {
+    throw InputError(name, 0, "", error.what());
   }
 }
 

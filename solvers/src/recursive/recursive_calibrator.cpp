@@ -4,6 +4,7 @@
 #include <Eigen/Jacobi>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -15,12 +16,15 @@ namespace {
 /// Weights are relative to an origin that moves on before they grow beyond e^30.
 constexpr double largest_log_weight = 30.0;
 
+/// A stream may last longer than an int counts: the count then stays, used() goes on.
+void count_up(int& count) { count += count < std::numeric_limits<int>::max(); }
+
 }  // namespace
 
 void RecursiveOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("RecursiveOptions: " + what); };
-  if (!(range_min_m > 0.0 && range_max_m > range_min_m && std::isfinite(range_max_m)))
-    refuse(fmt::format("range_min_m = {}, range_max_m = {}: not 0 < min < max", range_min_m, range_max_m));
+  if (!(range_min_m > 0.0 && range_max_m > range_min_m && range_max_m / range_min_m <= 1e12))
+    refuse(fmt::format("range_min_m = {}, range_max_m = {}: not 0 < min < max <= 1e12 min", range_min_m, range_max_m));
   if (order && (*order < 0 || *order > 8)) refuse(fmt::format("order = {} is outside of 0 .. 8", *order));
   if (max_order < 1 || max_order > 8) refuse(fmt::format("max_order = {} is outside of 1 .. 8", max_order));
   if (!(forget > 0.0)) refuse(fmt::format("forget = {} is not a positive time constant", forget));
@@ -38,7 +42,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   if (timed && !std::isfinite(time_s)) throw InputError("RecursiveCalibrator: time_s is not finite");
   if (timed_ && *timed_ != timed)
     throw InputError("RecursiveCalibrator: some readings have a time and some have none");
-  ++counts_.read;
+  count_up(counts_.read);
   const char* reason = std::isnan(reading_m) || std::isnan(true_m)        ? "missing"
                        : !std::isfinite(reading_m) || !std::isfinite(true_m) ? "not finite"
                        : reading_m == 0.0                                 ? "zero"
@@ -46,7 +50,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
                        : !moments_.holds(true_m)                          ? "true distance outside the range tracked"
                                                                           : nullptr;
   if (reason) {
-    ++counts_.dropped[reason];
+    count_up(counts_.dropped[reason]);
     return false;
   }
   const double at = timed ? time_s : static_cast<double>(moments_.used);
@@ -67,7 +71,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   sum_w_ += w;
   sum_w_sq_ += w * w;
   moments_.add(true_m, reading_m, w);
-  ++counts_.used;
+  count_up(counts_.used);
 
   const Eigen::Index size = triangle_.cols(), row = size;
   double value = std::sqrt(w) / (true_m * true_m);

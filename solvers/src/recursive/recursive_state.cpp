@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 
 namespace rangecal {
@@ -44,18 +45,18 @@ std::string RecursiveCalibrator::to_json() const {
 RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, const std::string& name) {
   try {
     const Json state = Json::parse(text);
-    if (state.at("format") != format_name)
-      throw InputError(name + ": field 'format' is not '" + format_name + "'");
+    if (state.at("format") != format_name) throw InputError(std::string("field 'format' is not '") + format_name + "'");
+    const auto whole = [](const Json& parent, const char* key) { return whole_number(parent.at(key), key); };
     RecursiveOptions options;
     options.range_min_m = state.at("range_m").at(0);
     options.range_max_m = state.at("range_m").at(1);
     options.order.reset();
-    if (state.at("order").is_number()) options.order = state.at("order").get<int>();
-    options.max_order = state.at("max_order");
+    if (state.at("order").is_number()) options.order = whole(state, "order");
+    options.max_order = whole(state, "max_order");
     options.law = noise_law_from_string(state.at("law").get<std::string>());
     if (state.at("forget").is_number()) options.forget = state.at("forget");
     RecursiveCalibrator result(options);
-    result.moments_.used = state.at("used");
+    result.moments_.used = whole_number<std::int64_t>(state.at("used"), "used");
     if (state.at("timed").is_boolean()) result.timed_ = state.at("timed").get<bool>();
     result.origin_ = state.at("origin");
     result.now_ = state.at("now");
@@ -64,25 +65,31 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
     result.low_m_ = state.at("distances_m").at(0);
     result.high_m_ = state.at("distances_m").at(1);
     const auto last = state.at("last_alpha").get<std::vector<double>>();
+    if (last.size() > static_cast<std::size_t>(options.columns())) throw InputError("field 'last_alpha' is too long");
     result.last_alpha_ = Eigen::VectorXd::Map(last.data(), static_cast<Eigen::Index>(last.size()));
     result.last_sigma_ = state.at("last_sigma");
-    result.counts_.read = state.at("counts").at("read");
-    result.counts_.used = state.at("counts").at("used");
-    result.counts_.dropped = state.at("counts").at("dropped").get<std::map<std::string, int>>();
+    const Json& counts = state.at("counts");
+    result.counts_.read = whole(counts, "read");
+    result.counts_.used = whole(counts, "used");
+    for (const auto& [reason, count] : counts.at("dropped").items())
+      result.counts_.dropped[reason] = whole_number(count, "dropped");
     const Eigen::Index size = result.triangle_.cols();
-    if (static_cast<Eigen::Index>(state.at("triangle").size()) != size)
-      throw InputError(name + ": field 'triangle' has not " + std::to_string(size) + " rows");
+    const Json& triangle = state.at("triangle");
+    if (static_cast<Eigen::Index>(triangle.size()) != size)
+      throw InputError("field 'triangle' has not " + std::to_string(size) + " rows");
     for (Eigen::Index i = 0; i < size; ++i)
       for (Eigen::Index j = i; j < size; ++j)
-        result.triangle_(i, j) = state.at("triangle").at(static_cast<std::size_t>(i)).at(static_cast<std::size_t>(j - i));
+        result.triangle_(i, j) = triangle.at(static_cast<std::size_t>(i)).at(static_cast<std::size_t>(j - i));
     for (const Json& bin : state.at("bins"))
-      result.moments_.bins.at(bin.at("bin").get<std::size_t>()).sums =
+      result.moments_.bins.at(static_cast<std::size_t>(whole(bin, "bin"))).sums =
           bin.at("sums").get<std::array<std::array<double, DistanceMoments::degree>, 4>>();
     return result;
   } catch (const Json::exception& error) {
-    throw InputError(name + ": is no state of a tracked calibration: " + error.what());
+    throw InputError(name, 0, "", std::string("is no state of a tracked calibration: ") + error.what());
   } catch (const std::out_of_range&) {
-    throw InputError(name + ": field 'bins' names a bin outside the range");
+    throw InputError(name, 0, "", "field 'bins' names a bin outside the range");
+  } catch (const InputError& error) {
+    throw InputError(name, 0, "", error.what());
   }
 }
 

@@ -35,6 +35,7 @@ constexpr std::array<std::pair<StudyMeasure, const char*>, 13> measure_names{
      {StudyMeasure::time, "time"}}};
 
 constexpr int most_points = 1'000'000;
+constexpr std::size_t most_places = 50'000'000;   // stops, landmarks and batches of all points together
 
 /// Runs `read`; an InputError without a place gets that of `node`.
 template <typename Read>
@@ -132,9 +133,10 @@ std::vector<StudyParameter> grid_from(const YamlReader& node) {
     StudyParameter parameter{item.at("parameter").text(), {}};
     for (const StudyParameter& other : grid)
       if (other.name == parameter.name) item.fail("parameter '" + parameter.name + "' stands twice");
+    std::set<std::string> seen;
     for (const YamlReader& value : item.at("values").items()) {
       parameter.values.push_back(value_text(value));
-      if (std::count(parameter.values.begin(), parameter.values.end(), parameter.values.back()) > 1)
+      if (!seen.insert(parameter.values.back()).second)
         value.fail("the value " + parameter.values.back() + " stands twice");
     }
     if (parameter.values.empty()) item.at("values").fail("holds no value");
@@ -175,7 +177,7 @@ class Scenes {
 };
 
 void expand(const YamlReader& top, const std::string& base, Scenes& scenes, Study& study) {
-  std::size_t count = 1;
+  std::size_t count = 1, places = 0;
   for (const StudyParameter& parameter : study.grid) count *= parameter.values.size();
   for (std::size_t p = 0; p < count; ++p) {
     StudyPoint point;
@@ -203,6 +205,8 @@ void expand(const YamlReader& top, const std::string& base, Scenes& scenes, Stud
         return 0;
       });
     }
+    places += point.scene.stops.size() + point.scene.landmarks.size() + point.scene.batches.size();
+    if (places > most_places) top.fail(fmt::format("the points have more than {} stops and landmarks", most_places));
     study.points.push_back(std::move(point));
   }
 }
@@ -269,7 +273,11 @@ Study load_study(const std::string& path) {
   for (const YamlReader& node : top.at("estimators").items())
     study.estimators.push_back(estimator_from(node, order));
   if (study.estimators.empty()) top.at("estimators").fail("holds no estimator");
-  for (const YamlReader& node : top.at("measures").items()) study.measures.push_back(measure_from(node));
+  for (const YamlReader& node : top.at("measures").items()) {
+    study.measures.push_back(measure_from(node));
+    if (std::count(study.measures.begin(), study.measures.end(), study.measures.back()) > 1)
+      node.fail("the measure stands twice");
+  }
   if (study.measures.empty()) top.at("measures").fail("holds no measure");
   if (top.has("curve_m"))
     for (const YamlReader& node : top.at("curve_m").items()) study.curve_m.push_back(node.positive());

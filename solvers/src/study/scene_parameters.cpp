@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/problems/world/scene_size.hpp"
 #include "rangecal/solvers/study/study.hpp"
 
 namespace rangecal {
@@ -122,7 +123,9 @@ const std::map<std::string, Setter>& setters() {
       {"stops",
        [](Scene& s, const std::string& v) {
          need(s, RecordingKind::landmarks);
-         s = with_stops(std::move(s), whole(v, 2));
+         const int count = whole(v, 2);
+         if (count > 1000000) throw InputError(fmt::format("{} stops are more than a million", count));
+         s = with_stops(std::move(s), count);
        }},
       {"readings", set_readings},
       {"noise_sigma", set_noise_sigma},
@@ -153,6 +156,7 @@ Scene with_parameter(Scene scene, const std::string& parameter, const std::strin
     throw InputError(fmt::format("'{}' is not a parameter; known: {}", parameter.substr(0, 40), known));
   }
   setter->second(scene, value);
+  check_size(scene);
   return scene;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/outcome.hpp"
 
@@ -185,14 +186,14 @@ class Columns {
 
 std::string place_header(const Study& study) {
   std::string text = "point";
-  for (const StudyParameter& parameter : study.grid) text += "," + csv_field(parameter.name);
+  for (const StudyParameter& parameter : study.grid) text += "," + csv_label(parameter.name);
   return text + ",estimator";
 }
 
 std::string place(const Study& study, int point, const std::string& estimator) {
   std::string text = fmt::format("{}", point);
-  for (const std::string& value : study.points[point].values) text += "," + csv_field(value);
-  return text + "," + csv_field(estimator);
+  for (const std::string& value : study.points[point].values) text += "," + csv_label(value);
+  return text + "," + csv_label(estimator);
 }
 
 }  // namespace
@@ -215,7 +216,7 @@ Values study_values(const Study& study, const StudyPointResult& result, int esti
 
 std::string study_csv_header(const Study& study) {
   std::string text;
-  for (const std::string& name : study_columns(study)) text += (text.empty() ? "" : ",") + csv_field(name);
+  for (const std::string& name : study_columns(study)) text += (text.empty() ? "" : ",") + csv_label(name);
   return text + "\n";
 }
 

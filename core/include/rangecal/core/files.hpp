@@ -1,21 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace rangecal {
 
-/// The bytes of a file. Throws InputError naming the file if it is missing, a folder, or cannot be read.
-std::string read_file(const std::string& path);
+/// The bytes of a file of at most `most_bytes`. Throws InputError naming the file if it is missing, a folder, a device, a
+/// pipe that nobody writes to, longer, or cannot be read.
+std::string read_file(const std::string& path, std::size_t most_bytes = std::size_t{1} << 30);
 
 /// Writes the text to a temporary beside `path` and renames it, so that the file is there whole or not at all.
 /// Throws InputError naming the file if it cannot be written.
 void write_file(const std::string& path, const std::string& text);
 
+/// Several files of a folder, names and texts: all are written to temporaries before the first is renamed, so that a disk
+/// that is full leaves the folder as it was. Throws InputError naming the file.
+void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files);
+
 /// Creates the folder (and those above it). Throws InputError if it cannot.
 void make_folder(const std::string& path);
 
-/// True if a regular file of that name exists.
+/// True if a file of that name exists.
 bool file_exists(const std::string& path);
 
 }  // namespace rangecal

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+namespace rangecal {
+
+/// The place of the first byte that no UTF-8 text holds (malformed sequences, NUL), or npos.
+std::size_t first_bad_byte(std::string_view text);
+
+}  // namespace rangecal

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "io/input_file.hpp"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::io {
+namespace {
+
+[[noreturn]] void cannot_be_read(const std::string& path) {
+  throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
+}
+
+}  // namespace
+
+// Opened without waiting: a pipe without a writer would keep the program for ever.
+InputFile::InputFile(const std::string& path) : path_(path) {
+  descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+  if (descriptor_ < 0) {
+    if (errno == ENOENT || errno == ENOTDIR) throw InputError(path, 0, "", "no such file");
+    cannot_be_read(path);
+  }
+  struct stat status {};
+  const bool known = ::fstat(descriptor_, &status) == 0;
+  pipe_ = known && S_ISFIFO(status.st_mode);
+  if (known && (pipe_ || S_ISREG(status.st_mode))) {
+    size_ = pipe_ ? 0 : static_cast<std::size_t>(status.st_size);
+    return;
+  }
+  ::close(descriptor_);
+  if (!known) cannot_be_read(path);
+  throw InputError(path, 0, "",
+                   S_ISDIR(status.st_mode) ? "is a folder, not a file" : "is a device, not a file");
+}
+
+InputFile::~InputFile() { ::close(descriptor_); }
+
+std::size_t InputFile::read(char* bytes, std::size_t size) {
+  while (true) {
+    const ssize_t count = ::read(descriptor_, bytes, size);
+    if (count == 0 && pipe_ && !begun_) throw InputError(path_, 0, "", "is a pipe that nobody writes to");
+    if (count >= 0) {
+      begun_ = true;
+      return static_cast<std::size_t>(count);
+    }
+    if (errno == EAGAIN) {
+      struct pollfd wanted {
+        descriptor_, POLLIN, 0
+      };
+      ::poll(&wanted, 1, -1);
+    } else if (errno != EINTR) {
+      cannot_be_read(path_);
+    }
+  }
+}
+
+}  // namespace rangecal::io
