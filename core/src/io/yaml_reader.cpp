@@ -15,7 +15,7 @@
 namespace rangecal {
 namespace {
 
-constexpr std::size_t kLargestFile = 16u << 20;
+constexpr std::size_t kLargestFile = 4u << 20;   // of empty list items: 2.8 GB of memory
 
 std::string shortened(const std::string& text) { return text.size() <= 40 ? text : text.substr(0, 40) + "..."; }
 
@@ -28,7 +28,7 @@ std::string shortened(const std::string& text) { return text.size() <= 40 ? text
 YamlReader YamlReader::open(const std::string& path) { return parse(read_file(path, kLargestFile), path); }
 
 YamlReader YamlReader::parse(const std::string& text, const std::string& name) {
-  if (text.size() > kLargestFile) throw InputError(name, 0, "", "is larger than 16 MB");
+  if (text.size() > kLargestFile) throw InputError(name, 0, "", "is larger than 4 MB");
   if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
     throw InputError(name, 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
                      "is not UTF-8 text");
