@@ -76,3 +76,15 @@ gallery: build
 	rm -rf build/gallery
 	$(BUILD)/report/rangecal_gallery build/gallery
 	node docs/make_gallery.mjs build/gallery $(BUILD)/report/web/node_modules report/page/page.css docs
+
+# docs/reliability.md: ten thousand hard problems (a run that was stopped goes on), ten thousand worlds of the intervals, and
+# the diagnosis's p-values on clean worlds.
+.PHONY: hard-problems coverage-study p-value-study
+hard-problems: build
+	$(BUILD)/benchmarks/hard_problems 10000 build/hard-problems.csv
+
+coverage-study: build
+	$(BUILD)/benchmarks/coverage_study 10000
+
+p-value-study: build
+	$(BUILD)/benchmarks/p_value_study 200

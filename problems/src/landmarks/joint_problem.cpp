@@ -123,6 +123,12 @@ JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping 
   return problem;
 }
 
+double mean_range(const JointProblem& problem) {
+  const std::vector<double>& means = problem.cells.range_mean;
+  const double sum = std::accumulate(means.begin(), means.end(), 0.0);
+  return sum > 0.0 ? sum / static_cast<double>(means.size()) : 1.0;
+}
+
 double sigma_xy_of(const JointProblem& problem, const JointState& state, int k) {
   return problem.sigma_s_shared[k] && state.sigma_s_m ? *state.sigma_s_m : problem.stops[k].sigma_xy_m;
 }

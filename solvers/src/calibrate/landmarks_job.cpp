@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -73,11 +74,13 @@ LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOption
     add_counts(recording.counts, counts);
     for (const Landmark& landmark : recordings.back().landmarks) landmark_labels.push_back(landmark.label);
     for (const Stop& stop : recording.stops) stop_labels.push_back(stop.label);
-    if (recording.estimate_sigma_xy) default_sigma_s_m = std::max(recording.sigma_xy_m, 1e-3);
   }
   if (!unseen.empty())
     report.notes.push_back(fmt::format("left out, never seen: landmark {}", fmt::join(unseen, ", ")));
   problem = make_joint_problem(recordings);
+  const double scale = mean_range(problem);
+  for (const Recording& recording : recordings)
+    if (recording.estimate_sigma_xy) default_sigma_s_m = std::clamp(recording.sigma_xy_m, 4e-4 * scale, 0.1 * scale);
   if (options.noise_shape != NoiseShape::gaussian) rows = make_joint_problem(recordings, Grouping::rows);
   too_few = why_too_few(problem, options.order.value_or(1));
 }
@@ -130,13 +133,47 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
 }
 
 JointFit LandmarksJob::full(const JointState& start) const {
-  return options.solver == JointSolver::block ? solve_joint_block(problem, start)
-                                              : solve_joint_ceres(problem, start);
+  if (options.solver == JointSolver::block) return solve_joint_block(problem, start);
+  JointFit fit = solve_joint_ceres(problem, start);
+  if (fit.outcome != Outcome::not_converged) return fit;
+  // Sums of squares that round away what is left to gain, or a sigma that creeps to 0: exact second derivatives see both.
+  JointFit other = solve_joint_block(problem, start);
+  return other.outcome == Outcome::not_converged && !(other.joint_nll < fit.joint_nll) ? fit : other;
 }
 
 MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit) const {
   MarginalOptions marginal;
   marginal.estimate_sigma_s = problem.estimate_sigma_s;
+  MarginalFit best = marginal_by_joint(start, full_fit, marginal);
+  // The joint likelihood may lead into another basin than that of the seed, and a higher one.
+  const LaplaceValue at_seed = laplace_marginal(problem, start);
+  const auto stands = [&](const MarginalFit& fit) {
+    return fit.outcome == Outcome::converged && fit.marginal_nll <= at_seed.marginal_nll;
+  };
+  if (!at_seed.ok || best.outcome == Outcome::unobservable || stands(best)) return best;
+  if (const MarginalFit direct = solve_marginal(problem, start, marginal);
+      stands(direct) && !(best.outcome == Outcome::converged && best.marginal_nll < direct.marginal_nll))
+    return direct;
+  // REML's sigmas are not those of the lowest l_s: the criterion decides.
+  if (best.outcome == Outcome::converged && reml_at(best.state) > reml_at(start)) {
+    best.outcome = Outcome::not_converged;
+    best.reason = fmt::format("ended {:.2g} nats above its start", best.marginal_nll - at_seed.marginal_nll);
+  }
+  return best;
+}
+
+double LandmarksJob::reml_at(const JointState& state) const {
+  MarginalOptions held;
+  held.held.sigmas = true;
+  const MarginalFit fit = solve_marginal(problem, state, held);
+  if (fit.outcome != Outcome::converged || !fit.covariance) return infinity;
+  const Eigen::Index n = state.alpha.size() + 2 * problem.landmark_count();
+  const Eigen::LLT<Eigen::MatrixXd> factor(fit.covariance->topLeftCorner(n, n));
+  return fit.marginal_nll - factor.matrixLLT().diagonal().array().log().sum();
+}
+
+MarginalFit LandmarksJob::marginal_by_joint(const JointState& start, const JointFit* full_fit,
+                                            const MarginalOptions& marginal) const {
   MarginalFit best;
   if (full_fit && full_fit->outcome == Outcome::converged && !problem.estimate_sigma_s) {
     best = solve_marginal(problem, full_fit->state, marginal);
@@ -207,7 +244,7 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
       tried.nll = fit.marginal_nll;
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
       warm = fit.state;
-      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 1e-5) warm.reset();
+      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * least_sigma_s_m()) warm.reset();
       if (rows) {
         const bool any = options.noise_shape == NoiseShape::automatic;
         const RobustMarginalFit robust =

@@ -28,11 +28,17 @@ struct LandmarksJob {
   Counts counts;
   std::optional<std::string> too_few;  ///< why no method can work, in words
   double default_sigma_s_m = 0.01;     ///< where sigma_s is estimated: its start
+  /// An estimate of 0 has no density; this is below what any recording resolves.
+  double least_sigma_s_m() const { return 4e-7 * mean_range(problem); }
 
   std::optional<JointState> seed(int order, NoiseLaw law) const;  ///< the better of all seeds by joint NLL
   JointFit full(const JointState& start) const;
-  /// From `full` where it converged, else from the fit with sigmas held.
+  /// From `full` where it converged, else from the fit with sigmas held; and from the seed itself where that ends higher
+  /// than the seed, or nowhere.
   MarginalFit marginal(const JointState& seed, const JointFit* full) const;
+  /// The REML criterion l_s + 1/2 log det A at the sigmas of `state`, alpha and landmarks at their optimum from there.
+  double reml_at(const JointState& state) const;
+  MarginalFit marginal_by_joint(const JointState& seed, const JointFit* full, const MarginalOptions& options) const;
   /// Order and noise law, by the AIC of the marginal NLL; every model tried goes to `models`.
   std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models) const;
 

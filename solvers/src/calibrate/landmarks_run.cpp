@@ -59,8 +59,7 @@ class Run {
   void keep(const MarginalFit& fit) {
     if (fit.state.alpha.size() == 0 || !std::isfinite(fit.joint_nll)) return;
     best_state = fit.state;
-    // An estimate of 0 has no density; a micrometre is below what any recording resolves.
-    if (best_state->sigma_s_m) best_state->sigma_s_m = std::max(*best_state->sigma_s_m, 1e-6);
+    if (best_state->sigma_s_m) best_state->sigma_s_m = std::max(*best_state->sigma_s_m, job_.least_sigma_s_m());
   }
 
   const LandmarksJob& job_;

@@ -72,12 +72,15 @@ void fit_noise(const std::vector<RangeSample>& samples,
     beta = fit_beta(samples, model.alpha);
     shape.parameters = beta.beta;
   }
+  double widest = 0.0;
+  for (const RangeSample& s : samples)
+    widest = std::max(widest, shape.spread(s.d, evaluate_polynomial(model.alpha, s.d)));
   std::vector<MomentTerm> terms;
   terms.reserve(samples.size());
   double within = 0.0, bare = 0.0, dof = -static_cast<double>(model.alpha.size());
   for (const RangeSample& s : samples) {
     const double f = evaluate_polynomial(model.alpha, s.d), slope = evaluate_derivative(model.alpha, s.d);
-    const double g = std::max(shape.spread(s.d, f), 1e-12), r = s.y - f;
+    const double g = std::max(shape.spread(s.d, f), 1e-12 * widest), r = s.y - f;
     terms.push_back({r * r, g * g / s.R, slope * slope * distance_variance(s, landmark_covariance)});
     bare += r * r / (g * g / s.R);
     if (!(f > 0.0)) model.f_positive = false;

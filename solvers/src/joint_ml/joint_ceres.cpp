@@ -17,6 +17,7 @@
 #include "joint_ml/ceres_costs.hpp"
 #include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
+#include "quiet_ceres.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
@@ -114,6 +115,7 @@ class Program : public ceres::IterationCallback {
             options.linear_solver_ordering->AddElementToGroup(block, group);
     }
     ceres::Solver::Summary summary;
+    silence_ceres();
     ceres::Solve(options, &program_, &summary);
     return summary;
   }

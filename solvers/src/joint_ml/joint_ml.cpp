@@ -77,8 +77,16 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
         return fit;
       }
     } else {
-      if (decrement_sq < rounding) {  // nothing left to gain but rounding
+      if (decrement_sq < rounding) {  // nothing left to gain but rounding, if that is not the damping's doing
         reassemble(HessianKind::fisher);
+        if (damping > 0.0) {
+          const auto undamped = system.eliminate() ? newton_step(system.schur(), system.reduced_gradient(), free) : std::nullopt;
+          if (!undamped) break;
+          const double left = -(system.global_gradient().dot(*undamped) +
+                                system.stop_gradient().dot(system.back_substitute(*undamped, true)));
+          fit.gradient_norm = std::sqrt(std::max(0.0, left));
+          if (!(left < std::max(rounding, last_above))) break;  // a kink, where a bearing is off by half a turn
+        }
         converged = true;
         break;
       }

@@ -46,12 +46,13 @@ void seed_curve_and_noise(const JointProblem& problem, int order, JointState& st
   Eigen::VectorXd distance(cells), turn(cells);
   Eigen::MatrixXd rows(cells, order + 1);
   Eigen::VectorXd target(cells);
+  // Weights are floored so that one very near landmark does not decide alone; 0.2 m and 1 mm where readings are of 2.5 m.
+  const double scale = mean_range(problem), near = 0.08 * scale, nearest = 4e-4 * scale;
   for (Eigen::Index i = 0; i < cells; ++i) {
     const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
-    distance[i] = std::max(sight.d, 1e-3);
+    distance[i] = std::max(sight.d, nearest);
     turn[i] = wrap_angle(c.bearing_mean[i] - sight.bearing);
-    // Weight R / d^4 (2016 eq. 21), floored so that one very near landmark does not decide alone.
-    const double weight = std::sqrt(c.count[i]) / std::max(distance[i] * distance[i], 0.04);
+    const double weight = std::sqrt(c.count[i]) / std::max(distance[i] * distance[i], near * near);  // R / d^4 (2016 eq. 21)
     double power = weight;
     for (int a = 0; a <= order; ++a, power *= distance[i]) rows(i, a) = power;
     target[i] = weight * c.range_mean[i];
@@ -60,22 +61,23 @@ void seed_curve_and_noise(const JointProblem& problem, int order, JointState& st
 
   double range_sum = 0.0, turn_sum = 0.0;
   Noise unit = state.noise;
-  if (unit.law == NoiseLaw::polynomial) {  // beta = sigma (0, 0, d^2) to begin with, made positive by a small floor
+  if (unit.law == NoiseLaw::polynomial) {  // beta = sigma (1, 0, (d / scale)^2) to begin with, positive everywhere
     unit.parameters = Eigen::VectorXd::Zero(std::max<Eigen::Index>(order + 1, state.noise.parameters.size()));
     unit.parameters[0] = 0.3;
-    unit.parameters[unit.parameters.size() - 1] = 0.3;
+    unit.parameters[unit.parameters.size() - 1] = 0.3 * std::pow(scale, 1 - unit.parameters.size());
   } else {
     unit.parameters = Eigen::VectorXd::Ones(1);
   }
   for (Eigen::Index i = 0; i < cells; ++i) {
     const double f = evaluate_polynomial(state.alpha, distance[i]);
-    const double s = std::max(unit.spread(distance[i], std::max(f, 1e-3)), 1e-9);
+    const double s = unit.spread(distance[i], std::max(f, nearest));
     const double error = c.range_mean[i] - f;
     range_sum += c.range_weight[i] * (error * error + c.range_mean_square[i]) / (s * s);
     turn_sum += c.bearing_weight[i] * (turn[i] * turn[i] + c.bearing_mean_square[i]);
   }
   state.noise.law = unit.law;
-  state.noise.parameters = std::max(std::sqrt(range_sum / problem.readings), 1e-9) * unit.parameters;
+  const double least = 1e-9 * scale / unit.spread(scale, scale);
+  state.noise.parameters = std::max(std::sqrt(range_sum / problem.readings), least) * unit.parameters;
   state.sigma_theta_rad = std::max(std::sqrt(turn_sum / problem.readings), 1e-9);
 }
 

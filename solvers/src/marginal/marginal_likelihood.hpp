@@ -65,12 +65,32 @@ class Marginal {
     double enough = 1e-4;        ///< relative change of the slopes below which they are kept
     double polish_above = 1e-3;  ///< their change above which the turn of phi-hat is measured anew
   };
+  /// A free sigma_s may be weakly determined and needs the slopes closer.
+  static Renewal renewal_for(const MarginalOptions& options) {
+    return options.estimate_sigma_s ? Renewal{1e-5, 0.0} : Renewal{};
+  }
+
+  /// Indices of the globals that may move.
+  std::vector<int> free_of(const Held& held) const {
+    std::vector<int> free = free_globals(layout(), held);
+    if (options_.held_sigma)
+      std::erase_if(free, [&](int i) {
+        return i >= layout().phi_count && (*options_.held_sigma == Sigma::theta ? i == layout().sigma_theta : i < layout().sigma_theta);
+      });
+    return free;
+  }
+
+  /// Step of the differences in sigma coordinate j: logs, or a small part of the largest beta.
+  double step_of(const JointState& state, Eigen::Index j) const {
+    const bool beta = state.noise.law == NoiseLaw::polynomial && j < layout().tau_count;
+    return beta ? 1e-4 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-4;
+  }
 
   /// After value(state): Newton's method over the globals not held, the stops moving along. With `renewal` the slopes are
   /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
   /// below the tolerance and the slopes had settled.
   bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal) {
-    std::vector<int> free = free_globals(layout(), held);
+    std::vector<int> free = free_of(held);
     vanished_.clear();
     bool settled = !renewal || held.sigmas;
     double change = infinity;
@@ -202,12 +222,6 @@ class Marginal {
     s[layout().tau_count] = std::log(state.sigma_theta_rad);
     if (layout().sigma_s >= 0) s[layout().tau_count + 1] = std::log(*state.sigma_s_m);
     return s;
-  }
-
-  /// Step of the differences in sigma coordinate j: logs, or a small part of the largest beta.
-  double step_of(const JointState& state, Eigen::Index j) const {
-    const bool beta = state.noise.law == NoiseLaw::polynomial && j < layout().tau_count;
-    return beta ? 1e-4 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-4;
   }
 
   std::optional<Eigen::VectorXd> fisher_step(JointState& state, const Eigen::VectorXd& gradient,

@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 
 #include "pairs_newton.hpp"
+#include "quiet_ceres.hpp"
 #include "rangecal/problems/pairs/pairs_residual.hpp"
 
 namespace rangecal {
@@ -133,6 +134,7 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
       break;
     }
     ceres::Solver::Summary summary;
+    silence_ceres();
     ceres::Solve(options, &program, &summary);
     result.iterations += static_cast<int>(summary.iterations.size());
     const Eigen::VectorXd x = cost->at(u.data());

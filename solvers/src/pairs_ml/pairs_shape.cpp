@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "pairs_shape.hpp"
+#include "quiet_ceres.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -275,6 +276,7 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
       options.logging_type = ceres::SILENT;
       Eigen::VectorXd u = Eigen::VectorXd::Zero(all.size());
       ceres::GradientProblemSolver::Summary summary;
+      silence_ceres();
       ceres::Solve(options, program, u.data(), &summary);
       const Eigen::VectorXd reached = whitened->at(u);
       Eigen::VectorXd gradient;

@@ -78,6 +78,10 @@ struct JointState {
   std::vector<Eigen::Vector2d> landmarks;   ///< axes [m]
 };
 
+/// Mean of the cells' readings, 1 where there are none [m]: the length that what is small or large is told by, so that no
+/// answer depends on the unit of length.
+double mean_range(const JointProblem& problem);
+
 /// sigma_xy of stop k under `state` [m].
 double sigma_xy_of(const JointProblem& problem, const JointState& state, int k);
 

@@ -53,7 +53,8 @@ JointState position_seed(const JointProblem& problem, int order, NoiseLaw law);
 /// moments of the residuals. Throws InputError if there are fewer cells than coefficients.
 void seed_curve_and_noise(const JointProblem& problem, int order, JointState& state);
 
-/// A standard deviation below this fraction of its start is a collapse: the likelihood is unbounded.
-inline constexpr double collapse_ratio = 1e-4;
+/// A standard deviation below this fraction of its start is a collapse: the likelihood is unbounded. Far below what the
+/// errors of the stops make of the seed's sigma where the readings are all but exact.
+inline constexpr double collapse_ratio = 1e-9;
 
 }  // namespace rangecal

@@ -20,12 +20,16 @@ struct LaplaceValue {
 /// sigma) = min over stops + 1/2 log det H_ss, H_ss the exact Hessian at that optimum, constants included.
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state);
 
+/// A standard deviation that is estimated: of the ranges (sigma_e), of the bearings, of the stops.
+enum class Sigma { noise, theta, stops };
+
 struct MarginalOptions {
   int max_iterations = 100;           ///< Newton iterations
   int max_outer = 80;                 ///< updates of the REML slopes
   double gradient_tolerance = 1e-7;
   bool estimate_sigma_s = false;      ///< sigma_s of the shared stops is a parameter
   Held held;
+  std::optional<Sigma> held_sigma;    ///< noise or theta: this one alone stays where it is
 };
 
 /// Result of `marginal`; JointFit's covariance and weakest direction are those of the marginal likelihood.

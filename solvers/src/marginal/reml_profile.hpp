@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <utility>
+
+#include "marginal/marginal_likelihood.hpp"
+
+namespace rangecal {
+
+/// A sigma_s below any resolution of the data: the stops stand where commanded. A micrometre at readings
+/// of 2.5 m.
+inline double no_sigma_s(const JointProblem& problem) { return 4e-7 * mean_range(problem); }
+
+/// The REML criterion l_s + 1/2 log det A, minimised over all but one sigma, as a function of that one.
+/// `options` with the others free. Starts where the last value ended; +infinity where there is no optimum.
+class RemlProfile {
+ public:
+  RemlProfile(const JointProblem& problem, JointState state, MarginalOptions options, Sigma which)
+      : problem_(problem), state_(std::move(state)), options_(options), which_(which) {
+    if (which == Sigma::stops)
+      options_.estimate_sigma_s = false;
+    else
+      options_.held_sigma = which;
+  }
+
+  double operator()(double sigma) {
+    JointState at = state_;
+    (which_ == Sigma::stops   ? at.sigma_s_m.emplace()
+     : which_ == Sigma::theta ? at.sigma_theta_rad
+                              : at.noise.parameters[0]) = sigma;
+    Marginal marginal(problem_, at, options_);
+    const Held& held = options_.held;
+    if (!std::isfinite(marginal.value(at)) ||
+        !marginal.minimise(at, held, 1e-5, Marginal::renewal_for(options_)))
+      return std::numeric_limits<double>::infinity();
+    const double value = marginal.marginal_nll + marginal.half_log_det_phi(held);
+    if (std::isfinite(value)) state_ = at;
+    return value;
+  }
+  const JointState& state() const { return state_; }
+
+ private:
+  const JointProblem& problem_;
+  JointState state_;
+  MarginalOptions options_;
+  Sigma which_;
+};
+
+}  // namespace rangecal

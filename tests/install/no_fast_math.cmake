@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: BSD-3-Clause
+file(GLOB_RECURSE rules "${BUILD}/build.ninja" "${BUILD}/flags.make")
+if(NOT rules)
+  message(FATAL_ERROR "${BUILD} has neither build.ninja nor flags.make")
+endif()
+foreach(file ${rules})
+  file(STRINGS "${file}" lines REGEX "FLAGS.*-(ffast-math|Ofast|funsafe-math-optimizations|ffinite-math-only|fassociative-math|freciprocal-math)")
+  if(lines)
+    message(FATAL_ERROR "${file} compiles without IEEE arithmetic: ${lines}")
+  endif()
+endforeach()
