@@ -86,13 +86,17 @@ std::vector<Measure> measures_of(const CsvTable& table) {
   return found;
 }
 
+/// The column of a measure's standard errors: of "a" it is "a_se", of "a_m" "a_se_m".
+std::optional<std::size_t> deviation_of(const CsvTable& t, const Measure& m) {
+  const auto own = t.find(m.column + "_se");
+  return own ? own : t.find(m.column.substr(0, m.column.rfind("_m")) + "_se_m");
+}
+
 /// Values with two standard errors to both sides; of rows without an answer, nothing.
 Json rows_of(const Layout& layout, const Measure& m, const std::string& panel) {
   const CsvTable& t = layout.table;
   const std::size_t value = t.require(m.column);
-  const std::string& name = m.column;  // of "a" it is "a_se", of "a_m" "a_se_m"
-  std::optional<std::size_t> deviation = t.find(name + "_se");
-  if (!deviation) deviation = t.find(name.substr(0, name.rfind("_m")) + "_se_m");
+  const std::optional<std::size_t> deviation = deviation_of(t, m);
   Json rows = Json::array();
   for (std::size_t r = 0; r < t.rows(); ++r) {
     if (layout.panel_of(r) != panel) continue;
@@ -146,43 +150,53 @@ void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& fo
   }
 }
 
-/// How often each estimator is the best by the first measure that has a best; points where one is alone do not count.
-struct Winner {
-  std::string estimator;
+/// The estimators that are most often the best by a measure, or within two standard errors of it; points with a single
+/// answer do not count.
+struct Winners {
+  std::string names;  ///< "full and marginal"
   int wins = 0, points = 0;
-  std::vector<double> values;  ///< of the measure, over the points
+  std::vector<double> values;  ///< of the measure, over the points, of the first
 };
-Winner winner_by(const Layout& layout, const Measure& m) {
+Winners winners_by(const Layout& layout, const Measure& m) {
   const CsvTable& t = layout.table;
   const std::size_t point = t.require("point"), value = t.require(m.column);
-  const std::optional<std::size_t> repeats = t.find("repeats");
-  struct Best {
+  const std::optional<std::size_t> repeats = t.find("repeats"), deviation = deviation_of(t, m);
+  struct Row {
     std::string estimator;
-    double value = 0.0;
-    int rivals = 0;
+    double value = 0.0, se = 0.0;
   };
-  std::map<std::string, Best> points;
+  std::map<std::string, std::vector<Row>> points;
   std::map<std::string, std::vector<double>> values;
+  std::vector<std::string> order;
   for (std::size_t r = 0; r < t.rows(); ++r) {
     const std::optional<double> v = t.number(r, value);
     const double answers = t.number(r, layout.answers).value_or(0.0);
     if (!v || (repeats && answers < enough_answers * t.number(r, *repeats).value_or(0.0))) continue;
     const std::string estimator(t.text(r, layout.estimator));
+    if (!values.contains(estimator)) order.push_back(estimator);
     values[estimator].push_back(*v);
-    Best& best = points[std::string(t.text(r, point))];
-    if (best.rivals++ == 0 || m.better * (*v - best.value) > 0.0) best.estimator = estimator, best.value = *v;
+    points[std::string(t.text(r, point))].push_back(
+        {estimator, *v, deviation ? t.number(r, *deviation).value_or(0.0) : 0.0});
   }
-  Winner winner;
+  Winners winners;
   std::map<std::string, int> wins;
-  for (const auto& [key, best] : points) {
-    if (best.rivals < 2) continue;
-    ++winner.points;
-    const int count = ++wins[best.estimator];
-    if (count > winner.wins) winner.wins = count, winner.estimator = best.estimator;
+  for (const auto& [key, rows] : points) {
+    if (rows.size() < 2) continue;
+    ++winners.points;
+    const auto best = std::max_element(rows.begin(), rows.end(), [&](const Row& a, const Row& b) {
+      return m.better * a.value < m.better * b.value;
+    });
+    for (const Row& row : rows)
+      winners.wins = std::max(
+          winners.wins, wins[row.estimator] += m.better * (best->value - row.value) <= 2.0 * std::max(row.se, best->se));
   }
-  winner.values = values[winner.estimator];
-  std::sort(winner.values.begin(), winner.values.end());
-  return winner;
+  for (const std::string& estimator : order) {
+    if (winners.wins == 0 || wins[estimator] < winners.wins) continue;
+    if (winners.names.empty()) winners.values = values[estimator];
+    winners.names += (winners.names.empty() ? "" : " and ") + estimator;
+  }
+  std::sort(winners.values.begin(), winners.values.end());
+  return winners;
 }
 
 void add_verdict(Page& page, const Layout& layout, const std::vector<Measure>& found, std::size_t points) {
@@ -190,16 +204,18 @@ void add_verdict(Page& page, const Layout& layout, const std::vector<Measure>& f
   std::string repeats = "?";
   if (const auto column = t.find("repeats"); column && t.rows() > 0) repeats = t.text(0, *column);
   const auto measure = std::find_if(found.begin(), found.end(), [](const Measure& m) { return m.better != 0; });
-  const Winner winner = measure == found.end() ? Winner{} : winner_by(layout, *measure);
+  const Winners winner = measure == found.end() ? Winners{} : winners_by(layout, *measure);
   std::vector<Page::Figure> figures{{std::to_string(points), "points of the grid"},
                                     {repeats, "repeats of each"}};
   std::string sentence = "The study is complete.";
   if (winner.points > 0) {
-    sentence = fmt::format("{} gives {} at {} of {} points.", winner.estimator, measure->best, winner.wins, winner.points);
+    sentence = fmt::format("Within two standard errors {} {} {} at {} of {} points.", winner.names,
+                           winner.names.find(" and ") == std::string::npos ? "gives" : "give", measure->best,
+                           winner.wins, winner.points);
     const double low = measure->factor * winner.values.front(), high = measure->factor * winner.values.back(),
                  middle = measure->factor * winner.values[winner.values.size() / 2];
     figures.push_back({fmt::format("{:.3g}", middle),
-                       fmt::format("{}, median of {} ({:.3g} to {:.3g})", measure->words, winner.estimator, low, high)});
+                       fmt::format("{}, median over the points ({:.3g} to {:.3g})", measure->words, low, high)});
   }
   page.verdict("complete", "good", sentence);
   page.figures(figures);
