@@ -13,7 +13,7 @@ cd "$work/rangecal"
 if command -v ccache >/dev/null; then
   export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_BASEDIR=$work/rangecal
 fi
-# The packaging is what is tested here, so nothing is optimised: that takes a third of the time.
+# The packaging is what is tested here, so nothing is optimised.
 export SKBUILD_CONFIGURE_OPTIONS="$* -DCMAKE_CXX_FLAGS_RELEASE=-O0" PIP_NO_INDEX=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 "$python" -m venv --system-site-packages v
 v/bin/pip install --no-build-isolation . > ../pip.log 2>&1 || { tail -50 ../pip.log; exit 1; }
