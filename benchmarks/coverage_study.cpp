@@ -6,7 +6,6 @@
 // +- 1.96 standard deviations, and by the profile of the REML criterion, for the sigmas.
 //
 //   coverage_study WORLDS [THREADS]
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -27,6 +26,7 @@
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 #include "rangecal/solvers/marginal/profile_interval.hpp"
+#include "threads.hpp"
 
 namespace {
 
@@ -228,10 +228,7 @@ void print(const char* title, const Tallies& tallies) {
 int main(int count, char** arguments) {
   const int worlds = count > 1 ? std::atoi(arguments[1]) : 1000,
             threads = count > 2 ? std::atoi(arguments[2]) : 0;
-  const tbb::global_control limit(
-      tbb::global_control::max_allowed_parallelism,
-      threads > 0 ? static_cast<std::size_t>(threads)
-                  : tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+  const tbb::global_control limit = at_most(threads);
   Tallies all;
   std::map<std::string, int> outcomes;
   for (int design = 0; design < design_count; ++design) {

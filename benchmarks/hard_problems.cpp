@@ -8,7 +8,6 @@
 //   hard_problems COUNT [CSV] [THREADS] [SAMPLE] [FIRST]
 //
 // Exit code 1 where an answer is not what it says it is.
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -20,6 +19,7 @@
 #include <sstream>
 
 #include "hard/judge.hpp"
+#include "threads.hpp"
 
 namespace {
 
@@ -139,10 +139,7 @@ int main(int count, char** arguments) {
       file << "world,kind,kinds,method,outcome,nll,seed_nll,nlopt_nll,gradient,iterations,seconds,violation,"
               "reason\n";
   }
-  const tbb::global_control limit(
-      tbb::global_control::max_allowed_parallelism,
-      threads > 0 ? static_cast<std::size_t>(threads)
-                  : tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+  const tbb::global_control limit = at_most(threads);
   std::mutex mutex;
   tbb::parallel_for(first, first + worlds, [&](long id) {
     const auto key = static_cast<std::uint64_t>(id);

@@ -7,7 +7,6 @@
 //   p_value_study WORLDS [THREADS]
 //
 // WORLDS for recordings of up to 1000 readings; a fifth at 10 000, a thirtieth at 100 000.
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -22,6 +21,7 @@
 #include "diagnosis/search.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
+#include "threads.hpp"
 
 namespace {
 
@@ -124,10 +124,7 @@ std::pair<double, double> kolmogorov(std::vector<double> p) {
 int main(int count, char** arguments) {
   const int worlds = count > 1 ? std::atoi(arguments[1]) : 300,
             threads = count > 2 ? std::atoi(arguments[2]) : 0;
-  const tbb::global_control limit(
-      tbb::global_control::max_allowed_parallelism,
-      threads > 0 ? static_cast<std::size_t>(threads)
-                  : tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+  const tbb::global_control limit = at_most(threads);
   for (int index = 0; index < static_cast<int>(std::size(cases)); ++index) {
     const Case& c = cases[index];
     const long readings = static_cast<long>(c.stops) * c.landmarks * c.repeats;

@@ -35,8 +35,8 @@ std::string line(const Score& s) {
       "{},{},{},{},{},{:.6g},{:.6g},{},{},{},{:.4f},{:.4g},{},{},{},{},{},{},{},{},{},{},{:.3f},{:d},{},{}\n",
       s.row, s.design, s.index, s.seed, s.planted, s.size, s.value, s.answer, to_string(s.result), s.set_size,
       s.probability, s.alarm_p, s.location, s.located ? 1 : 0, number(s.gain_ratio),
-      number(s.gain_excess_nats), s.covered, s.intervals, flag(s.held_out_improves), flag(s.listed),
-      s.experiment, flag(s.experiment_good), s.seconds, s.partly_right, csv_field(s.outside),
+      number(s.gain_excess_nats), s.coverage.covered, s.coverage.intervals, flag(s.held_out_improves), flag(s.listed),
+      s.experiment, flag(s.experiment_good), s.seconds, s.partly_right, csv_field(s.coverage.outside),
       csv_field(s.error));
 }
 
@@ -86,11 +86,11 @@ std::vector<Score> read_scores(std::string text, const std::string& name) {
     s.location = words(i, "location"), s.located = flag(i, "located").value_or(false);
     s.gain_ratio = t.number(i, column("gain_ratio")),
     s.gain_excess_nats = t.number(i, column("gain_excess_nats"));
-    s.covered = t.count(i, column("covered")), s.intervals = t.count(i, column("intervals"));
+    s.coverage = {t.count(i, column("covered")), t.count(i, column("intervals")), words(i, "outside")};
     s.held_out_improves = flag(i, "held_out_improves"), s.listed = flag(i, "listed");
     s.experiment = words(i, "experiment"), s.experiment_good = flag(i, "experiment_good");
     s.seconds = t.finite(i, column("seconds")), s.partly_right = flag(i, "partly_right").value_or(false);
-    s.outside = words(i, "outside"), s.error = words(i, "error");
+    s.error = words(i, "error");
   }
   return scores;
 }
@@ -106,15 +106,9 @@ Journal::~Journal() { ::close(file_); }
 void Journal::append(const Score& score) {
   const std::string text = line(score);
   const off_t before = ::lseek(file_, 0, SEEK_END);
-  std::size_t at = 0;
-  while (at < text.size()) {
-    const ssize_t written = ::write(file_, text.data() + at, text.size() - at);
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) break;
-    at += static_cast<std::size_t>(written);
-  }
-  if (at == text.size()) return;
-  const std::string reason = std::strerror(errno);
+  const int error = write_all(file_, text);
+  if (error == 0) return;
+  const std::string reason = std::strerror(error);
   if (before < 0 || ::ftruncate(file_, before) != 0) throw InputError(path_, 0, "", "ends in a torn line: " + reason);
   throw InputError(path_, 0, "", "cannot be written: " + reason);
 }

@@ -196,10 +196,7 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
     out.location = diagnosis.location[0].channel + "/" + diagnosis.location[0].covariate;
   out.located = is_located(diagnosis, c.truth);
   const bool named = diagnosis.verdict == Verdict::explained;
-  if (named && out.result == Answer::right_name) {
-    const Coverage found = coverage(diagnosis, c.planted.truth);
-    out.covered = found.covered, out.intervals = found.intervals, out.outside = found.outside;
-  }
+  if (named && out.result == Answer::right_name) out.coverage = coverage(diagnosis, c.planted.truth);
   if (named && diagnosis.before.heldout_nll && diagnosis.after.heldout_nll)
     out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
   if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);

@@ -46,6 +46,12 @@ struct Case {
       out_of_reach;  ///< effects drawn before that cannot reach the target, "id (design)"
 };
 
+/// 95 % intervals of the best explanation whose parameter has a truth in the world.
+struct Coverage {
+  int covered = 0, intervals = 0;
+  std::string outside;  ///< those that miss: "parameter truth [low high]; ..."
+};
+
 /// What came out of one world.
 struct Score {
   std::string row, design;
@@ -60,8 +66,7 @@ struct Score {
   std::string location;       ///< "channel/covariate" first found
   bool located = false;
   std::optional<double> gain_ratio, gain_excess_nats;
-  int covered = 0, intervals = 0;
-  std::string outside;  ///< intervals that do not hold the truth: "parameter truth [low high]; ..."
+  Coverage coverage;
   std::optional<bool> held_out_improves;
   std::optional<bool> listed;  ///< absorbed effects: in twins or unseen
   std::string experiment;      ///< code carried out, "none" where nothing was said to separate
@@ -81,11 +86,7 @@ Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& trut
                 const std::function<bool(const std::vector<std::string>&)>& is_twin);
 /// The first location is in a channel and covariate of the planted effects.
 bool is_located(const Diagnosis& diagnosis, const std::vector<std::string>& truth);
-/// 95 % intervals of the best explanation whose parameter has a truth in the world.
-struct Coverage {
-  int covered = 0, intervals = 0;
-  std::string outside;  ///< those that miss: "parameter truth [low high]; ..."
-};
+/// The intervals of a diagnosis against the truth.
 Coverage coverage(const Diagnosis& diagnosis, const std::map<std::string, double>& truth);
 
 /// Everything that is scored of one diagnosis; gains over the oracle need a second one and are left empty.

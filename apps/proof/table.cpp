@@ -99,7 +99,7 @@ void add_quality(std::vector<Line>& lines, const std::vector<Score>& scores) {
             },
             [](const Score& s) { return *s.held_out_improves; }, 0.99);
   int covered = 0, intervals = 0;
-  for (const Score& s : scores) covered += s.covered, intervals += s.intervals;
+  for (const Score& s : scores) covered += s.coverage.covered, intervals += s.coverage.intervals;
   if (intervals > 0) {
     Line line{"95 % intervals cover (intervals)", "93 to 97 %", intervals, static_cast<double>(covered) / intervals};
     std::tie(line.low, line.high) = wilson(covered, intervals);

@@ -17,6 +17,7 @@
 #include <tuple>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
 #include "rangecal/core/random.hpp"
 
 namespace rangecal::app {
@@ -177,12 +178,8 @@ JournalWriter::~JournalWriter() {
 }
 
 void JournalWriter::write_all(const std::string& text) {
-  for (std::size_t at = 0; at < text.size();) {
-    const ssize_t written = ::write(descriptor_, text.data() + at, text.size() - at);
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) throw InputError(path_, 0, "", std::string("cannot be written: ") + std::strerror(errno));
-    at += static_cast<std::size_t>(written);
-  }
+  if (const int error = rangecal::write_all(descriptor_, text))
+    throw InputError(path_, 0, "", std::string("cannot be written: ") + std::strerror(error));
 }
 
 void JournalWriter::append(const StudyUnit& unit, const StudySums& sums) { write_all(journal_line(unit, sums)); }

@@ -19,6 +19,29 @@ std::string number_fault(std::string_view field, Parsed parsed);
 std::string finite_fault(std::string_view field, Parsed parsed, double value);
 std::string count_fault(std::string_view field, double value);
 
+/// A field as a number, nothing where it is empty; as a finite one; as a whole one of at least 0. `fail(what)`
+/// throws with the field's place.
+template <typename Fail>
+std::optional<double> number_of(std::string_view field, const Fail& fail) {
+  double value = 0.0;
+  const Parsed parsed = parse_number(field, value);
+  if (const std::string fault = number_fault(field, parsed); !fault.empty()) fail(fault);
+  return parsed == Parsed::number ? std::optional<double>(value) : std::nullopt;
+}
+template <typename Fail>
+double finite_of(std::string_view field, const Fail& fail) {
+  double value = 0.0;
+  const Parsed parsed = parse_number(field, value);
+  if (const std::string fault = finite_fault(field, parsed, value); !fault.empty()) fail(fault);
+  return value;
+}
+template <typename Fail>
+int count_of(std::string_view field, const Fail& fail) {
+  const double value = finite_of(field, fail);
+  if (const std::string fault = count_fault(field, value); !fault.empty()) fail(fault);
+  return static_cast<int>(value);
+}
+
 /// The label that csv_label wrote as this field.
 std::string_view label_of(std::string_view field);
 

@@ -192,25 +192,15 @@ std::string_view CsvRows::label(std::size_t column) const {
 }
 
 std::optional<double> CsvRows::number(std::size_t column) const {
-  double value = 0.0;
-  const io::Parsed parsed = io::parse_number(text(column), value);
-  if (parsed == io::Parsed::number) return value;
-  if (parsed == io::Parsed::empty) return std::nullopt;
-  fail(column, io::number_fault(text(column), parsed));
+  return io::number_of(text(column), [&](const std::string& what) { fail(column, what); });
 }
 
 double CsvRows::finite(std::size_t column) const {
-  double value = 0.0;
-  const io::Parsed parsed = io::parse_number(text(column), value);
-  if (const std::string fault = io::finite_fault(text(column), parsed, value); !fault.empty())
-    fail(column, fault);
-  return value;
+  return io::finite_of(text(column), [&](const std::string& what) { fail(column, what); });
 }
 
 int CsvRows::count(std::size_t column) const {
-  const double value = finite(column);
-  if (const std::string fault = io::count_fault(text(column), value); !fault.empty()) fail(column, fault);
-  return static_cast<int>(value);
+  return io::count_of(text(column), [&](const std::string& what) { fail(column, what); });
 }
 
 void CsvRows::fail(std::size_t column, const std::string& what) const {

@@ -51,26 +51,15 @@ std::string CsvTable::label(std::size_t row, std::size_t column) const {
 }
 
 std::optional<double> CsvTable::number(std::size_t row, std::size_t column) const {
-  double value = 0.0;
-  const io::Parsed parsed = io::parse_number(text(row, column), value);
-  if (parsed == io::Parsed::number) return value;
-  if (parsed == io::Parsed::empty) return std::nullopt;
-  fail(row, column, io::number_fault(text(row, column), parsed));
+  return io::number_of(text(row, column), [&](const std::string& what) { fail(row, column, what); });
 }
 
 double CsvTable::finite(std::size_t row, std::size_t column) const {
-  double value = 0.0;
-  const io::Parsed parsed = io::parse_number(text(row, column), value);
-  const std::string fault = io::finite_fault(text(row, column), parsed, value);
-  if (!fault.empty()) fail(row, column, fault);
-  return value;
+  return io::finite_of(text(row, column), [&](const std::string& what) { fail(row, column, what); });
 }
 
 int CsvTable::count(std::size_t row, std::size_t column) const {
-  const double value = finite(row, column);
-  const std::string fault = io::count_fault(text(row, column), value);
-  if (!fault.empty()) fail(row, column, fault);
-  return static_cast<int>(value);
+  return io::count_of(text(row, column), [&](const std::string& what) { fail(row, column, what); });
 }
 
 bool CsvTable::is_numeric(std::size_t column) const {

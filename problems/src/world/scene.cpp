@@ -16,7 +16,7 @@
 namespace rangecal {
 namespace {
 
-constexpr double most_stops = 1e6, most_random = 1e4, most_readings = 1e8;
+constexpr double most_random = 1e4, most_readings = 1e8;
 
 double angle(const YamlReader& node) {
   const double value = node.number();
@@ -83,7 +83,7 @@ void read_sensor(const YamlReader& node, Scene& scene) {
 void read_line(const YamlReader& node, Scene& scene) {
   node.allow_only({"count", "start_m", "step_m", "direction_rad", "heading_rad"});
   const int count = node.at("count").whole(1);
-  if (count > most_stops) node.at("count").fail("is more than a million stops");
+  if (count > most_scene_stops) node.at("count").fail("is more than a million stops");
   const double step = node.at("step_m").positive();
   const double direction = node.has("direction_rad") ? angle(node.at("direction_rad")) : 0.0;
   const double heading = node.has("heading_rad") ? angle(node.at("heading_rad")) : direction;
@@ -257,7 +257,7 @@ void check_size(const Scene& scene) {
   const auto stops = static_cast<double>(scene.stops.size());
   double readings = stops * static_cast<double>(scene.landmarks.size() + static_cast<std::size_t>(random)) * scene.repeats;
   for (const SceneBatch& batch : scene.batches) readings += batch.readings;
-  if (stops > most_stops) throw InputError("scene: more than a million stops");
+  if (stops > most_scene_stops) throw InputError("scene: more than a million stops");
   if (random > most_random) throw InputError("scene: more than 10000 random landmarks");
   if (readings > most_readings) throw InputError(fmt::format("scene: {:.3g} readings are more than 1e8", readings));
 }

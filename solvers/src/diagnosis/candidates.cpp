@@ -82,11 +82,12 @@ void try_periods(const Rows& rows, const Fit& base, const RefitOptions& options,
   }
 }
 
-}  // namespace
-
+/// True if some effect of the fit changes fast with distance: its likelihood has many peaks.
 bool bends(const Rows& rows, const Fit& fit) {
   return !working_problem(rows, fit.model, fit.state).problem.cells.bend.empty();
 }
+
+}  // namespace
 
 bool contains(const Model& model, const Effect* effect) {
   return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });

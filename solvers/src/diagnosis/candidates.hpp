@@ -33,9 +33,6 @@ double price_of(const ActiveEffect& active, const Rates& rates);
 
 bool contains(const Model& model, const Effect* effect);
 
-/// True if some effect of the fit changes fast with distance: its likelihood has many peaks.
-bool bends(const Rows& rows, const Fit& fit);
-
 /// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
 

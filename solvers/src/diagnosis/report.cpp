@@ -128,6 +128,8 @@ void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
 
 namespace {
 
+constexpr double z95 = 1.959964;  // 97.5 % quantile of the normal distribution
+
 /// 97.5 % quantile for estimates of one effect's parameters. Their variance scales with the channels' own
 /// estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of the information that each channel
 /// brings; by Satterthwaite (1946) the estimate over its standard deviation is Student's t of
@@ -143,13 +145,13 @@ double quantile_of(const Rows& rows, const Projector& projector, const Fit& fit,
     x.bearing_rows.setZero();
     if (whole > 0.0) share += projector.raw_information(x) / whole, ++counted;
   }
-  if (counted == 0) return 1.959964;
+  if (counted == 0) return z95;
   share /= counted;
   const double range = share * 2.0 * fit.noise_std;
   const double bearing =
       rows.pairs ? 0.0 : (1.0 - share) * 2.0 * fit.sigma_theta_std / fit.state.sigma_theta_rad;
   const double variance = range * range + bearing * bearing;
-  if (!(variance > 0.0)) return 1.959964;  // the noise is given
+  if (!(variance > 0.0)) return z95;  // the noise is given
   const double degrees_of_freedom = std::max(1.0, 2.0 / variance);
   return boost::math::quantile(boost::math::students_t_distribution<double>(degrees_of_freedom), 0.975);
 }

@@ -4,6 +4,7 @@
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/tools/toms748_solve.hpp>
 #include <cmath>
+#include <utility>
 
 #include "marginal/reml_profile.hpp"
 
@@ -56,16 +57,24 @@ std::optional<double> crossing(const std::function<double(double)>& above, doubl
   return std::nullopt;
 }
 
+/// What solve_marginal ended with: an estimate of sigma_s at 0 is held there.
+struct Converged {
+  Converged(const JointProblem& problem, JointState at) : state(std::move(at)) {
+    options.estimate_sigma_s =
+        problem.estimate_sigma_s && state.sigma_s_m.value_or(0.0) > no_sigma_s(problem);
+    if (problem.estimate_sigma_s && !options.estimate_sigma_s) state.sigma_s_m = no_sigma_s(problem);
+  }
+  JointState state;
+  MarginalOptions options;
+};
+
 }  // namespace
 
 std::optional<ProfileInterval> profile_interval(const JointProblem& problem, const JointState& state,
                                                 Sigma which, double relative_std, double level) {
   if (which == Sigma::noise && state.noise.law == NoiseLaw::polynomial) return std::nullopt;
   if (which == Sigma::stops && !(problem.estimate_sigma_s && state.sigma_s_m)) return std::nullopt;
-  MarginalOptions options;
-  JointState start = state;
-  options.estimate_sigma_s = problem.estimate_sigma_s && *state.sigma_s_m > no_sigma_s(problem);
-  if (problem.estimate_sigma_s && !options.estimate_sigma_s) start.sigma_s_m = no_sigma_s(problem);
+  const auto [start, options] = Converged(problem, state);
   RemlProfile below(problem, start, options, which), over(problem, start, options, which);
   const double estimate = which == Sigma::stops   ? *start.sigma_s_m
                           : which == Sigma::theta ? start.sigma_theta_rad
@@ -98,10 +107,7 @@ double SigmaSlopes::degrees_of_freedom(const Eigen::VectorXd& contrast) const {
 }
 
 std::optional<SigmaSlopes> sigma_slopes(const JointProblem& problem, const JointState& state) {
-  MarginalOptions options;
-  JointState at = state;
-  options.estimate_sigma_s = problem.estimate_sigma_s && state.sigma_s_m.value_or(0.0) > no_sigma_s(problem);
-  if (problem.estimate_sigma_s && !options.estimate_sigma_s) at.sigma_s_m = no_sigma_s(problem);
+  auto [at, options] = Converged(problem, state);
   Marginal marginal(problem, at, options);
   if (!std::isfinite(marginal.value(at, 1e-9))) return std::nullopt;
   const JointLayout& layout = marginal.layout();

@@ -124,7 +124,7 @@ const std::map<std::string, Setter>& setters() {
        [](Scene& s, const std::string& v) {
          need(s, RecordingKind::landmarks);
          const int count = whole(v, 2);
-         if (count > 1000000) throw InputError(fmt::format("{} stops are more than a million", count));
+         if (count > most_scene_stops) throw InputError(fmt::format("{} stops are more than a million", count));
          s = with_stops(std::move(s), count);
        }},
       {"readings", set_readings},

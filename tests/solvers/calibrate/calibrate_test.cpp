@@ -11,6 +11,7 @@
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate/residual_check.hpp"
 #include "rangecal/solvers/calibrate/truth_score.hpp"
+#include "support/paper_scene.hpp"
 
 namespace rangecal {
 namespace {
@@ -19,18 +20,9 @@ using ::testing::HasSubstr;
 
 /// K stops 0.3 m apart on the x axis, landmarks given, noise 0.01 f^2, bearings 0.5 degrees.
 Scene scene_with(int stops, std::vector<Eigen::Vector2d> positions, int repeats) {
-  Scene scene;
+  Scene scene = testing::paper_scene();
   scene.sensor = {"demo", "triangulation", 0.05, 20.0};
-  scene.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
-  scene.noise.law = NoiseLaw::f_squared;
-  scene.noise.parameters = Eigen::VectorXd::Constant(1, 0.01);
-  scene.sigma_theta_rad = 0.0087;
-  for (int k = 0; k < stops; ++k) {
-    Stop stop;
-    stop.label = std::to_string(k);
-    stop.commanded = {0.3 * k, 0.0, 0.0};
-    scene.stops.push_back(stop);
-  }
+  for (int k = 0; k < stops; ++k) testing::add_stop(scene, {0.3 * k, 0.0, 0.0});
   for (std::size_t l = 0; l < positions.size(); ++l)
     scene.landmarks.push_back({"T" + std::to_string(l + 5), 0.0, {}});
   scene.positions = positions;

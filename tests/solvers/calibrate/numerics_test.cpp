@@ -11,23 +11,16 @@
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "support/paper_scene.hpp"
 
 namespace rangecal {
 namespace {
 
 /// K stops along a bent path among five landmarks of 5 cm, noise 0.01 f^2, bearings 0.5 degrees, stops 1 cm.
 Scene scene_of(int stops, int repeats) {
-  Scene scene;
-  scene.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
-  scene.noise.law = NoiseLaw::f_squared;
-  scene.noise.parameters = Eigen::VectorXd::Constant(1, 0.01);
-  scene.sigma_theta_rad = 0.0087;
-  for (int k = 0; k < stops; ++k) {
-    Stop stop;
-    stop.label = std::to_string(k);
-    stop.commanded = {6.0 * k / stops, 0.3 * std::sin(12.0 * k / stops), 0.0};
-    scene.stops.push_back(stop);
-  }
+  Scene scene = testing::paper_scene();
+  for (int k = 0; k < stops; ++k)
+    testing::add_stop(scene, {6.0 * k / stops, 0.3 * std::sin(12.0 * k / stops), 0.0});
   for (int l = 0; l < 5; ++l) {
     scene.landmarks.push_back({"T" + std::to_string(l), 0.05, {}});
     scene.positions.emplace_back(0.5 + 1.2 * l, (l % 2 ? -1.0 : 1.0) * (1.0 + 0.4 * l));

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,9 @@ void write_file(const std::string& path, const std::string& text);
 /// Several files of a folder, names and texts: all are written to temporaries before the first is renamed, so that a disk
 /// that is full leaves the folder as it was. Throws InputError naming the file.
 void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files);
+
+/// Writes all of the text to an open descriptor. Returns 0, or the errno of what stopped it on the way.
+int write_all(int descriptor, std::string_view text);
 
 /// Creates the folder (and those above it). Throws InputError if it cannot.
 void make_folder(const std::string& path);

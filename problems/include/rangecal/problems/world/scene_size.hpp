@@ -5,6 +5,8 @@
 
 namespace rangecal {
 
+constexpr int most_scene_stops = 1'000'000;
+
 /// Throws InputError for a scene of more than 1e6 stops, 1e4 random landmarks or 1e8 readings: what no memory
 /// holds is a mistake in a file.
 void check_size(const Scene& scene);
