@@ -2,8 +2,10 @@
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <numeric>
+#include <string>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -94,6 +96,24 @@ void append_cells(const Recording& recording, Offsets offset, Grouping grouping,
   }
 }
 
+/// The solvers hold a place as dim (2 dim + columns) doubles that an int counts: dim its position and
+/// headings, columns those of the curve, the sigmas and two for each landmark seen.
+void check_places(std::span<const Recording> recordings, const JointProblem& problem) {
+  constexpr double largest = std::numeric_limits<int>::max(), curve_and_sigmas = 32.0;
+  std::vector<double> dim(problem.place_count, 2.0), seen(problem.place_count, 0.0);
+  for (int k = 0; k < problem.stop_count(); ++k) {
+    const StopPrior& prior = problem.stops[k];
+    dim[prior.place] += prior.sigma_heading_rad > 0.0;
+    seen[prior.place] += problem.cells.stop_begin[k + 1] - problem.cells.stop_begin[k];
+    const double landmarks = std::min<double>(seen[prior.place], problem.landmark_count());
+    if (dim[prior.place] * (2.0 * dim[prior.place] + 2.0 * landmarks + curve_and_sigmas) > largest)
+      throw InputError(recordings[prior.recording].path +
+                       ": a place holds too many stops and landmarks to be solved for: " +
+                       std::to_string(static_cast<int>(dim[prior.place]) - 2) +
+                       " stops with headings of their own");
+  }
+}
+
 }  // namespace
 
 JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping) {
@@ -119,6 +139,7 @@ JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping 
   cells.stop_begin.assign(problem.stops.size() + 1, 0);
   for (int stop : cells.stop) ++cells.stop_begin[stop + 1];
   std::partial_sum(cells.stop_begin.begin(), cells.stop_begin.end(), cells.stop_begin.begin());
+  check_places(recordings, problem);
   problem.readings = std::accumulate(cells.count.begin(), cells.count.end(), 0.0);
   return problem;
 }
