@@ -46,7 +46,7 @@ struct CalibrateCommand {
     fmt::print("{}", numerics_page(result, best, recordings));
     if (result.calibrations.size() > 1) {
       std::vector<TruthScore> no_scores(result.calibrations.size());
-      fmt::print("\nAll methods\n{}{}", comparison_table(result, no_scores), footnotes(result, no_scores));
+      fmt::print("\nAll methods\n{}{}", comparison_table(result, no_scores), footnotes_text(result, no_scores));
     }
     const bool contradicted = result.check && result.check->better_basin;
     return has_answer(best) && !contradicted ? done : not_delivered;

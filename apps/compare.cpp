@@ -36,7 +36,7 @@ int run(const JobOptions& job, const std::string& page) {
   fmt::print("{}\n", wrapped(describe(recordings) + "; " + describe(report.calibrations[0].counts), 2));
   if (best) fmt::print("{}\n", wrapped(describe_choice(*best, report), 2));
   fmt::print("\n{}", comparison_table(report, scores));
-  fmt::print("{}", footnotes(report, scores));
+  fmt::print("{}", footnotes_text(report, scores));
   if (report.check) fmt::print("{}\n", wrapped("check of the full likelihood: " + report.check->report, 2));
   fmt::print("\n{}\n", wrapped(advice, 0));
   return best && best->method == Method::marginal ? done : not_delivered;

@@ -35,6 +35,7 @@ void add_methods(Page& page, const CalibrationReport& report, const std::vector<
   Table table{{}, {rows.begin() + 1, rows.end()}, false};
   for (const std::string& title : rows.front()) table.columns.push_back({title, !title.empty()});
   page.table(table);
+  page.list(app::footnotes(report, scores));
 }
 
 void add_fit(Page& page, const CalibrationReport& report, const Calibration& c) {
@@ -54,6 +55,15 @@ void add_fit(Page& page, const CalibrationReport& report, const Calibration& c) 
   if (report.check) items.push_back("Check of the full likelihood: " + report.check->report);
   items.insert(items.end(), report.notes.begin(), report.notes.end());
   page.list(items);
+}
+
+/// Whom to trust with what speaks against it, for the top of the page; and what the other methods give away.
+std::pair<std::string, std::string> split_verdict(const std::string& verdict) {
+  const std::size_t others = verdict.find("; "), but = verdict.find("; BUT ");
+  if (verdict.rfind("Trust marginal:", 0) != 0 || others == but) return {verdict, ""};
+  if (but == std::string::npos) return {verdict.substr(0, others) + ".", verdict.substr(others + 2)};
+  return {verdict.substr(0, others) + verdict.substr(but),
+          verdict.substr(others + 2, but - others - 2) + "."};
 }
 
 const char* badge_colour(const Calibration& c) { return app::has_answer(c) ? "good" : "bad"; }
@@ -97,8 +107,10 @@ std::string comparison_page(std::span<const Recording> recordings, const Calibra
       best = &c;
       curves.push_back({to_string(c.method), colours[static_cast<std::size_t>(c.method) % 4], &c});
     }
+  const auto [answer, rest] = split_verdict(verdict);
   page.verdict(best ? fmt::format("best: {}", to_string(best->method)) : "no answer", best ? "good" : "bad",
-               verdict);
+               answer);
+  if (!rest.empty()) page.paragraph(rest);
   page.section("The methods side by side");
   add_methods(page, report, scores);
   if (best) {

@@ -42,21 +42,22 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
   std::copy_if(scores.begin(), scores.end(), std::back_inserter(sane),
                [](const ModelScore& s) { return std::isfinite(s.aic); });
   if (!sane.empty()) {
-    double best = sane[0].aic;
-    for (const ModelScore& s : sane) best = std::min(best, s.aic);
+    const ModelScore& best = *std::min_element(
+        sane.begin(), sane.end(), [](const ModelScore& a, const ModelScore& b) { return a.aic < b.aic; });
     Json orders = Json::array();
     for (const ModelScore& s : sane)
       orders.push_back({{"order", s.order},
                         {"law", app::law_in_words(s.law)},
                         {"aic", number(s.aic)},
-                        {"above", number(s.aic - best)}});
+                        {"above", number(s.aic - best.aic)}});
     page.dataset("orders", orders);
-    charts.push_back({"orders",
-                      "orders",
-                      {},
-                      "Which order and noise law the readings ask for",
-                      "AIC of the marginal likelihood above the best model; 0 is best, within 2 is a tie.",
-                      "plot"});
+    std::string caption = "AIC of the seed model, above the lowest: 0 is best, within 2 is a tie.";
+    const int chosen = curves.back().calibration->order();
+    if (curves.back().name == "completed model" && chosen != best.order)
+      caption += fmt::format(
+          " What an effect does, a higher order may mimic; the completed model has order {}.", chosen);
+    charts.push_back(
+        {"orders", "orders", {}, "Which order and noise law the readings ask for", caption, "plot"});
   }
   page.charts(charts);
 }

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <functional>
 #include <map>
-#include <numeric>
 #include <set>
 #include <tuple>
 
@@ -33,25 +32,52 @@ std::vector<Model> models_of(const FitView& before, const FitView* after) {
   return models;
 }
 
-/// Sorted standardised residuals beside the quantiles of the normal law; of many, the middle is thinned.
-Json quantile_rows(const FitView& view, bool bearing, Limits& limits) {
-  const std::vector<ReadingResidual>& readings = view.residuals.readings;
-  std::vector<std::size_t> order(readings.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return standardised(readings[a], bearing) < standardised(readings[b], bearing);
-  });
+/// A standardised value and the reading that hover names.
+struct Named {
+  double value;
+  const ReadingResidual* reading;
+};
+
+std::vector<Named> each_reading(const FitView& view, bool bearing) {
+  std::vector<Named> values;
+  for (const ReadingResidual& x : view.residuals.readings) values.push_back({standardised(x, bearing), &x});
+  return values;
+}
+
+/// Means of the cells, by the spread that independent readings give them.
+std::vector<Named> each_cell(const FitView& view, bool bearing) {
+  struct Sum {
+    double value = 0.0;
+    int count = 0;
+    const ReadingResidual* first = nullptr;
+  };
+  std::map<std::tuple<int, int, int>, Sum> cells;
+  for (const ReadingResidual& x : view.residuals.readings) {
+    if (x.stop < 0) return {};
+    Sum& sum = cells[{x.recording, x.stop, x.landmark}];
+    if (!sum.first) sum.first = &x;
+    sum.value += standardised(x, bearing);
+    ++sum.count;
+  }
+  std::vector<Named> values;
+  for (const auto& [key, sum] : cells) values.push_back({sum.value / std::sqrt(sum.count), sum.first});
+  return values;
+}
+
+/// Sorted values beside the quantiles of the normal law; of many, the middle is thinned.
+Json quantile_rows(const FitView& view, std::vector<Named> values, Limits& limits) {
+  std::sort(values.begin(), values.end(), [](const Named& a, const Named& b) { return a.value < b.value; });
   const boost::math::normal normal;
   constexpr std::size_t tail = 60, middle = 200;
-  const std::size_t stride = std::max<std::size_t>(1, order.size() / middle);
+  const std::size_t count = values.size(), stride = std::max<std::size_t>(1, count / middle);
   Json rows = Json::array();
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    if (i >= tail && i + tail < order.size() && i % stride != 0) continue;
-    const double value = standardised(readings[order[i]], bearing);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (i >= tail && i + tail < count && i % stride != 0) continue;
+    const double value = values[i].value;
     Json row;
-    name_reading(view, readings[order[i]], row);
-    row["normal"] = number(
-        boost::math::quantile(normal, (static_cast<double>(i) + 0.5) / static_cast<double>(order.size())));
+    name_reading(view, *values[i].reading, row);
+    row["normal"] =
+        number(boost::math::quantile(normal, (static_cast<double>(i) + 0.5) / static_cast<double>(count)));
     row["value"] = number(value);
     limits = {std::min(limits.low, value), std::max(limits.high, value)};
     rows.push_back(std::move(row));
@@ -59,24 +85,35 @@ Json quantile_rows(const FitView& view, bool bearing, Limits& limits) {
   return rows;
 }
 
-std::vector<Chart> tails(Page& page, const std::string& id, bool bearing, const std::vector<Model>& models) {
+std::vector<Chart> quantiles(Page& page, const std::string& id, bool bearing, bool of_cells,
+                             const std::vector<Model>& models) {
   Limits limits{-3.5, 3.5};
-  for (const Model& model : models)
-    page.dataset(fmt::format("{}-points-{}", id, model.name), quantile_rows(*model.view, bearing, limits));
+  for (const Model& model : models) {
+    std::vector<Named> values =
+        of_cells ? each_cell(*model.view, bearing) : each_reading(*model.view, bearing);
+    if (values.empty()) return {};
+    page.dataset(fmt::format("{}-points-{}", id, model.name),
+                 quantile_rows(*model.view, std::move(values), limits));
+  }
   std::vector<Chart> charts;
   for (const Model& model : models)
-    charts.push_back({fmt::format("{}-{}", id, model.name),
-                      "quantiles",
-                      {{"points", fmt::format("{}-points-{}", id, model.name)},
-                       {"low", -3.5},
-                       {"high", 3.5},
-                       {"y_low", std::max(limits.low, -12.0)},
-                       {"y_high", std::min(limits.high, 12.0)},
-                       {"y_title", bearing ? "bearing residual / spread" : "range residual / spread"},
-                       {"colour", model.colour}},
-                      model.title,
-                      "On the line where residuals are normal; tails leave it.",
-                      "plot"});
+    charts.push_back(
+        {fmt::format("{}-{}", id, model.name),
+         "quantiles",
+         {{"points", fmt::format("{}-points-{}", id, model.name)},
+          {"low", -3.5},
+          {"high", 3.5},
+          {"y_low", std::max(limits.low, -12.0)},
+          {"y_high", std::min(limits.high, 12.0)},
+          {"y_title", fmt::format("{} residual{} / spread", bearing ? "bearing" : "range",
+                                  of_cells ? " of the cell" : "")},
+          {"colour", model.colour}},
+         model.title,
+         of_cells ? "One dot per stop and landmark: the mean of its readings. On the line where readings "
+                    "are independent; steeper where a whole cell is off. What the model knows of the "
+                    "dependence is not taken away."
+                  : "On the line where residuals are normal; tails leave it.",
+         "plot"});
   return charts;
 }
 
@@ -224,8 +261,10 @@ std::vector<Chart> charts_beyond_means(Page& page, const std::string& id, const 
   const bool bearing = finding.channel.rfind("bearing", 0) == 0 || finding.covariate == "sensor_bearing";
   const std::vector<Model> models = models_of(before, after);
   if (bearing && before.calibration.kind == RecordingKind::pairs) return {};
-  if (ends_with(finding.channel, "_tail")) return tails(page, id, bearing, models);
-  if (ends_with(finding.channel, "_dependence")) return repeats(page, id, bearing, models);
+  if (ends_with(finding.channel, "_tail")) return quantiles(page, id, bearing, false, models);
+  if (ends_with(finding.channel, "_dependence"))
+    return finding.covariate == "repeat" ? repeats(page, id, bearing, models)
+                                         : quantiles(page, id, bearing, true, models);
   if (finding.channel == "stop") return moves(page, id, models);
   if (finding.channel == "grid")
     return cells(

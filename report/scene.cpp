@@ -118,6 +118,22 @@ void add_landmarks(const FitView& view, int index, std::size_t first, SceneData&
   }
 }
 
+/// Widens the box to the readings as they are drawn, all but the outermost half percent on each side.
+void hold_readings(const Page& page, int recording, Box& box) {
+  std::vector<double> x, y;
+  for (const Json& row : page.rows("readings")) {
+    if (row["recording"] != recording) continue;
+    for (const char* name : {"x_raw", "x_corrected"})
+      if (row[name].is_number()) x.push_back(row[name]);
+    for (const char* name : {"y_raw", "y_corrected"})
+      if (row[name].is_number()) y.push_back(row[name]);
+  }
+  if (x.empty() || y.empty()) return;
+  const Limits across = limits_of(x), up = limits_of(y);
+  box.hold(across.low, up.low);
+  box.hold(across.high, up.high);
+}
+
 }  // namespace
 
 void add_scene(Page& page, const FitView& view) {
@@ -139,7 +155,8 @@ void add_scene(Page& page, const FitView& view) {
   page.dataset("stop_prior", data.prior);
   constexpr std::size_t most = 4;
   for (std::size_t r = 0; r < std::min(most, view.recordings.size()); ++r) {
-    const Box& b = data.boxes[r];
+    Box& b = data.boxes[r];
+    hold_readings(page, static_cast<int>(r), b);
     Chart scene{
         fmt::format("scene-{}", r + 1),
         "scene",

@@ -155,9 +155,9 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
   return result;
 }
 
-std::string footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
-  std::string text;
-  const auto line = [&](const std::string& sentence) { text += wrapped(sentence, 2) + "\n"; };
+std::vector<std::string> footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
+  std::vector<std::string> lines;
+  const auto line = [&](const std::string& sentence) { lines.push_back(sentence); };
   for (const Calibration& c : report.calibrations)
     if (is_optimistic(c))
       line(c.kind == RecordingKind::pairs ? "* optimistic: its sigma_e is not corrected for the coefficients "
@@ -186,7 +186,13 @@ std::string footnotes(const CalibrationReport& report, const std::vector<TruthSc
         "there is no truth for the stops: true distances are from the true landmarks to the stops as "
         "estimated by "
         "the best method, so range RMSE and MSE ratio are only as good as these");
-  for (const std::string& note : report.notes) line("note: " + note);
+  return lines;
+}
+
+std::string footnotes_text(const CalibrationReport& report, const std::vector<TruthScore>& scores) {
+  std::string text;
+  for (const std::string& line : footnotes(report, scores)) text += wrapped(line, 2) + "\n";
+  for (const std::string& note : report.notes) text += wrapped("note: " + note, 2) + "\n";
   return text;
 }
 

@@ -23,6 +23,8 @@ std::string verdict(const CalibrationReport& report, std::span<const Recording> 
                     const std::vector<TruthScore>& scores);
 
 /// The sentences under the table: what a mark in it means, and where true distances came from.
-std::string footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores);
+std::vector<std::string> footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores);
+/// The same as text, with the report's notes.
+std::string footnotes_text(const CalibrationReport& report, const std::vector<TruthScore>& scores);
 
 }  // namespace rangecal::app

@@ -100,8 +100,8 @@ double distance(const Space& space, const ExtendedDesign& design, const Member& 
   if (exact_twins(a.ids, b.ids)) return 0.0;
   const Space::Direction change = space.change(in_design(design, a.model));
   const Member own{a.ids, a.model, false};
-  const double means =
-      std::max(0.0, space.left(change, span_of(space, design, b)) - space.left(change, span_of(space, design, own)));
+  const double means = std::max(
+      0.0, space.left(change, span_of(space, design, b)) - space.left(change, span_of(space, design, own)));
   const double of_a = shapes_of(space, a.model), of_b = shapes_of(space, b.model);
   return means + (of_b > 0.0 && of_a > 0.0 ? 0.0 : b.fitted || of_b == 0.0 ? of_a : 0.0);
 }
@@ -172,9 +172,8 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   std::string words = list.empty() ? "" : list.front().change;
   if (exact || list.empty()) {
     if (!words.empty()) words += "; beyond that, ";
-    words +=
-        exact ? "no recording with this sensor and robot tells exact twins apart, only an outside reference: "
-              : "no change on the menu separates them; ";
+    words += exact ? "exact twins, which no recording with this sensor and robot tells apart: "
+                   : "no change on the menu separates them; ";
     std::string settled_by = found.best.fit.model.back().effect->info().settled_by;
     for (std::size_t m = 0; m < n; ++m)
       if (exact && std::count(group.begin(), group.end(), group[m]) > 1 && !members[m].model.empty()) {

@@ -6,12 +6,20 @@
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include "diagnosis/twins.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
+
+/// "what: how" as "what (how)".
+std::string in_brackets(const std::string& missing) {
+  const std::size_t colon = missing.find(": ");
+  return colon == std::string::npos ? missing
+                                    : missing.substr(0, colon) + " (" + missing.substr(colon + 2) + ")";
+}
 
 /// Posterior probabilities over the answers that were fitted: softmax of log evidences, the baseline at 0.
 void fill_probabilities(const SearchResult& found, std::vector<Explanation>& explanations) {
@@ -312,10 +320,15 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       result.location.push_back(f);
     }
   result.notes = found.known.notes;
+  std::map<std::string, std::string> effects_without;
   for (const auto& effect : effect_registry()) {
     const std::string missing = effect->missing(rows.context);
-    if (!missing.empty()) result.notes.push_back(effect->info().id + " cannot be judged: " + missing);
+    if (missing.empty()) continue;
+    std::string& effects = effects_without[missing];
+    effects += (effects.empty() ? "" : ", ") + effect->info().id;
   }
+  for (const auto& [missing, effects] : effects_without)
+    result.notes.push_back(fmt::format("cannot be judged for lack of {}: {}", in_brackets(missing), effects));
   return result;
 }
 
