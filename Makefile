@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# The README's two commands. Both install missing Debian packages first and build Release.
+# The README's commands. All install missing Debian packages first and build Release.
 PRESET ?= release
 BUILD  := build/release
 JOBS   ?= $(shell nproc)
 
-.PHONY: demo test build packages package
+.PHONY: demo test build configure packages package
 
-demo: build
+# The program alone, and a first calibration.
+demo: configure
+	cmake --build $(BUILD) -j $(JOBS) --target rangecal
 	$(BUILD)/apps/rangecal compare notebooks_data/field-layout
 
 test: build
 	ctest --test-dir $(BUILD) --output-on-failure -j $(JOBS)
 
-build: packages
+configure: packages
 	@if [ -f $(BUILD)/CMakeCache.txt ]; then cmake --preset $(PRESET); \
 	 else cmake --preset $(PRESET) $$(command -v ninja >/dev/null && echo -G Ninja); fi
+
+build: configure
 	cmake --build $(BUILD) -j $(JOBS)
 
 packages:

@@ -53,9 +53,9 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
     page.dataset("orders", orders);
     std::string caption = "AIC of the seed model, above the lowest: 0 is best, within 2 is a tie.";
     const int chosen = curves.back().calibration->order();
-    if (curves.back().name == "completed model" && chosen != best.order)
+    if (curves.front().name == "seed model" && chosen < best.order)
       caption += fmt::format(
-          " What an effect does, a higher order may mimic; the completed model has order {}.", chosen);
+          " The diagnosis keeps to order {}: what bends the curve more is looked for as an effect.", chosen);
     charts.push_back(
         {"orders", "orders", {}, "Which order and noise law the readings ask for", caption, "plot"});
   }

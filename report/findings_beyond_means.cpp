@@ -97,23 +97,23 @@ std::vector<Chart> quantiles(Page& page, const std::string& id, bool bearing, bo
   }
   std::vector<Chart> charts;
   for (const Model& model : models)
-    charts.push_back(
-        {fmt::format("{}-{}", id, model.name),
-         "quantiles",
-         {{"points", fmt::format("{}-points-{}", id, model.name)},
-          {"low", -3.5},
-          {"high", 3.5},
-          {"y_low", std::max(limits.low, -12.0)},
-          {"y_high", std::min(limits.high, 12.0)},
-          {"y_title", fmt::format("{} residual{} / spread", bearing ? "bearing" : "range",
-                                  of_cells ? " of the cell" : "")},
-          {"colour", model.colour}},
-         model.title,
-         of_cells ? "One dot per stop and landmark: the mean of its readings. On the line where readings "
-                    "are independent; steeper where a whole cell is off. What the model knows of the "
-                    "dependence is not taken away."
-                  : "On the line where residuals are normal; tails leave it.",
-         "plot"});
+    charts.push_back({fmt::format("{}-{}", id, model.name),
+                      "quantiles",
+                      {{"points", fmt::format("{}-points-{}", id, model.name)},
+                       {"low", -3.5},
+                       {"high", 3.5},
+                       {"y_low", std::max(limits.low, -12.0)},
+                       {"y_high", std::min(limits.high, 12.0)},
+                       {"y_title", of_cells  ? "cell residual / spread"
+                                   : bearing ? "bearing residual / spread"
+                                             : "range residual / spread"},
+                       {"colour", model.colour}},
+                      model.title,
+                      of_cells
+                          ? "One dot per stop and landmark: steeper than the line where whole cells are off. "
+                            "What the model knows of the dependence is not taken away."
+                          : "On the line where residuals are normal; tails leave it.",
+                      "plot"});
   return charts;
 }
 

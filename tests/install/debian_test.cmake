@@ -62,9 +62,9 @@ if(NOT output MATCHES "^rangecal ${VERSION}\n")
   message(FATAL_ERROR "another version than ${VERSION}:\n${output}")
 endif()
 run("${root}/usr/bin/rangecal" correct --help)
-foreach(file lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
-             share/doc/rangecal/copyright share/doc/librangecal-dev/copyright
-             share/rangecal/notebooks_data/field-layout/recording.yaml)
+list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/copyright" OUTPUT_VARIABLE copyrights)
+foreach(file ${copyrights} lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
+             share/doc/rangecal/docs/formats.md share/rangecal/notebooks_data/field-layout/recording.yaml)
   if(NOT EXISTS "${root}/usr/${file}")
     file(GLOB_RECURSE files RELATIVE "${root}" "${root}/usr/*")
     message(FATAL_ERROR "${file} is missing among: ${files}")
