@@ -185,8 +185,10 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
   }
   for (const auto& [family, index] : family_of)
     rates.within[family] = independent_questions[static_cast<std::size_t>(index)];
-  std::nth_element(smallest.begin(), smallest.begin() + rank, smallest.end());
-  rates.families = std::clamp(independent(smallest[rank]), 1.0, 1e7);
+  // That point is known from tail * draws values beyond it only: one standard error on the safe side.
+  const auto safe = static_cast<Eigen::Index>(std::max(0.0, tail * draws - std::sqrt(tail * draws) - 1.0));
+  std::nth_element(smallest.begin(), smallest.begin() + safe, smallest.end());
+  rates.families = std::clamp(independent(smallest[safe]), 1.0, 1e7);
 }
 
 }  // namespace rangecal::diagnosis

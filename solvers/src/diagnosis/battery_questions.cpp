@@ -212,22 +212,23 @@ void Battery::ask_catalogue() {
     if (!effect->missing(rows_.context).empty()) continue;
     bool any_linear = false;
     for (const EffectParameter& p : info.parameters) any_linear = any_linear || (p.linear && !p.discrete);
-    bool first = true, acts_on_mean = false, acts_on_variance = false;
+    bool acts_on_mean = false, acts_on_variance = false;
     for (const Eigen::VectorXd& start : effect->start_grid(rows_.context)) {
+      const bool unknown = !acts_on_mean && !acts_on_variance;  // a sector may lie where no reading does
       ActiveEffect active{effect.get(), start};
       std::vector<Signature> block;
       std::vector<Eigen::VectorXd> range_variance, bearing_variance;
       for (int j = 0; j < static_cast<int>(info.parameters.size()); ++j) {
         const EffectParameter& p = info.parameters[j];
         if (p.discrete || (any_linear && !p.linear)) continue;
-        if (first || acts_on_mean) {
+        if (unknown || acts_on_mean) {
           Signature x = effect_signature(rows_, projector_, active, j);
           if (projector_.raw_information(x) > 0.0) {
             acts_on_mean = true;
             block.push_back(std::move(x));
           }
         }
-        if (first || acts_on_variance) {
+        if (unknown || acts_on_variance) {
           Eigen::VectorXd range, bearing;
           variance_signature(rows_, projector_.geometry(), active, j, range, bearing);
           acts_on_variance = acts_on_variance || range.squaredNorm() + bearing.squaredNorm() > 0.0;
@@ -237,7 +238,6 @@ void Battery::ask_catalogue() {
           }
         }
       }
-      first = false;
       Question q;
       q.channel = info.channel;
       q.covariate = info.covariate;
@@ -246,7 +246,9 @@ void Battery::ask_catalogue() {
       q.start = start;
       if (!block.empty()) add_mean_signatures(q, std::move(block));
       if (acts_on_variance) ask_variance_of_rows(q, range_variance, bearing_variance);
-      if (!acts_on_mean && !acts_on_variance) break;
+      if (!acts_on_mean && !acts_on_variance && info.kind != EffectKind::mean &&
+          info.kind != EffectKind::noise)
+        break;
     }
   }
 }

@@ -4,7 +4,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <boost/math/distributions/hypergeometric.hpp>
 #include <cmath>
+#include <functional>
 #include <map>
 
 namespace rangecal::diagnosis {
@@ -145,6 +147,51 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   return evidence;
 }
 
+/// Readings that cells lack of the fullest one's number, and the limit beyond which they are missing.
+struct Gaps {
+  double missing = 0.0, expected = 0.0;
+  double from_m = 0.0;  ///< mean reading of the nearest cell beyond the limit
+  double gain = 0.0;  ///< nats of two rates, below and beyond it, against one, less the price of choosing it
+  double chance = 1.0;  ///< that so many of the cells with gaps lie beyond it if gaps know no distance
+};
+
+Gaps gaps_of(const Rows& rows) {
+  constexpr double enough = 12.5;  // nats
+  Gaps gaps;
+  const double full = rows.context.largest_cell;
+  if (rows.pairs || full < 3) return gaps;
+  std::vector<std::pair<double, double>> cells;  // mean reading, missing
+  unsigned with_gaps = 0;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    const double missing = full - (rows.cell_begin[c + 1] - rows.cell_begin[c]);
+    cells.emplace_back(rows.problem.cells.range_mean[c], missing);
+    gaps.missing += missing;
+    if (missing > 0.0) ++with_gaps;
+  }
+  gaps.expected = full * rows.cell_count;
+  std::sort(cells.begin(), cells.end(), std::greater<>());
+  const auto log_likelihood = [](double missing, double all) {
+    const auto part = [&](double k) { return k > 0.0 ? k * std::log(k / all) : 0.0; };
+    return part(missing) + part(all - missing);
+  };
+  const auto count = static_cast<unsigned>(cells.size());
+  const double one_rate = log_likelihood(gaps.missing, gaps.expected) + std::log(static_cast<double>(count));
+  double beyond = 0.0;
+  unsigned gaps_beyond = 0;
+  for (unsigned k = 1; k < count; ++k) {  // the k farthest cells
+    beyond += cells[k - 1].second;
+    if (cells[k - 1].second > 0.0) ++gaps_beyond;
+    const double far = full * k, near = gaps.expected - far;
+    const double gain = log_likelihood(beyond, far) + log_likelihood(gaps.missing - beyond, near) - one_rate;
+    if (gain < enough || beyond * near <= (gaps.missing - beyond) * far) continue;
+    // A landmark that somebody stood in front of loses many readings at once: cells count, not readings.
+    const boost::math::hypergeometric law(with_gaps, k, count);
+    const double chance = boost::math::cdf(boost::math::complement(law, gaps_beyond - 1.0));
+    if (chance < gaps.chance) gaps.chance = chance, gaps.gain = gain, gaps.from_m = cells[k - 1].first;
+  }
+  return gaps;
+}
+
 }  // namespace
 
 Bookkeeping correct_labels(std::vector<Recording>& recordings) {
@@ -185,38 +232,18 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     q.size = bearing.step;
     found.findings.push_back(q);
   }
-  if (rows.pairs || rows.context.largest_cell < 3) return found;
-  // Missing readings: logistic score of "missing" against the mean reading of the landmark from that stop.
-  const double full = rows.context.largest_cell;
-  double missing = 0.0, expected = 0.0;
-  for (int c = 0; c < rows.cell_count; ++c) {
-    missing += full - (rows.cell_begin[c + 1] - rows.cell_begin[c]);
-    expected += full;
-  }
-  const double rate = missing / expected;
-  if (missing < 5.0 || rate < 0.003) return found;
-  double mean_log = 0.0, score = 0.0, information = 0.0;
-  for (int c = 0; c < rows.cell_count; ++c)
-    mean_log += std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) / rows.cell_count;
-  for (int c = 0; c < rows.cell_count; ++c) {
-    const double x = std::log(std::max(1e-3, rows.problem.cells.range_mean[c])) - mean_log;
-    score += x * (full - (rows.cell_begin[c + 1] - rows.cell_begin[c]) - full * rate);
-    information += x * x * full * rate * (1.0 - rate);
-  }
-  const double chi_sq = information > 0.0 ? score * score / information : 0.0;
-  if (chi_sq > 25.0) {
-    const Effect* effect = find_effect("dropout");
-    double far = 0.0;
-    for (double y : rows.range_m) far = std::max(far, y);
-    Eigen::VectorXd p(1);
-    p[0] = far;
-    found.model.push_back({effect, p});
-    Question q = question("detection", "range", "linear", log_chi_sq_survival(chi_sq, 1));
-    q.size = rate;
-    found.findings.push_back(q);
-    found.notes.push_back(fmt::format("{:.0f} readings ({:.1f} %) are missing, and more of them far away",
-                                      missing, 100.0 * rate));
-  }
+  const Gaps gaps = gaps_of(rows);
+  if (gaps.missing < 5.0 || gaps.chance > 0.01) return found;
+  const Effect* effect = find_effect("dropout");
+  Eigen::VectorXd p(1);
+  p[0] = *std::max_element(rows.range_m.begin(), rows.range_m.end());
+  found.model.push_back({effect, p});
+  Question q = question("detection", "range", "linear", log_chi_sq_survival(2.0 * gaps.gain, 1));
+  q.from = gaps.from_m;
+  q.size = gaps.missing / gaps.expected;
+  found.findings.push_back(q);
+  found.notes.push_back(fmt::format("{:.0f} readings ({:.1f} %) are missing, and more of them far away",
+                                    gaps.missing, 100.0 * q.size));
   return found;
 }
 

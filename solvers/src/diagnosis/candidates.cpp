@@ -191,9 +191,9 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   const double credible = credible_gain(proposal);
   const bool chosen =
       candidate.fit.ok && candidate.gain > credible && proposal.promised > 0.0 && bends(rows, candidate.fit);
-  candidate.evidence =
-      candidate.fit.ok ? (chosen ? credible : candidate.gain) - price_of(candidate.fit.model.back(), rates)
-                       : -1e9;
+  const double price = price_of(model.back(), rates);
+  candidate.evidence = candidate.fit.ok ? (chosen ? credible : candidate.gain) - price : -1e9;
+  candidate.foreseen = proposal.promised - price;
   return candidate;
 }
 

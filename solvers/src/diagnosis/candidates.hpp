@@ -15,7 +15,10 @@ struct Candidate {
   double promised = 0.0;  ///< gain in nats that its projected score promised
   double gain = 0.0;      ///< baseline NLL minus its NLL
   double evidence = 0.0;  ///< gain less the price of what was chosen: what models are ranked by
-  double log_p = 0.0;     ///< of its question in the battery that proposed it
+  /// The same of the gains that scores promised: to be held against a free curve, of which there is only a
+  /// score.
+  double foreseen = 0.0;
+  double log_p = 0.0;  ///< of its question in the battery that proposed it
   int parameters = 0;
 };
 

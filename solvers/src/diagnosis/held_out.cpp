@@ -2,6 +2,8 @@
 // Held-out predictive density: fitted on four fifths of the blocks, asked about the last fifth,
 //   sum over folds of  l_s(all readings; theta of the rest) - l_s(the rest; theta of the rest),
 // stops integrated by Laplace's method in both.
+#include "diagnosis/held_out.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -58,7 +60,7 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
 }
 
 HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
-                const Fit& full, const RefitOptions& options) {
+                const Fit& full, const RefitOptions& options, bool by_parts = true) {
   HeldOut held;
   for (int f = 0; f < fold_count && held.ok; ++f) {
     std::vector<char> out(folds.size()), ours(folds.size());
@@ -77,7 +79,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
     const double alone = value(rest);
     // Cells that are never left out belong to the training part of every fold.
     held.nll += value(rows) - alone;
-    for (int part = 0; part < parts_of_fold; ++part) {
+    for (int part = 0; by_parts && part < parts_of_fold; ++part) {
       bool any = false;
       for (std::size_t c = 0; c < folds.size(); ++c) {
         const bool member = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
@@ -100,6 +102,31 @@ BlockKind block_kind(const Rows& rows, const Model& model) {
 }
 
 }  // namespace
+
+void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
+                              std::vector<Candidate>& candidates) {
+  constexpr double close = 8.0;  // nats: a real displacement beats a random walk by more
+  constexpr std::size_t most = 4;
+  const auto is_near = [&](const Candidate& c) { return c.evidence > candidates[0].evidence - close; };
+  std::size_t near = 0;
+  bool any = false;
+  for (; near < std::min(most, candidates.size()) && is_near(candidates[near]); ++near) {
+    const Effect& effect = *candidates[near].fit.model.back().effect;
+    any = any || (effect.info().kind == EffectKind::dependence && effect.acts_on_stops());
+  }
+  if (!any || near < 2) return;
+  const std::vector<int> blocks = blocks_of(rows, BlockKind::stops);
+  const std::vector<int> folds = folds_of(rows, blocks, fold_count);
+  const HeldOut first = predict(rows, blocks, folds, candidates[0].fit, options, false);
+  if (!first.ok) return;
+  const double evidence = candidates[0].evidence;
+  for (std::size_t i = 1; i < near; ++i) {
+    const HeldOut held = predict(rows, blocks, folds, candidates[i].fit, options, false);
+    if (held.ok) candidates[i].evidence = evidence + first.nll - held.nll;
+  }
+  std::sort(candidates.begin(), candidates.end(),
+            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+}
 
 std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, Diagnosis& result) {
   if (found.verdict != Verdict::unexplained || found.shapes.empty() || !found.first) return std::nullopt;

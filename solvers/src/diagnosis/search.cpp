@@ -6,7 +6,8 @@
 #include <set>
 
 #include "diagnosis/findings.hpp"
-#include "rangecal/core/errors.hpp"
+#include "diagnosis/forced.hpp"
+#include "diagnosis/held_out.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -20,6 +21,8 @@ constexpr double combination_margin = 10.0;
 /// Nats by which a free curve may beat a name before it is refused: 4, or what a curve's score overstates a
 /// strong one.
 constexpr double curve_margin = 4.0, curve_share = 0.05;
+/// The same where both are scores, which for strong effects stay below what refits gain.
+constexpr double score_margin = 2.5;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 /// Of what a first name gained: a second that adds less may be its formula's error.
 constexpr double trace_share = 0.1;
@@ -28,6 +31,12 @@ constexpr double partial_margin = 15.0;  ///< nats that a name for one channel o
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
 double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
+
+/// True if a single name explains as much as the best free curve (nats).
+bool equals_curve(const Candidate& name, double curve) {
+  const bool mean = name.fit.model.back().effect->info().kind == EffectKind::mean;
+  return name.evidence > curve - margin_of(name) && (!mean || name.foreseen > curve - score_margin);
+}
 
 /// Two names for one curve of range over distance: that is a free curve, not two causes.
 bool one_curve(const Model& model) {
@@ -84,8 +93,8 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    if (left || singles[i].evidence <
-                    std::max(partial_margin, best_curve(result, info.channel) - margin_of(singles[i])))
+    if (left || singles[i].evidence < partial_margin ||
+        !equals_curve(singles[i], best_curve(result, info.channel)))
       continue;
     result.partial = true;
     result.best = singles[i];
@@ -115,27 +124,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   result.known = known;
 
   if (options.force) {
-    if (options.force->empty()) throw InputError("no effect is named to be fitted");
-    const std::vector<Proposal> proposals = propose(rows, *result.first, {});
-    for (const std::string& id : *options.force) {
-      const Effect* effect = find_effect(id);
-      if (!effect) throw InputError("no effect is called '" + id + "'");
-      const auto grid = effect->start_grid(rows.context);
-      if (grid.empty()) throw InputError("effect '" + id + "' has nothing to act on in this recording");
-      Proposal proposal{effect, grid.front(), 0.0, 0.0, 0.0, {}};
-      for (const Proposal& p : proposals)
-        if (p.effect == effect) proposal = p;
-      for (const Question& q : result.first->questions)
-        if (q.effect == effect && q.gain > proposal.promised)
-          proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
-      Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
-      result.best = try_model(rows, base, proposal, result.rates, refit_options);
-      if (!result.best.fit.ok) throw InputError("effect '" + id + "' cannot be fitted to this recording");
-    }
-    result.best.gain = result.baseline.nll - result.best.fit.nll;
-    result.verdict = Verdict::explained;
-    result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state);
-    result.last->rates = result.rates;
+    fit_forced(rows, *options.force, refit_options, result);
     return result;
   }
 
@@ -192,12 +181,13 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
            free_curve_gain > c.evidence;
   });
 
+  settle_by_stops_left_out(rows, refit_options, singles);
+
   // One name: clean, close to the best of its kind, and not beaten by a free curve.
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
-    if (clean(singles[i], batteries[i]) && leading &&
-        singles[i].evidence > free_curve_gain - margin_of(singles[i])) {
+    if (clean(singles[i], batteries[i]) && leading && equals_curve(singles[i], free_curve_gain)) {
       result.verdict = Verdict::explained;
       result.best = singles[i];
       result.last = std::move(batteries[i]);
@@ -232,6 +222,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     for (Candidate& candidate : try_all(rows, first.fit, proposals, result.rates, refit_options, wanted)) {
       candidate.gain = result.baseline.nll - candidate.fit.nll;
       candidate.evidence = candidate.gain;
+      candidate.foreseen += first.foreseen;
       for (const ActiveEffect& active : candidate.fit.model)
         candidate.evidence -= price_of(active, result.rates);
       const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
@@ -254,8 +245,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
         std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
                     [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
     if (!started) {
-      const Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}},
-                                        result.rates, refit_options);
+      Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}},
+                                  result.rates, refit_options);
+      alone.foreseen = alone.evidence;  // nothing promised it
       if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
     }
   }
@@ -267,7 +259,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
                  (batteries[0]->corrected(q) > trace_rate && q.gain - q.dof < singles[0].evidence);
         });
   };
-  if (!singles.empty() && singles[0].evidence > free_curve_gain - margin_of(singles[0]) &&
+  if (!singles.empty() && equals_curve(singles[0], free_curve_gain) &&
       (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) && leaves_a_trace()) {
     result.verdict = Verdict::explained;
     result.best = singles[0];
@@ -278,7 +270,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   for (std::size_t i = 0; i < pairs.size() && i < 3; ++i) {
     std::unique_ptr<Battery> battery;
     if (pairs[i].evidence < pairs[0].evidence - options.naming_gap_nats) break;
-    if (pairs[i].evidence < free_curve_gain + combination_margin || !clean(pairs[i], battery)) continue;
+    if (std::min(pairs[i].evidence, pairs[i].foreseen) < free_curve_gain + combination_margin ||
+        !clean(pairs[i], battery))
+      continue;
     result.verdict = Verdict::explained;
     result.best = pairs[i];
     result.last = std::move(battery);

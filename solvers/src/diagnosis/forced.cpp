@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/forced.hpp"
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::diagnosis {
+
+void fit_forced(const Rows& rows, const std::vector<std::string>& names, const RefitOptions& options,
+                SearchResult& result) {
+  if (names.empty()) throw InputError("no effect is named to be fitted");
+  const std::vector<Proposal> proposals = propose(rows, *result.first, {});
+  for (const std::string& id : names) {
+    const Effect* effect = find_effect(id);
+    if (!effect) throw InputError("no effect is called '" + id + "'");
+    const auto grid = effect->start_grid(rows.context);
+    if (grid.empty()) throw InputError("effect '" + id + "' has nothing to act on in this recording");
+    Proposal proposal{effect, grid.front(), 0.0, 0.0, 0.0, {}};
+    for (const Proposal& p : proposals)
+      if (p.effect == effect) proposal = p;
+    for (const Question& q : result.first->questions)
+      if (q.effect == effect && q.gain > proposal.promised)
+        proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
+    const Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
+    result.best = try_model(rows, base, proposal, result.rates, options);
+    if (!result.best.fit.ok) throw InputError("effect '" + id + "' cannot be fitted to this recording");
+  }
+  result.best.gain = result.baseline.nll - result.best.fit.nll;
+  result.verdict = Verdict::explained;
+  result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state);
+  result.last->rates = result.rates;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "diagnosis/candidates.hpp"
+
+namespace rangecal::diagnosis {
+
+/// Errors that add up from stop to stop (a variance) and one displacement or angle (a place chosen among
+/// many) may fit a recording alike, and the prices of the two are of different kinds. Where effects on the
+/// stops' spread are among the best candidates, those within 8 nats are ranked by what they predict of stops
+/// left out:
+///   evidence_i = evidence_1 + l_1 - l_i,   l the negative log density of the stops left out, five folds.
+void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
+                              std::vector<Candidate>& candidates);
+
+}  // namespace rangecal::diagnosis
