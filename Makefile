@@ -71,6 +71,16 @@ hostile: build
 soak: build
 	$(BUILD)/benchmarks/soak $(SECONDS) notebooks_data
 
+# Every sign, exponent, factor and index of the likelihoods changed, one at a time: each change has to fail a test.
+.PHONY: mutants tidy
+mutants: build
+	tests/mutation/mutate.py $(BUILD) --jobs $(JOBS)
+
+# clang-tidy-14 by .clang-tidy.
+tidy: build
+	cmake $(BUILD) -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
+	run-clang-tidy-14 -quiet -p $(BUILD) -j $(JOBS) '$(CURDIR)/(core|problems|solvers|ingest|report|apps|python)/.*'
+
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
 

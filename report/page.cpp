@@ -125,7 +125,7 @@ std::string Table::html() const {
   return text + "</tbody></table></div>\n";
 }
 
-Page::Page(std::string title, std::string subtitle) : title_(std::move(title)) {
+Page::Page(std::string title, const std::string& subtitle) : title_(std::move(title)) {
   body_ = fmt::format("<h1>{}</h1>\n<p class=\"subtitle\">{}</p>\n", escaped(title_), escaped(subtitle));
   body_ += "<noscript>The charts need JavaScript; the tables do not.</noscript>\n";
 }

@@ -43,7 +43,7 @@ struct Chart {
 /// it. It asks for nothing from the network.
 class Page {
  public:
-  Page(std::string title, std::string subtitle);
+  Page(std::string title, const std::string& subtitle);
 
   /// What stands on top: a word ("good", "warn" or "bad" its colour) and the answer in one sentence.
   void verdict(const std::string& word, const std::string& colour, const std::string& sentence);

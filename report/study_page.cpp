@@ -17,7 +17,7 @@ struct Measure {
   std::string column, words;
   double factor = 1.0;
   int better = -1;        ///< -1: smaller, 1: larger, 0: neither
-  std::string best = "";  ///< what the best estimator has, in words
+  std::string best{};     ///< what the best estimator has, in words
 };
 
 /// What is drawn where the study has it, most telling first.

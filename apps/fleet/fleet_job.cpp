@@ -209,7 +209,7 @@ FleetResult run_fleet(const FleetJob& job) {
     if (fresh) fs::remove(job.output, ignored);
     throw;
   }
-  const FleetResult result = fleet->run();
+  FleetResult result = fleet->run();
   if (!job.csv.empty() && !result.partial) {
     Database database(job.output);
     write_csv(database, job.csv);

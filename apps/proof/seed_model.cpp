@@ -34,12 +34,8 @@ SeedModel::SeedModel(const world::World& clean) : clean_(clean), expected_(world
   std::map<std::string, int> numbers;
   for (std::size_t k = 0; k < clean.robot.stops.size(); ++k) {
     const std::string& place = clean.robot.stops[k].place;
-    if (place.empty())
-      place_of_.push_back(place_count_++);
-    else if (const auto [found, fresh] = numbers.try_emplace(place, place_count_); fresh)
-      place_of_.push_back(place_count_++);
-    else
-      place_of_.push_back(found->second);
+    place_of_.push_back(place.empty() ? place_count_ : numbers.try_emplace(place, place_count_).first->second);
+    if (place_of_.back() == place_count_) ++place_count_;
     for (int l = 0; l < landmark_count_; ++l)
       cell_stop_.push_back(static_cast<int>(k)), cell_landmark_.push_back(l);
   }

@@ -7,6 +7,7 @@
 #include <initializer_list>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -23,6 +24,7 @@ inline int index_of(double parameter) { return static_cast<int>(std::lround(para
 inline std::vector<double> indices(int first, int last, int most = 1 << 20) {
   std::vector<double> values;
   const int count = last - first + 1, kept = std::min(count, most);
+  values.reserve(std::max(kept, 0));
   for (int i = 0; i < kept; ++i)
     values.push_back(first +
                      (kept > 1 ? std::round(static_cast<double>(i) * (count - 1) / (kept - 1)) : 0.0));
@@ -46,9 +48,8 @@ inline std::vector<double> even_steps(double low, double high, int count) {
 
 /// `count` values from low to high > 0, equal ratios.
 inline std::vector<double> even_ratios(double low, double high, int count) {
-  std::vector<double> values;
-  for (double exponent : even_steps(std::log(low), std::log(high), count))
-    values.push_back(std::exp(exponent));
+  std::vector<double> values = even_steps(std::log(low), std::log(high), count);
+  for (double& value : values) value = std::exp(value);
   return values;
 }
 
@@ -89,6 +90,8 @@ inline std::string lacks_stops(const EffectContext& context, int needed) {
 }
 
 /// The first of two complaints that says anything.
-inline std::string either(std::string first, std::string second) { return first.empty() ? second : first; }
+inline std::string either(std::string first, std::string second) {
+  return first.empty() ? std::move(second) : std::move(first);
+}
 
 }  // namespace rangecal::effects

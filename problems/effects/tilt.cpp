@@ -45,6 +45,7 @@ class Tilt final : public Effect {
   std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
     constexpr double start = 2.0 * degree;
     std::vector<Eigen::VectorXd> grid;
+    grid.reserve(8);
     for (int i = 0; i < 8; ++i)
       grid.push_back(
           point({start * start * std::cos(45.0 * degree * i), start * start * std::sin(45.0 * degree * i)}));

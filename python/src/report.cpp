@@ -14,7 +14,7 @@ namespace rangecal::python {
 namespace {
 
 /// Writes the page that `make` makes, on a thread that Ctrl-C leaves.
-void write_page(const std::string& path, std::function<std::string()> make) {
+void write_page(const std::string& path, const std::function<std::string()>& make) {
   report::require_available();
   write_file(path, run_interruptible<std::string>([make](const StageHook&) { return make(); }, py::none()));
 }

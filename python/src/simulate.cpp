@@ -25,7 +25,8 @@ std::vector<std::shared_ptr<Recording>> draw(std::vector<Recording> layout, Cali
     if (!effect) throw InputError("no effect is called '" + id + "'");
     for (const auto& [name, value] : parameters) {
       const auto& known = effect->info().parameters;
-      if (std::none_of(known.begin(), known.end(), [&](const EffectParameter& p) { return p.name == name; }))
+      if (std::none_of(known.begin(), known.end(),
+                       [&name = name](const EffectParameter& p) { return p.name == name; }))
         throw InputError("the effect " + id + " has no parameter '" + name + "'");
     }
     calibration.effects[id] = parameters;

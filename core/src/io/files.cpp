@@ -79,6 +79,7 @@ void write_file(const std::string& path, const std::string& text) { Temporary(pa
 
 void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files) {
   std::vector<Temporary> written;
+  written.reserve(files.size());
   for (const auto& [name, text] : files)
     written.emplace_back((std::filesystem::path(folder) / name).string(), text);
   for (Temporary& file : written) file.put_in_place();

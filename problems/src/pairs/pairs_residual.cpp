@@ -14,8 +14,8 @@ int power_of(NoiseLaw law) {
 
 }  // namespace
 
-double PairsResidual::spread(Eigen::Ref<const Eigen::VectorXd> alpha,
-                             Eigen::Ref<const Eigen::VectorXd> noise) const {
+double PairsResidual::spread(const Eigen::Ref<const Eigen::VectorXd>& alpha,
+                             const Eigen::Ref<const Eigen::VectorXd>& noise) const {
   if (law == NoiseLaw::polynomial) return evaluate_polynomial(noise, d);
   const double sigma = std::exp(noise[0]);
   if (law == NoiseLaw::d_squared) return sigma * d * d;
@@ -25,8 +25,9 @@ double PairsResidual::spread(Eigen::Ref<const Eigen::VectorXd> alpha,
   return s;
 }
 
-bool PairsResidual::evaluate(Eigen::Ref<const Eigen::VectorXd> alpha, Eigen::Ref<const Eigen::VectorXd> noise,
-                             double* residuals, double* in_alpha, double* in_noise) const {
+bool PairsResidual::evaluate(const Eigen::Ref<const Eigen::VectorXd>& alpha,
+                             const Eigen::Ref<const Eigen::VectorXd>& noise, double* residuals,
+                             double* in_alpha, double* in_noise) const {
   const double f = evaluate_polynomial(alpha, d);
   const double s = spread(alpha, noise);
   if (!(s > s_floor)) return false;

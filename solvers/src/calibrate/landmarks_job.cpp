@@ -151,7 +151,7 @@ MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full
     return fit.outcome == Outcome::converged && fit.marginal_nll <= at_seed.marginal_nll;
   };
   if (!at_seed.ok || best.outcome == Outcome::unobservable || stands(best)) return best;
-  if (const MarginalFit direct = solve_marginal(problem, start, marginal);
+  if (MarginalFit direct = solve_marginal(problem, start, marginal);
       stands(direct) && !(best.outcome == Outcome::converged && best.marginal_nll < direct.marginal_nll))
     return direct;
   // REML's sigmas are not those of the lowest l_s: the criterion decides.

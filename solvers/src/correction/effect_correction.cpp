@@ -149,7 +149,7 @@ std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
 }
 
 Correction EffectCorrector::correct(double reading_m, const ReadingSetting& setting, const CorrectionOptions& options) const {
-  const Correction plain = rangecal::correct(calibration_, reading_m, options);
+  Correction plain = rangecal::correct(calibration_, reading_m, options);
   if (active_.empty()) return plain;
   const auto settle = [&](const CorrectionRoot& start, bool maximum_likelihood) {
     CorrectionRoot root = start;

@@ -85,7 +85,7 @@ void Battery::ask_means() {
     if (of_bearing && rows_.pairs) continue;
     const std::string channel = of_bearing ? "bearing" : "range";
     const auto ask = [&](const std::string& covariate, const std::string& shape,
-                         std::vector<Eigen::VectorXd> shapes, std::optional<double> from = {},
+                         const std::vector<Eigen::VectorXd>& shapes, std::optional<double> from = {},
                          std::optional<double> to = {}, const std::string& group = {}) {
       Question q;
       q.channel = channel;

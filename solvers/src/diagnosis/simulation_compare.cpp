@@ -78,7 +78,7 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
   difference.sigma_xy_m *= root2;
   difference.sigma_heading_rad *= root2;
   for (Stop& stop : difference.stops) {
-    stop.commanded = state.stops[static_cast<std::size_t>(first_stop + stop_of[stop.label])];
+    stop.commanded = state.stops[first_stop + stop_of[stop.label]];
     if (stop.sigma_xy_m) *stop.sigma_xy_m *= root2;
     if (stop.sigma_heading_rad) *stop.sigma_heading_rad *= root2;
   }

@@ -135,8 +135,9 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
     const double bearing_shared = errors.dependence.bearing_cell_sigma_rad * random.normal();
     double range_error = 0.0, bearing_error = 0.0;
     for (int i = rows.cell_begin[cell]; i < rows.cell_begin[cell + 1]; ++i) {
-      const auto follow = [&](double before, double rho, double fresh) {
-        return i == rows.cell_begin[cell] ? fresh : rho * before + std::sqrt(1.0 - rho * rho) * fresh;
+      const bool first = i == rows.cell_begin[cell];
+      const auto follow = [first](double before, double rho, double fresh) {
+        return first ? fresh : rho * before + std::sqrt(1.0 - rho * rho) * fresh;
       };
       range_error = follow(range_error, errors.dependence.range_correlation, random.normal());
       bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());

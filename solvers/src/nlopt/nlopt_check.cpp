@@ -206,7 +206,8 @@ NloptCheck nlopt_check(const NloptProblem& problem, const NloptOptions& options)
 Eigen::MatrixXd whitening_from_information(const Eigen::MatrixXd& information) {
   const Eigen::VectorXd scale = information.diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
   Eigen::MatrixXd correlation = scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
-  for (double jitter = 0.0; jitter < 1.0; jitter = jitter == 0.0 ? 1e-12 : jitter * 10.0) {
+  double jitter = 0.0;
+  for (int attempt = 0; attempt <= 12; ++attempt, jitter = jitter == 0.0 ? 1e-12 : jitter * 10.0) {  // up to a tenth
     correlation.diagonal().array() += jitter;
     const Eigen::LLT<Eigen::MatrixXd> factor(correlation);
     if (factor.info() != Eigen::Success) continue;

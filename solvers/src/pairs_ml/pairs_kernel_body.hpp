@@ -6,9 +6,9 @@ namespace rangecal::pairs_ml::KERNEL_NAMESPACE {
 namespace {
 
 constexpr int lanes = 8;
-typedef double Vector __attribute__((vector_size(64)));
-typedef long long Bits __attribute__((vector_size(64)));
-typedef double Loaded __attribute__((vector_size(64), aligned(8), may_alias));
+using Vector [[gnu::vector_size(64)]] = double;
+using Bits [[gnu::vector_size(64)]] = long long;
+using Loaded [[gnu::vector_size(64), gnu::aligned(8), gnu::may_alias]] = double;
 
 #define RANGECAL_INLINE inline __attribute__((always_inline))
 

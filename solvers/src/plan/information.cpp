@@ -30,9 +30,10 @@ Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool ev
       if (!(d > std::max(0.05, sketch.visible_min_m) && d < sketch.visible_max_m)) continue;
       const double y = evaluate_polynomial(sketch.alpha, d);
       if (!(y > sketch.sensor.range_min_m && y < sketch.sensor.range_max_m)) continue;
-      const auto headings = static_cast<std::size_t>(design.headings);
-      const double time_s = static_cast<double>(k / headings) * (request.costs.place_s + static_cast<double>(headings - 1) * request.costs.turn_s) +
-                            static_cast<double>(k % headings) * request.costs.turn_s;
+      const auto headings = static_cast<std::size_t>(design.headings), places = k / headings;
+      const auto turns = places * (headings - 1) + k % headings;
+      const double time_s = static_cast<double>(places) * request.costs.place_s +
+                            static_cast<double>(turns) * request.costs.turn_s;
       for (int repeat = 0; repeat < (every_repeat ? design.repeats : 1); ++repeat) {
         r.stop.push_back(static_cast<int>(k));
         r.landmark.push_back(static_cast<int>(l));

@@ -160,7 +160,8 @@ class Planner {
       bool moved = false;
       for (std::size_t l = 0; l < design.landmarks.size(); ++l)
         for (int i = 0; i < columns * rows; ++i) {
-          const Vector2d at = room_.at(0.05 + 0.9 * (i % columns) / (columns - 1), 0.05 + 0.9 * (i / columns) / (rows - 1.0));
+          const int column = i % columns, row = i / columns;
+          const Vector2d at = room_.at(0.05 + 0.9 * column / (columns - 1), 0.05 + 0.9 * row / (rows - 1.0));
           if (!free(design, l, at)) continue;
           PlanDesign trial = design;
           trial.landmarks[l] = at;

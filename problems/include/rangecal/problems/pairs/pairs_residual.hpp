@@ -23,12 +23,14 @@ struct PairsResidual {
   double s_floor = 0.0;   ///< [m]
 
   /// Spread [m] at alpha and the noise parameters (log sigma or beta); not positive outside of the model's domain.
-  double spread(Eigen::Ref<const Eigen::VectorXd> alpha, Eigen::Ref<const Eigen::VectorXd> noise) const;
+  double spread(const Eigen::Ref<const Eigen::VectorXd>& alpha,
+                const Eigen::Ref<const Eigen::VectorXd>& noise) const;
 
   /// Residuals (dimensionless, 3) and, where not null, their row-major Jacobians (3 x alpha.size(), 3 x noise.size()).
   /// False, with nothing written, where s <= s_floor.
-  bool evaluate(Eigen::Ref<const Eigen::VectorXd> alpha, Eigen::Ref<const Eigen::VectorXd> noise,
-                double* residuals, double* in_alpha, double* in_noise) const;
+  bool evaluate(const Eigen::Ref<const Eigen::VectorXd>& alpha,
+                const Eigen::Ref<const Eigen::VectorXd>& noise, double* residuals, double* in_alpha,
+                double* in_noise) const;
 };
 
 }  // namespace rangecal
