@@ -17,7 +17,8 @@ TEST(Taylor, HandWorkedSeries) {
   // (2 + h) (3 - h + h^2 + 5 h^3) = 6 + h + h^2 + 11 h^3 + ...
   const Taylor<3> a{{2.0, 1.0, 0.0, 0.0}}, b{{3.0, -1.0, 1.0, 5.0}};
   const Taylor<3> inverse = reciprocal(a), logarithm = log(a, inverse), product = a * b;
-  const double inverses[] = {0.5, -0.25, 0.125, -0.0625}, logarithms[] = {std::log(2.0), 0.5, -0.125, 1.0 / 24.0};
+  const double inverses[] = {0.5, -0.25, 0.125, -0.0625},
+               logarithms[] = {std::log(2.0), 0.5, -0.125, 1.0 / 24.0};
   const double products[] = {6.0, 1.0, 1.0, 11.0}, differences[] = {-1.0, 2.0, -1.0, -5.0};
   for (int k = 0; k <= 3; ++k) {
     EXPECT_DOUBLE_EQ(inverse.c[k], inverses[k]);
@@ -27,8 +28,8 @@ TEST(Taylor, HandWorkedSeries) {
     EXPECT_DOUBLE_EQ((2.0 * b).c[k] - (b + b).c[k], 0.0);
   }
   EXPECT_EQ(b.first(), -1.0);
-  EXPECT_EQ(b.second(), 2.0);    // 2! 1
-  EXPECT_EQ(b.third(), 30.0);    // 3! 5
+  EXPECT_EQ(b.second(), 2.0);  // 2! 1
+  EXPECT_EQ(b.third(), 30.0);  // 3! 5
 }
 
 /// d fn / dx at 0 by differences whose own error is of order h^4.
@@ -57,7 +58,8 @@ class RangeTermTest : public ::testing::TestWithParam<NoiseLaw> {
   /// The noise with its coordinate j moved: the logarithm of sigma, or beta_j.
   Noise moved(int j, double h) const {
     Noise other = noise;
-    other.parameters[j] = GetParam() == NoiseLaw::polynomial ? noise.parameters[j] + h : noise.parameters[j] * std::exp(h);
+    other.parameters[j] =
+        GetParam() == NoiseLaw::polynomial ? noise.parameters[j] + h : noise.parameters[j] * std::exp(h);
     return other;
   }
   RangeTerm<3> at(double distance, const Eigen::VectorXd& a, const Noise& n) const {
@@ -95,7 +97,8 @@ TEST_P(RangeTermTest, DerivativesMatchDifferences) {
     expect_slope(term.by_alpha(i).second(), [&](double h) { return in_alpha(i, h).cost.second(); });
     expect_slope(term.by_alpha(i).third(), [&](double h) { return in_alpha(i, h).cost.third(); });
     for (int j = 0; j < 3; ++j)
-      expect_slope(term.alpha_alpha * std::pow(d, i + j), [&](double h) { return in_alpha(j, h).by_alpha(i).value(); });
+      expect_slope(term.alpha_alpha * std::pow(d, i + j),
+                   [&](double h) { return in_alpha(j, h).by_alpha(i).value(); });
     for (int j = 0; j < taus; ++j)
       expect_slope(term.alpha_tau * std::pow(d, i) * term.tau_slope(j),
                    [&](double h) { return in_tau(j, h).by_alpha(i).value(); });
@@ -113,8 +116,8 @@ TEST_P(RangeTermTest, DerivativesMatchDifferences) {
 }
 
 TEST_P(RangeTermTest, FisherInformationIsThatOfANormalLaw) {
-  // Of mean mu(x) and log spread lambda(x): W mu_x mu_y / s^2 + 2 R lambda_x lambda_y. mu_alpha_0 = 1, mu_tau = 0,
-  // mu_d = f' + b = 0.9 + 2 0.07 1.6 + 0.2 = 1.324; lambda in log s itself: 1.
+  // Of mean mu(x) and log spread lambda(x): W mu_x mu_y / s^2 + 2 R lambda_x lambda_y. mu_alpha_0 = 1, mu_tau
+  // = 0, mu_d = f' + b = 0.9 + 2 0.07 1.6 + 0.2 = 1.324; lambda in log s itself: 1.
   const RangeTerm<3> term = at(d, alpha, noise);
   const auto f_at = [&](double x) { return 0.1 + 0.9 * x + 0.07 * x * x; };
   const double s = noise.spread(d, 1.7192), mean = 4.5 / (s * s);
@@ -140,8 +143,8 @@ TEST_P(RangeTermTest, RefusesWhatIsOutsideOfTheDomain) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Laws, RangeTermTest,
-                         ::testing::Values(NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed,
-                                           NoiseLaw::d_squared, NoiseLaw::polynomial));
+                         ::testing::Values(NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared,
+                                           NoiseLaw::f_cubed, NoiseLaw::d_squared, NoiseLaw::polynomial));
 
 TEST(PowerLawTerm, CostAndDerivativesOfEveryPower) {
   // R = 5, W = 4.5, y_bar = 1.75, S^2 = 0.03, sigma = 0.3 at f = 1.7: e = 0.05.

@@ -75,10 +75,43 @@ TEST(PairsProblem, GroupsEqualDistances) {
   EXPECT_EQ(problem.readings(), 3.0);
 }
 
+TEST(PairsProblem, SortsRowsByDistance) {
+  const std::vector<double> d = {3.0, 1.0, 4.0, 2.0}, y = {3.3, 1.1, 4.4, 2.2};
+  const PairsProblem problem = make_pairs_problem(d, y);
+  EXPECT_EQ(problem.row_true_m, (std::vector<double>{1.0, 2.0, 3.0, 4.0}));
+  EXPECT_EQ(problem.row_reading_m, (std::vector<double>{1.1, 2.2, 3.3, 4.4}));
+  EXPECT_TRUE(problem.single);
+}
+
+TEST(PairsProblem, AddsUpWhatRecordingsCount) {
+  Recording recordings[2];
+  for (Recording& recording : recordings) {
+    recording.kind = RecordingKind::pairs;
+    recording.pairs.true_m = {1.0, 2.0};
+    recording.pairs.reading_m = {1.1, 2.2};
+    recording.counts.read = 5;
+    recording.counts.used = 2;
+    recording.counts.cells_left_out = 1;
+    recording.counts.dropped["missing"] = 3;
+  }
+  const PairsProblem problem = make_pairs_problem(recordings);
+  EXPECT_EQ(problem.readings(), 4.0);
+  EXPECT_EQ(problem.counts.read, 10);
+  EXPECT_EQ(problem.counts.used, 4);
+  EXPECT_EQ(problem.counts.cells_left_out, 2);
+  EXPECT_EQ(problem.counts.dropped.at("missing"), 6);
+}
+
 TEST(PairsProblem, RefusesWrongInput) {
   const std::vector<double> two = {1.0, 2.0}, one = {1.0}, bad = {1.0, std::nan("")};
   EXPECT_THROW(make_pairs_problem(two, one), InputError);
-  EXPECT_THROW(make_pairs_problem(two, bad), InputError);
+  EXPECT_THROW(make_pairs_problem(bad, two), InputError);
+  try {
+    make_pairs_problem(two, bad);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(), "pairs: row 1: true_m 2, reading_m nan must be finite");
+  }
   const Recording landmarks[1] = {};
   EXPECT_THROW(make_pairs_problem(landmarks), InputError);
 }
