@@ -201,7 +201,7 @@ void Battery::ask_periods() {
     q.of = Question::Of::scalar;
     q.dof = 2;
     q.statistic = best;
-    q.gain = 0.5 * best;
+    q.gain = std::max(0.0, 0.5 * best - std::log(static_cast<double>(count)));  // less what choosing it cost
     q.log_p = std::min(0.0, log_chi_sq_survival(best, 2) + std::log(static_cast<double>(count)));
     q.size = std::sqrt(best / static_cast<double>(n)) *
              (of_bearing

@@ -202,7 +202,10 @@ std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vec
   std::vector<Candidate> tried;
   double best = 0.0;
   for (const Proposal& proposal : proposals) {
-    if (proposal.promised < best - 15.0 && tried.size() >= 3) break;  // cannot come near the best any more
+    // Cannot come near the best any more; what cells share gains more than the test that proposed it says.
+    const bool shared =
+        proposal.effect->info().kind == EffectKind::dependence && !proposal.effect->acts_on_stops();
+    if (proposal.promised < best - 15.0 && tried.size() >= 3 && !shared) continue;
     Candidate candidate = try_model(rows, base, proposal, rates, options, wanted);
     // A refit that does not deliver what its score promised has left the region where the score spoke.
     if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {

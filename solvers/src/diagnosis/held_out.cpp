@@ -106,24 +106,24 @@ BlockKind block_kind(const Rows& rows, const Model& model) {
 void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
                               std::vector<Candidate>& candidates) {
   constexpr double close = 8.0;  // nats: a real displacement beats a random walk by more
-  constexpr std::size_t most = 4;
-  const auto is_near = [&](const Candidate& c) { return c.evidence > candidates[0].evidence - close; };
-  std::size_t near = 0;
-  bool any = false;
-  for (; near < std::min(most, candidates.size()) && is_near(candidates[near]); ++near) {
-    const Effect& effect = *candidates[near].fit.model.back().effect;
-    any = any || (effect.info().kind == EffectKind::dependence && effect.acts_on_stops());
-  }
-  if (!any || near < 2) return;
+  const auto spreads_stops = [](const Candidate& c) {
+    const Effect& effect = *c.fit.model.back().effect;
+    return effect.info().kind == EffectKind::dependence && effect.acts_on_stops();
+  };
+  // The best of either kind, in the order of evidence.
+  const auto spread = std::find_if(candidates.begin(), candidates.end(), spreads_stops);
+  const auto other = std::find_if_not(candidates.begin(), candidates.end(), spreads_stops);
+  if (spread == candidates.end() || other == candidates.end() ||
+      std::abs(spread->evidence - other->evidence) > close)
+    return;
   const std::vector<int> blocks = blocks_of(rows, BlockKind::stops);
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
-  const HeldOut first = predict(rows, blocks, folds, candidates[0].fit, options, false);
-  if (!first.ok) return;
-  const double evidence = candidates[0].evidence;
-  for (std::size_t i = 1; i < near; ++i) {
-    const HeldOut held = predict(rows, blocks, folds, candidates[i].fit, options, false);
-    if (held.ok) candidates[i].evidence = evidence + first.nll - held.nll;
-  }
+  const HeldOut of_spread = predict(rows, blocks, folds, spread->fit, options, false);
+  const HeldOut of_other = predict(rows, blocks, folds, other->fit, options, false);
+  if (!of_spread.ok || !of_other.ok) return;
+  const double shift = other->evidence + of_other.nll - of_spread.nll - spread->evidence;
+  for (Candidate& c : candidates)
+    if (spreads_stops(c)) c.evidence += shift;
   std::sort(candidates.begin(), candidates.end(),
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }

@@ -8,10 +8,11 @@
 namespace rangecal::diagnosis {
 
 /// Errors that add up from stop to stop (a variance) and one displacement or angle (a place chosen among
-/// many) may fit a recording alike, and the prices of the two are of different kinds. Where effects on the
-/// stops' spread are among the best candidates, those within 8 nats are ranked by what they predict of stops
-/// left out:
-///   evidence_i = evidence_1 + l_1 - l_i,   l the negative log density of the stops left out, five folds.
+/// many) may fit a recording alike, and the prices of the two are of different kinds. Where the best of
+/// either kind lie within 8 nats, what they predict of stops left out ranks them: the evidence of all effects
+/// on the stops' spread moves by one amount, so that
+///   evidence_spread - evidence_other = l_other - l_spread,
+/// l the negative log density of the stops left out, five folds.
 void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
                               std::vector<Candidate>& candidates);
 

@@ -174,11 +174,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
 
   // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
-  // where no curve explains as much.
+  // where no curve explains as much. A score counts the mismatch as noise; fitted, n readings would gain
+  // -(n/2) ln(1 - 2 score / n).
+  const double n = static_cast<double>(rows.size());
+  const double fitted_curve_gain = -0.5 * n * std::log(std::max(1e-9, 1.0 - 2.0 * free_curve_gain / n));
   std::erase_if(singles, [&](const Candidate& c) {
     const Effect& effect = *c.fit.model.back().effect;
     return effect.info().kind == EffectKind::dependence && !effect.acts_on_stops() &&
-           free_curve_gain > c.evidence;
+           fitted_curve_gain > c.evidence;
   });
 
   settle_by_stops_left_out(rows, refit_options, singles);

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Worlds of `rangecal prove --fresh 300 --seed SEED` that a search before this one answered wrongly.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <ostream>
+
+#include "proof/fresh.hpp"
+
+namespace rangecal::proof {
+namespace {
+
+struct World {
+  std::uint64_t seed;
+  const char* row;
+  int index;
+  const char* design;
+  const char* planted;
+  Answer answer;
+  const char* was;  ///< what it was taken for, and why
+};
+
+void PrintTo(const World& world, std::ostream* out) { *out << world.planted << " for " << world.was; }
+
+class OnceWrong : public ::testing::TestWithParam<World> {};
+
+TEST_P(OnceWrong, IsAnsweredRight) {
+  const World& world = GetParam();
+  const Score score = run_case(world.row, world.seed, world.index, world.design, false,
+                               [](std::span<const Recording> recordings, const DiagnoseOptions& options) {
+                                 return diagnose(recordings, options);
+                               });
+  EXPECT_EQ(score.planted, world.planted);
+  EXPECT_EQ(to_string(score.result), std::string(to_string(world.answer))) << score.answer;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Worlds, OnceWrong,
+    ::testing::Values(World{202611211702, "noise-50", 17, "turning", "odometry_random_walk",
+                            Answer::right_name, "one slip that gains as much"},
+                      World{202611211702, "noise-50", 294, "line", "odometry_random_walk", Answer::right_name,
+                            "a bearing offset"},
+                      World{202611211702, "noise-50", 100, "line", "ambient_light", Answer::right_name,
+                            "nothing in the catalogue: the first sector asked about held no reading"},
+                      World{202611211702, "noise-50", 50, "line", "dropout", Answer::right_name,
+                            "nothing: few readings, all far away"},
+                      World{202611212008, "noise-50", 221, "turning", "cell_effect", Answer::right_name,
+                            "nothing in the catalogue: what its test promised was less than it gains"},
+                      World{202611211702, "outside", 33, "turning", "cable_guard", Answer::unexplained,
+                            "errors that cells share, whose refit was held against a curve's score"},
+                      World{202611211702, "outside", 44, "line", "cable_guard", Answer::unexplained,
+                            "a moved landmark, whose refit was held against a curve's score"}));
+
+}  // namespace
+}  // namespace rangecal::proof

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/bookkeeping.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rangecal/core/random.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Ten stops on the x axis, two landmarks, eight readings of each, distances 1 to 6.5 m; `lost(stop,
+/// landmark)` of them are missing.
+template <typename Lost>
+Rows rows_with_gaps(const Lost& lost) {
+  Recording recording;
+  recording.kind = RecordingKind::landmarks;
+  const Eigen::Vector2d axes[] = {{-1.0, 1.0}, {6.0, -1.0}};
+  recording.landmarks = {{"a", 0.0, {}}, {"b", 0.0, {}}};
+  Random random(seed_from("rows_with_gaps", {1}));
+  for (int k = 0; k < 10; ++k) {
+    Stop stop;
+    stop.label = std::to_string(k);
+    stop.commanded = {0.5 * k, 0.0, 0.0};
+    stop.sigma_xy_m = 0.01;
+    recording.stops.push_back(stop);
+    for (int l = 0; l < 2; ++l)
+      for (int j = 0; j < 8 - lost(k, l); ++j) {
+        const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
+        Readings& r = recording.readings;
+        r.stop.push_back(k), r.landmark.push_back(l), r.repeat.push_back(j);
+        r.range_m.push_back(v.norm() + random.normal(0.0, 1e-3));
+        r.bearing_rad.push_back(std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3));
+        r.time_s.push_back(10.0 * k + j);
+        r.row.push_back(static_cast<int>(r.row.size()) + 2);
+      }
+  }
+  return make_rows({&recording, 1});
+}
+
+bool names_dropout(const Rows& rows) {
+  const Bookkeeping found = find_grids_and_gaps(rows);
+  for (const ActiveEffect& active : found.model)
+    if (active.effect->info().id == "dropout") return true;
+  return false;
+}
+
+TEST(Gaps, BeyondADistanceAreDropout) {
+  // The three farthest cells: a from stops 8 and 9 (5.1 and 5.6 m), b from stop 0 (6.1 m).
+  EXPECT_TRUE(names_dropout(
+      rows_with_gaps([](int k, int l) { return (l == 0 && k >= 8) || (l == 1 && k == 0) ? 5 : 0; })));
+}
+
+TEST(Gaps, OfOneLandmarkInTheMiddleAreSomebodyInFrontOfIt) {
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return l == 0 && k == 4 ? 7 : 0; })));
+}
+
+TEST(Gaps, OfTheFarthestCellAloneMayBeChance) {
+  // One cell of twenty: by chance 1 in 20 lies farthest.
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return l == 1 && k == 0 ? 7 : 0; })));
+}
+
+TEST(Gaps, NearbyAreNoDropout) {
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return l == 0 && k < 3 ? 5 : 0; })));
+}
+
+TEST(Gaps, EverywhereAreNoDropout) {
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return (k + l) % 2; })));
+}
+
+}  // namespace
+}  // namespace rangecal::diagnosis
