@@ -9,25 +9,40 @@
 #include <vector>
 
 #include "joint_ml/chain_link.hpp"
-#include "rangecal/problems/landmarks/stop_residual.hpp"
+#include "rangecal/problems/landmarks/cell_residual.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
 
-/// StopResidual with its floors at the blocks given.
-class StopCost : public ceres::CostFunction {
+/// CellResidual with its floor at the blocks given.
+class CellCost : public ceres::CostFunction {
  public:
-  explicit StopCost(StopResidual residual) : residual_(std::move(residual)) {
+  explicit CellCost(CellResidual residual) : residual_(std::move(residual)) {
     set_num_residuals(residual_.residual_count());
-    for (int size : residual_.block_sizes()) mutable_parameter_block_sizes()->push_back(size);
+    *mutable_parameter_block_sizes() = residual_.block_sizes();
   }
   bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
     return residual_.evaluate(blocks, nullptr, residuals, jacobians);
   }
-  StopResidual& residual() { return residual_; }
+  CellResidual& residual() { return residual_; }
 
  private:
-  StopResidual residual_;
+  CellResidual residual_;
+};
+
+class StopPriorCost : public ceres::CostFunction {
+ public:
+  explicit StopPriorCost(const StopPriorResidual& residual) : residual_(residual) {
+    set_num_residuals(residual_.residual_count());
+    mutable_parameter_block_sizes()->push_back(residual_.stop.size);
+  }
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    residual_.evaluate(blocks[0], residuals, jacobians ? jacobians[0] : nullptr);
+    return true;
+  }
+
+ private:
+  StopPriorResidual residual_;
 };
 
 class BearingSpreadCost : public ceres::CostFunction {
@@ -45,8 +60,8 @@ class BearingSpreadCost : public ceres::CostFunction {
   BearingSpreadResidual residual_;
 };
 
-/// One link of a random walk over sigma: (increment) / sigma_xy [2], turn / sigma_heading [1], each where it has a
-/// prior. Blocks: the coordinates of the stop's place, and of the place before where it is another one.
+/// One link of a random walk over sigma: (increment) / sigma_xy [2], turn / sigma_heading [1], each where it
+/// has a prior. Blocks: the coordinates of the stop's place, and of the place before where it is another one.
 class LinkCost : public ceres::CostFunction {
  public:
   LinkCost(const JointProblem& problem, const JointLayout& layout, const JointState& reference, int stop)

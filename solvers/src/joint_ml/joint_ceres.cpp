@@ -2,6 +2,7 @@
 #include "rangecal/solvers/joint_ml/joint_ceres.hpp"
 
 #include <ceres/iteration_callback.h>
+#include <ceres/manifold.h>
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
@@ -47,39 +48,47 @@ Eigen::MatrixXd whitened_basis(const JointProblem& problem, const JointState& st
 class Program : public ceres::IterationCallback {
  public:
   Program(const JointProblem& problem, const JointState& start, const JointLayout& layout, const Held& held)
-      : problem_(problem), start_(start), layout_(layout), held_(held), basis_(whitened_basis(problem, start)),
-        coordinates_(layout.coordinates, 0.0), curve_(start.alpha.size(), 0.0), program_(program_options()) {
+      : problem_(problem),
+        start_(start),
+        layout_(layout),
+        held_(held),
+        curve_block_(start, whitened_basis(problem, start)),
+        coordinates_(layout.coordinates, 0.0),
+        curve_(start.alpha.size(), 0.0),
+        alpha_count_(start.alpha.size()),
+        program_(program_options()) {
     for (const Eigen::Vector2d& m : start.landmarks) landmarks_.insert(landmarks_.end(), {m.x(), m.y()});
     if (start.noise.law == NoiseLaw::polynomial)
-      sigmas_.assign(start.noise.parameters.begin(), start.noise.parameters.end());
+      curve_.insert(curve_.end(), start.noise.parameters.begin(), start.noise.parameters.end());
     else
-      sigmas_.push_back(std::log(start.noise.parameters[0]));
-    sigmas_.push_back(std::log(start.sigma_theta_rad));
+      curve_.push_back(std::log(start.noise.parameters[0]));
+    curve_.push_back(std::log(start.sigma_theta_rad));
     add_blocks();
     add_links();
     program_.AddParameterBlock(curve_.data(), static_cast<int>(curve_.size()));
-    program_.AddParameterBlock(sigmas_.data(), static_cast<int>(sigmas_.size()));
-    if (held.alpha) program_.SetParameterBlockConstant(curve_.data());
-    if (held.sigmas) program_.SetParameterBlockConstant(sigmas_.data());
+    hold_curve();
     for (int l = 0; held.landmarks && l < problem.landmark_count(); ++l)
-      if (program_.HasParameterBlock(&landmarks_[2 * l])) program_.SetParameterBlockConstant(&landmarks_[2 * l]);
+      if (program_.HasParameterBlock(&landmarks_[2 * l]))
+        program_.SetParameterBlockConstant(&landmarks_[2 * l]);
   }
 
   JointState state() const {
     JointState now = start_;
     if (!held_.alpha)
-      now.alpha += basis_ * Eigen::Map<const Eigen::VectorXd>(curve_.data(), static_cast<Eigen::Index>(curve_.size()));
+      now.alpha += curve_block_.basis * Eigen::Map<const Eigen::VectorXd>(curve_.data(), alpha_count_);
     if (!held_.sigmas) {
       if (now.noise.law == NoiseLaw::polynomial)
-        std::copy(sigmas_.begin(), sigmas_.end() - 1, now.noise.parameters.begin());
+        std::copy(curve_.begin() + alpha_count_, curve_.end() - 1, now.noise.parameters.begin());
       else
-        now.noise.parameters[0] = std::exp(sigmas_[0]);
-      now.sigma_theta_rad = std::exp(sigmas_.back());
+        now.noise.parameters[0] = std::exp(curve_[alpha_count_]);
+      now.sigma_theta_rad = std::exp(curve_.back());
     }
     for (std::size_t l = 0; l < now.landmarks.size(); ++l)
       now.landmarks[l] = Eigen::Vector2d(landmarks_[2 * l], landmarks_[2 * l + 1]);
     const Eigen::VectorXd still = Eigen::VectorXd::Zero(layout_.global_count);
-    return step_state(problem_, layout_, now, still, Eigen::Map<const Eigen::VectorXd>(coordinates_.data(), static_cast<Eigen::Index>(coordinates_.size())));
+    return step_state(problem_, layout_, now, still,
+                      Eigen::Map<const Eigen::VectorXd>(coordinates_.data(),
+                                                        static_cast<Eigen::Index>(coordinates_.size())));
   }
 
   /// One run of Ceres's trust region.
@@ -89,31 +98,27 @@ class Program : public ceres::IterationCallback {
     options.max_num_consecutive_invalid_steps = 100;
     options.function_tolerance = 0.0;
     options.gradient_tolerance = 0.0;
-    options.parameter_tolerance = 1e-11;  // metres and logs of order one against standard deviations of 1e-4 and more
+    // Metres and logs of order one against standard deviations of 1e-4 and more.
+    options.parameter_tolerance = 1e-11;
     options.initial_trust_region_radius = 1e2;  // a first step too far takes many halvings of a larger one
     options.max_trust_region_radius = 1e16;
-    options.jacobi_scaling = false;  // the unknowns are of like size already
+    options.jacobi_scaling = false;         // the unknowns are of like size already
     options.use_nonmonotonic_steps = true;  // the last decreases drown in the rounding of the sum of squares
     options.logging_type = ceres::SILENT;
     options.callbacks.push_back(this);
     options.update_state_every_iteration = true;
-    if (layout_.coordinates == 0)
-      options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-    else if (layout_.chained)
-      options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    else
-      options.linear_solver_type = ceres::DENSE_SCHUR;
-    if (options.linear_solver_type == ceres::DENSE_SCHUR) {
-      options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-      // Ceres orders the blocks of a group by address: one vector a group, or the last bits would change from run to run.
-      const std::vector<double>* const vectors[] = {&coordinates_, &curve_, &sigmas_, &landmarks_};
-      std::vector<double*> blocks;
-      program_.GetParameterBlocks(&blocks);
-      for (double* block : blocks)
-        for (int group = 0; group < 4; ++group)
-          if (block >= vectors[group]->data() && block < vectors[group]->data() + vectors[group]->size())
-            options.linear_solver_ordering->AddElementToGroup(block, group);
-    }
+    options.linear_solver_type =
+        layout_.coordinates == 0 ? ceres::DENSE_NORMAL_CHOLESKY : ceres::SPARSE_NORMAL_CHOLESKY;
+    options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+    // Stops first. Ceres orders the blocks of a group by address: one vector a group, or the last bits would
+    // change from run to run.
+    const std::vector<double>* const vectors[] = {&coordinates_, &curve_, &landmarks_};
+    std::vector<double*> blocks;
+    program_.GetParameterBlocks(&blocks);
+    for (double* block : blocks)
+      for (int group = 0; group < 3; ++group)
+        if (block >= vectors[group]->data() && block < vectors[group]->data() + vectors[group]->size())
+          options.linear_solver_ordering->AddElementToGroup(block, group);
     ceres::Solver::Summary summary;
     silence_ceres();
     ceres::Solve(options, &program_, &summary);
@@ -122,19 +127,24 @@ class Program : public ceres::IterationCallback {
 
   /// Moves the references of the floors' level to the present values.
   bool set_reference() {
-    for (std::size_t j = 0; j < stop_costs_.size(); ++j)
-      if (StopResidual& residual = stop_costs_[j].residual();
-          !residual.set_reference(parameters_of(residual, j).data()))
+    const Cells& c = problem_.cells;
+    for (std::size_t i = 0; i < c.size(); ++i)
+      if (!cell_costs_[i].residual().set_reference(parameters_of(c.stop[i], c.landmark[i]).data()))
         return false;
-    bearing_cost_->residual().log_reference = sigmas_.back();
+    bearing_cost_->residual().log_reference = curve_.back();
     return true;
   }
 
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
+    // A gain of 1e-11 nats, of which the next step may find a twentieth, leaves a gradient norm of 1e-6.
+    const double rounding = 1e-15 * step.cost;
+    if (step.iteration > 0 && step.step_is_successful &&
+        std::abs(step.cost_change) < std::max(1e-11, rounding))
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
     if (held_.sigmas) return ceres::SOLVER_CONTINUE;
     JointState now = start_;
-    now.sigma_theta_rad = std::exp(sigmas_.back());
-    if (now.noise.law != NoiseLaw::polynomial) now.noise.parameters[0] = std::exp(sigmas_[0]);
+    now.sigma_theta_rad = std::exp(curve_.back());
+    if (now.noise.law != NoiseLaw::polynomial) now.noise.parameters[0] = std::exp(curve_[alpha_count_]);
     collapsed = collapsed_sigma(start_, now);
     return collapsed.empty() ? ceres::SOLVER_CONTINUE : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }
@@ -149,27 +159,48 @@ class Program : public ceres::IterationCallback {
     return options;
   }
 
-  std::vector<double*> parameters_of(const StopResidual& residual, std::size_t node) {
-    std::vector<double*> blocks = {curve_.data(), sigmas_.data()};
-    if (residual.coordinates() > 0) blocks.push_back(&coordinates_[layout_.nodes[node].coordinate]);
-    for (int l : residual.landmarks()) blocks.push_back(&landmarks_[2 * l]);
+  void hold_curve() {
+    std::vector<int> constant;
+    for (int i = 0; i < static_cast<int>(curve_.size()); ++i)
+      if (i < alpha_count_ ? held_.alpha : held_.sigmas) constant.push_back(i);
+    if (constant.size() == curve_.size())
+      program_.SetParameterBlockConstant(curve_.data());
+    else if (!constant.empty())
+      program_.SetManifold(curve_.data(),
+                           new ceres::SubsetManifold(static_cast<int>(curve_.size()), constant));
+  }
+
+  std::vector<double*> parameters_of(int stop, int landmark) {
+    std::vector<double*> blocks = {curve_.data()};
+    const JointLayout::Node& node = layout_.nodes[layout_.node_of_stop[stop]];
+    if (node.dim > 0) blocks.push_back(&coordinates_[node.coordinate]);
+    blocks.push_back(&landmarks_[2 * landmark]);
     return blocks;
   }
 
   void add_blocks() {
-    for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
-      StopCost& cost = stop_costs_.emplace_back(StopResidual(problem_, start_, basis_, {layout_.nodes[j].stops.begin(), layout_.nodes[j].stops.end()}));
-      program_.AddResidualBlock(&cost, nullptr, parameters_of(cost.residual(), j));
+    const Cells& c = problem_.cells;
+    for (int k = 0; k < problem_.stop_count(); ++k) {
+      const JointLayout::Node& node = layout_.nodes[layout_.node_of_stop[k]];
+      const StopBlock stop{start_.stops[k], node.dim, node.free_position,
+                           node.heading[layout_.slot_of_stop[k]]};
+      for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i)
+        program_.AddResidualBlock(
+            &cell_costs_.emplace_back(CellResidual(problem_, curve_block_, start_, stop, i)), nullptr,
+            parameters_of(k, c.landmark[i]));
+      const StopPriorResidual prior(problem_.stops[k], sigma_xy_of(problem_, start_, k), stop);
+      if (prior.residual_count() > 0)
+        program_.AddResidualBlock(&prior_costs_.emplace_back(prior), nullptr, &coordinates_[node.coordinate]);
     }
     BearingSpreadResidual bearing;
     for (std::size_t i = 0; i < problem_.cells.size(); ++i)
       bearing.square_sum += problem_.cells.bearing_weight[i] * problem_.cells.bearing_mean_square[i];
     bearing.readings = problem_.readings;
-    bearing.log_reference = sigmas_.back();
-    bearing.block_size = static_cast<int>(sigmas_.size());
+    bearing.log_reference = curve_.back();
+    bearing.block_size = static_cast<int>(curve_.size());
     bearing.index = bearing.block_size - 1;
     bearing_cost_ = std::make_unique<BearingSpreadCost>(bearing);
-    program_.AddResidualBlock(bearing_cost_.get(), nullptr, sigmas_.data());
+    program_.AddResidualBlock(bearing_cost_.get(), nullptr, curve_.data());
   }
 
   void add_links() {
@@ -190,21 +221,25 @@ class Program : public ceres::IterationCallback {
   const JointState& start_;
   const JointLayout& layout_;
   const Held held_;
-  Eigen::MatrixXd basis_;
-  std::vector<double> coordinates_, curve_, sigmas_, landmarks_;
-  std::deque<StopCost> stop_costs_;  ///< one per node
+  const CurveBlock curve_block_;
+  std::vector<double> coordinates_, curve_, landmarks_;
+  std::deque<CellCost> cell_costs_;  ///< one per cell, in their order
+  std::deque<StopPriorCost> prior_costs_;
   std::unique_ptr<BearingSpreadCost> bearing_cost_;
   std::deque<LinkCost> link_costs_;
   std::deque<TapedCost> taped_costs_;
+  Eigen::Index alpha_count_;
   ceres::Problem program_;
 };
 
 }  // namespace
 
-JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start, const JointOptions& options) {
+JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
+                           const JointOptions& options) {
   JointFit fit;
   fit.state = start;
-  JointSystem system(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()));
+  JointSystem system(problem, static_cast<int>(start.alpha.size()),
+                     static_cast<int>(start.noise.parameters.size()));
   const std::vector<int> free = free_globals(system.layout(), options.held);
   fit.start_nll = fit.joint_nll = system.assemble(start, HessianKind::fisher);
   if (cannot_start(problem, options.held, fit)) return fit;
@@ -218,7 +253,8 @@ JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
     fit.state = program.state();
     if (!program.collapsed.empty()) {
       fit.outcome = Outcome::unbounded;
-      fit.reason = "the joint likelihood has no maximum here: " + program.collapsed + "; use the marginal method";
+      fit.reason =
+          "the joint likelihood has no maximum here: " + program.collapsed + "; use the marginal method";
       fit.joint_nll = joint_nll(problem, fit.state);
       return fit;
     }
@@ -230,7 +266,8 @@ JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
     const Eigen::VectorXd stops = system.back_substitute(*step, true);
     fit.gradient_norm =
         std::sqrt(std::max(0.0, -(system.global_gradient().dot(*step) + system.stop_gradient().dot(stops))));
-    // Ceres compares sums of squares, whose rounding is about 1e-16 of N: no smaller norm can be told from its gain.
+    // Ceres compares sums of squares, whose rounding is about 1e-16 of N: no smaller norm can be told from
+    // its gain.
     const double rounding = std::max(1e-6, std::sqrt(1e-14 * problem.readings));
     const bool stalled = fit.gradient_norm < rounding && fit.gradient_norm > 0.5 * last_norm;
     if (fit.gradient_norm < std::max(1e-6, options.gradient_tolerance) || stalled) {
@@ -241,7 +278,8 @@ JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
   }
   if (fit.outcome != Outcome::converged) {
     fit.outcome = Outcome::not_converged;
-    fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
+    fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations,
+                             fit.gradient_norm);
   }
   if (system.eliminate()) describe_covariance(system.schur(), system.layout(), free, fit);
   return fit;
