@@ -28,7 +28,7 @@ UNITS = {
     "problems/src/pairs/pairs_residual.cpp": [PAIRS + "pairs_problem_test.cpp"],
     "problems/src/pairs/noise_shape.cpp": [PAIRS + "pairs_problem_test.cpp"],
     "problems/src/landmarks/joint_nll.cpp": [LANDMARKS + "joint_nll_test.cpp"],
-    "problems/src/landmarks/stop_residual.cpp": [LANDMARKS + "stop_residual_test.cpp"],
+    "problems/src/landmarks/cell_residual.cpp": [LANDMARKS + "cell_residual_test.cpp"],
     HEADERS + "range_term.hpp": [LANDMARKS + "range_term_test.cpp"],
     HEADERS + "power_law_term.hpp": [LANDMARKS + "range_term_test.cpp"],
     HEADERS + "taylor.hpp": [LANDMARKS + "range_term_test.cpp"],
