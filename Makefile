@@ -79,7 +79,7 @@ mutants: build
 # clang-tidy-14 by .clang-tidy.
 tidy: build
 	cmake $(BUILD) -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
-	run-clang-tidy-14 -quiet -p $(BUILD) -j $(JOBS) '$(CURDIR)/(core|problems|solvers|ingest|report|apps|python)/.*'
+	run-clang-tidy-14 -quiet -extra-arg=-Wno-unknown-warning-option -p $(BUILD) -j $(JOBS) '$(CURDIR)/(core|problems|solvers|ingest|report|apps|python)/.*'
 
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json

@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "rangecal/core/angles.hpp"
+#include "rangecal/problems/landmarks/range_term.hpp"
 
 namespace rangecal {
 namespace {
 
-constexpr int max_coefficients = 9;
+constexpr int max_coefficients = RangeTerm<3>::max_coefficients;
 
 }  // namespace
 
@@ -132,8 +134,8 @@ bool CellResidual::evaluate(const double* const* blocks, const double* log_floor
   if (repeats_) r[4] = root_W * std::sqrt(c.range_mean_square[cell_]) * curve.inverse_s;
   if (!jacobians) return true;
 
-  // d r = by_mean df + by_log dlambda, row by row; the bearing's row does not depend on f, the level's on
-  // nothing.
+  // d r = by_mean df + by_log dlambda, row by row; the bearing's row knows no f, and the level
+  // moves with the floor only.
   const double by_mean = -root_W * curve.inverse_s, bend = c.bend.empty() ? 0.0 : c.bend[cell_];
   const double by_log[5] = {-r[0], R / r[1], 0.0, 0.0, repeats_ ? -r[4] : 0.0};
   const double lambda_slope = curve.by_f * curve.f_slope + curve.by_d;

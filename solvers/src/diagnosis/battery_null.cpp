@@ -11,7 +11,8 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double tail = 0.03;  ///< the point of the smallest p-value's law that fixes the effective numbers
+/// The point of the smallest p-value's law that fixes the effective numbers.
+constexpr double tail = 0.03;
 constexpr double worth_a_p_value =
     0.15;  ///< share of the draws whose largest statistic is turned into a p-value
 

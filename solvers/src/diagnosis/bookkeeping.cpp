@@ -152,7 +152,9 @@ struct Gaps {
   double missing = 0.0, expected = 0.0;
   double from_m = 0.0;  ///< mean reading of the nearest cell beyond the limit
   double gain = 0.0;  ///< nats of two rates, below and beyond it, against one, less the price of choosing it
-  double chance = 1.0;  ///< that so many of the cells with gaps lie beyond it if gaps know no distance
+  /// That so many of the cells with gaps lie beyond it if gaps know no distance; the least over the limits
+  /// tried.
+  double chance = 1.0;
 };
 
 Gaps gaps_of(const Rows& rows) {
@@ -180,10 +182,12 @@ Gaps gaps_of(const Rows& rows) {
   unsigned gaps_beyond = 0;
   for (unsigned k = 1; k < count; ++k) {  // the k farthest cells
     beyond += cells[k - 1].second;
-    if (cells[k - 1].second > 0.0) ++gaps_beyond;
+    if (!(cells[k - 1].second > 0.0)) continue;  // a limit just beyond this cell is likelier
+    ++gaps_beyond;
+    const unsigned fewest = with_gaps + k > count ? with_gaps + k - count : 0;
     const double far = full * k, near = gaps.expected - far;
     const double gain = log_likelihood(beyond, far) + log_likelihood(gaps.missing - beyond, near) - one_rate;
-    if (gain < enough || beyond * near <= (gaps.missing - beyond) * far) continue;
+    if (gaps_beyond <= fewest || gain < enough || beyond * near <= (gaps.missing - beyond) * far) continue;
     // A landmark that somebody stood in front of loses many readings at once: cells count, not readings.
     const boost::math::hypergeometric law(with_gaps, k, count);
     const double chance = boost::math::cdf(boost::math::complement(law, gaps_beyond - 1.0));
@@ -238,7 +242,7 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Eigen::VectorXd p(1);
   p[0] = *std::max_element(rows.range_m.begin(), rows.range_m.end());
   found.model.push_back({effect, p});
-  Question q = question("detection", "range", "linear", log_chi_sq_survival(2.0 * gaps.gain, 1));
+  Question q = question("detection", "range", "linear", std::log(gaps.chance));
   q.from = gaps.from_m;
   q.size = gaps.missing / gaps.expected;
   found.findings.push_back(q);

@@ -173,9 +173,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   result.tried = singles;
   const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
 
-  // Errors that the readings of a cell or stop share take up whatever a curve would: they are a name only
-  // where no curve explains as much. A score counts the mismatch as noise; fitted, n readings would gain
-  // -(n/2) ln(1 - 2 score / n).
+  // Errors that the readings of a cell share take up whatever a curve would: they are a name only where no
+  // curve explains as much. A score counts the mismatch as noise; fitted, n readings gain
+  // -(n/2) ln(1 - 2 score / n), here of the score less its price.
   const double n = static_cast<double>(rows.size());
   const double fitted_curve_gain = -0.5 * n * std::log(std::max(1e-9, 1.0 - 2.0 * free_curve_gain / n));
   std::erase_if(singles, [&](const Candidate& c) {
@@ -185,6 +185,9 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   });
 
   settle_by_stops_left_out(rows, refit_options, singles);
+  for (Candidate& tried : result.tried)  // probabilities compare like with like
+    for (const Candidate& c : singles)
+      if (c.fit.model.back().effect == tried.fit.model.back().effect) tried.evidence = c.evidence;
 
   // One name: clean, close to the best of its kind, and not beaten by a free curve.
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));

@@ -10,13 +10,13 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Ten stops on the x axis, two landmarks, eight readings of each, distances 1 to 6.5 m; `lost(stop,
+/// Ten stops on the x axis, two landmarks, eight readings of each, distances 1.4 to 6.3 m; `lost(stop,
 /// landmark)` of them are missing.
 template <typename Lost>
 Rows rows_with_gaps(const Lost& lost) {
   Recording recording;
   recording.kind = RecordingKind::landmarks;
-  const Eigen::Vector2d axes[] = {{-1.0, 1.0}, {6.0, -1.0}};
+  const Eigen::Vector2d axes[] = {{-1.0, 1.0}, {6.2, -1.0}};
   recording.landmarks = {{"a", 0.0, {}}, {"b", 0.0, {}}};
   Random random(seed_from("rows_with_gaps", {1}));
   for (int k = 0; k < 10; ++k) {
@@ -47,9 +47,25 @@ bool names_dropout(const Rows& rows) {
 }
 
 TEST(Gaps, BeyondADistanceAreDropout) {
-  // The three farthest cells: a from stops 8 and 9 (5.1 and 5.6 m), b from stop 0 (6.1 m).
-  EXPECT_TRUE(names_dropout(
-      rows_with_gaps([](int k, int l) { return (l == 0 && k >= 8) || (l == 1 && k == 0) ? 5 : 0; })));
+  // The farthest cells: b from stops 0 and 1 (6.28 and 5.79 m), a from stop 9 (5.59 m); next b from stop 2
+  // (5.30 m).
+  const Bookkeeping found = find_grids_and_gaps(
+      rows_with_gaps([](int k, int l) { return (l == 1 && k < 2) || (l == 0 && k == 9) ? 5 : 0; }));
+  ASSERT_EQ(found.model.size(), 1u);
+  EXPECT_EQ(found.model[0].effect->info().id, "dropout");
+  ASSERT_EQ(found.findings.size(), 1u);
+  EXPECT_NEAR(*found.findings[0].from, 5.59, 0.01);
+  EXPECT_NEAR(found.findings[0].size, 15.0 / 160.0, 1e-12);
+  // Three cells of twenty lie farthest by chance in 1 of C(20, 3) = 1140 cases.
+  EXPECT_NEAR(found.findings[0].log_p, -std::log(1140.0), 1e-9);
+}
+
+TEST(Gaps, FarCellsThatLackMoreWhereAllLackSomeAreLeftAlone) {
+  // Every cell but one far one has a gap: where gaps lie says nothing.
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) {
+    if (l == 0 && k == 8) return 0;
+    return (l == 1 && k < 3) || (l == 0 && k == 9) ? 6 : 1;
+  })));
 }
 
 TEST(Gaps, OfOneLandmarkInTheMiddleAreSomebodyInFrontOfIt) {

@@ -67,6 +67,22 @@ TEST(DiagnosisJson, HoldsTheFieldsOfTheSchema) {
   for (const char* field : {"change", "settles", "power"}) EXPECT_TRUE(json.at("next_experiments")[0].contains(field)) << field;
 }
 
+TEST(Probabilities, OfAllThatWasFittedAddUpToOneAtMost) {
+  // A random walk that stops left out raise over the slip that gains as much.
+  Random random(seed_from("probabilities", {1}));
+  world::World w = world::vary(world::make_turning_design(), random);
+  w = world::apply(w, "odometry_random_walk", 0.021, random);
+  for (std::uint64_t run = 1; run <= 4; ++run) {
+    const Diagnosis d = of(world::simulate(w, seed_from("probabilities run", {run})));
+    double sum = 0.0;
+    for (const Explanation& e : d.explanations) {
+      EXPECT_GE(e.probability, 0.0) << run;
+      sum += e.probability;
+    }
+    EXPECT_LE(sum, 1.0 + 1e-9) << run;
+  }
+}
+
 TEST(DiagnosisJson, NothingThatIsNotANumberIsWritten) {
   Diagnosis d;
   d.baseline.alpha = d.corrected.alpha = Eigen::Vector2d(0.0, 1.0);

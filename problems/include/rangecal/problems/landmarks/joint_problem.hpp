@@ -64,8 +64,9 @@ struct JointProblem {
 /// How a recording is turned into cells.
 enum class Grouping { cells, rows };
 
-/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for
-/// a place that is revisited under a random walk, and for one of more stops (some 30 000) than can be solved for together. Cost: linear in the readings.
+/// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for a place
+/// that is revisited under a random walk, and for a place of more stops (about 32 000 with headings of their own) than an
+/// int can index the block of. Cost: linear in the readings.
 JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping = Grouping::cells);
 
 /// A point in the space of all unknowns of the 2021 problem.
