@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "bent_path.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
@@ -67,21 +68,7 @@ Scene draw_scene(const Design& design, Random& r) {
   if (design.estimate) scene.sigma_xy_m = log_uniform(r, 0.02, 0.06);
   if (design.headings) scene.sigma_heading_rad = log_uniform(r, 0.003, 0.03);
   if (design.walk) scene.stop_error = StopErrorModel::random_walk;
-  for (int k = 0; k < design.stops; ++k) {
-    Stop stop;
-    stop.label = std::to_string(k);
-    const double along = 6.0 * k / design.stops;
-    stop.commanded = {along, 0.5 * std::sin(2.0 * along), design.turns ? along : 0.0};
-    scene.stops.push_back(stop);
-  }
-  for (int l = 0; l < design.landmarks; ++l) {
-    Landmark landmark;
-    landmark.label = "L" + std::to_string(l);
-    landmark.radius_m = 0.05;
-    scene.landmarks.push_back(landmark);
-    scene.positions.emplace_back(6.0 * (l + r.uniform(0.2, 0.8)) / design.landmarks,
-                                 (l % 2 ? -1.0 : 1.0) * r.uniform(1.2, 2.6));
-  }
+  add_bent_path(scene, design.stops, design.landmarks, 0.5, design.turns, r);
   scene.repeats = design.repeats;
   return scene;
 }

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "bent_path.hpp"
 #include "diagnosis/battery.hpp"
 #include "diagnosis/search.hpp"
 #include "rangecal/core/random.hpp"
@@ -63,18 +64,7 @@ Scene scene_of(const Case& c, Random& r) {
     for (int k = 0; k < c.stops; ++k) scene.batches.push_back({0.4 + 4.0 * k / c.stops, c.repeats});
     return scene;
   }
-  for (int k = 0; k < c.stops; ++k) {
-    Stop stop;
-    stop.label = std::to_string(k);
-    const double along = 6.0 * k / c.stops;
-    stop.commanded = {along, 0.4 * std::sin(2.0 * along), c.headings ? along : 0.0};
-    scene.stops.push_back(stop);
-  }
-  for (int l = 0; l < c.landmarks; ++l) {
-    scene.landmarks.push_back({"L" + std::to_string(l), 0.05, {}});
-    scene.positions.emplace_back(6.0 * (l + r.uniform(0.2, 0.8)) / c.landmarks,
-                                 (l % 2 ? -1.0 : 1.0) * r.uniform(1.2, 2.6));
-  }
+  add_bent_path(scene, c.stops, c.landmarks, 0.4, c.headings, r);
   scene.repeats = c.repeats;
   return scene;
 }
