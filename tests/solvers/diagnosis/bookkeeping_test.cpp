@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "rangecal/core/random.hpp"
+#include "support/add_reading.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -28,12 +29,8 @@ Rows rows_with_gaps(const Lost& lost) {
     for (int l = 0; l < 2; ++l)
       for (int j = 0; j < 8 - lost(k, l); ++j) {
         const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
-        Readings& r = recording.readings;
-        r.stop.push_back(k), r.landmark.push_back(l), r.repeat.push_back(j);
-        r.range_m.push_back(v.norm() + random.normal(0.0, 1e-3));
-        r.bearing_rad.push_back(std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3));
-        r.time_s.push_back(10.0 * k + j);
-        r.row.push_back(static_cast<int>(r.row.size()) + 2);
+        const double range = v.norm() + random.normal(0.0, 1e-3);
+        testing::add_reading(recording, k, l, j, range, std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3));
       }
   }
   return make_rows({&recording, 1});

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "rangecal/core/random.hpp"
+#include "support/add_reading.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -33,12 +34,8 @@ Recording recording_with_step(double limit, double offset) {
       for (int j = 0; j < 5; ++j) {
         const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
         const double d = v.norm();
-        Readings& r = recording.readings;
-        r.stop.push_back(k), r.landmark.push_back(l), r.repeat.push_back(j);
-        r.range_m.push_back(d + (d < limit ? offset : 0.0) + random.normal(0.0, 1e-4));
-        r.bearing_rad.push_back(std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-4));
-        r.time_s.push_back(10.0 * k + j);
-        r.row.push_back(static_cast<int>(r.row.size()) + 2);
+        const double range = d + (d < limit ? offset : 0.0) + random.normal(0.0, 1e-4);
+        testing::add_reading(recording, k, l, j, range, std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-4));
       }
   }
   return recording;
