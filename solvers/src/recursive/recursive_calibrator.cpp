@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 
-#include <Eigen/Jacobi>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
+#include "recursive/take_row.hpp"
 
 namespace rangecal {
 namespace {
@@ -77,16 +77,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   double value = std::sqrt(w) / (true_m * true_m);
   triangle_(row, size - 1) = reading_m * value;
   for (Eigen::Index i = 0; i + 1 < size; ++i, value *= true_m) triangle_(row, i) = value;
-  for (Eigen::Index j = 0; j < size; ++j) {
-    Eigen::JacobiRotation<double> rotation;
-    rotation.makeGivens(triangle_(j, j), triangle_(row, j), &triangle_(j, j));
-    triangle_(row, j) = 0.0;
-    for (Eigen::Index k = j + 1; k < size; ++k) {
-      const double above = triangle_(j, k), below = triangle_(row, k);
-      triangle_(j, k) = rotation.c() * above - rotation.s() * below;
-      triangle_(row, k) = rotation.s() * above + rotation.c() * below;
-    }
-  }
+  take_last_row(triangle_);
   return true;
 }
 

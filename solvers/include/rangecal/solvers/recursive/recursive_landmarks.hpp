@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rangecal/core/calibration.hpp"
+#include "rangecal/problems/landmarks/joint_problem.hpp"
+#include "rangecal/solvers/recursive/recursive_bearings.hpp"
+
+namespace rangecal {
+
+struct LandmarkSums;
+
+struct RecursiveLandmarksOptions {
+  std::optional<int> order = 2;        ///< of f; nullopt: the lowest AIC of 1 .. max_order at each estimate
+  int max_order = 3;                   ///< of that search
+  NoiseLaw law = NoiseLaw::f_squared;  ///< every law but `polynomial`
+  double sigma_xy_m = 0.01,
+         sigma_heading_rad = 0.0;  ///< of stops that do not say how far they may be from their pose
+  double sigma_theta_rad =
+      0.01;  ///< of one bearing, in the weights of from_bearings(); estimate() finds its own
+  /// Time constant: a stop counts by exp(-age / forget), age in stops, taken in steps of `block` stops;
+  /// infinite: nothing is forgotten.
+  double forget = std::numeric_limits<double>::infinity();
+  int block = 32;  ///< stops that are kept as they came, the latest, before they are summed up
+
+  /// Throws InputError naming the bad field and its value.
+  void check() const;
+  int columns() const { return order.value_or(max_order) + 1; }
+};
+
+/// One reading of a landmark, with the stop it was made from.
+struct LandmarkReading {
+  Stop stop;  ///< label, commanded pose, how far it may be from there, place
+  std::string landmark;
+  double radius_m = 0.0;  ///< taken at the landmark's first reading
+  double range_m = 0.0, bearing_rad = 0.0;
+};
+
+/// Calibrates from readings of landmarks in unknown places (the 2021 problem), stop after stop, in memory
+/// that depends on the number of landmarks alone (Alhashimi 2016, section 6, asks for recursive schemes).
+/// Stops have independent errors; the readings of one stop follow each other.
+///
+/// estimate() is the answer of `marginal` (solve_marginal). The latest `block` stops are held as cells. When
+/// they are full they are summed up (LandmarkSums): l_s, the likelihood with the stops' poses integrated out,
+/// of second order in alpha and landmarks about the estimate with these stops in it, interpolated over the
+/// sigmas. Each estimate expands the stops held at the last answer, adds the sums, solves, and does so again
+/// until nothing moves (iterated updates). What the second order leaves out falls with the readings faster
+/// than the standard deviations: the batch's answer within 1 % of its standard deviation.
+///
+/// from_bearings() is the linear part, 2021 eq. 18-25, by RecursiveBearings: the batch's answer to rounding.
+class RecursiveLandmarks {
+ public:
+  explicit RecursiveLandmarks(const RecursiveLandmarksOptions& options = {});
+  ~RecursiveLandmarks();
+  RecursiveLandmarks(RecursiveLandmarks&&) noexcept;
+  RecursiveLandmarks& operator=(RecursiveLandmarks&&) noexcept;
+
+  /// Takes one reading. False, with the reason counted, for one that is not finite, zero or negative. Throws
+  /// InputError for a stop that comes back after others (as far as the stops held go), an accuracy that is
+  /// negative or not finite, and a pose that is not finite. Cost: 0.1 us; the `block`-th stop costs an
+  /// estimate and the summing up.
+  bool add(const LandmarkReading& reading);
+
+  /// Outcomes: converged; too_few_data; what solve_marginal says while nothing is summed up; unobservable.
+  /// Cost: some 100 assemblies of the stops held, 1 ms with five landmarks.
+  Calibration estimate();
+
+  /// The landmarks from their bearings alone, in the order of their first reading, with the weights
+  /// `consistent`.
+  std::vector<LandmarkFromBearings> from_bearings() const;
+
+  const RecursiveLandmarksOptions& options() const { return options_; }
+  const Counts& counts() const { return counts_; }
+  std::int64_t used() const { return used_; }    ///< readings
+  std::int64_t stops() const { return stops_; }  ///< distinct stops seen
+  double effective_stops() const;                ///< (sum w)^2 / sum w^2 of those that are in the answer
+  const std::vector<std::string>& landmarks() const { return labels_; }
+
+  /// `rangecal-recursive-landmarks/1`: the whole state as JSON; doubles survive bit by bit.
+  std::string to_json() const;
+  /// Throws InputError naming `name` and the field for a text that is no such state.
+  static RecursiveLandmarks from_json(const std::string& text, const std::string& name);
+
+ private:
+  struct Answer;
+  StopPrior prior_of(const Stop& stop) const;
+  void open_stop(const Stop& stop);
+  void hold(const std::string& label, StopPrior prior, const std::string* new_place);
+  std::size_t cell_of(int landmark);
+  int landmark_of(const LandmarkReading& reading);
+  RecursiveBearings::Line line_of(std::size_t cell) const;
+  std::optional<std::string> too_few(int order) const;
+  Answer answer(int order) const;
+  Answer first_answer(int order) const;
+  Answer from_sums(int order) const;
+  void sum_up();
+  void clear_held();
+  JointState start_of_held() const;
+  Calibration calibration_of(const Answer& answer) const;
+
+  RecursiveLandmarksOptions options_;
+  JointProblem held_;  ///< the stops held; their cells carry the repeats
+  std::vector<std::string> held_labels_;
+  std::vector<std::string> held_places_;     ///< by the number of the place
+  std::vector<std::string> labels_;          ///< of the landmarks
+  std::vector<RecursiveBearings> bearings_;  ///< per landmark
+  std::unique_ptr<LandmarkSums> sums_;
+  std::optional<JointState> last_;  ///< alpha, noise, sigma_theta and landmarks of the last answer
+  Counts counts_;
+  std::int64_t used_ = 0, stops_ = 0;
+  double sum_w_ = 0.0, sum_w_sq_ = 0.0;                                    ///< over stops summed up
+  double low_m_ = std::numeric_limits<double>::infinity(), high_m_ = 0.0;  ///< of the distances summed up
+};
+
+}  // namespace rangecal

@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "recursive/landmark_sums.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "marginal/laplace.hpp"
+
+namespace rangecal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::VectorXd;
+
+double chebyshev_node(int i) { return std::cos((i + 0.5) * std::numbers::pi / SigmaGrid::side); }
+
+std::array<double, SigmaGrid::side> lagrange(double u) {
+  std::array<double, SigmaGrid::side> weight;
+  for (int i = 0; i < SigmaGrid::side; ++i) {
+    weight[i] = 1.0;
+    for (int j = 0; j < SigmaGrid::side; ++j)
+      if (j != i) weight[i] *= (u - chebyshev_node(j)) / (chebyshev_node(i) - chebyshev_node(j));
+  }
+  return weight;
+}
+
+/// What differences along the stops' optima tell: the second derivatives in phi of 1/2 log det H_ss and the
+/// third of the rest of l_s, the latter where it is wanted.
+struct Curvature {
+  MatrixXd beyond;
+  std::vector<MatrixXd> third;
+};
+
+/// Leaves the stops of `at` at their optimum.
+Curvature curvature_of(const JointProblem& problem, JointState& at) {
+  const int alphas = static_cast<int>(at.alpha.size());
+  JointSystem system(problem, alphas, 1);
+  int evaluations = 0;
+  const Eigen::Index phis = system.layout().phi_count;
+  Curvature none{MatrixXd::Zero(phis, phis), {}};
+  const bool third = phis <= LandmarkSums::most_cubed;
+  if (third) none.third.assign(static_cast<std::size_t>(phis), MatrixXd::Zero(phis, phis));
+  if (!std::isfinite(settle_stops(system, at, evaluations))) return none;
+  Curvature result = none;
+  std::vector<char> seen(static_cast<std::size_t>(phis), 0);
+  std::fill(seen.begin(), seen.begin() + alphas, 1);
+  for (const int l : problem.cells.landmark)
+    seen[static_cast<std::size_t>(alphas + 2 * l)] = seen[static_cast<std::size_t>(alphas + 2 * l + 1)] = 1;
+  const double scale = mean_range(problem);
+  const auto step_of = [&](Eigen::Index i) {
+    return 1e-3 * (i < alphas ? std::pow(scale, 1.0 - static_cast<double>(i)) : scale);
+  };
+  std::vector<JointState> moved;
+  for (Eigen::Index i = 0; i < phis; ++i) {
+    if (!seen[static_cast<std::size_t>(i)]) continue;
+    for (const double side : {1.0, -1.0}) {
+      VectorXd globals = VectorXd::Zero(system.layout().global_count);
+      globals[i] = side * step_of(i);
+      moved.push_back(
+          step_state(problem, system.layout(), at, globals, system.back_substitute(globals, false)));
+    }
+  }
+  auto next = moved.begin();
+  for (Eigen::Index i = 0; i < phis; ++i) {
+    if (!seen[static_cast<std::size_t>(i)]) continue;
+    for (const double side : {1.0, -1.0}) {
+      if (!std::isfinite(settle_stops(system, *next, evaluations))) return none;
+      const double share = side / (2.0 * step_of(i));
+      result.beyond.col(i) += share * system.log_det_gradient(*next).head(phis);
+      if (third)
+        result.third[static_cast<std::size_t>(i)] += share * system.schur().topLeftCorner(phis, phis);
+      ++next;
+    }
+  }
+  result.beyond = (0.5 * (result.beyond + result.beyond.transpose())).eval();
+  return result;
+}
+
+/// sum_i delta_i T_i, the third derivatives along one direction; 0 where none are kept.
+MatrixXd along(const std::vector<MatrixXd>& third, const VectorXd& delta) {
+  MatrixXd sum = MatrixXd::Zero(delta.size(), delta.size());
+  for (std::size_t i = 0; i < third.size(); ++i) sum += delta[static_cast<Eigen::Index>(i)] * third[i];
+  return sum;
+}
+
+}  // namespace
+
+Vector2d SigmaGrid::node(int q) const {
+  return centre + half_width * Vector2d(chebyshev_node(q % side), chebyshev_node(q / side));
+}
+
+VectorXd SigmaGrid::weights(const Vector2d& log_sigmas) const {
+  const Vector2d u = (log_sigmas - centre) / half_width;
+  const auto first = lagrange(u.x()), second = lagrange(u.y());
+  VectorXd weight(nodes);
+  for (int q = 0; q < nodes; ++q)
+    weight[q] = first[static_cast<std::size_t>(q % side)] * second[static_cast<std::size_t>(q / side)];
+  return weight;
+}
+
+void LandmarkSums::grow(const VectorXd& whole_reference) {
+  const Eigen::Index before = reference.size(), size = whole_reference.size();
+  if (before == size) return;
+  const VectorXd kept = reference;
+  reference = whole_reference;
+  reference.head(before) = kept;
+  for (VectorXd& g : gradient) {
+    g.conservativeResize(size);
+    g.tail(size - before).setZero();
+  }
+  const auto larger = [&](MatrixXd& matrix) {
+    MatrixXd whole = MatrixXd::Zero(size, size);
+    whole.topLeftCorner(before, before) = matrix;
+    matrix = whole;
+  };
+  for (MatrixXd& h : hessian) larger(h);
+  larger(beyond);
+  for (MatrixXd& t : third) larger(t);
+  if (size > most_cubed)
+    third.clear();
+  else if (!third.empty())
+    third.resize(static_cast<std::size_t>(size), MatrixXd::Zero(size, size));
+}
+
+void LandmarkSums::add(const LandmarkSums& other) {
+  value += other.value;
+  for (std::size_t q = 0; q < gradient.size(); ++q) {
+    gradient[q] += other.gradient[q];
+    hessian[q] += other.hessian[q];
+  }
+  beyond += other.beyond;
+  for (std::size_t i = 0; i < third.size(); ++i) third[i] += other.third[i];
+}
+
+void LandmarkSums::scale(double factor) {
+  value *= factor;
+  for (VectorXd& g : gradient) g *= factor;
+  for (MatrixXd& h : hessian) h *= factor;
+  beyond *= factor;
+  for (MatrixXd& t : third) t *= factor;
+}
+
+void LandmarkSums::follow(const Vector2d& log_sigmas) {
+  const Vector2d from_centre = log_sigmas - grid.centre;
+  if (from_centre.lpNorm<Eigen::Infinity>() < 0.5 * grid.half_width) return;
+  LandmarkSums moved = *this;
+  moved.grid.centre += from_centre.cwiseMax(-0.5 * grid.half_width).cwiseMin(0.5 * grid.half_width);
+  for (int q = 0; q < SigmaGrid::nodes; ++q) {
+    At there = at(moved.grid.node(q));
+    moved.value[q] = there.value;
+    moved.gradient[static_cast<std::size_t>(q)] = std::move(there.gradient);
+    moved.hessian[static_cast<std::size_t>(q)] = std::move(there.hessian);
+  }
+  *this = std::move(moved);
+}
+
+LandmarkSums::At LandmarkSums::at(const Vector2d& log_sigmas) const {
+  const VectorXd weight = grid.weights(log_sigmas);
+  At result{weight.dot(value), VectorXd::Zero(reference.size()),
+            MatrixXd::Zero(reference.size(), reference.size())};
+  for (Eigen::Index q = 0; q < SigmaGrid::nodes; ++q) {
+    result.gradient += weight[q] * gradient[static_cast<std::size_t>(q)];
+    result.hessian += weight[q] * hessian[static_cast<std::size_t>(q)];
+  }
+  return result;
+}
+
+std::optional<LandmarkSums> expand_stops(const JointProblem& problem, JointState& state,
+                                         const SigmaGrid& grid, const VectorXd& reference) {
+  LandmarkSums sums;
+  sums.grid = grid;
+  sums.reference = reference;
+  sums.value.resize(SigmaGrid::nodes);
+  const VectorXd offset = reference - phi_of(state);
+  JointSystem system(problem, static_cast<int>(state.alpha.size()), 1);
+  const Eigen::Index phis = system.layout().phi_count;
+  Curvature curvature = curvature_of(problem, state);
+  sums.beyond = std::move(curvature.beyond);
+  sums.third = std::move(curvature.third);
+  const MatrixXd bend = along(sums.third, offset);
+  JointState at = state;
+  int evaluations = 0;
+  for (int q = 0; q < SigmaGrid::nodes; ++q) {
+    const Vector2d sigmas = grid.node(q).array().exp();
+    at.noise.parameters[0] = sigmas.x();
+    at.sigma_theta_rad = sigmas.y();
+    const double joint = settle_stops(system, at, evaluations);
+    if (!std::isfinite(joint)) return std::nullopt;
+    const VectorXd g = (system.reduced_gradient() + system.log_det_gradient(at)).head(phis);
+    const MatrixXd H = system.schur().topLeftCorner(phis, phis) + sums.beyond;
+    sums.value[q] = laplace_nll(system, joint) + g.dot(offset) + 0.5 * offset.dot(H * offset) +
+                    offset.dot(bend * offset) / 6.0;
+    sums.gradient.push_back(g + H * offset + 0.5 * bend * offset);
+    sums.hessian.push_back(H + bend);
+  }
+  return sums;
+}
+
+namespace {
+
+/// The REML criterion as a function of the sigmas alone.
+class Profile {
+ public:
+  Profile(const LandmarkSums& sums, int alphas, int order) : sums_(sums) {
+    held_ = VectorXd::Zero(sums.reference.size());
+    for (Eigen::Index i = 0; i < sums.reference.size(); ++i) {
+      if (i <= order || i >= alphas)
+        free_.push_back(i);
+      else
+        held_[i] = -sums.reference[i];
+    }
+  }
+
+  /// +infinity where phi is not determined. Leaves phi - phi_0 in `delta`, l_s in `nll` and its Hessian in
+  /// `hessian`.
+  double operator()(const Vector2d& log_sigmas) {
+    const LandmarkSums::At at = sums_.at(log_sigmas);
+    const Eigen::LLT<MatrixXd> factor(at.hessian(free_, free_));
+    if (factor.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
+    delta = held_;
+    MatrixXd bend = MatrixXd::Zero(delta.size(), delta.size());
+    // the third order is small beside the second: each pass leaves some hundredth of what the one before did
+    for (int pass = 0; pass < (sums_.third.empty() ? 1 : 5); ++pass) {
+      if (!sums_.third.empty()) bend = along(sums_.third, delta);
+      const VectorXd slope = at.gradient + at.hessian * held_ + 0.5 * bend * delta;
+      delta(free_) = -factor.solve(VectorXd(slope(free_)));
+    }
+    if (!delta.allFinite()) return std::numeric_limits<double>::infinity();
+    bend = along(sums_.third, delta);
+    hessian = at.hessian + bend;
+    nll = at.value + at.gradient.dot(delta) + 0.5 * delta.dot(at.hessian * delta) +
+          delta.dot(bend * delta) / 6.0;
+    const Eigen::LLT<MatrixXd> without(MatrixXd((hessian - sums_.beyond)(free_, free_)));
+    if (without.info() != Eigen::Success) return std::numeric_limits<double>::infinity();
+    return nll + without.matrixLLT().diagonal().array().log().sum();
+  }
+  MatrixXd hessian;
+  VectorXd delta;
+  double nll = 0.0;
+
+ private:
+  const LandmarkSums& sums_;
+  std::vector<Eigen::Index> free_;
+  VectorXd held_;
+};
+
+}  // namespace
+
+SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vector2d& start) {
+  constexpr int max_iterations = 60;
+  constexpr double h = 1e-3;
+  SumsFit fit;
+  Profile profile(sums, alphas, order);
+  const double reach = sums.grid.half_width;
+  const auto inside = [&](const Vector2d& x) -> Vector2d {
+    return x.cwiseMax((sums.grid.centre.array() - reach).matrix())
+        .cwiseMin((sums.grid.centre.array() + reach).matrix());
+  };
+  Vector2d x = inside(start);
+  double here = profile(x);
+  if (!std::isfinite(here)) return fit;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    const Vector2d e0(h, 0.0), e1(0.0, h);
+    const double px = profile(x + e0), mx = profile(x - e0), py = profile(x + e1), my = profile(x - e1);
+    const double pp = profile(x + e0 + e1), mm = profile(x - e0 - e1), pm = profile(x + e0 - e1),
+                 mp = profile(x - e0 + e1);
+    const Vector2d g((px - mx) / (2.0 * h), (py - my) / (2.0 * h));
+    Eigen::Matrix2d H;
+    H(0, 0) = (px - 2.0 * here + mx) / (h * h);
+    H(1, 1) = (py - 2.0 * here + my) / (h * h);
+    H(0, 1) = H(1, 0) = (pp + mm - pm - mp) / (4.0 * h * h);
+    if (!g.allFinite() || !H.allFinite()) return fit;
+    // a sigma at the end of the grid that is drawn further out stays there
+    for (int j = 0; j < 2; ++j) {
+      const double from_centre = x[j] - sums.grid.centre[j];
+      if (std::abs(from_centre) >= reach - 1e-9 && g[j] * from_centre < 0.0) {
+        H(0, 1) = H(1, 0) = 0.0;
+        H(j, j) = 1e100;
+        fit.at_edge = true;
+      }
+    }
+    const Eigen::LLT<Eigen::Matrix2d> factor(H);
+    Vector2d step =
+        factor.info() == Eigen::Success ? Vector2d(-factor.solve(g)) : Vector2d(-g / std::max(1.0, g.norm()));
+    step *= std::min(1.0, 0.5 * reach / std::max(step.norm(), 1e-300));
+    if (step.norm() < 1e-7) break;
+    bool moved = false;
+    for (double factor_of_step = 1.0; factor_of_step > 1e-4 && !moved; factor_of_step *= 0.5) {
+      const Vector2d trial = inside(x + factor_of_step * step);
+      const double there = profile(trial);
+      if (there < here) {
+        x = trial;
+        here = there;
+        moved = true;
+      }
+    }
+    if (!moved) break;
+    fit.at_edge = false;
+  }
+  profile(x);
+  fit.ok = true;
+  fit.log_sigmas = x;
+  fit.nll = profile.nll;
+  fit.phi = sums.reference + profile.delta;
+  const VectorXd delta = profile.delta;
+  const Eigen::Index phis = delta.size();
+  fit.hessian = MatrixXd::Zero(phis + 2, phis + 2);
+  fit.hessian.topLeftCorner(phis, phis) = profile.hessian - sums.beyond;
+  const auto value_at = [&](const LandmarkSums::At& at) {
+    return at.value + at.gradient.dot(delta) + 0.5 * delta.dot(at.hessian * delta);
+  };
+  const LandmarkSums::At middle = sums.at(x);
+  for (int j = 0; j < 2; ++j) {
+    Vector2d e = Vector2d::Zero();
+    e[j] = h;
+    const LandmarkSums::At above = sums.at(x + e), below = sums.at(x - e);
+    const VectorXd cross =
+        (above.gradient - below.gradient + (above.hessian - below.hessian) * delta) / (2.0 * h);
+    fit.hessian.col(phis + j).head(phis) = cross;
+    fit.hessian.row(phis + j).head(phis) = cross.transpose();
+    fit.hessian(phis + j, phis + j) = (value_at(above) - 2.0 * value_at(middle) + value_at(below)) / (h * h);
+  }
+  const auto corner = [&](double a, double b) { return value_at(sums.at(x + Vector2d(a, b))); };
+  fit.hessian(phis, phis + 1) = fit.hessian(phis + 1, phis) =
+      (corner(h, h) + corner(-h, -h) - corner(h, -h) - corner(-h, h)) / (4.0 * h * h);
+  return fit;
+}
+
+VectorXd phi_of(const JointState& state) {
+  VectorXd phi(state.alpha.size() + 2 * static_cast<Eigen::Index>(state.landmarks.size()));
+  phi.head(state.alpha.size()) = state.alpha;
+  for (std::size_t l = 0; l < state.landmarks.size(); ++l)
+    phi.segment<2>(state.alpha.size() + 2 * static_cast<Eigen::Index>(l)) = state.landmarks[l];
+  return phi;
+}
+
+}  // namespace rangecal

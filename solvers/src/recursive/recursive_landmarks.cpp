@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/recursive/recursive_landmarks.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "recursive/landmark_answer.hpp"
+#include "recursive/landmark_sums.hpp"
+
+namespace rangecal {
+namespace {
+
+/// A stream may last longer than an int counts: the count then stays, used() goes on.
+void count_up(int& count, int by = 1) {
+  count = count > std::numeric_limits<int>::max() - by ? std::numeric_limits<int>::max() : count + by;
+}
+
+/// Stops without an optimum are held until there are so many blocks of them; then they are left out.
+constexpr int most_blocks = 4;
+
+}  // namespace
+
+void RecursiveLandmarksOptions::check() const {
+  const auto refuse = [](const std::string& what) { throw InputError("RecursiveLandmarksOptions: " + what); };
+  if (order && (*order < 0 || *order > 6)) refuse(fmt::format("order = {} is outside of 0 .. 6", *order));
+  if (max_order < 1 || max_order > 6) refuse(fmt::format("max_order = {} is outside of 1 .. 6", max_order));
+  if (law == NoiseLaw::polynomial) refuse("law = polynomial is not one that can be tracked");
+  if (!(sigma_xy_m >= 0.0 && std::isfinite(sigma_xy_m)))
+    refuse(fmt::format("sigma_xy_m = {} is negative or not finite", sigma_xy_m));
+  if (!(sigma_heading_rad >= 0.0 && std::isfinite(sigma_heading_rad)))
+    refuse(fmt::format("sigma_heading_rad = {} is negative or not finite", sigma_heading_rad));
+  if (!(sigma_theta_rad > 0.0 && std::isfinite(sigma_theta_rad)))
+    refuse(fmt::format("sigma_theta_rad = {} is not positive", sigma_theta_rad));
+  if (!(forget > 0.0)) refuse(fmt::format("forget = {} is not a positive time constant", forget));
+  if (block < 8 || block > 10000) refuse(fmt::format("block = {} is outside of 8 .. 10000", block));
+}
+
+RecursiveLandmarks::RecursiveLandmarks(const RecursiveLandmarksOptions& options)
+    : options_((options.check(), options)) {
+  clear_held();
+}
+RecursiveLandmarks::~RecursiveLandmarks() = default;
+RecursiveLandmarks::RecursiveLandmarks(RecursiveLandmarks&&) noexcept = default;
+RecursiveLandmarks& RecursiveLandmarks::operator=(RecursiveLandmarks&&) noexcept = default;
+
+void RecursiveLandmarks::clear_held() {
+  const std::vector<double> radii = std::move(held_.landmark_radius_m);
+  held_ = JointProblem{};
+  held_.landmark_radius_m = radii;
+  held_.landmark_recording.assign(radii.size(), 0);
+  held_.cells.stop_begin = {0};
+  held_labels_.clear();
+  held_places_.clear();
+}
+
+StopPrior RecursiveLandmarks::prior_of(const Stop& stop) const {
+  for (const double value : {stop.commanded.x_m, stop.commanded.y_m, stop.commanded.heading_rad})
+    if (!std::isfinite(value)) throw InputError("stop '" + stop.label + "': its pose is not finite");
+  StopPrior prior;
+  prior.commanded = stop.commanded;
+  prior.sigma_xy_m = stop.sigma_xy_m.value_or(options_.sigma_xy_m);
+  prior.sigma_heading_rad = stop.sigma_heading_rad.value_or(options_.sigma_heading_rad);
+  for (const double value : {prior.sigma_xy_m, prior.sigma_heading_rad})
+    if (!(value >= 0.0 && std::isfinite(value)))
+      throw InputError("stop '" + stop.label + "': its accuracy is negative or not finite");
+  return prior;
+}
+
+void RecursiveLandmarks::open_stop(const Stop& stop) {
+  const StopPrior prior = prior_of(stop);
+  if (std::find(held_labels_.begin(), held_labels_.end(), stop.label) != held_labels_.end())
+    throw InputError("stop '" + stop.label +
+                     "' comes back after others; the readings of a stop follow each other");
+  if (!held_labels_.empty())
+    for (std::size_t cell = static_cast<std::size_t>(held_.cells.stop_begin.end()[-2]);
+         cell < held_.cells.size(); ++cell)
+      bearings_[static_cast<std::size_t>(held_.cells.landmark[cell])].add(line_of(cell));
+  const bool same_place = !stop.place.empty() && !held_places_.empty() && held_places_.back() == stop.place;
+  if (!same_place && held_.stop_count() >= options_.block) sum_up();
+  hold(stop.label, prior, same_place ? nullptr : &stop.place);
+  ++stops_;
+}
+
+void RecursiveLandmarks::hold(const std::string& label, StopPrior prior, const std::string* new_place) {
+  if (new_place) held_places_.push_back(*new_place);
+  prior.place = static_cast<int>(held_places_.size()) - 1;
+  prior.opens_place = new_place != nullptr;
+  held_.place_count = prior.place + 1;
+  held_.stops.push_back(prior);
+  held_.sigma_s_shared.push_back(0);
+  held_.cells.stop_begin.push_back(held_.cells.stop_begin.back());
+  held_labels_.push_back(label);
+}
+
+int RecursiveLandmarks::landmark_of(const LandmarkReading& reading) {
+  const auto found = std::find(labels_.begin(), labels_.end(), reading.landmark);
+  if (found != labels_.end()) return static_cast<int>(found - labels_.begin());
+  labels_.push_back(reading.landmark);
+  bearings_.emplace_back();
+  held_.landmark_radius_m.push_back(reading.radius_m);
+  held_.landmark_recording.push_back(0);
+  return static_cast<int>(labels_.size()) - 1;
+}
+
+std::size_t RecursiveLandmarks::cell_of(int landmark) {
+  Cells& c = held_.cells;
+  for (std::size_t i = static_cast<std::size_t>(c.stop_begin.end()[-2]); i < c.size(); ++i)
+    if (c.landmark[i] == landmark) return i;
+  c.stop.push_back(held_.stop_count() - 1);
+  c.landmark.push_back(landmark);
+  c.radius_m.push_back(held_.landmark_radius_m[static_cast<std::size_t>(landmark)]);
+  for (auto* column : {&c.count, &c.range_weight, &c.bearing_weight, &c.range_mean, &c.range_mean_square,
+                       &c.bearing_mean, &c.bearing_mean_square})
+    column->push_back(0.0);
+  ++c.stop_begin.back();
+  return c.size() - 1;
+}
+
+bool RecursiveLandmarks::add(const LandmarkReading& reading) {
+  count_up(counts_.read);
+  const double range = reading.range_m, bearing = reading.bearing_rad;
+  const char* reason = std::isnan(range) || std::isnan(bearing)           ? "missing"
+                       : !std::isfinite(range) || !std::isfinite(bearing) ? "not finite"
+                       : range == 0.0                                     ? "zero"
+                       : range < 0.0                                      ? "negative"
+                                                                          : nullptr;
+  if (reason) {
+    count_up(counts_.dropped[reason]);
+    return false;
+  }
+  if (!(reading.radius_m >= 0.0 && std::isfinite(reading.radius_m)))
+    throw InputError("landmark '" + reading.landmark + "': its radius is negative or not finite");
+  if (held_labels_.empty() || held_labels_.back() != reading.stop.label) open_stop(reading.stop);
+  const std::size_t cell = cell_of(landmark_of(reading));
+  Cells& c = held_.cells;
+  const double count = c.count[cell] + 1.0;
+  const double from_range = range - c.range_mean[cell];
+  const double turn = count == 1.0 ? 0.0 : wrap_angle(bearing - c.bearing_mean[cell]);
+  // the mean and the mean square deviation as the count grows (Welford 1962)
+  c.range_mean[cell] += from_range / count;
+  c.range_mean_square[cell] +=
+      (from_range * (range - c.range_mean[cell]) - c.range_mean_square[cell]) / count;
+  c.bearing_mean[cell] = count == 1.0 ? wrap_angle(bearing) : wrap_angle(c.bearing_mean[cell] + turn / count);
+  c.bearing_mean_square[cell] += (turn * turn * (1.0 - 1.0 / count) - c.bearing_mean_square[cell]) / count;
+  c.count[cell] = c.range_weight[cell] = c.bearing_weight[cell] = count;
+  held_.readings += 1.0;
+  ++used_;
+  count_up(counts_.used);
+  return true;
+}
+
+RecursiveBearings::Line RecursiveLandmarks::line_of(std::size_t cell) const {
+  const Cells& c = held_.cells;
+  const StopPrior& stop = held_.stops[static_cast<std::size_t>(c.stop[cell])];
+  return {{stop.commanded.x_m, stop.commanded.y_m},
+          stop.commanded.heading_rad + c.bearing_mean[cell],
+          c.range_mean[cell] + c.radius_m[cell],
+          c.count[cell],
+          stop.sigma_xy_m,
+          stop.sigma_heading_rad,
+          options_.sigma_theta_rad};
+}
+
+std::vector<LandmarkFromBearings> RecursiveLandmarks::from_bearings() const {
+  std::vector<RecursiveBearings> all = bearings_;
+  if (!held_labels_.empty())
+    for (std::size_t cell = static_cast<std::size_t>(held_.cells.stop_begin.end()[-2]);
+         cell < held_.cells.size(); ++cell)
+      all[static_cast<std::size_t>(held_.cells.landmark[cell])].add(line_of(cell));
+  std::vector<LandmarkFromBearings> landmarks;
+  for (const RecursiveBearings& one : all) landmarks.push_back(one.landmark());
+  return landmarks;
+}
+
+void RecursiveLandmarks::sum_up() {
+  Answer found = answer(options_.columns() - 1);
+  std::optional<LandmarkSums> block;
+  if (found.outcome == Outcome::converged && sums_) {
+    block = std::move(found.held);
+  } else if (found.outcome == Outcome::converged) {
+    SigmaGrid grid;
+    grid.centre = found.log_sigmas;
+    grid.half_width = std::clamp(6.0 * std::sqrt(found.covariance->diagonal().tail<2>().maxCoeff()), 0.3, 0.6);
+    block = expand_stops(held_, found.state, grid, phi_of(found.state));
+  }
+  if (!block) {
+    if (held_.stop_count() < most_blocks * options_.block) return;
+    int& dropped = counts_.dropped["stops without an optimum"];
+    count_up(dropped, static_cast<int>(std::min(held_.readings, 2e9)));
+    counts_.used = std::max(0, counts_.used - static_cast<int>(std::min(held_.readings, 2e9)));
+    clear_held();
+    // landmarks that only these stops saw are forgotten with them
+    const std::size_t known = sums_ ? last_->landmarks.size() : 0;
+    labels_.resize(known);
+    bearings_.resize(known);
+    held_.landmark_radius_m.resize(known);
+    held_.landmark_recording.resize(known);
+    return;
+  }
+  const double stops = static_cast<double>(held_.stop_count()), kept = std::exp(-stops / options_.forget);
+  if (sums_) {
+    sums_->grow(block->reference);
+    if (kept < 1.0) sums_->scale(kept);
+    sums_->add(*block);
+    sums_->follow(found.log_sigmas);
+  } else {
+    sums_ = std::make_unique<LandmarkSums>(std::move(*block));
+  }
+  sum_w_ = kept * sum_w_ + stops;
+  sum_w_sq_ = kept * kept * sum_w_sq_ + stops;
+  std::tie(low_m_, high_m_) = distances_of(held_, found.state, low_m_, high_m_);
+  last_ = found.state;
+  last_->stops.clear();
+  clear_held();
+}
+
+double RecursiveLandmarks::effective_stops() const {
+  const double w = sum_w_ + held_.stop_count(), w_sq = sum_w_sq_ + held_.stop_count();
+  return w_sq > 0.0 ? w * w / w_sq : 0.0;
+}
+
+}  // namespace rangecal

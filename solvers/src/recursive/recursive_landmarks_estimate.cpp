@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+#include "recursive/landmark_answer.hpp"
+
+namespace rangecal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// The better of the starts, by the joint NLL.
+std::optional<JointState> start_of(const JointProblem& problem, int order, NoiseLaw law) {
+  ClosedFormOptions closed;
+  closed.order = order;
+  closed.noise_law = law;
+  std::optional<JointState> best;
+  double lowest = std::numeric_limits<double>::infinity();
+  const auto consider = [&](auto&& make) {
+    try {
+      const JointState state = make();
+      const double nll = joint_nll(problem, state);
+      if (!(nll < lowest)) return;
+      lowest = nll;
+      best = state;
+    } catch (const InputError&) {  // this start does not exist for this problem; the other may
+    }
+  };
+  consider([&] { return closed_form_state(problem, closed); });
+  consider([&] { return position_seed(problem, order, law); });
+  return best;
+}
+
+/// d with f(d) = y, from d = y by Newton's method; y where that leads nowhere.
+double inverted(const VectorXd& alpha, double y) {
+  double d = y;
+  for (int i = 0; i < 20; ++i) {
+    const double slope = evaluate_derivative(alpha, d);
+    if (!(slope > 0.1)) return y;
+    d -= (evaluate_polynomial(alpha, d) - y) / slope;
+  }
+  return d > 0.2 * y && d < 5.0 * y ? d : y;
+}
+
+void put(JointState& state, const VectorXd& phi, const Eigen::Vector2d& log_sigmas) {
+  const Eigen::Index alphas = state.alpha.size();
+  state.alpha = phi.head(alphas);
+  for (std::size_t l = 0; l < state.landmarks.size(); ++l)
+    state.landmarks[l] = phi.segment<2>(alphas + 2 * static_cast<Eigen::Index>(l));
+  state.noise.parameters[0] = std::exp(log_sigmas.x());
+  state.sigma_theta_rad = std::exp(log_sigmas.y());
+}
+
+/// Inverse over the entries that are free, zero elsewhere; none where it is not positive definite.
+std::optional<MatrixXd> covariance_from(const MatrixXd& hessian, int alphas, int order) {
+  std::vector<Eigen::Index> free;
+  for (Eigen::Index i = 0; i < hessian.rows(); ++i)
+    if (i <= order || i >= alphas) free.push_back(i);
+  MatrixXd own = hessian(free, free);
+  VectorXd scale = own.diagonal();
+  for (double& s : scale) {
+    if (!(s > 0.0)) return std::nullopt;
+    s = 1.0 / std::sqrt(s);
+  }
+  own = scale.asDiagonal() * own * scale.asDiagonal();
+  const Eigen::LLT<MatrixXd> factor(own);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  const MatrixXd inverse = factor.solve(MatrixXd::Identity(own.rows(), own.rows()));
+  if (!inverse.allFinite() || !(inverse.diagonal().maxCoeff() < 1e11)) return std::nullopt;
+  MatrixXd covariance = MatrixXd::Zero(hessian.rows(), hessian.rows());
+  covariance(free, free) = scale.asDiagonal() * inverse * scale.asDiagonal();
+  return covariance;
+}
+
+}  // namespace
+
+VectorXd reference_with(const LandmarkSums& sums, const JointState& state) {
+  VectorXd reference = phi_of(state);
+  reference.head(sums.reference.size()) = sums.reference;
+  return reference;
+}
+
+std::pair<double, double> distances_of(const JointProblem& problem, const JointState& state, double low,
+                                       double high) {
+  const Cells& c = problem.cells;
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    const Pose2& pose = state.stops[static_cast<std::size_t>(c.stop[i])];
+    const double d =
+        (state.landmarks[static_cast<std::size_t>(c.landmark[i])] - Eigen::Vector2d(pose.x_m, pose.y_m))
+            .norm() -
+        c.radius_m[i];
+    low = std::max(0.0, std::min(low, d));
+    high = std::max(high, d);
+  }
+  return {low, high};
+}
+
+std::optional<std::string> RecursiveLandmarks::too_few(int order) const {
+  const int places = held_.place_count;
+  if (places < 3)
+    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3", places);
+  const double cells = static_cast<double>(held_.cells.size()),
+               unknowns = order + 1 + 2.0 * held_.landmark_count();
+  if (2.0 * cells < unknowns + 2.0)
+    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks", cells,
+                       unknowns);
+  if (cells < order + 2) return fmt::format("{} distances for a curve of order {}", cells, order);
+  return std::nullopt;
+}
+
+RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(int order) const {
+  Answer answer;
+  answer.order = order;
+  if (const auto why = too_few(order)) {
+    answer.outcome = Outcome::too_few_data;
+    answer.reason = *why;
+    return answer;
+  }
+  const auto start = start_of(held_, order, options_.law);
+  if (!start) {
+    answer.reason = "no start inside the model's domain was found";
+    return answer;
+  }
+  JointOptions with_sigmas_held;
+  with_sigmas_held.held.sigmas = true;
+  MarginalFit fit;
+  for (const JointOptions& joint_options : {JointOptions{}, with_sigmas_held}) {
+    const JointFit joint = solve_joint_block(held_, *start, joint_options);
+    if (joint.outcome != Outcome::converged) continue;
+    fit = solve_marginal(held_, joint.state, {});
+    if (fit.outcome == Outcome::converged) break;
+  }
+  answer.outcome = fit.outcome;
+  answer.reason = fit.reason;
+  answer.weakest_direction = fit.weakest_direction;
+  answer.covariance_reason = fit.covariance_reason;
+  answer.iterations = fit.iterations;
+  if (!is_usable(fit.outcome)) return answer;
+  answer.state = fit.state;
+  answer.nll = fit.marginal_nll;
+  answer.covariance = fit.covariance;
+  answer.log_sigmas = {std::log(fit.state.noise.parameters[0]), std::log(fit.state.sigma_theta_rad)};
+  return answer;
+}
+
+JointState RecursiveLandmarks::start_of_held() const {
+  JointState state = *last_;
+  for (const StopPrior& prior : held_.stops) state.stops.push_back(prior.commanded);
+  const Cells& c = held_.cells;
+  for (std::size_t l = state.landmarks.size(); l < labels_.size(); ++l) {
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+    double count = 0.0;
+    for (std::size_t i = 0; i < c.size(); ++i) {
+      if (c.landmark[i] != static_cast<int>(l)) continue;
+      const Pose2& stop = held_.stops[static_cast<std::size_t>(c.stop[i])].commanded;
+      const double phi = stop.heading_rad + c.bearing_mean[i],
+                   r = inverted(state.alpha, c.range_mean[i]) + c.radius_m[i];
+      sum += c.count[i] * Eigen::Vector2d(stop.x_m + r * std::cos(phi), stop.y_m + r * std::sin(phi));
+      count += c.count[i];
+    }
+    state.landmarks.push_back(count > 0.0 ? Eigen::Vector2d(sum / count) : Eigen::Vector2d::Zero());
+  }
+  return state;
+}
+
+RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
+  constexpr int most_updates = 15;
+  // standard deviations; the step is of third order, so that what is left is far smaller
+  constexpr double still = 3e-3;
+  Answer answer;
+  answer.order = order;
+  answer.state = start_of_held();
+  const int alphas = options_.columns();
+  const VectorXd reference = reference_with(*sums_, answer.state);
+  LandmarkSums before = *sums_;
+  before.grow(reference);
+  answer.log_sigmas = {std::log(answer.state.noise.parameters[0]), std::log(answer.state.sigma_theta_rad)};
+  SumsFit fit;
+  JointState last = answer.state;
+  for (answer.iterations = 1;; ++answer.iterations) {
+    LandmarkSums total = before;
+    if (held_.cells.size() > 0) {
+      auto latest = expand_stops(held_, answer.state, before.grid, reference);
+      for (int half = 0; !latest && half < 6 && answer.iterations > 1;
+           ++half) {  // a step out of the model's domain
+        put(answer.state, 0.5 * (phi_of(answer.state) + phi_of(last)), answer.log_sigmas);
+        latest = expand_stops(held_, answer.state, before.grid, reference);
+      }
+      if (!latest) {
+        answer.reason = "the stops held have no optimum inside the model's domain";
+        return answer;
+      }
+      total.add(*latest);
+      answer.held = std::move(latest);
+    }
+    fit = minimise_sums(total, alphas, order, answer.log_sigmas);
+    if (!fit.ok) {
+      answer.outcome = Outcome::unobservable;
+      answer.reason = "curve and landmarks are not determined by the readings";
+      return answer;
+    }
+    const VectorXd step = fit.phi - phi_of(answer.state);
+    const double moved =
+        std::sqrt(std::max(0.0, step.dot(fit.hessian.topLeftCorner(step.size(), step.size()) * step)));
+    last = answer.state;
+    put(answer.state, fit.phi, fit.log_sigmas);
+    answer.log_sigmas = fit.log_sigmas;
+    if (held_.cells.size() == 0 || moved < still) break;
+    if (answer.iterations == most_updates) {
+      answer.outcome = Outcome::not_converged;
+      answer.reason = fmt::format("the answer still moves by {:.1g} standard deviations after {} updates",
+                                  moved, most_updates);
+      return answer;
+    }
+  }
+  answer.nll = fit.nll;
+  answer.covariance = covariance_from(fit.hessian, alphas, order);
+  answer.outcome = answer.covariance ? Outcome::converged : Outcome::unobservable;
+  if (!answer.covariance) {
+    answer.reason = "curve and landmarks are not determined by the readings";
+    answer.covariance_reason = "no covariance: " + answer.reason;
+  } else if (fit.at_edge) {
+    answer.reason =
+        "sigma_e or sigma_theta is held at the end of the interval in which the readings were summed up";
+  }
+  if (answer.covariance && std::isfinite(options_.forget)) {
+    const double w = sum_w_ + held_.stop_count(), w_sq = sum_w_sq_ + held_.stop_count();
+    *answer.covariance *= w_sq / w;
+  }
+  return answer;
+}
+
+RecursiveLandmarks::Answer RecursiveLandmarks::answer(int order) const {
+  return sums_ ? from_sums(order) : first_answer(order);
+}
+
+Calibration RecursiveLandmarks::calibration_of(const Answer& answer) const {
+  Calibration result;
+  result.method = Method::marginal;
+  result.outcome = answer.outcome;
+  result.reason = answer.reason;
+  result.counts = counts_;
+  result.iterations = answer.iterations;
+  result.covariance_reason = answer.covariance_reason;
+  result.weakest_direction = answer.weakest_direction;
+  if (!is_usable(answer.outcome) || answer.state.alpha.size() == 0) {
+    if (result.covariance_reason.empty()) result.covariance_reason = "no estimate, so no covariance";
+    return result;
+  }
+  const Eigen::Index alphas = answer.state.alpha.size(), kept = answer.order + 1;
+  const auto std_dev = [&](Eigen::Index i, double factor) -> std::optional<double> {
+    if (!answer.covariance) return std::nullopt;
+    return factor * std::sqrt((*answer.covariance)(i, i));
+  };
+  const Eigen::Index sigmas = alphas + 2 * static_cast<Eigen::Index>(labels_.size());
+  result.alpha = answer.state.alpha.head(kept);
+  if (answer.covariance) result.alpha_covariance = answer.covariance->topLeftCorner(kept, kept);
+  result.noise = answer.state.noise;
+  result.noise_estimates = {
+      Estimate{result.noise.parameters[0], std_dev(sigmas, result.noise.parameters[0])}};
+  result.sigma_theta_rad =
+      Estimate{answer.state.sigma_theta_rad, std_dev(sigmas + 1, answer.state.sigma_theta_rad)};
+  for (std::size_t l = 0; l < labels_.size(); ++l) {
+    LandmarkEstimate landmark;
+    landmark.label = labels_[l];
+    landmark.position_m = answer.state.landmarks[l];
+    const Eigen::Index at = alphas + 2 * static_cast<Eigen::Index>(l);
+    if (answer.covariance) landmark.covariance = answer.covariance->block<2, 2>(at, at);
+    result.landmarks.push_back(landmark);
+  }
+  std::tie(result.range_min_m, result.range_max_m) = distances_of(held_, answer.state, low_m_, high_m_);
+  if (!std::isfinite(result.range_min_m)) result.range_min_m = 0.0;
+  result.marginal_nll = answer.nll;
+  result.aic = 2.0 * (answer.nll + static_cast<double>(kept + 2) + 2.0 * static_cast<double>(labels_.size()));
+  return result;
+}
+
+Calibration RecursiveLandmarks::estimate() {
+  if (labels_.empty()) {
+    Answer none;
+    none.outcome = Outcome::too_few_data;
+    none.reason = "no usable reading";
+    return calibration_of(none);
+  }
+  std::optional<Calibration> best;
+  for (int order = options_.order.value_or(1); order <= options_.order.value_or(options_.max_order);
+       ++order) {
+    const Calibration fit = calibration_of(answer(order));
+    const bool better = !best || (fit.outcome == Outcome::converged &&
+                                  (best->outcome != Outcome::converged || *fit.aic < *best->aic));
+    if (better) best = fit;
+  }
+  return *best;
+}
+
+}  // namespace rangecal

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_numbers.hpp"
+#include "recursive/landmark_answer.hpp"
+
+namespace rangecal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+constexpr const char* format_name = "rangecal-recursive-landmarks/1";
+
+Json list(const VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
+Json list(const MatrixXd& values) {
+  return std::vector<double>(values.reshaped().begin(), values.reshaped().end());
+}
+
+VectorXd vector_in(const Json& json, Eigen::Index size, const char* field) {
+  const auto values = json.get<std::vector<double>>();
+  if (static_cast<Eigen::Index>(values.size()) != size)
+    throw InputError(std::string("field '") + field + "' has not " + std::to_string(size) + " numbers");
+  VectorXd result = VectorXd::Map(values.data(), size);
+  if (!result.allFinite()) throw InputError(std::string("field '") + field + "' is not finite");
+  return result;
+}
+
+MatrixXd square_in(const Json& json, Eigen::Index size, const char* field) {
+  return vector_in(json, size * size, field).reshaped(size, size);
+}
+
+Json json_of(const LandmarkSums& sums) {
+  Json json{{"centre", {sums.grid.centre.x(), sums.grid.centre.y()}},
+            {"half_width", sums.grid.half_width},
+            {"reference", list(sums.reference)},
+            {"value", list(sums.value)},
+            {"beyond", list(sums.beyond)},
+            {"gradient", Json::array()},
+            {"hessian", Json::array()},
+            {"third", Json::array()}};
+  for (const VectorXd& g : sums.gradient) json["gradient"].push_back(list(g));
+  for (const MatrixXd& h : sums.hessian) json["hessian"].push_back(list(h));
+  for (const MatrixXd& t : sums.third) json["third"].push_back(list(t));
+  return json;
+}
+
+LandmarkSums sums_in(const Json& json, Eigen::Index largest) {
+  LandmarkSums sums;
+  sums.grid.centre = vector_in(json.at("centre"), 2, "centre");
+  sums.grid.half_width = json.at("half_width");
+  if (!(sums.grid.half_width > 0.0 && sums.grid.half_width < 10.0))
+    throw InputError("field 'half_width' is no width");
+  const auto size = static_cast<Eigen::Index>(json.at("reference").size());
+  if (size > largest) throw InputError("field 'reference' is of more landmarks than there are");
+  sums.reference = vector_in(json.at("reference"), size, "reference");
+  sums.value = vector_in(json.at("value"), SigmaGrid::nodes, "value");
+  sums.beyond = square_in(json.at("beyond"), size, "beyond");
+  for (int q = 0; q < SigmaGrid::nodes; ++q) {
+    sums.gradient.push_back(vector_in(json.at("gradient").at(static_cast<std::size_t>(q)), size, "gradient"));
+    sums.hessian.push_back(square_in(json.at("hessian").at(static_cast<std::size_t>(q)), size, "hessian"));
+  }
+  for (const Json& t : json.at("third")) sums.third.push_back(square_in(t, size, "third"));
+  if (sums.third.size() != (size > LandmarkSums::most_cubed ? 0 : static_cast<std::size_t>(size)))
+    throw InputError("field 'third' is not whole");
+  return sums;
+}
+
+Json json_of(const JointState& state) {
+  Json json{{"alpha", list(state.alpha)},
+            {"sigma", state.noise.parameters[0]},
+            {"sigma_theta", state.sigma_theta_rad},
+            {"landmarks", Json::array()}};
+  for (const Eigen::Vector2d& landmark : state.landmarks)
+    json["landmarks"].push_back({landmark.x(), landmark.y()});
+  return json;
+}
+
+/// The columns of the cells that hold numbers.
+std::vector<std::pair<const char*, std::vector<double> Cells::*>> columns() {
+  return {{"count", &Cells::count},
+          {"range_mean", &Cells::range_mean},
+          {"range_mean_square", &Cells::range_mean_square},
+          {"bearing_mean", &Cells::bearing_mean},
+          {"bearing_mean_square", &Cells::bearing_mean_square}};
+}
+
+}  // namespace
+
+std::string RecursiveLandmarks::to_json() const {
+  Json state{{"format", format_name},
+             {"order", options_.order ? Json(*options_.order) : Json("auto")},
+             {"max_order", options_.max_order},
+             {"law", to_string(options_.law)},
+             {"sigma_xy_m", options_.sigma_xy_m},
+             {"sigma_heading_rad", options_.sigma_heading_rad},
+             {"sigma_theta_rad", options_.sigma_theta_rad},
+             {"forget", std::isfinite(options_.forget) ? Json(options_.forget) : Json(nullptr)},
+             {"block", options_.block},
+             {"used", used_},
+             {"stops", stops_},
+             {"weights", {sum_w_, sum_w_sq_}},
+             {"distances_m", {std::isfinite(low_m_) ? Json(low_m_) : Json(nullptr), high_m_}},
+             {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}},
+             {"landmarks", Json::array()},
+             {"held", Json::array()},
+             {"cells", {{"landmark", held_.cells.landmark}}},
+             {"last", last_ ? json_of(*last_) : Json(nullptr)},
+             {"sums", sums_ ? json_of(*sums_) : Json(nullptr)}};
+  for (std::size_t l = 0; l < labels_.size(); ++l)
+    state["landmarks"].push_back({{"label", labels_[l]},
+                                  {"radius_m", held_.landmark_radius_m[l]},
+                                  {"bearings", bearings_[l].state()}});
+  for (std::size_t k = 0; k < held_.stops.size(); ++k) {
+    const StopPrior& stop = held_.stops[k];
+    state["held"].push_back({{"label", held_labels_[k]},
+                             {"pose", {stop.commanded.x_m, stop.commanded.y_m, stop.commanded.heading_rad}},
+                             {"sigma", {stop.sigma_xy_m, stop.sigma_heading_rad}},
+                             {"place", held_places_[static_cast<std::size_t>(stop.place)]},
+                             {"opens_place", stop.opens_place},
+                             {"cells", held_.cells.stop_begin[k + 1] - held_.cells.stop_begin[k]}});
+  }
+  for (const auto& [name, column] : columns()) state["cells"][name] = held_.cells.*column;
+  return state.dump() + "\n";
+}
+
+RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const std::string& name) {
+  try {
+    const Json state = Json::parse(text);
+    if (state.at("format") != format_name)
+      throw InputError(std::string("field 'format' is not '") + format_name + "'");
+    RecursiveLandmarksOptions options;
+    options.order.reset();
+    if (state.at("order").is_number()) options.order = whole_number(state.at("order"), "order");
+    options.max_order = whole_number(state.at("max_order"), "max_order");
+    options.law = noise_law_from_string(state.at("law").get<std::string>());
+    options.sigma_xy_m = state.at("sigma_xy_m");
+    options.sigma_heading_rad = state.at("sigma_heading_rad");
+    options.sigma_theta_rad = state.at("sigma_theta_rad");
+    if (state.at("forget").is_number()) options.forget = state.at("forget");
+    options.block = whole_number(state.at("block"), "block");
+    RecursiveLandmarks result(options);
+    result.sum_w_ = state.at("weights").at(0);
+    result.sum_w_sq_ = state.at("weights").at(1);
+    if (state.at("distances_m").at(0).is_number()) result.low_m_ = state.at("distances_m").at(0);
+    result.high_m_ = state.at("distances_m").at(1);
+    for (const Json& landmark : state.at("landmarks")) {
+      LandmarkReading known;
+      known.landmark = landmark.at("label");
+      known.radius_m = landmark.at("radius_m");
+      if (!(known.radius_m >= 0.0)) throw InputError("field 'radius_m' is negative");
+      result.landmark_of(known);
+      result.bearings_.back().restore(
+          landmark.at("bearings").get<std::array<double, RecursiveBearings::state_size>>());
+    }
+    if (result.labels_.size() != state.at("landmarks").size())
+      throw InputError("field 'landmarks' names one twice");
+    const auto phis = options.columns() + 2 * static_cast<Eigen::Index>(result.labels_.size());
+    const Json& cells = state.at("cells");
+    std::size_t cell = 0;
+    for (const Json& held : state.at("held")) {
+      Stop stop;
+      stop.label = held.at("label");
+      stop.commanded = {held.at("pose").at(0), held.at("pose").at(1), held.at("pose").at(2)};
+      stop.sigma_xy_m = held.at("sigma").at(0).get<double>();
+      stop.sigma_heading_rad = held.at("sigma").at(1).get<double>();
+      stop.place = held.at("place");
+      const bool opens = held.at("opens_place").get<bool>() || result.held_places_.empty();
+      result.hold(stop.label, result.prior_of(stop), opens ? &stop.place : nullptr);
+      for (int i = whole_number(held.at("cells"), "cells"); i > 0; --i, ++cell) {
+        const int landmark = whole_number(cells.at("landmark").at(cell), "landmark", 0,
+                                          static_cast<int>(result.labels_.size()) - 1);
+        const std::size_t at = result.cell_of(landmark);
+        if (at != cell) throw InputError("field 'cells' holds a landmark twice at one stop");
+        for (const auto& [field, column] : columns())
+          (result.held_.cells.*column)[at] = cells.at(field).at(cell);
+        Cells& c = result.held_.cells;
+        if (!(c.count[at] >= 1.0) || !(c.range_mean[at] > 0.0) || !(c.range_mean_square[at] >= 0.0) ||
+            !(c.bearing_mean_square[at] >= 0.0))
+          throw InputError("field 'cells' holds what no readings make");
+        c.range_weight[at] = c.bearing_weight[at] = c.count[at];
+        result.held_.readings += c.count[at];
+      }
+    }
+    result.used_ = whole_number<std::int64_t>(state.at("used"), "used");
+    result.stops_ = whole_number<std::int64_t>(state.at("stops"), "stops");
+    const Json& counts = state.at("counts");
+    result.counts_.read = whole_number(counts.at("read"), "read");
+    result.counts_.used = whole_number(counts.at("used"), "used");
+    for (const auto& [reason, count] : counts.at("dropped").items())
+      result.counts_.dropped[reason] = whole_number(count, "dropped");
+    if (state.at("sums").is_object()) {
+      result.sums_ = std::make_unique<LandmarkSums>(sums_in(state.at("sums"), phis));
+      const Json& last = state.at("last");
+      JointState at;
+      at.alpha = vector_in(last.at("alpha"), options.columns(), "alpha");
+      at.noise = {options.law, VectorXd::Constant(1, last.at("sigma").get<double>())};
+      at.sigma_theta_rad = last.at("sigma_theta");
+      if (!(at.noise.parameters[0] > 0.0 && at.sigma_theta_rad > 0.0))
+        throw InputError("field 'last' has a sigma that is not positive");
+      for (const Json& landmark : last.at("landmarks"))
+        at.landmarks.emplace_back(landmark.at(0).get<double>(), landmark.at(1).get<double>());
+      if (options.columns() + 2 * static_cast<Eigen::Index>(at.landmarks.size()) !=
+          result.sums_->reference.size())
+        throw InputError("field 'last' is of other landmarks than the sums");
+      result.last_ = at;
+    }
+    return result;
+  } catch (const Json::exception& error) {
+    throw InputError(name, 0, "", std::string("is no state of a tracked calibration: ") + error.what());
+  } catch (const InputError& error) {
+    throw InputError(name, 0, "", error.what());
+  }
+}
+
+}  // namespace rangecal

@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/recursive/recursive_landmarks.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+#include "support/paper_scene.hpp"
+
+namespace rangecal {
+namespace {
+
+struct Drive {
+  int stops = 300, repeats = 2;
+  NoiseLaw law = NoiseLaw::f_squared;
+  double sigma_e = 0.01, sigma_xy = 0.01, sigma_heading = 0.0;
+};
+
+/// Stops on a Lissajous curve of 4 by 3 m, five cylinders about it, each seen from every stop.
+Recording drive(const Drive& d, std::uint64_t repeat = 0) {
+  Scene scene = testing::paper_scene();
+  scene.noise = {d.law, Eigen::VectorXd::Constant(1, d.sigma_e)};
+  scene.sigma_xy_m = d.sigma_xy;
+  scene.sigma_heading_rad = d.sigma_heading;
+  scene.repeats = d.repeats;
+  for (int k = 0; k < d.stops; ++k)
+    testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4),
+                              d.sigma_heading > 0.0 ? 0.9 * k : 0.0});
+  for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
+    scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.12, {}});
+    scene.positions.emplace_back(x, y);
+  }
+  return simulate(scene, seed_from("recursive landmarks", {repeat}));
+}
+
+LandmarkReading reading_of(const Recording& r, std::size_t i) {
+  const int landmark = r.readings.landmark[i];
+  return {r.stops[static_cast<std::size_t>(r.readings.stop[i])],
+          r.landmarks[static_cast<std::size_t>(landmark)].label,
+          r.landmarks[static_cast<std::size_t>(landmark)].radius_m, r.readings.range_m[i],
+          r.readings.bearing_rad[i]};
+}
+
+RecursiveLandmarksOptions options_for(const Drive& d) {
+  RecursiveLandmarksOptions options;
+  options.law = d.law;
+  options.sigma_xy_m = d.sigma_xy;
+  options.sigma_heading_rad = d.sigma_heading;
+  return options;
+}
+
+RecursiveLandmarks after(const Recording& r, const RecursiveLandmarksOptions& options) {
+  RecursiveLandmarks tracked(options);
+  for (std::size_t i = 0; i < r.readings.size(); ++i) tracked.add(reading_of(r, i));
+  return tracked;
+}
+
+Calibration batch_of(const Recording& r, int order, NoiseLaw law) {
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  options.order = order;
+  options.noise = law;
+  return calibrate({&r, 1}, options)[0];
+}
+
+/// The largest difference of any estimate, in standard deviations of the batch.
+double largest_difference(const Calibration& ours, const Calibration& batch) {
+  double largest = 0.0;
+  const auto consider = [&](double a, double b, double std_dev) {
+    largest = std::max(largest, std::abs(a - b) / std_dev);
+  };
+  for (Eigen::Index i = 0; i < batch.alpha.size(); ++i)
+    consider(ours.alpha[i], batch.alpha[i], std::sqrt((*batch.alpha_covariance)(i, i)));
+  consider(ours.noise.parameters[0], batch.noise.parameters[0], *batch.noise_estimates[0].std_dev);
+  consider(ours.sigma_theta_rad->value, batch.sigma_theta_rad->value, *batch.sigma_theta_rad->std_dev);
+  for (const LandmarkEstimate& b : batch.landmarks)
+    for (const LandmarkEstimate& a : ours.landmarks)
+      if (a.label == b.label)
+        for (int k = 0; k < 2; ++k)
+          consider(a.position_m[k], b.position_m[k], std::sqrt((*b.covariance)(k, k)));
+  return largest;
+}
+
+TEST(RecursiveLandmarks, IsTheBatchAnswerWithinOneHundredthOfItsStandardDeviation) {
+  Drive headings, many, coarse;
+  headings.sigma_heading = 0.01;
+  many.stops = 2000;
+  coarse.sigma_xy = 0.03;
+  coarse.sigma_e = 0.02;
+  std::vector<Drive> drives{{}, headings, many, coarse};
+  for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_cubed, NoiseLaw::d_squared}) {
+    drives.emplace_back();
+    drives.back().law = law;
+    drives.back().sigma_e = law == NoiseLaw::f_cubed ? 0.004 : 0.015;
+  }
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    const Recording recording = drive(drives[i], i);
+    const Calibration ours = after(recording, options_for(drives[i])).estimate(),
+                      batch = batch_of(recording, 2, drives[i].law);
+    ASSERT_EQ(ours.outcome, Outcome::converged) << i << " " << ours.reason;
+    EXPECT_LT(largest_difference(ours, batch), 0.01) << "drive " << i;
+    EXPECT_NEAR(*ours.marginal_nll, *batch.marginal_nll, 0.05);
+    EXPECT_LT((*ours.alpha_covariance - *batch.alpha_covariance).norm(),
+              0.02 * batch.alpha_covariance->norm());
+    EXPECT_NEAR(*ours.noise_estimates[0].std_dev, *batch.noise_estimates[0].std_dev,
+                0.02 * *batch.noise_estimates[0].std_dev);
+    // a stop that is summed up stays where the answer of its time had it
+    EXPECT_NEAR(ours.range_min_m, batch.range_min_m, 0.03);
+    EXPECT_NEAR(ours.range_max_m, batch.range_max_m, 0.03);
+  }
+}
+
+TEST(RecursiveLandmarks, IsTheBatchWhileAllStopsAreHeld) {
+  // solve_marginal is the same, its start is another: both end within their tolerance of 1e-7 Fisher-scaled
+  // units
+  Drive few;
+  few.stops = 12;
+  const Recording recording = drive(few, 20);
+  EXPECT_LT(
+      largest_difference(after(recording, options_for(few)).estimate(), batch_of(recording, 2, few.law)),
+      1e-3);
+}
+
+TEST(RecursiveLandmarks, LandmarksFromBearingsAreTheBatchAnswer) {
+  for (const double sigma_heading : {0.0, 0.02}) {
+    Drive d;
+    d.sigma_heading = sigma_heading;
+    const Recording recording = drive(d, 30);
+    const std::vector<LandmarkFromBearings> ours = after(recording, options_for(d)).from_bearings();
+    BearingOptions bearings;
+    bearings.sigma_theta_rad = RecursiveLandmarksOptions{}.sigma_theta_rad;
+    const LandmarksFromBearings batch =
+        landmarks_from_bearings(make_joint_problem({&recording, 1}), bearings);
+    ASSERT_EQ(ours.size(), batch.landmarks.size());
+    for (std::size_t l = 0; l < ours.size(); ++l) {
+      ASSERT_EQ(ours[l].outcome, Outcome::converged) << ours[l].reason;
+      EXPECT_LT((ours[l].position_m - batch.landmarks[l].position_m).norm(), 1e-8);
+      EXPECT_LT((ours[l].covariance - batch.landmarks[l].covariance).norm(),
+                1e-8 * batch.landmarks[l].covariance.norm());
+      EXPECT_NEAR(ours[l].condition, batch.landmarks[l].condition, 1e-8 * batch.landmarks[l].condition);
+      EXPECT_EQ(ours[l].cells, d.stops);
+    }
+  }
+}
+
+TEST(RecursiveLandmarks, BearingsThatDetermineNothingAreNamed) {
+  // Two lines along x from stops on the x axis, at distance 3 +- 0: parallel. One line: seen from one stop.
+  RecursiveBearings bearings;
+  EXPECT_EQ(bearings.landmark().outcome, Outcome::too_few_data);
+  RecursiveBearings::Line line{{0.0, 0.0}, 0.0, 3.0, 1.0, 0.01, 0.0, 0.01};
+  bearings.add(line);
+  EXPECT_EQ(bearings.landmark().outcome, Outcome::unobservable);
+  line.stop_m = {1.0, 0.0};
+  bearings.add(line);
+  EXPECT_EQ(bearings.landmark().outcome, Outcome::unobservable);
+  EXPECT_NE(bearings.landmark().reason.find("parallel"), std::string::npos);
+  // From (0, 0) along +x and from (2, -2) along -y: the lines meet at (2, 0), behind the second stop, 1 m
+  // ahead on the whole.
+  RecursiveBearings crossed;
+  crossed.add({{0.0, 0.0}, 0.0, 2.0, 1.0, 0.01, 0.0, 0.01});
+  crossed.add({{2.0, -2.0}, 1.5707963267948966, 2.0, 1.0, 0.01, 0.0, 0.01});
+  ASSERT_EQ(crossed.landmark().outcome, Outcome::converged);
+  EXPECT_LT((crossed.landmark().position_m - Eigen::Vector2d(2.0, 0.0)).norm(), 1e-12);
+  // variance across each line: 0.01^2 + (0.01 * 2)^2 = 5e-4
+  EXPECT_LT((crossed.landmark().covariance - 5e-4 * Eigen::Matrix2d::Identity()).norm(), 1e-15);
+  RecursiveBearings behind;
+  behind.add({{0.0, 0.0}, 3.141592653589793, 2.0, 1.0, 0.01, 0.0, 0.01});
+  behind.add({{2.0, -2.0}, -1.5707963267948966, 2.0, 1.0, 0.01, 0.0, 0.01});
+  EXPECT_EQ(behind.landmark().outcome, Outcome::unobservable);
+}
+
+TEST(RecursiveLandmarks, TakesLandmarksThatAppearLate) {
+  Recording recording = drive({}, 40);
+  Readings seen;
+  for (std::size_t i = 0; i < recording.readings.size();
+       ++i) {  // D from stop 100 on, E until 50 and from 200 on
+    const int l = recording.readings.landmark[i], k = recording.readings.stop[i];
+    if ((l == 3 && k < 100) || (l == 4 && k >= 50 && k < 200)) continue;
+    seen.stop.push_back(k);
+    seen.landmark.push_back(l);
+    seen.range_m.push_back(recording.readings.range_m[i]);
+    seen.bearing_rad.push_back(recording.readings.bearing_rad[i]);
+  }
+  recording.readings = seen;
+  const Calibration ours = after(recording, options_for({})).estimate(),
+                    batch = batch_of(recording, 2, NoiseLaw::f_squared);
+  ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
+  ASSERT_EQ(ours.landmarks.size(), 5u);
+  EXPECT_LT(largest_difference(ours, batch), 0.01);
+}
+
+TEST(RecursiveLandmarks, TracksTheOrder) {
+  RecursiveLandmarksOptions options;
+  options.order.reset();
+  const Recording recording = drive({}, 50);
+  const Calibration ours = after(recording, options).estimate();
+  CalibrateOptions all;
+  all.methods = {Method::marginal};
+  all.max_order = 3;
+  all.noise = NoiseLaw::f_squared;
+  const Calibration batch = calibrate({&recording, 1}, all)[0];
+  ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
+  ASSERT_EQ(ours.order(), batch.order());
+  EXPECT_NEAR(*ours.aic, *batch.aic, 0.1);
+  EXPECT_LT(largest_difference(ours, batch),
+            0.02);  // summed up about the curve of order 3, some deviations away
+}
+
+TEST(RecursiveLandmarks, ForgetsWithItsTimeConstant) {
+  // An offset of the readings creeps from 0 to 0.1 m in 1000 stops, 10 mm in 100. At 1.5 m the curve has the
+  // weighted mean over the stops remembered: 0.1 m less a lag of 70 to 100 stops, a block being taken whole;
+  // without forgetting the middle of the stream.
+  Recording recording = drive({1000, 1}, 60);
+  for (std::size_t i = 0; i < recording.readings.size(); ++i)
+    recording.readings.range_m[i] += 1e-4 * recording.readings.stop[i];
+  const auto offset = [](const Calibration& fit) {
+    return evaluate_polynomial(fit.alpha - Eigen::Vector3d(0.0525, 0.8838, 0.0584), 1.5);
+  };
+  RecursiveLandmarksOptions options;
+  EXPECT_NEAR(offset(after(recording, options).estimate()), 0.05, 0.006);
+  options.forget = 100.0;
+  RecursiveLandmarks recent = after(recording, options);
+  const Calibration fit = recent.estimate();
+  ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+  EXPECT_NEAR(offset(fit), 0.0915, 0.006);
+  // sum over ages of e^(-age / 100), squared, over the sum of e^(-2 age / 100): 200 stops
+  EXPECT_NEAR(recent.effective_stops(), 200.0, 20.0);
+}
+
+TEST(RecursiveLandmarks, IntervalsHold) {
+  // 100 streams of 80 stops, with and without forgetting; |alpha_1 - truth| < 1.96 standard deviations in
+  // 0.95 of them, binomial: 4 * sqrt(0.95 * 0.05 / 100) = 0.087
+  for (const double forget : {std::numeric_limits<double>::infinity(), 60.0}) {
+    Drive d{80, 1};
+    RecursiveLandmarksOptions options = options_for(d);
+    options.forget = forget;
+    int held = 0;
+    for (std::uint64_t repeat = 0; repeat < 100; ++repeat) {
+      const Calibration fit = after(drive(d, 1000 + repeat), options).estimate();
+      ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+      held += std::abs(fit.alpha[1] - 0.8838) < 1.96 * std::sqrt((*fit.alpha_covariance)(1, 1));
+    }
+    EXPECT_NEAR(held / 100.0, 0.95, 0.087) << forget;
+  }
+}
+
+TEST(RecursiveLandmarks, ManyLandmarksGoWithoutTheThirdOrder) {
+  Scene scene = testing::paper_scene();
+  for (int k = 0; k < 120; ++k)
+    testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4), 0.0});
+  for (int l = 0; l < 36; ++l) {
+    scene.landmarks.push_back({fmt::format("L{}", l), 0.05, {}});
+    scene.positions.emplace_back((2.8 + 0.3 * (l % 3)) * std::cos(l * 0.1745),
+                                 (2.4 + 0.3 * (l % 2)) * std::sin(l * 0.1745));
+  }
+  const Recording recording = simulate(scene, seed_from("recursive many landmarks"));
+  const Calibration ours = after(recording, {}).estimate(),
+                    batch = batch_of(recording, 2, NoiseLaw::f_squared);
+  ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
+  EXPECT_LT(largest_difference(ours, batch), 0.05);
+}
+
+TEST(RecursiveLandmarks, StateIsSavedWholeAndGoesOnBitByBit) {
+  const Recording recording = drive({}, 70);
+  RecursiveLandmarksOptions options;
+  options.forget = 500.0;
+  RecursiveLandmarks whole = after(recording, options);
+  for (const std::size_t cut : {std::size_t{7}, std::size_t{203}, std::size_t{1404}}) {
+    RecursiveLandmarks first(options);
+    for (std::size_t i = 0; i < cut; ++i) first.add(reading_of(recording, i));
+    LandmarkReading bad = reading_of(recording, cut);
+    bad.range_m = -1.0;
+    first.add(bad);
+    RecursiveLandmarks second = RecursiveLandmarks::from_json(first.to_json(), "state");
+    EXPECT_EQ(second.to_json(), first.to_json());
+    EXPECT_EQ(second.counts().dropped.size(), 1u);
+    for (std::size_t i = cut; i < recording.readings.size(); ++i) second.add(reading_of(recording, i));
+    EXPECT_EQ(second.estimate().alpha, whole.estimate().alpha);
+    EXPECT_EQ(second.from_bearings()[2].position_m, whole.from_bearings()[2].position_m);
+  }
+  EXPECT_THROW(RecursiveLandmarks::from_json("{}", "state"), InputError);
+  EXPECT_THROW(RecursiveLandmarks::from_json("not json", "state"), InputError);
+  const std::string state = whole.to_json();
+  for (const auto& [what, by] : {std::pair<std::string, std::string>{"landmarks/1", "landmarks/9"},
+                                 {"\"half_width\":", "\"half_width\":-"},
+                                 {"\"opens_place\":true", "\"opens_place\":7"},
+                                 {"\"reference\":[", "\"reference\":[1,"},
+                                 {"\"block\":32", "\"block\":-1"}}) {
+    std::string broken = state;
+    ASSERT_NE(broken.find(what), std::string::npos) << what;
+    broken.replace(broken.find(what), what.size(), by);
+    EXPECT_THROW(RecursiveLandmarks::from_json(broken, "state"), InputError) << what;
+  }
+}
+
+TEST(RecursiveLandmarks, MemoryDoesNotGrow) {
+  Drive d{400, 1};
+  const Recording recording = drive(d, 80);
+  RecursiveLandmarks tracked(options_for(d));
+  std::size_t at_100 = 0;
+  for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+    tracked.add(reading_of(recording, i));
+    if (i == 5 * 100 - 1) at_100 = tracked.to_json().size();
+  }
+  EXPECT_LT(static_cast<double>(tracked.to_json().size()),
+            1.1 * static_cast<double>(at_100));  // digits of the numbers
+}
+
+TEST(RecursiveLandmarks, HostileInput) {
+  const Recording recording = drive({20, 1}, 90);
+  RecursiveLandmarks tracked;
+  EXPECT_EQ(tracked.estimate().outcome, Outcome::too_few_data);
+  LandmarkReading reading = reading_of(recording, 0);
+  for (const double bad : {std::nan(""), 0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+    reading.range_m = bad;
+    EXPECT_FALSE(tracked.add(reading));
+  }
+  reading = reading_of(recording, 0);
+  reading.bearing_rad = std::nan("");
+  EXPECT_FALSE(tracked.add(reading));
+  EXPECT_EQ(tracked.counts().read, 5);
+  EXPECT_EQ(tracked.used(), 0);
+  reading = reading_of(recording, 0);
+  reading.stop.commanded.x_m = std::nan("");
+  EXPECT_THROW(tracked.add(reading), InputError);
+  reading = reading_of(recording, 0);
+  reading.radius_m = -1.0;
+  EXPECT_THROW(tracked.add(reading), InputError);
+  reading.radius_m = 0.1;
+  reading.stop.sigma_xy_m = -0.1;
+  EXPECT_THROW(tracked.add(reading), InputError);
+  for (std::size_t i = 0; i < 10; ++i) tracked.add(reading_of(recording, i));  // two stops
+  EXPECT_EQ(tracked.estimate().outcome, Outcome::too_few_data);
+  EXPECT_THROW(tracked.add(reading_of(recording, 0)), InputError);  // the first comes back
+  // the same reading for ever: nothing is determined, nothing fails
+  RecursiveLandmarks stuck;
+  LandmarkReading same = reading_of(recording, 0);
+  for (int i = 0; i < 300; ++i) {
+    same.stop.label = std::to_string(i);
+    stuck.add(same);
+  }
+  EXPECT_NE(stuck.estimate().outcome, Outcome::converged);
+  RecursiveLandmarksOptions bad;
+  bad.law = NoiseLaw::polynomial;
+  EXPECT_THROW(RecursiveLandmarks{bad}, InputError);
+  bad = {};
+  bad.block = 0;
+  EXPECT_THROW(RecursiveLandmarks{bad}, InputError);
+  bad = {};
+  bad.forget = 0.0;
+  EXPECT_THROW(RecursiveLandmarks{bad}, InputError);
+}
+
+}  // namespace
+}  // namespace rangecal
