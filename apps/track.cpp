@@ -56,15 +56,16 @@ struct TrackCommand {
   }
 
   std::string page(const Tracked& tracked) const {
-    std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; pairs: {}\n", tracked.rows, tracked.corrected,
-                                   tracked.malformed, describe(tracked.counts));
-    if (!tracked.calibration) return text + "Curve f    no row had a true distance\n";
+    std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; {}: {}\n", tracked.rows, tracked.corrected,
+                                   tracked.malformed, tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
+    if (!tracked.calibration)
+      return text + (tracked.landmarks ? "Curve f    no row had a landmark\n" : "Curve f    no row had a true distance\n");
     const Calibration& c = *tracked.calibration;
     text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method), c.reason.empty() ? "" : ": ", c.reason);
     if (c.alpha.size() == 0) return text;
     if (std::isfinite(job.options.forget))
       text += fmt::format("Memory     time constant {} {}; {:.0f} readings count\n", job.options.forget,
-                          tracked.timed ? "s" : "readings", tracked.effective);
+                          tracked.landmarks ? "stops" : tracked.timed ? "s" : "readings", tracked.effective);
     text += fmt::format("Model      order {}, noise {}, {:.3g} +- {:.2g} {}\nCurve f    reading =", c.order(), law_in_words(c.noise.law),
                         c.noise.parameters[0], c.noise_estimates[0].std_dev.value_or(0.0), law_unit(c.noise.law, 0));
     for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {
@@ -72,7 +73,16 @@ struct TrackCommand {
       if (c.alpha_covariance) std_dev = std::sqrt((*c.alpha_covariance)(i, i));
       text += fmt::format("{}({}){}", i == 0 ? " " : " + ", with_std(c.alpha[i], std_dev), i == 0 ? "" : i == 1 ? " d" : fmt::format(" d^{}", i));
     }
-    return text + fmt::format("; d in m, seen from {:.3g} to {:.3g} m\n", c.range_min_m, c.range_max_m);
+    text += fmt::format("; d in m, seen from {:.3g} to {:.3g} m\n", c.range_min_m, c.range_max_m);
+    for (const LandmarkEstimate& landmark : c.landmarks) {
+      const auto std_dev = [&](int k) -> std::optional<double> {
+        if (!landmark.covariance) return std::nullopt;
+        return std::sqrt((*landmark.covariance)(k, k));
+      };
+      text += fmt::format("Landmark   {} at ({}, {}) m\n", landmark.label, with_std(landmark.position_m.x(), std_dev(0)),
+                          with_std(landmark.position_m.y(), std_dev(1)));
+    }
+    return text;
   }
 };
 
@@ -81,7 +91,7 @@ struct TrackCommand {
 void add_track(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("track", "calibrate and correct readings as they come");
   const auto state = std::make_shared<TrackCommand>();
-  command->add_option("FILE", state->job.input, "CSV with reading_m (or range_m), and true_m, time_s where known; - or nothing: stdin")
+  command->add_option("FILE", state->job.input, "CSV with reading_m (or range_m), and true_m, time_s where known; or stop, landmark, range_m, bearing_rad; - or nothing: stdin")
       ->capture_default_str();
   command->add_flag("--follow", state->job.follow, "wait for more at the end of FILE until Ctrl-C");
   command->add_option("--state", state->job.state, "keep the state in this file: a run that was stopped or killed goes on there");
@@ -89,10 +99,15 @@ void add_track(CLI::App& app, Action& chosen) {
   command->add_option("--from", state->job.from, "calibration (JSON) to correct by until the stream has its own");
   command->add_option("--order", state->order, "of f: 0 to 8, or auto: the lowest AIC of 1 to 4 at each estimate")->capture_default_str();
   command->add_option("--noise", state->noise, "noise law: constant, f, f2, f3, d2")->capture_default_str();
-  command->add_option("--forget", state->forget, "time constant of the memory: seconds, or readings where there is no time_s")
+  command->add_option("--forget", state->forget, "time constant of the memory: seconds, or readings where there is no time_s; of landmarks: stops")
       ->check(CLI::PositiveNumber);
   command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);
   command->add_flag("--approximate", state->job.approximate, "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
+  command->add_option("--stops", state->job.stops, "readings of landmarks: the recording whose stops and landmarks the stream names by label");
+  command->add_option("--sigma-xy", state->job.sigma_xy_m, "how far a stop may be from its pose [m], where nothing else says")
+      ->check(CLI::NonNegativeNumber)->capture_default_str();
+  command->add_option("--sigma-heading", state->job.sigma_heading_rad, "the same of its heading [rad]")->check(CLI::NonNegativeNumber)->capture_default_str();
+  command->add_option("--radius", state->job.radius_m, "radius of landmarks that nothing else says one of [m]")->check(CLI::NonNegativeNumber)->capture_default_str();
   command->add_option("--watch", state->job.watch, "watch for a change against --from; so many pairs lie between two false alarms (100000, say)")
       ->check(CLI::Range(100.0, 1e12));
   command->add_option("--changes", state->job.changes, "keep a table of the alarms of --watch in this file");
@@ -103,12 +118,17 @@ void add_track(CLI::App& app, Action& chosen) {
       "calibration so far. Rows with true_m also teach the calibration, in constant memory; it is estimated anew each time the\n"
       "pairs have grown by 2 %. A row that cannot be understood is flagged 'malformed', named on stderr, and skipped. With --state\n"
       "(and -o) a killed run goes on where it was saved: no row is lost, none counts twice.\n"
-      "--watch tells within some hundred pairs what changed: window (offset), baseline (scale), pointing (disparity) or noise.\n"
+      "Columns stop, landmark, range_m, bearing_rad (and no true_m): landmarks in unknown places, the readings of a stop together.\n"
+      "Each row then has x_m, y_m, heading_rad of its stop (sigma_xy_m, sigma_heading_rad, place, radius_m where they differ), or\n"
+      "--stops names the recording that lists the stops. The answer is that of 'calibrate --method marginal'.\n"
+      "--watch tells within some hundred pairs what changed: window (offset), baseline (scale), pointing (disparity), noise, and\n"
+      "with a column bearing_rad encoder (once a turn).\n"
       "Exit code 1 where the stream did not determine a calibration and --from gives none.\n"
       "\n"
       "Examples:\n"
       "  rangecal track notebooks_data/pairs-2016/pairs.csv -o distances.csv --json cal.json\n"
       "  sensor-program | rangecal track --from cal.json --forget 3600\n"
+      "  rangecal track notebooks_data/field-layout/observations.csv --stops notebooks_data/field-layout -o distances.csv\n"
       "  rangecal track today.csv --from cal.json --watch 100000 -o distances.csv\n"
       "  rangecal track log.csv --follow --state track.json -o distances.csv");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });

@@ -20,7 +20,7 @@
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/write_lock.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
-#include "track/columns.hpp"
+#include "track/learner.hpp"
 #include "track/line_source.hpp"
 #include "track/saved_calibration.hpp"
 
@@ -46,7 +46,7 @@ Json shallow_json(const std::string& text) {
 
 class Run {
  public:
-  explicit Run(const TrackJob& job) : job_(job), calibrator_(job.options), name_(job.input == "-" ? "stdin" : job.input) {
+  explicit Run(const TrackJob& job) : job_(job), name_(job.input == "-" ? "stdin" : job.input) {
     if (!job.from.empty()) {
       given_ = load_calibration(job.from);
       require_curve(*given_, job.from);
@@ -54,9 +54,6 @@ class Run {
     }
     if (job.watch > 0.0) {
       if (!given_) throw InputError("--watch needs --from, the calibration that may have changed");
-      ChangeOptions watch;
-      watch.run_length = job.watch;
-      detector_.emplace(*given_, watch);
     } else if (!job.changes.empty()) {
       throw InputError("--changes needs --watch");
     }
@@ -101,13 +98,13 @@ class Run {
     if (columns_read_ == 0 && header_.empty()) throw InputError(name_, 0, "", "holds no reading");
     save();
     Tracked result;
-    if (calibrator_.counts().read > 0)
-      result.calibration = job_.approximate ? calibrator_.approximate() : calibrator_.full();
-    result.counts = calibrator_.counts();
+    if (learner_->counts().read > 0) result.calibration = learner_->estimate();
+    result.counts = learner_->counts();
+    result.landmarks = columns_.landmarks();
     result.rows = rows_;
     result.corrected = corrected_;
     result.malformed = malformed_;
-    result.effective = calibrator_.effective_readings();
+    result.effective = learner_->effective();
     result.timed = columns_.time >= 0;
     result.changes = changes_;
     result.notes = notes_;
@@ -121,14 +118,13 @@ class Run {
     try {
       const Json state = shallow_json(read_file(path, std::size_t{64} << 20));
       if (state.at("format") != format_name) throw InputError(path + ": field 'format' is not '" + format_name + "'");
-      calibrator_ = RecursiveCalibrator::from_json(state.at("calibrator").dump(), path);
-      const RecursiveOptions& saved = calibrator_.options();
-      if (saved.order != job_.options.order || saved.law != job_.options.law || saved.forget != job_.options.forget ||
-          saved.range_min_m != job_.options.range_min_m || saved.range_max_m != job_.options.range_max_m)
-        throw InputError(path + ": was made with another --order, --noise, --forget or --range");
       header_ = state.at("header").get<std::string>();
       if (!header_.empty()) columns_ = columns_of(header_, name_, line_);
       columns_read_ = header_.empty() ? 0 : 1;
+      if (!header_.empty() || state.at("calibrator").is_object()) {
+        begin();
+        learner_->restore(state.at("calibrator"), path);
+      }
       const auto count = [&](const char* key) { return whole_number<std::int64_t>(state.at(key), key); };
       offset_ = job_.input == "-" ? 0 : count("offset");
       line_ = job_.input == "-" ? 0 : static_cast<long>(count("line"));
@@ -160,7 +156,7 @@ class Run {
     Json state{{"format", format_name}, {"header", header_}, {"offset", source_->offset()}, {"line", line_},
                {"output_bytes", output_bytes_}, {"rows", rows_}, {"corrected", corrected_}, {"malformed", malformed_},
                {"next_estimate", next_estimate_}, {"calibration", current_ ? json_of(*current_) : Json(nullptr)},
-               {"watch", detector_ ? Json(detector_->state()) : Json(nullptr)}, {"changes", Json::array()}, {"calibrator", Json::parse(calibrator_.to_json())}};
+               {"watch", detector_ ? Json(detector_->state()) : Json(nullptr)}, {"changes", Json::array()}, {"calibrator", learner_ ? Json::parse(learner_->to_json()) : Json(nullptr)}};
     for (const ChangeAlarm& c : changes_)
       state["changes"].push_back({c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev});
     write_file(job_.state, state.dump() + "\n");
@@ -204,58 +200,61 @@ class Run {
       if (!number_of(line)) {
         header_ = line;
         columns_ = columns_of(line, name_, line_);
+        begin();
         return;
       }
+      if (!learner_) begin();
     } else if (job_.input == "-" && line == header_) {   // the same program started again
       return;
     }
     ++rows_;
-    row(line);
+    take_row(line);
     if (rows_ % job_.every == 0) save();
   }
 
-  void row(const std::string& line) {
+  void take_row(const std::string& line) {
     const auto fields = csv_fields(line);
     if (!fields) return complain("", "a quote is left open");
     if (fields->size() != columns_.count)
       return complain("", fmt::format("has {} fields where the header has {}", fields->size(), columns_.count));
-    const auto number = [&](int column, const char* name, double& value) {
-      value = std::nan("");
-      if (column < 0) return true;
-      const std::string& text = (*fields)[static_cast<std::size_t>(column)];
-      if (text.find_first_not_of(" \t\r") == std::string::npos || text == "NA") return true;
-      const auto read = number_of(text);
-      if (!read) complain(name, "'" + text + "' is not a number");
-      value = read.value_or(value);
-      return read.has_value();
-    };
-    double reading = 0.0, truth = 0.0, time = 0.0;
-    if (!number(columns_.reading, "reading_m", reading) || !number(columns_.truth, "true_m", truth) ||
-        !number(columns_.time, "time_s", time))
-      return;
-    if (columns_.time >= 0 && !std::isfinite(time)) return complain("time_s", "there is no time");
-    if (detector_ && std::isfinite(truth)) watch(truth, reading);
-    if (std::isfinite(truth)) {
-      calibrator_.add(truth, reading, time);
-      if (calibrator_.used() >= next_estimate_) estimate();
+    StreamRow row;
+    if (const BadField bad = read_row(columns_, *fields, row); !bad.what.empty()) return complain(bad.column, bad.what);
+    if (columns_.time >= 0 && !std::isfinite(row.time_s)) return complain("time_s", "there is no time");
+    if (detector_ && std::isfinite(row.true_m)) watch(row);
+    try {
+      if (learner_->take(row) && learner_->used() >= next_estimate_) estimate();
+    } catch (const InputError& error) {
+      if (!columns_.landmarks()) throw;
+      return complain("", error.what());
     }
-    correct_reading(reading);
+    correct_reading(row.reading_m);
+  }
+
+  /// The columns are known: what learns from them, and what watches them.
+  void begin() {
+    learner_ = make_learner(job_, columns_);
+    if (job_.watch > 0.0) {
+      ChangeOptions watch;
+      watch.run_length = job_.watch;
+      watch.bearings = columns_.bearing >= 0;
+      detector_.emplace(*given_, watch);
+    }
   }
 
   /// The calibration so far, and when to look again: after 2 % more pairs of those that count.
   void estimate() {
-    if (calibrator_.used() > calibrator_.options().order.value_or(1) + 2) {
-      Calibration now = job_.approximate ? calibrator_.approximate() : calibrator_.full();
+    if (learner_->used() >= learner_->first_estimate()) {
+      Calibration now = learner_->estimate();
       if (now.outcome == Outcome::converged && now.alpha_covariance && now.range_max_m > now.range_min_m) {
         current_ = std::move(now);
         corrector_.emplace(*current_, std::vector<std::string>{});
       }
     }
-    next_estimate_ = calibrator_.used() + std::max<std::int64_t>(1, static_cast<std::int64_t>(0.02 * calibrator_.effective_readings()));
+    next_estimate_ = learner_->used() + std::max(learner_->least_between(), static_cast<std::int64_t>(0.02 * learner_->effective()));
   }
 
-  void watch(double truth, double reading) {
-    const auto alarm = detector_->add(truth, reading);
+  void watch(const StreamRow& row) {
+    const auto alarm = detector_->add(row.true_m, row.reading_m, columns_.bearing >= 0 ? row.bearing_rad : 0.0);
     if (!alarm) return;
     if (alarm->named && !changes_.empty())
       changes_.back() = *alarm;
@@ -284,7 +283,7 @@ class Run {
   };
   const TrackJob& job_;
   std::vector<std::unique_ptr<WriteLock>> locks_;
-  RecursiveCalibrator calibrator_;
+  std::unique_ptr<Learner> learner_;
   std::string name_, header_;
   std::optional<Calibration> given_, current_;
   std::optional<EffectCorrector> corrector_;

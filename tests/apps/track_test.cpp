@@ -5,9 +5,11 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <string>
+#include <map>
 #include <sstream>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -105,6 +107,95 @@ TEST(TrackCommand, WatchesForAChange) {
   const std::string table = slurp(folder.file("changes.csv"));
   EXPECT_THAT(table, HasSubstr("pair,since_pair,kind,probability,size,std\n8"));   // of 1600 pairs the change is after 800
   EXPECT_EQ(run("track --watch 1000", "1.0\n").code, 2);
+}
+
+TEST(TrackCommand, WatchesTheEncoderWhereThereAreBearings) {
+  // From row 1000 on 3 cm times the cosine of the bearing, once a turn; bearings go round by 0.37 rad a row.
+  const TemporaryFolder folder;
+  Calibration line;
+  line.outcome = Outcome::converged;
+  line.alpha = Eigen::Vector2d(0.1, 0.9);
+  line.noise = {NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.01)};
+  line.range_min_m = 0.5;
+  line.range_max_m = 4.0;
+  save_calibrations({line}, folder.file("cal.json"));
+  std::istringstream all(rows(0, 2500));
+  std::string text = "reading_m,true_m,time_s,bearing_rad\n", row;
+  for (int i = 0; std::getline(all, row); ++i) {
+    const std::size_t comma = row.find(',');
+    const double bearing = std::remainder(0.37 * i, 6.283185307179586);
+    text += fmt::format("{:.5f}{},{:.5f}\n", std::stod(row.substr(0, comma)) + (i >= 1000 ? 0.03 * std::cos(bearing) : 0.0), row.substr(comma), bearing);
+  }
+  folder.write("in.csv", text);
+  const std::string arguments =
+      "track " + folder.file("in.csv") + " --order 1 --from " + folder.file("cal.json") + " --watch 100000 -o " + folder.file("out.csv") + " --every 300";
+  const RunResult result = run(arguments + " --state " + folder.file("state.json"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr(": encoder by 0.0"));
+  EXPECT_EQ(run(arguments + " --state " + folder.file("state.json")).code, 0);   // the charts of the bearings are in the state
+}
+
+/// The rows of a simulated recording with what --stops would tell in columns of their own.
+std::string with_poses(const std::string& folder) {
+  std::istringstream stops(slurp(folder + "/stops.csv")), observations(slurp(folder + "/observations.csv"));
+  std::map<std::string, std::string> pose;
+  std::string line, text = "stop,x_m,y_m,heading_rad,landmark,range_m,bearing_rad,radius_m,sigma_xy_m\n";
+  std::getline(stops, line);
+  EXPECT_EQ(line, "stop,x_m,y_m,heading_rad");
+  while (std::getline(stops, line)) pose[line.substr(0, line.find(','))] = line;
+  std::getline(observations, line);
+  EXPECT_EQ(line, "stop,landmark,repeat,range_m,bearing_rad");
+  while (std::getline(observations, line)) {
+    std::vector<std::string> fields;
+    std::istringstream row(line);
+    for (std::string field; std::getline(row, field, ',');) fields.push_back(field);
+    text += pose.at(fields[0]) + "," + fields[1] + "," + fields[3] + "," + fields[4] + ",0.12,0.01\n";
+  }
+  return text;
+}
+
+TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
+  const TemporaryFolder folder;
+  const std::string rec = folder.file("rec");
+  ASSERT_EQ(run("simulate " RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml -o " + rec + " --seed 3").code, 0);
+  ASSERT_EQ(run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json")).code, 0);
+  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec + " -o " + folder.file("a.csv") + " --json " + folder.file("a.json"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("Landmark   A at ("));
+  const Calibration batch = load_calibration(folder.file("batch.json")), tracked = load_calibration(folder.file("a.json"));
+  ASSERT_EQ(tracked.outcome, Outcome::converged) << tracked.reason;
+  for (Eigen::Index i = 0; i < 3; ++i)   // all ten stops are held: the same likelihood, solved from another start
+    EXPECT_NEAR(tracked.alpha[i], batch.alpha[i], 1e-3 * std::sqrt((*batch.alpha_covariance)(i, i)));
+  EXPECT_EQ(tracked.landmarks.size(), batch.landmarks.size());
+  const std::string corrected = slurp(folder.file("a.csv"));
+  EXPECT_EQ(count_of(corrected, "\n"), 501);
+  EXPECT_GT(count_of(corrected, ",ok\n"), 200);
+
+  // The same from columns, cut within a line, from the state: byte by byte.
+  const std::string whole = with_poses(rec);
+  for (const std::size_t length : {whole.size() / 3, whole.size() * 2 / 3, whole.size()}) {
+    folder.write("in.csv", whole.substr(0, length));
+    const RunResult part = run("track " + folder.file("in.csv") + " --every 40 -o " + folder.file("b.csv") + " --state " + folder.file("b.json"));
+    ASSERT_EQ(part.code, 0) << part.err;
+  }
+  EXPECT_EQ(slurp(folder.file("b.csv")), corrected);
+}
+
+TEST(TrackCommand, RefusesLandmarksThatItCannotPlace) {
+  const TemporaryFolder folder;
+  const std::string header_line = "stop,landmark,range_m,bearing_rad";
+  EXPECT_THAT(run("track", header_line + "\n0,A,1.0,0.1\n").err, HasSubstr("x_m, y_m and heading_rad"));
+  EXPECT_THAT(run("track", "stop,landmark,range_m,x_m,y_m,heading_rad\n").err, HasSubstr("bearing_rad"));
+  const std::string poses = header_line + ",x_m,y_m,heading_rad\n";
+  const RunResult bad = run("track", poses + "0,A,1.0,0.1,0,0,0\n0,B,1.0,90,0,0,0\n1,A,1.1,0.1,,,\n1,A,1.1,0.1,1,0,0\n0,A,1.0,0.1,0,0,0\n,A,1.0,0.1,0,0,0\n");
+  EXPECT_EQ(bad.code, 1);   // two stops: nothing is determined
+  EXPECT_EQ(count_of(bad.out, "malformed"), 4);
+  EXPECT_THAT(bad.err, HasSubstr("comes back after others"));
+  EXPECT_THAT(bad.err, HasSubstr("degrees"));
+  EXPECT_EQ(run("track --approximate", poses).code, 2);
+  EXPECT_EQ(run("track --stops /nowhere", poses).code, 2);
+  EXPECT_EQ(run("track --stops /nowhere", "1.0\n").code, 2);
+  EXPECT_EQ(run("track --sigma-xy -1", poses).code, 2);
 }
 
 TEST(TrackCommand, GoesOnFromItsStateAsIfNothingHadHappened) {

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "track/learner.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <unordered_map>
+
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/recording_io.hpp"
+#include "rangecal/solvers/recursive/recursive_landmarks.hpp"
+
+namespace rangecal::app {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+class PairsLearner : public Learner {
+ public:
+  explicit PairsLearner(const TrackJob& job) : job_(job), calibrator_(job.options) {}
+
+  bool take(const StreamRow& row) override {
+    if (!std::isfinite(row.true_m)) return false;
+    calibrator_.add(row.true_m, row.reading_m, row.time_s);
+    return true;
+  }
+  Calibration estimate() override {
+    return job_.approximate ? calibrator_.approximate() : calibrator_.full();
+  }
+  const Counts& counts() const override { return calibrator_.counts(); }
+  std::int64_t used() const override { return calibrator_.used(); }
+  double effective() const override { return calibrator_.effective_readings(); }
+  std::int64_t first_estimate() const override { return calibrator_.options().order.value_or(1) + 3; }
+  std::int64_t least_between() const override { return 1; }
+  std::string to_json() const override { return calibrator_.to_json(); }
+  void restore(const Json& state, const std::string& path) override {
+    calibrator_ = RecursiveCalibrator::from_json(state.dump(), path);
+    const RecursiveOptions &saved = calibrator_.options(), &now = job_.options;
+    if (saved.order != now.order || saved.law != now.law || saved.forget != now.forget ||
+        saved.range_min_m != now.range_min_m || saved.range_max_m != now.range_max_m)
+      throw InputError(path + ": was made with another --order, --noise, --forget or --range");
+  }
+
+ private:
+  const TrackJob& job_;
+  RecursiveCalibrator calibrator_;
+};
+
+class LandmarksLearner : public Learner {
+ public:
+  LandmarksLearner(const TrackJob& job, const Columns& columns)
+      : calibrator_(options_of(job)), default_radius_m_(job.radius_m) {
+    if (job.approximate)
+      throw InputError("--approximate is for pairs; readings of landmarks are calibrated by marginal");
+    if (job.watch > 0.0)
+      throw InputError("--watch needs true distances; the stream has readings of landmarks");
+    if (!job.stops.empty()) {
+      know_stops(job.stops);
+    } else if (*std::min_element(columns.pose.begin(), columns.pose.end()) < 0) {
+      throw InputError(
+          "the stream has no columns x_m, y_m and heading_rad of the stops, and --stops names no recording");
+    }
+  }
+
+  bool take(const StreamRow& row) override {
+    if (row.stop.empty() || row.landmark.empty()) throw InputError("stop or landmark is missing");
+    LandmarkReading reading;
+    reading.landmark = row.landmark;
+    reading.range_m = row.reading_m;
+    reading.bearing_rad = row.bearing_rad;
+    reading.stop = stop_of(row);
+    const auto radius = radius_.find(row.landmark);
+    reading.radius_m = radius == radius_.end() ? default_radius_m_ : radius->second;
+    if (!std::isnan(row.radius_m)) reading.radius_m = row.radius_m;
+    if (std::abs(row.bearing_rad) > 2.0 * std::numbers::pi)
+      throw InputError("bearing_rad is beyond 2 pi: degrees, most likely");
+    calibrator_.add(reading);
+    return true;
+  }
+  Calibration estimate() override { return calibrator_.estimate(); }
+  const Counts& counts() const override { return calibrator_.counts(); }
+  std::int64_t used() const override { return calibrator_.used(); }
+  double effective() const override {
+    const double stops = static_cast<double>(std::max<std::int64_t>(1, calibrator_.stops()));
+    return calibrator_.effective_stops() / stops * static_cast<double>(calibrator_.used());
+  }
+  std::int64_t first_estimate() const override { return 6; }
+  /// One an estimate takes milliseconds: once a stop is often enough.
+  std::int64_t least_between() const override {
+    return calibrator_.used() / std::max<std::int64_t>(1, calibrator_.stops()) + 1;
+  }
+  std::string to_json() const override { return calibrator_.to_json(); }
+  void restore(const Json& state, const std::string& path) override {
+    const RecursiveLandmarksOptions now = calibrator_.options();
+    calibrator_ = RecursiveLandmarks::from_json(state.dump(), path);
+    const RecursiveLandmarksOptions& saved = calibrator_.options();
+    if (saved.order != now.order || saved.law != now.law || saved.forget != now.forget ||
+        saved.sigma_xy_m != now.sigma_xy_m || saved.sigma_heading_rad != now.sigma_heading_rad)
+      throw InputError(path +
+                       ": was made with another --order, --noise, --forget, --sigma-xy or --sigma-heading");
+  }
+
+ private:
+  static RecursiveLandmarksOptions options_of(const TrackJob& job) {
+    RecursiveLandmarksOptions options;
+    options.order = job.options.order;
+    options.law = job.options.law;
+    options.forget = job.options.forget;
+    options.sigma_xy_m = job.sigma_xy_m;
+    options.sigma_heading_rad = job.sigma_heading_rad;
+    return options;
+  }
+
+  /// Poses, accuracies and radii of a recording's folder, by label.
+  void know_stops(const std::string& folder) {
+    const Recording recording = load_recording(folder);
+    if (recording.kind != RecordingKind::landmarks)
+      throw InputError(folder + ": is a recording of pairs, which has no stops");
+    if (recording.stop_error == StopErrorModel::random_walk)
+      throw InputError(
+          folder +
+          ": its stops are off by a random walk, which a stream cannot follow; use 'rangecal calibrate'");
+    if (recording.estimate_sigma_xy)
+      throw InputError(folder + ": sigma_xy_m: estimate needs the whole recording; use 'rangecal calibrate'");
+    for (Stop stop : recording.stops) {
+      stop.sigma_xy_m = stop.sigma_xy_m.value_or(recording.sigma_xy_m);
+      stop.sigma_heading_rad = stop.sigma_heading_rad.value_or(recording.sigma_heading_rad);
+      stops_[stop.label] = stop;
+    }
+    for (const Landmark& landmark : recording.landmarks) radius_[landmark.label] = landmark.radius_m;
+    folder_ = folder;
+  }
+
+  Stop stop_of(const StreamRow& row) const {
+    Stop stop;
+    if (!stops_.empty()) {
+      const auto known = stops_.find(row.stop);
+      if (known == stops_.end()) throw InputError("stop '" + row.stop + "' is not in " + folder_);
+      stop = known->second;
+    }
+    stop.label = row.stop;
+    if (!row.place.empty()) stop.place = row.place;
+    if (!std::isnan(row.pose[0])) stop.commanded = {row.pose[0], row.pose[1], row.pose[2]};
+    if (stops_.empty() &&
+        !(std::isfinite(row.pose[0]) && std::isfinite(row.pose[1]) && std::isfinite(row.pose[2])))
+      throw InputError("the stop has no pose");
+    if (!std::isnan(row.sigma_xy_m)) stop.sigma_xy_m = row.sigma_xy_m;
+    if (!std::isnan(row.sigma_heading_rad)) stop.sigma_heading_rad = row.sigma_heading_rad;
+    return stop;
+  }
+
+  RecursiveLandmarks calibrator_;
+  std::unordered_map<std::string, Stop> stops_;
+  std::unordered_map<std::string, double> radius_;
+  std::string folder_;
+  double default_radius_m_;
+};
+
+}  // namespace
+
+std::unique_ptr<Learner> make_learner(const TrackJob& job, const Columns& columns) {
+  if (columns.landmarks()) return std::make_unique<LandmarksLearner>(job, columns);
+  if (!job.stops.empty())
+    throw InputError("--stops is for readings of landmarks; the stream has no columns stop and landmark");
+  return std::make_unique<PairsLearner>(job);
+}
+
+}  // namespace rangecal::app

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "rangecal/core/calibration.hpp"
+#include "track/columns.hpp"
+#include "track/tracking.hpp"
+
+namespace rangecal::app {
+
+/// What a stream teaches: a calibrator of pairs or of landmark readings behind one face.
+class Learner {
+ public:
+  virtual ~Learner() = default;
+
+  /// Takes a row that can teach something, false for one that cannot (no true distance). Throws InputError
+  /// for a row of landmarks that cannot be understood.
+  virtual bool take(const StreamRow& row) = 0;
+  virtual Calibration estimate() = 0;
+  virtual const Counts& counts() const = 0;
+  virtual std::int64_t used() const = 0;
+  virtual double effective() const = 0;             ///< readings that count
+  virtual std::int64_t first_estimate() const = 0;  ///< readings before which there is none
+  virtual std::int64_t least_between() const = 0;   ///< readings from one estimate to the next
+  virtual std::string to_json() const = 0;
+  /// Takes the state saved before. Throws InputError naming `path` where it was made with other options.
+  virtual void restore(const nlohmann::ordered_json& state, const std::string& path) = 0;
+};
+
+/// For the stream's columns. Throws InputError where the job asks for what these cannot have.
+std::unique_ptr<Learner> make_learner(const TrackJob& job, const Columns& columns);
+
+}  // namespace rangecal::app
