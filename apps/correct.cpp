@@ -119,6 +119,17 @@ class Posteriors {
     }
   }
 
+  /// One prior for so many readings that a table is made sooner than they are integrated, if there is a table.
+  void expect(std::size_t readings) {
+    constexpr std::size_t many = 20000;
+    const Calibration& calibration = settings_.corrector.calibration();
+    if (map_ || time_ || readings < many || !calibration.effects.empty()) return;
+    try {
+      fast_ = std::make_unique<const PosteriorTable>(calibration, base_);
+    } catch (const InputError&) {   // a curve with more parts than a table takes: integrals serve
+    }
+  }
+
   void print(std::size_t i, double reading) {
     const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
     DistancePrior prior = base_;
@@ -140,6 +151,10 @@ class Posteriors {
       fmt::print("{},,,,{},,,,,\n", field, why.flag);
       return;
     }
+    if (fast_ && reading >= fast_->low_reading_m() && reading <= fast_->high_reading_m()) {
+      print(field, (*fast_)(reading));
+      return;
+    }
     const DistancePosterior posterior = distance_posterior(settings_.corrector, reading, settings_.of_reading[i], prior);
     if (posterior.outcome != Outcome::converged) {
       fmt::print("{},,,,out_of_range,,,,,\n", field);
@@ -150,14 +165,25 @@ class Posteriors {
       last_time_ = time;
     }
     std::vector<PosteriorRoot> roots = posterior.roots;
+    print(field, std::move(roots), posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m);
+  }
+
+ private:
+  void print(const std::string& field, const PosteriorTable::Row& row) const {
+    std::vector<PosteriorRoot> roots;
+    for (int i = 0; i < fast_->root_count(); ++i) roots.push_back({row.probability[i], row.root_m[i], row.root_std_dev_m[i], 0.0, 0.0});
+    print(field, std::move(roots), row.mode_m, row.mean_m, row.low_m, row.high_m);
+  }
+
+  /// A line for each root, the most probable first.
+  static void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean, double low, double high) {
     std::sort(roots.begin(), roots.end(), [](const auto& a, const auto& b) { return a.probability > b.probability; });
     std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
     for (std::size_t k = 0; k < roots.size(); ++k)
       fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m, roots[k].std_dev_m, k + 1,
-                 roots.size() > 1 ? "ambiguous" : "ok", roots[k].probability, posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m);
+                 roots.size() > 1 ? "ambiguous" : "ok", roots[k].probability, mode, mean, low, high);
   }
 
- private:
   const ReadingSettings& settings_;
   const CsvTable* table_;
   double speed_, last_time_ = 0.0;
@@ -165,6 +191,7 @@ class Posteriors {
   std::optional<std::pair<std::size_t, std::size_t>> map_;
   std::optional<std::size_t> time_;
   std::optional<DistancePosterior> before_;
+  std::unique_ptr<const PosteriorTable> fast_;
 };
 
 struct CorrectCommand {
@@ -187,6 +214,7 @@ struct CorrectCommand {
     if (prior.empty() && (!limits.empty() || speed != 0.0)) throw InputError("--limits and --speed say what a --prior is; there is none");
     if (!prior.empty()) {
       Posteriors posteriors(settings, prior, limits, speed, table ? &*table : nullptr, name);
+      posteriors.expect(readings.size());
       fmt::print("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n");
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(i, readings[i]);
       return done;

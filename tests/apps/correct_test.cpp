@@ -2,6 +2,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <map>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
 #include "apps/run_binary.hpp"
 #include "rangecal/core/calibration_io.hpp"
 
@@ -137,6 +145,54 @@ TEST_F(CorrectCommand, TakesWhatCalibrateWrote) {
     const std::size_t comma = result.out.find("2.0537,") + 7;
     EXPECT_NEAR(std::stod(result.out.substr(comma)), 2.0, 0.02) << result.out;
   }
+}
+
+TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
+  // f = 2 d - d^2 / 4 turns at 4: 30 000 readings, by the table; each fiftieth again by itself, by integrals. Up to 1e-3
+  // standard deviations apart, 1e-3 in probability, and half a unit of the last digit printed.
+  Calibration c;
+  c.outcome = Outcome::converged;
+  c.alpha = Eigen::Vector3d(0.0, 2.0, -0.25);
+  c.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.03)};
+  c.range_min_m = 0.5;
+  c.range_max_m = 7.0;
+  save_calibrations({c}, folder.file("cal.json"));
+  std::string many, few;
+  for (int i = 0; i < 30000; ++i) {
+    const std::string reading = fmt::format("{:.4f}\n", i == 100 ? 9.0 : 0.8 + 3.3 * i / 30000.0);
+    many += reading;
+    if (i % 50 == 0) few += reading;
+  }
+  folder.write("many.txt", many);
+  folder.write("few.txt", few);
+  std::map<std::string, std::vector<double>> exact;
+  const auto lines = [&](const std::string& file, auto&& each) {
+    const RunResult result = run("correct " + folder.file("cal.json") + " " + folder.file(file) + " --prior uniform");
+    EXPECT_EQ(result.code, 0) << result.err;
+    std::istringstream text(result.out);
+    std::string line, field;
+    std::getline(text, line);
+    while (std::getline(text, line)) {
+      std::vector<double> numbers;
+      std::istringstream row(line);
+      while (std::getline(row, field, ',')) numbers.push_back(std::strtod(field.c_str(), nullptr));
+      each(line.substr(0, line.find(',')) + (numbers[1] < 4.0 ? " near" : " far"), numbers);
+    }
+  };
+  lines("few.txt", [&](const std::string& name, const std::vector<double>& numbers) { exact[name] = numbers; });
+  EXPECT_GT(exact.size(), 700u);
+  std::size_t compared = 0;
+  lines("many.txt", [&](const std::string& name, const std::vector<double>& numbers) {
+    const auto found = exact.find(name);
+    if (found == exact.end()) return;
+    ++compared;
+    const std::vector<double>& right = found->second;
+    ASSERT_EQ(numbers.size(), right.size());
+    for (const std::size_t i : {1u, 2u, 6u, 7u, 8u, 9u})   // spread of the whole: (high - low) / 3.92
+      EXPECT_NEAR(numbers[i], right[i], 1.5e-3 * (right[9] - right[8]) / 3.9 + 2e-6) << name << " column " << i;
+    EXPECT_NEAR(numbers[5], right[5], 1.2e-3) << name;
+  });
+  EXPECT_GE(compared, exact.size());
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ Row combined(const Row& a, const Row& b, Combine combine) {
   for (int i = 0; i < PosteriorTable::max_roots; ++i) {
     row.probability[i] = combine(a.probability[i], b.probability[i]);
     row.root_m[i] = combine(a.root_m[i], b.root_m[i]);
+    row.root_std_dev_m[i] = combine(a.root_std_dev_m[i], b.root_std_dev_m[i]);
   }
   return row;
 }
@@ -38,7 +39,9 @@ bool close(const Row& guess, const Row& right, double tolerance) {
     return false;
   for (int i = 0; i < PosteriorTable::max_roots; ++i) {
     if (!(std::abs(guess.probability[i] - right.probability[i]) <= tolerance)) return false;
-    if (right.probability[i] > tolerance && !(std::abs(guess.root_m[i] - right.root_m[i]) <= width)) return false;
+    if (right.probability[i] > tolerance && !(std::abs(guess.root_m[i] - right.root_m[i]) <= width &&
+                                              std::abs(guess.root_std_dev_m[i] - right.root_std_dev_m[i]) <= width))
+      return false;
   }
   return true;
 }
@@ -75,16 +78,22 @@ PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePri
     const Row guess = combined(rows_[i], rows_[i + 1], [](double a, double b) { return 0.5 * (a + b); });
     direct_.push_back(!close(guess, exact(low_ + (i + 0.5) / per_m_), tolerance));
   }
+  // The bend beside a jump may pass a midpoint by: the neighbours of such a cell are left out with it.
+  const std::vector<char> found = direct_;
+  constexpr int beside = 2;
+  for (int i = 0; i < static_cast<int>(found.size()); ++i)
+    for (int k = std::max(0, i - beside); found[i] && k <= std::min<int>(i + beside, static_cast<int>(found.size()) - 1); ++k) direct_[k] = 1;
 }
 
 Row PosteriorTable::exact(double reading_m) const {
   const DistancePosterior posterior = distance_posterior(corrector_, reading_m, {}, prior_);
-  Row row{posterior.mode_m, posterior.mean_m, posterior.std_dev_m, posterior.low_m, posterior.high_m, {}, {}};
+  Row row{posterior.mode_m, posterior.mean_m, posterior.std_dev_m, posterior.low_m, posterior.high_m, {}, {}, {}};
   for (std::size_t i = 0; i < posterior.roots.size(); ++i) {
     row.probability[i] = posterior.roots[i].probability;
     // a root without probability has no mean: the middle of its part, so that nothing beside it is spoilt
     const double middle = 0.5 * (posterior.roots[i].from_m + posterior.roots[i].to_m);
     row.root_m[i] = std::isfinite(posterior.roots[i].mean_m) ? posterior.roots[i].mean_m : middle;
+    row.root_std_dev_m[i] = std::isfinite(posterior.roots[i].std_dev_m) ? posterior.roots[i].std_dev_m : 0.0;
   }
   return row;
 }

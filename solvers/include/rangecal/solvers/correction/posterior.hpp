@@ -60,13 +60,14 @@ DistancePrior moved(const DistancePosterior& before, const DistancePrior& prior,
 
 /// The posterior under one prior for any number of readings, from a table over y: linear between exact values, and exact
 /// where the midpoint of two is off by more than `tolerance` standard deviations (beside turning points, where root and
-/// interval jump). Without effects.
+/// interval jump) and in the two cells at each side of such a one. Without effects.
 class PosteriorTable {
  public:
   static constexpr int max_roots = 4;
   struct Row {
     double mode_m, mean_m, std_dev_m, low_m, high_m;
-    double probability[max_roots], root_m[max_roots];   ///< of each root, and its mean; 0 from root_count() on
+    /// Of each root, its mean and standard deviation; 0 from root_count() on.
+    double probability[max_roots], root_m[max_roots], root_std_dev_m[max_roots];
   };
   /// Throws InputError as distance_posterior, and for a curve with more than 4 monotone parts. Cost: 2 `nodes` posteriors.
   PosteriorTable(const Calibration& calibration, const DistancePrior& prior = {}, int nodes = 8192, double tolerance = 1e-3);
