@@ -1,90 +1,43 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <fmt/core.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
-#include <cmath>
-#include <cstdio>
 #include <memory>
 
 #include "commands.hpp"
-#include "fleet/fleet_job.hpp"
-#include "rangecal/core/errors.hpp"
-#include "text.hpp"
+#include "fleet/command.hpp"
+#include "mpi_program.hpp"
 
 namespace rangecal::app {
 namespace {
 
-struct FleetCommand {
-  FleetJob job;
-  std::string noise = "f2", shard;
-
-  int run() {
-    job.law = noise_law_from_string(noise);
-    if (job.law == NoiseLaw::polynomial) throw InputError("--noise polynomial has no one sigma for a population");
-    if (!shard.empty()) {
-      int end = 0;
-      if (std::sscanf(shard.c_str(), "%d/%d%n", &job.shard, &job.shards, &end) != 2 || end != static_cast<int>(shard.size()) || job.shards < 1 ||
-          job.shard < 0 || job.shard >= job.shards)
-        throw InputError("--shard is '" + shard + "', not I/N with 0 <= I < N");
-    }
-    if (job.inputs.empty() && job.merge.empty()) throw InputError("fleet: neither recordings nor --merge are given");
-    job.progress = ::isatty(STDERR_FILENO) != 0;
-    const FleetResult result = run_fleet(job);
-    fmt::print("{}", page(result));
-    for (const std::string& note : result.notes) fmt::print(stderr, "rangecal: {}\n", note);
-    return result.partial || is_usable(result.population.outcome) ? done : not_delivered;
-  }
-
-  std::string page(const FleetResult& r) const {
-    std::string text = fmt::format("Units        {} in {}: {} fitted, {} unreadable, {} were there already\n", r.units, job.output, r.fitted,
-                                   r.unreadable, r.resumed);
-    if (r.partial) return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n", job.shard, job.shards);
-    const Population& p = r.population;
-    text += fmt::format("Population   {}{}{}, of {} units after {} passes; {} left out as unlike the others\n", to_string(p.outcome),
-                        p.reason.empty() ? "" : ": ", p.reason, p.units, p.iterations, p.left_out);
-    if (!is_usable(p.outcome)) return text;
-    text += "\n  parameter          mean        std over units\n";
-    for (Eigen::Index i = 0; i < p.mean.size(); ++i) {
-      const bool noise_row = i > p.order;
-      const double mean = noise_row ? std::exp(p.mean[i]) : p.mean[i], std_dev = std::sqrt(p.covariance(i, i));
-      text += fmt::format("  {:<12} {:>12.6f} {:>12}  {}\n", noise_row ? "sigma" : fmt::format("alpha_{}", i), mean,
-                          noise_row ? fmt::format("{:.1f} %", 100.0 * std_dev) : fmt::format("{:.6f}", std_dev),
-                          noise_row ? law_unit(job.law, 0) : coefficient_unit(static_cast<int>(i)));
-    }
-    if (r.by_population > 0)
-      text += fmt::format("\nFew readings {} units have too few of their own and were calibrated with the population\n", r.by_population);
-    text += fmt::format("\nOdd units    {}", r.odd);
-    return text + (r.odd > 0 ? fmt::format("; ask: sqlite3 {} 'SELECT * FROM oddities ORDER BY p_value'\n", job.output) : "\n");
-  }
-};
+/// The same command for the program that carries MPI.
+std::vector<std::string> words_of(const FleetCommand& given) {
+  const FleetJob& job = given.job;
+  std::vector<std::string> words{"fleet"};
+  words.insert(words.end(), job.inputs.begin(), job.inputs.end());
+  for (const std::string& file : job.merge) words.insert(words.end(), {"--merge", file});
+  if (!given.shard.empty()) words.insert(words.end(), {"--shard", given.shard});
+  if (!job.csv.empty()) words.insert(words.end(), {"--csv", job.csv});
+  words.insert(words.end(), {"-o", job.output, "--order", std::to_string(job.order), "--noise", given.noise, "--diagnose",
+                             std::to_string(job.diagnoses), "--alarm-rate", fmt::format("{}", job.alarm_rate), "--threads",
+                             std::to_string(job.threads)});
+  return words;
+}
 
 }  // namespace
 
 void add_fleet(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("fleet", "calibrate thousands of sensors of one make, and name the odd ones");
-  const auto state = std::make_shared<FleetCommand>();
-  command->add_option("REC", state->job.inputs, "recordings, one per sensor, or folders of them");
-  command->add_option("-o,--output", state->job.output, "the SQLite file of results; a run that was stopped goes on in it")->required();
-  command->add_option("--order", state->job.order, "of f, the same for all")->check(CLI::Range(0, 6))->capture_default_str();
-  command->add_option("--noise", state->noise, "noise law of all: constant, f, f2, f3, d2")->capture_default_str();
-  command->add_option("--csv", state->job.csv, "write the units with their posteriors as a table");
-  command->add_option("--diagnose", state->job.diagnoses, "at most so many odd units are diagnosed, the oddest first")->check(CLI::NonNegativeNumber)->capture_default_str();
-  command->add_option("--alarm-rate", state->job.alarm_rate, "probability that any unit of a faultless fleet is called odd")->check(CLI::Range(1e-12, 0.5))->capture_default_str();
-  command->add_option("--threads", state->job.threads, "threads; 0: all. The results do not depend on it")->check(CLI::NonNegativeNumber)->capture_default_str();
-  command->add_option("--shard", state->shard, "I/N: every N-th unit from the I-th on, into a file of its own");
-  command->add_option("--merge", state->job.merge, "files of shards to be taken in");
-  command->footer(
-      "Each sensor has its own curve and noise; over the fleet they scatter about a mean. The scatter is estimated, each sensor's\n"
-      "answer is drawn towards the mean by as much as its own readings leave open, and a sensor with a handful of readings is\n"
-      "calibrated all the same. Tables: units, posteriors, oddities, population, meta (population as JSON).\n"
-      "A unit that cannot be read has its reason in units.reason; the others go on.\n"
-      "\n"
-      "Examples:\n"
-      "  rangecal fleet sensors/ -o fleet.db --csv fleet.csv\n"
-      "  sqlite3 fleet.db 'SELECT name, what, explanation FROM oddities ORDER BY p_value'\n"
-      "  mpirun sh -c 'rangecal fleet sensors/ -o $OMPI_COMM_WORLD_RANK.db --shard $OMPI_COMM_WORLD_RANK/$OMPI_COMM_WORLD_SIZE'\n"
-      "  rangecal fleet --merge 0.db 1.db 2.db 3.db -o fleet.db");
-  command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
+  const auto given = std::make_shared<FleetCommand>();
+  CLI::App* command = declare_fleet(app, *given);
+  command->callback([given, &chosen] {
+    chosen = [given] {
+      if (started_by_mpirun()) become_mpi_program(words_of(*given), "use --shard and --merge");
+      given->prepare();
+      given->job.progress = ::isatty(STDERR_FILENO) != 0;
+      return given->deliver(run_fleet(given->job));
+    };
+  });
 }
 
 }  // namespace rangecal::app

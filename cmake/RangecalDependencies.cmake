@@ -11,6 +11,6 @@ find_package(CLI11 2.1 REQUIRED)
 find_package(glog REQUIRED)
 find_package(Boost 1.74 REQUIRED)
 find_package(Threads REQUIRED)
-find_package(MPI COMPONENTS C QUIET)  # optional: studies under mpirun
+find_package(MPI COMPONENTS C QUIET)  # optional: studies and fleets under mpirun
 find_package(OpenSSL 3 REQUIRED COMPONENTS Crypto)  # SHA-256 of sealed keys
 find_package(SQLite3 REQUIRED)  # results of a fleet

@@ -66,6 +66,38 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   EXPECT_EQ(slurp(folder.file("b.csv")), csv);
 }
 
+TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {
+  if (!std::filesystem::exists(std::filesystem::path(RANGECAL_BINARY).parent_path() / "rangecal-mpi")) GTEST_SKIP() << "built without MPI";
+  const TemporaryFolder folder;
+  write_fleet(folder, 40, 60);
+  const std::string fleet = "fleet " + folder.file("fleet") + " --order 1 --diagnose 0";
+  ASSERT_EQ(run(fleet + " -o " + folder.file("one.db") + " --csv " + folder.file("one.csv")).code, 0);
+  const std::string one = slurp(folder.file("one.csv"));
+  const std::string mpirun =
+      "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 timeout 200 mpirun --oversubscribe --mca btl self,tcp "
+      "--mca btl_tcp_if_include lo -n ";
+  for (const std::string ranks : {"2", "3"}) {
+    if (ranks == "3") {   // as after a kill: one of three ranks had ended already
+      ASSERT_EQ(run(fleet + " -o " + folder.file("3.db.1-of-3") + " --shard 1/3").code, 0);
+    }
+    const std::string db = folder.file(ranks + ".db"), csv = folder.file(ranks + ".csv");
+    const RunResult result = run(fleet + " -o " + db + " --csv " + csv, "", mpirun + ranks);
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(slurp(csv), one) << ranks << " ranks";
+    EXPECT_THAT(result.out, HasSubstr("40 in"));
+    EXPECT_EQ(count_of(result.out, "Population"), 1);
+    for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+      EXPECT_EQ(entry.path().string().find("-of-"), std::string::npos) << entry.path();
+    const RunResult again = run(fleet + " -o " + db + " --csv " + csv, "", mpirun + ranks);
+    EXPECT_THAT(again.out, HasSubstr("40 were there already"));
+    EXPECT_EQ(slurp(csv), one);
+  }
+  const RunResult wrong = run("fleet " + folder.file("nowhere") + " -o " + folder.file("x.db"), "", mpirun + "2");
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_EQ(count_of(wrong.err, "rangecal: "), 1) << wrong.err;
+  EXPECT_FALSE(std::filesystem::exists(folder.file("x.db")));
+}
+
 TEST(FleetCommand, GoesOnAfterAKill) {
   const TemporaryFolder folder;
   write_fleet(folder, 600, 60);   // three transactions of units

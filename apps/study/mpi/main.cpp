@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `rangecal study` under mpirun: a program of its own, so that no other command needs MPI to start. Rank 0 owns the
-// study's folder and hands units out, one per question, so that slow ranks simply ask less often; it computes too.
+// `rangecal study` and `rangecal fleet` under mpirun: a program of its own, so that no other command needs MPI to start. Of a
+// fleet each rank takes its part (fleet/mpi/fleet_ranks.hpp). Of a study rank 0 owns the folder and hands units out, one per question, so that slow ranks simply ask less often; it computes too.
 // Results travel as the lines of the journal, which give back the same bits.
 #include <fmt/core.h>
+#include <glog/logging.h>
 #include <mpi.h>
 
 #include <array>
@@ -16,6 +17,7 @@
 #include <thread>
 
 #include "commands.hpp"
+#include "fleet/mpi/fleet_ranks.hpp"
 #include "rangecal/core/errors.hpp"
 #include "study/command.hpp"
 
@@ -161,14 +163,17 @@ int main(int argc, char** argv) {
   World world;
   MPI_Comm_rank(MPI_COMM_WORLD, &world.rank);
   MPI_Comm_size(MPI_COMM_WORLD, &world.size);
-  CLI::App app{"rangecal study under mpirun"};
+  CLI::App app{"rangecal under mpirun"};
   app.require_subcommand(1);
   StudyJob job;
   declare_study(app, job);
+  FleetCommand fleet;
+  const CLI::App* fleets = declare_fleet(app, fleet);
+  FLAGS_minloglevel = google::GLOG_FATAL;   // Ceres logs through glog: nowhere
   int code = bad_input;
   try {
     app.parse(argc, argv);
-    code = run(job, world);
+    code = fleets->parsed() ? run_fleet_ranks(fleet, world.rank, world.size) : run(job, world);
   } catch (const CLI::ParseError& error) {
     if (world.rank == 0) code = app.exit(error) == 0 ? done : bad_input;
   } catch (const std::exception& error) {  // the others wait: only ending all of them ends the run
