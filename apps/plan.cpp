@@ -60,7 +60,7 @@ std::string describe(const char* title, const PlanDesign& d) {
 
 struct PlanCommand {
   PlanRequest request;
-  std::string sketch, json, scene;
+  std::string sketch, json, scene, line_scene;
   std::vector<double> range{0.5, 4.0};
   double accuracy_mm = 10.0;
 
@@ -77,7 +77,9 @@ struct PlanCommand {
       write_file(json, file.dump(2) + "\n");
     }
     if (!scene.empty() && plan.best.places > 0) write_file(scene, scene_file(request, plan.best));
+    if (!line_scene.empty() && plan.line) write_file(line_scene, scene_file(request, *plan.line));
     fmt::print("{}", page(plan));
+    if (!line_scene.empty() && !plan.line) fmt::print(stderr, "rangecal: {} is not written: there is no such line\n", line_scene);
     return plan.outcome == Outcome::converged ? done : not_delivered;
   }
 
@@ -122,6 +124,7 @@ void add_plan(CLI::App& app, Action& chosen) {
   command->add_option("--scan-seconds", state->request.costs.scan_s, "of one repeat, all landmarks at once")->capture_default_str();
   command->add_option("-o,--output,--json", state->json, "write the plan to this file (JSON)");
   command->add_option("--scene", state->scene, "write the plan as a scene, for 'simulate' and 'study'");
+  command->add_option("--line-scene", state->line_scene, "write the papers' straight line of the same accuracy as a scene, where there is one");
   command->footer(
       "Tried are lines, diagonals, two legs and loops through the room, one, two or four headings at each place, three to six landmarks, each\n"
       "moved about the room, and all numbers of places and repeats. The accuracy is that of the Cramer-Rao bound, with the\n"
