@@ -6,7 +6,7 @@
 
 namespace rangecal::app {
 
-/// Exit codes (FORMAT): done; the work ran but could not deliver; bad input or usage.
+/// Exit codes (README.md): done; the work ran but could not deliver; bad input or usage.
 enum Exit { done = 0, not_delivered = 1, bad_input = 2 };
 
 /// What a subcommand does once its options are parsed; returns the exit code.

@@ -63,6 +63,7 @@ class Run {
     if (!job.state.empty() && file_exists(job.state)) load();
     open_output();
     source_ = std::make_unique<LineSource>(job.input, offset_);
+    write_changes();  // a table without alarms is one, and none of an earlier run is left
   }
 
   Tracked run() {
@@ -261,6 +262,10 @@ class Run {
     else
       changes_.push_back(*alarm);
     if (changes_.size() > most_changes) changes_.erase(changes_.begin());
+    write_changes();
+  }
+
+  void write_changes() const {
     if (job_.changes.empty()) return;
     std::string text = "pair,since_pair,kind,probability,size,std\n";
     for (const ChangeAlarm& c : changes_)

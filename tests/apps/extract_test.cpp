@@ -7,7 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "apps/run_binary.hpp"
+#include "apps/documented_members.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/random.hpp"
@@ -69,6 +69,7 @@ TEST(ExtractCommand, FromScansToACalibration) {
   const auto json = nlohmann::json::parse(slurp(rec + "/extraction.json"));
   EXPECT_EQ(json["arc"], "mean");
   EXPECT_EQ(json["cylinders"]["used"], recording.readings.size());
+  expect_documented("An extraction", {json});
   EXPECT_EQ(run("calibrate " + rec + " --method closed-form --order 2 --noise f2").code, 0);
 }
 
