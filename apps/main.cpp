@@ -52,7 +52,7 @@ std::string version_text() {
 }
 
 int run(int argc, char** argv) {
-  CLI::App app{"Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances."};
+  CLI::App app{"Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances.", "rangecal"};
   app.set_version_flag("--version", version_text());
   app.require_subcommand(1);
   app.footer(

@@ -134,7 +134,7 @@ int prove(const ProveOptions& o) {
 void add_prove(CLI::App& app, Action& chosen) {
   auto options = std::make_shared<ProveOptions>();
   CLI::App* command = app.add_subcommand(
-      "prove", "diagnoses recordings with sealed keys, or fresh simulated worlds, and scores the answers");
+      "prove", "diagnose recordings with sealed keys, or fresh simulated worlds, and score the answers");
   command->add_option("DIR", options->folders, "concealed recordings, or folders of them; keys in DIR-keys");
   command->add_option("--fresh", options->fresh, "worlds drawn for each row of the table")->check(CLI::PositiveNumber);
   command->add_option("--seed", options->seed, "seed of the worlds");

@@ -37,4 +37,13 @@ set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
 set(CPACK_COMPONENT_DEV_DESCRIPTION
     "Development files: static libraries and headers, and the CMake package that
 find_package(rangecal) finds.")
+
+# Debian's changelog, which names the version and points to CHANGELOG.md, in each package.
+string(TIMESTAMP rangecal_date "%a, %d %b %Y %H:%M:%S +0000" UTC)  # SOURCE_DATE_EPOCH, where it is set
+configure_file(cmake/debian/changelog.in "${PROJECT_BINARY_DIR}/packed/changelog" @ONLY)
+foreach(component ${CPACK_COMPONENTS_ALL})
+  string(TOUPPER ${component} upper)
+  rangecal_install_packed("${PROJECT_BINARY_DIR}/packed/changelog"
+                          "${CMAKE_INSTALL_DATAROOTDIR}/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME}" changelog ${component})
+endforeach()
 include(CPack)

@@ -4,7 +4,7 @@
 namespace rangecal::app {
 
 CLI::App* declare_study(CLI::App& app, StudyJob& job) {
-  CLI::App* command = app.add_subcommand("study", "a Monte-Carlo accuracy study");
+  CLI::App* command = app.add_subcommand("study", "run a Monte-Carlo accuracy study");
   command->add_option("STUDY", job.file, "study file (docs/study.md)")->required();
   command->add_option("-o,--output", job.folder, "folder of the results, made if missing")->required();
   command->add_flag("--resume", job.resume, "continue what the folder holds, all shards in it put together");

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <sstream>
 
 #include "apps/run_binary.hpp"
 
@@ -33,6 +34,26 @@ TEST(Usage, HelpTeachesWithExamples) {
     EXPECT_THAT(help.out, HasSubstr("Example")) << command;
     EXPECT_THAT(help.out, HasSubstr(std::string("rangecal ") + command)) << command;
   }
+}
+
+TEST(Usage, ManualPageSaysOfEachCommandWhatHelpSays) {
+  const std::string page = slurp(std::string(RANGECAL_SOURCE_DIR) + "/docs/rangecal.1");
+  const std::size_t begin = page.find(".SH COMMANDS"), end = page.find(".SH OPTIONS");
+  ASSERT_LT(begin, end);
+  const std::string commands = page.substr(begin, end - begin);
+  const std::string help = run("--help").out;
+  std::istringstream lines(help.substr(help.find("Subcommands:\n") + 13));
+  int count = 0;
+  std::string line;
+  for (; std::getline(lines, line) && !line.empty(); ++count) {
+    std::istringstream words(line);
+    std::string name, text;
+    words >> name >> std::ws;
+    std::getline(words, text);
+    EXPECT_THAT(commands, HasSubstr(".TP\n.B " + name + "\n" + text + "\n"));
+  }
+  EXPECT_GT(count, 10);
+  EXPECT_EQ(count_of(commands, ".TP\n"), count);
 }
 
 TEST(Usage, VersionIsPrinted) {

@@ -63,13 +63,22 @@ if(NOT output MATCHES "^rangecal ${VERSION}\n")
 endif()
 run("${root}/usr/bin/rangecal" correct --help)
 list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/copyright" OUTPUT_VARIABLE copyrights)
-foreach(file ${copyrights} lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
+list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/changelog.gz" OUTPUT_VARIABLE changelogs)
+foreach(file ${copyrights} ${changelogs} share/man/man1/rangecal.1.gz lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
              share/doc/rangecal/docs/formats.md share/rangecal/notebooks_data/field-layout/recording.yaml)
   if(NOT EXISTS "${root}/usr/${file}")
     file(GLOB_RECURSE files RELATIVE "${root}" "${root}/usr/*")
     message(FATAL_ERROR "${file} is missing among: ${files}")
   endif()
 endforeach()
+
+find_program(MAN man)
+if(MAN)
+  run("${MAN}" --warnings -l "${root}/usr/share/man/man1/rangecal.1.gz")
+  if(error OR NOT output MATCHES "calibrate +estimate|calibrate\n")
+    message(FATAL_ERROR "the manual page:\n${error}\n${output}")
+  endif()
+endif()
 
 run(${dpkg} --purge ${names})
 file(GLOB_RECURSE left "${root}/usr/*")

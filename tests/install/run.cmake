@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# What the install tests share: run(COMMAND...) stops with what the command said if it fails, and leaves its output in `output`.
+# What the install tests share: run(COMMAND...) stops with what the command said if it fails, and leaves its output in
+# `output`, what it said on stderr in `error`.
 function(run)
   execute_process(COMMAND ${ARGV} OUTPUT_VARIABLE output ERROR_VARIABLE error RESULT_VARIABLE code)
   if(code)
@@ -7,4 +8,5 @@ function(run)
     message(FATAL_ERROR "${command}\n${output}\n${error}")
   endif()
   set(output "${output}" PARENT_SCOPE)
+  set(error "${error}" PARENT_SCOPE)
 endfunction()
