@@ -31,14 +31,14 @@ int run(const JobOptions& job, const std::string& page) {
     else
       scores.emplace_back();
   }
-  const std::string advice = verdict(report, recordings, scores);
+  const Advice advice = advise(report, recordings, scores);
   if (!page.empty()) write_file(page, report::comparison_page(recordings, report, scores, advice));
   fmt::print("{}\n", wrapped(describe(recordings) + "; " + describe(report.calibrations[0].counts), 2));
   if (best) fmt::print("{}\n", wrapped(describe_choice(*best, report), 2));
   fmt::print("\n{}", comparison_table(report, scores));
   fmt::print("{}", footnotes_text(report, scores));
   if (report.check) fmt::print("{}\n", wrapped("check of the full likelihood: " + report.check->report, 2));
-  fmt::print("\n{}\n", wrapped(advice, 0));
+  fmt::print("\n{}\n", wrapped(advice_text(advice), 0));
   return best && best->method == Method::marginal ? done : not_delivered;
 }
 

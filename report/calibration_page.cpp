@@ -57,15 +57,6 @@ void add_fit(Page& page, const CalibrationReport& report, const Calibration& c) 
   page.list(items);
 }
 
-/// Whom to trust with what speaks against it, for the top of the page; and what the other methods give away.
-std::pair<std::string, std::string> split_verdict(const std::string& verdict) {
-  const std::size_t others = verdict.find("; "), but = verdict.find("; BUT ");
-  if (verdict.rfind("Trust marginal:", 0) != 0 || others == but) return {verdict, ""};
-  if (but == std::string::npos) return {verdict.substr(0, others) + ".", verdict.substr(others + 2)};
-  return {verdict.substr(0, others) + verdict.substr(but),
-          verdict.substr(others + 2, but - others - 2) + "."};
-}
-
 const char* badge_colour(const Calibration& c) { return app::has_answer(c) ? "good" : "bad"; }
 
 }  // namespace
@@ -96,7 +87,7 @@ std::string calibration_page(std::span<const Recording> recordings, const Calibr
 }
 
 std::string comparison_page(std::span<const Recording> recordings, const CalibrationReport& report,
-                            const std::vector<TruthScore>& scores, const std::string& verdict) {
+                            const std::vector<TruthScore>& scores, const app::Advice& advice) {
   require_available();
   Page page("rangecal comparison of methods", app::describe(recordings));
   static const char* const colours[] = {"var(--third)", "var(--fourth)", "var(--before)", "var(--after)"};
@@ -107,10 +98,9 @@ std::string comparison_page(std::span<const Recording> recordings, const Calibra
       best = &c;
       curves.push_back({to_string(c.method), colours[static_cast<std::size_t>(c.method) % 4], &c});
     }
-  const auto [answer, rest] = split_verdict(verdict);
   page.verdict(best ? fmt::format("best: {}", to_string(best->method)) : "no answer", best ? "good" : "bad",
-               answer);
-  if (!rest.empty()) page.paragraph(rest);
+               app::advice_text({advice.trust, {}, advice.against}));
+  if (!advice.others.empty()) page.list(advice.others);
   page.section("The methods side by side");
   add_methods(page, report, scores);
   if (best) {

@@ -11,6 +11,10 @@
 #include "rangecal/solvers/calibrate/truth_score.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
+namespace rangecal::app {
+struct Advice;
+}
+
 namespace rangecal::report {
 
 /// True where the charting library was there when this was built; the full pages need it, the summaries do
@@ -30,9 +34,9 @@ std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosi
 std::string calibration_page(std::span<const Recording> recordings, const CalibrationReport& report,
                              const Calibration& best);
 /// The methods side by side: their curves over the readings, the best one's scene, the table with ground
-/// truth. `verdict` is the sentence that says which to trust.
+/// truth. `advice` says which to trust.
 std::string comparison_page(std::span<const Recording> recordings, const CalibrationReport& report,
-                            const std::vector<TruthScore>& scores, const std::string& verdict);
+                            const std::vector<TruthScore>& scores, const app::Advice& advice);
 
 /// A study from its table of results (docs/study.md): measures over the parameter with the most values, a line per
 /// estimator, with standard errors. Throws InputError for a table that is not one of a study.

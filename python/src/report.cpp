@@ -35,7 +35,7 @@ void report_comparison(const std::shared_ptr<JobResult>& job, const Given& recor
   const Recordings all = recordings_of(recordings);
   write_page(path, [job, all] {
     return report::comparison_page(all.span(), job->report, job->scores,
-                                   app::verdict(job->report, all.span(), job->scores));
+                                   app::advise(job->report, all.span(), job->scores));
   });
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "comparison.hpp"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -218,69 +218,88 @@ std::string contradiction(const CalibrationReport& report, const std::vector<Tru
 }
 
 std::string what_full_gives_away(const Calibration& full, const Calibration& best) {
-  if (!has_answer(full)) return fmt::format("; full has no answer here ({})", to_string(full.outcome));
-  if (best.kind == RecordingKind::pairs) return "; full differs by that correction only";
-  if (!full.sigma_theta_rad || !best.sigma_theta_rad) return {};
+  if (best.kind == RecordingKind::pairs) return "differs by that correction only";
+  if (!full.sigma_theta_rad || !best.sigma_theta_rad) return "fits the stops along";
   const double off = 100.0 * (full.sigma_theta_rad->value / best.sigma_theta_rad->value - 1.0);
+  return fmt::format("fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})", std::abs(off),
+                     off < 0.0 ? "lower" : "higher");
+}
+
+/// What a method gives away against the best, `cost` its NLL above the best one's in words.
+std::string what_it_gives_away(const Calibration& c, const Calibration& best) {
+  if (!has_answer(c)) return fmt::format("has no answer here ({})", to_string(c.outcome));
+  const bool pairs = best.kind == RecordingKind::pairs;
+  const std::string nats = behind(c, best), cost = nats.empty() ? "" : " (" + nats + ")";
+  switch (c.method) {
+    case Method::closed_form:
+      return (pairs ? "weighs all readings alike"
+                    : "takes the commanded stops for true and uses no range to place landmarks") +
+             cost;
+    case Method::approximate:
+      return (pairs ? "weighs readings as if noise grew with d^2"
+                    : "weighs readings as if noise grew with d^2 and takes the commanded stops for true") +
+             cost;
+    case Method::full:
+      return what_full_gives_away(c, best);
+    case Method::marginal:
+      return "is the recommended one";
+  }
+  return "";
+}
+
+std::string why_marginal(const Calibration& marginal, std::span<const Recording> recordings) {
+  if (marginal.kind == RecordingKind::pairs)
+    return "Trust marginal: it has the exact likelihood and a sigma_e corrected for the coefficients fitted";
+  std::size_t stops = 0;
+  for (const Recording& recording : recordings) stops += recording.stops.size();
   return fmt::format(
-      "; full fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})",
-      std::abs(off), off < 0.0 ? "lower" : "higher");
+      "Trust marginal: it has the exact likelihood and integrates the {} uncertain stops out, so neither curve nor "
+      "sigmas are bent to fit them",
+      stops);
 }
 
 }  // namespace
 
-std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings,
-                    const std::vector<TruthScore>& scores) {
+Advice advise(const CalibrationReport& report, std::span<const Recording> recordings, const std::vector<TruthScore>& scores) {
   std::size_t best = report.calibrations.size();
   for (Method method : {Method::closed_form, Method::approximate, Method::full, Method::marginal})
     for (std::size_t i = 0; i < report.calibrations.size(); ++i)
       if (report.calibrations[i].method == method && has_answer(report.calibrations[i])) best = i;
+  Advice advice;
   if (best == report.calibrations.size()) {
     const Calibration& last = report.calibrations.back();
-    return fmt::format("Trust none of them ({}): {}.", to_string(last.outcome),
-                       last.reason.empty() ? "no method has an answer" : shortened(last.reason));
+    advice.trust = fmt::format("Trust none of them ({}): {}", to_string(last.outcome),
+                               last.reason.empty() ? "no method has an answer" : shortened(last.reason));
+    return advice;
   }
   const Calibration& trusted = report.calibrations[best];
-  if (trusted.method != Method::marginal)
-    return fmt::format("Trust {} only with care: marginal, the recommended method, ended as {}.",
-                       to_string(trusted.method), to_string(report.calibrations.back().outcome));
-  const bool pairs = trusted.kind == RecordingKind::pairs;
-  std::size_t stops = 0;
-  for (const Recording& recording : recordings) stops += recording.stops.size();
-  std::string text =
-      pairs
-          ? "Trust marginal: it has the exact likelihood and a sigma_e corrected for the coefficients fitted"
-          : fmt::format(
-                "Trust marginal: it has the exact likelihood and integrates the {} uncertain stops "
-                "out, so neither curve nor sigmas are bent to fit them",
-                stops);
+  if (trusted.method != Method::marginal) {
+    advice.trust = fmt::format("Trust {} only with care: marginal, the recommended method, ended as {}",
+                               to_string(trusted.method), to_string(report.calibrations.back().outcome));
+    return advice;
+  }
+  advice.trust = why_marginal(trusted, recordings);
   for (const Calibration& c : report.calibrations) {
-    if (c.method == Method::full) text += what_full_gives_away(c, trusted);
-    if (c.method != Method::closed_form && c.method != Method::approximate) continue;
-    if (!has_answer(c)) {
-      text += fmt::format("; {} has no answer here ({})", to_string(c.method), to_string(c.outcome));
-      continue;
-    }
-    const std::string cost = behind(c, trusted);
-    const char* how =
-        c.method == Method::approximate
-            ? (pairs ? "weighs readings as if noise grew with d^2"
-                     : "weighs readings as if noise grew with d^2 and takes the commanded stops for true")
-            : (pairs ? "weighs all readings alike"
-                     : "takes the commanded stops for true and uses no range to place landmarks");
-    text +=
-        fmt::format("; {} {}{}", to_string(c.method), how, cost.empty() ? std::string() : " (" + cost + ")");
+    if (c.method != trusted.method)
+      advice.others.push_back(fmt::format("{} {}", to_string(c.method), what_it_gives_away(c, trusted)));
   }
   std::vector<std::string> against{contradiction(report, scores, best)};
   const ResidualCheck check = check_residuals(recordings, trusted);
   if (report.noise_shape.empty() && check.suspicious()) against.push_back(outliers_in_words(check));
   against.push_back(repeats_in_words(check));
   std::erase(against, std::string());
-  for (std::size_t i = 0; i < against.size(); ++i) text += (i == 0 ? "; BUT " : ", and ") + against[i];
   if (!against.empty())
-    text +=
-        ": the recording holds something that no method here models and no standard deviation above counts";
-  return text + ".";
+    advice.against = fmt::format(
+        "BUT {}: the recording holds something that no method here models and no standard deviation above counts",
+        fmt::join(against, ", and "));
+  return advice;
+}
+
+std::string advice_text(const Advice& advice) {
+  std::vector<std::string> parts{advice.trust};
+  parts.insert(parts.end(), advice.others.begin(), advice.others.end());
+  if (!advice.against.empty()) parts.push_back(advice.against);
+  return fmt::format("{}.", fmt::join(parts, "; "));
 }
 
 }  // namespace rangecal::app

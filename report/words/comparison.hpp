@@ -18,9 +18,15 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
 /// The same as text.
 std::string comparison_table(const CalibrationReport& report, const std::vector<TruthScore>& scores);
 
-/// One sentence: which method to trust, why, what each other gives away, and what speaks against it.
-std::string verdict(const CalibrationReport& report, std::span<const Recording> recordings,
-                    const std::vector<TruthScore>& scores);
+/// Which method to trust, in the parts of one sentence.
+struct Advice {
+  std::string trust;                ///< "Trust marginal: it has the exact likelihood ...", without a full stop
+  std::vector<std::string> others;  ///< what each other method gives away
+  std::string against;              ///< "BUT ...": what speaks against the one trusted; empty where nothing does
+};
+Advice advise(const CalibrationReport& report, std::span<const Recording> recordings, const std::vector<TruthScore>& scores);
+/// All of it as one sentence.
+std::string advice_text(const Advice& advice);
 
 /// The sentences under the table: what a mark in it means, and where true distances came from.
 std::vector<std::string> footnotes(const CalibrationReport& report, const std::vector<TruthScore>& scores);

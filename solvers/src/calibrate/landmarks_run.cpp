@@ -102,6 +102,19 @@ Calibration by_marginal(const LandmarksJob& job, Run& run) {
   return result;
 }
 
+Calibration by_method(const LandmarksJob& job, Method method, int order, NoiseLaw law, Run& run) {
+  switch (method) {
+    case Method::closed_form:
+    case Method::approximate:
+      return calibration_by_closed_form(job, method, order, law);
+    case Method::full:
+      return by_full(job, run);
+    case Method::marginal:
+      return by_marginal(job, run);
+  }
+  return named(job, method, Outcome::failed, "it is no method for landmarks");
+}
+
 /// NLopt on the joint NLL from `seed`, against the optimum `fit`. Where it ends higher, the seed lies in another basin
 /// than the one that Newton's longer steps end in: then NLopt starts from there.
 CheckReport checked(const LandmarksJob& job, const JointState& seed, const JointFit& fit) {
@@ -153,10 +166,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
-    report.calibrations.push_back(method == Method::full ? by_full(job, run)
-                                  : method == Method::marginal
-                                      ? by_marginal(job, run)
-                                      : calibration_by_closed_form(job, method, order, law));
+    report.calibrations.push_back(by_method(job, method, order, law, run));
     if (options.on_method) options.on_method(method, false);
   }
   std::optional<double> sigma_s, sigma_theta;

@@ -73,6 +73,29 @@ void score_pairs(const PairsProblem& problem, Calibration& calibration) {
       2.0 * (nll + static_cast<double>(calibration.alpha.size() + calibration.noise.parameters.size()));
 }
 
+Calibration with_shape(const PairsFit& fit) {
+  Calibration result = fit.calibration;
+  if (const auto shape = shape_estimate(fit.shape)) result.noise_shapes["range"] = *shape;
+  return result;
+}
+
+Calibration by_method(Method method, const Recording& all, const PairsProblem& problem, const ClosedFormOptions& closed,
+                      const PairsOptions& options) {
+  switch (method) {
+    case Method::closed_form:
+      return closed_form_pairs(all, closed);
+    case Method::approximate:
+      return approximate_pairs(all, closed);
+    case Method::full:
+      return with_shape(full_pairs(problem, options));
+    case Method::marginal:
+      return with_shape(marginal_pairs(problem, options));
+  }
+  Calibration none;
+  none.reason = "it is no method for pairs";
+  return none;
+}
+
 CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, const Calibration& full) {
   CheckReport report;
   if (full.outcome != Outcome::converged || start.alpha.size() != full.alpha.size() ||
@@ -129,17 +152,7 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
   for (Method method : methods_of(options)) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
-    Calibration result;
-    if (method == Method::closed_form) {
-      result = closed_form_pairs(all, closed);
-    } else if (method == Method::approximate) {
-      result = approximate_pairs(all, closed);
-    } else {
-      const PairsFit fit =
-          method == Method::full ? full_pairs(problem, gaussian) : marginal_pairs(problem, gaussian);
-      result = fit.calibration;
-      if (const auto shape = shape_estimate(fit.shape)) result.noise_shapes["range"] = *shape;
-    }
+    Calibration result = by_method(method, all, problem, closed, gaussian);
     if (options.on_method) options.on_method(method, false);
     result.method = method;
     result.kind = RecordingKind::pairs;

@@ -131,8 +131,14 @@ RepeatEstimate LandmarkEstimates::estimate(const StudyEstimator& estimator, cons
     result.outcome = Outcome::too_few_data;
     return result;
   }
-  if (estimator.method == Method::closed_form || estimator.method == Method::approximate)
-    return closed(estimator, model);
+  switch (estimator.method) {
+    case Method::closed_form:
+    case Method::approximate:
+      return closed(estimator, model);
+    case Method::full:
+    case Method::marginal:
+      break;
+  }
   const int order = model.order ? *model.order : selected_order(model);
   const Joint& shared = joint(order, model.law, result);
   if (!shared.seed) return result;
@@ -143,35 +149,50 @@ RepeatEstimate LandmarkEstimates::estimate(const StudyEstimator& estimator, cons
   return result;
 }
 
-RepeatEstimate estimate_pairs(const Recording& recording, const PairsProblem& problem,
-                              const StudyEstimator& estimator, const RepeatModel& model) {
-  if (estimator.method == Method::closed_form)
-    return from_calibration(closed_form_pairs(recording, closed_options(estimator, model)), model.law);
-  if (estimator.method == Method::approximate) {
-    ClosedFormOptions options = closed_options(estimator, model);
-    std::vector<double> scores;
-    if (!model.order) {
-      scores = approximate_aic(recording, model.max_order);
-      int best = 0;
-      for (std::size_t i = 1; i < scores.size(); ++i)
-        if (scores[i] < scores[best]) best = static_cast<int>(i);
-      options.order = best + 1;
-    }
-    RepeatEstimate result = from_calibration(approximate_pairs(recording, options), model.law);
-    result.aic_by_order = std::move(scores);
-    return result;
+namespace {
+
+RepeatEstimate approximate_estimate(const Recording& recording, const StudyEstimator& estimator, const RepeatModel& model) {
+  ClosedFormOptions options = closed_options(estimator, model);
+  std::vector<double> scores;
+  if (!model.order) {
+    scores = approximate_aic(recording, model.max_order);
+    int best = 0;
+    for (std::size_t i = 1; i < scores.size(); ++i)
+      if (scores[i] < scores[best]) best = static_cast<int>(i);
+    options.order = best + 1;
   }
+  RepeatEstimate result = from_calibration(approximate_pairs(recording, options), model.law);
+  result.aic_by_order = std::move(scores);
+  return result;
+}
+
+RepeatEstimate likelihood_estimate(const PairsProblem& problem, Method method, const RepeatModel& model) {
   PairsOptions options;
   options.order = model.order;
   options.max_order = model.max_order;
   options.law = model.law;
-  const PairsFit fit =
-      estimator.method == Method::full ? full_pairs(problem, options) : marginal_pairs(problem, options);
+  const PairsFit fit = method == Method::full ? full_pairs(problem, options) : marginal_pairs(problem, options);
   RepeatEstimate result = from_calibration(fit.calibration, model.law);
   if (!model.order)
     for (const OrderScore& score : fit.orders)
       result.aic_by_order.push_back(score.outcome == Outcome::converged ? score.aic : std::nan(""));
   return result;
+}
+
+}  // namespace
+
+RepeatEstimate estimate_pairs(const Recording& recording, const PairsProblem& problem,
+                              const StudyEstimator& estimator, const RepeatModel& model) {
+  switch (estimator.method) {
+    case Method::closed_form:
+      return from_calibration(closed_form_pairs(recording, closed_options(estimator, model)), model.law);
+    case Method::approximate:
+      return approximate_estimate(recording, estimator, model);
+    case Method::full:
+    case Method::marginal:
+      return likelihood_estimate(problem, estimator.method, model);
+  }
+  return {};
 }
 
 }  // namespace rangecal
