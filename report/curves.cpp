@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fit_view.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
 #include "text.hpp"
 
@@ -18,7 +19,7 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
     colours.push_back(curve.colour);
     for (const CurvePoint& p : curve_points(*curve.calibration, 61)) {
       const double excess = 1e3 * (p.reading_m - p.distance_m);
-      const double band = p.std_dev_m ? 1.96e3 * *p.std_dev_m : 0.0;
+      const double band = p.std_dev_m ? 1e3 * z95 * *p.std_dev_m : 0.0;
       rows.push_back({{"model", curve.name},
                       {"d", number(p.distance_m)},
                       {"excess", number(excess)},

@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "diagnosis_words.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::report {
 namespace {
@@ -230,7 +231,7 @@ std::vector<Chart> moves(Page& page, const std::string& id, const std::vector<Mo
           const double moved =
               1e3 * (axis == 0 ? pose.x_m - stop.commanded.x_m : pose.y_m - stop.commanded.y_m);
           const bool known = k < view.covariance.stops.size() && view.covariance.stops[k];
-          const double half = known ? 1.96e3 * std::sqrt((*view.covariance.stops[k])(axis, axis)) : 0.0;
+          const double half = known ? 1e3 * z95 * std::sqrt((*view.covariance.stops[k])(axis, axis)) : 0.0;
           rows.push_back({{"model", name},
                           {"axis", axis == 0 ? "x" : "y"},
                           {"number", k + 1},

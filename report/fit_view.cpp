@@ -60,6 +60,28 @@ Limits limits_of(std::vector<double> values) {
   return {low - margin, high + margin};
 }
 
+std::optional<ReadingPlaces> places_of(const FitView& view, const ReadingResidual& x) {
+  if (x.stop < 0) return std::nullopt;
+  const Recording& recording = view.recordings[static_cast<std::size_t>(x.recording)];
+  const Landmark& landmark = recording.landmarks[static_cast<std::size_t>(x.landmark)];
+  std::size_t k = static_cast<std::size_t>(x.stop);
+  for (int r = 0; r < x.recording; ++r) k += view.recordings[static_cast<std::size_t>(r)].stops.size();
+  const Pose2& stop = view.calibration.stops.empty()
+                          ? recording.stops[static_cast<std::size_t>(x.stop)].commanded
+                          : view.calibration.stops[k].pose;
+  const std::vector<LandmarkEstimate>& landmarks = view.calibration.landmarks;
+  const auto estimate = std::find_if(landmarks.begin(), landmarks.end(), [&](const LandmarkEstimate& l) {
+    return l.recording == x.recording && l.label == landmark.label;
+  });
+  if (estimate == landmarks.end()) return std::nullopt;
+  const Eigen::Vector2d from(stop.x_m, stop.y_m), sight = estimate->position_m - from;
+  const auto place = [&](double range, double direction) -> Eigen::Vector2d {
+    return from + (range + landmark.radius_m) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+  };
+  return ReadingPlaces{from, estimate->position_m, place(x.range_m, stop.heading_rad + x.bearing_rad),
+                       place(x.corrected_m, std::atan2(sight.y(), sight.x()) + x.bearing_residual_rad)};
+}
+
 void add_readings(Page& page, const FitView& view) {
   Json rows = Json::array();
   for (std::size_t i : shown(view.residuals.readings.size())) {
@@ -71,35 +93,17 @@ void add_readings(Page& page, const FitView& view) {
     row["corrected"] = number(x.corrected_m);
     row["excess"] = number(1e3 * (x.range_m - x.distance_m));
     row["size"] = number(1e3 * std::abs(x.range_residual_m));
-    if (x.stop >= 0) {
-      const Recording& recording = view.recordings[static_cast<std::size_t>(x.recording)];
-      std::size_t k = static_cast<std::size_t>(x.stop);
-      for (int r = 0; r < x.recording; ++r) k += view.recordings[static_cast<std::size_t>(r)].stops.size();
-      const Pose2& stop = view.calibration.stops.empty()
-                              ? recording.stops[static_cast<std::size_t>(x.stop)].commanded
-                              : view.calibration.stops[k].pose;
-      const double radius = recording.landmarks[static_cast<std::size_t>(x.landmark)].radius_m;
-      const double raw = stop.heading_rad + x.bearing_rad;
-      const Eigen::Vector2d& axis = [&]() -> const Eigen::Vector2d& {
-        for (const LandmarkEstimate& l : view.calibration.landmarks)
-          if (l.recording == x.recording &&
-              l.label == recording.landmarks[static_cast<std::size_t>(x.landmark)].label)
-            return l.position_m;
-        return view.calibration.landmarks.front().position_m;
-      }();
-      const Eigen::Vector2d from(stop.x_m, stop.y_m), sight = (axis - from).normalized();
+    if (const std::optional<ReadingPlaces> places = places_of(view, x)) {
+      const Eigen::Vector2d sight = (places->axis - places->stop).normalized();
       const Eigen::Vector2d across(-sight.y(), sight.x());
-      const double corrected = std::atan2(sight.y(), sight.x()) + x.bearing_residual_rad;
-      const auto place = [&](const std::string& how, double range, double direction) {
-        const Eigen::Vector2d at =
-            from + (range + radius) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+      const auto put = [&](const std::string& how, const Eigen::Vector2d& at) {
         row["x_" + how] = number(at.x());
         row["y_" + how] = number(at.y());
-        row["along_" + how] = number(1e3 * (at - axis).dot(sight));
-        row["across_" + how] = number(1e3 * (at - axis).dot(across));
+        row["along_" + how] = number(1e3 * (at - places->axis).dot(sight));
+        row["across_" + how] = number(1e3 * (at - places->axis).dot(across));
       };
-      place("raw", x.range_m, raw);
-      place("corrected", x.corrected_m, corrected);
+      put("raw", places->raw);
+      put("corrected", places->corrected);
     }
     rows.push_back(std::move(row));
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,14 @@ std::string shown_in_words(std::size_t readings);
 
 /// What a hover tells of a reading: stop, landmark, file row.
 void name_reading(const FitView& view, const ReadingResidual& reading, Json& row);
+
+/// Where a reading puts its landmark's axis as seen from its estimated stop [m]: as read, and as the model corrects it.
+struct ReadingPlaces {
+  Eigen::Vector2d stop, axis;      ///< estimated
+  Eigen::Vector2d raw, corrected;
+};
+/// Nothing for a reading of pairs.
+std::optional<ReadingPlaces> places_of(const FitView& view, const ReadingResidual& reading);
 
 /// The span of the middle 99 % of the values with a margin; 0 to 1 for none.
 struct Limits {

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "fit_view.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
 #include "text.hpp"
 
@@ -32,7 +33,7 @@ void add_noise(Page& page, const FitView& view) {
   Json rows = Json::array(), law = Json::array();
   for (const auto& [index, b] : bins) {
     if (index < 0) continue;
-    const double rms = std::sqrt(b.square / b.readings), half = 1.96 * rms / std::sqrt(2.0 * b.readings);
+    const double rms = std::sqrt(b.square / b.readings), half = z95 * rms / std::sqrt(2.0 * b.readings);
     rows.push_back({{"at", number(b.at / b.readings)},
                     {"rms", number(rms)},
                     {"low", number(std::max(0.0, rms - half))},

@@ -161,8 +161,6 @@ void Page::table(const Table& table) { body_ += table.html(); }
 
 void Page::dataset(const std::string& name, Json rows) { datasets_[name] = std::move(rows); }
 
-const Json& Page::rows(const std::string& dataset) const { return datasets_.at(dataset); }
-
 void Page::charts(const std::vector<Chart>& charts) {
   body_ += fmt::format("<div class=\"charts{}\">", charts.size() > 1 ? " two" : "");
   for (const Chart& chart : charts) {

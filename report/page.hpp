@@ -59,7 +59,6 @@ class Page {
   void table(const Table& table);
   /// Rows of objects that charts read by `name`.
   void dataset(const std::string& name, Json rows);
-  const Json& rows(const std::string& dataset) const;
   /// One chart over the full width, or two side by side where there is room. Every dataset that a chart names
   /// must have been given before; throws std::logic_error otherwise.
   void charts(const std::vector<Chart>& charts);

@@ -11,6 +11,7 @@
 
 #include "diagnosis_words.hpp"
 #include "findings_beyond_means.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::report {
 namespace {
@@ -233,8 +234,8 @@ std::vector<Chart> charts_of_means(Page& page, const std::string& id, const Find
   if (pair.axis.groups) pair.sort = order_of(before, f.covariate);
   double reach = 0.0;
   for (const BinnedResidual& b : f.residuals)
-    reach = std::max({reach, std::abs(pair.channel.of_bin(b.before + 1.96 * b.std_dev)),
-                      std::abs(pair.channel.of_bin(b.before - 1.96 * b.std_dev))});
+    reach = std::max({reach, std::abs(pair.channel.of_bin(b.before + z95 * b.std_dev)),
+                      std::abs(pair.channel.of_bin(b.before - z95 * b.std_dev))});
   pair.limits = zoomed(limits_of_points(before, after, pair.channel), reach, pair.channel);
   page.dataset(pair.id + "-points", point_rows(before, after, pair, along->second));
   for (const bool completed : {false, true}) {
@@ -242,8 +243,8 @@ std::vector<Chart> charts_of_means(Page& page, const std::string& id, const Find
     for (const BinnedResidual& b : f.residuals) {
       const double mean = completed ? b.after : b.before;
       bins.push_back(bin_row(place_of(before, pair.axis, f.covariate, b.at), pair.channel.of_bin(mean),
-                             pair.channel.of_bin(mean - 1.96 * b.std_dev),
-                             pair.channel.of_bin(mean + 1.96 * b.std_dev), b.readings));
+                             pair.channel.of_bin(mean - z95 * b.std_dev),
+                             pair.channel.of_bin(mean + z95 * b.std_dev), b.readings));
     }
     page.dataset(fmt::format("{}-bins-{}", pair.id, completed ? "after" : "before"), bins);
   }
@@ -301,7 +302,7 @@ void add_plain_residuals(Page& page, const FitView& view) {
     double reach = 0.0;
     for (const auto& [index, b] : bins) {
       if (index < 0) continue;
-      const double mean = b.sum / b.readings, half = 1.96 * std::sqrt(b.variance) / b.readings;
+      const double mean = b.sum / b.readings, half = z95 * std::sqrt(b.variance) / b.readings;
       reach = std::max(reach, std::abs(mean) + half);
       rows.push_back(
           bin_row(number(pair.axis.factor * b.at / b.readings), mean, mean - half, mean + half, b.readings));

@@ -8,11 +8,10 @@
 #include <numbers>
 
 #include "fit_view.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::report {
 namespace {
-
-constexpr double ellipse95 = 2.4477468;  // sqrt of the 95 % point of chi-square with 2 degrees of freedom
 
 struct Box {
   double left = 1e300, right = -1e300, bottom = 1e300, top = -1e300;
@@ -41,7 +40,7 @@ void add_outline(Json& rows, int recording, const std::string& what, const std::
 }
 
 Eigen::Matrix2d factor_of(const Eigen::Matrix2d& covariance) {
-  return ellipse95 * Eigen::LLT<Eigen::Matrix2d>(covariance).matrixL().toDenseMatrix();
+  return radius95 * Eigen::LLT<Eigen::Matrix2d>(covariance).matrixL().toDenseMatrix();
 }
 
 struct SceneData {
@@ -81,8 +80,8 @@ void add_stops(const FitView& view, int index, std::size_t first, SceneData& dat
   if (recording.stop_error == StopErrorModel::independent && !recording.estimate_sigma_xy &&
       largest_sigma > 0.0) {
     add_outline(data.prior, index, "", fmt::format("prior {}", index), Eigen::Vector2d::Zero(),
-                1e3 * ellipse95 * largest_sigma * Eigen::Matrix2d::Identity());
-    data.moved_mm = std::max(data.moved_mm, 1e3 * ellipse95 * largest_sigma);
+                1e3 * radius95 * largest_sigma * Eigen::Matrix2d::Identity());
+    data.moved_mm = std::max(data.moved_mm, 1e3 * radius95 * largest_sigma);
   }
 }
 
@@ -119,34 +118,81 @@ void add_landmarks(const FitView& view, int index, std::size_t first, SceneData&
 }
 
 /// Widens the box to the readings as they are drawn, all but the outermost half percent on each side.
-void hold_readings(const Page& page, int recording, Box& box) {
+void hold_readings(const FitView& view, int index, Box& box) {
   std::vector<double> x, y;
-  for (const Json& row : page.rows("readings")) {
-    if (row["recording"] != recording) continue;
-    for (const char* name : {"x_raw", "x_corrected"})
-      if (row[name].is_number()) x.push_back(row[name]);
-    for (const char* name : {"y_raw", "y_corrected"})
-      if (row[name].is_number()) y.push_back(row[name]);
+  for (std::size_t i : shown(view.residuals.readings.size())) {
+    const ReadingResidual& reading = view.residuals.readings[i];
+    const std::optional<ReadingPlaces> places =
+        reading.recording == index ? places_of(view, reading) : std::nullopt;
+    if (!places) continue;
+    x.insert(x.end(), {places->raw.x(), places->corrected.x()});
+    y.insert(y.end(), {places->raw.y(), places->corrected.y()});
   }
-  if (x.empty() || y.empty()) return;
+  if (x.empty()) return;
   const Limits across = limits_of(x), up = limits_of(y);
   box.hold(across.low, up.low);
   box.hold(across.high, up.high);
+}
+
+SceneData scene_of(const FitView& view) {
+  SceneData data;
+  std::size_t stops = 0, landmarks = 0;
+  for (std::size_t r = 0; r < view.recordings.size(); ++r) {
+    const int index = static_cast<int>(r);
+    data.boxes.emplace_back();
+    add_stops(view, index, stops, data);
+    add_landmarks(view, index, landmarks, data);
+    hold_readings(view, index, data.boxes.back());
+    stops += view.recordings[r].stops.size();
+    landmarks += view.recordings[r].landmarks.size();
+  }
+  return data;
+}
+
+Chart scene_chart(const FitView& view, std::size_t r, const Box& box) {
+  return {fmt::format("scene-{}", r + 1),
+          "scene",
+          {{"recording", r},
+           {"middle_x", 0.5 * (box.left + box.right)},
+           {"middle_y", 0.5 * (box.bottom + box.top)},
+           {"half_x", 0.54 * (box.right - box.left)},
+           {"half_y", 0.54 * (box.top - box.bottom)}},
+          view.recordings.size() == 1 ? "Stops, landmarks and readings" : fmt::format("Recording {}", r + 1),
+          "Circles are the landmarks' radii, ellipses hold 95 %. Each reading is drawn from its estimated "
+          "stop to where it says the landmark's axis is, as read and as the model corrects it. " +
+              shown_in_words(view.residuals.readings.size()),
+          "tall"};
+}
+
+Chart around_chart(const FitView& view) {
+  std::vector<double> away;
+  for (const ReadingResidual& x : view.residuals.readings) {
+    away.push_back(1e3 * std::abs(x.range_m - x.distance_m));
+    away.push_back(1e3 * x.distance_m * std::abs(x.bearing_residual_rad));
+  }
+  return {"around",
+          "around",
+          {{"half", limits_of(away).high}},
+          "Readings around their landmarks",
+          "Where each reading puts the landmark's axis, seen from the estimated stop.",
+          "plot"};
+}
+
+Chart moves_chart(const SceneData& data) {
+  return {"stops",
+          "stops",
+          {{"half", 1.05 * data.moved_mm}},
+          "How far each stop was moved from its commanded place",
+          "Ellipses hold 95 %, the parameters of effects held; the dashed circle holds 95 % of the stops under "
+          "the stated sigma_xy.",
+          "plot"};
 }
 
 }  // namespace
 
 void add_scene(Page& page, const FitView& view) {
   if (view.calibration.kind == RecordingKind::pairs) return;
-  SceneData data;
-  std::size_t stops = 0, landmarks = 0;
-  for (std::size_t r = 0; r < view.recordings.size(); ++r) {
-    data.boxes.emplace_back();
-    add_stops(view, static_cast<int>(r), stops, data);
-    add_landmarks(view, static_cast<int>(r), landmarks, data);
-    stops += view.recordings[r].stops.size();
-    landmarks += view.recordings[r].landmarks.size();
-  }
+  const SceneData data = scene_of(view);
   page.section("The scene");
   page.dataset("stops", data.stops);
   page.dataset("landmarks", data.landmarks);
@@ -154,48 +200,13 @@ void add_scene(Page& page, const FitView& view) {
   page.dataset("stop_ellipses", data.ellipses);
   page.dataset("stop_prior", data.prior);
   constexpr std::size_t most = 4;
-  for (std::size_t r = 0; r < std::min(most, view.recordings.size()); ++r) {
-    Box& b = data.boxes[r];
-    hold_readings(page, static_cast<int>(r), b);
-    Chart scene{
-        fmt::format("scene-{}", r + 1),
-        "scene",
-        {{"recording", r},
-         {"middle_x", 0.5 * (b.left + b.right)},
-         {"middle_y", 0.5 * (b.bottom + b.top)},
-         {"half_x", 0.54 * (b.right - b.left)},
-         {"half_y", 0.54 * (b.top - b.bottom)}},
-        view.recordings.size() == 1 ? "Stops, landmarks and readings" : "Recording " + std::to_string(r + 1),
-        "Circles are the landmarks' radii, ellipses hold 95 %. Each reading is drawn from its estimated stop "
-        "to where it "
-        "says the landmark's axis is, as read and as the model corrects it. " +
-            shown_in_words(view.residuals.readings.size()),
-        "tall"};
-    page.charts({scene});
-  }
+  for (std::size_t r = 0; r < std::min(most, view.recordings.size()); ++r)
+    page.charts({scene_chart(view, r, data.boxes[r])});
   if (view.recordings.size() > most)
     page.paragraph(
         fmt::format("The scenes of {} more recordings are not drawn.", view.recordings.size() - most));
-  std::vector<double> away;
-  for (const ReadingResidual& x : view.residuals.readings) {
-    away.push_back(1e3 * std::abs(x.range_m - x.distance_m));
-    away.push_back(1e3 * x.distance_m * std::abs(x.bearing_residual_rad));
-  }
-  std::vector<Chart> charts{{"around",
-                             "around",
-                             {{"half", limits_of(away).high}},
-                             "Readings around their landmarks",
-                             "Where each reading puts the landmark's axis, seen from the estimated stop.",
-                             "plot"}};
-  if (data.moved_mm > 0.0)
-    charts.push_back({"stops",
-                      "stops",
-                      {{"half", 1.05 * data.moved_mm}},
-                      "How far each stop was moved from its commanded place",
-                      "Ellipses hold 95 %, the parameters of effects held; the dashed circle holds 95 % of "
-                      "the stops under the "
-                      "stated sigma_xy.",
-                      "plot"});
+  std::vector<Chart> charts{around_chart(view)};
+  if (data.moved_mm > 0.0) charts.push_back(moves_chart(data));
   page.charts(charts);
 }
 

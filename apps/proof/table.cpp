@@ -7,6 +7,8 @@
 #include <cmath>
 #include <functional>
 
+#include "rangecal/core/quantiles.hpp"
+
 namespace rangecal::proof {
 namespace {
 
@@ -165,7 +167,7 @@ std::string tally(const std::vector<Score>& scores, const Condition& among, bool
 
 std::pair<double, double> wilson(int hits, int trials) {
   if (trials <= 0) return {0.0, 1.0};
-  const double z = 1.959963984540054, n = trials, p = hits / n, z_sq = z * z;
+  const double z = z95, n = trials, p = hits / n, z_sq = z * z;
   const double middle = p + z_sq / (2.0 * n), half = z * std::sqrt(p * (1.0 - p) / n + z_sq / (4.0 * n * n));
   return {(middle - half) / (1.0 + z_sq / n), (middle + half) / (1.0 + z_sq / n)};
 }

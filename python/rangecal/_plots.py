@@ -2,7 +2,7 @@
 """Pictures of recordings and results, by matplotlib. Lengths in metres, small ones in millimetres."""
 import numpy as np
 
-_Z95 = 1.959964
+from ._native import radius95, z95
 
 
 def _axes(ax, **size):
@@ -50,7 +50,7 @@ def calibration(self, ax=None):
     if len(self.alpha):
         d, bias, std = _curve(ax, self, "C0", f"{self.method}, order {self.order}")
         spread = 1e3 * self.noise(d)
-        ax.fill_between(d, bias - _Z95 * std, bias + _Z95 * std, color="C0", alpha=0.35, linewidth=0)
+        ax.fill_between(d, bias - z95 * std, bias + z95 * std, color="C0", alpha=0.35, linewidth=0)
         ax.fill_between(d, bias - spread, bias + spread, color="C0", alpha=0.12, linewidth=0)
         ax.axhline(0.0, color="0.6", linewidth=0.8)
         ax.legend(fontsize="small")
@@ -61,7 +61,7 @@ def scene(self, ax=None):
     """Stops and landmarks as estimated, landmarks with their 95 % ellipses."""
     ax = _axes(ax)
     turn = np.linspace(0.0, 2.0 * np.pi, 61)
-    circle = np.sqrt(5.991465) * np.stack([np.cos(turn), np.sin(turn)])   # 95 % of chi^2 with 2 degrees of freedom
+    circle = radius95 * np.stack([np.cos(turn), np.sin(turn)])
     for label, position, covariance in zip(self.landmark_labels, self.landmarks, self.landmark_covariance):
         if np.all(np.isfinite(covariance)):
             values, vectors = np.linalg.eigh(covariance)
@@ -82,7 +82,7 @@ def comparison(self, ax=None):
         if one.usable:
             d, bias, std = _curve(ax, one, f"C{i}", one.method)
             for sign in (-1.0, 1.0):
-                ax.plot(d, bias + sign * _Z95 * std, ":", color=f"C{i}", linewidth=1.0)
+                ax.plot(d, bias + sign * z95 * std, ":", color=f"C{i}", linewidth=1.0)
     ax.axhline(0.0, color="0.6", linewidth=0.8)
     ax.legend(fontsize="small")
     return ax
@@ -120,7 +120,7 @@ def residuals(self, along="range", channel="range", bins=20, ax=None):
     order = np.argsort(x, kind="stable")
     for part in np.array_split(order, min(bins, max(1, len(order) // 5))):
         std = np.std(y[part], ddof=1) / np.sqrt(len(part)) if len(part) > 1 else 0.0
-        ax.errorbar(np.mean(x[part]), np.mean(y[part]), _Z95 * std, fmt="o", color="C0", markersize=4)
+        ax.errorbar(np.mean(x[part]), np.mean(y[part]), z95 * std, fmt="o", color="C0", markersize=4)
     ax.axhline(0.0, color="0.3", linewidth=0.8)
     ax.set(xlabel=_axis_label(along), ylabel=f"{channel} residual [{unit}]")
     return ax
@@ -141,7 +141,7 @@ def diagnosis(self, finding=0, ax=None):
     found = self.location[finding]
     scale, unit = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "deg")}.get(found.unit, (1.0, found.unit))
     for values, color, label in ((found.before, "C3", "before"), (found.after, "C0", "after")):
-        ax.errorbar(found.at, scale * values, _Z95 * scale * found.std, fmt="o-", color=color, markersize=4,
+        ax.errorbar(found.at, scale * values, z95 * scale * found.std, fmt="o-", color=color, markersize=4,
                     linewidth=1.0, capsize=2, label=label)
     ax.axhline(0.0, color="0.3", linewidth=0.8)
     ax.set(xlabel=_axis_label(found.covariate), ylabel=f"{found.channel} residual [{unit}]")

@@ -4,12 +4,15 @@
 #include <glog/logging.h>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "work.hpp"
 
 PYBIND11_MODULE(_native, module) {
   using namespace rangecal::python;
   module.doc() = "The C++ side of rangecal; use the package `rangecal`.";
   module.attr("__version__") = RANGECAL_VERSION;
+  module.attr("z95") = rangecal::z95;
+  module.attr("radius95") = rangecal::radius95;
   FLAGS_minloglevel = google::GLOG_FATAL;  // Ceres logs through glog, to stderr unless told otherwise
 
   py::register_exception<rangecal::InputError>(module, "InputError", PyExc_ValueError);

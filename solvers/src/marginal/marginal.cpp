@@ -9,13 +9,14 @@
 
 #include "marginal/laplace.hpp"
 #include "marginal/reml_profile.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
 
 /// Largest sigma_s at which the profile has risen by 1.645^2 / 2: the one-sided 95 % limit.
 std::optional<double> upper_limit(RemlProfile& profile, double none) {
-  const double rise = 0.5 * 1.6448536 * 1.6448536, floor = profile(none);
+  const double rise = 0.5 * z95_one_sided * z95_one_sided, floor = profile(none);
   double low = 10.0 * none, high = 100.0 * none;
   const double highest = 1e7 * none;
   while (high < highest && profile(high) - floor < rise) {

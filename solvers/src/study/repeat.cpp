@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/study/bound.hpp"
 #include "rangecal/solvers/study/sums.hpp"
@@ -11,9 +12,6 @@
 
 namespace rangecal {
 namespace {
-
-constexpr double z95 = 1.959963984540054;  // two-sided 95 % of the normal distribution
-
 
 /// True distances beside raw readings, to score a curve on.
 struct TestReadings {
