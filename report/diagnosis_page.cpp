@@ -123,12 +123,8 @@ void add_open_questions(Page& page, const Diagnosis& d) {
         {},
         true};
     for (const Unseen& u : d.unseen) {
-      std::string typical;
-      for (const auto& [name, value] : u.typical)
-        typical += fmt::format("{}{} {:.3g}", typical.empty() ? "" : ", ", name, value);
-      unseen.rows.push_back({u.effect, typical, millimetres(u.harm_m),
-                             u.detectable ? fmt::format("{:.3g}", *u.detectable) : std::string("no size"),
-                             u.settled_by});
+      unseen.rows.push_back({u.effect, app::typical_in_words(u), millimetres(u.harm_m),
+                             app::detectable_in_words(u), u.settled_by});
     }
     page.table(unseen);
   }

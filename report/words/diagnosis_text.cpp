@@ -74,10 +74,8 @@ std::string could_be_hidden(const Diagnosis& d) {
   constexpr std::size_t most = 8;
   for (std::size_t i = 0; i < d.unseen.size() && i < most; ++i) {
     const Unseen& u = d.unseen[i];
-    std::string typical;
-    for (const auto& [name, value] : u.typical) typical += fmt::format("{}{} {:.3g}", typical.empty() ? "" : ", ", name, value);
-    std::string line = fmt::format("{} ({}): costs {:.2g} mm RMS", u.effect, typical, 1e3 * u.harm_m);
-    line += u.detectable ? fmt::format("; would show from {:.3g} on", *u.detectable) : std::string("; no size would show");
+    std::string line = fmt::format("{} ({}): costs {:.2g} mm RMS", u.effect, typical_in_words(u), 1e3 * u.harm_m);
+    line += u.detectable ? fmt::format("; would show from {} on", detectable_in_words(u)) : std::string("; no size would show");
     if (!u.settled_by.empty()) line += "; " + u.settled_by;
     text += "  " + wrapped(line, 4, width) + "\n";
   }

@@ -14,6 +14,22 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
 
+/// A parameter's name where its unit is said behind the value.
+std::string without_unit(std::string name) {
+  for (const char* ending : {"_per_m", "_rad", "_m", "_s"})
+    if (ends_with(name, ending)) {
+      name.resize(name.size() - std::string(ending).size());
+      break;
+    }
+  return name;
+}
+
+/// "0.3 mm", "5 deg", "0.01": a parameter's value in the unit that suits `like`, a value of the same parameter.
+std::string value_in_words(const std::string& name, double value, double like) {
+  const Shown unit = unit_of({name, like, 0.0, 0.0, 0.0});
+  return fmt::format("{:.3g}{}{}", unit.factor * value, unit.unit.empty() ? "" : " ", unit.unit);
+}
+
 }  // namespace
 
 bool ends_with(const std::string& text, const std::string& end) {
@@ -32,6 +48,20 @@ Shown unit_of(const EffectEstimate& e) {
   if (ends_with(e.name, "_m")) return std::abs(e.estimate) < 0.5 ? Shown{1e3, "mm"} : Shown{1.0, "m"};
   if (ends_with(e.name, "_s")) return {1.0, "s"};
   return {1.0, ""};
+}
+
+std::string typical_in_words(const Unseen& unseen) {
+  std::string text;
+  for (const auto& [name, value] : unseen.typical)
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", without_unit(name), value_in_words(name, value, value));
+  return text;
+}
+
+std::string detectable_in_words(const Unseen& unseen) {
+  if (!unseen.detectable) return "no size";
+  if (unseen.typical.empty()) return fmt::format("{:.3g}", *unseen.detectable);
+  const auto& [name, value] = *unseen.typical.begin();
+  return value_in_words(name, *unseen.detectable, value);
 }
 
 std::string p_in_words(double p) {
@@ -110,13 +140,7 @@ std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
     for (const EffectEstimate& e : d.explanations[0].parameters) {
       if (e.name.rfind("generic.", 0) == 0) continue;
       const Shown unit = unit_of(e);
-      std::string name = e.name;  // the unit is said behind the value
-      for (const char* ending : {"_per_m", "_rad", "_m", "_s"})
-        if (ends_with(name, ending)) {
-          name.resize(name.size() - std::string(ending).size());
-          break;
-        }
-      rows.push_back({name, with_std(unit.factor * e.estimate, unit.factor * e.std_dev), unit.unit});
+      rows.push_back({without_unit(e.name), with_std(unit.factor * e.estimate, unit.factor * e.std_dev), unit.unit});
     }
   const Calibration& c = d.corrected;
   for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {

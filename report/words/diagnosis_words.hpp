@@ -18,6 +18,11 @@ Shown shown(const std::string& si);
 /// The unit of a parameter by its name's ending. Lengths of centimetres and less are in mm.
 Shown unit_of(const EffectEstimate& estimate);
 
+/// "angle 5 deg, offset 3 mm": the typical size of an effect that could be hidden.
+std::string typical_in_words(const Unseen& unseen);
+/// The size of its first parameter from which on it would show, in that parameter's unit; "no size" where none would.
+std::string detectable_in_words(const Unseen& unseen);
+
 bool ends_with(const std::string& text, const std::string& end);
 /// "p = 3e-12".
 std::string p_in_words(double p);
