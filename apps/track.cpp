@@ -29,6 +29,7 @@ struct TrackCommand {
       job.options.order = order[0] - '0';
     }
     job.options.law = noise_law_from_string(noise);
+    job.options.noise_order = job.options.order.value_or(1);   // as 'calibrate' has it
     if (!range.empty()) {
       job.options.range_min_m = range[0];
       job.options.range_max_m = range[1];
@@ -66,8 +67,11 @@ struct TrackCommand {
     if (std::isfinite(job.options.forget))
       text += fmt::format("Memory     time constant {} {}; {:.0f} readings count\n", job.options.forget,
                           tracked.landmarks ? "stops" : tracked.timed ? "s" : "readings", tracked.effective);
-    text += fmt::format("Model      order {}, noise {}, {:.3g} +- {:.2g} {}\nCurve f    reading =", c.order(), law_in_words(c.noise.law),
-                        c.noise.parameters[0], c.noise_estimates[0].std_dev.value_or(0.0), law_unit(c.noise.law, 0));
+    text += fmt::format("Model      order {}, noise {}", c.order(), law_in_words(c.noise.law));
+    for (Eigen::Index j = 0; j < c.noise.parameters.size(); ++j)
+      text += fmt::format(", {:.3g} +- {:.2g} {}", c.noise.parameters[j], c.noise_estimates[static_cast<std::size_t>(j)].std_dev.value_or(0.0),
+                          law_unit(c.noise.law, static_cast<int>(j)));
+    text += "\nCurve f    reading =";
     for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {
       std::optional<double> std_dev;
       if (c.alpha_covariance) std_dev = std::sqrt((*c.alpha_covariance)(i, i));
@@ -98,7 +102,7 @@ void add_track(CLI::App& app, Action& chosen) {
   command->add_option("--every", state->job.every, "rows from one saving of the state to the next")->check(CLI::Range(1, 100000000))->capture_default_str();
   command->add_option("--from", state->job.from, "calibration (JSON) to correct by until the stream has its own");
   command->add_option("--order", state->order, "of f: 0 to 8, or auto: the lowest AIC of 1 to 4 at each estimate")->capture_default_str();
-  command->add_option("--noise", state->noise, "noise law: constant, f, f2, f3, d2")->capture_default_str();
+  command->add_option("--noise", state->noise, "noise law: constant, f, f2, f3, d2, polynomial (of f's order; pairs only)")->capture_default_str();
   command->add_option("--forget", state->forget, "time constant of the memory: seconds, or readings where there is no time_s; of landmarks: stops")
       ->check(CLI::PositiveNumber);
   command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);

@@ -52,6 +52,8 @@ class LandmarksLearner : public Learner {
       : calibrator_(options_of(job)), default_radius_m_(job.radius_m) {
     if (job.approximate)
       throw InputError("--approximate is for pairs; readings of landmarks are calibrated by marginal");
+    if (job.options.law == NoiseLaw::polynomial)
+      throw InputError("--noise polynomial is for pairs; readings of landmarks have constant, f, f2, f3 or d2");
     if (job.watch > 0.0)
       throw InputError("--watch needs true distances; the stream has readings of landmarks");
     if (!job.stops.empty()) {
@@ -104,7 +106,7 @@ class LandmarksLearner : public Learner {
   static RecursiveLandmarksOptions options_of(const TrackJob& job) {
     RecursiveLandmarksOptions options;
     options.order = job.options.order;
-    options.law = job.options.law;
+    if (job.options.law != NoiseLaw::polynomial) options.law = job.options.law;   // refused below
     options.forget = job.options.forget;
     options.sigma_xy_m = job.sigma_xy_m;
     options.sigma_heading_rad = job.sigma_heading_rad;

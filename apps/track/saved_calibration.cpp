@@ -14,7 +14,7 @@ Json json_of(const Calibration& c) {
           {"covariance",
            std::vector<double>(c.alpha_covariance->reshaped().begin(), c.alpha_covariance->reshaped().end())},
           {"law", to_string(c.noise.law)},
-          {"sigma", c.noise.parameters[0]},
+          {"noise", std::vector<double>(c.noise.parameters.begin(), c.noise.parameters.end())},
           {"range_m", {c.range_min_m, c.range_max_m}}};
 }
 
@@ -25,13 +25,16 @@ Calibration calibration_in(const Json& json) {
   const auto size = static_cast<Eigen::Index>(alpha.size());
   if (size == 0 || covariance.size() != alpha.size() * alpha.size())
     throw InputError("the state's calibration is not whole");
-  if (!(json.at("sigma").get<double>() > 0.0)) throw InputError("the state's sigma is not positive");
+  // states of 0.1.0 have one sigma
+  const auto noise = json.contains("noise") ? json.at("noise").get<std::vector<double>>() : std::vector<double>{json.at("sigma").get<double>()};
+  const NoiseLaw law = noise_law_from_string(json.at("law").get<std::string>());
+  if (noise.empty() || (law != NoiseLaw::polynomial && !(noise.size() == 1 && noise[0] > 0.0)))
+    throw InputError("the state's sigma is not positive");
   c.outcome = Outcome::converged;
   c.kind = RecordingKind::pairs;
   c.alpha = Eigen::VectorXd::Map(alpha.data(), size);
   c.alpha_covariance = Eigen::MatrixXd::Map(covariance.data(), size, size);
-  c.noise = {noise_law_from_string(json.at("law").get<std::string>()),
-             Eigen::VectorXd::Constant(1, json.at("sigma").get<double>())};
+  c.noise = {law, Eigen::VectorXd::Map(noise.data(), static_cast<Eigen::Index>(noise.size()))};
   c.range_min_m = json.at("range_m").at(0);
   c.range_max_m = json.at("range_m").at(1);
   return c;

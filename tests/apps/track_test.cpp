@@ -81,6 +81,24 @@ TEST(TrackCommand, CorrectsByACalibrationGiven) {
   EXPECT_EQ(result.out, "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
 }
 
+TEST(TrackCommand, TakesPolynomialNoiseThroughItsState) {
+  const TemporaryFolder folder;
+  const std::string whole = header + rows(0, 1200), arguments = " --order 1 --noise polynomial ";
+  folder.write("whole.csv", whole);
+  const RunResult result = run("track " + folder.file("whole.csv") + arguments + "-o " + folder.file("a.csv") + " --json " + folder.file("cal.json"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  const Calibration tracked = load_calibration(folder.file("cal.json"));
+  EXPECT_EQ(tracked.noise.law, NoiseLaw::polynomial);
+  ASSERT_EQ(tracked.noise.parameters.size(), 2);
+  // s = 0.01 (0.1 + 0.9 d)^2 at 2.25 m: 0.045 m; the line that fits best from 0.5 to 4 m is near there
+  EXPECT_NEAR(tracked.noise.parameters[0] + 2.25 * tracked.noise.parameters[1], 0.045, 0.01);
+  for (const std::size_t length : {whole.size() / 2, whole.size()}) {
+    folder.write("part.csv", whole.substr(0, length));
+    ASSERT_EQ(run("track " + folder.file("part.csv") + arguments + "-o " + folder.file("b.csv") + " --state " + folder.file("b.json")).code, 0);
+  }
+  EXPECT_EQ(slurp(folder.file("a.csv")), slurp(folder.file("b.csv")));
+}
+
 TEST(TrackCommand, WatchesForAChange) {
   // The stream's own curve; from row 1000 on 3 cm are added to every reading.
   const TemporaryFolder folder;
@@ -193,6 +211,7 @@ TEST(TrackCommand, RefusesLandmarksThatItCannotPlace) {
   EXPECT_THAT(bad.err, HasSubstr("comes back after others"));
   EXPECT_THAT(bad.err, HasSubstr("degrees"));
   EXPECT_EQ(run("track --approximate", poses).code, 2);
+  EXPECT_THAT(run("track --noise polynomial", poses).err, HasSubstr("is for pairs"));
   EXPECT_EQ(run("track --stops /nowhere", poses).code, 2);
   EXPECT_EQ(run("track --stops /nowhere", "1.0\n").code, 2);
   EXPECT_EQ(run("track --sigma-xy -1", poses).code, 2);

@@ -28,7 +28,7 @@ void RecursiveOptions::check() const {
   if (order && (*order < 0 || *order > 8)) refuse(fmt::format("order = {} is outside of 0 .. 8", *order));
   if (max_order < 1 || max_order > 8) refuse(fmt::format("max_order = {} is outside of 1 .. 8", max_order));
   if (!(forget > 0.0)) refuse(fmt::format("forget = {} is not a positive time constant", forget));
-  if (law == NoiseLaw::polynomial) refuse("law = polynomial is not one that can be tracked");
+  if (noise_order < 0 || noise_order > 8) refuse(fmt::format("noise_order = {} is outside of 0 .. 8", noise_order));
 }
 
 RecursiveCalibrator::RecursiveCalibrator(const RecursiveOptions& options)

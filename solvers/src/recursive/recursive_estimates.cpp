@@ -84,12 +84,12 @@ Calibration RecursiveCalibrator::approximate() const {
   const MatrixXd cofactor = root * root.transpose() / factor;
   const double dof = dof_of(order);
   const PairsProblem cells = moments_.cells(factor);
-  const double variance =
-      options_.law == NoiseLaw::d_squared ? rss(order) / W : scaled_squares(cells, result.alpha, options_.law) / dof;
+  const NoiseLaw law = options_.law == NoiseLaw::polynomial ? NoiseLaw::f_squared : options_.law;
+  const double variance = law == NoiseLaw::d_squared ? rss(order) / W : scaled_squares(cells, result.alpha, law) / dof;
   const double sigma = std::sqrt(std::max(0.0, variance));
-  result.noise = {options_.law, VectorXd::Constant(1, sigma)};
+  result.noise = {law, VectorXd::Constant(1, sigma)};
   result.noise_estimates = {Estimate{sigma, sigma * std::sqrt(spare / (2.0 * dof))}};
-  if (options_.law == NoiseLaw::d_squared) {
+  if (law == NoiseLaw::d_squared) {
     result.alpha_covariance = spare * rss(order) / dof * cofactor;
   } else {
     const PairsProblem squared = moments_.cells(factor, true);
@@ -105,58 +105,103 @@ Calibration RecursiveCalibrator::approximate() const {
   return result;
 }
 
+std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& alpha, Outcome& outcome) const {
+  const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
+  const PairsProblem cells = moments_.cells(factor);
+  if (options_.law == NoiseLaw::polynomial) {   // the polynomial that comes closest to the spread sigma f^2
+    RecursiveCalibrator power(*this);
+    power.options_.law = NoiseLaw::f_squared;
+    const auto fit = power.maximise(order, nullptr);
+    if (!fit || fit->outcome != Outcome::converged) {
+      if (fit) outcome = fit->outcome;
+      return std::nullopt;
+    }
+    alpha = fit->alpha;
+    const Eigen::Index count = options_.noise_count();
+    MatrixXd A = MatrixXd::Zero(count, count);
+    VectorXd b = VectorXd::Zero(count);
+    double square = 0.0, weights = 0.0;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const double d = cells.true_m[i], s = fit->noise.spread(d, evaluate_polynomial(alpha, d)), w = std::abs(cells.count[i]);
+      const VectorXd phi = powers(d, count) / s;
+      A += w * phi * phi.transpose();
+      b += w * phi;
+      square += w * s * s;
+      weights += w;
+    }
+    VectorXd beta = A.ldlt().solve(b);
+    const auto too_small = [&](double d) { return !(evaluate_polynomial(beta, d) > 0.1 * fit->noise.spread(d, evaluate_polynomial(alpha, d))); };
+    if (!beta.allFinite() || std::any_of(cells.true_m.begin(), cells.true_m.end(), too_small)) {
+      beta = VectorXd::Zero(count);
+      beta[0] = std::sqrt(square / weights);
+    }
+    return beta;
+  }
+  RecursiveCalibrator one(*this);
+  one.options_.order = order;
+  // S of a lower order: the leading columns, and the rest of the readings' column as one residual.
+  const Eigen::Index p = order + 1, columns = options_.columns();
+  if (p < columns) {
+    MatrixXd lower = MatrixXd::Zero(p + 2, p + 1);
+    lower.topLeftCorner(p, p) = triangle_.topLeftCorner(p, p);
+    lower.col(p).head(p) = triangle_.col(columns).head(p);
+    lower(p, p) = triangle_.col(columns).segment(p, columns - p + 1).norm();
+    one.triangle_ = lower;
+  }
+  const Calibration seed = one.approximate();
+  if (seed.outcome != Outcome::converged) return std::nullopt;
+  alpha = seed.alpha;
+  const double sigma = std::sqrt(scaled_squares(cells, alpha, options_.law) / (factor * sum_w_));
+  if (!alpha.allFinite() || !(sigma >= 1e-13)) {
+    outcome = Outcome::unbounded;
+    return std::nullopt;
+  }
+  return VectorXd::Constant(1, sigma);
+}
+
 std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibration* start) const {
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const PairsProblem cells = moments_.cells(factor);
   const double W = factor * sum_w_, constant = 0.5 * std::log(2.0 * std::numbers::pi) * W;
+  const bool logs = options_.law != NoiseLaw::polynomial;
+  const Eigen::Index n = order + 1, m = options_.noise_count();
   Calibration result;
-  const auto sigma_at = [&](const VectorXd& alpha) { return std::sqrt(scaled_squares(cells, alpha, options_.law) / W); };
-  VectorXd x(order + 2);
+  VectorXd x(n + m), alpha;
   if (start) {
-    x << start->alpha, std::log(start->noise.parameters[0]);
+    x << start->alpha, logs ? VectorXd(start->noise.parameters.array().log()) : start->noise.parameters;
   } else {
-    RecursiveCalibrator one(*this);
-    one.options_.order = order;
-    // S of a lower order: the leading columns, and the rest of the readings' column as one residual.
-    const Eigen::Index p = order + 1, columns = options_.columns();
-    if (p < columns) {
-      MatrixXd lower = MatrixXd::Zero(p + 2, p + 1);
-      lower.topLeftCorner(p, p) = triangle_.topLeftCorner(p, p);
-      lower.col(p).head(p) = triangle_.col(columns).head(p);
-      lower(p, p) = triangle_.col(columns).segment(p, columns - p + 1).norm();
-      one.triangle_ = lower;
+    Outcome outcome = Outcome::converged;
+    const auto noise = noise_start(order, alpha, outcome);
+    if (outcome == Outcome::unbounded) {
+      result.outcome = Outcome::unbounded;
+      result.reason = "every residual can be zeroed: sigma goes to 0 and the likelihood has no maximum";
+      return result;
     }
-    const Calibration seed = one.approximate();
-    if (seed.outcome != Outcome::converged) return std::nullopt;
-    x << seed.alpha, std::log(sigma_at(seed.alpha));
+    if (!noise) return std::nullopt;
+    x << alpha, logs ? VectorXd(noise->array().log()) : *noise;
   }
-  if (!x.allFinite() || std::exp(x[order + 1]) < 1e-13) {
-    result.outcome = Outcome::unbounded;
-    result.reason = "every residual can be zeroed: sigma goes to 0 and the likelihood has no maximum";
-    return result;
-  }
-  const pairs_ml::DenseNewton end = pairs_ml::minimise([&](const VectorXd& point) {
-    return pairs_derivatives(cells, point.head(order + 1), {options_.law, VectorXd::Constant(1, std::exp(point[order + 1]))});
-  }, x);
+  const auto noise_at = [&](const VectorXd& point) { return Noise{options_.law, logs ? VectorXd(point.tail(m).array().exp()) : VectorXd(point.tail(m))}; };
+  const pairs_ml::DenseNewton end =
+      pairs_ml::minimise([&](const VectorXd& point) { return pairs_derivatives(cells, point.head(n), noise_at(point)); }, x);
   if (end.outcome == Outcome::failed) return std::nullopt;
   x = end.x;
   const PairsDerivatives& now = end.at;
   result.outcome = end.outcome;
   result.iterations = end.iterations;
-  result.alpha = x.head(order + 1);
-  result.noise = {options_.law, VectorXd::Constant(1, std::exp(x[order + 1]))};
+  result.alpha = x.head(n);
+  result.noise = noise_at(x);
   result.joint_nll = result.marginal_nll = now.nll + constant;
   const double spare = sum_w_ > 0.0 ? factor * sum_w_sq_ / sum_w_ : 1.0;
-  result.aic = 2.0 * ((now.nll + constant) / spare + static_cast<double>(order + 2));
+  result.aic = 2.0 * ((now.nll + constant) / spare + static_cast<double>(n + m));
   if (result.outcome != Outcome::converged) {
     result.reason = fmt::format("stopped after {} iterations", result.iterations);
     return result;
   }
   const PairsDerivatives squared =
       pairs_derivatives(moments_.cells(factor, true), result.alpha, result.noise);
-  MatrixXd to_sigma = MatrixXd::Identity(order + 2, order + 2);
-  to_sigma(order + 1, order + 1) = result.noise.parameters[0];
-  const MatrixXd inverse = to_sigma * now.information.llt().solve(MatrixXd::Identity(order + 2, order + 2));
+  MatrixXd to_sigma = MatrixXd::Identity(n + m, n + m);
+  if (logs) to_sigma(n, n) = result.noise.parameters[0];
+  const MatrixXd inverse = to_sigma * now.information.llt().solve(MatrixXd::Identity(n + m, n + m));
   result.covariance_reason = "from the expected information at the estimate; the noise is not corrected for the coefficients fitted";
   pairs_ml::set_covariance(result, inverse * squared.information * inverse.transpose(), high_m_);
   return result;
@@ -167,7 +212,7 @@ Calibration RecursiveCalibrator::full() {
   Calibration last;
   if (last_alpha_.size() > 0) {
     last.alpha = last_alpha_;
-    last.noise.parameters = VectorXd::Constant(1, last_sigma_);
+    last.noise.parameters = last_noise_;
   }
   const int low = options_.order.value_or(1), high = options_.order.value_or(options_.max_order);
   for (int order = low; order <= high; ++order) {
@@ -192,7 +237,7 @@ Calibration RecursiveCalibrator::full() {
   result.range_max_m = high_m_;
   if (result.outcome == Outcome::converged) {
     last_alpha_ = result.alpha;
-    last_sigma_ = result.noise.parameters[0];
+    last_noise_ = result.noise.parameters;
   }
   return result;
 }

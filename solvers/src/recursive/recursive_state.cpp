@@ -23,6 +23,7 @@ std::string RecursiveCalibrator::to_json() const {
              {"order", options_.order ? Json(*options_.order) : Json("auto")},
              {"max_order", options_.max_order},
              {"law", to_string(options_.law)},
+             {"noise_order", options_.noise_order},
              {"forget", std::isfinite(options_.forget) ? Json(options_.forget) : Json(nullptr)},
              {"used", moments_.used},
              {"timed", timed_ ? Json(*timed_) : Json(nullptr)},
@@ -31,7 +32,7 @@ std::string RecursiveCalibrator::to_json() const {
              {"weights", {sum_w_, sum_w_sq_}},
              {"distances_m", {low_m_, high_m_}},
              {"last_alpha", list(last_alpha_)},
-             {"last_sigma", last_sigma_},
+             {"last_noise", list(last_noise_)},
              {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}}};
   const Eigen::Index size = triangle_.cols();
   state["triangle"] = Json::array();
@@ -54,6 +55,7 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
     if (state.at("order").is_number()) options.order = whole(state, "order");
     options.max_order = whole(state, "max_order");
     options.law = noise_law_from_string(state.at("law").get<std::string>());
+    if (state.contains("noise_order")) options.noise_order = whole(state, "noise_order");
     if (state.at("forget").is_number()) options.forget = state.at("forget");
     RecursiveCalibrator result(options);
     result.moments_.used = whole_number<std::int64_t>(state.at("used"), "used");
@@ -67,7 +69,14 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
     const auto last = state.at("last_alpha").get<std::vector<double>>();
     if (last.size() > static_cast<std::size_t>(options.columns())) throw InputError("field 'last_alpha' is too long");
     result.last_alpha_ = Eigen::VectorXd::Map(last.data(), static_cast<Eigen::Index>(last.size()));
-    result.last_sigma_ = state.at("last_sigma");
+    if (state.contains("last_noise")) {   // states of 0.1.0 have one sigma
+      const auto noise = state.at("last_noise").get<std::vector<double>>();
+      if (static_cast<int>(noise.size()) > options.noise_count()) throw InputError("field 'last_noise' is too long");
+      result.last_noise_ = Eigen::VectorXd::Map(noise.data(), static_cast<Eigen::Index>(noise.size()));
+    } else {
+      result.last_noise_ = Eigen::VectorXd::Constant(1, state.at("last_sigma").get<double>());
+    }
+    if (result.last_alpha_.size() > 0 && result.last_noise_.size() != options.noise_count()) throw InputError("field 'last_noise' is not whole");
     const Json& counts = state.at("counts");
     result.counts_.read = whole(counts, "read");
     result.counts_.used = whole(counts, "used");

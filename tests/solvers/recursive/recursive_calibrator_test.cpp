@@ -96,6 +96,43 @@ TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDev
   }
 }
 
+TEST(RecursiveCalibrator, PolynomialNoiseIsTheBatchAnswerWithinOneHundredthOfItsStandardDeviation) {
+  // s = 0.004 + 0.006 d: what 2021 eq. 3, 4 have, of first and second order, and a spread of one value, order 0.
+  for (const int noise_order : {0, 1, 2}) {
+    for (const int count : {200, 5000}) {
+      Random random(seed_from("recursive polynomial noise", {static_cast<std::uint64_t>(count)}));
+      const Eigen::Vector3d alpha(0.0525, 0.8838, 0.0584);
+      RecursiveOptions options;
+      options.law = NoiseLaw::polynomial;
+      options.noise_order = noise_order;
+      RecursiveCalibrator tracked(options);
+      std::vector<double> d, y;
+      for (int i = 0; i < count; ++i) {
+        d.push_back(random.uniform(0.3, 5.0));
+        y.push_back(random.normal(evaluate_polynomial(alpha, d.back()), noise_order == 0 ? 0.01 : 0.004 + 0.006 * d.back()));
+        tracked.add(d.back(), y.back());
+        if (i % 70 == 30) tracked.full();
+        if (i == 100) tracked = RecursiveCalibrator::from_json(tracked.to_json(), "state");
+      }
+      const Calibration ours = tracked.full();
+      PairsOptions pairs;
+      pairs.law = NoiseLaw::polynomial;
+      pairs.noise_order = noise_order;
+      const Calibration batch = full_pairs(make_pairs_problem(d, y), pairs).calibration;
+      ASSERT_EQ(batch.outcome, Outcome::converged) << batch.reason;
+      ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason << noise_order;
+      ASSERT_EQ(ours.noise.parameters.size(), noise_order + 1);
+      for (int i = 0; i < 3; ++i) EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 0.01 * std::sqrt((*batch.alpha_covariance)(i, i))) << noise_order << " " << count;
+      for (int j = 0; j <= noise_order; ++j) {
+        const double std_dev = *batch.noise_estimates[static_cast<std::size_t>(j)].std_dev;
+        EXPECT_NEAR(ours.noise.parameters[j], batch.noise.parameters[j], 0.01 * std_dev);
+        EXPECT_NEAR(*ours.noise_estimates[static_cast<std::size_t>(j)].std_dev, std_dev, 1e-4 * std_dev);
+      }
+      EXPECT_EQ(tracked.approximate().noise.law, NoiseLaw::f_squared);
+    }
+  }
+}
+
 TEST(RecursiveCalibrator, TracksTheOrder) {
   for (const auto& [alpha, order] : {std::pair<Eigen::VectorXd, int>{Eigen::Vector2d(0.05, 0.9), 1},
                                      {Eigen::Vector3d(0.0525, 0.8838, 0.0584), 2}}) {
@@ -211,6 +248,14 @@ TEST(RecursiveCalibrator, HostileInput) {
   bad = {};
   bad.forget = 0.0;
   EXPECT_THROW(RecursiveCalibrator{bad}, InputError);
+  bad = {};
+  bad.noise_order = -1;
+  EXPECT_THROW(RecursiveCalibrator{bad}, InputError);
+  RecursiveOptions noise;
+  noise.law = NoiseLaw::polynomial;
+  RecursiveCalibrator exact(noise);
+  for (int i = 1; i < 40; ++i) exact.add(0.1 * i, 0.1 * i);
+  EXPECT_FALSE(is_usable(exact.full().outcome));
 }
 
 }  // namespace

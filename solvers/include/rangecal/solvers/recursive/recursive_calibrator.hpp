@@ -19,7 +19,8 @@ struct RecursiveOptions {
   double range_min_m = 0.05, range_max_m = 50.0;   ///< true distances taken; others are counted as dropped
   std::optional<int> order = 2;                    ///< of f; nullopt: the lowest AIC of 1 .. max_order at each estimate
   int max_order = 4;                               ///< of that search
-  NoiseLaw law = NoiseLaw::f_squared;              ///< of the full likelihood; every law but `polynomial`
+  NoiseLaw law = NoiseLaw::f_squared;              ///< of the full likelihood; the approximate one has f_squared for polynomial
+  int noise_order = 1;                             ///< of the noise polynomial, law `polynomial` only
   /// Time constant: a reading counts by w = exp(-age / forget). Age in seconds where the readings have times, else in
   /// readings; infinite: nothing is forgotten.
   double forget = std::numeric_limits<double>::infinity();
@@ -27,6 +28,7 @@ struct RecursiveOptions {
   /// Throws InputError naming the bad field and its value.
   void check() const;
   int columns() const { return order.value_or(max_order) + 1; }
+  int noise_count() const { return law == NoiseLaw::polynomial ? noise_order + 1 : 1; }
 };
 
 /// Calibrates from pairs (true distance d, reading y) one at a time, in memory that does not depend on their number
@@ -73,6 +75,7 @@ class RecursiveCalibrator {
  private:
   void rescale(double log_factor);
   std::optional<Calibration> maximise(int order, const Calibration* start) const;
+  std::optional<Eigen::VectorXd> noise_start(int order, Eigen::VectorXd& alpha, Outcome& outcome) const;
 
   RecursiveOptions options_;
   DistanceMoments moments_;
@@ -83,7 +86,7 @@ class RecursiveCalibrator {
   std::optional<bool> timed_;
   Counts counts_;
   Eigen::VectorXd last_alpha_;        ///< start of the next solve
-  double last_sigma_ = 0.0;
+  Eigen::VectorXd last_noise_;
 };
 
 }  // namespace rangecal
