@@ -88,7 +88,7 @@ std::string escaped(const std::string& text) {
     else
       result += c;
   }
-  return replaced(replaced(result, "+-", "±"), "chi-square", "χ²");
+  return replaced(replaced(replaced(result, "+-", "±"), "-&gt;", "→"), "chi-square", "χ²");
 }
 
 Json number(double value) {

@@ -10,7 +10,7 @@ namespace rangecal::report {
 
 using Json = nlohmann::ordered_json;
 
-/// Text as HTML: escaped, "+-" as the sign.
+/// Text as HTML: escaped, "+-", "->" and "chi-square" as signs.
 std::string escaped(const std::string& text);
 
 /// A number for a chart: to six significant digits, null where it is not finite.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Opens reports from disk in Chromium and checks what a user relies on: every chart drew marks, hover names the
-// reading, nothing is said on the console, nothing is asked of the network, no page is wider than its screen.
+// reading beside the pointer, nothing is said on the console, nothing is asked of the network, no page is wider than its
+// screen; no label is cut off and every one can be read, in light, in dark and on paper.
 //   node browser.mjs CHROMIUM FOLDER REPORT.html...      screenshots go to FOLDER
 import { createRequire } from "node:module";
 import path from "node:path";
@@ -20,10 +21,50 @@ const screens = [
   { name: "phone-dark", width: 390, height: 844, scheme: "dark" },
 ];
 
+const onePerKind = ["explained", "two-recordings", "methods", "study"];  // of diagnose, calibrate, compare and study
+
 /// Marks that a chart's SVG holds, by Vega's names of mark groups; guides do not count.
 const marksOf = (chart) => [...chart.querySelectorAll("g[class*='mark-']:not([class*='role-axis']):not([class*='role-legend']):not([class*='role-frame']):not([class*='role-scope'])")]
   .filter((group) => !group.closest("[class*='role-axis'], [class*='role-legend'], [class*='role-title']"))
   .reduce((sum, group) => sum + group.querySelectorAll(":scope > path, :scope > text, :scope > line").length, 0);
+
+/// Labels of charts that reach beyond their chart, and texts whose contrast with the page is less than `least` to 1. On
+/// paper charts are those of the screen, scaled, so that their edges say nothing new.
+const unreadable = (least, printed) => {
+  const channels = (colour) => (colour.match(/[\d.]+/g) ?? []).slice(0, 3).map(Number);
+  const luminance = (colour) => channels(colour).map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const paper = luminance(getComputedStyle(document.body).backgroundColor);
+  const contrast = (colour) => { const l = luminance(colour); return (Math.max(l, paper) + 0.05) / (Math.min(l, paper) + 0.05); };
+  const found = [];
+  for (const element of document.querySelectorAll("h1, h2, h3, p, li, td, th, figcaption, footer, .badge")) {
+    if (element.closest("#vg-tooltip-element") || !element.innerText.trim()) continue;
+    if (contrast(getComputedStyle(element).color) < least) found.push(`pale: ${element.innerText.slice(0, 40)}`);
+  }
+  for (const chart of document.querySelectorAll("[data-chart]")) {
+    const svg = chart.querySelector("svg").getBoundingClientRect();
+    for (const text of chart.querySelectorAll("svg text")) {
+      const style = getComputedStyle(text), box = text.getBoundingClientRect();
+      if (!text.textContent.trim() || style.opacity === "0" || box.width === 0) continue;
+      if (contrast(style.fill) < least) found.push(`pale: ${chart.dataset.chart}: ${text.textContent}`);
+      if (printed || text.closest("[class*='role-mark']")) continue;  // a mark's own text is clipped with it
+      const over = Math.max(svg.left - box.left, box.right - svg.right, svg.top - box.top, box.bottom - svg.bottom);
+      if (over > 1.5) found.push(`cut off by ${over.toFixed(1)} pixels: ${chart.dataset.chart}: ${text.textContent}`);
+    }
+  }
+  return found;
+};
+const leastContrast = 4.5;  // what WCAG asks of text
+
+/// The page as it goes to paper: the width of A4 less its margins, whatever the scheme of the screen.
+async function expectPrintable(page, where) {
+  await page.emulateMediaType("print");
+  await page.setViewport({ width: 703, height: 1000, deviceScaleFactor: 1 });
+  expect(await page.evaluate(() => getComputedStyle(document.body).backgroundColor) === "rgb(255, 255, 255)", `${where}: printed on another colour than white`);
+  for (const what of await page.evaluate(unreadable, leastContrast, true)) expect(false, `${where}, printed: ${what}`);
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth - window.innerWidth);
+  expect(wide <= 0, `${where}, printed: ${wide} pixels wider than the paper`);
+}
 
 async function hoverNamesAReading(page, id) {
   const points = await page.evaluate((chart) => {
@@ -35,8 +76,15 @@ async function hoverNamesAReading(page, id) {
   for (const [x, y] of points.slice(0, 400).filter((_, i) => i % 10 === 0)) {
     await page.mouse.move(x - 3, y - 3);
     await page.mouse.move(x, y);
-    const text = await page.evaluate(() => document.querySelector("#vg-tooltip-element.visible")?.innerText ?? "");
-    if (/stop/.test(text) && /landmark/.test(text) && /file row\s*\d+/.test(text)) return true;
+    const { text, away } = await page.evaluate((px, py) => {
+      const tip = document.querySelector("#vg-tooltip-element.visible");
+      if (!tip || getComputedStyle(tip).visibility !== "visible") return { text: "", away: 0 };
+      const box = tip.getBoundingClientRect();
+      const off = (low, high, at) => Math.max(low - at, 0, at - high);
+      const inside = box.left >= 0 && box.top >= 0 && box.right <= innerWidth && box.bottom <= innerHeight;
+      return { text: tip.innerText, away: inside ? Math.hypot(off(box.left, box.right, px), off(box.top, box.bottom, py)) : Infinity };
+    }, x, y);
+    if (/stop/.test(text) && /landmark/.test(text) && /file row\s*\d+/.test(text)) return away < 40;
   }
   return false;
 }
@@ -49,7 +97,7 @@ const browser = await puppeteer.launch({
 try {
   for (const report of reports) {
     const name = path.basename(report, ".html");
-    for (const screen of name === "explained" ? screens : [screens[0], screens[3]]) {
+    for (const screen of onePerKind.includes(name) ? screens : [screens[0], screens[3]]) {
       const page = await browser.newPage();
       page.setDefaultTimeout(0);
       const where = `${name}, ${screen.name}`;
@@ -78,7 +126,12 @@ try {
         await page.mouse.move(0, 0);
       }
       await page.evaluate("window.scrollTo(0, 0)");
+      for (const what of await page.evaluate(unreadable, leastContrast, false)) expect(false, `${where}: ${what}`);
       await page.screenshot({ path: path.join(folder, `${name}-${screen.name}.png`), fullPage: true });
+      if (screen.name === "desktop-dark") {
+        await expectPrintable(page, where);
+        await page.pdf({ path: path.join(folder, `${name}.pdf`), preferCSSPageSize: true, timeout: 0 });
+      }
       await page.close();
     }
   }
