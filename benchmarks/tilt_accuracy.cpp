@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Accuracy over the tilt of the scan plane, 0 to 10 degrees about a random level axis, in the physical world (rays in three
 // dimensions), on a straight line and on a loop with turns at the stops: of the seed model, and of the model with the tilt as a
-// further unknown of the joint likelihood. Another unit of the sensor for each run.
+// further unknown of the joint likelihood. Another unit of the sensor for each run. With a second argument the cylinders lean,
+// each in a direction of its own.
 //
-//   tilt_accuracy [runs of each row, default 20]
+//   tilt_accuracy [runs of each row, default 20] [lean of the cylinders in degrees, default 0]
 
 #include <cmath>
 #include <cstdlib>
@@ -44,11 +45,16 @@ double curve_error_sq(const world::OpticalSensor& s, const Calibration& c) {
   return sum;
 }
 
-Run run_of(bool turning, double tilt_rad, std::uint64_t repeat) {
+Run run_of(bool turning, double tilt_rad, double lean_rad, std::uint64_t repeat) {
   Random random(seed_from("tilt accuracy", {turning ? 1u : 0u, repeat}));
   world::World world = vary(turning ? world::make_turning_design() : world::make_line_design(), random);
   world.head.tilt_rad = tilt_rad;
   world.head.tilt_axis_rad = random.uniform(-std::numbers::pi, std::numbers::pi);
+  Random directions(seed_from("tilt accuracy, lean", {turning ? 1u : 0u, repeat}));
+  for (world::Cylinder& cylinder : world.landmarks) {
+    cylinder.lean_rad = lean_rad;
+    cylinder.lean_azimuth_rad = directions.uniform(-std::numbers::pi, std::numbers::pi);
+  }
   const Recording recording = simulate(world, random.bits());
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
@@ -77,6 +83,7 @@ Run run_of(bool turning, double tilt_rad, std::uint64_t repeat) {
 
 int main(int count, char** arguments) {
   const int runs = count > 1 ? std::atoi(arguments[1]) : 20;
+  const double lean_rad = (count > 2 ? std::atof(arguments[2]) : 0.0) * std::numbers::pi / 180.0;
   fmt::print("{:<8} {:>6} {:>6} {:>22} {:>22} {:>10} {:>16} {:>9}\n", "design", "tilt", "runs", "landmarks RMSE [mm]", "curve RMSE [mm]", "gain", "tilt estimated", "covered");
   fmt::print("{:<8} {:>6} {:>6} {:>11} {:>10} {:>11} {:>10} {:>10} {:>16} {:>9}\n", "", "[deg]", "", "seed", "tilted", "seed", "tilted", "[nats]", "[deg]", "");
   for (const bool turning : {false, true})
@@ -84,7 +91,7 @@ int main(int count, char** arguments) {
       std::vector<Run> all(static_cast<std::size_t>(runs));
       tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
         try {
-          all[i] = run_of(turning, degrees * std::numbers::pi / 180.0, i);
+          all[i] = run_of(turning, degrees * std::numbers::pi / 180.0, lean_rad, i);
         } catch (const InputError&) {
           all[i].ok = false;
         }
