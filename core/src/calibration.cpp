@@ -2,32 +2,35 @@
 #include "rangecal/core/calibration.hpp"
 
 #include <array>
-#include <utility>
 
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
-namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 4> kNames{{{Method::closed_form, "closed-form"},
-                                                                {Method::approximate, "approximate"},
-                                                                {Method::full, "full"},
-                                                                {Method::marginal, "marginal"}}};
-
-}  // namespace
+std::span<const Method> all_methods() {
+  static constexpr std::array all{Method::closed_form, Method::approximate, Method::full, Method::marginal};
+  return all;
+}
 
 const char* to_string(Method method) {
-  for (const auto& [value, name] : kNames) {
-    if (value == method) return name;
+  switch (method) {
+    case Method::closed_form:
+      return "closed-form";
+    case Method::approximate:
+      return "approximate";
+    case Method::full:
+      return "full";
+    case Method::marginal:
+      return "marginal";
   }
-  return "marginal";
+  return "";
 }
 
 Method method_from_string(const std::string& text) {
   std::string accepted;
-  for (const auto& [value, name] : kNames) {
-    if (text == name) return value;
-    accepted += (accepted.empty() ? "" : ", ") + std::string(name);
+  for (const Method method : all_methods()) {
+    if (text == to_string(method)) return method;
+    accepted += (accepted.empty() ? "" : ", ") + std::string(to_string(method));
   }
   throw InputError("method is '" + text + "', not one of " + accepted);
 }

@@ -262,7 +262,7 @@ std::string why_marginal(const Calibration& marginal, std::span<const Recording>
 
 Advice advise(const CalibrationReport& report, std::span<const Recording> recordings, const std::vector<TruthScore>& scores) {
   std::size_t best = report.calibrations.size();
-  for (Method method : {Method::closed_form, Method::approximate, Method::full, Method::marginal})
+  for (Method method : all_methods())
     for (std::size_t i = 0; i < report.calibrations.size(); ++i)
       if (report.calibrations[i].method == method && has_answer(report.calibrations[i])) best = i;
   Advice advice;

@@ -237,9 +237,10 @@ std::vector<Calibration> load_calibrations(const std::string& path) {
 Calibration load_calibration(const std::string& path) {
   const std::vector<Calibration> calibrations = load_calibrations(path);
   if (calibrations.size() == 1) return calibrations.front();
-  for (const Method method : {Method::marginal, Method::full, Method::approximate, Method::closed_form}) {
+  const std::span<const Method> methods = all_methods();
+  for (auto method = methods.rbegin(); method != methods.rend(); ++method) {
     for (const Calibration& calibration : calibrations) {
-      if (calibration.method == method && is_usable(calibration.outcome)) return calibration;
+      if (calibration.method == *method && is_usable(calibration.outcome)) return calibration;
     }
   }
   throw InputError(path, 0, "", "field 'methods': none of the calibrations is usable");

@@ -26,7 +26,7 @@ void CalibrateOptions::check_values() const {
 
 std::vector<Method> methods_of(const CalibrateOptions& options) {
   if (!options.methods.empty()) return options.methods;
-  return {Method::closed_form, Method::approximate, Method::full, Method::marginal};
+  return {all_methods().begin(), all_methods().end()};
 }
 
 void add_counts(const Counts& from, Counts& to) {

@@ -76,7 +76,7 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
 /// What the second program found, in a report's words.
 CheckReport check_report(const NloptCheck& check);
 
-/// The methods wanted; all four where none is named.
+/// The methods wanted; all where none is named.
 std::vector<Method> methods_of(const CalibrateOptions& options);
 void add_counts(const Counts& from, Counts& to);
 

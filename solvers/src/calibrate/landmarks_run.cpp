@@ -145,7 +145,7 @@ void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
 
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
                          CalibrationReport& report) {
-  const bool by_name = !options.methods.empty() && options.methods.size() < 4 &&
+  const bool by_name = !options.methods.empty() && options.methods.size() < all_methods().size() &&
                        std::count(options.methods.begin(), options.methods.end(), Method::full) > 0;
   for (const Recording& recording : recordings)
     if (by_name && recording.estimate_sigma_xy)

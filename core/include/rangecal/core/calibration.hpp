@@ -3,6 +3,7 @@
 
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,10 @@
 
 namespace rangecal {
 
-/// The four methods that stand side by side.
+/// The methods that stand side by side.
 enum class Method { closed_form, approximate, full, marginal };
+/// All of them, the one to trust before the others last.
+std::span<const Method> all_methods();
 /// "closed-form", "approximate", "full", "marginal".
 const char* to_string(Method method);
 Method method_from_string(const std::string& text);

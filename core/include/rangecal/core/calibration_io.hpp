@@ -8,7 +8,7 @@
 
 namespace rangecal {
 
-/// Writes `rangecal-calibration/1` JSON (FORMAT): one object, or several under `methods`. Written to a temporary
+/// Writes `rangecal-calibration/1` JSON (docs/formats.md): one object, or several under `methods`. Written to a temporary
 /// and renamed, so that no file is left half-written. Throws InputError if the path cannot be written.
 void save_calibrations(const std::vector<Calibration>& calibrations, const std::string& path);
 std::string calibrations_to_json(const std::vector<Calibration>& calibrations);

@@ -11,7 +11,7 @@
 
 namespace rangecal {
 
-/// What a recording holds: see FORMAT (kind `landmarks`: the 2021 problem; kind `pairs`: the 2016 problem).
+/// What a recording holds: see docs/formats.md (kind `landmarks`: the 2021 problem; kind `pairs`: the 2016 problem).
 enum class RecordingKind { landmarks, pairs };
 
 /// How the errors of the stops relate: independent, or accumulated from stop to stop.

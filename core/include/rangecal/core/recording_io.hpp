@@ -8,7 +8,7 @@
 
 namespace rangecal {
 
-/// Reads a recording folder (FORMAT: recording.yaml, observations.csv, stops.csv, ... or pairs.csv), validates it,
+/// Reads a recording folder (docs/formats.md: recording.yaml, observations.csv, stops.csv, ... or pairs.csv), validates it,
 /// drops and counts unusable readings. Throws InputError with file, row and column for anything malformed.
 /// Cost: linear in the number of rows.
 Recording load_recording(const std::string& folder);

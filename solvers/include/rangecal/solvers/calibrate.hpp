@@ -21,7 +21,7 @@ const char* to_string(JointSolver solver);
 JointSolver joint_solver_from_string(const std::string& text);
 
 struct CalibrateOptions {
-  std::vector<Method> methods;    ///< in the order wanted; empty: all four
+  std::vector<Method> methods;    ///< in the order wanted; empty: all
   std::optional<int> order;       ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
   int max_order = 4;              ///< of that search
   std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# CONTRIBUTING's "add an estimator": a value added to `enum class Method` in a copy of its header, and the compiler asked which
+# places then have to know it. It has to name the sources that the recipe names, and no other.
+# Arguments (-D): WORK, SOURCE, CXX, INCLUDES (folders, joined by |).
+file(REMOVE_RECURSE "${WORK}")
+set(header rangecal/core/calibration.hpp)
+file(READ "${SOURCE}/core/include/${header}" text)
+string(REPLACE "enum class Method { closed_form, " "enum class Method { median, closed_form, " changed "${text}")
+if(changed STREQUAL text)
+  message(FATAL_ERROR "${header} does not begin its enumeration as expected")
+endif()
+file(WRITE "${WORK}/${header}" "${changed}")
+
+string(REPLACE "|" ";" folders "${INCLUDES}")
+list(TRANSFORM folders PREPEND "-I")
+file(READ "${SOURCE}/CONTRIBUTING.md" recipe)
+string(REGEX MATCH "## Add an estimator.*" recipe "${recipe}")
+file(GLOB_RECURSE sources RELATIVE "${SOURCE}" "${SOURCE}/core/src/*.cpp" "${SOURCE}/solvers/src/*.cpp" "${SOURCE}/report/*.cpp"
+     "${SOURCE}/apps/*.cpp")
+set(named 0)
+foreach(source ${sources})
+  file(STRINGS "${SOURCE}/${source}" cases REGEX "case Method::" LIMIT_COUNT 1)
+  get_filename_component(name "${source}" NAME)
+  string(FIND "${recipe}" "${name}`" in_recipe)
+  if(NOT cases)
+    continue()
+  endif()
+  execute_process(COMMAND "${CXX}" -std=c++20 -fsyntax-only -Wswitch "-I${WORK}" ${folders}
+                          "${SOURCE}/${source}" ERROR_VARIABLE said RESULT_VARIABLE code)
+  if(code)
+    message(FATAL_ERROR "${source}\n${said}")
+  endif()
+  if(NOT said MATCHES "enumeration value [^ ]*median")
+    message(FATAL_ERROR "the compiler does not say that ${source} lacks the new method:\n${said}")
+  endif()
+  if(in_recipe EQUAL -1)
+    message(FATAL_ERROR "CONTRIBUTING.md does not name ${source}, which has to know a new method")
+  endif()
+  math(EXPR named "${named} + 1")
+endforeach()
+if(NOT named EQUAL 6)
+  message(FATAL_ERROR "${named} sources have to know a new method, 6 are in the recipe")
+endif()
