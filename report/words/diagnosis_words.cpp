@@ -132,6 +132,20 @@ std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {
   return rows;
 }
 
+namespace {
+
+/// "value +- standard deviation"; what is not told from zero by its upper limit, and a lopsided interval by both.
+std::string estimate_in_words(const EffectEstimate& e, double factor) {
+  if (!(e.std_dev > 0.0) || !std::isfinite(e.high95)) return with_std(factor * e.estimate, factor * e.std_dev);
+  const double above = e.high95 - e.estimate, below = e.estimate - e.low95;
+  if (e.low95 == 0.0 && e.estimate < 0.5 * e.std_dev) return fmt::format("below {:.2g} (95 %)", factor * e.high95);
+  if (above > 2.0 * below || below > 2.0 * above)
+    return fmt::format("{:.2g} (95 %: {:.2g} to {:.2g})", factor * e.estimate, factor * e.low95, factor * e.high95);
+  return with_std(factor * e.estimate, factor * e.std_dev);
+}
+
+}  // namespace
+
 std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
   std::vector<ParameterRow> rows;
   const bool named =
@@ -140,7 +154,7 @@ std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
     for (const EffectEstimate& e : d.explanations[0].parameters) {
       if (e.name.rfind("generic.", 0) == 0) continue;
       const Shown unit = unit_of(e);
-      rows.push_back({without_unit(e.name), with_std(unit.factor * e.estimate, unit.factor * e.std_dev), unit.unit});
+      rows.push_back({without_unit(e.name), estimate_in_words(e, unit.factor), unit.unit});
     }
   const Calibration& c = d.corrected;
   for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {

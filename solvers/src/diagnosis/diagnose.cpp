@@ -8,6 +8,7 @@
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/outlook.hpp"
+#include "diagnosis/profile_limits.hpp"
 #include "diagnosis/report.hpp"
 #include "diagnosis/residual_bins.hpp"
 #include "diagnosis/search.hpp"
@@ -125,7 +126,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   // allow them.
   if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first)) {
     Bookkeeping with_tails = known;
-    with_tails.model.push_back({find_effect("heavy_tails"), Eigen::VectorXd::Constant(1, 4.0)});
+    with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
     SearchResult robust = search(rows, with_tails, options);
     if (robust.verdict == Verdict::explained) found = std::move(robust);
   }
@@ -137,6 +138,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
       found = search(rows, known, forced);
     }
   }
+  if (found.verdict == Verdict::explained || found.partial)
+    add_profile_limits(rows, RefitOptions{}, found.best.fit);
+  for (Candidate& rival : found.rivals) add_profile_limits(rows, RefitOptions{}, rival.fit);
   if (std::any_of(known.model.begin(), known.model.end(),
                   [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::label; })) {
     Rows raw = make_rows(recordings);  // the baseline is that of the labels as recorded

@@ -210,6 +210,43 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   return value;
 }
 
+namespace {
+
+/// Searches one parameter that only the value of the likelihood knows, by steps that shrink: a factor `reach`
+/// first for one that is positive, else its typical size.
+void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
+                 Fit& fit) {
+  const EffectParameter& info = info_of(fit.model, p);
+  double best = value_of(fit.model, p);
+  const bool positive = info.low >= 0.0;
+  double spread = positive ? reach : (reach - 1.0) * std::max(std::abs(info.typical), 1e-9);
+  for (int pass = 0; pass < 6; ++pass, spread = positive ? std::sqrt(spread) : 0.5 * spread) {
+    if (positive && best <= 0.0) best = info.typical;
+    bool moved = true;
+    for (int hop = 0; moved && hop < 4; ++hop) {
+      moved = false;
+      for (int side : {-1, 1}) {
+        const double x = positive ? best * std::pow(spread, side) : best + side * spread;
+        if (x < info.low || x > info.high) continue;
+        JointState state = fit.state;
+        Model trial = fit.model;
+        value_of(trial, p) = x;
+        const double value = calibrate_under(rows, trial, state, options);
+        if (value < fit.nll - 1e-6) {
+          fit.nll = value;
+          fit.state = state;
+          best = x;
+          value_of(fit.model, p) = x;
+          moved = true;
+          break;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
 Fit refit(const Rows& rows, const Model& start_model, const JointState& start, const RefitOptions& options) {
   Fit fit;
   fit.model = start_model;
@@ -225,39 +262,14 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   const Eigen::Index n = static_cast<Eigen::Index>(fit.free.size());
   fit.covariance = Eigen::MatrixXd::Zero(n, n);
 
-  for (const FreeParameter& p : fit.free) {  // line searches first: they set the scale of everything else
-    if (p.acts != FreeParameter::Acts::numeric) continue;
-    const EffectParameter& info = info_of(fit.model, p);
-    const auto value_at = [&](double x, JointState& state) {
-      Model trial = fit.model;
-      value_of(trial, p) = std::clamp(x, info.low, info.high);
-      return calibrate_under(rows, trial, state, options);
-    };
-    double best = value_of(fit.model, p);
-    const bool positive = info.low >= 0.0;
-    double spread = positive ? 2.0 : std::max(std::abs(info.typical), 1e-9);
-    for (int pass = 0; pass < 6; ++pass, spread = positive ? std::sqrt(spread) : 0.5 * spread) {
-      if (positive && best <= 0.0) best = info.typical;
-      bool moved = true;
-      for (int hop = 0; moved && hop < 4; ++hop) {
-        moved = false;
-        for (int side : {-1, 1}) {
-          const double x = positive ? best * std::pow(spread, side) : best + side * spread;
-          if (x < info.low || x > info.high) continue;
-          JointState state = fit.state;
-          const double value = value_at(x, state);
-          if (value < fit.nll - 1e-6) {
-            fit.nll = value;
-            fit.state = state;
-            best = x;
-            value_of(fit.model, p) = x;
-            moved = true;
-            break;
-          }
-        }
-      }
-    }
-  }
+  // Line searches first: they set the scale of everything else. Where there are several they depend on one
+  // another.
+  const auto numeric = std::count_if(fit.free.begin(), fit.free.end(), [](const FreeParameter& p) {
+    return p.acts == FreeParameter::Acts::numeric;
+  });
+  for (int sweep = 0; sweep < (numeric > 1 ? 2 : 1); ++sweep)
+    for (const FreeParameter& p : fit.free)
+      if (p.acts == FreeParameter::Acts::numeric) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
 
   double damping = 1.0;
   for (int iteration = 0; iteration < options.max_iterations && n > 0; ++iteration) {

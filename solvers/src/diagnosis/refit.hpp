@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "diagnosis/working.hpp"
@@ -14,6 +15,11 @@ struct FreeParameter {
   enum class Acts { mean, variance, numeric } acts = Acts::mean;
 };
 
+/// 95 % limits of a parameter.
+struct Limits {
+  double low = 0.0, high = 0.0;
+};
+
 /// A model fitted by marginal ML with all nuisances free.
 struct Fit {
   Model model;
@@ -22,6 +28,9 @@ struct Fit {
   double nll = 0.0;  ///< l_s of the readings themselves [nats]
   std::vector<FreeParameter> free;
   Eigen::MatrixXd covariance;  ///< of the free parameters, calibration marginalised
+  /// Of the free parameters, by the profile of the likelihood; none where the covariance gives them, empty
+  /// before `add_profile_limits`.
+  std::vector<std::optional<Limits>> limits;
   Eigen::MatrixXd alpha_covariance;
   double sigma_theta_std = 0.0, noise_std = 0.0;
 };

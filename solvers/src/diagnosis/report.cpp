@@ -172,6 +172,24 @@ bool is_scale(const EffectInfo& info, const std::string& name) {
   });
 }
 
+/// Limits of the effect's reported value v by its parameter's own, where it depends (`slopes`) on a single
+/// one that has them.
+std::optional<Limits> profile_limits(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
+                                     const Eigen::RowVectorXd& slopes) {
+  if (fit.limits.empty() || (slopes.array() != 0.0).count() != 1) return std::nullopt;
+  Eigen::Index a = 0;
+  slopes.cwiseAbs().maxCoeff(&a);
+  const std::optional<Limits>& own = fit.limits[static_cast<std::size_t>(a)];
+  if (!own) return std::nullopt;
+  const auto value_at = [&](double x) {
+    Eigen::VectorXd p = fit.model[effect].parameters;
+    p[fit.free[static_cast<std::size_t>(a)].index] = x;
+    return fit.model[effect].effect->reported(rows.context, p.data())[v].second;
+  };
+  const auto [low, high] = std::minmax({value_at(own->low), value_at(own->high)});
+  return Limits{low, high};
+}
+
 }  // namespace
 
 std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
@@ -220,6 +238,10 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
       if (is_scale(active.effect->info(), values[v].first) && estimate.estimate > 0.0) {
         estimate.low95 = estimate.estimate * std::exp(-half / estimate.estimate);
         estimate.high95 = estimate.estimate * std::exp(half / estimate.estimate);
+      }
+      if (const auto own = profile_limits(rows, fit, e, v, row)) {
+        estimate.low95 = own->low;
+        estimate.high95 = own->high;
       }
       estimates.push_back(estimate);
     }
