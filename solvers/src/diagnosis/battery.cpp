@@ -137,6 +137,9 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
   double size_sq = 0.0;
   std::vector<Signature> kept;
   std::vector<Eigen::VectorXd> kept_projected;
+  const int n = projector_.cells();
+  Signature fitted{
+      Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), {}, {}};  // what a fit takes from the residuals
   for (Signature& x : block) {
     const double raw = projector_.raw_information(x);
     if (!(raw > 0.0)) continue;
@@ -169,12 +172,19 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
                x.bearing_rows.cwiseProduct(projector_.row_bearing_information).dot(bearing_rows_);
     question.statistic += score * score;
     // The size is what the calibration leaves of the shape, not its coefficient.
-    const int n = projector_.cells();
-    const Eigen::VectorXd left =
-        question.channel == "bearing"
-            ? projected.tail(n).cwiseQuotient(projector_.bearing_information.cwiseMax(1e-300))
-            : projected.head(n).cwiseQuotient(projector_.range_information.cwiseMax(1e-300));
-    size_sq += score * score * left.squaredNorm() / n;
+    const Eigen::VectorXd range =
+        projected.head(n).cwiseQuotient(projector_.range_information.cwiseMax(1e-300));
+    const Eigen::VectorXd bearing =
+        projected.tail(n).cwiseQuotient(projector_.bearing_information.cwiseMax(1e-300));
+    size_sq += score * score * (question.channel == "bearing" ? bearing : range).squaredNorm() / n;
+    fitted.range += score * range;
+    fitted.bearing += score * bearing;
+    if (x.within()) {
+      if (!fitted.within())
+        fitted.range_rows = fitted.bearing_rows = Eigen::VectorXd::Zero(x.range_rows.size());
+      fitted.range_rows += score * x.range_rows;
+      fitted.bearing_rows += score * x.bearing_rows;
+    }
     ++question.dof;
     kept.push_back(x);
     kept_projected.push_back(projected);
@@ -188,9 +198,28 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
   }
   if (question.dof == 0) return;
   question.size = std::sqrt(size_sq);
-  question.gain = 0.5 * question.statistic;
+  question.gain = fitted_gain(question, fitted);
   question.log_p = log_chi_sq_survival(question.statistic, question.dof);
   keep(std::move(question));
+}
+
+/// A score takes the mismatch for noise, a fit lets the spread fall: where the best of a shape lowers the
+/// chi-square of a channel's n readings by D, the fit gains -(n/2) ln(1 - D/n) there. What is not the
+/// readings' own is the stops' prior.
+double Battery::fitted_gain(const Question& question, const Signature& fitted) const {
+  const double n = static_cast<double>(rows_.size());
+  const auto fall = [](const Eigen::VectorXd& information, const Eigen::VectorXd& residual,
+                       const Eigen::VectorXd& change) {
+    return information.size() == 0 || change.size() == 0
+               ? 0.0
+               : (information.array() * change.array() * (2.0 * residual.array() - change.array())).sum();
+  };
+  const double range = fall(projector_.range_information, projector_.range_residual, fitted.range) +
+                       fall(projector_.row_range_information, range_rows_, fitted.range_rows);
+  const double bearing = fall(projector_.bearing_information, projector_.bearing_residual, fitted.bearing) +
+                         fall(projector_.row_bearing_information, bearing_rows_, fitted.bearing_rows);
+  const auto gain = [n](double chi_sq) { return -0.5 * n * std::log(std::max(1e-9, 1.0 - chi_sq / n)); };
+  return std::max(0.0, gain(range) + gain(bearing) + 0.5 * (question.statistic - range - bearing));
 }
 
 void Battery::add_mean(Question question, const std::vector<Eigen::VectorXd>& shapes, bool bearing) {

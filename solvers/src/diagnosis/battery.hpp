@@ -23,8 +23,8 @@ struct Question {
   Eigen::VectorXd start;
   double statistic = 0.0;  ///< chi-square with `dof` degrees of freedom under the null
   double size = 0.0;  ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
-  double gain =
-      0.0;  ///< nats a fit of the shape would gain: statistic / 2, for variances the likelihood ratio
+  /// Nats that a fit of the shape would gain, the spreads free; statistic / 2 for scalars.
+  double gain = 0.0;
   double log_p = 0.0;  ///< natural log of the p-value, before correction
 };
 
@@ -57,6 +57,7 @@ class Battery {
 
  private:
   void add_mean(Question question, const std::vector<Eigen::VectorXd>& rows_shape, bool bearing);
+  double fitted_gain(const Question& question, const Signature& fitted) const;
   void add_mean_signatures(Question question, std::vector<Signature> block);
   void add_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing);
   void add_scalar(Question question, double z);

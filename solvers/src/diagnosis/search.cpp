@@ -18,10 +18,10 @@ constexpr double adequacy_rate = 0.003;
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
 /// kind.
 constexpr double combination_margin = 10.0;
-/// Nats by which a free curve may beat a name before it is refused: 4, or what a curve's score overstates a
-/// strong one.
+/// Nats by which a free curve may beat a name before it is refused: 4, or for strong ones 5 %, what its
+/// freedom gains from the formula's own approximations.
 constexpr double curve_margin = 4.0, curve_share = 0.05;
-/// The same where both are scores, which for strong effects stay below what refits gain.
+/// The same where both are promised by scores, which agree more closely than a score and a refit do.
 constexpr double score_margin = 2.5;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 /// Of what a first name gained: a second that adds less may be its formula's error.
@@ -174,14 +174,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
 
   // Errors that the readings of a cell share take up whatever a curve would: they are a name only where no
-  // curve explains as much. A score counts the mismatch as noise; fitted, n readings gain
-  // -(n/2) ln(1 - 2 score / n), here of the score less its price.
-  const double n = static_cast<double>(rows.size());
-  const double fitted_curve_gain = -0.5 * n * std::log(std::max(1e-9, 1.0 - 2.0 * free_curve_gain / n));
+  // curve explains as much.
   std::erase_if(singles, [&](const Candidate& c) {
     const Effect& effect = *c.fit.model.back().effect;
     return effect.info().kind == EffectKind::dependence && !effect.acts_on_stops() &&
-           fitted_curve_gain > c.evidence;
+           free_curve_gain > c.evidence;
   });
 
   settle_by_stops_left_out(rows, refit_options, singles);
