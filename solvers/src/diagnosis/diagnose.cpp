@@ -128,7 +128,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
     SearchResult robust = search(rows, with_tails, options);
-    if (robust.verdict == Verdict::explained) found = std::move(robust);
+    const bool better = robust.partial && (!found.partial || robust.best.evidence > found.best.evidence);
+    if (robust.verdict == Verdict::explained || better) found = std::move(robust);
   }
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
@@ -138,8 +139,13 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
       found = search(rows, known, forced);
     }
   }
-  if (found.verdict == Verdict::explained || found.partial)
+  if (found.verdict == Verdict::explained || found.partial) {
+    if (!found.known.model.empty()) {  // what the search held moves with all the rest
+      Fit free = refit(rows, found.best.fit.model, found.best.fit.state, RefitOptions{});
+      if (free.ok) found.best.fit = std::move(free);
+    }
     add_profile_limits(rows, RefitOptions{}, found.best.fit);
+  }
   for (Candidate& rival : found.rivals) add_profile_limits(rows, RefitOptions{}, rival.fit);
   if (std::any_of(known.model.begin(), known.model.end(),
                   [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::label; })) {

@@ -10,6 +10,7 @@
 
 #include "diagnosis/generic.hpp"
 #include "diagnosis/outlook.hpp"
+#include "diagnosis/profile_limits.hpp"
 #include "diagnosis/subset.hpp"
 
 namespace rangecal::diagnosis {
@@ -132,6 +133,7 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   if (found.verdict != Verdict::unexplained || found.shapes.empty() || !found.first) return std::nullopt;
   GenericModel generic = fit_generic_model(rows, found, RefitOptions{});
   if (!generic.effect) return std::nullopt;
+  add_profile_limits(rows, RefitOptions{}, generic.fit);
   const WorkingProblem working = working_problem(rows, generic.fit.model, generic.fit.state);
   const Projector projector(rows, working.problem, generic.fit.state);
   result.after.nll = generic.fit.nll;

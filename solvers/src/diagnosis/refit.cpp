@@ -15,7 +15,8 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& projector, const Model& model) {
+std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& projector, const Model& model,
+                                           int settled) {
   std::vector<FreeParameter> free;
   for (std::size_t e = 0; e < model.size(); ++e) {
     const auto& parameters = model[e].effect->info().parameters;
@@ -34,6 +35,7 @@ std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& pr
         parameter.acts = FreeParameter::Acts::mean;
       else if (range.squaredNorm() + bearing.squaredNorm() > 0.0)
         parameter.acts = FreeParameter::Acts::variance;
+      if (parameter.acts == FreeParameter::Acts::numeric && parameter.effect < settled) continue;
       free.push_back(parameter);
     }
   }
@@ -254,7 +256,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   {
     const WorkingProblem working = working_problem(rows, {}, start);
     const Projector projector(rows, working.problem, start);
-    fit.free = free_parameters(rows, projector, start_model);
+    fit.free = free_parameters(rows, projector, start_model, options.settled);
   }
   MarginalFit detail;
   fit.nll = calibrate_under(rows, fit.model, fit.state, options, &detail);

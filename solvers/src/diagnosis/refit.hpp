@@ -38,6 +38,9 @@ struct Fit {
 struct RefitOptions {
   Held held;  ///< alpha and noise of a given simulation
   int max_iterations = 12;
+  /// Effects at the front of the model whose dependence, tails and errors of stops stay as they are: line
+  /// searches cost most.
+  int settled = 0;
 };
 
 /// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings,

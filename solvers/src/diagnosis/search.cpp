@@ -28,6 +28,7 @@ constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are t
 constexpr double trace_share = 0.1;
 constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
+constexpr double dominant = 1.3;         ///< times what the best free curve gains
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
 double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
@@ -80,8 +81,30 @@ double best_curve(const SearchResult& result, const std::string& channel) {
 /// Questions about one channel, its noise, dependence and tails included.
 bool is_of_channel(const Question& q, const std::string& channel) { return q.channel.rfind(channel, 0) == 0; }
 
-/// Looks for a single effect that explains one channel completely while the other keeps something without a
-/// name: it must leave its channel clean, beat a free curve there and be well seen.
+/// True if a name explains far more than any free curve of its channel does, and what it leaves in the means
+/// there is small beside it: a cause beyond doubt, with something of another size behind it.
+bool dominates(const Candidate& name, const Battery& battery, const std::string& channel, double curve) {
+  return name.evidence > dominant * curve &&
+         std::all_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
+           return q.channel != channel || q.gain - q.dof < trace_share * name.evidence;
+         });
+}
+
+/// Frees what was known before the search in the best candidates: tails that stood in for a cause shrink
+/// beside it.
+void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
+  for (std::size_t i = 0; i < candidates.size() && i < largest_start; ++i) {
+    Fit free = refit(rows, candidates[i].fit.model, candidates[i].fit.state, RefitOptions{});
+    if (!free.ok || !(free.nll < candidates[i].fit.nll)) continue;
+    candidates[i].evidence += candidates[i].fit.nll - free.nll;
+    candidates[i].fit = std::move(free);
+  }
+  std::sort(candidates.begin(), candidates.end(),
+            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+}
+
+/// Looks for a single effect that accounts for one channel while something without a name is left: it must be
+/// well seen and either leave its channel clean and equal a free curve there, or dominate.
 void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& singles,
                   std::vector<std::unique_ptr<Battery>>& batteries, SearchResult& result) {
   std::set<std::string> asked;
@@ -93,8 +116,10 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    if (left || singles[i].evidence < partial_margin ||
-        !equals_curve(singles[i], best_curve(result, info.channel)))
+    const double curve = best_curve(result, info.channel);
+    const bool complete = !left && equals_curve(singles[i], curve);
+    if (singles[i].evidence < partial_margin ||
+        !(complete || dominates(singles[i], *batteries[i], info.channel, curve)))
       continue;
     result.partial = true;
     result.best = singles[i];
@@ -163,12 +188,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       return result;
     }
     root_battery = known_battery.get();
+    refit_options.settled = static_cast<int>(known.model.size());
   }
 
   // Greedy: the best single effects, then what is left, until the battery is clean.
   report("explaining", 0.3);
   std::vector<Candidate> singles =
       try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), result.rates, refit_options);
+  if (refit_options.settled > 0) let_known_move(rows, singles);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
   const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));

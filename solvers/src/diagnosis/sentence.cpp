@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "diagnosis/bookkeeping.hpp"
 #include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
@@ -36,6 +37,26 @@ std::string first_sentence(const std::string& text) {
   return first;
 }
 
+/// Names beside `generic`: the places of those that have one come first in `location`, what they leave after
+/// them.
+std::string partly_explained(const Diagnosis& d) {
+  std::vector<std::string> named;
+  std::size_t placed = 0;
+  for (const std::string& id : d.final_effects) {
+    if (id == "generic") continue;
+    named.push_back(id);
+    const Effect* effect = find_effect(id);
+    placed += effect && !diagnosis::is_bookkeeping(effect->info().kind);
+  }
+  std::string text = fmt::format("In part explained by {}", fmt::join(named, " and "));
+  if (named.size() == 1 && placed == 1 && !d.location.empty())
+    text += ", " + size_in_words(d.location[0]) + " in " + d.location[0].channel;
+  if (d.location.size() <= placed) return text + "; what is left over has no name in the catalogue.";
+  const Finding& left = d.location[placed];
+  return text + fmt::format("; left over is {} in {}{} that nothing in the catalogue accounts for.",
+                            size_in_words(left), left.channel, along(left));
+}
+
 }  // namespace
 
 std::string verdict_sentence(const Diagnosis& d) {
@@ -64,14 +85,7 @@ std::string verdict_sentence(const Diagnosis& d) {
       return text + ".";
     }
     case Verdict::unexplained: {
-      if (d.final_effects.size() > 1 && d.location.size() > 1) {
-        const Finding& left = d.location[1];
-        return fmt::format(
-            "In part explained by {}, {} in {}; left over is {} in {}{} that nothing in the catalogue "
-            "accounts for.",
-            d.final_effects[0], size_in_words(d.location[0]), d.location[0].channel, size_in_words(left),
-            left.channel, along(left));
-      }
+      if (d.final_effects.size() > 1) return partly_explained(d);
       if (d.location.empty())
         return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
       const Finding& f = d.location[0];
