@@ -40,7 +40,9 @@ function(rangecal_install_packed source destination name component)
   endif()
 endfunction()
 file(MAKE_DIRECTORY "${PROJECT_BINARY_DIR}/packed")
-rangecal_install_packed("${PROJECT_SOURCE_DIR}/docs/rangecal.1" "${CMAKE_INSTALL_MANDIR}/man1" rangecal.1 runtime)
+if(TARGET rangecal)  # the library alone is built without docs
+  rangecal_install_packed("${PROJECT_SOURCE_DIR}/docs/rangecal.1" "${CMAKE_INSTALL_MANDIR}/man1" rangecal.1 runtime)
+endif()
 
 install(DIRECTORY notebooks_data/field-layout notebooks_data/pairs-2016 notebooks_data/scenes
         DESTINATION "${CMAKE_INSTALL_DATADIR}/rangecal/notebooks_data" COMPONENT runtime)
