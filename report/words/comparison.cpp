@@ -225,7 +225,7 @@ std::string what_full_gives_away(const Calibration& full, const Calibration& bes
                      off < 0.0 ? "lower" : "higher");
 }
 
-/// What a method gives away against the best, `cost` its NLL above the best one's in words.
+/// What a method gives away against the best, with its NLL above the best one's.
 std::string what_it_gives_away(const Calibration& c, const Calibration& best) {
   if (!has_answer(c)) return fmt::format("has no answer here ({})", to_string(c.outcome));
   const bool pairs = best.kind == RecordingKind::pairs;

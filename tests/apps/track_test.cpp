@@ -34,6 +34,17 @@ std::string rows(int first, int count) {
 }
 const std::string header = "reading_m,true_m,time_s\n";
 
+/// cal.json: y = 0.1 m + slope d, of a spread of 0.01 by the law, from 0.5 to 4 m.
+void save_line(const TemporaryFolder& folder, double slope, NoiseLaw law) {
+  Calibration line;
+  line.outcome = Outcome::converged;
+  line.alpha = Eigen::Vector2d(0.1, slope);
+  line.noise = {law, Eigen::VectorXd::Constant(1, 0.01)};
+  line.range_min_m = 0.5;
+  line.range_max_m = 4.0;
+  save_calibrations({line}, folder.file("cal.json"));
+}
+
 TEST(TrackCommand, TeachesAndCorrectsAsReadingsCome) {
   const TemporaryFolder folder;
   folder.write("in.csv", header + rows(0, 2000));
@@ -69,13 +80,7 @@ TEST(TrackCommand, BadRowsAreNamedAndNothingElseIsLost) {
 
 TEST(TrackCommand, CorrectsByACalibrationGiven) {
   const TemporaryFolder folder;
-  Calibration line;
-  line.outcome = Outcome::converged;
-  line.alpha = Eigen::Vector2d(0.1, 0.5);
-  line.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.01)};
-  line.range_min_m = 0.5;
-  line.range_max_m = 4.0;
-  save_calibrations({line}, folder.file("cal.json"));
+  save_line(folder, 0.5, NoiseLaw::constant);
   const RunResult result = run("track --from " + folder.file("cal.json"), "1.1\n0.6\n");
   ASSERT_EQ(result.code, 0) << result.err;   // d = (y - 0.1) / 0.5
   EXPECT_EQ(result.out, "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
@@ -102,13 +107,7 @@ TEST(TrackCommand, TakesPolynomialNoiseThroughItsState) {
 TEST(TrackCommand, WatchesForAChange) {
   // The stream's own curve; from row 1000 on 3 cm are added to every reading.
   const TemporaryFolder folder;
-  Calibration line;
-  line.outcome = Outcome::converged;
-  line.alpha = Eigen::Vector2d(0.1, 0.9);
-  line.noise = {NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.01)};
-  line.range_min_m = 0.5;
-  line.range_max_m = 4.0;
-  save_calibrations({line}, folder.file("cal.json"));
+  save_line(folder, 0.9, NoiseLaw::f_squared);
   std::istringstream before(rows(0, 1000)), after(rows(1000, 1000));
   std::string changed = header + before.str(), row;
   while (std::getline(after, row)) {
@@ -130,13 +129,7 @@ TEST(TrackCommand, WatchesForAChange) {
 TEST(TrackCommand, WatchesTheEncoderWhereThereAreBearings) {
   // From row 1000 on 3 cm times the cosine of the bearing, once a turn; bearings go round by 0.37 rad a row.
   const TemporaryFolder folder;
-  Calibration line;
-  line.outcome = Outcome::converged;
-  line.alpha = Eigen::Vector2d(0.1, 0.9);
-  line.noise = {NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.01)};
-  line.range_min_m = 0.5;
-  line.range_max_m = 4.0;
-  save_calibrations({line}, folder.file("cal.json"));
+  save_line(folder, 0.9, NoiseLaw::f_squared);
   std::istringstream all(rows(0, 2500));
   std::string text = "reading_m,true_m,time_s,bearing_rad\n", row;
   for (int i = 0; std::getline(all, row); ++i) {
