@@ -8,6 +8,7 @@ set(rangecal_ccache_used OFF)
 if(RANGECAL_CCACHE AND RANGECAL_CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # Names under the source folder are taken relative to the build folder, so a copy that is built as deep finds them.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env "CCACHE_DIR=${RANGECAL_CCACHE}" "CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}"
-      CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1 CCACHE_MAXSIZE=2G ${RANGECAL_CCACHE_PROGRAM})
+      CCACHE_NOHASHDIR=1 CCACHE_DEPEND=1 CCACHE_SLOPPINESS=pch_defines,time_macros
+      CCACHE_MAXSIZE=2G ${RANGECAL_CCACHE_PROGRAM})
   set(rangecal_ccache_used ON)
 endif()

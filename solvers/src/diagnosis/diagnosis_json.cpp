@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -23,7 +24,7 @@ Json estimate(double value, double std_dev, double low, double high) {
 Json estimate(double value, std::optional<double> std_dev) {
   if (!std_dev || !std::isfinite(*std_dev))
     return {{"estimate", number(value)}, {"std", nullptr}, {"ci95", nullptr}};
-  return estimate(value, *std_dev, value - 1.959964 * *std_dev, value + 1.959964 * *std_dev);
+  return estimate(value, *std_dev, value - z95 * *std_dev, value + z95 * *std_dev);
 }
 
 /// The calibration's own parameters: alpha_i [m^(1-i)], the noise law's, and sigma_theta.

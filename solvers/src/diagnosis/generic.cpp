@@ -17,7 +17,7 @@ namespace {
 
 using Covariate = std::function<double(const ReadingView<double>&)>;
 
-/// The value of a covariate of FORMAT at a reading; empty if it is none.
+/// The value of a covariate of docs/formats.md at a reading; empty if it is none.
 Covariate covariate_of(const Rows& rows, const std::string& name) {
   if (name == "range") return [](const auto& at) { return at.d; };
   if (name == "disparity") return [](const auto& at) { return 1.0 / at.d; };

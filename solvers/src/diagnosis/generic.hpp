@@ -2,10 +2,18 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
-#include "diagnosis/report.hpp"
+#include "diagnosis/search.hpp"
 
 namespace rangecal::diagnosis {
+
+/// The curve of the model below, as readings' changes.
+struct GenericCurve {
+  std::vector<double> knots, values, std_dev;  ///< covariate, change of the reading [m] or [rad]
+  double gain = 0.0;                           ///< nats
+  Eigen::VectorXd row_change;                  ///< per row, in the finding's channel
+};
 
 /// The smooth correction that stands in for an unexplained mismatch, as an effect without a name:
 ///

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <memory>
 
+#include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"

@@ -4,11 +4,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <map>
-#include <numbers>
 
+#include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/twins.hpp"
 
 namespace rangecal::diagnosis {
@@ -133,121 +132,6 @@ void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
 }
 
 }  // namespace
-
-namespace {
-
-constexpr double z95 = 1.959964;  // 97.5 % quantile of the normal distribution
-
-/// 97.5 % quantile for estimates of one effect's parameters. Their variance scales with the channels' own
-/// estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of the information that each channel
-/// brings; by Satterthwaite (1946) the estimate over its standard deviation is Student's t of
-///   nu = 2 / Var log(s^2),  Var log(s^2) = w^2 Var log(s_e^2) + (1 - w)^2 Var log(s_theta^2).
-double quantile_of(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t effect) {
-  double share = 0.0;
-  int counted = 0;
-  for (const FreeParameter& p : fit.free) {
-    if (p.effect != static_cast<int>(effect) || p.acts != FreeParameter::Acts::mean) continue;
-    Signature x = effect_signature(rows, projector, fit.model[effect], p.index);
-    const double whole = projector.raw_information(x);
-    x.bearing.setZero();
-    x.bearing_rows.setZero();
-    if (whole > 0.0) share += projector.raw_information(x) / whole, ++counted;
-  }
-  if (counted == 0) return z95;
-  share /= counted;
-  const double range = share * 2.0 * fit.noise_std;
-  const double bearing =
-      rows.pairs ? 0.0 : (1.0 - share) * 2.0 * fit.sigma_theta_std / fit.state.sigma_theta_rad;
-  const double variance = range * range + bearing * bearing;
-  if (!(variance > 0.0)) return z95;  // the noise is given
-  const double degrees_of_freedom = std::max(1.0, 2.0 / variance);
-  return boost::math::quantile(boost::math::students_t_distribution<double>(degrees_of_freedom), 0.975);
-}
-
-/// True for a parameter that is a positive scale (a time constant, a wavelength): its logarithm is the
-/// better normal.
-bool is_scale(const EffectInfo& info, const std::string& name) {
-  return std::any_of(info.parameters.begin(), info.parameters.end(), [&](const EffectParameter& p) {
-    return p.name == name && !p.linear && !p.discrete && p.low > 0.0;
-  });
-}
-
-/// Limits of the effect's reported value v by its parameter's own, where it depends (`slopes`) on a single
-/// one that has them.
-std::optional<Limits> profile_limits(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
-                                     const Eigen::RowVectorXd& slopes) {
-  if (fit.limits.empty() || (slopes.array() != 0.0).count() != 1) return std::nullopt;
-  Eigen::Index a = 0;
-  slopes.cwiseAbs().maxCoeff(&a);
-  const std::optional<Limits>& own = fit.limits[static_cast<std::size_t>(a)];
-  if (!own) return std::nullopt;
-  const auto value_at = [&](double x) {
-    Eigen::VectorXd p = fit.model[effect].parameters;
-    p[fit.free[static_cast<std::size_t>(a)].index] = x;
-    return fit.model[effect].effect->reported(rows.context, p.data())[v].second;
-  };
-  const auto [low, high] = std::minmax({value_at(own->low), value_at(own->high)});
-  return Limits{low, high};
-}
-
-}  // namespace
-
-std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
-  std::vector<EffectEstimate> estimates;
-  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
-  const Projector projector(rows, working.problem, fit.state);
-  for (std::size_t e = 0; e < fit.model.size(); ++e) {
-    const ActiveEffect& active = fit.model[e];
-    const double quantile = quantile_of(rows, projector, fit, e);
-    const std::string& id = active.effect->info().id;
-    const auto values = active.effect->reported(rows.context, active.parameters.data());
-    if (active.effect->noise_before_reciprocal()) {  // its size is the sensor's own noise
-      const double sigma = fit.state.noise.parameters[0];
-      estimates.push_back({id + "." + values[0].first, sigma, sigma * fit.noise_std,
-                           sigma * (1.0 - 1.96 * fit.noise_std), sigma * (1.0 + 1.96 * fit.noise_std)});
-      continue;
-    }
-    Eigen::MatrixXd slopes =
-        Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(values.size()), fit.covariance.cols());
-    for (std::size_t a = 0; a < fit.free.size(); ++a) {
-      if (fit.free[a].effect != static_cast<int>(e)) continue;
-      Eigen::VectorXd up = active.parameters, down = up;
-      const double sigma = std::sqrt(
-          std::max(0.0, fit.covariance(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(a))));
-      const double step = std::max(1e-3 * sigma, 1e-9 * std::max(1.0, std::abs(up[fit.free[a].index])));
-      up[fit.free[a].index] += step;
-      down[fit.free[a].index] -= step;
-      const auto high = active.effect->reported(rows.context, up.data());
-      const auto low = active.effect->reported(rows.context, down.data());
-      for (std::size_t v = 0; v < values.size(); ++v) {
-        double difference = high[v].second - low[v].second;
-        if (values[v].first.find("_rad") != std::string::npos)
-          difference = std::remainder(difference, 2.0 * std::numbers::pi);
-        slopes(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(a)) = difference / (2.0 * step);
-      }
-    }
-    for (std::size_t v = 0; v < values.size(); ++v) {
-      const Eigen::RowVectorXd row = slopes.row(static_cast<Eigen::Index>(v));
-      EffectEstimate estimate;
-      estimate.name = id + "." + values[v].first;
-      estimate.estimate = values[v].second;
-      estimate.std_dev = std::sqrt(std::max(0.0, (row * fit.covariance * row.transpose()).value()));
-      const double half = quantile * estimate.std_dev;
-      estimate.low95 = estimate.estimate - half;
-      estimate.high95 = estimate.estimate + half;
-      if (is_scale(active.effect->info(), values[v].first) && estimate.estimate > 0.0) {
-        estimate.low95 = estimate.estimate * std::exp(-half / estimate.estimate);
-        estimate.high95 = estimate.estimate * std::exp(half / estimate.estimate);
-      }
-      if (const auto own = profile_limits(rows, fit, e, v, row)) {
-        estimate.low95 = own->low;
-        estimate.high95 = own->high;
-      }
-      estimates.push_back(estimate);
-    }
-  }
-  return estimates;
-}
 
 Calibration calibration_of(const Rows& rows, std::span<const Recording> recordings, const Fit& fit) {
   Calibration c;

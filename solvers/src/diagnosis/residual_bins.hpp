@@ -16,7 +16,7 @@ struct RowResiduals {
 };
 RowResiduals row_residuals(const Rows& rows, const Model& model, const JointState& state);
 
-/// A covariate of FORMAT for every row, NaN where a field is empty; nothing where the rows have no such one.
+/// A covariate of docs/formats.md for every row, NaN where a field is empty; nothing where the rows have no such one.
 std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeometry& geometry,
                                                 const std::string& name);
 

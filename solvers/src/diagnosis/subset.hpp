@@ -21,7 +21,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state);
 std::vector<int> folds_of(const Rows& rows, const std::vector<int>& block_of_cell, int folds);
 
 enum class BlockKind { cells, stops, batches };
-/// FORMAT's held-out blocks, numbered from 0: cells, stops, or for pairs batches (readings at one distance,
+/// Held-out blocks (docs/diagnosis.md), numbered from 0: cells, stops, or for pairs batches (readings at one distance,
 /// else 25 parts of the run).
 std::vector<int> blocks_of(const Rows& rows, BlockKind kind);
 

@@ -28,7 +28,7 @@ struct BinnedResidual {
 
 /// One place where the seed model and the recording differ.
 struct Finding {
-  std::string channel, covariate, shape;   ///< FORMAT's words
+  std::string channel, covariate, shape;   ///< as docs/formats.md names them
   std::optional<double> from, to;          ///< interval of the covariate, where it is one
   std::string group;                       ///< label of the landmark or stop, where it is a group
   double size = 0.0;                       ///< [m], [rad], or change of log variance
@@ -121,7 +121,7 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
 /// The verdict in one sentence a person can act on.
 std::string verdict_sentence(const Diagnosis& diagnosis);
 
-/// `rangecal-diagnosis/1` JSON (FORMAT). Numbers that are not finite are null.
+/// `rangecal-diagnosis/1` JSON (docs/formats.md). Numbers that are not finite are null.
 std::string diagnosis_to_json(const Diagnosis& diagnosis);
 
 }  // namespace rangecal

@@ -35,7 +35,7 @@ struct ModelResiduals {
 };
 
 /// Residuals of every reading under a calibration, its effects and, where given, a smooth model's changes
-/// (one entry per recording, as in SimulationModel). `covariates`: names of FORMAT; a name that the
+/// (one entry per recording, as in SimulationModel). `covariates`: names of docs/formats.md; a name that the
 /// recordings lack is left out. Where the calibration has no stops the commanded ones stand in. Throws
 /// InputError where it has no curve, or no place for a landmark that was read. Cost: linear in the readings.
 ModelResiduals model_residuals(std::span<const Recording> recordings, const Calibration& calibration,

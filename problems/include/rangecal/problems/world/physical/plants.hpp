@@ -21,7 +21,7 @@ struct EffectInfo {
   std::string unit;                     ///< of `size`
   double typical = 0.0, maximum = 0.0;  ///< maximum: beyond it the world is no longer plausible
   EffectClass effect_class = EffectClass::mean;
-  std::vector<std::string> channels;  ///< where its mismatch may be located, best first (FORMAT)
+  std::vector<std::string> channels;  ///< where its mismatch may be located, best first (docs/formats.md)
   std::vector<std::string> covariates;
   bool catalogued = true;  ///< false: outside the catalogue, no name may be given
   std::string physics;     ///< what is changed in the world

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "diagnosis/refit.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal::diagnosis {
+
+/// Parameters of all effects of a fit as the user reads them, in their reported units, each with a standard
+/// deviation by the delta method and a 95 % interval: by the profile likelihood where the fit has one
+/// (`Fit::limits`), else Student's t about the estimate, or about the logarithm of a positive scale.
+std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit);
+
+}  // namespace rangecal::diagnosis
