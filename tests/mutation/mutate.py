@@ -5,8 +5,8 @@
 mutate.py BUILD [--only TEXT] [--jobs N] [--list]
 
 Changes one place of a likelihood at a time, compiles that file and links it, before the libraries of BUILD, with the tests of
-its unit; a header is compiled with the tests that include it. A mutant is killed if it does not compile, or a test fails,
-crashes or runs longer than a minute. Survivors are listed; one that equivalent.txt names changes nothing that can be
+its unit; a header is compiled with the tests that include it. A mutant is killed if it does not compile (in ten minutes), or a
+test fails, crashes or runs longer than a minute. Survivors are listed; one that equivalent.txt names changes nothing that can be
 observed, for the reason given there. Exit code 1 if any other survives. Nothing in the tree is written.
 """
 
@@ -123,10 +123,10 @@ class Bench:
                 (folder / "mutant.cpp").write_text(text)
                 compiled, objects = [folder / "mutant.cpp"], self.test_objects(path)
             flags = self.flags + [f"-I{(ROOT / path).parent}"]
-            if run("c++", f"-I{folder}", *flags, *compiled, *objects, *self.libraries, *LIBRARIES, "-o", folder / "test").returncode:
-                return False
             names = FILTER.get(UNITS[path][0], "*")
             try:
+                if run("c++", f"-I{folder}", *flags, *compiled, *objects, *self.libraries, *LIBRARIES, "-o", folder / "test").returncode:
+                    return False
                 return run(folder / "test", "--gtest_brief=1", f"--gtest_filter={names}", timeout=60).returncode == 0
             except subprocess.TimeoutExpired:
                 return False
