@@ -91,7 +91,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::Success& help_or_version) {
     return app.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
-    complain(one_line(error.what()) + "; see 'rangecal --help'");
+    const auto commands = app.get_subcommands();   // those that the line named
+    complain(fmt::format("{}; see 'rangecal {}--help'", one_line(error.what()), commands.empty() ? "" : commands.front()->get_name() + " "));
     return app::bad_input;
   }
   start_logging(argv[0], log_dir);
