@@ -61,8 +61,8 @@ class Run {
       if (!path.empty() && (!file_exists(path) || std::filesystem::is_regular_file(path)))
         locks_.push_back(std::make_unique<WriteLock>(path));
     if (!job.state.empty() && file_exists(job.state)) load();
-    open_output();
     source_ = std::make_unique<LineSource>(job.input, offset_);
+    if (learner_) open_output();   // of a new stream only when its columns are known: a wrong file leaves what was there
     write_changes();  // a table without alarms is one, and none of an earlier run is left
   }
 
@@ -202,9 +202,13 @@ class Run {
         header_ = line;
         columns_ = columns_of(line, name_, line_);
         begin();
+        open_output();
         return;
       }
-      if (!learner_) begin();
+      if (!learner_) {
+        begin();
+        open_output();
+      }
     } else if (job_.input == "-" && line == header_) {   // the same program started again
       return;
     }

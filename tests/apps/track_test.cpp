@@ -63,6 +63,22 @@ TEST(TrackCommand, TeachesAndCorrectsAsReadingsCome) {
   EXPECT_EQ(count_of(out, ",ok\n") + count_of(out, "no_calibration_yet") + count_of(out, "out_of_range") + count_of(out, "extrapolated"), 2000);
 }
 
+TEST(TrackCommand, AWrongFileLeavesWhatWasThere) {
+  const TemporaryFolder folder;
+  folder.write("wrong.csv", "speed,colour\n1,2\n");
+  folder.write("empty.csv", "");
+  folder.write("now.csv", "of an earlier run\n");
+  for (const char* input : {"wrong.csv", "empty.csv", "none.csv"}) {
+    SCOPED_TRACE(input);
+    const RunResult shown = run("track " + folder.file(input));
+    EXPECT_EQ(shown.code, 2);
+    EXPECT_EQ(shown.out, "");
+    EXPECT_EQ(count_of(shown.err, "\n"), 1) << shown.err;
+    EXPECT_EQ(run("track " + folder.file(input) + " -o " + folder.file("now.csv")).code, 2);
+    EXPECT_EQ(slurp(folder.file("now.csv")), "of an earlier run\n");
+  }
+}
+
 TEST(TrackCommand, BadRowsAreNamedAndNothingElseIsLost) {
   const RunResult result = run("track --order 1", header + rows(0, 50) + "far,1.0,5\n1.0,2.0\n\"1.0,2.0,3\n1.2,1.2,\n,,6\n0,,7\n" + rows(60, 50));
   ASSERT_EQ(result.code, 0) << result.err;
