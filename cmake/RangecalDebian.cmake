@@ -26,7 +26,9 @@ if(TARGET rangecal-mpi)
   set(CPACK_DEBIAN_MPI_PACKAGE_SECTION science)
   set(CPACK_DEBIAN_MPI_PACKAGE_SHLIBDEPS ON)
   set(CPACK_DEBIAN_MPI_PACKAGE_DEPENDS "rangecal (= ${PROJECT_VERSION})")
-  set(CPACK_COMPONENT_MPI_DESCRIPTION "Studies and fleets over the ranks of an MPI job: mpirun rangecal study, mpirun rangecal fleet.")
+  set(CPACK_COMPONENT_MPI_DESCRIPTION
+      "Studies and fleets over the ranks of an MPI job: mpirun rangecal study,
+mpirun rangecal fleet.")
 endif()
 
 # What the static libraries need to be linked (RangecalLibraries.cmake); no tool derives these.

@@ -43,11 +43,14 @@ file(MAKE_DIRECTORY "${PROJECT_BINARY_DIR}/packed")
 if(TARGET rangecal)  # the library alone is built without docs
   rangecal_install_packed("${PROJECT_SOURCE_DIR}/docs/rangecal.1" "${CMAKE_INSTALL_MANDIR}/man1" rangecal.1 runtime)
 endif()
+if(TARGET rangecal-mpi)
+  rangecal_install_packed("${PROJECT_SOURCE_DIR}/docs/rangecal-mpi.1" "${CMAKE_INSTALL_MANDIR}/man1" rangecal-mpi.1 mpi)
+endif()
 
 install(DIRECTORY notebooks_data/field-layout notebooks_data/pairs-2016 notebooks_data/scenes
         DESTINATION "${CMAKE_INSTALL_DATADIR}/rangecal/notebooks_data" COMPONENT runtime)
 install(FILES README.md CHANGELOG.md CITATION.cff DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT runtime)
 install(DIRECTORY docs DESTINATION "${CMAKE_INSTALL_DOCDIR}" COMPONENT runtime PATTERN "*.mjs" EXCLUDE
-        PATTERN "rangecal.1" EXCLUDE)
+        PATTERN "*.1" EXCLUDE)
 install(FILES LICENSE DESTINATION "${CMAKE_INSTALL_DOCDIR}" RENAME copyright COMPONENT runtime)
 install(FILES LICENSE DESTINATION "${CMAKE_INSTALL_DATAROOTDIR}/doc/librangecal-dev" RENAME copyright COMPONENT dev)

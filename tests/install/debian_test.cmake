@@ -64,7 +64,10 @@ endif()
 run("${root}/usr/bin/rangecal" correct --help)
 list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/copyright" OUTPUT_VARIABLE copyrights)
 list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/changelog.gz" OUTPUT_VARIABLE changelogs)
-foreach(file ${copyrights} ${changelogs} share/man/man1/rangecal.1.gz lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
+set(manuals ${names})
+list(REMOVE_ITEM manuals librangecal-dev)
+list(TRANSFORM manuals REPLACE "(.+)" "share/man/man1/\\1.1.gz")
+foreach(file ${copyrights} ${changelogs} ${manuals} lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
              share/doc/rangecal/docs/formats.md share/rangecal/notebooks_data/field-layout/recording.yaml)
   if(NOT EXISTS "${root}/usr/${file}")
     file(GLOB_RECURSE files RELATIVE "${root}" "${root}/usr/*")
