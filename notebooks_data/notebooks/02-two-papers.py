@@ -3,7 +3,7 @@
 #
 # - **2016**: Alhashimi, Varagnolo, Gustafsson, *Statistical Modeling and Calibration of Triangulation Lidars*, ICINCO.
 #   Readings at known distances.
-# - **2021**: Alhashimi, Varagnolo, Magnusson, Knorn, *Calibrating Range Measurements of Lidars Using Fixed Landmarks in
+# - **2021**: Alhashimi, Magnusson, Knorn, Varagnolo, *Calibrating Range Measurements of Lidars Using Fixed Landmarks in
 #   Unknown Positions*, Sensors 21(1), 155.
 #
 # Everything here is simulated by the papers' models and takes seconds; the full studies, with their Monte-Carlo errors,
