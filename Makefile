@@ -54,6 +54,7 @@ studies: build
 	for csv in notebooks_data/studies/results/*.csv; do name=$$(basename $$csv .csv); \
 	  $(BUILD)/apps/rangecal study notebooks_data/studies/$$name.yaml -o build/studies/$$name --resume \
 	  && cp build/studies/$$name/results.csv $$csv || exit 1; done
+	cd notebooks_data/studies && LC_ALL=C sha256sum *.yaml scenes/*.yaml results/*.csv > SHA256SUMS
 
 # Every reader fed by libFuzzer under AddressSanitizer and UBSan for SECONDS, from the shipped files; clang-14 builds it.
 .PHONY: fuzz hostile soak
