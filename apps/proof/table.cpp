@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <tuple>
 
-#include "rangecal/core/quantiles.hpp"
+#include "rangecal/core/proportion.hpp"
 
 namespace rangecal::proof {
 namespace {
@@ -164,13 +165,6 @@ std::string tally(const std::vector<Score>& scores, const Condition& among, bool
 }
 
 }  // namespace
-
-std::pair<double, double> wilson(int hits, int trials) {
-  if (trials <= 0) return {0.0, 1.0};
-  const double z = z95, n = trials, p = hits / n, z_sq = z * z;
-  const double middle = p + z_sq / (2.0 * n), half = z * std::sqrt(p * (1.0 - p) / n + z_sq / (4.0 * n * n));
-  return {(middle - half) / (1.0 + z_sq / n), (middle + half) / (1.0 + z_sq / n)};
-}
 
 std::vector<Line> proof_lines(const std::vector<Score>& scores) {
   std::vector<Line> lines;

@@ -3,16 +3,11 @@
 
 #include <map>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "scoring.hpp"
 
 namespace rangecal::proof {
-
-/// Wilson's 95 % interval of a proportion of `hits` in `trials`: (p + z^2/2n -+ z sqrt(p(1-p)/n + z^2/4n^2)) / (1 + z^2/n),
-/// z = 1.95996. (0, 1) without trials.
-std::pair<double, double> wilson(int hits, int trials);
 
 /// One line of the table.
 struct Line {
