@@ -4,11 +4,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <iostream>
+#include <map>
 #include <numbers>
 #include <set>
+#include <utility>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -47,10 +52,33 @@ ExtractOptions options_for(const World& world, std::vector<double> radii) {
   return options;
 }
 
+/// Mean of the squares of errors over their stated standard deviations, and its standard error: the repeats of a cell share
+/// the grid of the beams, so cells, not readings, are independent.
+class ChiSquare {
+ public:
+  void add(std::pair<int, int> cell, double square) {
+    auto& [count, sum] = cells_[cell];
+    ++count, sum += square;
+  }
+  double mean() const {
+    double count = 0.0, sum = 0.0;
+    for (const auto& [cell, its] : cells_) count += its.first, sum += its.second;
+    return sum / count;
+  }
+  double std_error() const {
+    double count = 0.0, square = 0.0;
+    for (const auto& [cell, its] : cells_) count += its.first, square += std::pow(its.second - mean() * its.first, 2);
+    return std::sqrt(square) / count;
+  }
+
+ private:
+  std::map<std::pair<int, int>, std::pair<int, double>> cells_;
+};
+
 /// What of the extraction is true.
 struct Score {
   int visible = 0, found = 0, readings = 0, wrong = 0, wrong_radius = 0;
-  double range_chi = 0.0, bearing_chi = 0.0;
+  ChiSquare range, bearing;
 };
 
 Score score(const World& world, const ScanScene& scene, const SimulatedScans& scans, const Extraction& extraction) {
@@ -89,10 +117,10 @@ Score score(const World& world, const ScanScene& scene, const SimulatedScans& sc
       continue;
     }
     named.insert({readings.stop[i], readings.repeat[i], l});
-    out.range_chi += std::pow(range_error / readings.covariates.at("range_sd_m")[i], 2);
-    out.bearing_chi += std::pow(bearing_error / readings.covariates.at("bearing_sd_rad")[i], 2);
+    const std::pair<int, int> cell{readings.stop[i], l};
+    out.range.add(cell, std::pow(range_error / readings.covariates.at("range_sd_m")[i], 2));
+    out.bearing.add(cell, std::pow(bearing_error / readings.covariates.at("bearing_sd_rad")[i], 2));
   }
-  out.range_chi /= std::max(1, out.readings - out.wrong), out.bearing_chi /= std::max(1, out.readings - out.wrong);
   for (std::size_t s = 0; s < scans.truth.size(); ++s)
     for (int l = 0; l < static_cast<int>(world.landmarks.size()); ++l) {
       const world::Cylinder& cylinder = world.landmarks[static_cast<std::size_t>(l)];
@@ -109,16 +137,18 @@ Score score(const World& world, const ScanScene& scene, const SimulatedScans& sc
 }
 
 void expect_good(const Score& score) {
-  std::cout << score.found << " of " << score.visible << " visible cylinders found, " << score.wrong << " of "
-            << score.readings << " labels wrong, chi^2 per reading: range " << score.range_chi << ", bearing "
-            << score.bearing_chi << "\n";
+  std::cout << fmt::format(
+      "{} of {} visible cylinders found, {} of {} labels wrong; chi^2 per reading: range {:.3f} +- {:.3f}, bearing {:.3f} +- {:.3f}\n",
+      score.found, score.visible, score.wrong, score.readings, score.range.mean(), score.range.std_error(), score.bearing.mean(),
+      score.bearing.std_error());
   EXPECT_GT(score.visible, 500);
   EXPECT_GT(score.found, 0.99 * score.visible);
   EXPECT_LT(score.wrong, 0.001 * score.readings + 0.5);
   EXPECT_EQ(score.wrong_radius, 0);
-  // Mean of about 1000 squared standard normals: standard deviation 0.045; repeats at a stop share the beam grid.
-  EXPECT_NEAR(score.range_chi, 1.0, 0.2);
-  EXPECT_NEAR(score.bearing_chi, 1.0, 0.25);
+  for (const ChiSquare& chi : {score.range, score.bearing}) {
+    EXPECT_LT(chi.std_error(), 0.1);
+    EXPECT_LT(std::abs(chi.mean() - 1.0), std::min(0.2, 3.0 * chi.std_error()));   // ten of these: one in 37 by chance
+  }
 }
 
 struct Case {
@@ -232,7 +262,7 @@ TEST(Extract, MixedPixelsAndLostBeamsAreCountedAndDoNotBias) {
   EXPECT_GT(extraction.beams.at("no return"), 0);
   EXPECT_EQ(result.wrong, 0);
   EXPECT_GT(result.found, 0.97 * result.visible);
-  EXPECT_LT(result.range_chi, 1.5);
+  EXPECT_LT(result.range.mean(), 1.5);
 }
 
 TEST(Extract, TheArcsPointIsAChoiceAndAnOffset) {
