@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs what the README shows: every line "$ COMMAND" of a fenced `console` block, in order, in one folder that has the
-// shipped data beside it. Every block ends in a command that holds something against what was printed or written.
+// shipped data beside it. What stands below a command is what it prints; every block ends in a command that holds something
+// against what was printed or written.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
+#include <regex>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -16,7 +19,20 @@ namespace {
 struct Shown {
   int line = 0;
   std::string command;  ///< without the prompt; a trailing backslash continues on the next line
+  std::string output;   ///< what the README shows below it; empty where it shows nothing
 };
+
+/// The same words, and numbers that differ by one unit of their last digit at most: machines round differently.
+bool same_output(const std::string& a, const std::string& b) {
+  static const std::regex number(R"(\d+(\.\d+)?)");
+  if (std::regex_replace(a, number, "#") != std::regex_replace(b, number, "#")) return false;
+  using Numbers = std::sregex_iterator;
+  for (Numbers i(a.begin(), a.end(), number), j(b.begin(), b.end(), number); i != Numbers(); ++i, ++j) {
+    const double decimals = i->length(1) > 0 ? static_cast<double>(i->length(1)) - 1.0 : 0.0;
+    if (std::abs(std::stod(i->str()) - std::stod(j->str())) > 1.01 * std::pow(10.0, -decimals)) return false;
+  }
+  return true;
+}
 
 std::vector<std::vector<Shown>> blocks_of(const std::string& text) {
   std::istringstream stream(text);
@@ -35,9 +51,11 @@ std::vector<std::vector<Shown>> blocks_of(const std::string& text) {
     if (continued)
       shown.back().command += " " + line;
     else if (line.starts_with("$ "))
-      shown.push_back({number, line.substr(2)});
-    else
+      shown.push_back({number, line.substr(2), ""});
+    else {
+      if (!shown.empty()) shown.back().output += line + "\n";
       continue;
+    }
     continued = shown.back().command.ends_with('\\');
     if (continued) shown.back().command.pop_back();
   }
@@ -57,11 +75,15 @@ TEST(Readme, FindsCommandsOfConsoleBlocksOnly) {
   ASSERT_EQ(blocks[0].size(), 1u);
   EXPECT_EQ(blocks[0][0].command, "rangecal a    b");
   EXPECT_EQ(blocks[0][0].line, 2);
+  EXPECT_EQ(blocks[0][0].output, "output\n");
   ASSERT_EQ(blocks[1].size(), 2u);
   EXPECT_EQ(blocks[1][0].command, "rangecal e | head -n 3");
   EXPECT_FALSE(asserts(blocks[1][0].command));
   EXPECT_TRUE(asserts(blocks[1][1].command));
   EXPECT_TRUE(asserts("rangecal compare sim | grep -q marginal"));
+  EXPECT_TRUE(same_output("0.41 to 4.72 m\n", "0.41 to 4.71 m\n"));
+  EXPECT_FALSE(same_output("0.41 to 4.72 m\n", "0.41 to 4.70 m\n"));
+  EXPECT_FALSE(same_output("500 read\n", "500 used\n"));
 }
 
 TEST(Readme, CommandsRun) {
@@ -88,6 +110,9 @@ TEST(Readme, CommandsRun) {
       const bool silent = asserts(example.command) || example.command.find(" > ") != std::string::npos;
       EXPECT_FALSE(!silent && slurp(folder.file("shown.out")).empty())
           << "README.md:" << example.line << ": " << example.command << " prints nothing";
+      const std::string out = slurp(folder.file("shown.out"));
+      EXPECT_TRUE(example.output.empty() || same_output(out, example.output))
+          << "README.md:" << example.line << ": " << example.command << " prints\n" << out;
     }
   }
 }
