@@ -45,5 +45,9 @@ std::string study_page(const std::string& name, const CsvTable& results);
 /// The first part of a page as a fragment of HTML without scripts, styled inline: verdict and main table. For
 /// notebooks.
 std::string diagnosis_summary(const Diagnosis& diagnosis);
+std::string calibration_summary(std::span<const Recording> recordings, const CalibrationReport& report,
+                                const Calibration& best);
+std::string comparison_summary(std::span<const Recording> recordings, const CalibrationReport& report,
+                               const std::vector<TruthScore>& scores);
 
 }  // namespace rangecal::report

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a notebook shows of a result: its sentence and its most important tables."""
+"""What a notebook shows of a result: the summary of its report, or its most important table."""
 import html
 
 import numpy as np
@@ -32,6 +32,8 @@ def recording(self):
 
 
 def calibration(self):
+    if self._origin is not None:
+        return _native.calibration_summary(*self._origin)
     frame = self.to_frame()
     rows = [(name, row.estimate, row["std"], row.unit) for name, row in frame.iterrows()]
     title = f"Calibration ({self.method}, noise {self.noise_law}): {self.outcome}"
@@ -39,10 +41,24 @@ def calibration(self):
 
 
 def comparison(self):
-    frame = self.to_frame()
-    rows = [(name, *row) for name, row in frame.iterrows() if not name.endswith(" std")]
-    return _page("Comparison", "", _table(["", *frame.columns], rows))
+    return _native.comparison_summary(self._job, self._recordings)
 
 
 def diagnosis(self):
     return _native.diagnosis_summary(self)
+
+
+def corrected(self):
+    names, shown = ("reading_m", "distance_m", "std_m", "flag"), min(len(self), 10)
+    rows = [[getattr(self, name)[i] for name in names] for i in range(shown)]
+    more = f"the first {shown} of {len(self)} readings" if shown < len(self) else f"{len(self)} readings"
+    return _page("Corrected", more, _table(names, rows))
+
+
+def residuals(self):
+    rows = [["range", f"{1e3 * np.sqrt(np.mean(self.range_residual_m**2)):.2f} mm",
+             np.mean((self.range_residual_m / self.range_std_m) ** 2)]]
+    if np.all(self.bearing_std_rad > 0):   # of pairs there is no bearing
+        rows.append(["bearing", f"{np.degrees(np.sqrt(np.mean(self.bearing_residual_rad**2))):.3f} deg",
+                     np.mean((self.bearing_residual_rad / self.bearing_std_rad) ** 2)])
+    return _page("Residuals", f"{len(self)} readings", _table(["", "RMS", "mean square over variance"], rows))

@@ -37,6 +37,10 @@ class Corrected:
         good = int(np.sum(self.flag == "ok"))
         return f"<rangecal.Corrected: {len(self)} readings, {good} ok>"
 
+    def _repr_html_(self):
+        from . import _html
+        return _html.corrected(self)
+
     def to_frame(self):
         """Every distance that explains a reading, most likely first: ``reading, reading_m, distance_m, std_m,
         candidate, flag``; ``reading`` is the index of the reading."""

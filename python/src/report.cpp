@@ -44,6 +44,14 @@ void report_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis, const Given& 
   write_page(path, [diagnosis, all] { return report::diagnosis_page(all.span(), *diagnosis); });
 }
 
+std::string calibration_summary(const std::shared_ptr<JobResult>& job, std::size_t index, const Given& recordings) {
+  return report::calibration_summary(recordings_of(recordings).span(), job->report, job->report.calibrations.at(index));
+}
+
+std::string comparison_summary(const std::shared_ptr<JobResult>& job, const Given& recordings) {
+  return report::comparison_summary(recordings_of(recordings).span(), job->report, job->scores);
+}
+
 void report_study(const std::string& name, const std::string& results_csv, const std::string& path) {
   write_page(path, [name, results_csv] { return report::study_page(name, CsvTable::parse(results_csv, name)); });
 }
@@ -56,6 +64,8 @@ void bind_report(py::module_& module) {
   module.def("report_diagnosis", &report_diagnosis);
   module.def("report_study", &report_study);
   module.def("diagnosis_summary", &report::diagnosis_summary);
+  module.def("calibration_summary", &calibration_summary);
+  module.def("comparison_summary", &comparison_summary);
 }
 
 }  // namespace rangecal::python

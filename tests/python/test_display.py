@@ -28,9 +28,13 @@ def test_axes_are_taken(calibration):
     assert calibration.plot(ax) is ax
 
 
-def test_notebook_display(field, pairs, calibration, diagnosis):
-    for result, word in ((field, "500 readings"), (pairs, "600 pairs"), (calibration, "alpha_2"),
-                         (rangecal.compare(pairs), "marginal NLL"), (diagnosis, "range_eccentricity.amplitude")):
+def test_notebook_display(field, pairs, calibration, diagnosis, tmp_path):
+    calibration.save(str(tmp_path / "cal.json"))
+    kept = rangecal.load(tmp_path / "cal.json")   # a summary speaks of the recordings too; this one has its parameters
+    for result, word in ((field, "500 readings"), (pairs, "600 pairs"), (calibration, "Curve f"), (kept, "alpha_2"),
+                         (rangecal.compare(pairs), "Trust marginal"), (diagnosis, "range_eccentricity.amplitude"),
+                         (rangecal.correct(calibration, field.range_m), "the first 10 of 500 readings"),
+                         (rangecal.residuals(field, calibration), "bearing"), (rangecal.residuals(pairs, rangecal.calibrate(pairs)), "mm")):
         assert word in result._repr_html_()
         assert repr(result).startswith("<rangecal.")
     assert "<script" not in diagnosis._repr_html_()
