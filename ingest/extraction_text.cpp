@@ -85,13 +85,17 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   out += fmt::format("range      {}\n\n", arc_in_words(options.arc));
   out += "landmark   radius    stops  readings       ranges  beams  sd range  sd bearing\n";
   const std::vector<LandmarkSummary> landmarks = summarise(recording);
+  std::string once;
   for (std::size_t j = 0; j < landmarks.size(); ++j) {
     const LandmarkSummary& one = landmarks[j];
+    if (one.stops.size() == 1) once += (once.empty() ? "" : ", ") + recording.landmarks[j].label;
     out +=
         fmt::format("{:<10} {:6.1f} mm {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
                     recording.landmarks[j].label, 1e3 * recording.landmarks[j].radius_m, one.stops.size(), one.readings,
                     one.nearest_m, one.farthest_m, one.beams, 1e3 * one.range_sd_m, one.bearing_sd_rad * 180.0 / M_PI);
   }
+  if (!once.empty())
+    out += "\n" + line("doubtful", once + ": seen from one stop, where width and bow alone say that it is a cylinder; a second stop would tell");
   return out;
 }
 

@@ -58,9 +58,14 @@ def test_scans_in_memory_become_a_recording(tmp_path):
     frame = found.to_frame()
     for x, y in cylinders:   # stops are exact, a beam errs by a millimetre; fitted over some ten of them
         assert np.hypot(frame.x_m - x, frame.y_m - y).min() < 0.005
-    assert "walls" in found.text and "<pre>" in found._repr_html_()
+    assert "walls" in found.text and "<pre>" in found._repr_html_() and "doubtful" not in found.text
     recording.save(str(tmp_path / "rec"))
     assert rangecal.load(tmp_path / "rec").extraction == recording.extraction
+
+
+def test_a_landmark_seen_from_one_stop_is_called_doubtful():
+    found = rangecal.extract(scans_of([(1.0, 1.5)], [(0.0, 0.0)], beams=1440), radius_m=0.1)
+    assert len(found.recording.landmark_labels) == 1 and "doubtful   L1: seen from one stop" in found.text
 
 
 def test_extraction_says_what_is_wrong_and_what_is_not_there(tmp_path):
