@@ -23,9 +23,7 @@ void add_charts(Page& page, std::span<const Recording> recordings, const Calibra
   add_readings(page, view);
   add_scene(page, view);
   add_curves(page, curves, report.models);
-  page.section(
-      "Residuals",
-      "Grey: one reading each, its calibration taken away. Colour: means of bins, with their 95 % bands.");
+  page.section("Residuals", residuals_lead);
   add_plain_residuals(page, view);
   add_noise(page, view);
 }

@@ -40,7 +40,7 @@ void add_key_figures(Page& page, const Diagnosis& d) {
   std::vector<Page::Figure> figures;
   if (d.verdict == Verdict::explained && !d.explanations.empty())
     figures.push_back({fmt::format("{:.2f}", d.explanations[0].probability),
-                       "probability of " + set_in_words(d.explanations[0].effects)});
+                       "probability of " + set_in_words(d.explanations[0].effects) + " among the sets tried"});
   if (!d.final_effects.empty()) {
     if (d.before.heldout_nll && d.after.heldout_nll)
       figures.push_back(
@@ -52,7 +52,7 @@ void add_key_figures(Page& page, const Diagnosis& d) {
   } else {
     figures.push_back({fmt::format("{:.2f}", d.before.chi_sq_per_dof), "chi-square per degree of freedom"});
   }
-  figures.push_back({fmt::format("{:.2g}", d.alarm_p_value), "smallest p-value of all questions, corrected"});
+  figures.push_back({app::p_in_words(d.alarm_p_value), "that chance alone makes any question of the search look as bad"});
   page.figures(figures);
 }
 
@@ -69,12 +69,12 @@ void add_explanation(Page& page, const Diagnosis& d) {
   else
     page.table(effects);
   page.heading("Parameters of the completed model");
-  Table parameters{{{"parameter"}, {"value", true}, {"unit"}}, {}, false};
+  Table parameters{{{"parameter"}, {"value ± standard deviation", true}, {"unit"}}, {}, false};
   for (const app::ParameterRow& row : app::parameter_rows(d))
     parameters.rows.push_back({row.name, row.value, row.unit});
   page.table(parameters);
   if (d.explanations.size() > 1) {
-    page.heading("Rivals");
+    page.heading("With its rivals");
     Table rivals{{{"effects"}, {"probability", true}, {"NLL [nats]", true}, {"physics"}}, {}, true};
     for (const Explanation& e : d.explanations)
       rivals.rows.push_back({set_in_words(e.effects), fmt::format("{:.3f}", e.probability),
@@ -190,9 +190,12 @@ std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosi
   if (completed) curves.push_back({"completed model", "var(--after)", &final_view.calibration});
   add_curves(page, curves, scores_of(recordings));
 
-  page.section(
-      completed ? "Residuals before and after" : "Residuals",
-      "Grey: one reading each, its calibration taken away. Colour: means of bins, with their 95 % bands.");
+  std::string lead = residuals_lead;
+  if (!d.location.empty())
+    lead +=
+        " A p-value is the chance that any question of the whole search finds as much in a recording without a mismatch. Shares of "
+        "the excess misfit overlap, for one cause shows along several covariates.";
+  page.section(completed ? "Residuals before and after" : "Residuals", lead);
   if (add_findings(page, d, recorded, before, completed ? &final_view : nullptr, 3) == 0)
     add_plain_residuals(page, before);
   add_noise(page, final_view);

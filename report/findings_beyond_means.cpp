@@ -141,7 +141,7 @@ std::vector<Chart> repeats(Page& page, const std::string& id, bool bearing,
       row["next"] = number(standardised(readings[firsts[i] + 1], bearing));
       rows.push_back(std::move(row));
     }
-    const double slope = xy / xx;
+    const double slope = xy / xx, std_dev = std::sqrt((1.0 - std::min(1.0, slope * slope)) / static_cast<double>(firsts.size()));
     for (double at : {-4.0, 4.0}) line.push_back({{"value", at}, {"next", number(slope * at)}});
     const std::string points = fmt::format("{}-points-{}", id, model.name),
                       fit = fmt::format("{}-line-{}", id, model.name);
@@ -158,9 +158,9 @@ std::vector<Chart> repeats(Page& page, const std::string& id, bool bearing,
           {"y_title", "the next repeat's"}},
          model.title,
          fmt::format(
-             "Independent readings make a round cloud; this one leans by {:.2f}. What the model knows "
+             "Independent readings make a round cloud; this one leans by {:.2f} +- {:.2f}. What the model knows "
              "of the dependence is not taken away.",
-             slope),
+             slope, std_dev),
          "plot"});
   }
   return charts;

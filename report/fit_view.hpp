@@ -64,6 +64,10 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
 /// The spread of the residuals over the distance beside the noise law.
 void add_noise(Page& page, const FitView& view);
 
+/// What the charts of residuals show, above them.
+inline constexpr const char* residuals_lead =
+    "Grey: one reading each, its calibration taken away. Colour: means of bins, with the 95 % bands that the fitted noise gives "
+    "the mean of so many independent readings: one bin in twenty lies outside by chance.";
 /// Residuals of one model along range and direction, where there is no finding to look at.
 void add_plain_residuals(Page& page, const FitView& view);
 

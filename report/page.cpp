@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "assets.hpp"
 #include "rangecal/core/version.hpp"
@@ -88,7 +89,9 @@ std::string escaped(const std::string& text) {
     else
       result += c;
   }
-  return replaced(replaced(replaced(result, "+-", "±"), "-&gt;", "→"), "chi-square", "χ²");
+  const std::pair<const char*, const char*> typeset[] = {{"+-", "±"}, {"-&gt;", "→"}, {"chi-square", "χ²"}, {" %", "\u00a0%"}};
+  for (const auto& [plain, set] : typeset) result = replaced(std::move(result), plain, set);
+  return result;
 }
 
 Json number(double value) {

@@ -8,7 +8,9 @@
 #include <set>
 
 #include "page.hpp"
+#include "rangecal/core/proportion.hpp"
 #include "report.hpp"
+#include "text.hpp"
 
 namespace rangecal::report {
 namespace {
@@ -16,7 +18,7 @@ namespace {
 struct Measure {
   std::string column, words;
   double factor = 1.0;
-  int better = -1;        ///< -1: smaller, 1: larger, 0: neither
+  int better = -1;        ///< -1: smaller, 1: larger, 0: neither, a share of the repeats
   std::string best{};     ///< what the best estimator has, in words
 };
 
@@ -92,27 +94,67 @@ std::optional<std::size_t> deviation_of(const CsvTable& t, const Measure& m) {
   return own ? own : t.find(m.column.substr(0, m.column.rfind("_m")) + "_se_m");
 }
 
-/// Values with two standard errors to both sides; of rows without an answer, nothing.
+/// A measure in one row: 95 % interval, and the standard error where the table has one; NaN where nothing says how sure it is.
+struct Interval {
+  double low = std::numeric_limits<double>::quiet_NaN(), high = low;
+  std::optional<double> se;
+};
+Interval interval_of(const Layout& layout, const Measure& m, std::size_t row, double value) {
+  const CsvTable& t = layout.table;
+  if (m.better == 0) {
+    const double answers = t.number(row, layout.answers).value_or(0.0);
+    const auto [low, high] = wilson(value * answers, answers);
+    return {low, high, std::nullopt};
+  }
+  const std::optional<std::size_t> column = deviation_of(t, m);
+  const double se = m.factor * (column ? t.number(row, *column).value_or(0.0) : 0.0), at = m.factor * value;
+  if (!(se > 0.0)) return {};
+  return {at - z95 * se, at + z95 * se, se};
+}
+
+/// Values with their 95 % intervals; of rows without an answer, nothing.
 Json rows_of(const Layout& layout, const Measure& m, const std::string& panel) {
   const CsvTable& t = layout.table;
   const std::size_t value = t.require(m.column);
-  const std::optional<std::size_t> deviation = deviation_of(t, m);
   Json rows = Json::array();
   for (std::size_t r = 0; r < t.rows(); ++r) {
     if (layout.panel_of(r) != panel) continue;
     const std::optional<double> v = t.number(r, value);
     if (!v) continue;
-    const double se = m.factor * (deviation ? t.number(r, *deviation).value_or(0.0) : 0.0), at = m.factor * *v;
+    const Interval interval = interval_of(layout, m, r, *v);
     Json row{{"estimator", std::string(t.text(r, layout.estimator))},
-             {"value", number(at)},
-             {"se", se > 0.0 ? number(se) : Json()},
-             {"low", number(at - 2.0 * se)},
-             {"high", number(at + 2.0 * se)},
+             {"value", number(m.factor * *v)},
+             {"low", number(interval.low)},
+             {"high", number(interval.high)},
              {"answers", std::string(t.text(r, layout.answers))}};
     row["x"] = layout.numeric ? number(*t.number(r, *layout.swept)) : Json(std::string(t.text(r, *layout.swept)));
     rows.push_back(std::move(row));
   }
   return rows;
+}
+
+/// The estimators in the order of the table, each with a colour: marginal, full and approximate have those of the other pages.
+std::pair<Json, Json> colours_of(const Layout& layout) {
+  std::vector<std::string> names;
+  for (std::size_t r = 0; r < layout.table.rows(); ++r)
+    if (const std::string name(layout.table.text(r, layout.estimator)); std::find(names.begin(), names.end(), name) == names.end())
+      names.push_back(name);
+  const std::map<std::string, std::string> own{
+      {"marginal", "var(--after)"}, {"full", "var(--before)"}, {"approximate", "var(--fourth)"}};
+  std::vector<std::string> free{"var(--third)", "var(--prior)", "var(--readings)"};
+  for (const auto& [name, colour] : own)
+    if (std::find(names.begin(), names.end(), name) == names.end()) free.push_back(colour);
+  Json colours = Json::array();
+  std::size_t next = 0;
+  for (const std::string& name : names)
+    colours.push_back(own.contains(name) ? own.at(name) : free[next++ % free.size()]);
+  return {names, colours};
+}
+
+/// "12.34 +- 0.21", "0.940 (0.878 to 0.972)".
+std::string value_in_words(const Measure& m, const Interval& interval, double value) {
+  if (m.better == 0) return fmt::format("{:.3f} ({:.3f} to {:.3f})", value, interval.low, interval.high);
+  return interval.se ? app::with_std(m.factor * value, *interval.se) : fmt::format("{:.4g}", m.factor * value);
 }
 
 void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& found) {
@@ -122,11 +164,13 @@ void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& fo
       panels.push_back(p);
   const std::size_t shown = std::min(panels.size(), most_panels);
   page.section("Over " + layout.table.columns()[*layout.swept],
-               "Bars reach two standard errors to both sides. A missing point had no answer." +
+               "Bars are 95 % intervals over the repeats (of shares Wilson's, in which a repeat counts once). A missing point had no "
+               "answer." +
                    (shown < panels.size() ? fmt::format(" The first {} of {} combinations of the other parameters; the "
                                                         "table has all.",
                                                         shown, panels.size())
                                           : std::string()));
+  const auto [estimators, colours] = colours_of(layout);
   for (std::size_t p = 0; p < shown; ++p) {
     if (!panels[p].empty()) page.heading(panels[p]);
     std::vector<Chart> pair;
@@ -140,7 +184,9 @@ void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& fo
                       {"zero", layout.numeric ? Json(false) : Json()},
                       {"padding", layout.numeric ? Json(12) : Json()},
                       {"parameter", layout.table.columns()[*layout.swept]},
-                      {"measure", found[m].words}};
+                      {"measure", found[m].words},
+                      {"estimators", estimators},
+                      {"colours", colours}};
       pair.push_back(std::move(chart));
       if (pair.size() == 2 || m + 1 == found.size()) {
         page.charts(pair);
@@ -212,8 +258,9 @@ void add_verdict(Page& page, const Layout& layout, const std::vector<Measure>& f
     sentence = fmt::format("Within two standard errors {} {} {} at {} of {} points.", winner.names,
                            winner.names.find(" and ") == std::string::npos ? "gives" : "give", measure->best,
                            winner.wins, winner.points);
-    const double low = measure->factor * winner.values.front(), high = measure->factor * winner.values.back(),
-                 middle = measure->factor * winner.values[winner.values.size() / 2];
+    const std::vector<double>& v = winner.values;   // sorted
+    const double low = measure->factor * v.front(), high = measure->factor * v.back(),
+                 middle = measure->factor * 0.5 * (v[(v.size() - 1) / 2] + v[v.size() / 2]);
     figures.push_back({fmt::format("{:.3g}", middle),
                        fmt::format("{}, median over the points ({:.3g} to {:.3g})", measure->words, low, high)});
   }
@@ -235,7 +282,7 @@ std::string study_page(const std::string& name, const CsvTable& results) {
   Page page("rangecal study " + name, fmt::format("{} points of the grid, {} estimators", points.size(), estimators.size()));
   add_verdict(page, layout, found, points.size());
   if (layout.swept && !found.empty()) add_panels(page, layout, found);
-  page.section("All results", "From results.csv, which holds more columns.");
+  page.section("All results", "From results.csv, which holds more columns. Behind ± a standard error, in brackets a 95 % interval.");
   Table table;
   std::vector<std::size_t> columns = layout.parameters;
   columns.insert(columns.end(), {layout.estimator, layout.answers});
@@ -246,7 +293,7 @@ std::string study_page(const std::string& name, const CsvTable& results) {
     for (std::size_t c : columns) row.emplace_back(results.text(r, c));
     for (const Measure& m : found) {
       const std::optional<double> v = results.number(r, results.require(m.column));
-      row.push_back(v ? fmt::format("{:.4g}", m.factor * *v) : "");
+      row.push_back(v ? value_in_words(m, interval_of(layout, m, r, *v), *v) : "");
     }
     table.rows.push_back(std::move(row));
   }

@@ -65,13 +65,13 @@ std::string detectable_in_words(const Unseen& unseen) {
 }
 
 std::string p_in_words(double p) {
-  if (p < 1e-300) return "p < 1e-300";
+  if (p < least_p_value) return fmt::format("p < {:.0e}", least_p_value);
   return p < 1e-4 ? fmt::format("p = {:.0e}", p) : fmt::format("p = {:.2g}", p);
 }
 
 std::string size_in_words(const Finding& f) {
   const Shown unit = shown(f.unit);
-  if (!f.unit.empty()) return fmt::format("{:.3g} {}", unit.factor * f.size, unit.unit);
+  if (!f.unit.empty()) return fmt::format("{:.3g} {} RMS", unit.factor * f.size, unit.unit);
   if (ends_with(f.channel, "_noise")) return fmt::format("spread x {:.2g}", std::exp(0.5 * f.size));
   if (f.channel == "grid")
     return fmt::format("steps of {:.3g} {}", f.covariate == "range" ? 1e3 * f.size : f.size / degree,

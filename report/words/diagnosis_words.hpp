@@ -24,9 +24,11 @@ std::string typical_in_words(const Unseen& unseen);
 std::string detectable_in_words(const Unseen& unseen);
 
 bool ends_with(const std::string& text, const std::string& end);
-/// "p = 3e-12".
+/// Smaller p-values are said to be less than this: so far out no model is true enough for the digits to mean anything.
+inline constexpr double least_p_value = 1e-12;
+/// "p = 3e-10", "p < 1e-12".
 std::string p_in_words(double p);
-/// "7.5 mm", "spread x 1.6", "labels exchanged": how large a finding is.
+/// "7.5 mm RMS", "spread x 1.6", "labels exchanged": how large a finding is.
 std::string size_in_words(const Finding& finding);
 /// " from -23 to 51 deg", " at B", or nothing: where along its covariate, in the unit a user reads it in.
 std::string place(const Finding& finding);

@@ -28,9 +28,9 @@ std::string describe(const Counts& counts);
 /// "order 2, noise sigma_e f^2; chosen by AIC among 10 models", runners-up included.
 std::string describe_choice(const Calibration& calibration, const CalibrationReport& report);
 
-/// "31 of 1575 ranges and 12 of 1575 bearings lie beyond 4 sigma, where 0.1 and 0.1 would by chance".
 /// "range noise is student-t with nu = 4, bearing noise is ..."; empty where all noise is Gaussian.
 std::string shapes_in_words(const Calibration& calibration);
+/// "31 of 1575 ranges and 12 of 1575 bearings lie beyond 4 sigma, where 0.1 and 0.1 would by chance".
 std::string outliers_in_words(const ResidualCheck& check);
 /// "repeats at one stop agree 5 times better than sigma_theta states"; empty where they do not.
 std::string repeats_in_words(const ResidualCheck& check);

@@ -12,10 +12,10 @@
 namespace rangecal {
 namespace {
 
-/// "7.5 mm", "0.43 degrees", or the change of a spread in percent.
+/// "7.5 mm RMS", "0.43 degrees RMS", over the readings; or the change of a spread in percent.
 std::string size_in_words(const Finding& f) {
-  if (f.unit == "m") return fmt::format("{:.2g} mm", 1e3 * f.size);
-  if (f.unit == "rad") return fmt::format("{:.2g} degrees", f.size * 180.0 / std::numbers::pi);
+  if (f.unit == "m") return fmt::format("{:.2g} mm RMS", 1e3 * f.size);
+  if (f.unit == "rad") return fmt::format("{:.2g} degrees RMS", f.size * 180.0 / std::numbers::pi);
   if (f.channel.find("_noise") != std::string::npos)
     return fmt::format("{:.0f} % in the spread", 100.0 * std::expm1(0.5 * std::abs(f.size)));
   return f.size > 0.0 ? fmt::format("{:.2g}", f.size) : "a mismatch";
