@@ -104,7 +104,8 @@ Extracted extract(const Given& given) {
   Extracted out;
   out.options = options_from(given);
   std::vector<Stop> stops;
-  if (!given.stops.empty()) stops = stops_of(CsvTable::read(given.stops));
+  if (!given.stops.empty())
+    stops = stops_of(CsvTable::read(given.stops), out.options.association.sigma_heading_rad);
   std::vector<ScanLog> logs;
   for (const std::string& path : given.scans) logs.push_back(read_scan_file(path, given.topic));
   out.extraction = extract_recording(logs, stops, out.options);

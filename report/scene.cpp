@@ -69,7 +69,7 @@ void add_stops(const FitView& view, int index, std::size_t first, SceneData& dat
     data.boxes.back().hold(pose.x_m, pose.y_m);
     data.boxes.back().hold(stop.commanded.x_m, stop.commanded.y_m);
     data.moved_mm = std::max({data.moved_mm, std::abs(dx), std::abs(dy)});
-    largest_sigma = std::max(largest_sigma, stop.sigma_xy_m.value_or(recording.sigma_xy_m));
+    largest_sigma = std::max(largest_sigma, sigma_xy_of(recording, stop));
     if (first + k >= view.covariance.stops.size() || !view.covariance.stops[first + k]) continue;
     const Eigen::Matrix2d factor = factor_of(*view.covariance.stops[first + k]);
     const std::string shape = fmt::format("stop {} {}", index, stop.label);

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "rangecal/core/utf8.hpp"
 #include "track/line_source.hpp"
 
@@ -29,6 +30,8 @@ void for_numbers(const Columns& c, StreamRow& row, Do&& each) {
   each("sigma_xy_m", c.sigma_xy, row.sigma_xy_m);
   each("sigma_heading_rad", c.sigma_heading, row.sigma_heading_rad);
   each("radius_m", c.radius, row.radius_m);
+  for (std::size_t i = 0; i < c.covariance.size(); ++i)
+    each(covariance_columns[i], c.covariance[i], row.covariance[i]);
 }
 
 }  // namespace
@@ -60,6 +63,8 @@ Columns columns_of(const std::string& header, const std::string& file, long line
     if (field == "reading_m" || (field == "range_m" && columns.reading < 0)) columns.reading = at;
     for (const auto& [name, column] : known)
       if (field == name) *column = at;
+    for (std::size_t k = 0; k < columns.covariance.size(); ++k)
+      if (field == covariance_columns[k]) columns.covariance[k] = at;
   }
   if (columns.reading < 0)
     throw InputError(file, line, "",

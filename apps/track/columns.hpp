@@ -17,6 +17,7 @@ struct Columns {
   /// x_m, y_m, heading_rad of the stop; sigma_xy_m, sigma_heading_rad of the stop; radius_m of the landmark.
   std::array<int, 3> pose{-1, -1, -1};
   int sigma_xy = -1, sigma_heading = -1, radius = -1;
+  std::array<int, 6> covariance{-1, -1, -1, -1, -1, -1};  ///< of the stop, in the order of covariance_columns
   std::size_t count = 1;
 
   /// Readings of landmarks in unknown places, not pairs.
@@ -34,6 +35,8 @@ struct StreamRow {
   std::string stop, landmark, place;
   std::array<double, 3> pose{std::nan(""), std::nan(""), std::nan("")};
   double sigma_xy_m = std::nan(""), sigma_heading_rad = std::nan(""), radius_m = std::nan("");
+  std::array<double, 6> covariance{std::nan(""), std::nan(""), std::nan(""),
+                                   std::nan(""), std::nan(""), std::nan("")};
 };
 
 /// The numbers of a row in its fields. Names the column and the text that is none; empty where all is well.

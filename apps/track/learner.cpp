@@ -8,6 +8,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/recursive/recursive_landmarks.hpp"
 
 namespace rangecal::app {
@@ -125,8 +126,10 @@ class LandmarksLearner : public Learner {
     if (recording.estimate_sigma_xy)
       throw InputError(folder + ": sigma_xy_m: estimate needs the whole recording; use 'rangecal calibrate'");
     for (Stop stop : recording.stops) {
-      stop.sigma_xy_m = stop.sigma_xy_m.value_or(recording.sigma_xy_m);
-      stop.sigma_heading_rad = stop.sigma_heading_rad.value_or(recording.sigma_heading_rad);
+      if (!stop.covariance) {
+        stop.sigma_xy_m = sigma_xy_of(recording, stop);
+        stop.sigma_heading_rad = sigma_heading_of(recording, stop);
+      }
       stops_[stop.label] = stop;
     }
     for (const Landmark& landmark : recording.landmarks) radius_[landmark.label] = landmark.radius_m;
@@ -146,8 +149,17 @@ class LandmarksLearner : public Learner {
     if (stops_.empty() &&
         !(std::isfinite(row.pose[0]) && std::isfinite(row.pose[1]) && std::isfinite(row.pose[2])))
       throw InputError("the stop has no pose");
+    if (!std::isnan(row.sigma_xy_m) || !std::isnan(row.sigma_heading_rad)) stop.covariance.reset();
     if (!std::isnan(row.sigma_xy_m)) stop.sigma_xy_m = row.sigma_xy_m;
     if (!std::isnan(row.sigma_heading_rad)) stop.sigma_heading_rad = row.sigma_heading_rad;
+    CovarianceEntries entries;
+    for (std::size_t i = 0; i < entries.size(); ++i)
+      if (!std::isnan(row.covariance[i])) entries[i] = row.covariance[i];
+    const StopCovariance covariance =
+        stop_covariance(entries, stop.sigma_heading_rad.value_or(calibrator_.options().sigma_heading_rad));
+    if (!covariance.fault.empty())
+      throw InputError(std::string(covariance_columns[covariance.at]) + " " + covariance.fault);
+    if (covariance.matrix) stop.covariance = covariance.matrix;
     return stop;
   }
 

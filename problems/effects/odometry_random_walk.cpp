@@ -42,6 +42,7 @@ class OdometryRandomWalk final : public Effect {
       if (stops[k].recording != stops[k - 1].recording || !stops[k].opens_place) continue;
       stops[k].chained = true;
       stops[k].sigma_xy_m = p[0];
+      stops[k].shape.reset();
     }
   }
 };

@@ -3,8 +3,8 @@
 //
 //   sigma_xy -> sigma_xy exp(g),   sigma_heading -> hypot(sigma_heading, sigma_phi)     [m], [rad]
 //
-// Acts on the priors of the stops. Where sigma_xy is 0 the position stays exact. Source: physics catalogue
-// N3.
+// Acts on the priors of the stops. Where sigma_xy is 0 the position stays exact; a covariance of a stop's own
+// keeps its shape in the plane. Source: physics catalogue N3.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -12,6 +12,15 @@
 
 namespace rangecal::effects {
 namespace {
+
+/// The turn that is added to a heading's error is its own: its covariance with the position stays what it
+/// was.
+void thin_correlation(double factor, StopPrior& stop) {
+  Eigen::Matrix3d Q = *stop.shape;
+  Q.topRightCorner<2, 1>() *= factor;
+  Q.bottomLeftCorner<1, 2>() *= factor;
+  stop.shape = std::make_shared<const Eigen::Matrix3d>(Q);
+}
 
 class StopEffect final : public Effect {
  public:
@@ -44,7 +53,10 @@ class StopEffect final : public Effect {
   void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
     for (StopPrior& stop : stops) {
       stop.sigma_xy_m *= std::exp(p[0]);
-      stop.sigma_heading_rad = std::hypot(stop.sigma_heading_rad, p[1]);
+      const double before = stop.sigma_heading_rad;
+      stop.sigma_heading_rad = std::hypot(before, p[1]);
+      if (stop.shape && stop.sigma_heading_rad > before)
+        thin_correlation(before / stop.sigma_heading_rad, stop);
     }
   }
 

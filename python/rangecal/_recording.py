@@ -21,7 +21,8 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
         covariate. Angles in radians, NaN where a reading is missing.
     stops : table
         Columns ``stop, x_m, y_m, heading_rad``, the commanded poses; optional ``sigma_xy_m, sigma_heading_rad,
-        place``.
+        place``, and the covariance of a stop or step ``cov_xx_m2, cov_xy_m2, cov_yy_m2, cov_hh_rad2, cov_xh_m_rad,
+        cov_yh_m_rad``.
     landmarks : table, optional
         Column ``landmark``; optional ``radius_m, reflectance``.
     pairs : table, optional

@@ -27,8 +27,8 @@ inline void archive_fields(python::Archive& a, Pose2& s) {
   a(x, y, heading);
 }
 inline void archive_fields(python::Archive& a, Stop& s) {
-  auto& [label, commanded, sigma_xy, sigma_heading, place] = s;
-  a(label, commanded, sigma_xy, sigma_heading, place);
+  auto& [label, commanded, sigma_xy, sigma_heading, place, covariance] = s;
+  a(label, commanded, sigma_xy, sigma_heading, place, covariance);
 }
 inline void archive_fields(python::Archive& a, Landmark& s) {
   auto& [label, radius, reflectance] = s;

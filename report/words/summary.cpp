@@ -57,7 +57,7 @@ std::optional<double> stop_strain(const Calibration& c, std::span<const Recordin
     for (const Stop& stop : recording.stops) {
       if (k >= c.stops.size()) return std::nullopt;
       const Pose2& pose = c.stops[k++].pose;
-      const double sigma = stop.sigma_xy_m.value_or(recording.sigma_xy_m);
+      const double sigma = sigma_xy_of(recording, stop);
       if (recording.stop_error != StopErrorModel::independent || recording.estimate_sigma_xy ||
           !(sigma > 0.0))
         return std::nullopt;

@@ -62,6 +62,7 @@ SimulationModel full_model() {
   recording.stops.resize(1);
   recording.stops[0].sigma_xy_m = recording.stops[0].sigma_heading_rad = 0.01;
   recording.stops[0].place = "here";
+  recording.stops[0].covariance = Eigen::Matrix3d::Identity();
   recording.landmarks.resize(2);
   recording.landmarks[0].label = "A";
   recording.landmarks[0].reflectance = 0.5;

@@ -18,13 +18,30 @@ struct SceneOptions {
   NoiseLaw law = NoiseLaw::f_squared;
   double sigma_e = 0.01, sigma_theta = 0.0087, sigma_s = 0.01, sigma_heading = 0.0;
   bool walk = false, places = false, turns = false;
+  bool shaped = false;  ///< covariances of their own, of the sigmas above
 };
+
+/// Q of stop k (stop_prior.hpp): from 3 to 1 of the variances in the plane, all three errors correlated.
+inline Eigen::Matrix3d stop_shape(int k) {
+  const double s = k % 2 ? -1.0 : 1.0;
+  Eigen::Matrix3d Q;
+  Q << 1.5, 0.3 * s, 0.4 * s, 0.3 * s, 0.5, -0.35, 0.4 * s, -0.35, 1.0;
+  return Q;
+}
 
 /// What a joint problem can have, each in turn added to a plain scene.
 struct SceneVariants {
   explicit SceneVariants(const SceneOptions& base)
-      : plain(base), headings(base), walk(base), places(base), polynomial(base), repeats(base), d_squared(base),
-        f_cubed(base), constant(base) {
+      : plain(base),
+        headings(base),
+        walk(base),
+        places(base),
+        shapes(base),
+        polynomial(base),
+        repeats(base),
+        d_squared(base),
+        f_cubed(base),
+        constant(base) {
     headings.sigma_heading = 0.01;
     headings.turns = true;
     walk.walk = true;
@@ -35,14 +52,20 @@ struct SceneVariants {
     walk_places.places = true;
     places.places = places.turns = true;
     places.sigma_heading = 0.01;
+    shapes = places;
+    shapes.shaped = true;
+    walk_shapes = walk_places;
+    walk_shapes.shaped = true;
+    plane_shapes = walk;
+    plane_shapes.turns = plane_shapes.shaped = true;
     polynomial.law = NoiseLaw::polynomial;
     repeats.repeats = 5;
     d_squared.law = NoiseLaw::d_squared;
     f_cubed.law = NoiseLaw::f_cubed;
     constant.law = NoiseLaw::constant;
   }
-  SceneOptions plain, headings, walk, walk_headings, walk_places, places, polynomial, repeats, d_squared, f_cubed,
-      constant;
+  SceneOptions plain, headings, walk, walk_headings, walk_places, places, shapes, walk_shapes, plane_shapes,
+      polynomial, repeats, d_squared, f_cubed, constant;
 };
 
 struct Scene {
@@ -70,6 +93,7 @@ inline Scene make_scene(std::string_view name, const SceneOptions& o, std::uint6
     } else {
       prior.place = p.place_count++;
     }
+    if (o.shaped && prior.opens_place) prior.shape = std::make_shared<const Eigen::Matrix3d>(stop_shape(k));
     p.stops.push_back(prior);
     p.sigma_s_shared.push_back(0);
   }

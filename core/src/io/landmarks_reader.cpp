@@ -14,7 +14,7 @@ namespace rangecal::io {
 namespace {
 
 LabelIndex read_stops(const Files& files, Recording& recording) {
-  recording.stops = stops_of(files.table("stops.csv"));
+  recording.stops = stops_of(files.table("stops.csv"), recording.sigma_heading_rad);
   LabelIndex index;
   for (const Stop& stop : recording.stops) index.insert(stop.label);
   return index;

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cmath>
-#include <filesystem>
-
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <filesystem>
 
 #include "io/recording_parts.hpp"
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "rangecal/core/write_lock.hpp"
 
 namespace rangecal {
@@ -95,23 +96,29 @@ std::string header_text(const Recording& recording) {
 }
 
 std::string stops_text(const Recording& recording) {
-  bool sigma_xy = false, sigma_heading = false, place = false;
+  bool sigma_xy = false, sigma_heading = false, place = false, covariance = false;
   for (const Stop& stop : recording.stops) {
     sigma_xy = sigma_xy || stop.sigma_xy_m;
     sigma_heading = sigma_heading || stop.sigma_heading_rad;
     place = place || !stop.place.empty();
+    covariance = covariance || stop.covariance;
   }
   std::vector<std::string> columns{"stop", "x_m", "y_m", "heading_rad"};
   if (sigma_xy) columns.push_back("sigma_xy_m");
   if (sigma_heading) columns.push_back("sigma_heading_rad");
   if (place) columns.push_back("place");
+  if (covariance) columns.insert(columns.end(), covariance_columns.begin(), covariance_columns.end());
   CsvText csv(columns);
   for (const Stop& stop : recording.stops) {
     std::vector<std::string> fields{stop.label, text_of(stop.commanded.x_m), text_of(stop.commanded.y_m),
                                     text_of(stop.commanded.heading_rad)};
-    if (sigma_xy) fields.push_back(text_of(stop.sigma_xy_m));
-    if (sigma_heading) fields.push_back(text_of(stop.sigma_heading_rad));
+    // A covariance stands for both sigmas; where it is set they are not.
+    if (sigma_xy) fields.push_back(stop.covariance ? "" : text_of(stop.sigma_xy_m));
+    if (sigma_heading) fields.push_back(stop.covariance ? "" : text_of(stop.sigma_heading_rad));
     if (place) fields.push_back(stop.place);
+    if (covariance)
+      for (const auto& entry : stop.covariance ? covariance_entries(*stop.covariance) : CovarianceEntries{})
+        fields.push_back(text_of(entry));
     csv.add(fields);
   }
   return csv.text();

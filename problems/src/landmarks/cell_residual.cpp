@@ -189,23 +189,28 @@ bool BearingSpreadResidual::evaluate(const double* sigmas, const double* log_flo
 }
 
 StopPriorResidual::StopPriorResidual(const StopPrior& prior, double sigma_xy_m, const StopBlock& given)
-    : stop(given),
-      commanded(prior.commanded),
-      weight_xy(prior.opens_place && !prior.chained && sigma_xy_m > 0.0 ? 1.0 / sigma_xy_m : 0.0),
-      weight_heading(given.heading >= 0 && !prior.chained ? 1.0 / prior.sigma_heading_rad : 0.0) {}
+    : stop(given), commanded(prior.commanded) {
+  if (prior.chained) return;
+  const StopInformation information(prior, sigma_xy_m);
+  position = information.position;
+  heading = information.heading;
+  root = information.root();
+}
 
 void StopPriorResidual::evaluate(const double* own, double* residuals, double* jacobian) const {
   const Pose2 at = stop.pose(own);
-  const int turn = weight_xy > 0.0 ? 2 : 0;
+  const Eigen::Vector3d e(at.x_m - commanded.x_m, at.y_m - commanded.y_m,
+                          wrap_angle(at.heading_rad - commanded.heading_rad));
+  const Eigen::Vector3d white = root * e;
   if (jacobian) std::fill_n(jacobian, residual_count() * stop.size, 0.0);
-  if (weight_xy > 0.0) {
-    residuals[0] = weight_xy * (at.x_m - commanded.x_m);
-    residuals[1] = weight_xy * (at.y_m - commanded.y_m);
-    if (jacobian) jacobian[0] = jacobian[stop.size + 1] = weight_xy;
-  }
-  if (weight_heading > 0.0) {
-    residuals[turn] = weight_heading * wrap_angle(at.heading_rad - commanded.heading_rad);
-    if (jacobian) jacobian[turn * stop.size + stop.heading] = weight_heading;
+  int row = 0;
+  for (int i = position ? 0 : 2; i < (heading ? 3 : 2); ++i, ++row) {
+    residuals[row] = white[i];
+    if (!jacobian) continue;
+    double* const by_own = jacobian + row * stop.size;
+    if (position)
+      for (int e_xy = i; e_xy < 2; ++e_xy) by_own[e_xy] = root(i, e_xy);
+    if (heading) by_own[stop.heading] = root(i, 2);
   }
 }
 

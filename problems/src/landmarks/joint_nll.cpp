@@ -23,8 +23,6 @@ double gaussian_nll(double residual, double sigma) {
 double stop_nll(const JointProblem& problem, const JointState& state, int k) {
   const StopPrior& prior = problem.stops[k];
   const Pose2& pose = state.stops[k];
-  const double sigma = sigma_xy_of(problem, state, k);
-  double nll = 0.0;
   Eigen::Vector2d error(pose.x_m - prior.commanded.x_m, pose.y_m - prior.commanded.y_m);
   double turn = pose.heading_rad - prior.commanded.heading_rad;
   if (prior.chained) {
@@ -37,9 +35,9 @@ double stop_nll(const JointProblem& problem, const JointState& state, int k) {
     error = Eigen::Rotation2Dd(-from.heading_rad) * step -
             Eigen::Rotation2Dd(-before.commanded.heading_rad) * commanded;
   }
-  if (sigma > 0.0 && prior.opens_place) nll += gaussian_nll(error.x(), sigma) + gaussian_nll(error.y(), sigma);
-  if (prior.sigma_heading_rad > 0.0) nll += gaussian_nll(wrap_angle(turn), prior.sigma_heading_rad);
-  return nll;
+  const StopInformation information(prior, sigma_xy_of(problem, state, k));
+  const Eigen::Vector3d e(error.x(), error.y(), wrap_angle(turn));
+  return 0.5 * e.dot(information.W * e) + information.log_scale;
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/stops_io.hpp"
 
 namespace rangecal {
 namespace {
@@ -16,6 +17,14 @@ namespace {
 struct Offsets {
   int stop = 0, landmark = 0;
 };
+
+void take_covariance(const Recording& recording, const Stop& stop, StopPrior& prior) {
+  const StopCovariance checked = stop_covariance(covariance_entries(*stop.covariance), 0.0);
+  if (!checked.fault.empty())
+    throw InputError(recording.path + ": stop '" + stop.label + "': " + covariance_columns[checked.at] + " " +
+                     checked.fault);
+  set_covariance(*stop.covariance, prior);
+}
 
 void append_stops(const Recording& recording, int index, JointProblem& problem) {
   const bool walk = recording.stop_error == StopErrorModel::random_walk;
@@ -25,8 +34,9 @@ void append_stops(const Recording& recording, int index, JointProblem& problem) 
     const Stop& stop = recording.stops[k];
     StopPrior prior;
     prior.commanded = stop.commanded;
-    prior.sigma_xy_m = stop.sigma_xy_m.value_or(recording.sigma_xy_m);
-    prior.sigma_heading_rad = stop.sigma_heading_rad.value_or(recording.sigma_heading_rad);
+    prior.sigma_xy_m = sigma_xy_of(recording, stop);
+    prior.sigma_heading_rad = sigma_heading_of(recording, stop);
+    if (stop.covariance) take_covariance(recording, stop, prior);
     prior.chained = walk && k > 0;
     prior.recording = index;
     const auto known = stop.place.empty() ? places.end() : places.find(stop.place);
@@ -40,9 +50,17 @@ void append_stops(const Recording& recording, int index, JointProblem& problem) 
         throw InputError(recording.path + ": stop '" + stop.label + "' returns to place '" + stop.place +
                          "', which a random walk cannot do; use error: independent");
     }
+    if (!prior.opens_place && prior.shape) {
+      const Eigen::Matrix3d& Q = *prior.shape;
+      if (Q(0, 2) != 0.0 || Q(1, 2) != 0.0)
+        throw InputError(recording.path + ": stop '" + stop.label +
+                         "' was turned where it stood, at place '" + stop.place +
+                         "': its heading cannot vary with a step; leave cov_xh_m_rad and cov_yh_m_rad empty");
+      prior.shape.reset();
+    }
     previous_place = stop.place;
     problem.stops.push_back(prior);
-    problem.sigma_s_shared.push_back(recording.estimate_sigma_xy && !stop.sigma_xy_m);
+    problem.sigma_s_shared.push_back(recording.estimate_sigma_xy && !stop.sigma_xy_m && !stop.covariance);
   }
   problem.estimate_sigma_s = problem.estimate_sigma_s || recording.estimate_sigma_xy;
 }

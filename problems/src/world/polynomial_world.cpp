@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/world/polynomial_world.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <tuple>
 
-#include <fmt/format.h>
-
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/problems/landmarks/stop_prior.hpp"
 #include "rangecal/problems/world/scene_size.hpp"
 
 namespace rangecal {
@@ -32,11 +33,15 @@ std::vector<Pose2> draw_stops(const Scene& scene, std::uint64_t seed) {
   std::map<std::string, Vector2d> errors;   // of the places met so far
   for (std::size_t k = 0; k < scene.stops.size(); ++k) {
     const Stop& stop = scene.stops[k];
-    const double sigma = stop.sigma_xy_m.value_or(scene.sigma_xy_m);
     // Drawn whether used or not, so that a stop's numbers do not depend on the other stops' places.
     const double unit_x = random.normal(), unit_y = random.normal(), unit_heading = random.normal();
-    Vector2d error(sigma * unit_x, sigma * unit_y);
-    const double heading_error = stop.sigma_heading_rad.value_or(scene.sigma_heading_rad) * unit_heading;
+    StopPrior law;
+    law.sigma_xy_m = stop.sigma_xy_m.value_or(scene.sigma_xy_m);
+    law.sigma_heading_rad = stop.sigma_heading_rad.value_or(scene.sigma_heading_rad);
+    if (stop.covariance) set_covariance(*stop.covariance, law);
+    const Eigen::Vector3d drawn = stop_error(law, law.sigma_xy_m, {unit_x, unit_y, unit_heading});
+    Vector2d error = drawn.head<2>();
+    const double heading_error = drawn.z();
     if (!stop.place.empty()) error = errors.emplace(stop.place, error).first->second;
     if (scene.stop_error == StopErrorModel::independent || k == 0) {
       const Vector2d p = position_of(stop.commanded) + error;

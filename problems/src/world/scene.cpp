@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/world/scene.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numbers>
 #include <set>
 #include <utility>
 
-#include <fmt/format.h>
-
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "rangecal/core/yaml_reader.hpp"
 #include "rangecal/problems/world/scene_size.hpp"
 
@@ -101,10 +102,27 @@ void read_line(const YamlReader& node, Scene& scene) {
   }
 }
 
+/// A covariance takes the place of the sigmas that the stop has.
+void read_covariance(const YamlReader& item, double sigma_heading_rad, Stop& stop) {
+  CovarianceEntries entries;
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    if (item.has(covariance_columns[i])) entries[i] = item.at(covariance_columns[i]).number();
+  const StopCovariance covariance =
+      stop_covariance(entries, stop.sigma_heading_rad.value_or(sigma_heading_rad));
+  if (!covariance.fault.empty())
+    item.fail(std::string(covariance_columns[covariance.at]) + " " + covariance.fault);
+  if (!covariance.matrix) return;
+  if (stop.sigma_xy_m) item.fail("has both a sigma_xy_m and a covariance");
+  if (entries[3] && stop.sigma_heading_rad) item.fail("has both a sigma_heading_rad and a cov_hh_rad2");
+  stop.covariance = covariance.matrix;
+  stop.sigma_heading_rad.reset();
+}
+
 void read_stop_list(const YamlReader& node, Scene& scene) {
   std::set<std::string> seen;
   for (const YamlReader& item : node.items()) {
-    item.allow_only({"stop", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad", "place"});
+    item.allow_only({"stop", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad", "place",
+                     "cov_xx_m2", "cov_xy_m2", "cov_yy_m2", "cov_hh_rad2", "cov_xh_m_rad", "cov_yh_m_rad"});
     Stop stop;
     stop.label = item.has("stop") ? item.at("stop").text() : std::to_string(scene.stops.size());
     if (!seen.insert(stop.label).second) item.fail("stop '" + stop.label + "' stands twice");
@@ -114,6 +132,7 @@ void read_stop_list(const YamlReader& node, Scene& scene) {
     if (item.has("sigma_xy_m")) stop.sigma_xy_m = item.at("sigma_xy_m").not_negative();
     if (item.has("sigma_heading_rad")) stop.sigma_heading_rad = item.at("sigma_heading_rad").not_negative();
     if (item.has("place")) stop.place = item.at("place").text();
+    read_covariance(item, scene.sigma_heading_rad, stop);
     scene.stops.push_back(std::move(stop));
   }
 }
@@ -121,11 +140,11 @@ void read_stop_list(const YamlReader& node, Scene& scene) {
 void read_stops(const YamlReader& node, Scene& scene) {
   node.allow_only({"line", "list", "sigma_xy_m", "sigma_heading_rad", "error"});
   if (node.has("line") == node.has("list")) node.fail("one of line and list is needed");
+  if (node.has("sigma_xy_m")) scene.sigma_xy_m = node.at("sigma_xy_m").not_negative();
+  if (node.has("sigma_heading_rad")) scene.sigma_heading_rad = node.at("sigma_heading_rad").not_negative();
   if (node.has("line")) read_line(node.at("line"), scene);
   if (node.has("list")) read_stop_list(node.at("list"), scene);
   if (scene.stops.empty()) node.fail("there is no stop");
-  if (node.has("sigma_xy_m")) scene.sigma_xy_m = node.at("sigma_xy_m").not_negative();
-  if (node.has("sigma_heading_rad")) scene.sigma_heading_rad = node.at("sigma_heading_rad").not_negative();
   if (!node.has("error")) return;
   const YamlReader error = node.at("error");
   if (error.text() == "random_walk") {

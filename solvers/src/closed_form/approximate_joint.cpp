@@ -47,13 +47,13 @@ double sweep_landmarks(const JointProblem& problem, const std::vector<StopVarian
     const Vector2d from =
         commanded_position(problem, k) - map.position[s.landmark];  // relative to the present position
     const double across_variance =
-        stops[k].xy_sq + (noise.sigma_theta_sq / s.R + stops[k].heading_sq + 1e-18) * axis * axis;
+        stops[k].off_line(across, axis) + (noise.sigma_theta_sq / s.R + 1e-18) * axis * axis;
     A[s.landmark] += across * across.transpose() / across_variance;
     b[s.landmark] += across * across.dot(from) / across_variance;
     const double slope = evaluate_derivative(noise.model.alpha, s.d);
     if (std::abs(slope) < 1e-3) continue;  // the range says nothing about the distance here
     const double spread = noise.model.noise.spread(s.d, evaluate_polynomial(noise.model.alpha, s.d)) / slope;
-    const double along_variance = stops[k].xy_sq + spread * spread / s.R + 1e-18 * axis * axis;
+    const double along_variance = stops[k].along(s.u) + spread * spread / s.R + 1e-18 * axis * axis;
     const double range = invert_near(noise.model.alpha, s.y, s.d) + cells.radius_m[s.cell];
     A[s.landmark] += s.u * s.u.transpose() / along_variance;
     b[s.landmark] += s.u * (s.u.dot(from) + range) / along_variance;

@@ -37,7 +37,7 @@ std::vector<RangeSample> samples_at(const JointProblem& problem, const LandmarkM
     const double d = v.norm() - cells.radius_m[c];
     if (!(d > 0.0)) continue;  // a stop inside the landmark: the position is not that good
     samples.push_back({d, cells.range_mean[c], cells.count[c], cells.range_mean_square[c],
-                       stops[cells.stop[c]].xy_sq, l, static_cast<int>(c), v.normalized()});
+                       stops[cells.stop[c]].along(v.normalized()), l, static_cast<int>(c), v.normalized()});
   }
   return samples;
 }
@@ -62,8 +62,8 @@ std::optional<Estimate> sigma_theta_at(const JointProblem& problem, const Landma
     const double phi = problem.stops[k].commanded.heading_rad + cells.bearing_mean[c];
     const double angle = std::atan2(std::cos(phi) * v.y() - std::sin(phi) * v.x(),
                                     std::cos(phi) * v.x() + std::sin(phi) * v.y());
-    terms.push_back(
-        {angle * angle, 1.0 / cells.count[c], stops[k].xy_sq / v.squaredNorm() + stops[k].heading_sq});
+    terms.push_back({angle * angle, 1.0 / cells.count[c],
+                     stops[k].off_line({std::sin(phi), -std::cos(phi)}, v.norm()) / v.squaredNorm()});
     dof += 1.0;
   }
   for (const char used : map.used) dof -= used ? 2.0 : 0.0;

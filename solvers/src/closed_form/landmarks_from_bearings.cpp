@@ -20,8 +20,9 @@ constexpr double initial_sigma_theta = 0.02;  // [rad], where nothing repeats an
 struct Sight {
   Eigen::Vector2d stop, along, across;  ///< across = (sin phi, -cos phi)
   double R = 1.0, d = 0.0;              ///< repeats; measured distance to the axis [m]
-  double sigma_s_sq = 0.0, sigma_h_sq = 0.0;
-  double own_sq = 0.0, own_h_sq = 0.0;  ///< the same without what a random walk brought from earlier stops
+  StopVariance of_stop;
+  double own_sq = 0.0,
+         own_h_sq = 0.0;  ///< without what a random walk brought from earlier stops [m^2, rad^2]
   double reading_variance = 0.0;        ///< var(d~) of the cell mean [m^2]
   int landmark = 0;
 };
@@ -41,9 +42,8 @@ std::vector<Sight> sights_of(const JointProblem& problem, const BearingOptions& 
     s.across = {std::sin(phi), -std::cos(phi)};
     s.R = cells.count[c];
     s.d = cells.range_mean[c] + cells.radius_m[c];
-    s.sigma_s_sq = stop_variance[cells.stop[c]].xy_sq;
-    s.sigma_h_sq = stop_variance[cells.stop[c]].heading_sq;
-    s.own_sq = std::pow(options.sigma_s_m.value_or(prior.sigma_xy_m), 2);
+    s.of_stop = stop_variance[cells.stop[c]];
+    s.own_sq = std::pow(prior.shape ? prior.sigma_xy_m : options.sigma_s_m.value_or(prior.sigma_xy_m), 2);
     s.own_h_sq = std::pow(prior.sigma_heading_rad, 2);
     s.landmark = cells.landmark[c];
     if (s.R >= 2.0) {
@@ -60,7 +60,7 @@ std::vector<Sight> sights_of(const JointProblem& problem, const BearingOptions& 
 }
 
 double residual_variance(const Sight& s, double sigma_theta_sq) {
-  return s.sigma_s_sq + (sigma_theta_sq / s.R + s.sigma_h_sq) * s.d * s.d;
+  return s.of_stop.off_line(s.across, s.d) + sigma_theta_sq / s.R * s.d * s.d;
 }
 
 double weight_of(const Sight& s, BearingWeights weights, double sigma_theta_sq) {
@@ -68,7 +68,7 @@ double weight_of(const Sight& s, BearingWeights weights, double sigma_theta_sq) 
     case BearingWeights::paper:
       return 1.0 / s.reading_variance;
     case BearingWeights::printed:
-      return s.sigma_s_sq + sigma_theta_sq / s.reading_variance;
+      return s.of_stop.along(s.across) + sigma_theta_sq / s.reading_variance;
     default:
       return 1.0 / std::max(residual_variance(s, sigma_theta_sq), 1e-300);
   }
@@ -153,7 +153,7 @@ double sigma_theta_sq_from(const JointProblem& problem, const std::vector<Sight>
     if (landmarks[s.landmark].outcome != Outcome::converged) continue;
     const Eigen::Vector2d v = landmarks[s.landmark].position_m - s.stop;
     const double angle = std::atan2(s.along.x() * v.y() - s.along.y() * v.x(), s.along.dot(v));
-    terms.push_back({angle * angle, 1.0 / s.R, s.sigma_s_sq / v.squaredNorm() + s.sigma_h_sq});
+    terms.push_back({angle * angle, 1.0 / s.R, s.of_stop.off_line(s.across, v.norm()) / v.squaredNorm()});
     dof += 1.0;
   }
   for (const LandmarkFromBearings& l : landmarks) dof -= l.outcome == Outcome::converged ? 2.0 : 0.0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Geometry>
 #include <optional>
 #include <vector>
 
@@ -8,23 +9,47 @@
 
 namespace rangecal {
 
-/// How far a stop may be from its commanded pose: variance of x and of y [m^2], and of the heading [rad^2].
+/// How far a stop may be from its commanded pose: P, covariance of (x, y, heading) in the world's frame
+/// [m^2, m rad, rad^2].
 struct StopVariance {
-  double xy_sq = 0.0, heading_sq = 0.0;
+  Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
+
+  /// Variance of the position along a unit vector u [m^2].
+  double along(const Eigen::Vector2d& u) const {
+    return P(0, 0) * u.x() * u.x() + 2.0 * P(0, 1) * u.x() * u.y() + P(1, 1) * u.y() * u.y();
+  }
+  /// Variance of the distance from a line of sight to what is d away on it [m^2]; `across` is (sin phi, -cos
+  /// phi), phi its direction: an error of the heading moves the line by -d e_h there (2021 eq. 24 with the
+  /// stop's own part).
+  double off_line(const Eigen::Vector2d& across, double d) const {
+    return along(across) - 2.0 * d * (P(0, 2) * across.x() + P(1, 2) * across.y()) + d * d * P(2, 2);
+  }
 };
 
-/// Of every stop; along a random walk the variances of the steps add up.
+/// Of every stop; along a random walk the covariances of the steps add up, each turned into the world by the
+/// commanded heading of the stop before.
 inline std::vector<StopVariance> stop_variances(const JointProblem& problem,
                                                 std::optional<double> sigma_s_m) {
   std::vector<StopVariance> variances(problem.stops.size());
+  std::vector<int> opener(problem.place_count, 0);
   for (std::size_t k = 0; k < variances.size(); ++k) {
     const StopPrior& prior = problem.stops[k];
-    const double sigma_xy = sigma_s_m.value_or(prior.sigma_xy_m), sigma_h = prior.sigma_heading_rad;
-    variances[k] = {sigma_xy * sigma_xy, sigma_h * sigma_h};
+    Eigen::Matrix3d& P = variances[k].P;
+    P = covariance_of(prior, prior.shape ? prior.sigma_xy_m : sigma_s_m.value_or(prior.sigma_xy_m));
+    if (prior.opens_place)
+      opener[prior.place] = static_cast<int>(k);
+    else
+      P.topLeftCorner<2, 2>() = variances[opener[prior.place]].P.topLeftCorner<2, 2>();
     if (!prior.chained || k == 0) continue;
-    if (prior.place == problem.stops[k - 1].place) variances[k].xy_sq = 0.0;  // turned, not moved
-    variances[k].xy_sq += variances[k - 1].xy_sq;
-    variances[k].heading_sq += variances[k - 1].heading_sq;
+    if (!prior.opens_place) {  // turned, not moved
+      P.topLeftCorner<2, 2>().setZero();
+    } else if (prior.shape) {
+      Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+      turn.topLeftCorner<2, 2>() =
+          Eigen::Rotation2Dd(problem.stops[k - 1].commanded.heading_rad).toRotationMatrix();
+      P = turn * P * turn.transpose();
+    }
+    P += variances[k - 1].P;
   }
   return variances;
 }

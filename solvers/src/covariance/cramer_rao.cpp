@@ -39,8 +39,10 @@ std::vector<Pose2> draw_stops(const JointProblem& problem, const JointState& sta
   for (int k = 0; k < problem.stop_count(); ++k) {
     const StopPrior& prior = problem.stops[k];
     const double sigma = sigma_xy_of(problem, state, k);
-    const Eigen::Vector2d error(random.normal(0.0, sigma), random.normal(0.0, sigma));
-    const double turn = random.normal(0.0, prior.sigma_heading_rad);
+    const double unit_y = random.normal(), unit_x = random.normal(), unit_heading = random.normal();
+    const Eigen::Vector3d drawn = stop_error(prior, sigma, {unit_x, unit_y, unit_heading});
+    const Eigen::Vector2d error = drawn.head<2>();
+    const double turn = drawn.z();
     const Eigen::Vector2d commanded(prior.commanded.x_m, prior.commanded.y_m);
     Eigen::Vector2d position;
     double heading = prior.commanded.heading_rad + turn;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the battery's p-values are worth together: its smallest ones, simulated under the fitted model.
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -23,8 +24,12 @@ std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Ra
   std::vector<Eigen::Vector2d> of_place;
   for (std::size_t k = 0; k < stops.size(); ++k) {
     const StopPrior& prior = stops[k];
-    const Eigen::Vector2d slip(random.normal(0.0, prior.sigma_xy_m), random.normal(0.0, prior.sigma_xy_m));
-    double turn = random.normal(0.0, prior.sigma_heading_rad);
+    const double unit_y = random.normal(), unit_x = random.normal(), unit_heading = random.normal();
+    const Eigen::Vector3d drawn = stop_error(prior, prior.sigma_xy_m, {unit_x, unit_y, unit_heading});
+    Eigen::Vector2d slip = drawn.head<2>();
+    double turn = drawn.z();
+    if (prior.chained && prior.shape)  // a step's own covariance is in the frame of the stop before
+      slip = Eigen::Rotation2Dd(stops[k - 1].commanded.heading_rad) * slip;
     Eigen::Vector2d error = slip;
     if (of_place.size() <= static_cast<std::size_t>(prior.place)) of_place.resize(prior.place + 1);
     if (prior.chained) {

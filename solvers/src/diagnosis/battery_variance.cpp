@@ -2,6 +2,7 @@
 // What the battery asks beyond the means: variances, dependence between readings and between stops, tails.
 #include <fmt/core.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -281,22 +282,23 @@ void Battery::ask_dependence_and_tails() {
   // Stops: their errors against the prior, expected with what the readings leave of it.
   const JointLayout& layout = projector_.system().layout();
   double excess = 0.0, variance = 0.0, step_sum = 0.0, step_variance = 0.0;
-  Eigen::Vector2d before = Eigen::Vector2d::Zero();
+  Eigen::Vector2d before = Eigen::Vector2d::Zero();  // error over its standard deviation
   double before_share = 0.0;
   for (std::size_t j = 0; j < layout.nodes.size(); ++j) {
     const JointLayout::Node& node = layout.nodes[j];
     const int k = node.stops.front();
     const StopPrior& prior = working_.problem.stops[k];
     if (!node.free_position || prior.chained) continue;
-    const double sigma_sq = prior.sigma_xy_m * prior.sigma_xy_m;
-    const Eigen::Vector2d error(state_.stops[k].x_m - prior.commanded.x_m,
-                                state_.stops[k].y_m - prior.commanded.y_m);
-    const Eigen::MatrixXd covariance = projector_.system().stop_covariance(static_cast<int>(j));
-    const double share = std::max(0.0, 1.0 - 0.5 * covariance.topLeftCorner(2, 2).trace() / sigma_sq);
-    excess += 0.5 * (error.squaredNorm() / sigma_sq - 2.0 * share);
+    const Eigen::LLT<Eigen::Matrix2d> expected(covariance_of(prior, prior.sigma_xy_m).topLeftCorner<2, 2>());
+    const Eigen::Vector2d error = expected.matrixL().solve(Eigen::Vector2d(
+        state_.stops[k].x_m - prior.commanded.x_m, state_.stops[k].y_m - prior.commanded.y_m));
+    const Eigen::Matrix2d covariance =
+        projector_.system().stop_covariance(static_cast<int>(j)).topLeftCorner<2, 2>();
+    const double share = std::max(0.0, 1.0 - 0.5 * expected.solve(covariance).trace());
+    excess += 0.5 * (error.squaredNorm() - 2.0 * share);
     variance += share * share;
     if (before_share > 0.0) {
-      step_sum += error.dot(before) / sigma_sq;
+      step_sum += error.dot(before);
       step_variance += 2.0 * share * before_share;
     }
     before = error;

@@ -8,6 +8,7 @@
 //   other spread of the stops:             q - 1 - ln q per direction, q the ratio of variances of a stop's
 //   estimate
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -34,8 +35,9 @@ double contamination_gain(double share, double wide) {
   return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - entropy);
 }
 
-/// Covariance of the stops' x (or y) errors under a set of priors: shared in a place, summed along a chain.
-Eigen::MatrixXd covariance_of(const std::vector<StopPrior>& stops) {
+/// Covariance of the stops' x (axis 0) or y (axis 1) errors under a set of priors: shared in a place, summed
+/// along a chain.
+Eigen::MatrixXd covariance_along(const std::vector<StopPrior>& stops, int axis) {
   const Eigen::Index n = static_cast<Eigen::Index>(stops.size());
   Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);  // rows: stops, columns: independent errors
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -48,7 +50,13 @@ Eigen::MatrixXd covariance_of(const std::vector<StopPrior>& stops) {
       continue;
     }
     if (stop.chained && k > 0) factor.row(k) = factor.row(k - 1);
-    factor(k, k) += stop.sigma_xy_m;
+    Eigen::Matrix2d own = covariance_of(stop, stop.sigma_xy_m).topLeftCorner<2, 2>();
+    if (stop.chained && k > 0) {
+      const Eigen::Matrix2d turn =
+          Eigen::Rotation2Dd(stops[static_cast<std::size_t>(k) - 1].commanded.heading_rad).toRotationMatrix();
+      own = turn * own * turn.transpose();
+    }
+    factor(k, k) += std::sqrt(own(axis, axis));
   }
   return factor * factor.transpose();
 }
@@ -91,10 +99,11 @@ double stops_noncentrality(const Space& space, const std::vector<StopPrior>& aft
     heading[k] += p.bearing_information[c];
   }
   const Eigen::MatrixXd contrasts = stop_contrasts(rows);
-  const Eigen::MatrixXd prior = covariance_of(rows.problem.stops), planted = covariance_of(after);
   double sum = 0.0;
-  for (const Eigen::VectorXd* information : {&x, &y}) {
-    const Eigen::MatrixXd noise = information->cwiseInverse().asDiagonal();
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::MatrixXd prior = covariance_along(rows.problem.stops, axis),
+                          planted = covariance_along(after, axis);
+    const Eigen::MatrixXd noise = (axis == 0 ? x : y).cwiseInverse().asDiagonal();
     sum += divergence(contrasts.transpose() * (planted + noise) * contrasts,
                       contrasts.transpose() * (prior + noise) * contrasts);
   }

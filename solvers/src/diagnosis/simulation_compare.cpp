@@ -40,8 +40,8 @@ std::vector<int> ranks(const Readings& r) {
 }
 
 bool near(const Recording& recording, const Stop& a, const Stop& b) {
-  const double sigma = std::max({0.01, 3.0 * a.sigma_xy_m.value_or(recording.sigma_xy_m)});
-  const double turn = std::max(0.01, 3.0 * a.sigma_heading_rad.value_or(recording.sigma_heading_rad));
+  const double sigma = std::max({0.01, 3.0 * sigma_xy_of(recording, a)});
+  const double turn = std::max(0.01, 3.0 * sigma_heading_of(recording, a));
   return std::hypot(a.commanded.x_m - b.commanded.x_m, a.commanded.y_m - b.commanded.y_m) < sigma &&
          std::abs(wrap_angle(a.commanded.heading_rad - b.commanded.heading_rad)) < turn;
 }
@@ -81,6 +81,7 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
     stop.commanded = state.stops[first_stop + stop_of[stop.label]];
     if (stop.sigma_xy_m) *stop.sigma_xy_m *= root2;
     if (stop.sigma_heading_rad) *stop.sigma_heading_rad *= root2;
+    if (stop.covariance) *stop.covariance *= 2.0;
   }
   Readings& r = difference.readings;
   const Readings &own = recording.readings, &other = simulation.readings;

@@ -7,6 +7,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
 
 namespace rangecal {
@@ -64,6 +65,10 @@ Json recording_to_json(const SimulationModel& model, std::size_t index) {
     if (s.sigma_xy_m) stop["sigma_xy_m"] = *s.sigma_xy_m;
     if (s.sigma_heading_rad) stop["sigma_heading_rad"] = *s.sigma_heading_rad;
     if (!s.place.empty()) stop["place"] = s.place;
+    if (s.covariance) {
+      const CovarianceEntries entries = covariance_entries(*s.covariance);
+      for (std::size_t i = 0; i < entries.size(); ++i) stop[covariance_columns[i]] = *entries[i];
+    }
     json["stops"].push_back(stop);
   }
   json["landmarks"] = Json::array();
@@ -160,6 +165,11 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     if (s.contains("sigma_xy_m")) stop.sigma_xy_m = s.at("sigma_xy_m").get<double>();
     if (s.contains("sigma_heading_rad")) stop.sigma_heading_rad = s.at("sigma_heading_rad").get<double>();
     if (s.contains("place")) stop.place = s.at("place");
+    if (s.contains(covariance_columns[0])) {
+      CovarianceEntries entries;
+      for (std::size_t i = 0; i < entries.size(); ++i) entries[i] = s.at(covariance_columns[i]).get<double>();
+      stop.covariance = stop_covariance(entries, 0.0).matrix;
+    }
     r.stops.push_back(stop);
   }
   const int index = static_cast<int>(model.recordings.size());

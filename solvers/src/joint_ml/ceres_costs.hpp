@@ -60,17 +60,16 @@ class BearingSpreadCost : public ceres::CostFunction {
   BearingSpreadResidual residual_;
 };
 
-/// One link of a random walk over sigma: (increment) / sigma_xy [2], turn / sigma_heading [1], each where it
-/// has a prior. Blocks: the coordinates of the stop's place, and of the place before where it is another one.
+/// One link of a random walk: R e over the increment and the turn, R^T R = C^-1, the rows of what has a
+/// prior. Blocks: the coordinates of the stop's place, and of the place before where it is another one.
 class LinkCost : public ceres::CostFunction {
  public:
   LinkCost(const JointProblem& problem, const JointLayout& layout, const JointState& reference, int stop)
       : problem_(problem), reference_(reference), stop_(stop), at_(layout, stop) {
-    const StopPrior& prior = problem.stops[stop];
-    const bool moves = prior.opens_place && layout.nodes[at_.node1].free_position;
-    w_xy_ = moves ? 1.0 / sigma_xy_of(problem, reference, stop) : 0.0;
-    w_h_ = prior.sigma_heading_rad > 0.0 ? 1.0 / prior.sigma_heading_rad : 0.0;
-    set_num_residuals((w_xy_ > 0.0 ? 2 : 0) + (w_h_ > 0.0 ? 1 : 0));
+    const StopInformation information(problem.stops[stop], sigma_xy_of(problem, reference, stop));
+    root_ = information.root();
+    first_ = information.position ? 0 : 2;
+    set_num_residuals((information.position ? 2 : 0) + (information.heading ? 1 : 0));
     for (int node : {at_.node0, at_.node1}) {
       if (layout.nodes[node].dim == 0 || (!nodes_.empty() && nodes_[0] == node)) continue;
       nodes_.push_back(node);
@@ -85,23 +84,18 @@ class LinkCost : public ceres::CostFunction {
     for (int e = 0; e < 6; ++e)
       if (at_.coordinate[e] >= 0) *moved[e] += blocks[block_of(at_.node_of(e))][at_.coordinate[e]];
     const ChainLink link(problem_.stops[stop_ - 1], problem_.stops[stop_], from, to);
-    const Eigen::Matrix<double, 2, 6> slope = link.jacobian();
-    int row = 0;
-    if (w_xy_ > 0.0) {
-      residuals[0] = w_xy_ * link.residual[0];
-      residuals[1] = w_xy_ * link.residual[1];
-      row = 2;
-    }
-    if (w_h_ > 0.0) residuals[row] = w_h_ * link.turn;
+    const Eigen::Vector3d white = root_ * link.error();
+    std::copy_n(white.data() + first_, num_residuals(), residuals);
     if (!jacobians) return true;
+    const Eigen::Matrix<double, 3, 6> slope = root_ * link.jacobian();
     for (std::size_t b = 0; b < nodes_.size(); ++b)
       if (jacobians[b]) std::fill_n(jacobians[b], num_residuals() * parameter_block_sizes()[b], 0.0);
     for (int e = 0; e < 6; ++e) {
       if (at_.coordinate[e] < 0) continue;
       const int block = block_of(at_.node_of(e)), size = parameter_block_sizes()[block];
       if (!jacobians[block]) continue;
-      for (int i = 0; i < row; ++i) jacobians[block][i * size + at_.coordinate[e]] += w_xy_ * slope(i, e);
-      if (w_h_ > 0.0 && e % 3 == 2) jacobians[block][row * size + at_.coordinate[e]] += e == 2 ? -w_h_ : w_h_;
+      for (int i = 0; i < num_residuals(); ++i)
+        jacobians[block][i * size + at_.coordinate[e]] += slope(first_ + i, e);
     }
     return true;
   }
@@ -113,7 +107,8 @@ class LinkCost : public ceres::CostFunction {
   const JointState& reference_;
   int stop_;
   LinkCoordinates at_;
-  double w_xy_, w_h_;
+  Eigen::Matrix3d root_;
+  int first_;  ///< row of root_ that is the first residual
   std::vector<int> nodes_;
 };
 

@@ -13,10 +13,11 @@ namespace rangecal {
 /// commanded one.
 ///
 ///   r = R(-h0) (p1 - p0) - R(-h0c) (p1c - p0c)   [m],   t = (h1 - h0) - (h1c - h0c)   [rad]
-///   cost = |r|^2 / (2 sigma_xy^2) + t^2 / (2 sigma_h^2) (+ logs)
+///   cost = e^T W e / 2 (+ logs),  e = (r, t),  W = C^-1: diag(sigma_xy^-2, sigma_xy^-2, sigma_h^-2) or the
+///   step's own
 ///
-/// Six coordinates in the order (x0, y0, h0, x1, y1, h1). Source: 2021 eq. 7 with the error of one step in the
-/// robot's frame; with exact headings it is the world's frame.
+/// Six coordinates in the order (x0, y0, h0, x1, y1, h1). Source: 2021 eq. 7 with the error of one step in
+/// the robot's frame; with exact headings it is the world's frame.
 struct ChainLink {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
@@ -31,34 +32,37 @@ struct ChainLink {
     turn = wrap_angle(to.heading_rad - from.heading_rad - after.commanded.heading_rad + before.commanded.heading_rad);
   }
 
-  /// dr/d(x0, y0, h0, x1, y1, h1)
-  Eigen::Matrix<double, 2, 6> jacobian() const {
-    Eigen::Matrix<double, 2, 6> j = Eigen::Matrix<double, 2, 6>::Zero();
-    j.leftCols<2>() = -back;
-    j.middleCols<2>(3) = back;
-    j.col(2) = Eigen::Vector2d(seen.y(), -seen.x());  // dR(-h)/dh x = (y, -x) of the rotated vector
+  /// e = (r, t)
+  Eigen::Vector3d error() const { return {residual.x(), residual.y(), turn}; }
+
+  /// de/d(x0, y0, h0, x1, y1, h1)
+  Eigen::Matrix<double, 3, 6> jacobian() const {
+    Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
+    j.topLeftCorner<2, 2>() = -back;
+    j.block<2, 2>(0, 3) = back;
+    j.block<2, 1>(0, 2) =
+        Eigen::Vector2d(seen.y(), -seen.x());  // dR(-h)/dh x = (y, -x) of the rotated vector
+    j(2, 2) = -1.0;
+    j(2, 5) = 1.0;
     return j;
   }
 
-  /// Hessian of the cost with position information w_xy and heading information w_h; `exact` adds the curvature.
-  Matrix6 hessian(double w_xy, double w_h, bool exact) const {
-    const Eigen::Matrix<double, 2, 6> j = jacobian();
-    Matrix6 h = w_xy * j.transpose() * j;
+  /// Hessian of the cost; `exact` adds the curvature.
+  Matrix6 hessian(const Eigen::Matrix3d& W, bool exact) const {
+    const Eigen::Matrix<double, 3, 6> j = jacobian();
+    Matrix6 h = j.transpose() * W * j;
     if (exact) {
-      h(2, 2) -= w_xy * residual.dot(seen);
+      const Eigen::Vector2d pull = (W * error()).head<2>();
+      h(2, 2) -= pull.dot(seen);
       // d2r/dh0 dp = the same turn applied to the columns of the p-Jacobian
       Eigen::Matrix2d turned;
       turned << back.row(1), -back.row(0);
-      const Eigen::RowVector2d cross = w_xy * residual.transpose() * turned;
+      const Eigen::RowVector2d cross = pull.transpose() * turned;
       h.block<1, 2>(2, 3) += cross;
       h.block<2, 1>(3, 2) += cross.transpose();
       h.block<1, 2>(2, 0) -= cross;
       h.block<2, 1>(0, 2) -= cross.transpose();
     }
-    h(2, 2) += w_h;
-    h(5, 5) += w_h;
-    h(2, 5) -= w_h;
-    h(5, 2) -= w_h;
     return h;
   }
 

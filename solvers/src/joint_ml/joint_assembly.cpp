@@ -17,6 +17,21 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 const double log_two_pi = std::log(2.0 * std::numbers::pi);
+
+/// The prior of a stop with a covariance of its own; returns its share of the NLL.
+double add_shaped_prior(const StopPrior& prior, const Pose2& pose, NodeBlocks<Eigen::Dynamic>& b,
+                        int heading) {
+  const StopInformation information(prior, prior.sigma_xy_m);
+  const Eigen::Vector3d e(pose.x_m - prior.commanded.x_m, pose.y_m - prior.commanded.y_m,
+                          wrap_angle(pose.heading_rad - prior.commanded.heading_rad));
+  const Eigen::Vector3d pull = information.W * e;
+  const int own[3] = {0, 1, heading};
+  for (int i = 0; i < (heading >= 0 ? 3 : 2); ++i) {
+    b.g[own[i]] += pull[i];
+    for (int j = 0; j < (heading >= 0 ? 3 : 2); ++j) b.H(own[i], own[j]) += information.W(i, j);
+  }
+  return 0.5 * e.dot(pull) + information.log_scale;
+}
 }  // namespace
 
 double JointSystem::assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node,
@@ -28,6 +43,10 @@ double JointSystem::assemble_priors(const JointState& state, bool exact, const J
     const Pose2& pose = state.stops[k];
     const StopPrior& prior = problem_.stops[k];
     if (prior.chained) continue;
+    if (prior.shape && prior.opens_place) {
+      nll += add_shaped_prior(prior, pose, b, heading);
+      continue;
+    }
     if (node.free_position && prior.opens_place) {
       const double sigma = sigma_xy_of(problem_, state, k), information = 1.0 / (sigma * sigma);
       const double ex = pose.x_m - prior.commanded.x_m, ey = pose.y_m - prior.commanded.y_m;

@@ -2,7 +2,6 @@
 // The random walk: links between neighbouring nodes, and the elimination of the block-tridiagonal chain they make.
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <numbers>
 
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/chain_link.hpp"
@@ -12,7 +11,6 @@ namespace rangecal {
 
 double JointSystem::assemble_chain_links(const JointState& state, HessianKind kind) {
   const bool exact = kind == HessianKind::exact;
-  const double log_two_pi = std::log(2.0 * std::numbers::pi);
   const int sigma_column = layout_.alpha_count + layout_.sigma_count() - 1;
   for (std::size_t j = 0; j < link_.size(); ++j)
     link_[j].setZero(layout_.nodes[j].chained ? layout_.nodes[j].dim : 0,
@@ -23,21 +21,17 @@ double JointSystem::assemble_chain_links(const JointState& state, HessianKind ki
     if (!prior.chained) continue;
     const LinkCoordinates at(layout_, k);
     const ChainLink link(problem_.stops[k - 1], prior, state.stops[k - 1], state.stops[k]);
-    const bool moves = prior.opens_place && layout_.nodes[at.node1].free_position;
-    const bool turns = prior.sigma_heading_rad > 0.0;
-    const double sigma = sigma_xy_of(problem_, state, k);
-    const double w_xy = moves ? 1.0 / (sigma * sigma) : 0.0;
-    const double w_h = turns ? 1.0 / (prior.sigma_heading_rad * prior.sigma_heading_rad) : 0.0;
-    const double chi_sq = w_xy * link.residual.squaredNorm();
-    if (moves) nll += 0.5 * chi_sq + 2.0 * std::log(sigma) + log_two_pi;
-    if (turns) nll += 0.5 * w_h * link.turn * link.turn + std::log(prior.sigma_heading_rad) + 0.5 * log_two_pi;
+    const StopInformation information(prior, sigma_xy_of(problem_, state, k));
+    const Eigen::Vector3d error = link.error(), pull = information.W * error;
+    nll += 0.5 * error.dot(pull) + information.log_scale;
 
-    ChainLink::Vector6 gradient = w_xy * link.jacobian().transpose() * link.residual;
-    const ChainLink::Vector6 position_gradient = gradient;
-    gradient[2] -= w_h * link.turn;
-    gradient[5] += w_h * link.turn;
-    const ChainLink::Matrix6 hessian = link.hessian(w_xy, w_h, exact);
-    const bool sigma_free = moves && layout_.sigma_s >= 0 && problem_.sigma_s_shared[k];
+    const ChainLink::Vector6 gradient = link.jacobian().transpose() * pull;
+    const ChainLink::Matrix6 hessian = link.hessian(information.W, exact);
+    // A step with a covariance of its own does not share sigma_s: W has no entry between position and heading
+    // here.
+    const bool sigma_free = information.position && layout_.sigma_s >= 0 && problem_.sigma_s_shared[k];
+    const double chi_sq = error.head<2>().dot(pull.head<2>());
+    const ChainLink::Vector6 position_gradient = link.jacobian().topRows<2>().transpose() * pull.head<2>();
     if (sigma_free) {
       gradient_[layout_.sigma_s] += 2.0 - chi_sq;
       hessian_(layout_.sigma_s, layout_.sigma_s) += exact ? 2.0 * chi_sq : 4.0;

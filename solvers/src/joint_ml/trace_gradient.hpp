@@ -23,8 +23,9 @@ struct SightCovariance {
 };
 
 /// tr(C hessian) of one link as a function of its six coordinates; `covariance` holds C for them.
-inline double link_trace(const JointProblem& problem, const JointState& state, int k, const ChainLink::Matrix6& covariance,
-                  double w_xy, const ChainLink::Vector6& moved) {
+inline double link_trace(const JointProblem& problem, const JointState& state, int k,
+                         const ChainLink::Matrix6& covariance, const Eigen::Matrix3d& W,
+                         const ChainLink::Vector6& moved) {
   Pose2 from = state.stops[k - 1], to = state.stops[k];
   from.x_m += moved[0];
   from.y_m += moved[1];
@@ -33,7 +34,7 @@ inline double link_trace(const JointProblem& problem, const JointState& state, i
   to.y_m += moved[4];
   to.heading_rad += moved[5];
   const ChainLink link(problem.stops[k - 1], problem.stops[k], from, to);
-  return (covariance * link.hessian(w_xy, 0.0, true)).trace();
+  return (covariance * link.hessian(W, true)).trace();
 }
 
 /// One cell's range share to third order in d: derivatives q1, q2, q3 of q, and per parameter of the curve (alpha, then
@@ -285,18 +286,22 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
       for (int e = 0; e < 6; ++e)
         if (at.coordinate[a] >= 0 && at.coordinate[e] >= 0)
           C(a, e) = covariance.between(at.node_of(a), at.coordinate[a], at.node_of(e), at.coordinate[e]);
-    const double sigma = sigma_xy_of(problem_, state, k), w_xy = 1.0 / (sigma * sigma);
-    if (layout_.sigma_s >= 0 && problem_.sigma_s_shared[k])
-      by_global[layout_.sigma_s] -= 2.0 * link_trace(problem_, state, k, C, w_xy, ChainLink::Vector6::Zero());
+    const StopInformation information(prior, sigma_xy_of(problem_, state, k));
+    if (layout_.sigma_s >= 0 && problem_.sigma_s_shared[k]) {
+      Eigen::Matrix3d of_position = information.W;
+      of_position(2, 2) = 0.0;
+      by_global[layout_.sigma_s] -=
+          2.0 * link_trace(problem_, state, k, C, of_position, ChainLink::Vector6::Zero());
+    }
     if (at.coordinate[2] < 0) continue;  // exact headings: the link is linear
     for (int a = 0; a < 6; ++a) {
       if (at.coordinate[a] < 0) continue;
       const double step = 1e-5;  // the trace is a smooth function of order one: error of order step^2
       ChainLink::Vector6 moved = ChainLink::Vector6::Zero();
       moved[a] = step;
-      const double up = link_trace(problem_, state, k, C, w_xy, moved);
+      const double up = link_trace(problem_, state, k, C, information.W, moved);
       moved[a] = -step;
-      const double down = link_trace(problem_, state, k, C, w_xy, moved);
+      const double down = link_trace(problem_, state, k, C, information.W, moved);
       by_stop[layout_.nodes[at.node_of(a)].coordinate + at.coordinate[a]] += (up - down) / (2.0 * step);
     }
   }

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <tuple>
 
+#include "closed_form/stop_variance.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "recursive/landmark_answer.hpp"
 #include "recursive/landmark_sums.hpp"
 
@@ -63,6 +65,13 @@ StopPrior RecursiveLandmarks::prior_of(const Stop& stop) const {
     if (!std::isfinite(value)) throw InputError("stop '" + stop.label + "': its pose is not finite");
   StopPrior prior;
   prior.commanded = stop.commanded;
+  if (stop.covariance) {
+    const StopCovariance checked = stop_covariance(covariance_entries(*stop.covariance), 0.0);
+    if (!checked.fault.empty())
+      throw InputError("stop '" + stop.label + "': " + covariance_columns[checked.at] + " " + checked.fault);
+    set_covariance(*stop.covariance, prior);
+    return prior;
+  }
   prior.sigma_xy_m = stop.sigma_xy_m.value_or(options_.sigma_xy_m);
   prior.sigma_heading_rad = stop.sigma_heading_rad.value_or(options_.sigma_heading_rad);
   for (const double value : {prior.sigma_xy_m, prior.sigma_heading_rad})
@@ -72,7 +81,7 @@ StopPrior RecursiveLandmarks::prior_of(const Stop& stop) const {
 }
 
 void RecursiveLandmarks::open_stop(const Stop& stop) {
-  const StopPrior prior = prior_of(stop);
+  StopPrior prior = prior_of(stop);
   if (std::find(held_labels_.begin(), held_labels_.end(), stop.label) != held_labels_.end())
     throw InputError("stop '" + stop.label +
                      "' comes back after others; the readings of a stop follow each other");
@@ -81,6 +90,12 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
          cell < held_.cells.size(); ++cell)
       bearings_[static_cast<std::size_t>(held_.cells.landmark[cell])].add(line_of(cell));
   const bool same_place = !stop.place.empty() && !held_places_.empty() && held_places_.back() == stop.place;
+  if (same_place && prior.shape) {
+    if ((*prior.shape)(0, 2) != 0.0 || (*prior.shape)(1, 2) != 0.0)
+      throw InputError("stop '" + stop.label +
+                       "' was turned where it stood: its heading cannot vary with a step");
+    prior.shape.reset();
+  }
   if (!same_place && held_.stop_count() >= options_.block) sum_up();
   hold(stop.label, prior, same_place ? nullptr : &stop.place);
   ++stops_;
@@ -157,12 +172,20 @@ bool RecursiveLandmarks::add(const LandmarkReading& reading) {
 RecursiveBearings::Line RecursiveLandmarks::line_of(std::size_t cell) const {
   const Cells& c = held_.cells;
   const StopPrior& stop = held_.stops[static_cast<std::size_t>(c.stop[cell])];
+  const double phi = stop.commanded.heading_rad + c.bearing_mean[cell],
+               d = c.range_mean[cell] + c.radius_m[cell];
+  double sigma_s = stop.sigma_xy_m, sigma_heading = stop.sigma_heading_rad;
+  if (stop.shape) {  // what the stop moves the line by, its turn included
+    const StopVariance variance{covariance_of(stop, stop.sigma_xy_m)};
+    sigma_s = std::sqrt(variance.off_line({std::sin(phi), -std::cos(phi)}, d));
+    sigma_heading = 0.0;
+  }
   return {{stop.commanded.x_m, stop.commanded.y_m},
-          stop.commanded.heading_rad + c.bearing_mean[cell],
-          c.range_mean[cell] + c.radius_m[cell],
+          phi,
+          d,
           c.count[cell],
-          stop.sigma_xy_m,
-          stop.sigma_heading_rad,
+          sigma_s,
+          sigma_heading,
           options_.sigma_theta_rad};
 }
 

@@ -5,6 +5,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
+#include "rangecal/core/stops_io.hpp"
 #include "recursive/landmark_answer.hpp"
 
 namespace rangecal {
@@ -119,6 +120,7 @@ std::string RecursiveLandmarks::to_json() const {
     state["held"].push_back({{"label", held_labels_[k]},
                              {"pose", {stop.commanded.x_m, stop.commanded.y_m, stop.commanded.heading_rad}},
                              {"sigma", {stop.sigma_xy_m, stop.sigma_heading_rad}},
+                             {"shape", stop.shape ? list(MatrixXd(*stop.shape)) : Json(nullptr)},
                              {"place", held_places_[static_cast<std::size_t>(stop.place)]},
                              {"opens_place", stop.opens_place},
                              {"cells", held_.cells.stop_begin[k + 1] - held_.cells.stop_begin[k]}});
@@ -169,7 +171,14 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       stop.sigma_heading_rad = held.at("sigma").at(1).get<double>();
       stop.place = held.at("place");
       const bool opens = held.at("opens_place").get<bool>() || result.held_places_.empty();
-      result.hold(stop.label, result.prior_of(stop), opens ? &stop.place : nullptr);
+      StopPrior prior = result.prior_of(stop);
+      if (held.contains("shape") && held.at("shape").is_array()) {
+        const Eigen::Matrix3d Q = square_in(held.at("shape"), 3, "shape");
+        if (!stop_covariance(covariance_entries(Q), 0.0).fault.empty())
+          throw InputError("field 'shape' is that of no covariance");
+        prior.shape = std::make_shared<const Eigen::Matrix3d>(Q);
+      }
+      result.hold(stop.label, prior, opens ? &stop.place : nullptr);
       for (int i = whole_number(held.at("cells"), "cells"); i > 0; --i, ++cell) {
         const int landmark = whole_number(cells.at("landmark").at(cell), "landmark", 0,
                                           static_cast<int>(result.labels_.size()) - 1);

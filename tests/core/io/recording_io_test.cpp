@@ -58,6 +58,7 @@ void expect_same(const Recording& a, const Recording& b) {
   for (std::size_t i = 0; i < a.stops.size(); ++i) {
     EXPECT_EQ(a.stops[i].label, b.stops[i].label);
     expect_same(a.stops[i].commanded, b.stops[i].commanded);
+    EXPECT_EQ(a.stops[i].covariance, b.stops[i].covariance);
     EXPECT_EQ(a.stops[i].sigma_xy_m, b.stops[i].sigma_xy_m);
     EXPECT_EQ(a.stops[i].sigma_heading_rad, b.stops[i].sigma_heading_rad);
     EXPECT_EQ(a.stops[i].place, b.stops[i].place);
@@ -120,6 +121,13 @@ Recording random_landmarks_recording(std::uint64_t seed) {
     if (random.index(2)) stop.sigma_xy_m = random.uniform();
     if (random.index(2)) stop.sigma_heading_rad = random.uniform();
     if (random.index(2)) stop.place = "place 1";
+    if (random.index(2)) {  // in place of both sigmas
+      stop.sigma_xy_m.reset(), stop.sigma_heading_rad.reset();
+      Eigen::Matrix3d root;
+      for (double& entry : root.reshaped()) entry = random.normal();
+      const Eigen::Matrix3d product = root * root.transpose();
+      stop.covariance = 0.5 * (product + product.transpose());  // symmetric to the last bit
+    }
     recording.stops.push_back(stop);
     if (random.index(2)) {
       recording.truth.stops.push_back(Pose2{random.normal(), random.normal(), random.uniform(-3.0, 3.0)});

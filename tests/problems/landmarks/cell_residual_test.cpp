@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
@@ -173,6 +174,21 @@ TEST(StopPriorResidual, HandWorkedValuesAndJacobian) {
     EXPECT_NEAR(r[i], expected[i], 1e-12);
     for (int j = 0; j < 4; ++j)
       EXPECT_NEAR(jacobian[4 * i + j], i < 2 && i == j ? 50.0 : i == 2 && j == 3 ? 100.0 : 0.0, 1e-9);
+  }
+  // Correlated errors: half the square of the residuals is e^T C^-1 e / 2, and their Jacobian is that of R e.
+  Eigen::Matrix3d Q;
+  Q << 1.5, 0.3, 0.4, 0.3, 0.5, -0.35, 0.4, -0.35, 1.0;
+  prior.shape = std::make_shared<const Eigen::Matrix3d>(Q);
+  const StopPriorResidual shaped(prior, 0.02, {prior.commanded, 4, true, 3});
+  ASSERT_EQ(shaped.residual_count(), 3);
+  shaped.evaluate(own, r, jacobian);
+  const Eigen::Vector3d z(2.0, -1.0, 3.0);  // e over its sigmas, as above
+  EXPECT_NEAR(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], z.dot(Q.inverse() * z), 1e-9);
+  for (int j = 0; j < 4; ++j) {
+    double moved[4] = {own[0], own[1], own[2], own[3]}, up[3];
+    moved[j] += 1.0;  // linear: one step is the derivative
+    shaped.evaluate(moved, up, nullptr);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(jacobian[4 * i + j], up[i] - r[i], 1e-9) << i << j;
   }
   prior.chained = true;
   EXPECT_EQ(StopPriorResidual(prior, 0.02, {prior.commanded, 4, true, 3}).residual_count(), 0);

@@ -13,7 +13,7 @@ namespace {
 /// One stop at the origin looking along x, one landmark of radius 0.1 m with its axis at (2, 0): d = 1.9 m.
 Recording one_landmark() {
   Recording recording;
-  recording.stops.push_back({"S", {0.0, 0.0, 0.0}, {}, {}, ""});
+  recording.stops.push_back({"S", {0.0, 0.0, 0.0}, {}, {}, "", {}});
   recording.landmarks.push_back({"A", 0.1, {}});
   Readings& r = recording.readings;
   r.stop = {0, 0};

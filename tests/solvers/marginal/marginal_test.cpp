@@ -226,6 +226,45 @@ TEST(Marginal, RowsAndCellsHaveTheSameOptimum) {
   EXPECT_NEAR(by_rows.state.sigma_theta_rad, by_cells.state.sigma_theta_rad, 1e-9);
 }
 
+TEST(Marginal, AWalkOfCorrelatedStepsIsCalibratedByItsOwnCovariance) {
+  // Odometry whose steps err three times as much in one direction, and whose slip turns it: landmarks are
+  // known as well as the covariance says, and worse where nothing but the sigmas of the same steps is told.
+  testing::SceneOptions options{
+      .stops = 20, .landmarks = 5, .repeats = 4, .sigma_s = 0.01, .sigma_heading = 0.01};
+  options.walk = options.turns = options.shaped = true;
+  const int repeats = 60;
+  double chi_sq = 0.0, error_sq = 0.0, plain_sq = 0.0;
+  for (int repeat = 0; repeat < repeats; ++repeat) {
+    testing::Scene scene = make_scene("correlated steps", options, static_cast<std::uint64_t>(repeat));
+    for (const bool shaped : {true, false}) {
+      if (!shaped)
+        for (StopPrior& prior : scene.problem.stops) prior.shape.reset();
+      const MarginalFit fit =
+          solve_marginal(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared));
+      ASSERT_TRUE(is_usable(fit.outcome)) << repeat << ": " << fit.reason;
+      ASSERT_TRUE(fit.covariance) << fit.covariance_reason;
+      // Landmarks relative to the first one: where the path begins is the stops' own error.
+      const int relative = 2 * (5 - 1);
+      Eigen::MatrixXd to_first = Eigen::MatrixXd::Zero(relative, fit.covariance->rows());
+      Eigen::VectorXd error(relative);
+      for (int l = 1; l < 5; ++l) {
+        to_first.block<2, 2>(2 * l - 2, 3 + 2 * l).setIdentity();
+        to_first.block<2, 2>(2 * l - 2, 3) = -Eigen::Matrix2d::Identity();
+        error.segment<2>(2 * l - 2) = fit.state.landmarks[l] - fit.state.landmarks[0] -
+                                      scene.truth.landmarks[l] + scene.truth.landmarks[0];
+      }
+      if (shaped)
+        chi_sq +=
+            error.dot((to_first * *fit.covariance * to_first.transpose()).llt().solve(error)) / relative;
+      (shaped ? error_sq : plain_sq) += error.squaredNorm();
+    }
+  }
+  // Mean of chi-square over its 60 * 8 degrees of freedom: standard deviation sqrt(2 / 480) = 0.065; four of
+  // them, and a tenth for what 100 cells leave of the sigmas.
+  EXPECT_NEAR(chi_sq / repeats, 1.0, 0.26 + 0.1);
+  EXPECT_LT(error_sq, 0.9 * plain_sq);
+}
+
 TEST(Marginal, SaysWhereTheStopsExplainOneNoise) {
   // One landmark from stops that may be 20 cm off: their errors explain ranges or bearings of a much better sensor, and the
   // likelihood draws a sigma to 0. The answer says so; where there is none it says why.

@@ -21,6 +21,7 @@ struct Drive {
   int stops = 300, repeats = 2;
   NoiseLaw law = NoiseLaw::f_squared;
   double sigma_e = 0.01, sigma_xy = 0.01, sigma_heading = 0.0;
+  bool shaped = false;  ///< each stop has a covariance of its own, of these sigmas
 };
 
 /// Stops on a Lissajous curve of 4 by 3 m, five cylinders about it, each seen from every stop.
@@ -33,6 +34,13 @@ Recording drive(const Drive& d, std::uint64_t repeat = 0) {
   for (int k = 0; k < d.stops; ++k)
     testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4),
                               d.sigma_heading > 0.0 ? 0.9 * k : 0.0});
+  for (std::size_t k = 0; d.shaped && k < scene.stops.size(); ++k) {
+    Eigen::Matrix3d Q;
+    const double s = k % 2 ? 0.4 : -0.4;
+    Q << 1.6, s, 0.3, s, 0.4, -0.2, 0.3, -0.2, 1.0;
+    const Eigen::Vector3d sigmas(d.sigma_xy, d.sigma_xy, d.sigma_heading);
+    scene.stops[k].covariance = sigmas.asDiagonal() * Q * sigmas.asDiagonal();
+  }
   for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
     scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.12, {}});
     scene.positions.emplace_back(x, y);
@@ -89,12 +97,15 @@ double largest_difference(const Calibration& ours, const Calibration& batch) {
 }
 
 TEST(RecursiveLandmarks, IsTheBatchAnswerWithinOneHundredthOfItsStandardDeviation) {
-  Drive headings, many, coarse;
+  Drive headings, many, coarse, shaped;
   headings.sigma_heading = 0.01;
   many.stops = 2000;
   coarse.sigma_xy = 0.03;
   coarse.sigma_e = 0.02;
-  std::vector<Drive> drives{{}, headings, many, coarse};
+  shaped.sigma_heading = 0.01;
+  shaped.sigma_xy = 0.03;
+  shaped.shaped = true;
+  std::vector<Drive> drives{{}, headings, many, coarse, shaped};
   for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_cubed, NoiseLaw::d_squared}) {
     drives.emplace_back();
     drives.back().law = law;
@@ -268,7 +279,10 @@ TEST(RecursiveLandmarks, ManyLandmarksGoWithoutTheThirdOrder) {
 }
 
 TEST(RecursiveLandmarks, StateIsSavedWholeAndGoesOnBitByBit) {
-  const Recording recording = drive({}, 70);
+  Drive shaped;
+  shaped.sigma_heading = 0.01;
+  shaped.shaped = true;
+  const Recording recording = drive(shaped, 70);
   RecursiveLandmarksOptions options;
   options.forget = 500.0;
   RecursiveLandmarks whole = after(recording, options);
@@ -292,6 +306,7 @@ TEST(RecursiveLandmarks, StateIsSavedWholeAndGoesOnBitByBit) {
                                  {"\"half_width\":", "\"half_width\":-"},
                                  {"\"opens_place\":true", "\"opens_place\":7"},
                                  {"\"reference\":[", "\"reference\":[1,"},
+                                 {"\"shape\":[", "\"shape\":[-"},
                                  {"\"block\":32", "\"block\":-1"}}) {
     std::string broken = state;
     ASSERT_NE(broken.find(what), std::string::npos) << what;

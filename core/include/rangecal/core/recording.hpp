@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
@@ -35,6 +36,9 @@ struct Stop {
   std::optional<double> sigma_xy_m;   ///< own column; otherwise the recording's
   std::optional<double> sigma_heading_rad;
   std::string place;                  ///< stops with the same non-empty place share one position error
+  /// In place of both sigmas: covariance of the error in (x, y, heading) [m^2, m rad, rad^2], in the world's frame; along
+  /// a random walk that of the step to this stop, in the frame of the stop before.
+  std::optional<Eigen::Matrix3d> covariance;
 };
 
 struct Landmark {
@@ -114,5 +118,17 @@ struct Recording {
   /// "arc" is which point of a cylinder's arc was taken for the range.
   std::map<std::string, std::string> extraction;
 };
+
+/// How far `stop` may be from its commanded place per axis [m]; of a covariance the root mean square of both axes.
+inline double sigma_xy_of(const Recording& recording, const Stop& stop) {
+  if (stop.covariance) return std::sqrt(0.5 * stop.covariance->topLeftCorner<2, 2>().trace());
+  return stop.sigma_xy_m.value_or(recording.sigma_xy_m);
+}
+
+/// The same of its heading [rad].
+inline double sigma_heading_of(const Recording& recording, const Stop& stop) {
+  if (stop.covariance) return std::sqrt((*stop.covariance)(2, 2));
+  return stop.sigma_heading_rad.value_or(recording.sigma_heading_rad);
+}
 
 }  // namespace rangecal

@@ -101,17 +101,18 @@ struct BearingSpreadResidual {
   bool evaluate(const double* sigmas, const double* log_floor, double* residuals, double* jacobian) const;
 };
 
-/// The prior of one stop that does not continue a random walk: (p - p_commanded) / sigma_s where its place
-/// opens with a free position, wrap(h - h_commanded) / sigma_h where its heading is free. One block: its
-/// place's.
+/// The prior of one stop that does not continue a random walk: R e, e = (p - p_commanded, wrap(h - h_commanded)),
+/// R^T R = C^-1; the rows of the position where it opens its place and is free, that of the heading where it is free. One
+/// block: its place's.
 struct StopPriorResidual {
   StopPriorResidual(const StopPrior& prior, double sigma_xy_m, const StopBlock& stop);
-  int residual_count() const { return (weight_xy > 0.0 ? 2 : 0) + (weight_heading > 0.0 ? 1 : 0); }
+  int residual_count() const { return (position ? 2 : 0) + (heading ? 1 : 0); }
   void evaluate(const double* own, double* residuals, double* jacobian) const;
 
   StopBlock stop;
   Pose2 commanded;
-  double weight_xy, weight_heading;  ///< 1 / sigma [1/m, 1/rad]; 0: no such residual
+  bool position = false, heading = false;
+  Eigen::Matrix3d root = Eigen::Matrix3d::Zero();  ///< R [1/m, 1/rad]; zero rows where there is no such residual
 };
 
 }  // namespace rangecal

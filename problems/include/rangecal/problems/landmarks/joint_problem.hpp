@@ -9,6 +9,7 @@
 
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/recording.hpp"
+#include "rangecal/problems/landmarks/stop_prior.hpp"
 
 namespace rangecal {
 
@@ -34,17 +35,6 @@ struct Cells {
   double bent(std::size_t i, double d) const { return bend.empty() ? 0.0 : bend[i] * (d - bend_at_m[i]); }
 };
 
-/// What is known beforehand about one stop.
-struct StopPrior {
-  Pose2 commanded;
-  double sigma_xy_m = 0.0;          ///< 0: the position is exact
-  double sigma_heading_rad = 0.0;   ///< 0: the heading is exact
-  int place = 0;                    ///< stops of one place share one position error; places are numbered in order
-  bool opens_place = true;          ///< the first stop of its place: the one whose position error has the prior
-  bool chained = false;             ///< random walk: the error adds to that of the stop before
-  int recording = 0;
-};
-
 /// The 2021 problem as the estimators see it: one sensor, all recordings of the job laid end to end.
 struct JointProblem {
   Cells cells;
@@ -65,7 +55,8 @@ struct JointProblem {
 enum class Grouping { cells, rows };
 
 /// Lays the recordings end to end and groups their readings. Throws InputError for a recording of kind pairs, for a place
-/// that is revisited under a random walk, and for a place of more stops (about 32 000 with headings of their own) than an
+/// that is revisited under a random walk, for a covariance that no error can have or that ties the heading of a stop that was
+/// turned where it stood to a step, and for a place of more stops (about 32 000 with headings of their own) than an
 /// int can index the block of. Cost: linear in the readings.
 JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping = Grouping::cells);
 
