@@ -91,8 +91,10 @@ int run(int argc, char** argv) {
   } catch (const CLI::Success& help_or_version) {
     return app.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
-    const auto commands = app.get_subcommands();   // those that the line named
-    complain(fmt::format("{}; see 'rangecal {}--help'", one_line(error.what()), commands.empty() ? "" : commands.front()->get_name() + " "));
+    std::string of;   // the command that the line named, and its own: "import lego "
+    for (auto named = app.get_subcommands(); !named.empty(); named = named.front()->get_subcommands())
+      of += named.front()->get_name() + " ";
+    complain(fmt::format("{}; see 'rangecal {}--help'", one_line(error.what()), of));
     return app::bad_input;
   }
   start_logging(argv[0], log_dir);

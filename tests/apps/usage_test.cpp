@@ -66,6 +66,7 @@ TEST(Usage, WrongUsageIsOneLineAndCodeTwo) {
   expect_bad_input("", {"subcommand", "see 'rangecal --help'"});
   expect_bad_input("calibrat", {"calibrat", "see 'rangecal --help'"});
   expect_bad_input("calibrate", {"RECORDING", "see 'rangecal calibrate --help'"});
+  expect_bad_input("import lego", {"DIR", "see 'rangecal import lego --help'"});
   expect_bad_input("calibrate --no-such-option x", {"no-such-option", "see 'rangecal calibrate --help'"});
   const std::string field = shipped("field-layout");
   expect_bad_input("calibrate " + field + " --method best", {"best", "marginal", "all"});
