@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/effect_estimates.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <numbers>
 #include <optional>
 
+#include "diagnosis/length_interval.hpp"
 #include "diagnosis/projector.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/working.hpp"
@@ -67,6 +69,42 @@ std::optional<Limits> profile_limits(const Rows& rows, const Fit& fit, std::size
   return Limits{low, high};
 }
 
+/// Limits of the effect's reported value v where it is a function of the length of a pair of parameters
+/// alone, an amplitude of a cosine and a sine: one that stays when the pair is turned. `widen`: factor on the
+/// standard deviations.
+std::optional<Limits> amplitude_limits(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
+                                       const Eigen::RowVectorXd& slopes, double widen) {
+  std::vector<Eigen::Index> own;
+  for (std::size_t a = 0; a < fit.free.size(); ++a)
+    if (fit.free[a].effect == static_cast<int>(effect) && fit.free[a].acts == FreeParameter::Acts::mean)
+      own.push_back(static_cast<Eigen::Index>(a));
+  const Eigen::VectorXd& p = fit.model[effect].parameters;
+  for (const Eigen::Index a : own)
+    for (const Eigen::Index b : own) {
+      if (a >= b) continue;
+      const int i = fit.free[static_cast<std::size_t>(a)].index,
+                j = fit.free[static_cast<std::size_t>(b)].index;
+      const Eigen::Vector2d pair(p[i], p[j]);
+      const auto value_at = [&](const Eigen::Vector2d& at) {
+        Eigen::VectorXd moved = p;
+        moved[i] = at.x(), moved[j] = at.y();
+        return fit.model[effect].effect->reported(rows.context, moved.data())[v].second;
+      };
+      const double value = value_at(pair), rounding = 1e-9 * std::abs(value);
+      const auto stays = [&](double angle) {
+        return std::abs(value_at(Eigen::Rotation2Dd(angle) * pair) - value) <= rounding;
+      };
+      if (!stays(1.0) || !stays(2.5) || std::abs(value_at(2.0 * pair) - value) <= rounding) continue;
+      for (Eigen::Index other = 0; other < slopes.size(); ++other)
+        if (other != a && other != b && slopes[other] != 0.0) return std::nullopt;
+      Eigen::Matrix2d C;
+      C << fit.covariance(a, a), fit.covariance(a, b), fit.covariance(b, a), fit.covariance(b, b);
+      const Limits length = length_interval(pair, widen * widen * C);
+      return Limits{value_at({length.low, 0.0}), value_at({length.high, 0.0})};
+    }
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
@@ -115,6 +153,10 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
       if (is_scale(active.effect->info(), values[v].first) && estimate.estimate > 0.0) {
         estimate.low95 = estimate.estimate * std::exp(-half / estimate.estimate);
         estimate.high95 = estimate.estimate * std::exp(half / estimate.estimate);
+      }
+      if (const auto own = amplitude_limits(rows, fit, e, v, row, quantile / z95)) {
+        estimate.low95 = own->low;
+        estimate.high95 = own->high;
       }
       if (const auto own = profile_limits(rows, fit, e, v, row)) {
         estimate.low95 = own->low;
