@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "commands.hpp"
 #include "comparison.hpp"
@@ -9,6 +11,7 @@
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/solvers/tilt/leaning.hpp"
 #include "report/report.hpp"
 #include "summary.hpp"
 #include "text.hpp"
@@ -16,9 +19,30 @@
 namespace rangecal::app {
 namespace {
 
+std::string tilt_page(const LeaningFit& fit) {
+  constexpr double degrees = 180.0 / std::numbers::pi;
+  std::string text = wrapped("Plane      " + fit.statement, 11) +
+                     fmt::format("\nGain       {:.1f} nats by the tilt", fit.tilt_gain);
+  text += fit.leans.empty() ? "\n" : fmt::format(", {:.1f} more by the leans\n", fit.lean_gain);
+  if (fit.tilt_seen)
+    text += fmt::format("Axis       level direction {:.0f} degrees in the sensor's frame +- {:.0f}\n",
+                        fit.axis.estimate * degrees, fit.axis.std_dev * degrees);
+  for (const LeanEstimate& lean : fit.leans) {
+    text += fmt::format("Lean       {}: ", lean.landmark);
+    text += lean.seen ? fmt::format(
+                            "{:.1f} degrees ({:.1f} to {:.1f}), slope ({:.3f}, {:.3f}) +- ({:.3f}, {:.3f})\n",
+                            lean.lean_rad * degrees, lean.low95_rad * degrees, lean.high95_rad * degrees,
+                            lean.slope.x(), lean.slope.y(), std::sqrt(lean.covariance(0, 0)),
+                            std::sqrt(lean.covariance(1, 1)))
+                      : std::string("not seen by this design\n");
+  }
+  return text;
+}
+
 struct CalibrateCommand {
   JobOptions job;
   std::string method = "marginal", from, json, report;
+  bool tilt = false;
 
   int run() const {
     CalibrateOptions options = job.parsed();
@@ -36,6 +60,7 @@ struct CalibrateCommand {
       probe(report);
     }
     const std::vector<Recording> recordings = load_recordings(job.recordings);
+    if (tilt) return out_of_the_plane(recordings, options);
     const CalibrationReport result = run_job(recordings, options);
     const Calibration& best = recommended(result);
     if (!json.empty()) save_calibrations(result.calibrations, json);
@@ -53,6 +78,21 @@ struct CalibrateCommand {
   }
 
  private:
+  int out_of_the_plane(const std::vector<Recording>& recordings, const CalibrateOptions& options) const {
+    if (method != "marginal" || !report.empty() || !from.empty())
+      throw InputError("--tilt goes with --method marginal, and without --from and --report");
+    LeaningOptions leaning;
+    leaning.calibrate = options;
+    const LeaningFit fit = fit_leaning(recordings, leaning);
+    if (fit.outcome != Outcome::converged) {
+      fmt::print("Outcome    {}: {}\n", to_string(fit.outcome), fit.reason);
+      return not_delivered;
+    }
+    if (!json.empty()) save_calibrations({fit.calibration}, json);
+    fmt::print("{}", tilt_page(fit));
+    return done;
+  }
+
   /// Says before the work begins that the file cannot be written, and leaves nothing behind.
   static void probe(const std::string& path) {
     if (file_exists(path)) return;
@@ -80,6 +120,9 @@ void add_calibrate(CLI::App& app, Action& chosen) {
                    "recommended), or all")
       ->capture_default_str();
   command->add_option("--from", state->from, "refine this calibration (JSON) and say what changed");
+  command->add_flag("--tilt", state->tilt,
+                    "estimate the tilt of the scan plane and the leans of the cylinders along, and say what "
+                    "this recording can see of them");
   command->add_option("--json", state->json, "write the calibration to this file");
   command->add_option("--report", state->report, "write a report to look at to this file: one HTML page that needs no network");
   command->footer(

@@ -6,20 +6,18 @@
 //
 //   tilt_accuracy [runs of each row, default 20] [lean of the cylinders in degrees, default 0]
 
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
 
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
-
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/polynomial.hpp"
-#include "rangecal/core/random.hpp"
-#include "rangecal/problems/world/physical/designs.hpp"
 #include "rangecal/problems/world/physical/simulate.hpp"
 #include "rangecal/solvers/calibrate/truth_score.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "tilted_worlds.hpp"
 
 namespace {
 
@@ -33,28 +31,9 @@ struct Run {
   bool covered = false;     ///< its 95 % interval holds the true one
 };
 
-/// Mean square over 0.5 to 4 m of the error in the corrected distance [m^2].
-double curve_error_sq(const world::OpticalSensor& s, const Calibration& c) {
-  double sum = 0.0;
-  for (int i = 0; i < 8; ++i) {
-    const double d = 0.5 + 0.5 * i;
-    const double x_mm = s.focal_mm * s.baseline_mm / (1e3 * d) - s.focal_mm * std::tan(s.laser_angle_rad) + s.detector_shift_mm;
-    const double f = 1e-3 * s.nominal_focal_mm * s.nominal_baseline_mm / x_mm + s.range_zero_m;
-    sum += std::pow((evaluate_polynomial(c.alpha, d) - f) / evaluate_derivative(c.alpha, d), 2) / 8.0;
-  }
-  return sum;
-}
-
 Run run_of(bool turning, double tilt_rad, double lean_rad, std::uint64_t repeat) {
   Random random(seed_from("tilt accuracy", {turning ? 1u : 0u, repeat}));
-  world::World world = vary(turning ? world::make_turning_design() : world::make_line_design(), random);
-  world.head.tilt_rad = tilt_rad;
-  world.head.tilt_axis_rad = random.uniform(-std::numbers::pi, std::numbers::pi);
-  Random directions(seed_from("tilt accuracy, lean", {turning ? 1u : 0u, repeat}));
-  for (world::Cylinder& cylinder : world.landmarks) {
-    cylinder.lean_rad = lean_rad;
-    cylinder.lean_azimuth_rad = directions.uniform(-std::numbers::pi, std::numbers::pi);
-  }
+  const world::World world = bench::tilted_world(turning, tilt_rad, lean_rad, repeat, random);
   const Recording recording = simulate(world, random.bits());
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
@@ -67,8 +46,8 @@ Run run_of(bool turning, double tilt_rad, double lean_rad, std::uint64_t repeat)
   if (!before.landmark_rmse_m || !after.landmark_rmse_m) return run;
   run.landmarks_seed = std::pow(*before.landmark_rmse_m, 2);
   run.landmarks_tilt = std::pow(*after.landmark_rmse_m, 2);
-  run.curve_seed = curve_error_sq(world.sensor, diagnosis.baseline);
-  run.curve_tilt = curve_error_sq(world.sensor, diagnosis.corrected);
+  run.curve_seed = bench::curve_error_sq(world.sensor, diagnosis.baseline);
+  run.curve_tilt = bench::curve_error_sq(world.sensor, diagnosis.corrected);
   run.gain = diagnosis.before.nll - diagnosis.after.nll;
   for (const EffectEstimate& e : diagnosis.explanations[0].parameters)
     if (e.name == "tilt.angle_rad") {
