@@ -54,11 +54,9 @@ struct CalibrateCommand {
       }
     }
     if (!from.empty()) options.from = load_calibration(from);
-    if (!json.empty()) probe(json);
-    if (!report.empty()) {
-      report::require_available();
-      probe(report);
-    }
+    require_writable(json);
+    if (!report.empty()) report::require_available();
+    require_writable(report);
     const std::vector<Recording> recordings = load_recordings(job.recordings);
     if (tilt) return out_of_the_plane(recordings, options);
     const CalibrationReport result = run_job(recordings, options);
@@ -91,13 +89,6 @@ struct CalibrateCommand {
     if (!json.empty()) save_calibrations({fit.calibration}, json);
     fmt::print("{}", tilt_page(fit));
     return done;
-  }
-
-  /// Says before the work begins that the file cannot be written, and leaves nothing behind.
-  static void probe(const std::string& path) {
-    if (file_exists(path)) return;
-    write_file(path, "");
-    std::remove(path.c_str());
   }
 
   /// marginal where it was asked for, else the last method asked for.

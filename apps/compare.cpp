@@ -15,6 +15,7 @@ namespace {
 
 int run(const JobOptions& job, const std::string& page) {
   if (!page.empty()) report::require_available();
+  require_writable(page);
   const std::vector<Recording> recordings = load_recordings(job.recordings);
   const CalibrationReport report = run_job(recordings, job.parsed());
   const Calibration* stops = nullptr;

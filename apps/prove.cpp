@@ -87,6 +87,7 @@ int prove_fresh(const ProveOptions& o) {
 
 /// All answers first, on disk before a key is opened.
 int prove_sealed(const ProveOptions& o) {
+  require_writable(o.out);
   std::vector<std::string> recordings;
   for (const std::string& folder : o.folders)
     for (const std::string& recording : proof::concealed_recordings(folder)) recordings.push_back(recording);

@@ -108,6 +108,27 @@ TEST(HostileFiles, PipesDevicesAndFoldersAreNamed) {
   EXPECT_EQ(count_of(slurp(folder.file("piped")), "\n"), 2);
 }
 
+TEST(HostileFiles, WhatCannotBeWrittenIsSaidBeforeTheWork) {
+  const TemporaryFolder folder;
+  const std::string rec = shipped("field-layout"), json = folder.file("kept.json");
+  for (const std::string command : {"diagnose ", "calibrate "})
+    for (const std::string path : {std::string("/nowhere/r.html"), folder.path()}) {
+      expect_refused(run(command + rec + " --json " + json + " --report " + path), path);
+      EXPECT_TRUE(files_in(folder.path()).empty());
+    }
+  expect_refused(run("compare " + rec + " --report " + folder.path()), folder.path());
+}
+
+TEST(HostileFiles, APipeTakesTheResultAndStaysAPipe) {
+  const TemporaryFolder folder;
+  const std::string fifo = folder.file("pipe");
+  const std::string line = "mkfifo " + fifo + "; cat " + fifo + " > " + folder.file("got") + " & sleep 0.1; timeout 60 " +
+                           RANGECAL_BINARY + " calibrate " + shipped("pairs-2016") + " --json " + fifo + " > /dev/null; wait";
+  ASSERT_EQ(std::system(("bash -c '" + line + "'").c_str()), 0);
+  EXPECT_EQ(slurp(folder.file("got")).substr(0, 1), "{");
+  EXPECT_TRUE(fs::is_fifo(fifo));
+}
+
 TEST(HostileFiles, FoldersWithoutPermission) {
   const TemporaryFolder folder;
   const std::string nobody = ::geteuid() == 0 ? "setpriv --reuid=65534 --regid=65534 --clear-groups" : "";

@@ -50,6 +50,13 @@ class Temporary {
   std::error_code ignored_;
 };
 
+/// A terminal, a device or a pipe: nothing can be put in its place.
+bool is_stream(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::is_other(path, ignored) || std::filesystem::is_character_file(path, ignored) ||
+         std::filesystem::is_fifo(path, ignored);
+}
+
 }  // namespace
 
 bool file_exists(const std::string& path) {
@@ -75,7 +82,19 @@ std::string read_file(const std::string& path, std::size_t most_bytes) {
   return text;
 }
 
-void write_file(const std::string& path, const std::string& text) { Temporary(path, text).put_in_place(); }
+void write_file(const std::string& path, const std::string& text) {
+  if (!is_stream(path)) return Temporary(path, text).put_in_place();
+  std::ofstream stream(path, std::ios::binary | std::ios::app);
+  if (!stream.write(text.data(), static_cast<std::streamsize>(text.size())).flush())
+    throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
+}
+
+void require_writable(const std::string& path) {
+  if (path.empty() || is_stream(path)) return;
+  const Temporary probe(path, "");
+  if (std::error_code ignored; std::filesystem::is_directory(path, ignored))
+    throw InputError(path, 0, "", "cannot be written: it is a folder");
+}
 
 void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files) {
   std::vector<Temporary> written;

@@ -13,9 +13,13 @@ namespace rangecal {
 /// pipe that nobody writes to, longer, or cannot be read.
 std::string read_file(const std::string& path, std::size_t most_bytes = std::size_t{1} << 30);
 
-/// Writes the text to a temporary beside `path` and renames it, so that the file is there whole or not at all.
-/// Throws InputError naming the file if it cannot be written.
+/// Writes the text to a temporary beside `path` and renames it, so that the file is there whole or not at all;
+/// a pipe or a device is written to. Throws InputError naming the file if it cannot be written.
 void write_file(const std::string& path, const std::string& text);
+
+/// Throws as `write_file` would if `path` cannot be written, before work of which it would take the result begins; leaves
+/// nothing behind. An empty path asks for nothing.
+void require_writable(const std::string& path);
 
 /// Several files of a folder, names and texts: all are written to temporaries before the first is renamed, so that a disk
 /// that is full leaves the folder as it was. Throws InputError naming the file.
