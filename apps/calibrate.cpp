@@ -21,8 +21,8 @@ namespace {
 
 std::string tilt_page(const LeaningFit& fit) {
   constexpr double degrees = 180.0 / std::numbers::pi;
-  std::string text = wrapped("Plane      " + fit.statement, 11) +
-                     fmt::format("\nGain       {:.1f} nats by the tilt", fit.tilt_gain);
+  std::string text = fmt::format("Plane      {}\n", wrapped(fit.statement, 11)) +
+                     fmt::format("Gain       {:.1f} nats by the tilt", fit.tilt_gain);
   text += fit.leans.empty() ? "\n" : fmt::format(", {:.1f} more by the leans\n", fit.lean_gain);
   if (fit.tilt_seen)
     text += fmt::format("Axis       level direction {:.0f} degrees in the sensor's frame +- {:.0f}\n",

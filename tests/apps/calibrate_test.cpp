@@ -69,6 +69,15 @@ TEST(CalibrateCommand, NoiseShapeOfLandmarksIsInPageAndFile) {
   EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json)));
 }
 
+TEST(CalibrateCommand, TiltSaysWhatTheDesignCannotSee) {
+  const RunResult line = run("calibrate " + shipped("field-layout") + " --tilt");
+  EXPECT_EQ(line.code, 0) << line.err;
+  EXPECT_THAT(line.out, testing::StartsWith("Plane      This design does not see a tilt of the plane"));
+  const RunResult refused = run("calibrate " + shipped("field-layout") + " --tilt --method full");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, testing::HasSubstr("--tilt goes with --method marginal"));
+}
+
 TEST(CalibrateCommand, AllMethodsInOneFile) {
   const TemporaryFolder folder;
   const std::string json = folder.file("cal.json");

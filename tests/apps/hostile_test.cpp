@@ -112,7 +112,7 @@ TEST(HostileFiles, WhatCannotBeWrittenIsSaidBeforeTheWork) {
   const TemporaryFolder folder;
   const std::string rec = shipped("field-layout"), json = folder.file("kept.json");
   for (const std::string command : {"diagnose ", "calibrate "})
-    for (const std::string path : {std::string("/nowhere/r.html"), folder.path()}) {
+    for (const std::string& path : {std::string("/nowhere/r.html"), folder.path()}) {
       expect_refused(run(command + rec + " --json " + json + " --report " + path), path);
       EXPECT_TRUE(files_in(folder.path()).empty());
     }
@@ -122,8 +122,9 @@ TEST(HostileFiles, WhatCannotBeWrittenIsSaidBeforeTheWork) {
 TEST(HostileFiles, APipeTakesTheResultAndStaysAPipe) {
   const TemporaryFolder folder;
   const std::string fifo = folder.file("pipe");
-  const std::string line = "mkfifo " + fifo + "; cat " + fifo + " > " + folder.file("got") + " & sleep 0.1; timeout 60 " +
-                           RANGECAL_BINARY + " calibrate " + shipped("pairs-2016") + " --json " + fifo + " > /dev/null; wait";
+  const std::string line = "mkfifo " + fifo + "; cat " + fifo + " > " + folder.file("got") +
+                           " & sleep 0.1; timeout 60 " + RANGECAL_BINARY + " calibrate " +
+                           shipped("pairs-2016") + " --json " + fifo + " > /dev/null; wait";
   ASSERT_EQ(std::system(("bash -c '" + line + "'").c_str()), 0);
   EXPECT_EQ(slurp(folder.file("got")).substr(0, 1), "{");
   EXPECT_TRUE(fs::is_fifo(fifo));

@@ -4,7 +4,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <boost/math/tools/toms748_solve.hpp>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 namespace rangecal::diagnosis {
@@ -34,13 +36,16 @@ Eigen::Vector2d likeliest(double r, const Eigen::Vector2d& x, const Eigen::Matri
 /// The length at which `below(length)` falls through `level`; it decreases from `from` on.
 template <typename Below>
 double crossing(const Below& below, double level, double from, double step) {
-  double low = from, high = from + step;
-  for (int i = 0; i < 60 && below(high) > level; ++i) low = high, high += step;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = 0.5 * (low + high);
-    (below(middle) > level ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+  double low = from, high = from + step, at_low = below(low) - level, at_high = below(high) - level;
+  for (int i = 0; i < 60 && at_high > 0.0; ++i)
+    low = high, at_low = at_high, high += step, at_high = below(high) - level;
+  if (!(at_low > 0.0)) return low;
+  if (!(at_high < 0.0)) return high;
+  std::uintmax_t evaluations = 60;
+  const auto [left, right] =
+      boost::math::tools::toms748_solve([&](double x) { return below(x) - level; }, low, high, at_low,
+                                        at_high, boost::math::tools::eps_tolerance<double>(35), evaluations);
+  return 0.5 * (left + right);
 }
 
 }  // namespace
