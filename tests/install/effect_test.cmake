@@ -10,6 +10,7 @@ foreach(part CMakeLists.txt LICENSE cmake core problems solvers)
 endforeach()
 run("${CMAKE_COMMAND}" -G "Unix Makefiles" -S "${copy}" -B "${WORK}/build"
     "-DCMAKE_CXX_COMPILER=${CXX}" "-DCMAKE_CXX_FLAGS=${CXX_FLAGS}" "-DCMAKE_BUILD_TYPE=${BUILD_TYPE}"
+    -DRANGECAL_PRECOMPILE=OFF  # a precompiled header would be newer than the objects
     -DRANGECAL_BUILD_APPS=OFF -DRANGECAL_BUILD_PYTHON=OFF -DRANGECAL_BUILD_TESTS=OFF -DRANGECAL_BUILD_BENCHMARKS=OFF)
 foreach(module core problems solvers)
   set(objects "${module}/CMakeFiles/rangecal_${module}.dir")
