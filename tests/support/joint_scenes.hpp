@@ -64,6 +64,25 @@ struct SceneVariants {
     f_cubed.law = NoiseLaw::f_cubed;
     constant.law = NoiseLaw::constant;
   }
+  /// All of them as cases of a test, `Case{name, options}`.
+  template <typename Case>
+  std::vector<Case> cases() const {
+    return {{"plain", plain},
+            {"headings", headings},
+            {"walk", walk},
+            {"walk_headings", walk_headings},
+            {"places", places},
+            {"polynomial", polynomial},
+            {"repeats", repeats},
+            {"walk_places", walk_places},
+            {"d_squared", d_squared},
+            {"f_cubed", f_cubed},
+            {"constant", constant},
+            {"shapes", shapes},
+            {"walk_shapes", walk_shapes},
+            {"plane_shapes", plane_shapes}};
+  }
+
   SceneOptions plain, headings, walk, walk_headings, walk_places, places, shapes, walk_shapes, plane_shapes,
       polynomial, repeats, d_squared, f_cubed, constant;
 };

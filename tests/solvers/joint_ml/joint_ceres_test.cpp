@@ -25,23 +25,11 @@ std::vector<Case> cases() {
   linear.law = NoiseLaw::f;
   linear.sigma_e = 0.05;
   exact.sigma_s = 0.0;
-  return {{"plain", s.plain},
-          {"headings", s.headings},
-          {"walk", s.walk},
-          {"walk_headings", s.walk_headings},
-          {"places", s.places},
-          {"polynomial", s.polynomial},
-          {"repeats", s.repeats},
-          {"walk_places", s.walk_places},
-          {"d_squared", s.d_squared},
-          {"f_cubed", s.f_cubed},
-          {"constant", s.constant},
-          {"linear", linear},
-          {"shapes", s.shapes},
-          {"walk_shapes", s.walk_shapes},
-          {"plane_shapes", s.plane_shapes},
-          {"exact_stops", exact},
-          {"taped", s.headings, true}};
+  std::vector<Case> all = s.cases<Case>();
+  all.push_back({"linear", linear});
+  all.push_back({"exact_stops", exact});
+  all.push_back({"taped", s.headings, true});
+  return all;
 }
 
 class JointCeresTest : public ::testing::TestWithParam<Case> {};

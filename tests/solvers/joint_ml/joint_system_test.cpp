@@ -26,23 +26,11 @@ struct Case {
 std::vector<Case> cases() {
   testing::SceneVariants s({.stops = 6, .landmarks = 4});
   s.repeats.law = NoiseLaw::f;
-  return {{"plain", s.plain},
-          {"headings", s.headings},
-          {"walk", s.walk},
-          {"walk_headings", s.walk_headings},
-          {"places", s.places},
-          {"polynomial", s.polynomial},
-          {"repeats", s.repeats},
-          {"walk_places", s.walk_places},
-          {"d_squared", s.d_squared},
-          {"f_cubed", s.f_cubed},
-          {"constant", s.constant},
-          {"sigma_s", s.headings, true},
-          {"walk_sigma_s", s.walk_headings, true},
-          {"shapes", s.shapes},
-          {"walk_shapes", s.walk_shapes},
-          {"plane_shapes", s.plane_shapes},
-          {"bent", s.walk_headings, false, true}};
+  std::vector<Case> all = s.cases<Case>();
+  all.push_back({"sigma_s", s.headings, true});
+  all.push_back({"walk_sigma_s", s.walk_headings, true});
+  all.push_back({"bent", s.walk_headings, false, true});
+  return all;
 }
 
 class JointSystemTest : public ::testing::TestWithParam<Case> {
