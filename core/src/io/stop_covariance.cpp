@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 
+#include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
 
 namespace rangecal {
@@ -37,6 +38,19 @@ StopCovariance stop_covariance(const CovarianceEntries& entries, double sigma_he
   result.matrix.emplace();
   *result.matrix << xx, xy, xh, xy, yy, yh, xh, yh, hh;
   return result;
+}
+
+const Eigen::Matrix3d& checked_covariance(const Stop& stop, const std::string& where) {
+  const StopCovariance checked = stop_covariance(covariance_entries(*stop.covariance), 0.0);
+  if (!checked.fault.empty())
+    throw InputError(where + ": " + covariance_columns[checked.at] + " " + checked.fault);
+  return *stop.covariance;
+}
+
+void require_turn_alone(const Stop& stop, const std::string& where) {
+  if (stop.covariance && !stop.covariance->topRightCorner<2, 1>().isZero(0.0))
+    throw InputError(where + " was turned where it stood, at place '" + stop.place +
+                     "': its heading cannot vary with a step; leave cov_xh_m_rad and cov_yh_m_rad empty");
 }
 
 CovarianceEntries covariance_entries(const Eigen::Matrix3d& c) {

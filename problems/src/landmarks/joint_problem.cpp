@@ -18,14 +18,6 @@ struct Offsets {
   int stop = 0, landmark = 0;
 };
 
-void take_covariance(const Recording& recording, const Stop& stop, StopPrior& prior) {
-  const StopCovariance checked = stop_covariance(covariance_entries(*stop.covariance), 0.0);
-  if (!checked.fault.empty())
-    throw InputError(recording.path + ": stop '" + stop.label + "': " + covariance_columns[checked.at] + " " +
-                     checked.fault);
-  set_covariance(*stop.covariance, prior);
-}
-
 void append_stops(const Recording& recording, int index, JointProblem& problem) {
   const bool walk = recording.stop_error == StopErrorModel::random_walk;
   std::map<std::string, int> places;
@@ -36,7 +28,8 @@ void append_stops(const Recording& recording, int index, JointProblem& problem) 
     prior.commanded = stop.commanded;
     prior.sigma_xy_m = sigma_xy_of(recording, stop);
     prior.sigma_heading_rad = sigma_heading_of(recording, stop);
-    if (stop.covariance) take_covariance(recording, stop, prior);
+    const std::string where = recording.path + ": stop '" + stop.label + "'";
+    if (stop.covariance) set_covariance(checked_covariance(stop, where), prior);
     prior.chained = walk && k > 0;
     prior.recording = index;
     const auto known = stop.place.empty() ? places.end() : places.find(stop.place);
@@ -47,15 +40,11 @@ void append_stops(const Recording& recording, int index, JointProblem& problem) 
       prior.place = known->second;
       prior.opens_place = false;
       if (walk && stop.place != previous_place)
-        throw InputError(recording.path + ": stop '" + stop.label + "' returns to place '" + stop.place +
+        throw InputError(where + " returns to place '" + stop.place +
                          "', which a random walk cannot do; use error: independent");
     }
-    if (!prior.opens_place && prior.shape) {
-      const Eigen::Matrix3d& Q = *prior.shape;
-      if (Q(0, 2) != 0.0 || Q(1, 2) != 0.0)
-        throw InputError(recording.path + ": stop '" + stop.label +
-                         "' was turned where it stood, at place '" + stop.place +
-                         "': its heading cannot vary with a step; leave cov_xh_m_rad and cov_yh_m_rad empty");
+    if (!prior.opens_place) {
+      require_turn_alone(stop, where);
       prior.shape.reset();
     }
     previous_place = stop.place;

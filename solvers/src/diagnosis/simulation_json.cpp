@@ -168,7 +168,11 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     if (s.contains(covariance_columns[0])) {
       CovarianceEntries entries;
       for (std::size_t i = 0; i < entries.size(); ++i) entries[i] = s.at(covariance_columns[i]).get<double>();
-      stop.covariance = stop_covariance(entries, 0.0).matrix;
+      const StopCovariance covariance = stop_covariance(entries, 0.0);
+      if (!covariance.fault.empty())
+        throw InputError(fmt::format("simulation: {} of stop '{}' {}", covariance_columns[covariance.at],
+                                     stop.label, covariance.fault));
+      stop.covariance = covariance.matrix;
     }
     r.stops.push_back(stop);
   }

@@ -66,10 +66,7 @@ StopPrior RecursiveLandmarks::prior_of(const Stop& stop) const {
   StopPrior prior;
   prior.commanded = stop.commanded;
   if (stop.covariance) {
-    const StopCovariance checked = stop_covariance(covariance_entries(*stop.covariance), 0.0);
-    if (!checked.fault.empty())
-      throw InputError("stop '" + stop.label + "': " + covariance_columns[checked.at] + " " + checked.fault);
-    set_covariance(*stop.covariance, prior);
+    set_covariance(checked_covariance(stop, "stop '" + stop.label + "'"), prior);
     return prior;
   }
   prior.sigma_xy_m = stop.sigma_xy_m.value_or(options_.sigma_xy_m);
@@ -90,10 +87,8 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
          cell < held_.cells.size(); ++cell)
       bearings_[static_cast<std::size_t>(held_.cells.landmark[cell])].add(line_of(cell));
   const bool same_place = !stop.place.empty() && !held_places_.empty() && held_places_.back() == stop.place;
-  if (same_place && prior.shape) {
-    if ((*prior.shape)(0, 2) != 0.0 || (*prior.shape)(1, 2) != 0.0)
-      throw InputError("stop '" + stop.label +
-                       "' was turned where it stood: its heading cannot vary with a step");
+  if (same_place) {
+    require_turn_alone(stop, "stop '" + stop.label + "'");
     prior.shape.reset();
   }
   if (!same_place && held_.stop_count() >= options_.block) sum_up();

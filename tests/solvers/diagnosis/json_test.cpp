@@ -129,6 +129,17 @@ TEST(SimulationLoop, JsonRoundTripGivesTheSameRecording) {
   EXPECT_THROW(simulation_model_from_json("not json", "d.json"), InputError);
 }
 
+TEST(SimulationLoop, TheCovarianceOfAStopIsReadBackOrRefused) {
+  SimulationModel model = of(eccentric(1)).simulation;
+  Stop& stop = model.recordings[0].stops[0];
+  stop.covariance = (Eigen::Matrix3d() << 4e-4, 1e-4, 0, 1e-4, 2e-4, 1e-5, 0, 1e-5, 1e-4).finished();
+  const auto read = [&] { return simulation_model_from_json(simulation_model_to_json(model), "d.json"); };
+  EXPECT_EQ(read().recordings[0].stops[0].covariance, stop.covariance);
+  (*stop.covariance)(0, 0) = -4e-4;
+  EXPECT_THAT([&] { read(); }, testing::ThrowsMessage<InputError>(HasSubstr(
+                                   "cov_xx_m2 of stop '" + stop.label + "' is not positive")));
+}
+
 TEST(SimulationLoop, TheRecordingDoesNotDepartFromItsOwnSimulation) {
   const Recording recording = eccentric(1);
   const std::vector<Recording> simulation = simulate(of(recording).simulation, 5);

@@ -31,6 +31,13 @@ struct StopCovariance {
 /// The first three entries go together; without the fourth the heading has `sigma_heading_rad` and no correlation.
 StopCovariance stop_covariance(const CovarianceEntries& entries, double sigma_heading_rad);
 
+/// The covariance that `stop` has. Throws InputError, which begins with `where`, if no error can have it.
+const Eigen::Matrix3d& checked_covariance(const Stop& stop, const std::string& where);
+
+/// Throws InputError, which begins with `where`, if the covariance of a stop that was turned where it stands ties its heading
+/// to a step: it has none.
+void require_turn_alone(const Stop& stop, const std::string& where);
+
 /// The entries of a covariance, as the columns have them.
 CovarianceEntries covariance_entries(const Eigen::Matrix3d& covariance);
 
