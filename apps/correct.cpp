@@ -130,20 +130,19 @@ class Posteriors {
     }
   }
 
+  /// What a row says of its prior: a bad one stops the command before it prints any.
+  void check(std::size_t i) const {
+    if (map_) prior_of(i);
+    if (time_ && table_->finite(i, *time_) < (i > 0 ? table_->finite(i - 1, *time_) : -HUGE_VAL))
+      table_->fail(i, *time_, "is earlier than the row before");
+  }
+
   void print(std::size_t i, double reading) {
     const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
-    DistancePrior prior = base_;
+    DistancePrior prior = map_ ? prior_of(i) : base_;
     double time = 0.0;
-    if (map_) {
-      const double mean = table_->number(i, map_->first).value_or(std::nan("")), sigma = table_->number(i, map_->second).value_or(std::nan(""));
-      if (std::isfinite(mean) && std::isfinite(sigma)) {
-        if (!(sigma > 0.0)) table_->fail(i, map_->second, "is not positive");
-        prior.components = {{1.0, mean, sigma, 0.0}};
-      }
-    }
     if (time_) {
       time = table_->finite(i, *time_);
-      if (before_ && time < last_time_) table_->fail(i, *time_, "is earlier than the row before");
       if (before_) prior = moved(*before_, base_, speed_ * (time - last_time_));
     }
     if (!(reading > 0.0) || !std::isfinite(reading)) {
@@ -169,6 +168,17 @@ class Posteriors {
   }
 
  private:
+  /// Of the map, where the row has one.
+  DistancePrior prior_of(std::size_t i) const {
+    DistancePrior prior = base_;
+    const double mean = table_->number(i, map_->first).value_or(std::nan("")),
+                 sigma = table_->number(i, map_->second).value_or(std::nan(""));
+    if (!std::isfinite(mean) || !std::isfinite(sigma)) return prior;
+    if (!(sigma > 0.0)) table_->fail(i, map_->second, "is not positive");
+    prior.components = {{1.0, mean, sigma, 0.0}};
+    return prior;
+  }
+
   void print(const std::string& field, const PosteriorTable::Row& row) const {
     std::vector<PosteriorRoot> roots;
     for (int i = 0; i < fast_->root_count(); ++i) roots.push_back({row.probability[i], row.root_m[i], row.root_std_dev_m[i], 0.0, 0.0});
@@ -214,6 +224,7 @@ struct CorrectCommand {
     if (prior.empty() && (!limits.empty() || speed != 0.0)) throw InputError("--limits and --speed say what a --prior is; there is none");
     if (!prior.empty()) {
       Posteriors posteriors(settings, prior, limits, speed, table ? &*table : nullptr, name);
+      for (std::size_t i = 0; i < readings.size(); ++i) posteriors.check(i);
       posteriors.expect(readings.size());
       fmt::print("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n");
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(i, readings[i]);

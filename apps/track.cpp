@@ -111,6 +111,9 @@ void add_track(CLI::App& app, Action& chosen) {
   command->add_option("--sigma-xy", state->job.sigma_xy_m, "how far a stop may be from its pose [m], where nothing else says")
       ->check(CLI::NonNegativeNumber)->capture_default_str();
   command->add_option("--sigma-heading", state->job.sigma_heading_rad, "the same of its heading [rad]")->check(CLI::NonNegativeNumber)->capture_default_str();
+  command->add_flag(
+      "--random-walk", state->job.random_walk,
+      "these are errors of the step from the stop before and add up (--stops: as the recording says)");
   command->add_option("--radius", state->job.radius_m, "radius of landmarks that nothing else says one of [m]")->check(CLI::NonNegativeNumber)->capture_default_str();
   command->add_option("--watch", state->job.watch, "watch for a change against --from; so many pairs lie between two false alarms (100000, say)")
       ->check(CLI::Range(100.0, 1e12));

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <unordered_map>
 
 #include "rangecal/core/errors.hpp"
@@ -50,15 +51,15 @@ class PairsLearner : public Learner {
 class LandmarksLearner : public Learner {
  public:
   LandmarksLearner(const TrackJob& job, const Columns& columns)
-      : calibrator_(options_of(job)), default_radius_m_(job.radius_m) {
+      : known_(recording_of(job)), calibrator_(options_of(job, known_)), default_radius_m_(job.radius_m) {
     if (job.approximate)
       throw InputError("--approximate is for pairs; readings of landmarks are calibrated by marginal");
     if (job.options.law == NoiseLaw::polynomial)
       throw InputError("--noise polynomial is for pairs; readings of landmarks have constant, f, f2, f3 or d2");
     if (job.watch > 0.0)
       throw InputError("--watch needs true distances; the stream has readings of landmarks");
-    if (!job.stops.empty()) {
-      know_stops(job.stops);
+    if (known_) {
+      know_stops(*known_);
     } else if (*std::min_element(columns.pose.begin(), columns.pose.end()) < 0) {
       throw InputError(
           "the stream has no columns x_m, y_m and heading_rad of the stops, and --stops names no recording");
@@ -72,6 +73,7 @@ class LandmarksLearner : public Learner {
     reading.range_m = row.reading_m;
     reading.bearing_rad = row.bearing_rad;
     reading.stop = stop_of(row);
+    if (calibrator_.options().random_walk && known_) pass_to(row.stop);
     const auto radius = radius_.find(row.landmark);
     reading.radius_m = radius == radius_.end() ? default_radius_m_ : radius->second;
     if (!std::isnan(row.radius_m)) reading.radius_m = row.radius_m;
@@ -98,49 +100,71 @@ class LandmarksLearner : public Learner {
     calibrator_ = RecursiveLandmarks::from_json(state.dump(), path);
     const RecursiveLandmarksOptions& saved = calibrator_.options();
     if (saved.order != now.order || saved.law != now.law || saved.forget != now.forget ||
-        saved.sigma_xy_m != now.sigma_xy_m || saved.sigma_heading_rad != now.sigma_heading_rad)
-      throw InputError(path +
-                       ": was made with another --order, --noise, --forget, --sigma-xy or --sigma-heading");
+        saved.sigma_xy_m != now.sigma_xy_m || saved.sigma_heading_rad != now.sigma_heading_rad ||
+        saved.random_walk != now.random_walk)
+      throw InputError(
+          path +
+          ": was made with another --order, --noise, --forget, --sigma-xy, --sigma-heading or --random-walk");
   }
 
  private:
-  static RecursiveLandmarksOptions options_of(const TrackJob& job) {
+  static std::optional<Recording> recording_of(const TrackJob& job) {
+    if (job.stops.empty()) return std::nullopt;
+    Recording recording = load_recording(job.stops);
+    if (recording.kind != RecordingKind::landmarks)
+      throw InputError(job.stops + ": is a recording of pairs, which has no stops");
+    if (recording.estimate_sigma_xy)
+      throw InputError(job.stops +
+                       ": sigma_xy_m: estimate needs the whole recording; use 'rangecal calibrate " +
+                       job.stops + " --method marginal'");
+    recording.readings = {};
+    return recording;
+  }
+
+  static RecursiveLandmarksOptions options_of(const TrackJob& job, const std::optional<Recording>& known) {
     RecursiveLandmarksOptions options;
     options.order = job.options.order;
     if (job.options.law != NoiseLaw::polynomial) options.law = job.options.law;   // refused below
     options.forget = job.options.forget;
     options.sigma_xy_m = job.sigma_xy_m;
     options.sigma_heading_rad = job.sigma_heading_rad;
+    options.random_walk = job.random_walk || (known && known->stop_error == StopErrorModel::random_walk);
+    if (options.random_walk && std::isfinite(options.forget))
+      throw InputError(
+          "--forget cannot be had along a random walk: the first stop alone tells where the landmarks are");
     return options;
   }
 
-  /// Poses, accuracies and radii of a recording's folder, by label.
-  void know_stops(const std::string& folder) {
-    const Recording recording = load_recording(folder);
-    if (recording.kind != RecordingKind::landmarks)
-      throw InputError(folder + ": is a recording of pairs, which has no stops");
-    if (recording.stop_error == StopErrorModel::random_walk)
-      throw InputError(
-          folder +
-          ": its stops are off by a random walk, which a stream cannot follow; use 'rangecal calibrate'");
-    if (recording.estimate_sigma_xy)
-      throw InputError(folder + ": sigma_xy_m: estimate needs the whole recording; use 'rangecal calibrate'");
-    for (Stop stop : recording.stops) {
+  /// Poses, accuracies and radii by label.
+  void know_stops(const Recording& recording) {
+    for (std::size_t k = 0; k < recording.stops.size(); ++k) {
+      Stop stop = recording.stops[k];
       if (!stop.covariance) {
         stop.sigma_xy_m = sigma_xy_of(recording, stop);
         stop.sigma_heading_rad = sigma_heading_of(recording, stop);
       }
+      number_[stop.label] = k;
       stops_[stop.label] = stop;
     }
     for (const Landmark& landmark : recording.landmarks) radius_[landmark.label] = landmark.radius_m;
-    folder_ = folder;
+  }
+
+  /// The steps to stops from which nothing was read count too, in the order of the recording.
+  void pass_to(const std::string& label) {
+    const std::string last = calibrator_.last_stop();
+    if (last == label) return;
+    const std::size_t next = number_.at(label), begin = last.empty() ? 0 : number_.at(last) + 1;
+    if (next < begin)
+      throw InputError("stop '" + label + "' comes after stop '" + last + "', which " + known_->path +
+                       " lists after it: a random walk goes in its order");
+    for (std::size_t k = begin; k < next; ++k) calibrator_.pass(stops_.at(known_->stops[k].label));
   }
 
   Stop stop_of(const StreamRow& row) const {
     Stop stop;
     if (!stops_.empty()) {
       const auto known = stops_.find(row.stop);
-      if (known == stops_.end()) throw InputError("stop '" + row.stop + "' is not in " + folder_);
+      if (known == stops_.end()) throw InputError("stop '" + row.stop + "' is not in " + known_->path);
       stop = known->second;
     }
     stop.label = row.stop;
@@ -163,10 +187,11 @@ class LandmarksLearner : public Learner {
     return stop;
   }
 
+  std::optional<Recording> known_;  ///< --stops, without its readings
   RecursiveLandmarks calibrator_;
   std::unordered_map<std::string, Stop> stops_;
+  std::unordered_map<std::string, std::size_t> number_;  ///< of a stop in the recording
   std::unordered_map<std::string, double> radius_;
-  std::string folder_;
   double default_radius_m_;
 };
 

@@ -19,6 +19,7 @@ struct TrackJob {
   bool follow = false, approximate = false;
   std::string stops;          ///< readings of landmarks: a recording whose stops and landmarks the stream names
   double sigma_xy_m = 0.01, sigma_heading_rad = 0.0, radius_m = 0.0;   ///< of stops and landmarks that do not say
+  bool random_walk = false;  ///< the stops' errors are those of the steps and add up
   int every = 1000;
   RecursiveOptions options;
 };

@@ -130,6 +130,16 @@ TEST_F(CorrectCommand, PosteriorSaysHowProbableEachRootIs) {
   const RunResult motion = run("correct " + json + " " + folder.file("motion.csv") + " --prior motion --speed 0.5");
   EXPECT_EQ(count_of(motion.out, ",1,ok,"), 2) << motion.out;
   EXPECT_EQ(run("correct " + json + " --prior map", "1.25\n").code, 2);
+  // a bad row after good ones: none of them is printed
+  for (const auto& [arguments, rows] :
+       {std::pair<std::string, std::string>{"map",
+                                            "reading_m,prior_m,prior_sigma_m\n1.25,1.0,0.1\n1.25,1.0,-0.1\n"},
+        {"motion --speed 0.5", "reading_m,time_s\n1.25,0.0\n1.25,1.0\n1.25,0.5\n"}}) {
+    const RunResult bad = run("correct " + json + " --prior " + arguments, rows);
+    EXPECT_EQ(bad.code, 2) << arguments;
+    EXPECT_EQ(bad.out, "") << arguments;
+    EXPECT_EQ(count_of(bad.err, "\n"), 1) << bad.err;
+  }
   EXPECT_EQ(run("correct " + json + " --prior motion " + folder.file("motion.csv")).code, 2);
   EXPECT_EQ(run("correct " + json + " --prior best", "1.25\n").code, 2);
   EXPECT_EQ(run("correct " + json + " --speed 1", "1.25\n").code, 2);

@@ -208,6 +208,74 @@ TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
   EXPECT_EQ(slurp(folder.file("b.csv")), corrected);
 }
 
+TEST(TrackCommand, FollowsARandomWalk) {
+  const TemporaryFolder folder;
+  const std::string rec = folder.file("rec");
+  std::string scene = slurp(RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml");
+  for (const auto& [what, by] : {std::pair<std::string, std::string>{"count: 10", "count: 60"},
+                                 {"step_m: 0.3", "step_m: 0.05"},
+                                 {"sigma_xy_m: 0.01", "sigma_xy_m: 0.004"},
+                                 {"sigma_heading_rad: 0.0", "sigma_heading_rad: 0.003"},
+                                 {"error: independent", "error: random_walk"},
+                                 {"repeats: 10", "repeats: 3"}})
+    scene.replace(scene.find(what), what.size(), by);
+  folder.write("scene.yaml", scene);
+  ASSERT_EQ(run("simulate " + folder.file("scene.yaml") + " -o " + rec + " --seed 5").code, 0);
+  std::istringstream all(slurp(rec + "/observations.csv"));  // nothing was read from stops 40 to 42
+  std::string read, line;
+  while (std::getline(all, line))
+    if (!line.starts_with("40,") && !line.starts_with("41,") && !line.starts_with("42,")) read += line + "\n";
+  folder.write("rec/observations.csv", read);
+  ASSERT_EQ(
+      run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json"))
+          .code,
+      0);
+  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec + " -o " +
+                               folder.file("a.csv") + " --json " + folder.file("a.json"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  const Calibration batch = load_calibration(folder.file("batch.json")),
+                    tracked = load_calibration(folder.file("a.json"));
+  ASSERT_EQ(tracked.outcome, Outcome::converged) << tracked.reason;
+  for (Eigen::Index i = 0; i < 3; ++i)
+    EXPECT_NEAR(tracked.alpha[i], batch.alpha[i], 0.01 * std::sqrt((*batch.alpha_covariance)(i, i)));
+  for (const std::size_t length : {read.size() / 3, read.size() * 4 / 5, read.size()}) {
+    folder.write("in.csv", read.substr(0, length));
+    const RunResult part = run("track " + folder.file("in.csv") + " --stops " + rec + " --every 40 -o " +
+                               folder.file("b.csv") + " --state " + folder.file("b.json"));
+    ASSERT_EQ(part.code, 0) << part.err;
+  }
+  EXPECT_EQ(slurp(folder.file("b.csv")), slurp(folder.file("a.csv")));
+  // A step is one from the stop before: the recording's order holds, and what is forgotten cannot tell where
+  // things are.
+  const RunResult back =
+      run("track --stops " + rec, "stop,landmark,range_m,bearing_rad\n5,A,1.0,0.1\n3,A,1.0,0.1\n");
+  EXPECT_THAT(back.err, HasSubstr("stop '3' comes after stop '5'"));
+  EXPECT_THAT(run("track --forget 100 --stops " + rec, read).err, HasSubstr("random walk"));
+  EXPECT_EQ(
+      run("track --forget 100 --random-walk", "stop,landmark,range_m,bearing_rad,x_m,y_m,heading_rad\n").code,
+      2);
+}
+
+TEST(TrackCommand, NamesTheBatchCommandThatEstimatesTheStops) {
+  const TemporaryFolder folder;
+  const std::string rec = folder.file("rec");
+  ASSERT_EQ(
+      run("simulate " RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml -o " + rec + " --seed 3")
+          .code,
+      0);
+  std::string header_text = slurp(rec + "/recording.yaml");
+  const std::size_t at = header_text.find("sigma_xy_m: ");
+  ASSERT_NE(at, std::string::npos);
+  header_text.replace(at, header_text.find_first_of(",\n}", at) - at, "sigma_xy_m: estimate");
+  folder.write("rec/recording.yaml", header_text);
+  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec);
+  EXPECT_EQ(result.code, 2);
+  EXPECT_EQ(result.out, "");
+  EXPECT_EQ(count_of(result.err, "\n"), 1);
+  EXPECT_THAT(result.err, HasSubstr("use 'rangecal calibrate " + rec + " --method marginal'"));
+  EXPECT_EQ(run("calibrate " + rec + " --method marginal").code, 0);
+}
+
 TEST(TrackCommand, RefusesLandmarksThatItCannotPlace) {
   const TemporaryFolder folder;
   const std::string header_line = "stop,landmark,range_m,bearing_rad";

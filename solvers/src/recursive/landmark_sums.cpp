@@ -34,19 +34,33 @@ std::array<double, SigmaGrid::side> lagrange(double u) {
 struct Curvature {
   MatrixXd beyond;
   std::vector<MatrixXd> third;
+  /// With a law of the first stop: what the mean of that moving along adds to the slope of 1/2 log det H_ss.
+  /// Like its part of `beyond`, which is left out, it is one stop's of a block: taken at one place of the
+  /// sigmas.
+  VectorXd slope;
+  std::vector<MatrixXd> law_bend, law_turn;  ///< of a random walk: D and E of the law of its last stop
 };
 
-/// Leaves the stops of `at` at their optimum.
-Curvature curvature_of(const JointProblem& problem, JointState& at) {
+/// Leaves the stops of `at` at their optimum. `start`: of `problem`, or null.
+Curvature curvature_of(const JointProblem& problem, JointState& at, WalkStart* start, const SigmaGrid& grid) {
   const int alphas = static_cast<int>(at.alpha.size());
   JointSystem system(problem, alphas, 1);
   int evaluations = 0;
   const Eigen::Index phis = system.layout().phi_count;
-  Curvature none{MatrixXd::Zero(phis, phis), {}};
+  Curvature none{MatrixXd::Zero(phis, phis), {}, VectorXd::Zero(phis), {}, {}};
+  const VectorXd weights = grid.weights(log_sigmas_of(at));
+  if (start && !start->set(weights, phi_of(at))) return none;
   const bool third = phis <= LandmarkSums::most_cubed;
   if (third) none.third.assign(static_cast<std::size_t>(phis), MatrixXd::Zero(phis, phis));
   if (!std::isfinite(settle_stops(system, at, evaluations))) return none;
   Curvature result = none;
+  if (system.layout().chained) {
+    const LastPose law = law_of_last(system, at, start);
+    result.law_bend.assign(static_cast<std::size_t>(phis), 0.0 * law.covariance[0]);
+    result.law_turn.assign(static_cast<std::size_t>(phis), 0.0 * law.slope[0]);
+  }
+  if (start)
+    result.slope = -system.log_det_gradient(at).head(phis) - start->share(system, at).log_det_gradient;
   std::vector<char> seen(static_cast<std::size_t>(phis), 0);
   std::fill(seen.begin(), seen.begin() + alphas, 1);
   for (const int l : problem.cells.landmark)
@@ -69,11 +83,21 @@ Curvature curvature_of(const JointProblem& problem, JointState& at) {
   for (Eigen::Index i = 0; i < phis; ++i) {
     if (!seen[static_cast<std::size_t>(i)]) continue;
     for (const double side : {1.0, -1.0}) {
+      if (start && !start->set(weights, phi_of(*next))) return none;
       if (!std::isfinite(settle_stops(system, *next, evaluations))) return none;
       const double share = side / (2.0 * step_of(i));
       result.beyond.col(i) += share * system.log_det_gradient(*next).head(phis);
-      if (third)
-        result.third[static_cast<std::size_t>(i)] += share * system.schur().topLeftCorner(phis, phis);
+      if (start) result.slope[i] += share * 0.5 * system.log_det_stops();
+      if (system.layout().chained) {
+        const LastPose law = law_of_last(system, *next, start);
+        result.law_bend[static_cast<std::size_t>(i)] += share * law.covariance[0];
+        result.law_turn[static_cast<std::size_t>(i)] += share * law.slope[0];
+      }
+      if (third) {
+        MatrixXd& along_i = result.third[static_cast<std::size_t>(i)];
+        along_i += share * system.schur().topLeftCorner(phis, phis);
+        if (start) along_i += share * start->share(system, *next).schur;
+      }
       ++next;
     }
   }
@@ -120,6 +144,7 @@ void LandmarkSums::grow(const VectorXd& whole_reference) {
   };
   for (MatrixXd& h : hessian) larger(h);
   larger(beyond);
+  if (last_pose) last_pose->grow(size);
   for (MatrixXd& t : third) larger(t);
   if (size > most_cubed)
     third.clear();
@@ -135,6 +160,7 @@ void LandmarkSums::add(const LandmarkSums& other) {
   }
   beyond += other.beyond;
   for (std::size_t i = 0; i < third.size(); ++i) third[i] += other.third[i];
+  last_pose = other.last_pose;
 }
 
 void LandmarkSums::scale(double factor) {
@@ -155,6 +181,11 @@ void LandmarkSums::follow(const Vector2d& log_sigmas) {
     moved.value[q] = there.value;
     moved.gradient[static_cast<std::size_t>(q)] = std::move(there.gradient);
     moved.hessian[static_cast<std::size_t>(q)] = std::move(there.hessian);
+    if (!last_pose) continue;
+    LastPose law = last_pose->at(grid.weights(moved.grid.node(q)));
+    moved.last_pose->mean[static_cast<std::size_t>(q)] = std::move(law.mean[0]);
+    moved.last_pose->slope[static_cast<std::size_t>(q)] = std::move(law.slope[0]);
+    moved.last_pose->covariance[static_cast<std::size_t>(q)] = std::move(law.covariance[0]);
   }
   *this = std::move(moved);
 }
@@ -171,15 +202,24 @@ LandmarkSums::At LandmarkSums::at(const Vector2d& log_sigmas) const {
 }
 
 std::optional<LandmarkSums> expand_stops(const JointProblem& problem, JointState& state,
-                                         const SigmaGrid& grid, const VectorXd& reference) {
+                                         const SigmaGrid& grid, const VectorXd& reference,
+                                         const LastPose* first) {
   LandmarkSums sums;
   sums.grid = grid;
   sums.reference = reference;
   sums.value.resize(SigmaGrid::nodes);
-  const VectorXd offset = reference - phi_of(state);
-  JointSystem system(problem, static_cast<int>(state.alpha.size()), 1);
+  const VectorXd phi = phi_of(state), offset = reference - phi;
+  JointProblem with_law;
+  std::optional<WalkStart> start;
+  if (first) {
+    with_law = problem;
+    start.emplace(with_law, *first, reference);
+  }
+  const JointProblem& own = first ? with_law : problem;
+  Curvature curvature = curvature_of(own, state, start ? &*start : nullptr, grid);
+  JointSystem system(own, static_cast<int>(state.alpha.size()), 1);
   const Eigen::Index phis = system.layout().phi_count;
-  Curvature curvature = curvature_of(problem, state);
+  if (system.layout().chained && curvature.law_bend.empty()) return std::nullopt;
   sums.beyond = std::move(curvature.beyond);
   sums.third = std::move(curvature.third);
   const MatrixXd bend = along(sums.third, offset);
@@ -189,10 +229,29 @@ std::optional<LandmarkSums> expand_stops(const JointProblem& problem, JointState
     const Vector2d sigmas = grid.node(q).array().exp();
     at.noise.parameters[0] = sigmas.x();
     at.sigma_theta_rad = sigmas.y();
+    if (start && !start->set(VectorXd::Unit(SigmaGrid::nodes, q), phi)) return std::nullopt;
     const double joint = settle_stops(system, at, evaluations);
     if (!std::isfinite(joint)) return std::nullopt;
-    const VectorXd g = (system.reduced_gradient() + system.log_det_gradient(at)).head(phis);
-    const MatrixXd H = system.schur().topLeftCorner(phis, phis) + sums.beyond;
+    VectorXd g = (system.reduced_gradient() + system.log_det_gradient(at)).head(phis);
+    MatrixXd H = system.schur().topLeftCorner(phis, phis) + sums.beyond;
+    if (start) {
+      const WalkStart::Share share = start->share(system, at);
+      g += share.gradient + share.log_det_gradient + curvature.slope;
+      H += share.schur;
+    }
+    if (system.layout().chained) {
+      LastPose law = law_of_last(system, at, start ? &*start : nullptr);
+      law.bend = curvature.law_bend;
+      law.turn = curvature.law_turn;
+      law = law.moved(offset);
+      if (!sums.last_pose) {
+        sums.last_pose = std::move(law);
+      } else {
+        sums.last_pose->mean.push_back(std::move(law.mean[0]));
+        sums.last_pose->slope.push_back(std::move(law.slope[0]));
+        sums.last_pose->covariance.push_back(std::move(law.covariance[0]));
+      }
+    }
     sums.value[q] = laplace_nll(system, joint) + g.dot(offset) + 0.5 * offset.dot(H * offset) +
                     offset.dot(bend * offset) / 6.0;
     sums.gradient.push_back(g + H * offset + 0.5 * bend * offset);
@@ -329,6 +388,10 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vec
   fit.hessian(phis, phis + 1) = fit.hessian(phis + 1, phis) =
       (corner(h, h) + corner(-h, -h) - corner(h, -h) - corner(-h, h)) / (4.0 * h * h);
   return fit;
+}
+
+Vector2d log_sigmas_of(const JointState& state) {
+  return {std::log(state.noise.parameters[0]), std::log(state.sigma_theta_rad)};
 }
 
 VectorXd phi_of(const JointState& state) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "rangecal/problems/landmarks/joint_problem.hpp"
+#include "recursive/last_pose.hpp"
 
 namespace rangecal {
 
@@ -30,7 +31,8 @@ struct SigmaGrid {
 /// L_q the Lagrange polynomials of the grid's nodes. A sigma enters the likelihood of N readings by factors
 /// e^(-2 log sigma), which six nodes over +- 0.4 give to 1e-5; over the distance of a standard deviation the
 /// likelihood is a quadratic in phi but for a percent, which the third order takes in. Stops of independent
-/// errors add up, whatever their expansion points: all are told about the same phi_0.
+/// errors add up, whatever their expansion points: all are told about the same phi_0. So do the blocks of a
+/// random walk, each given the readings before it: what ties it to them is last_pose.
 struct LandmarkSums {
   SigmaGrid grid;
   Eigen::VectorXd reference;              ///< phi_0
@@ -42,11 +44,12 @@ struct LandmarkSums {
   static constexpr Eigen::Index most_cubed = 64;
   Eigen::MatrixXd
       beyond;  ///< what 1/2 log det H_ss has in every H_q; REML's A is H_q without it, as in solve_marginal
+  std::optional<LastPose> last_pose;  ///< of a random walk: where it has come to
 
   /// Landmarks that were not there before begin at these values of phi, without information.
   void grow(const Eigen::VectorXd& whole_reference);
-  void add(const LandmarkSums& other);  ///< of the same grid and phi_0
-  void scale(double factor);
+  void add(const LandmarkSums& other);  ///< of the same grid and phi_0, and of the stops that follow
+  void scale(double factor);            ///< of what was said of phi; where the walk has come to stays known
   /// Moves the grid to where the sigmas are, once they have left its middle; extrapolates by half its width
   /// at most.
   void follow(const Eigen::Vector2d& log_sigmas);
@@ -59,11 +62,12 @@ struct LandmarkSums {
   At at(const Eigen::Vector2d& log_sigmas) const;
 };
 
-/// The sums of all stops of `problem` (independent errors, power law of the noise) expanded at `state`, whose
-/// stops move to their optimum. None where they have none at one of the nodes. Cost: some 100 assemblies of
-/// the problem.
+/// The sums of all stops of `problem` (power law of the noise) expanded at `state`, whose stops move to their
+/// optimum. None where they have none at one of the nodes. `first`: the law of the first stop, where that
+/// goes on from a random walk summed up before. Cost: some 100 assemblies of the problem.
 std::optional<LandmarkSums> expand_stops(const JointProblem& problem, JointState& state,
-                                         const SigmaGrid& grid, const Eigen::VectorXd& reference);
+                                         const SigmaGrid& grid, const Eigen::VectorXd& reference,
+                                         const LastPose* first = nullptr);
 
 /// Where the sums are lowest as `marginal` has it: phi at its best for the sigmas, the sigmas by REML.
 struct SumsFit {
@@ -79,5 +83,7 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Eig
 
 /// (alpha, landmarks) of a state.
 Eigen::VectorXd phi_of(const JointState& state);
+/// (log sigma_e, log sigma_theta) of a state.
+Eigen::Vector2d log_sigmas_of(const JointState& state);
 
 }  // namespace rangecal

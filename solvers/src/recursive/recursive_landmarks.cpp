@@ -25,6 +25,20 @@ void count_up(int& count, int by = 1) {
 /// Stops without an optimum are held until there are so many blocks of them; then they are left out.
 constexpr int most_blocks = 4;
 
+JointProblem with_first_exact(JointProblem problem) {
+  problem.stops[0].sigma_xy_m = problem.stops[0].sigma_heading_rad = 0.0;
+  problem.stops[0].shape.reset();
+  return problem;
+}
+
+/// Covariance of the pose after a further step of a random walk, as stop_variances() has it.
+Eigen::Matrix3d walk_on(const Eigen::Matrix3d& before, const StopPrior& step, double heading_before_rad) {
+  Eigen::Matrix3d P = covariance_of(step, step.sigma_xy_m), turn = Eigen::Matrix3d::Identity();
+  if (!step.opens_place) P.topLeftCorner<2, 2>().setZero();  // turned, not moved
+  if (step.shape) turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(heading_before_rad).toRotationMatrix();
+  return before + turn * P * turn.transpose();
+}
+
 }  // namespace
 
 void RecursiveLandmarksOptions::check() const {
@@ -39,6 +53,9 @@ void RecursiveLandmarksOptions::check() const {
   if (!(sigma_theta_rad > 0.0 && std::isfinite(sigma_theta_rad)))
     refuse(fmt::format("sigma_theta_rad = {} is not positive", sigma_theta_rad));
   if (!(forget > 0.0)) refuse(fmt::format("forget = {} is not a positive time constant", forget));
+  if (random_walk && std::isfinite(forget))
+    refuse(
+        "forget: along a random_walk the first stop tells where the landmarks are and cannot be forgotten");
   if (block < 8 || block > 10000) refuse(fmt::format("block = {} is outside of 8 .. 10000", block));
 }
 
@@ -58,6 +75,19 @@ void RecursiveLandmarks::clear_held() {
   held_.cells.stop_begin = {0};
   held_labels_.clear();
   held_places_.clear();
+  anchored_ = false;
+}
+
+/// After sums that end in a stop of a random walk: it is the first of those held, with no reading of its own.
+void RecursiveLandmarks::hold_last_pose() {
+  const std::string label = held_labels_.back(), place = held_places_.back();
+  StopPrior prior;  // its law is that of LastPose, wherever it is expanded
+  prior.commanded = held_.stops.back().commanded;
+  prior.sigma_xy_m = sums_->last_pose->free_position ? 1.0 : 0.0;
+  prior.sigma_heading_rad = sums_->last_pose->free_heading ? 1.0 : 0.0;
+  clear_held();
+  hold(label, prior, &place);
+  anchored_ = true;
 }
 
 StopPrior RecursiveLandmarks::prior_of(const Stop& stop) const {
@@ -90,10 +120,27 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
   if (same_place) {
     require_turn_alone(stop, "stop '" + stop.label + "'");
     prior.shape.reset();
+  } else if (options_.random_walk && !stop.place.empty() &&
+             std::find(held_places_.begin(), held_places_.end(), stop.place) != held_places_.end()) {
+    throw InputError("stop '" + stop.label + "' returns to place '" + stop.place +
+                     "', which a random walk cannot do");
   }
-  if (!same_place && held_.stop_count() >= options_.block) sum_up();
+  if (!same_place && own_stops() >= options_.block) sum_up();
+  prior.chained = options_.random_walk && !held_labels_.empty();
+  prior.opens_place = !same_place;
+  if (prior.chained) {
+    walked_ = walk_on(walked_, prior, held_.stops.back().commanded.heading_rad);
+  } else if (options_.random_walk) {
+    walked_ = first_covariance_ = covariance_of(prior, prior.sigma_xy_m);
+    first_position_m_ = {prior.commanded.x_m, prior.commanded.y_m};
+  }
   hold(stop.label, prior, same_place ? nullptr : &stop.place);
   ++stops_;
+}
+
+void RecursiveLandmarks::pass(const Stop& stop) {
+  if (!options_.random_walk || (!held_labels_.empty() && held_labels_.back() == stop.label)) return;
+  open_stop(stop);
 }
 
 void RecursiveLandmarks::hold(const std::string& label, StopPrior prior, const std::string* new_place) {
@@ -170,8 +217,8 @@ RecursiveBearings::Line RecursiveLandmarks::line_of(std::size_t cell) const {
   const double phi = stop.commanded.heading_rad + c.bearing_mean[cell],
                d = c.range_mean[cell] + c.radius_m[cell];
   double sigma_s = stop.sigma_xy_m, sigma_heading = stop.sigma_heading_rad;
-  if (stop.shape) {  // what the stop moves the line by, its turn included
-    const StopVariance variance{covariance_of(stop, stop.sigma_xy_m)};
+  if (stop.shape || options_.random_walk) {  // what the stop moves the line by, its turn included
+    const StopVariance variance{options_.random_walk ? walked_ : covariance_of(stop, stop.sigma_xy_m)};
     sigma_s = std::sqrt(variance.off_line({std::sin(phi), -std::cos(phi)}, d));
     sigma_heading = 0.0;
   }
@@ -196,6 +243,11 @@ std::vector<LandmarkFromBearings> RecursiveLandmarks::from_bearings() const {
 }
 
 void RecursiveLandmarks::sum_up() {
+  if (!sum_up_held() && own_stops() >= most_blocks * options_.block) drop_held();
+}
+
+/// False where the stops held have no optimum, or none of them has a reading.
+bool RecursiveLandmarks::sum_up_held() {
   Answer found = answer(options_.columns() - 1);
   std::optional<LandmarkSums> block;
   if (found.outcome == Outcome::converged && sums_) {
@@ -204,23 +256,11 @@ void RecursiveLandmarks::sum_up() {
     SigmaGrid grid;
     grid.centre = found.log_sigmas;
     grid.half_width = std::clamp(6.0 * std::sqrt(found.covariance->diagonal().tail<2>().maxCoeff()), 0.3, 0.6);
-    block = expand_stops(held_, found.state, grid, phi_of(found.state));
+    block = expand_stops(options_.random_walk ? with_first_exact(held_) : held_, found.state, grid,
+                         phi_of(found.state));
   }
-  if (!block) {
-    if (held_.stop_count() < most_blocks * options_.block) return;
-    int& dropped = counts_.dropped["stops without an optimum"];
-    count_up(dropped, static_cast<int>(std::min(held_.readings, 2e9)));
-    counts_.used = std::max(0, counts_.used - static_cast<int>(std::min(held_.readings, 2e9)));
-    clear_held();
-    // landmarks that only these stops saw are forgotten with them
-    const std::size_t known = sums_ ? last_->landmarks.size() : 0;
-    labels_.resize(known);
-    bearings_.resize(known);
-    held_.landmark_radius_m.resize(known);
-    held_.landmark_recording.resize(known);
-    return;
-  }
-  const double stops = static_cast<double>(held_.stop_count()), kept = std::exp(-stops / options_.forget);
+  if (!block) return false;
+  const double stops = own_stops(), kept = std::exp(-stops / options_.forget);
   if (sums_) {
     sums_->grow(block->reference);
     if (kept < 1.0) sums_->scale(kept);
@@ -234,11 +274,35 @@ void RecursiveLandmarks::sum_up() {
   std::tie(low_m_, high_m_) = distances_of(held_, found.state, low_m_, high_m_);
   last_ = found.state;
   last_->stops.clear();
-  clear_held();
+  options_.random_walk ? hold_last_pose() : clear_held();
+  return true;
+}
+
+void RecursiveLandmarks::drop_held() {
+  if (held_.readings > 0.0)
+    count_up(counts_.dropped["stops without an optimum"], static_cast<int>(std::min(held_.readings, 2e9)));
+  counts_.used = std::max(0, counts_.used - static_cast<int>(std::min(held_.readings, 2e9)));
+  // landmarks that only these stops saw are forgotten with them
+  const std::size_t known = sums_ ? last_->landmarks.size() : 0;
+  labels_.resize(known);
+  bearings_.resize(known);
+  held_.landmark_radius_m.resize(known);
+  held_.landmark_recording.resize(known);
+  std::optional<LandmarkSums> steps;
+  if (anchored_) {  // the steps were made all the same
+    held_.cells = Cells{};
+    held_.cells.stop_begin.assign(held_.stops.size() + 1, 0);
+    held_.readings = 0.0;
+    JointState state = start_of_held();
+    steps = expand_stops(held_, state, sums_->grid, sums_->reference, &*sums_->last_pose);
+  }
+  if (!steps) return clear_held();
+  sums_->last_pose = std::move(steps->last_pose);
+  hold_last_pose();
 }
 
 double RecursiveLandmarks::effective_stops() const {
-  const double w = sum_w_ + held_.stop_count(), w_sq = sum_w_sq_ + held_.stop_count();
+  const double w = sum_w_ + own_stops(), w_sq = sum_w_sq_ + own_stops();
   return w_sq > 0.0 ? w * w / w_sq : 0.0;
 }
 

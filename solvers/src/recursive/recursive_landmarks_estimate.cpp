@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <tuple>
 
+#include "marginal/laplace.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -42,6 +44,15 @@ std::optional<JointState> start_of(const JointProblem& problem, int order, Noise
   return best;
 }
 
+void append_cell(const Cells& from, std::size_t i, Cells& to) {
+  to.stop.push_back(0);
+  to.landmark.push_back(from.landmark[i]);
+  for (const auto column :
+       {&Cells::count, &Cells::range_weight, &Cells::bearing_weight, &Cells::range_mean,
+        &Cells::range_mean_square, &Cells::bearing_mean, &Cells::bearing_mean_square, &Cells::radius_m})
+    (to.*column).push_back((from.*column)[i]);
+}
+
 /// d with f(d) = y, from d = y by Newton's method; y where that leads nowhere.
 double inverted(const VectorXd& alpha, double y) {
   double d = y;
@@ -51,6 +62,37 @@ double inverted(const VectorXd& alpha, double y) {
     d -= (evaluate_polynomial(alpha, d) - y) / slope;
   }
   return d > 0.2 * y && d < 5.0 * y ? d : y;
+}
+
+/// Stop after stop of a random walk from where the one before was found, by what it sees of the landmarks of
+/// `state`: the commanded path alone drifts away from them within a block.
+void find_stops(const JointProblem& walk, JointState& state) {
+  const Cells& c = walk.cells;
+  const auto known = static_cast<int>(state.landmarks.size());
+  for (std::size_t k = 1; k < walk.stops.size(); ++k) {
+    Pose2& pose = state.stops[k];
+    pose = commanded_step(walk, state.stops[k - 1], k);
+    if (!walk.stops[k].opens_place) continue;
+    JointProblem one;
+    one.stops = {walk.stops[k]};
+    one.stops[0].commanded = pose;
+    one.stops[0].place = 0;
+    one.stops[0].chained = false;
+    one.stops[0].shape.reset();
+    one.place_count = 1;
+    one.sigma_s_shared = {0};
+    one.landmark_radius_m.assign(walk.landmark_radius_m.begin(), walk.landmark_radius_m.begin() + known);
+    one.landmark_recording.assign(one.landmark_radius_m.size(), 0);
+    for (int i = c.stop_begin[k]; i < c.stop_begin[k + 1]; ++i)
+      if (c.landmark[static_cast<std::size_t>(i)] < known)
+        append_cell(c, static_cast<std::size_t>(i), one.cells);
+    one.cells.stop_begin = {0, static_cast<int>(one.cells.size())};
+    JointState at = state;
+    at.stops = {pose};
+    JointSystem system(one, static_cast<int>(at.alpha.size()), 1);
+    int evaluations = 0;
+    if (std::isfinite(settle_stops(system, at, evaluations))) pose = at.stops[0];
+  }
 }
 
 void put(JointState& state, const VectorXd& phi, const Eigen::Vector2d& log_sigmas) {
@@ -150,20 +192,27 @@ RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(int order) const {
   answer.state = fit.state;
   answer.nll = fit.marginal_nll;
   answer.covariance = fit.covariance;
-  answer.log_sigmas = {std::log(fit.state.noise.parameters[0]), std::log(fit.state.sigma_theta_rad)};
+  answer.log_sigmas = log_sigmas_of(fit.state);
   return answer;
 }
 
 JointState RecursiveLandmarks::start_of_held() const {
   JointState state = *last_;
-  for (const StopPrior& prior : held_.stops) state.stops.push_back(prior.commanded);
+  Pose2 first = held_.stops.empty() ? Pose2{} : held_.stops[0].commanded;
+  if (anchored_) {
+    const LastPose law = sums_->last_pose->at(sums_->grid.weights(log_sigmas_of(state)))
+                             .moved(phi_of(state) - sums_->reference);
+    first = law.pose(law.mean[0]);
+  }
+  state.stops = commanded_from(held_, first);
+  if (anchored_) find_stops(held_, state);
   const Cells& c = held_.cells;
   for (std::size_t l = state.landmarks.size(); l < labels_.size(); ++l) {
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     double count = 0.0;
     for (std::size_t i = 0; i < c.size(); ++i) {
       if (c.landmark[i] != static_cast<int>(l)) continue;
-      const Pose2& stop = held_.stops[static_cast<std::size_t>(c.stop[i])].commanded;
+      const Pose2& stop = state.stops[static_cast<std::size_t>(c.stop[i])];
       const double phi = stop.heading_rad + c.bearing_mean[i],
                    r = inverted(state.alpha, c.range_mean[i]) + c.radius_m[i];
       sum += c.count[i] * Eigen::Vector2d(stop.x_m + r * std::cos(phi), stop.y_m + r * std::sin(phi));
@@ -172,6 +221,33 @@ JointState RecursiveLandmarks::start_of_held() const {
     state.landmarks.push_back(count > 0.0 ? Eigen::Vector2d(sum / count) : Eigen::Vector2d::Zero());
   }
   return state;
+}
+
+/// What the first stop leaves open of a random walk, which its sums take as exact: `third`, T of the sums,
+/// tells how A, and with it the log-determinant, changes with phi.
+void RecursiveLandmarks::add_first_pose(Answer& answer, const MatrixXd& hessian,
+                                        const std::vector<MatrixXd>& third) const {
+  const Eigen::Index alphas = answer.state.alpha.size(), phis = hessian.rows() - 2;
+  MatrixXd Q = MatrixXd::Zero(hessian.rows(), 3);
+  for (std::size_t l = 0; l < answer.state.landmarks.size(); ++l) {
+    const Eigen::Vector2d away = answer.state.landmarks[l] - first_position_m_;
+    Q.block<2, 3>(alphas + 2 * static_cast<Eigen::Index>(l), 0) << 1.0, 0.0, -away.y(), 0.0, 1.0, away.x();
+  }
+  const Eigen::Matrix3d open =
+      Eigen::Matrix3d::Identity() + first_covariance_ * (Q.transpose() * hessian * Q);
+  answer.nll += 0.5 * std::log(open.determinant());
+  const MatrixXd M = open.inverse() * first_covariance_, AQM = hessian * Q * M;
+  VectorXd slope = VectorXd::Zero(hessian.rows());
+  for (Eigen::Index i = 0; i < phis; ++i) {
+    if (!third.empty())
+      slope[i] =
+          0.5 *
+          (third[static_cast<std::size_t>(i)] * Q.topRows(phis) * M * Q.topRows(phis).transpose()).trace();
+    const bool x = (i - alphas) % 2 == 0;  // the arm of Q's turn moves with the landmark
+    if (i >= alphas) slope[i] += x ? AQM(i + 1, 2) : -AQM(i - 1, 2);
+  }
+  put(answer.state, phi_of(answer.state) - (*answer.covariance * slope).head(phis), answer.log_sigmas);
+  *answer.covariance += Q * first_covariance_ * Q.transpose();
 }
 
 RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
@@ -185,17 +261,19 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
   const VectorXd reference = reference_with(*sums_, answer.state);
   LandmarkSums before = *sums_;
   before.grow(reference);
-  answer.log_sigmas = {std::log(answer.state.noise.parameters[0]), std::log(answer.state.sigma_theta_rad)};
+  answer.log_sigmas = log_sigmas_of(answer.state);
+  const LastPose* last_pose = before.last_pose ? &*before.last_pose : nullptr;
   SumsFit fit;
+  std::vector<MatrixXd> third;
   JointState last = answer.state;
   for (answer.iterations = 1;; ++answer.iterations) {
     LandmarkSums total = before;
     if (held_.cells.size() > 0) {
-      auto latest = expand_stops(held_, answer.state, before.grid, reference);
+      auto latest = expand_stops(held_, answer.state, before.grid, reference, last_pose);
       for (int half = 0; !latest && half < 6 && answer.iterations > 1;
            ++half) {  // a step out of the model's domain
         put(answer.state, 0.5 * (phi_of(answer.state) + phi_of(last)), answer.log_sigmas);
-        latest = expand_stops(held_, answer.state, before.grid, reference);
+        latest = expand_stops(held_, answer.state, before.grid, reference, last_pose);
       }
       if (!latest) {
         answer.reason = "the stops held have no optimum inside the model's domain";
@@ -205,6 +283,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
       answer.held = std::move(latest);
     }
     fit = minimise_sums(total, alphas, order, answer.log_sigmas);
+    third = std::move(total.third);
     if (!fit.ok) {
       answer.outcome = Outcome::unobservable;
       answer.reason = "curve and landmarks are not determined by the readings";
@@ -234,8 +313,9 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     answer.reason =
         "sigma_e or sigma_theta is held at the end of the interval in which the readings were summed up";
   }
+  if (answer.covariance && options_.random_walk) add_first_pose(answer, fit.hessian, third);
   if (answer.covariance && std::isfinite(options_.forget)) {
-    const double w = sum_w_ + held_.stop_count(), w_sq = sum_w_sq_ + held_.stop_count();
+    const double w = sum_w_ + own_stops(), w_sq = sum_w_sq_ + own_stops();
     *answer.covariance *= w_sq / w;
   }
   return answer;

@@ -34,6 +34,40 @@ MatrixXd square_in(const Json& json, Eigen::Index size, const char* field) {
   return vector_in(json, size * size, field).reshaped(size, size);
 }
 
+Json json_of(const LastPose& law) {
+  Json json{{"free", {law.free_position, law.free_heading}},
+            {"pose", {law.exact.x_m, law.exact.y_m, law.exact.heading_rad}},
+            {"mean", Json::array()},
+            {"slope", Json::array()},
+            {"covariance", Json::array()},
+            {"bend", Json::array()},
+            {"turn", Json::array()}};
+  for (const VectorXd& a : law.mean) json["mean"].push_back(list(a));
+  for (const MatrixXd& B : law.slope) json["slope"].push_back(list(B));
+  for (const MatrixXd& C : law.covariance) json["covariance"].push_back(list(C));
+  for (const MatrixXd& D : law.bend) json["bend"].push_back(list(D));
+  for (const MatrixXd& E : law.turn) json["turn"].push_back(list(E));
+  return json;
+}
+
+LastPose last_pose_in(const Json& json, Eigen::Index phis) {
+  LastPose law;
+  law.free_position = json.at("free").at(0);
+  law.free_heading = json.at("free").at(1);
+  law.exact = {json.at("pose").at(0), json.at("pose").at(1), json.at("pose").at(2)};
+  const Eigen::Index dim = law.dim();
+  for (std::size_t q = 0; q < SigmaGrid::nodes; ++q) {
+    law.mean.push_back(vector_in(json.at("mean").at(q), dim, "mean"));
+    law.slope.push_back(vector_in(json.at("slope").at(q), dim * phis, "slope").reshaped(dim, phis));
+    law.covariance.push_back(square_in(json.at("covariance").at(q), dim, "covariance"));
+  }
+  for (std::size_t i = 0; i < static_cast<std::size_t>(phis); ++i) {
+    law.bend.push_back(square_in(json.at("bend").at(i), dim, "bend"));
+    law.turn.push_back(vector_in(json.at("turn").at(i), dim * phis, "turn").reshaped(dim, phis));
+  }
+  return law;
+}
+
 Json json_of(const LandmarkSums& sums) {
   Json json{{"centre", {sums.grid.centre.x(), sums.grid.centre.y()}},
             {"half_width", sums.grid.half_width},
@@ -46,6 +80,7 @@ Json json_of(const LandmarkSums& sums) {
   for (const VectorXd& g : sums.gradient) json["gradient"].push_back(list(g));
   for (const MatrixXd& h : sums.hessian) json["hessian"].push_back(list(h));
   for (const MatrixXd& t : sums.third) json["third"].push_back(list(t));
+  if (sums.last_pose) json["last_pose"] = json_of(*sums.last_pose);
   return json;
 }
 
@@ -67,6 +102,7 @@ LandmarkSums sums_in(const Json& json, Eigen::Index largest) {
   for (const Json& t : json.at("third")) sums.third.push_back(square_in(t, size, "third"));
   if (sums.third.size() != (size > LandmarkSums::most_cubed ? 0 : static_cast<std::size_t>(size)))
     throw InputError("field 'third' is not whole");
+  if (json.contains("last_pose")) sums.last_pose = last_pose_in(json.at("last_pose"), size);
   return sums;
 }
 
@@ -99,6 +135,11 @@ std::string RecursiveLandmarks::to_json() const {
              {"sigma_xy_m", options_.sigma_xy_m},
              {"sigma_heading_rad", options_.sigma_heading_rad},
              {"sigma_theta_rad", options_.sigma_theta_rad},
+             {"random_walk", options_.random_walk},
+             {"walked", list(MatrixXd(walked_))},
+             {"first_covariance", list(MatrixXd(first_covariance_))},
+             {"first_position_m", {first_position_m_.x(), first_position_m_.y()}},
+             {"anchored", anchored_},
              {"forget", std::isfinite(options_.forget) ? Json(options_.forget) : Json(nullptr)},
              {"block", options_.block},
              {"used", used_},
@@ -142,6 +183,8 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
     options.sigma_xy_m = state.at("sigma_xy_m");
     options.sigma_heading_rad = state.at("sigma_heading_rad");
     options.sigma_theta_rad = state.at("sigma_theta_rad");
+    const bool walks = state.contains("random_walk");  // states of 0.1.0 do not know it
+    options.random_walk = walks && state.at("random_walk").get<bool>();
     if (state.at("forget").is_number()) options.forget = state.at("forget");
     options.block = whole_number(state.at("block"), "block");
     RecursiveLandmarks result(options);
@@ -178,6 +221,7 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
           throw InputError("field 'shape' is that of no covariance");
         prior.shape = std::make_shared<const Eigen::Matrix3d>(Q);
       }
+      prior.chained = options.random_walk && !result.held_labels_.empty();
       result.hold(stop.label, prior, opens ? &stop.place : nullptr);
       for (int i = whole_number(held.at("cells"), "cells"); i > 0; --i, ++cell) {
         const int landmark = whole_number(cells.at("landmark").at(cell), "landmark", 0,
@@ -216,6 +260,15 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
           result.sums_->reference.size())
         throw InputError("field 'last' is of other landmarks than the sums");
       result.last_ = at;
+    }
+    if (options.random_walk) {
+      result.walked_ = square_in(state.at("walked"), 3, "walked");
+      result.first_covariance_ = square_in(state.at("first_covariance"), 3, "first_covariance");
+      result.first_position_m_ = vector_in(state.at("first_position_m"), 2, "first_position_m");
+      result.anchored_ = state.at("anchored");
+      const bool known = result.sums_ && result.sums_->last_pose && !result.held_labels_.empty();
+      if (result.anchored_ != known || (!known && result.sums_))
+        throw InputError("field 'anchored' does not go with what is held");
     }
     return result;
   } catch (const Json::exception& error) {

@@ -23,6 +23,7 @@ struct RecursiveLandmarksOptions {
   NoiseLaw law = NoiseLaw::f_squared;  ///< every law but `polynomial`
   double sigma_xy_m = 0.01,
          sigma_heading_rad = 0.0;  ///< of stops that do not say how far they may be from their pose
+  bool random_walk = false;        ///< these are errors of the step from the stop before, which add up
   double sigma_theta_rad =
       0.01;  ///< of one bearing, in the weights of from_bearings(); estimate() finds its own
   /// Time constant: a stop counts by exp(-age / forget), age in stops, taken in steps of `block` stops;
@@ -45,7 +46,7 @@ struct LandmarkReading {
 
 /// Calibrates from readings of landmarks in unknown places (the 2021 problem), stop after stop, in memory
 /// that depends on the number of landmarks alone (Alhashimi 2016, section 6, asks for recursive schemes).
-/// Stops have independent errors; the readings of one stop follow each other.
+/// Stops have independent errors or those of a random walk; the readings of one stop follow each other.
 ///
 /// estimate() is the answer of `marginal` (solve_marginal). The latest `block` stops are held as cells. When
 /// they are full they are summed up (LandmarkSums): l_s, the likelihood with the stops' poses integrated out,
@@ -53,6 +54,13 @@ struct LandmarkReading {
 /// sigmas. Each estimate expands the stops held at the last answer, adds the sums, solves, and does so again
 /// until nothing moves (iterated updates). What the second order leaves out falls with the readings faster
 /// than the standard deviations: the batch's answer within 1 % of its standard deviation.
+///
+/// Along a random walk the past is tied to what comes by the pose of the last stop alone. When stops are summed
+/// up that pose stays, with its law given phi (LastPose), and the next stops are held together with it. Where
+/// the whole stands and how it is turned only the first stop tells, and nothing that comes tells it better: in
+/// the sums that stop is exact. With C_1 its covariance, Q = dphi / d(first pose) of a motion of the whole and
+/// A = d2 l_s / dphi2, 1/2 log det(1 + C_1 Q^T A Q) is added to l_s at the end, phi shifted by its slope, and
+/// Q C_1 Q^T added to the covariance.
 ///
 /// from_bearings() is the linear part, 2021 eq. 18-25, by RecursiveBearings: the batch's answer to rounding.
 class RecursiveLandmarks {
@@ -67,6 +75,11 @@ class RecursiveLandmarks {
   /// negative or not finite, and a pose that is not finite. Cost: 0.1 us; the `block`-th stop costs an
   /// estimate and the summing up.
   bool add(const LandmarkReading& reading);
+
+  /// A stop of a random walk from which nothing was read: its step counts. Throws as add does.
+  void pass(const Stop& stop);
+  /// Label of the latest stop, empty before the first.
+  std::string last_stop() const { return held_labels_.empty() ? "" : held_labels_.back(); }
 
   /// Outcomes: converged; too_few_data; what solve_marginal says while nothing is summed up; unobservable.
   /// Cost: some 100 assemblies of the stops held, 1 ms with five landmarks.
@@ -101,12 +114,22 @@ class RecursiveLandmarks {
   Answer first_answer(int order) const;
   Answer from_sums(int order) const;
   void sum_up();
+  bool sum_up_held();
+  void drop_held();
   void clear_held();
+  void hold_last_pose();
+  int own_stops() const { return held_.stop_count() - (anchored_ ? 1 : 0); }
   JointState start_of_held() const;
+  void add_first_pose(Answer& answer, const Eigen::MatrixXd& hessian,
+                      const std::vector<Eigen::MatrixXd>& third) const;
   Calibration calibration_of(const Answer& answer) const;
 
   RecursiveLandmarksOptions options_;
   JointProblem held_;  ///< the stops held; their cells carry the repeats
+  bool anchored_ = false;  ///< the first of them is the last one summed up: its readings are in the sums
+  Eigen::Matrix3d walked_ = Eigen::Matrix3d::Zero();  ///< random walk: covariance of the latest stop's pose,
+  Eigen::Matrix3d first_covariance_ = Eigen::Matrix3d::Zero();  ///< of the first stop's
+  Eigen::Vector2d first_position_m_ = Eigen::Vector2d::Zero();
   std::vector<std::string> held_labels_;
   std::vector<std::string> held_places_;     ///< by the number of the place
   std::vector<std::string> labels_;          ///< of the landmarks
