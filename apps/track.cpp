@@ -49,9 +49,11 @@ struct TrackCommand {
     std::string text;
     for (const ChangeAlarm& c : tracked.changes) {
       const char* unit = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder ? " m" : c.kind == ChangeKind::pointing ? " 1/m" : "";
-      text += fmt::format("Changes    alarm at pair {}, since about pair {}{}\n", c.reading, c.since,
-                          c.named ? fmt::format(": {} by {}{} (probability {:.2f})", to_string(c.kind), with_std(c.size, c.std_dev), unit, c.probability)
-                                  : std::string("; not enough pairs yet to say what"));
+      text += fmt::format("Changes    alarm at {0} {1}, since about {0} {2}{3}\n",
+                          tracked.landmarks ? "reading" : "pair", c.reading, c.since,
+                          c.named ? fmt::format(": {} by {}{} (probability {:.2f})", to_string(c.kind),
+                                                with_std(c.size, c.std_dev), unit, c.probability)
+                                  : std::string("; not enough of them yet to say what"));
     }
     return text;
   }
@@ -115,27 +117,39 @@ void add_track(CLI::App& app, Action& chosen) {
       "--random-walk", state->job.random_walk,
       "these are errors of the step from the stop before and add up (--stops: as the recording says)");
   command->add_option("--radius", state->job.radius_m, "radius of landmarks that nothing else says one of [m]")->check(CLI::NonNegativeNumber)->capture_default_str();
-  command->add_option("--watch", state->job.watch, "watch for a change against --from; so many pairs lie between two false alarms (100000, say)")
+  command
+      ->add_option("--watch", state->job.watch,
+                   "watch for a change against --from; so many pairs or readings of landmarks lie between "
+                   "two false alarms (100000, say)")
       ->check(CLI::Range(100.0, 1e12));
   command->add_option("--changes", state->job.changes, "keep a table of the alarms of --watch in this file");
   command->add_option("-o,--output", state->job.output, "write the corrected distances here and a summary to stdout");
   command->add_option("--json", state->json, "write the last calibration to this file");
   command->footer(
-      "Every row gives a line reading_m, distance_m, std_m, flag as soon as it is read: the most likely distance under the\n"
-      "calibration so far. Rows with true_m also teach the calibration, in constant memory; it is estimated anew each time the\n"
-      "pairs have grown by 2 %. A row that cannot be understood is flagged 'malformed', named on stderr, and skipped. With --state\n"
+      "Every row gives a line reading_m, distance_m, std_m, flag as soon as it is read: the most likely "
+      "distance under the\n"
+      "calibration so far. Rows with true_m also teach the calibration, in constant memory; it is estimated "
+      "anew each time the\n"
+      "pairs have grown by 2 %. A row that cannot be understood is flagged 'malformed', named on stderr, and "
+      "skipped. With --state\n"
       "(and -o) a killed run goes on where it was saved: no row is lost, none counts twice.\n"
-      "Columns stop, landmark, range_m, bearing_rad (and no true_m): landmarks in unknown places, the readings of a stop together.\n"
-      "Each row then has x_m, y_m, heading_rad of its stop (sigma_xy_m, sigma_heading_rad, place, radius_m where they differ), or\n"
-      "--stops names the recording that lists the stops. The answer is that of 'calibrate --method marginal'.\n"
-      "--watch tells within some hundred pairs what changed: window (offset), baseline (scale), pointing (disparity), noise, and\n"
-      "with a column bearing_rad encoder (once a turn).\n"
+      "Columns stop, landmark, range_m, bearing_rad (and no true_m): landmarks in unknown places, the "
+      "readings of a stop together.\n"
+      "Each row then has x_m, y_m, heading_rad of its stop (sigma_xy_m, sigma_heading_rad, place, radius_m "
+      "where they differ), or\n"
+      "--stops names the recording that lists the stops. The answer is that of 'calibrate --method "
+      "marginal'.\n"
+      "--watch tells within some hundred pairs what changed: window (offset), baseline (scale), pointing "
+      "(disparity), noise, and\n"
+      "with a column bearing_rad encoder (once a turn). For readings of landmarks --from is a calibration "
+      "made of landmarks.\n"
       "Exit code 1 where the stream did not determine a calibration and --from gives none.\n"
       "\n"
       "Examples:\n"
       "  rangecal track notebooks_data/pairs-2016/pairs.csv -o distances.csv --json cal.json\n"
       "  sensor-program | rangecal track --from cal.json --forget 3600\n"
-      "  rangecal track notebooks_data/field-layout/observations.csv --stops notebooks_data/field-layout -o distances.csv\n"
+      "  rangecal track notebooks_data/field-layout/observations.csv --stops notebooks_data/field-layout -o "
+      "distances.csv\n"
       "  rangecal track today.csv --from cal.json --watch 100000 -o distances.csv\n"
       "  rangecal track log.csv --follow --state track.json -o distances.csv");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });

@@ -10,6 +10,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/core/stops_io.hpp"
+#include "rangecal/solvers/change/landmark_change_detector.hpp"
 #include "rangecal/solvers/recursive/recursive_landmarks.hpp"
 
 namespace rangecal::app {
@@ -55,9 +56,8 @@ class LandmarksLearner : public Learner {
     if (job.approximate)
       throw InputError("--approximate is for pairs; readings of landmarks are calibrated by marginal");
     if (job.options.law == NoiseLaw::polynomial)
-      throw InputError("--noise polynomial is for pairs; readings of landmarks have constant, f, f2, f3 or d2");
-    if (job.watch > 0.0)
-      throw InputError("--watch needs true distances; the stream has readings of landmarks");
+      throw InputError(
+          "--noise polynomial is for pairs; readings of landmarks have constant, f, f2, f3 or d2");
     if (known_) {
       know_stops(*known_);
     } else if (*std::min_element(columns.pose.begin(), columns.pose.end()) < 0) {
@@ -79,9 +79,17 @@ class LandmarksLearner : public Learner {
     if (!std::isnan(row.radius_m)) reading.radius_m = row.radius_m;
     if (std::abs(row.bearing_rad) > 2.0 * std::numbers::pi)
       throw InputError("bearing_rad is beyond 2 pi: degrees, most likely");
-    calibrator_.add(reading);
+    const bool usable = calibrator_.add(reading);
+    alarm_.reset();
+    if (usable && watch_) alarm_ = watch_->add(with_accuracy(reading));
     return true;
   }
+  void watch(const Calibration& reference, const ChangeOptions& options) override {
+    watch_.emplace(reference, calibrator_.options().random_walk, options);
+  }
+  std::optional<ChangeAlarm> alarm() const override { return alarm_; }
+  std::string watch_state() const override { return watch_ ? watch_->to_json() : "null"; }
+  void restore_watch(const std::string& state) override { watch_->restore(state); }
   Calibration estimate() override { return calibrator_.estimate(); }
   const Counts& counts() const override { return calibrator_.counts(); }
   std::int64_t used() const override { return calibrator_.used(); }
@@ -157,7 +165,18 @@ class LandmarksLearner : public Learner {
     if (next < begin)
       throw InputError("stop '" + label + "' comes after stop '" + last + "', which " + known_->path +
                        " lists after it: a random walk goes in its order");
-    for (std::size_t k = begin; k < next; ++k) calibrator_.pass(stops_.at(known_->stops[k].label));
+    for (std::size_t k = begin; k < next; ++k) {
+      const Stop& stop = stops_.at(known_->stops[k].label);
+      calibrator_.pass(stop);
+      if (watch_) watch_->pass(stop);
+    }
+  }
+
+  LandmarkReading with_accuracy(LandmarkReading reading) const {
+    const RecursiveLandmarksOptions& options = calibrator_.options();
+    if (!reading.stop.sigma_xy_m) reading.stop.sigma_xy_m = options.sigma_xy_m;
+    if (!reading.stop.sigma_heading_rad) reading.stop.sigma_heading_rad = options.sigma_heading_rad;
+    return reading;
   }
 
   Stop stop_of(const StreamRow& row) const {
@@ -189,6 +208,8 @@ class LandmarksLearner : public Learner {
 
   std::optional<Recording> known_;  ///< --stops, without its readings
   RecursiveLandmarks calibrator_;
+  std::optional<LandmarkChangeDetector> watch_;
+  std::optional<ChangeAlarm> alarm_;
   std::unordered_map<std::string, Stop> stops_;
   std::unordered_map<std::string, std::size_t> number_;  ///< of a stop in the recording
   std::unordered_map<std::string, double> radius_;
@@ -196,6 +217,9 @@ class LandmarksLearner : public Learner {
 };
 
 }  // namespace
+
+void Learner::watch(const Calibration&, const ChangeOptions&) {}
+void Learner::restore_watch(const std::string&) {}
 
 std::unique_ptr<Learner> make_learner(const TrackJob& job, const Columns& columns) {
   if (columns.landmarks()) return std::make_unique<LandmarksLearner>(job, columns);

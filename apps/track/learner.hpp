@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "rangecal/core/calibration.hpp"
@@ -27,6 +28,11 @@ class Learner {
   virtual std::int64_t first_estimate() const = 0;  ///< readings before which there is none
   virtual std::int64_t least_between() const = 0;   ///< readings from one estimate to the next
   virtual std::string to_json() const = 0;
+  /// --watch of readings of landmarks: each that is taken is held against `reference`.
+  virtual void watch(const Calibration& reference, const ChangeOptions& options);
+  virtual std::optional<ChangeAlarm> alarm() const { return std::nullopt; }  ///< of the last row taken
+  virtual std::string watch_state() const { return "null"; }
+  virtual void restore_watch(const std::string& state);
   /// Takes the state saved before. Throws InputError naming `path` where it was made with other options.
   virtual void restore(const nlohmann::ordered_json& state, const std::string& path) = 0;
 };

@@ -134,8 +134,12 @@ class Run {
       corrected_ = count("corrected");
       malformed_ = count("malformed");
       next_estimate_ = count("next_estimate");
-      if (state.at("watch").is_array() != detector_.has_value()) throw InputError(path + ": was made with or without --watch, now it is otherwise");
-      if (detector_) detector_->restore(state.at("watch").get<std::vector<double>>());
+      if (state.at("watch").is_null() == watching_)
+        throw InputError(path + ": was made with or without --watch, now it is otherwise");
+      if (detector_)
+        detector_->restore(state.at("watch").get<std::vector<double>>());
+      else if (watching_)
+        learner_->restore_watch(state.at("watch").dump());
       for (const Json& c : state.at("changes")) {
         ChangeAlarm alarm{whole_number<std::int64_t>(c.at(0), "changes"), whole_number<std::int64_t>(c.at(1), "changes"),
                           c.at(2), {}, c.at(4), c.at(5), c.at(6)};
@@ -154,10 +158,21 @@ class Run {
   void save() {
     if (std::fflush(out_) != 0) throw InputError(job_.output.empty() ? "stdout" : job_.output, 0, "", "cannot be written");
     if (job_.state.empty()) return;
-    Json state{{"format", format_name}, {"header", header_}, {"offset", source_->offset()}, {"line", line_},
-               {"output_bytes", output_bytes_}, {"rows", rows_}, {"corrected", corrected_}, {"malformed", malformed_},
-               {"next_estimate", next_estimate_}, {"calibration", current_ ? json_of(*current_) : Json(nullptr)},
-               {"watch", detector_ ? Json(detector_->state()) : Json(nullptr)}, {"changes", Json::array()}, {"calibrator", learner_ ? Json::parse(learner_->to_json()) : Json(nullptr)}};
+    Json state{{"format", format_name},
+               {"header", header_},
+               {"offset", source_->offset()},
+               {"line", line_},
+               {"output_bytes", output_bytes_},
+               {"rows", rows_},
+               {"corrected", corrected_},
+               {"malformed", malformed_},
+               {"next_estimate", next_estimate_},
+               {"calibration", current_ ? json_of(*current_) : Json(nullptr)},
+               {"watch", detector_  ? Json(detector_->state())
+                         : learner_ ? Json::parse(learner_->watch_state())
+                                    : Json(nullptr)},
+               {"changes", Json::array()},
+               {"calibrator", learner_ ? Json::parse(learner_->to_json()) : Json(nullptr)}};
     for (const ChangeAlarm& c : changes_)
       state["changes"].push_back({c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev});
     write_file(job_.state, state.dump() + "\n");
@@ -227,7 +242,9 @@ class Run {
     if (columns_.time >= 0 && !std::isfinite(row.time_s)) return complain("time_s", "there is no time");
     if (detector_ && std::isfinite(row.true_m)) watch(row);
     try {
-      if (learner_->take(row) && learner_->used() >= next_estimate_) estimate();
+      const bool taken = learner_->take(row);
+      if (const auto alarm = learner_->alarm(); taken && alarm) note(*alarm);
+      if (taken && learner_->used() >= next_estimate_) estimate();
     } catch (const InputError& error) {
       if (!columns_.landmarks()) throw;
       return complain("", error.what());
@@ -238,12 +255,22 @@ class Run {
   /// The columns are known: what learns from them, and what watches them.
   void begin() {
     learner_ = make_learner(job_, columns_);
-    if (job_.watch > 0.0) {
-      ChangeOptions watch;
-      watch.run_length = job_.watch;
-      watch.bearings = columns_.bearing >= 0;
+    watching_ = job_.watch > 0.0;
+    if (!watching_) return;
+    ChangeOptions watch;
+    watch.run_length = job_.watch;
+    watch.bearings = columns_.bearing >= 0;
+    if (!columns_.landmarks()) {
       detector_.emplace(*given_, watch);
+    } else {
+      if (!given_->sigma_theta_rad)
+        throw InputError(
+            job_.from +
+            ": does not say how bearings scatter (sigma_theta_rad), which --watch needs for readings of "
+            "landmarks; a calibration made of landmarks does");
+      learner_->watch(*given_, watch);
     }
+    write_changes();
   }
 
   /// The calibration so far, and when to look again: after 2 % more pairs of those that count.
@@ -260,18 +287,22 @@ class Run {
 
   void watch(const StreamRow& row) {
     const auto alarm = detector_->add(row.true_m, row.reading_m, columns_.bearing >= 0 ? row.bearing_rad : 0.0);
-    if (!alarm) return;
-    if (alarm->named && !changes_.empty())
-      changes_.back() = *alarm;
+    if (alarm) note(*alarm);
+  }
+
+  void note(const ChangeAlarm& alarm) {
+    if (alarm.named && !changes_.empty())
+      changes_.back() = alarm;
     else
-      changes_.push_back(*alarm);
+      changes_.push_back(alarm);
     if (changes_.size() > most_changes) changes_.erase(changes_.begin());
     write_changes();
   }
 
   void write_changes() const {
     if (job_.changes.empty()) return;
-    std::string text = "pair,since_pair,kind,probability,size,std\n";
+    std::string text = columns_.landmarks() ? "reading,since_reading,kind,probability,size,std\n"
+                                            : "pair,since_pair,kind,probability,size,std\n";
     for (const ChangeAlarm& c : changes_)
       text += c.named ? fmt::format("{},{},{},{:.4f},{:.6g},{:.2g}\n", c.reading, c.since, to_string(c.kind), c.probability, c.size, c.std_dev)
                       : fmt::format("{},{},,,,\n", c.reading, c.since);
@@ -302,6 +333,7 @@ class Run {
   std::unique_ptr<std::FILE, Close> closer_;
   std::FILE* out_ = stdout;
   Columns columns_;
+  bool watching_ = false;
   int columns_read_ = 0;
   long line_ = 0;
   std::int64_t offset_ = 0, output_bytes_ = 0, rows_ = 0, corrected_ = 0, malformed_ = 0, next_estimate_ = 0;

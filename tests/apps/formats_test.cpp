@@ -120,6 +120,13 @@ TEST(Formats, NameTheColumnsOfTables) {
   EXPECT_EQ(first_line(run("correct " + calibration + " --prior uniform", "1.2\n").out), documented_columns("correct --prior"));
   EXPECT_EQ(first_line(slurp(folder.file("now.csv"))), documented_columns("track"));
   EXPECT_EQ(first_line(slurp(folder.file("changes.csv"))), documented_columns("track --changes"));
+  const std::string rec = shipped("field-layout");
+  ASSERT_EQ(run("calibrate " + rec + " --method marginal --json " + calibration).code, 0);
+  ASSERT_EQ(run("track " + rec + "/observations.csv --stops " + rec + " -o " + folder.file("again.csv") +
+                " --from " + calibration + " --watch 100000 --changes " + folder.file("changes.csv"))
+                .code,
+            0);
+  EXPECT_EQ(first_line(slurp(folder.file("changes.csv"))), documented_columns("track --stops --changes"));
 }
 
 }  // namespace

@@ -256,6 +256,70 @@ TEST(TrackCommand, FollowsARandomWalk) {
       2);
 }
 
+TEST(TrackCommand, WatchesReadingsOfLandmarks) {
+  // A calibration of the sensor by one drive, another drive held against it; from stop 60 on every reading is
+  // 4 cm long.
+  const TemporaryFolder folder;
+  std::string scene = slurp(RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml");
+  scene.replace(scene.find("count: 10"), 9, "count: 120");
+  scene.replace(scene.find("step_m: 0.3"), 11, "step_m: 0.02");
+  scene.replace(scene.find("repeats: 10"), 11, "repeats: 2");
+  folder.write("scene.yaml", scene);
+  for (const char* seed : {"1", "2"})
+    ASSERT_EQ(
+        run("simulate " + folder.file("scene.yaml") + " -o " + folder.file(seed) + " --seed " + seed).code,
+        0);
+  ASSERT_EQ(run("calibrate " + folder.file("1") + " --method marginal --order 2 --noise f2 --json " +
+                folder.file("cal.json"))
+                .code,
+            0);
+  std::istringstream same(slurp(folder.file("2") + "/observations.csv"));
+  std::string line, changed;
+  std::getline(same, line);
+  ASSERT_EQ(line, "stop,landmark,repeat,range_m,bearing_rad");
+  changed = line + "\n";
+  while (std::getline(same, line)) {
+    std::vector<std::string> fields;
+    std::istringstream row(line);
+    for (std::string field; std::getline(row, field, ',');) fields.push_back(field);
+    const double range = std::stod(fields[3]) + (std::stoi(fields[0]) >= 60 ? 0.04 : 0.0);
+    changed += fmt::format("{},{},{},{:.6f},{}\n", fields[0], fields[1], fields[2], range, fields[4]);
+  }
+  folder.write("changed.csv", changed);
+  const std::string common = " --stops " + folder.file("2") + " --from " + folder.file("cal.json") +
+                             " --watch 100000 -o " + folder.file("out.csv");
+  const RunResult none = run("track " + folder.file("2") + "/observations.csv" + common);
+  ASSERT_EQ(none.code, 0) << none.err;
+  EXPECT_THAT(none.out, HasSubstr("Changes    none"));
+  const RunResult result =
+      run("track " + folder.file("changed.csv") + common + " --changes " + folder.file("changes.csv"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("Changes    alarm at reading 6"));  // after the 600th
+  EXPECT_THAT(result.out, HasSubstr(": window by 0.0"));
+  EXPECT_THAT(slurp(folder.file("changes.csv")),
+              HasSubstr("reading,since_reading,kind,probability,size,std\n6"));
+  // cut within the naming of the change, and gone on from the state
+  for (const std::size_t length : {changed.size() * 11 / 20, changed.size() * 2 / 3, changed.size()}) {
+    folder.write("in.csv", changed.substr(0, length));
+    const RunResult part = run("track " + folder.file("in.csv") + common + " --every 50 --state " +
+                               folder.file("state.json") + " --changes " + folder.file("again.csv"));
+    ASSERT_EQ(part.code, 0) << part.err;
+  }
+  EXPECT_EQ(slurp(folder.file("again.csv")), slurp(folder.file("changes.csv")));
+  EXPECT_EQ(run("track " + folder.file("in.csv") + " --stops " + folder.file("2") + " --state " +
+                folder.file("state.json"))
+                .code,
+            2);
+  // one made of pairs does not know the bearings
+  TemporaryFolder of_pairs;
+  save_line(of_pairs, 0.9, NoiseLaw::f_squared);
+  const RunResult refused = run("track " + folder.file("changed.csv") + " --stops " + folder.file("2") +
+                                " --watch 1000 --from " + of_pairs.file("cal.json"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_EQ(count_of(refused.err, "\n"), 1) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("sigma_theta_rad"));
+}
+
 TEST(TrackCommand, NamesTheBatchCommandThatEstimatesTheStops) {
   const TemporaryFolder folder;
   const std::string rec = folder.file("rec");

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "change/landmark_filter.hpp"
+#include "rangecal/solvers/change/change_detector.hpp"
+#include "rangecal/solvers/recursive/recursive_landmarks.hpp"
+
+namespace rangecal {
+
+/// What LandmarkChangeDetector holds; the equations are there.
+struct LandmarkWatch {
+  static constexpr std::size_t directions = 5;  ///< window, baseline, pointing; encoder: cos, sin
+
+  /// A reading after which a change is thought of.
+  struct Onset {
+    std::int64_t since = 0, until = 0;  ///< j; stop number up to which it is kept
+    double weight = 0.0;                ///< w
+    std::array<Eigen::VectorXd, directions> beta;
+    std::array<double, directions> score{}, information{};  ///< U, I
+    double cross = 0.0;                                     ///< of I between cos and sin
+    double log_up = 0.0, log_down = 0.0;                    ///< log L of the spread times and by its factor
+    double spread_score = 0.0, spread_information = 0.0;    ///< sum share (z^2 - 1), sum share^2
+
+    /// mean over k of L
+    double ratio(const std::array<double, directions>& tau) const;
+  };
+
+  LandmarkWatch(const Calibration& reference, bool random_walk, const ChangeOptions& options);
+  void start(const Stop& stop);
+  std::optional<ChangeAlarm> add(const LandmarkReading& reading);
+  void follow(Onset& onset, const LandmarkFilter::Taken& taken, double bearing) const;
+  void name(ChangeAlarm& alarm, const Onset& onset);
+
+  LandmarkFilter filter;
+  ChangeOptions options;
+  bool random_walk;
+  std::array<double, directions> tau{};
+  std::vector<Onset> onsets;
+  std::string label, place;  ///< of the stop
+  std::int64_t readings = 0, tested = 0, opened_at = 0, stops = 0, naming_left = 0;
+  ChangeAlarm open;
+};
+
+std::string json_of(const LandmarkWatch& watch);
+/// Throws InputError for a text that is no state of such a watch.
+void restore_watch(const std::string& text, LandmarkWatch& watch);
+
+}  // namespace rangecal

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "change/landmark_watch.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_numbers.hpp"
+
+namespace rangecal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Eigen::Index;
+using Eigen::VectorXd;
+
+Json list(const VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
+
+VectorXd vector_in(const Json& json, Index size, const char* field) {
+  const auto values = json.get<std::vector<double>>();
+  if (static_cast<Index>(values.size()) != size)
+    throw InputError(std::string("field '") + field + "' is not whole");
+  VectorXd result = VectorXd::Map(values.data(), size);
+  if (!result.allFinite()) throw InputError(std::string("field '") + field + "' is not finite");
+  return result;
+}
+
+std::int64_t count_in(const Json& json, const char* field) {
+  return whole_number<std::int64_t>(json.at(field), field);
+}
+
+/// The plain numbers of an onset.
+std::vector<double*> numbers_of(LandmarkWatch::Onset& onset) {
+  std::vector<double*> all{&onset.weight,   &onset.cross,        &onset.log_up,
+                           &onset.log_down, &onset.spread_score, &onset.spread_information};
+  for (double& value : onset.score) all.push_back(&value);
+  for (double& value : onset.information) all.push_back(&value);
+  return all;
+}
+
+Json json_of(LandmarkWatch::Onset onset) {
+  Json json{
+      {"since", onset.since}, {"until", onset.until}, {"numbers", Json::array()}, {"beta", Json::array()}};
+  for (const double* value : numbers_of(onset)) json["numbers"].push_back(*value);
+  for (const VectorXd& beta : onset.beta) json["beta"].push_back(list(beta));
+  return json;
+}
+
+LandmarkWatch::Onset onset_in(const Json& json, Index size) {
+  LandmarkWatch::Onset onset;
+  onset.since = count_in(json, "since");
+  onset.until = count_in(json, "until");
+  const std::vector<double*> numbers = numbers_of(onset);
+  const VectorXd values = vector_in(json.at("numbers"), static_cast<Index>(numbers.size()), "numbers");
+  for (std::size_t i = 0; i < numbers.size(); ++i) *numbers[i] = values[static_cast<Index>(i)];
+  for (std::size_t k = 0; k < onset.beta.size(); ++k)
+    onset.beta[k] = vector_in(json.at("beta").at(k), size, "beta");
+  return onset;
+}
+
+}  // namespace
+
+std::string json_of(const LandmarkWatch& watch) {
+  const LandmarkFilter& filter = watch.filter;
+  Json json{{"readings", watch.readings},
+            {"tested", watch.tested},
+            {"opened_at", watch.opened_at},
+            {"stops", watch.stops},
+            {"naming_left", watch.naming_left},
+            {"open", {watch.open.reading, watch.open.since}},
+            {"stop", watch.label},
+            {"place", watch.place},
+            {"commanded", {filter.commanded.x_m, filter.commanded.y_m, filter.commanded.heading_rad}},
+            {"landmarks", filter.labels},
+            {"radius_m", filter.radius_m},
+            {"x", list(filter.x)},
+            {"P", list(filter.P.reshaped())},
+            {"onsets", Json::array()}};
+  for (const LandmarkWatch::Onset& onset : watch.onsets) json["onsets"].push_back(json_of(onset));
+  return json.dump();
+}
+
+void restore_watch(const std::string& text, LandmarkWatch& watch) {
+  try {
+    const Json json = Json::parse(text);
+    LandmarkWatch restored = watch;
+    LandmarkFilter& filter = restored.filter;
+    restored.readings = count_in(json, "readings");
+    restored.tested = count_in(json, "tested");
+    restored.opened_at = count_in(json, "opened_at");
+    restored.stops = count_in(json, "stops");
+    restored.naming_left = count_in(json, "naming_left");
+    restored.open = {};
+    restored.open.reading = whole_number<std::int64_t>(json.at("open").at(0), "open");
+    restored.open.since = whole_number<std::int64_t>(json.at("open").at(1), "open");
+    restored.label = json.at("stop");
+    restored.place = json.at("place");
+    filter.labels = json.at("landmarks").get<std::vector<std::string>>();
+    const auto landmarks = static_cast<Index>(filter.labels.size()), size = filter.pose() + 3 + 2 * landmarks;
+    const VectorXd radii = vector_in(json.at("radius_m"), landmarks, "radius_m");
+    filter.radius_m.assign(radii.begin(), radii.end());
+    const VectorXd pose = vector_in(json.at("commanded"), 3, "commanded");
+    filter.commanded = {pose[0], pose[1], pose[2]};
+    filter.x = vector_in(json.at("x"), size, "x");
+    filter.P = vector_in(json.at("P"), size * size, "P").reshaped(size, size);
+    restored.onsets.clear();
+    for (const Json& onset : json.at("onsets")) restored.onsets.push_back(onset_in(onset, size));
+    if (restored.naming_left > 0 && restored.onsets.size() != 1)
+      throw InputError("field 'onsets' is not that of an open alarm");
+    watch = std::move(restored);
+  } catch (const Json::exception& error) {
+    throw InputError(std::string("is no state of a watch: ") + error.what());
+  }
+}
+
+}  // namespace rangecal
