@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Speed of the recursive calibrators: one pair taken, with and without forgetting; one estimate; one reading of a
-// landmark taken, the summing up of its stop shared out; one estimate from stops summed up and 16 held.
+// Speed of the recursive calibrators: one pair taken, with and without forgetting; one estimate; one reading
+// of a landmark taken, the summing up of its stop shared out, and one watched; one estimate from stops summed
+// up and 16 held.
 //
 //   recursive_speed
 
@@ -9,6 +10,7 @@
 #include "pairs_programs.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/solvers/change/landmark_change_detector.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 #include "rangecal/solvers/recursive/recursive_landmarks.hpp"
 
@@ -68,10 +70,12 @@ rangecal::LandmarkReading landmark_reading(std::int64_t i, int repeats, rangecal
   return reading;
 }
 
-void take_a_landmark_reading(benchmark::State& state) {
+void take_a_landmark_reading(benchmark::State& state, bool walk) {
   const int repeats = static_cast<int>(state.range(0));
   rangecal::Random random(1);
-  rangecal::RecursiveLandmarks calibrator;
+  rangecal::RecursiveLandmarksOptions options;
+  options.random_walk = walk;
+  rangecal::RecursiveLandmarks calibrator(options);
   std::vector<rangecal::LandmarkReading> block;
   std::int64_t i = 0;
   for (auto _ : state) {
@@ -83,7 +87,31 @@ void take_a_landmark_reading(benchmark::State& state) {
   }
   state.SetItemsProcessed(i);
 }
-BENCHMARK(take_a_landmark_reading)->Arg(1)->Arg(20)->Iterations(100);
+BENCHMARK_CAPTURE(take_a_landmark_reading, independent, false)->Arg(1)->Arg(20)->Iterations(100);
+BENCHMARK_CAPTURE(take_a_landmark_reading, random_walk, true)->Arg(1)->Arg(20)->Iterations(100);
+
+/// The curve of landmark_reading, as a calibration made of landmarks has it.
+void watch_a_landmark_reading(benchmark::State& state) {
+  rangecal::Calibration known;
+  known.outcome = rangecal::Outcome::converged;
+  known.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
+  known.alpha_covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal();
+  known.noise.parameters[0] = 0.01;
+  known.sigma_theta_rad = rangecal::Estimate{0.0087, std::nullopt};
+  known.range_min_m = 0.5;
+  known.range_max_m = 4.5;
+  rangecal::LandmarkChangeDetector watch(known);
+  rangecal::Random random(1);
+  std::vector<rangecal::LandmarkReading> readings;
+  for (std::int64_t i = 0; i < 20000; ++i) {
+    readings.push_back(landmark_reading(i, 1, random));
+    readings.back().stop.sigma_xy_m = 0.01;
+  }
+  for (auto _ : state)
+    for (const rangecal::LandmarkReading& reading : readings) watch.add(reading);
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(readings.size()));
+}
+BENCHMARK(watch_a_landmark_reading)->Iterations(10);
 
 void estimate_landmarks(benchmark::State& state) {
   rangecal::Random random(1);

@@ -10,6 +10,7 @@
 #include <limits>
 #include <set>
 
+#include "calibrate/walk_seed.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
@@ -99,6 +100,9 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
     }
   };
   add([&] { return closed_form_state(problem, closed); });
+  const bool walks = std::any_of(problem.stops.begin(), problem.stops.end(),
+                                 [](const StopPrior& stop) { return stop.chained; });
+  if (walks) add([&] { return walk_seed(problem, order, law); });
   add([&] { return position_seed(problem, order, law); });
   if (options.from && !candidates.empty()) {
     JointState state = candidates.back();

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "joint_ml/blocks.hpp"
+#include "joint_ml/seed_from.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -98,9 +99,13 @@ JointState position_seed(const JointProblem& problem, int order, NoiseLaw law) {
   }
   for (std::size_t l = 0; l < weight.size(); ++l)
     if (weight[l] > 0.0) state.landmarks[l] /= weight[l];
+  seed_from_places(problem, order, state);
+  return state;
+}
+
+void seed_from_places(const JointProblem& problem, int order, JointState& state) {
   if (stands_inside(problem, state)) relax_on_axes(problem, state);
   seed_curve_and_noise(problem, order, state);
-  return state;
 }
 
 }  // namespace rangecal

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "calibrate/walk_seed.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include "change/landmark_filter.hpp"
+#include "joint_ml/seed_from.hpp"
+
+namespace rangecal {
+
+JointState walk_seed(const JointProblem& problem, int order, NoiseLaw law) {
+  const double scale = mean_range(problem);
+  Calibration line;
+  line.alpha = Eigen::Vector2d(0.0, 1.0);
+  line.alpha_covariance = Eigen::Vector2d(0.01 * scale * scale, 0.01).asDiagonal();
+  line.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.03 * scale)};
+  line.sigma_theta_rad = Estimate{0.02, std::nullopt};
+  LandmarkFilter filter(line);
+  JointState state;
+  state.noise.law = law;
+  const Cells& c = problem.cells;
+  for (std::size_t k = 0; k < problem.stops.size(); ++k) {
+    const StopPrior& prior = problem.stops[k];
+    filter.start(prior.commanded, covariance_of(prior, prior.sigma_xy_m), prior.chained, !prior.opens_place);
+    for (auto i = static_cast<std::size_t>(c.stop_begin[k]);
+         i < static_cast<std::size_t>(c.stop_begin[k + 1]); ++i)
+      filter.take(std::to_string(c.landmark[i]), c.radius_m[i], c.range_mean[i], c.bearing_mean[i]);
+    const Eigen::Vector3d pose = filter.x.segment<3>(filter.pose());
+    state.stops.push_back({pose[0], pose[1], pose[2]});
+  }
+  state.landmarks.assign(problem.landmark_radius_m.size(), Eigen::Vector2d::Zero());
+  for (std::size_t l = 0; l < filter.labels.size(); ++l)
+    state.landmarks[std::stoul(filter.labels[l])] =
+        filter.x.segment<2>(filter.pose() + 3 + 2 * static_cast<Eigen::Index>(l));
+  seed_from_places(problem, order, state);
+  return state;
+}
+
+}  // namespace rangecal
