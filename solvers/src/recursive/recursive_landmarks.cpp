@@ -112,6 +112,12 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
   if (std::find(held_labels_.begin(), held_labels_.end(), stop.label) != held_labels_.end())
     throw InputError("stop '" + stop.label +
                      "' comes back after others; the readings of a stop follow each other");
+  // a turn that went wrong moves what comes after, which an exact position cannot follow
+  if (options_.random_walk && !held_labels_.empty() && prior.sigma_xy_m == 0.0 &&
+      prior.sigma_heading_rad > 0.0 && (stop.place.empty() || held_places_.back() != stop.place))
+    throw InputError(
+        "stop '" + stop.label +
+        "': a step of a random walk has an exact length but no exact heading; give it a sigma_xy_m");
   if (!held_labels_.empty())
     for (std::size_t cell = static_cast<std::size_t>(held_.cells.stop_begin.end()[-2]);
          cell < held_.cells.size(); ++cell)

@@ -402,10 +402,13 @@ TEST(RecursiveLandmarks, ForgetsWithItsTimeConstant) {
 }
 
 TEST(RecursiveLandmarks, IntervalsHold) {
-  // 100 streams of 80 stops, with and without forgetting; |alpha_1 - truth| < 1.96 standard deviations in
-  // 0.95 of them, binomial: 4 * sqrt(0.95 * 0.05 / 100) = 0.087
-  for (const double forget : {std::numeric_limits<double>::infinity(), 60.0}) {
+  // 100 streams of 80 stops, with and without forgetting, and along a random walk; |alpha_1 - truth| < 1.96
+  // standard deviations in 0.95 of them, binomial: 4 * sqrt(0.95 * 0.05 / 100) = 0.087
+  constexpr double never = std::numeric_limits<double>::infinity();
+  for (const auto& [forget, walk] : {std::pair{never, false}, {60.0, false}, {never, true}}) {
     Drive d{80, 1};
+    d.walk = walk;
+    d.sigma_heading = walk ? 0.005 : 0.0;
     RecursiveLandmarksOptions options = options_for(d);
     options.forget = forget;
     int held = 0;
@@ -414,7 +417,7 @@ TEST(RecursiveLandmarks, IntervalsHold) {
       ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
       held += std::abs(fit.alpha[1] - 0.8838) < 1.96 * std::sqrt((*fit.alpha_covariance)(1, 1));
     }
-    EXPECT_NEAR(held / 100.0, 0.95, 0.087) << forget;
+    EXPECT_NEAR(held / 100.0, 0.95, 0.087) << forget << walk;
   }
 }
 
@@ -537,6 +540,15 @@ TEST(RecursiveLandmarks, HostileInput) {
     stuck.add(same);
   }
   EXPECT_NE(stuck.estimate().outcome, Outcome::converged);
+  // a walk of steps that are exact in length but not in heading: positions could not follow the turns
+  RecursiveLandmarksOptions turning;
+  turning.random_walk = true;
+  turning.sigma_xy_m = 0.0;
+  turning.sigma_heading_rad = 0.01;
+  RecursiveLandmarks turned(turning);
+  EXPECT_TRUE(turned.add(reading_of(recording, 0)));
+  EXPECT_THROW(turned.add(reading_of(recording, 5)), InputError);
+  EXPECT_EQ(turned.stops(), 1);
   RecursiveLandmarksOptions bad;
   bad.law = NoiseLaw::polynomial;
   EXPECT_THROW(RecursiveLandmarks{bad}, InputError);
