@@ -4,5 +4,6 @@
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #pragma GCC target("avx2,fma")
 #define KERNEL_NAMESPACE avx2
+#define KERNEL_WIDTH 4
 #include "pairs_kernel_body.hpp"
 #endif

@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The body of the streaming pass, included once per instruction set with KERNEL_NAMESPACE and the target set.
-// Eight lanes everywhere, so that the order of summation does not depend on the processor.
+// The body of the streaming pass, included once per instruction set with KERNEL_NAMESPACE, KERNEL_WIDTH (doubles in a
+// register) and the target set. Eight lanes everywhere, so that the order of summation does not depend on the processor;
+// narrower registers take them in groups, one group after the other, so that one group's sums stay in registers.
 
 namespace rangecal::pairs_ml::KERNEL_NAMESPACE {
 namespace {
 
-constexpr int lanes = 8;
-using Vector [[gnu::vector_size(64)]] = double;
-using Bits [[gnu::vector_size(64)]] = long long;
-using Loaded [[gnu::vector_size(64), gnu::aligned(8), gnu::may_alias]] = double;
+constexpr int lanes = 8, width = KERNEL_WIDTH, groups = lanes / width;
+using Vector [[gnu::vector_size(8 * width)]] = double;
+using Bits [[gnu::vector_size(8 * width)]] = long long;
+using Loaded [[gnu::vector_size(8 * width), gnu::aligned(8), gnu::may_alias]] = double;
 
 #define RANGECAL_INLINE inline __attribute__((always_inline))
 
-RANGECAL_INLINE void reduce(const Vector& vector, double& sum) {
-  sum += ((vector[0] + vector[4]) + (vector[2] + vector[6])) + ((vector[1] + vector[5]) + (vector[3] + vector[7]));
+/// Adds the sum of the eight lanes; of_group(g) is group g's vector.
+template <class OfGroup>
+RANGECAL_INLINE void reduce(const OfGroup& of_group, double& sum) {
+  double lane[lanes];
+  for (int k = 0; k < lanes; ++k) lane[k] = of_group(k / width)[k % width];
+  sum += ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
 /// Powers t^1 .. t^m; power[0] is not set.
@@ -35,14 +40,14 @@ struct LongProduct {
     ++splits;
     mantissa = reinterpret_cast<Vector>((bits & 0x000fffffffffffffLL) | 0x3ff0000000000000LL);
   }
-  double log() {
+  /// Multiplies `product` by the mantissas and adds the exponents to `twos`.
+  void gather(double& product, double& twos) {
     split();
-    double product = 1.0, twos = -1023.0 * lanes * splits;
-    for (int k = 0; k < lanes; ++k) {
+    twos -= 1023.0 * width * splits;
+    for (int k = 0; k < width; ++k) {
       product *= mantissa[k];
       twos += static_cast<double>(exponent[k]);
     }
-    return __builtin_log(product) + 0.693147180559945309417 * twos;
   }
 };
 
@@ -105,7 +110,7 @@ RANGECAL_INLINE void add_cells(const KernelInput& in, const double* d_at, const 
     if constexpr (plain) {
       lane.product.mantissa *= scaled;
     } else {
-      for (int k = 0; k < lanes; ++k) lane.log_f[k] += count[k] * __builtin_log(scaled[k]);
+      for (int k = 0; k < width; ++k) lane.log_f[k] += count[k] * __builtin_log(scaled[k]);
     }
     lane.min_f = f < lane.min_f ? f : lane.min_f;
     const Vector counted = plain ? inverse : count * inverse;
@@ -139,23 +144,28 @@ template <KernelLaw law, int n, bool single, bool information>
 void kernel(const KernelInput& in, KernelSums& sums) {
   constexpr double p = law == KernelLaw::power1 ? 1.0 : law == KernelLaw::power2 ? 2.0
                      : law == KernelLaw::power3 ? 3.0 : 0.0;
-  Lanes<law, n, information> lane;
+  Lanes<law, n, information> lane[groups];
   std::size_t i = in.begin;
-  if constexpr (single) {
-    while (i + lanes <= in.end) {
-      // 32 factors near 1 stay within the exponents.
-      const std::size_t left = (in.end - i) / lanes, stop = i + lanes * (left < 32 ? left : 32);
-      for (; i < stop; i += lanes)
-        add_cells<law, n, information, true>(in, in.d + i, in.mean + i, nullptr, nullptr, nullptr, lane);
-      if constexpr (p > 0.0) lane.product.split();
+  // 32 factors near 1 stay within the exponents of a product; a block stays in the first-level cache for all groups.
+  constexpr std::size_t block = 32;
+  while (i + lanes <= in.end) {
+    const std::size_t left = (in.end - i) / lanes, stop = i + lanes * (left < block ? left : block);
+    for (int group = 0; group < groups; ++group) {
+      Lanes<law, n, information> sum = lane[group];
+      for (std::size_t at = i + group * width; at < stop; at += lanes) {
+        if constexpr (single)
+          add_cells<law, n, information, true>(in, in.d + at, in.mean + at, nullptr, nullptr, nullptr, sum);
+        else
+          add_cells<law, n, information, false>(in, in.d + at, in.mean + at, in.mean_square + at, in.count + at,
+                                                in.weight + at, sum);
+      }
+      if constexpr (single && p > 0.0) sum.product.split();
+      lane[group] = sum;
     }
-  } else {
-    for (; i + lanes <= in.end; i += lanes)
-      add_cells<law, n, information, false>(in, in.d + i, in.mean + i, in.mean_square + i, in.count + i, in.weight + i, lane);
-    for (std::size_t k = in.begin; k < in.end; ++k) sums.count += in.count[k];
+    i = stop;
   }
   if (i < in.end) {
-    // The rest: cells of count and weight 0 fill the vector.
+    // The rest: cells of count and weight 0 fill the lanes.
     double rest[5][lanes];
     for (std::size_t k = 0; k < lanes; ++k) {
       const bool taken = i + k < in.end;
@@ -165,26 +175,38 @@ void kernel(const KernelInput& in, KernelSums& sums) {
       rest[3][k] = !taken ? 0.0 : single ? 1.0 : in.count[i + k];
       rest[4][k] = !taken ? 0.0 : single ? 1.0 : in.weight[i + k];
     }
-    add_cells<law, n, information, false>(in, rest[0], rest[1], rest[2], rest[3], rest[4], lane);
+    for (int group = 0; group < groups; ++group) {
+      const int at = group * width;
+      add_cells<law, n, information, false>(in, rest[0] + at, rest[1] + at, rest[2] + at, rest[3] + at, rest[4] + at,
+                                            lane[group]);
+    }
   }
-  if constexpr (single) sums.count += static_cast<double>(in.end - in.begin);
+  if constexpr (single)
+    sums.count += static_cast<double>(in.end - in.begin);
+  else
+    for (std::size_t k = in.begin; k < in.end; ++k) sums.count += in.count[k];
 
   for (int k = 0; k <= n; ++k) {
     double inverse = 0.0, both = 0.0;
-    reduce(lane.inverse[k], inverse);
-    reduce(lane.both[k], both);
+    reduce([&](int group) { return lane[group].inverse[k]; }, inverse);
+    reduce([&](int group) { return lane[group].both[k]; }, both);
     sums.gradient[k] += p * inverse - both;
     sums.cross[k] += 2.0 * both;
     if constexpr (information) sums.information_cross[k] += 2.0 * p * inverse;
   }
   for (int k = 0; k <= 2 * n; ++k) {
-    reduce(lane.hessian[k], sums.hessian[k]);
-    if constexpr (information) reduce(lane.expected[k], sums.information[k]);
+    reduce([&](int group) { return lane[group].hessian[k]; }, sums.hessian[k]);
+    if constexpr (information) reduce([&](int group) { return lane[group].expected[k]; }, sums.information[k]);
   }
-  reduce(lane.square, sums.square);
-  reduce(lane.log_f, sums.log_f);
-  if constexpr (single && p > 0.0) sums.log_f += lane.product.log();
-  for (int k = 0; k < lanes; ++k) sums.min_f = lane.min_f[k] < sums.min_f ? lane.min_f[k] : sums.min_f;
+  reduce([&](int group) { return lane[group].square; }, sums.square);
+  reduce([&](int group) { return lane[group].log_f; }, sums.log_f);
+  if constexpr (single && p > 0.0) {
+    double product = 1.0, twos = 0.0;
+    for (auto& group : lane) group.product.gather(product, twos);
+    sums.log_f += __builtin_log(product) + 0.693147180559945309417 * twos;
+  }
+  for (const auto& group : lane)
+    for (int k = 0; k < width; ++k) sums.min_f = group.min_f[k] < sums.min_f ? group.min_f[k] : sums.min_f;
 }
 
 template <KernelLaw law, int n>
