@@ -53,7 +53,7 @@ std::string scene_file(const PlanRequest& request, const PlanDesign& d) {
   return text;
 }
 
-std::string describe(const char* title, const PlanDesign& d) {
+std::string design_text(const char* title, const PlanDesign& d) {
   return fmt::format("{:<12} {}: {} places{}, {} landmarks, {} repeats; {:.1f} minutes, {:.2f} mm\n", title, d.path, d.places,
                      d.headings > 1 ? fmt::format(" x {} headings", d.headings) : "", d.landmarks.size(), d.repeats, d.minutes, 1e3 * d.std_dev_m);
 }
@@ -90,9 +90,9 @@ struct PlanCommand {
     if (plan.outcome != Outcome::converged) text += "Outcome      " + plan.reason + "\n";
     if (plan.best.places == 0) return text;
     const PlanDesign& d = plan.best;
-    text += describe("Plan", d);
+    text += design_text("Plan", d);
     if (plan.line)
-      text += describe("Line", *plan.line);
+      text += design_text("Line", *plan.line);
     else
       text += "Line         no straight line without turns, with landmarks at both sides, reaches that" +
               (plan.line_std_dev_m ? fmt::format(" (at best {:.2f} mm)\n", 1e3 * *plan.line_std_dev_m) : std::string("\n"));

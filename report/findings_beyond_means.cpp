@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -12,6 +11,7 @@
 #include <tuple>
 
 #include "diagnosis_words.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::report {
@@ -68,7 +68,6 @@ std::vector<Named> each_cell(const FitView& view, bool bearing) {
 /// Sorted values beside the quantiles of the normal law; of many, the middle is thinned.
 Json quantile_rows(const FitView& view, std::vector<Named> values, Limits& limits) {
   std::sort(values.begin(), values.end(), [](const Named& a, const Named& b) { return a.value < b.value; });
-  const boost::math::normal normal;
   constexpr std::size_t tail = 60, middle = 200;
   const std::size_t count = values.size(), stride = std::max<std::size_t>(1, count / middle);
   Json rows = Json::array();
@@ -77,8 +76,7 @@ Json quantile_rows(const FitView& view, std::vector<Named> values, Limits& limit
     const double value = values[i].value;
     Json row;
     name_reading(view, *values[i].reading, row);
-    row["normal"] =
-        number(boost::math::quantile(normal, (static_cast<double>(i) + 0.5) / static_cast<double>(count)));
+    row["normal"] = number(normal_quantile((static_cast<double>(i) + 0.5) / static_cast<double>(count)));
     row["value"] = number(value);
     limits = {std::min(limits.low, value), std::max(limits.high, value)};
     rows.push_back(std::move(row));

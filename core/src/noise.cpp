@@ -11,17 +11,17 @@
 namespace rangecal {
 namespace {
 
-constexpr std::array<std::pair<NoiseLaw, const char*>, 6> kNames{{{NoiseLaw::constant, "constant"},
-                                                                  {NoiseLaw::f, "f"},
-                                                                  {NoiseLaw::f_squared, "f2"},
-                                                                  {NoiseLaw::f_cubed, "f3"},
-                                                                  {NoiseLaw::d_squared, "d2"},
-                                                                  {NoiseLaw::polynomial, "polynomial"}}};
+constexpr std::array<std::pair<NoiseLaw, const char*>, 6> kLawNames{{{NoiseLaw::constant, "constant"},
+                                                                     {NoiseLaw::f, "f"},
+                                                                     {NoiseLaw::f_squared, "f2"},
+                                                                     {NoiseLaw::f_cubed, "f3"},
+                                                                     {NoiseLaw::d_squared, "d2"},
+                                                                     {NoiseLaw::polynomial, "polynomial"}}};
 
 }  // namespace
 
 const char* to_string(NoiseLaw law) {
-  for (const auto& [value, name] : kNames) {
+  for (const auto& [value, name] : kLawNames) {
     if (value == law) return name;
   }
   return "constant";
@@ -29,7 +29,7 @@ const char* to_string(NoiseLaw law) {
 
 NoiseLaw noise_law_from_string(const std::string& text) {
   std::string accepted;
-  for (const auto& [value, name] : kNames) {
+  for (const auto& [value, name] : kLawNames) {
     if (text == name) return value;
     accepted += (accepted.empty() ? "" : ", ") + std::string(name);
   }

@@ -4,7 +4,6 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
-#include <limits>
 
 #include "archive_fields.hpp"
 #include "arrays.hpp"
@@ -14,8 +13,6 @@
 
 namespace rangecal::python {
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 const Calibration& of(const py::object& self) { return self.cast<const Calibration&>(); }
 

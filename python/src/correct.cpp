@@ -2,7 +2,6 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
-#include <limits>
 #include <vector>
 
 #include "columns.hpp"
@@ -49,7 +48,6 @@ py::dict correct_readings(const std::shared_ptr<Calibration>& calibration,
             hook("correcting", static_cast<double>(i) / static_cast<double>(values.size()));
           for (CorrectionCandidate& c :
                correction_candidates(settings.corrector, values[i], settings.of_reading[i], likelihood)) {
-            constexpr double nan = std::numeric_limits<double>::quiet_NaN();
             all.reading.push_back(static_cast<py::ssize_t>(i));
             all.distance_m.push_back(c.distance_m.value_or(nan));
             all.std_m.push_back(c.std_dev_m.value_or(nan));

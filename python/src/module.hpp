@@ -3,6 +3,7 @@
 
 #include <pybind11/pybind11.h>
 
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -12,6 +13,9 @@
 namespace rangecal::python {
 
 namespace py = pybind11;
+
+/// Stands in arrays for what is not known.
+inline constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 /// Each binds one concept into the module `rangecal._native`.
 void bind_recording(py::module_& module);

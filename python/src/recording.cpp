@@ -3,7 +3,6 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
-#include <limits>
 
 #include "archive_fields.hpp"
 #include "arrays.hpp"
@@ -57,7 +56,6 @@ std::vector<std::string> labels(const Items& items, Get get) {
 /// (n, 3) of poses, NaN where one is not known; None where none is.
 py::object true_stops(const Recording& r) {
   if (r.truth.stops.empty()) return py::none();
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   py::array_t<double> array({static_cast<py::ssize_t>(r.truth.stops.size()), py::ssize_t{3}});
   auto at = array.mutable_unchecked<2>();
   for (std::size_t i = 0; i < r.truth.stops.size(); ++i) {
@@ -71,7 +69,6 @@ py::object true_stops(const Recording& r) {
 /// (n, 2), the same of landmarks.
 py::object true_landmarks(const Recording& r) {
   if (r.truth.landmarks.empty()) return py::none();
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   py::array_t<double> array({static_cast<py::ssize_t>(r.truth.landmarks.size()), py::ssize_t{2}});
   auto at = array.mutable_unchecked<2>();
   for (std::size_t i = 0; i < r.truth.landmarks.size(); ++i)

@@ -72,10 +72,10 @@ TEST(CalibrateCommand, NoiseShapeOfLandmarksIsInPageAndFile) {
 TEST(CalibrateCommand, TiltSaysWhatTheDesignCannotSee) {
   const RunResult line = run("calibrate " + shipped("field-layout") + " --tilt");
   EXPECT_EQ(line.code, 0) << line.err;
-  EXPECT_THAT(line.out, testing::StartsWith("Plane      This design does not see a tilt of the plane"));
+  EXPECT_THAT(line.out, ::testing::StartsWith("Plane      This design does not see a tilt of the plane"));
   const RunResult refused = run("calibrate " + shipped("field-layout") + " --tilt --method full");
   EXPECT_EQ(refused.code, 2);
-  EXPECT_THAT(refused.err, testing::HasSubstr("--tilt goes with --method marginal"));
+  EXPECT_THAT(refused.err, ::testing::HasSubstr("--tilt goes with --method marginal"));
 }
 
 TEST(CalibrateCommand, AllMethodsInOneFile) {

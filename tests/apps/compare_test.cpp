@@ -2,14 +2,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-
 #include "apps/run_binary.hpp"
+#include "support/recordings.hpp"
 
 namespace rangecal::test {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::recordings;
 
 TEST(CompareCommand, FourMethodsInOneTableAndOneSentence) {
   const RunResult result = run("compare " + shipped("field-layout"));
@@ -37,11 +37,6 @@ TEST(CompareCommand, SeveralRecordingsShareOneSensor) {
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("2 recordings"));
   EXPECT_THAT(result.out, HasSubstr("600 readings"));
-}
-
-std::string recordings() {
-  const char* given = std::getenv("RANGECAL_RECORDINGS");
-  return given ? given : std::string(RANGECAL_SOURCE_DIR) + "/../shared/recordings";
 }
 
 class RealRecording : public ::testing::TestWithParam<const char*> {};

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -6,8 +7,6 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
-
-#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "apps/documented_members.hpp"
@@ -18,17 +17,14 @@
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/problems/world/physical/designs.hpp"
 #include "rangecal/problems/world/physical/scans.hpp"
+#include "support/recordings.hpp"
 
 namespace rangecal::test {
 namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-std::string recordings() {
-  const char* given = std::getenv("RANGECAL_RECORDINGS");
-  return given ? given : std::string(RANGECAL_SOURCE_DIR) + "/../shared/recordings";
-}
+using testing::recordings;
 
 /// Scans and stops of a world as files; the scans carry labels or not.
 void write_scans(const TemporaryFolder& folder, bool labels) {

@@ -29,7 +29,7 @@ std::string place(const CsvTable& table, std::size_t row) {
   return text;
 }
 
-class PaperStudy : public testing::TestWithParam<std::string> {};
+class PaperStudy : public ::testing::TestWithParam<std::string> {};
 
 /// Same points, estimators and columns; RMSE within eight of the reduced run's own standard errors and half of the
 /// value (20 repeats: the error of an RMSE is 16 % for one dimension, and its own estimate is as uncertain).
@@ -73,12 +73,12 @@ std::vector<std::string> with_results() {
   return names;
 }
 
-std::string test_name(const testing::TestParamInfo<std::string>& study) {
+std::string test_name(const ::testing::TestParamInfo<std::string>& study) {
   std::string name = study.param;
   std::replace(name.begin(), name.end(), '-', '_');
   return name;
 }
 
-INSTANTIATE_TEST_SUITE_P(Results, PaperStudy, testing::ValuesIn(with_results()), test_name);
+INSTANTIATE_TEST_SUITE_P(Results, PaperStudy, ::testing::ValuesIn(with_results()), test_name);
 
 }  // namespace

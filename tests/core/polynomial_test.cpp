@@ -11,9 +11,9 @@
 namespace rangecal {
 namespace {
 
-using testing::DoubleNear;
-using testing::ElementsAre;
-using testing::IsEmpty;
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 Eigen::VectorXd coefficients(std::initializer_list<double> values) {
   Eigen::VectorXd result(static_cast<Eigen::Index>(values.size()));

@@ -15,7 +15,7 @@
 namespace rangecal::proof {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 Diagnosis explained(std::vector<std::string> effects, std::vector<std::vector<std::string>> twins = {}) {
   Diagnosis d;

@@ -8,8 +8,8 @@
 namespace rangecal::testing {
 
 /// The sensor of the 2021 setting before anything stands anywhere: its curve, noise 0.01 f^2, bearings 0.5 degrees.
-inline Scene paper_scene() {
-  Scene scene;
+inline rangecal::Scene paper_scene() {
+  rangecal::Scene scene;
   scene.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
   scene.noise.law = NoiseLaw::f_squared;
   scene.noise.parameters = Eigen::VectorXd::Constant(1, 0.01);
@@ -18,7 +18,7 @@ inline Scene paper_scene() {
 }
 
 /// A further stop, labelled by its number.
-inline void add_stop(Scene& scene, const Pose2& commanded) {
+inline void add_stop(rangecal::Scene& scene, const Pose2& commanded) {
   Stop stop;
   stop.label = std::to_string(scene.stops.size());
   stop.commanded = commanded;

@@ -11,14 +11,14 @@
 namespace rangecal {
 namespace {
 
-using Json = nlohmann::json;
+using Tree = nlohmann::json;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // A value of the file together with where it stands. A missing key and null are the same.
 class Field {
  public:
-  Field(const Json& value, const std::string& file, std::string name)
+  Field(const Tree& value, const std::string& file, std::string name)
       : value_(value), file_(file), name_(std::move(name)) {}
 
   [[noreturn]] void fail(const std::string& what) const {
@@ -27,7 +27,7 @@ class Field {
   bool is_null() const { return value_.is_null(); }
 
   Field at(const std::string& key) const {
-    static const Json null;
+    static const Tree null;
     if (!value_.is_object()) fail("is not an object");
     const auto found = value_.find(key);
     return Field(found == value_.end() ? null : *found, file_, name_.empty() ? key : name_ + "." + key);
@@ -41,7 +41,8 @@ class Field {
     if (is_null()) return {};
     if (!value_.is_array()) fail("is not a list");
     std::vector<Field> items;
-    for (const Json& item : value_) items.emplace_back(item, file_, name_ + "[" + std::to_string(items.size()) + "]");
+    for (const Tree& item : value_)
+      items.emplace_back(item, file_, name_ + "[" + std::to_string(items.size()) + "]");
     return items;
   }
   std::vector<std::pair<std::string, Field>> members() const {
@@ -89,7 +90,7 @@ class Field {
   }
 
  private:
-  const Json& value_;
+  const Tree& value_;
   const std::string& file_;
   std::string name_;
 };
@@ -215,10 +216,10 @@ Calibration read_calibration(const Field& top) {
 
 std::vector<Calibration> load_calibrations(const std::string& path) {
   const std::string text = read_file(path, std::size_t{256} << 20);
-  Json json;
+  Tree json;
   try {
-    json = Json::parse(text);
-  } catch (const Json::exception& error) {
+    json = Tree::parse(text);
+  } catch (const Tree::exception& error) {
     throw InputError(path, 0, "", std::string("is not JSON: ") + error.what());
   }
   const Field top(json, path, "");

@@ -23,20 +23,20 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(" \t") - first + 1);
 }
 
-struct QuotedRows : csv_parser {
-  QuotedRows() : csv_parser{} {
-    if (csv_init(this, CSV_STRICT | CSV_STRICT_FINI) != 0) throw std::bad_alloc();
-  }
-  QuotedRows(const QuotedRows&) = delete;
-  QuotedRows& operator=(const QuotedRows&) = delete;
-  ~QuotedRows() { csv_free(this); }
-};
-
 }  // namespace
 
 // libcsv takes the rows that hold a quote; the others are split at their commas, which is the same and four
 // times as fast.
 struct CsvRows::Parser {
+  struct QuotedRows : csv_parser {
+    QuotedRows() : csv_parser{} {
+      if (csv_init(this, CSV_STRICT | CSV_STRICT_FINI) != 0) throw std::bad_alloc();
+    }
+    QuotedRows(const QuotedRows&) = delete;
+    QuotedRows& operator=(const QuotedRows&) = delete;
+    ~QuotedRows() { csv_free(this); }
+  };
+
   std::string name;
   io::LineFeed feed;
   QuotedRows quotes;

@@ -20,11 +20,11 @@ LabelIndex read_stops(const Files& files, Recording& recording) {
   return index;
 }
 
-struct Columns {
+struct SightingColumns {
   std::size_t stop, landmark, range, bearing;
   std::optional<std::size_t> repeat, time;
 
-  explicit Columns(const CsvRows& rows)
+  explicit SightingColumns(const CsvRows& rows)
       : stop(rows.require("stop")),
         landmark(rows.require("landmark")),
         range(rows.require("range_m")),
@@ -34,15 +34,15 @@ struct Columns {
 };
 
 // A reading, with the reason why it cannot be used.
-struct Measurement {
+struct Sighting {
   double range_m = 0.0, bearing_rad = 0.0;
   const char* unusable = nullptr;
 };
 
 // The range decides first; a reading whose bearing is missing cannot be used either.
-Measurement measurement(const CsvRows& rows, const Columns& columns, const Sensor& sensor) {
+Sighting measurement(const CsvRows& rows, const SightingColumns& columns, const Sensor& sensor) {
   const auto range = rows.number(columns.range), bearing = rows.number(columns.bearing);
-  Measurement read{range.value_or(0.0), 0.0, unusable(sensor, range)};
+  Sighting read{range.value_or(0.0), 0.0, unusable(sensor, range)};
   if (bearing && std::isfinite(*bearing)) {
     read.bearing_rad = checked_angle(rows, columns.bearing, *bearing);
   } else if (read.unusable == nullptr) {
@@ -90,7 +90,7 @@ class Cells {
 };
 
 // The current row has stop, landmark and repeat of an earlier one, which is looked for only now.
-[[noreturn]] void fail_repeated(const Files& files, const CsvRows& rows, const Columns& columns) {
+[[noreturn]] void fail_repeated(const Files& files, const CsvRows& rows, const SightingColumns& columns) {
   const std::string stop(rows.label(columns.stop)), landmark(rows.label(columns.landmark));
   const int repeat = rows.count(*columns.repeat);
   CsvRows again = files.rows("observations.csv");
@@ -123,7 +123,7 @@ void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Readings& r
 void read_observations(const Files& files, const RecordingHeader& header, bool listed,
                        const LabelIndex& stops, LabelIndex& landmarks, Recording& recording) {
   CsvRows rows = files.rows("observations.csv");
-  const Columns columns(rows);
+  const SightingColumns columns(rows);
   CovariateColumns covariates(rows, {"stop", "landmark", "repeat", "time_s", "range_m", "bearing_rad"});
   Cells cells;
   Readings& readings = recording.readings;
@@ -139,7 +139,7 @@ void read_observations(const Files& files, const RecordingHeader& header, bool l
     Cell& cell = cells.at(*stop, landmark);
     const int repeat = columns.repeat ? rows.count(*columns.repeat) : cell.next;
     if (!cell.take(repeat)) fail_repeated(files, rows, columns);
-    const Measurement read = measurement(rows, columns, recording.sensor);
+    const Sighting read = measurement(rows, columns, recording.sensor);
     const double time_s = columns.time ? rows.finite(*columns.time) : 0.0;
     cell.loss.count(read.unusable);
     covariates.take(rows, read.unusable == nullptr);

@@ -8,11 +8,11 @@
 namespace rangecal::io {
 namespace {
 
-struct Columns {
+struct PairColumns {
   std::size_t truth, reading;
   std::optional<std::size_t> batch, time, landmark, bearing;
 
-  explicit Columns(const CsvRows& rows)
+  explicit PairColumns(const CsvRows& rows)
       : truth(rows.require("true_m")),
         reading(rows.require("reading_m")),
         batch(rows.find("batch")),
@@ -22,14 +22,14 @@ struct Columns {
 };
 
 // A pair, with the reason why it cannot be used.
-struct Measurement {
+struct Pair {
   double true_m = 0.0, reading_m = 0.0, bearing_rad = 0.0;
   const char* unusable = nullptr;
 };
 
-Measurement measurement(const CsvRows& rows, const Columns& columns, const Sensor& sensor) {
+Pair measurement(const CsvRows& rows, const PairColumns& columns, const Sensor& sensor) {
   const auto reading = rows.number(columns.reading), truth = rows.number(columns.truth);
-  Measurement read;
+  Pair read;
   read.unusable = unusable(sensor, reading);
   read.reading_m = reading.value_or(0.0);
   if (truth && std::isfinite(*truth)) {
@@ -102,7 +102,7 @@ void number_batches(const Batches& batches, Pairs& pairs) {
 
 void read_pairs_kind(const Files& files, const RecordingHeader& header, Recording& recording) {
   CsvRows rows = files.rows("pairs.csv");
-  const Columns columns(rows);
+  const PairColumns columns(rows);
   LabelIndex landmarks;
   const bool listed = read_landmark_list(files, header, recording, landmarks);
   if (!header.taped.empty()) {
@@ -119,7 +119,7 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
     const int landmark = columns.landmark ? observed_landmark(rows, *columns.landmark, listed,
                                                               header.landmark_radius_m, recording, landmarks)
                                           : -1;
-    const Measurement read = measurement(rows, columns, recording.sensor);
+    const Pair read = measurement(rows, columns, recording.sensor);
     const double time_s = columns.time ? rows.finite(*columns.time) : 0.0;
     if (batch >= 0) batches.losses[static_cast<std::size_t>(batch)].count(read.unusable);
     covariates.take(rows, read.unusable == nullptr);

@@ -3,16 +3,15 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 /// -log N(residual; 0, sigma^2)
 double gaussian_nll(double residual, double sigma) {

@@ -4,12 +4,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
-#include <numbers>
+
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
-
-const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 double inverse_or_zero(double sigma) { return sigma > 0.0 ? 1.0 / sigma : 0.0; }
 

@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/pairs/pairs_problem.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
-
-const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 void group_rows(PairsProblem& problem) {
   const std::size_t rows = problem.row_true_m.size();

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/calibrate/curve.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal {
 namespace {
@@ -28,14 +28,13 @@ Eigen::MatrixXd padded(const std::optional<Eigen::MatrixXd>& covariance, Eigen::
 double chi_square(const Eigen::VectorXd& delta, const Eigen::MatrixXd& covariance, int& rank) {
   Eigen::VectorXd scale = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * covariance *
-                                                             scale.asDiagonal());
-  const Eigen::VectorXd turned = eigen.eigenvectors().transpose() * scale.cwiseProduct(delta);
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * covariance * scale.asDiagonal());
+  const Eigen::VectorXd turned = eigen.vectors.transpose() * scale.cwiseProduct(delta);
   double sum = 0.0;
   rank = 0;
   for (Eigen::Index i = 0; i < turned.size(); ++i) {
-    if (!(eigen.eigenvalues()[i] > 1e-12)) continue;
-    sum += turned[i] * turned[i] / eigen.eigenvalues()[i];
+    if (!(eigen.values[i] > 1e-12)) continue;
+    sum += turned[i] * turned[i] / eigen.values[i];
     ++rank;
   }
   return sum;
@@ -100,9 +99,8 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   if (covariance) {
     const double chi_sq = chi_square(delta, *covariance, change.degrees_of_freedom);
     if (change.degrees_of_freedom > 0) {
-      const boost::math::chi_squared law(change.degrees_of_freedom);
       change.chi_sq = chi_sq;
-      change.p_value = std::isfinite(chi_sq) ? boost::math::cdf(boost::math::complement(law, chi_sq)) : 0.0;
+      change.p_value = std::isfinite(chi_sq) ? chi_squared_upper(chi_sq, change.degrees_of_freedom) : 0.0;
     }
   }
   return change;

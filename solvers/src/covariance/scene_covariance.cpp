@@ -10,7 +10,7 @@ namespace rangecal {
 namespace {
 
 /// Inverse over the globals that some reading speaks of, zero for the others; nothing where it is singular.
-std::optional<Eigen::MatrixXd> inverse_of(const Eigen::MatrixXd& schur) {
+std::optional<Eigen::MatrixXd> inverse_of_known(const Eigen::MatrixXd& schur) {
   std::vector<Eigen::Index> known;
   for (Eigen::Index i = 0; i < schur.rows(); ++i)
     if (schur(i, i) > 0.0) known.push_back(i);
@@ -41,7 +41,7 @@ SceneCovariance scene_covariance(std::span<const Recording> recordings, const Ca
   if (problem.estimate_sigma_s && !(state.sigma_s_m.value_or(0.0) > 0.0)) return result;
   system.assemble(state, HessianKind::fisher);
   if (!system.eliminate()) return result;
-  const std::optional<Eigen::MatrixXd> globals = inverse_of(system.schur());
+  const std::optional<Eigen::MatrixXd> globals = inverse_of_known(system.schur());
   if (!globals) return result;
   const JointLayout& layout = system.layout();
   for (std::size_t l = 0; l < result.landmarks.size(); ++l) {

@@ -3,19 +3,18 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <boost/math/distributions/normal.hpp>
-#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <numbers>
 
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/solvers/covariance/cramer_rao.hpp"
 
 namespace rangecal::diagnosis {
 
 double log_chi_sq_survival(double statistic, int dof) {
   const double half = 0.5 * statistic, shape = 0.5 * dof;
-  if (half < 300.0) return std::log(std::max(boost::math::gamma_q(shape, half), 1e-300));
+  if (half < 300.0) return std::log(std::max(chi_squared_upper(statistic, dof), 1e-300));
   return (shape - 1.0) * std::log(half) - half - std::lgamma(shape);  // leading term of the tail
 }
 
@@ -25,7 +24,7 @@ namespace {
 double upper_quantile(double upper) {
   if (!(upper > 1e-299)) return 37.0;
   if (upper >= 0.5) return 0.0;
-  return boost::math::quantile(boost::math::complement(boost::math::normal(), upper));
+  return normal_upper_quantile(upper);
 }
 
 /// The normal quantile of a contaminated normal's probability; `wide`: standard deviation of the share.

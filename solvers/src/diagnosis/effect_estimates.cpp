@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -12,6 +11,7 @@
 #include "diagnosis/projector.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/working.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::diagnosis {
@@ -40,7 +40,7 @@ double quantile_of(const Rows& rows, const Projector& projector, const Fit& fit,
   const double variance = range * range + bearing * bearing;
   if (!(variance > 0.0)) return z95;  // the noise is given
   const double degrees_of_freedom = std::max(1.0, 2.0 / variance);
-  return boost::math::quantile(boost::math::students_t_distribution<double>(degrees_of_freedom), 0.975);
+  return student_t_quantile(0.975, degrees_of_freedom);
 }
 
 /// True for a parameter that is a positive scale (a time constant, a wavelength): its logarithm is the

@@ -3,7 +3,6 @@
 
 #include <fmt/core.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -11,6 +10,8 @@
 #include <numbers>
 #include <set>
 #include <utility>
+
+#include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -192,17 +193,17 @@ struct Reduced {
 };
 
 Reduced reduce(const Scored& scored, double price) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scored.information);
-  const double largest = eigen.eigenvalues().tail(1)[0];
+  const SymmetricEigen eigen = symmetric_eigen(scored.information);
+  const double largest = eigen.values.tail(1)[0];
   Reduced reduced;
   std::vector<Eigen::Index> kept;
-  for (Eigen::Index j = 0; j < eigen.eigenvalues().size(); ++j) {
-    if (!(eigen.eigenvalues()[j] > 1e-4 * largest)) continue;
-    const double z = eigen.eigenvectors().col(j).dot(scored.score);
-    reduced.gain += 0.5 * z * z / eigen.eigenvalues()[j];
+  for (Eigen::Index j = 0; j < eigen.values.size(); ++j) {
+    if (!(eigen.values[j] > 1e-4 * largest)) continue;
+    const double z = eigen.vectors.col(j).dot(scored.score);
+    reduced.gain += 0.5 * z * z / eigen.values[j];
     kept.push_back(j);
   }
-  reduced.directions = eigen.eigenvectors()(Eigen::all, kept);
+  reduced.directions = eigen.vectors(Eigen::all, kept);
   if (!kept.empty()) reduced.penalised = reduced.gain - price * static_cast<double>(kept.size());
   return reduced;
 }

@@ -204,13 +204,13 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
       if (typical.active.effect->info().id == unseen.effect)
         hidden.push_back({&typical, unseen.harm_m, power_of(typical, typical.noncentrality)});
   if (hidden.empty()) return;
-  struct Scored {
+  struct Ranked {
     NextExperiment next;
     double score = 0.0;
   };
-  std::vector<Scored> list;
+  std::vector<Ranked> list;
   const auto judge = [&](const char* code, const char* change, const auto& noncentrality) {
-    Scored scored{{code, change, {}, 0.0}, 0.0};
+    Ranked scored{{code, change, {}, 0.0}, 0.0};
     double weights = 0.0;
     for (const Hidden& h : hidden) {
       const double power = power_of(*h.typical, noncentrality(*h.typical));
@@ -245,8 +245,8 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
       return std::pow(error / calliper_m, 2);
     });
   std::stable_sort(list.begin(), list.end(),
-                   [](const Scored& a, const Scored& b) { return a.score > b.score; });
-  for (Scored& scored : list) {
+                   [](const Ranked& a, const Ranked& b) { return a.score > b.score; });
+  for (Ranked& scored : list) {
     const bool listed =
         std::any_of(result.next_experiments.begin(), result.next_experiments.end(),
                     [&](const NextExperiment& next) { return next.code == scored.next.code; });

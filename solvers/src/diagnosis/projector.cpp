@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/projector.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal::diagnosis {
 
@@ -97,12 +97,11 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   }
   Eigen::VectorXd scale = information.diagonal();
   for (double& s : scale) s = s > 0.0 ? 1.0 / std::sqrt(s) : 0.0;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * information *
-                                                             scale.asDiagonal());
-  Eigen::VectorXd inverse = eigen.eigenvalues();
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * information * scale.asDiagonal());
+  Eigen::VectorXd inverse = eigen.values;
   for (double& value : inverse) value = value > 1e-11 ? 1.0 / value : 0.0;
-  phi_factor_.topLeftCorner(phi, phi) = scale.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
-                                        eigen.eigenvectors().transpose() * scale.asDiagonal();
+  phi_factor_.topLeftCorner(phi, phi) = scale.asDiagonal() * eigen.vectors * inverse.asDiagonal() *
+                                        eigen.vectors.transpose() * scale.asDiagonal();
   // Effects that change fast with distance leave the calibration a little off its optimum when the readings
   // are corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
   Eigen::VectorXd pull = -system_.global_gradient();

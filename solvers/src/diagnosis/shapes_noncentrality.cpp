@@ -7,7 +7,6 @@
 //   skewness g of a reading:               g^2 / 6, g = 6 cv for noise before the reciprocal
 //   other spread of the stops:             q - 1 - ln q per direction, q the ratio of variances of a stop's
 //   estimate
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -16,6 +15,7 @@
 #include <utility>
 
 #include "diagnosis/signatures.hpp"
+#include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -66,20 +66,18 @@ Eigen::MatrixXd stop_contrasts(const Rows& rows) {
   const Eigen::Index n = rows.problem.stop_count();
   Eigen::MatrixXd basis(n, 2);
   for (Eigen::Index k = 0; k < n; ++k) basis.row(k) << 1.0, rows.context.path_m[static_cast<std::size_t>(k)];
-  const Eigen::MatrixXd gram = basis.transpose() * basis + 1e-9 * Eigen::Matrix2d::Identity();
+  const Eigen::Matrix2d gram = basis.transpose() * basis + 1e-9 * Eigen::Matrix2d::Identity();
   const Eigen::MatrixXd projection =
       Eigen::MatrixXd::Identity(n, n) - basis * gram.inverse() * basis.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(projection);
+  const SymmetricEigen eigen = symmetric_eigen(projection);
   Eigen::Index first = 0;
-  while (first < n && eigen.eigenvalues()[first] < 0.5) ++first;
-  return eigen.eigenvectors().rightCols(n - first);
+  while (first < n && eigen.values[first] < 0.5) ++first;
+  return eigen.vectors.rightCols(n - first);
 }
 
 double divergence(const Eigen::MatrixXd& with, const Eigen::MatrixXd& without) {
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> ratio(with, without,
-                                                                        Eigen::EigenvaluesOnly);
   double sum = 0.0;
-  for (double q : ratio.eigenvalues()) sum += q > 0.0 ? q - 1.0 - std::log(q) : 0.0;
+  for (double q : symmetric_eigenvalues(with, without)) sum += q > 0.0 ? q - 1.0 - std::log(q) : 0.0;
   return sum;
 }
 

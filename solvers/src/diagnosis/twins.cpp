@@ -2,9 +2,10 @@
 #include "diagnosis/twins.hpp"
 
 #include <algorithm>
-#include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <numeric>
+
+#include "rangecal/core/distributions.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -14,9 +15,6 @@ constexpr double absorbed_part = 3e-3;  ///< of the information
 constexpr double twin_cosine = 0.999;
 constexpr double named_share = 0.2;
 
-double normal_quantile(double p) {
-  return boost::math::quantile(boost::math::normal_distribution<double>(), p);
-}
 double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
 double two_sided_limit(double rate, double questions) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <Eigen/Core>
 #include <algorithm>
-#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <limits>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/solvers/extract/segments.hpp"
 
 namespace rangecal {
@@ -15,7 +15,7 @@ constexpr double kStraightShare = 0.7;  ///< of a wall's beams that lie on strai
 constexpr int kPiece = 5;               ///< beams of a straight piece
 
 double chi_squared_tail(double chi_squared, int degrees) {
-  return degrees > 0 ? boost::math::gamma_q(0.5 * degrees, 0.5 * chi_squared) : 1.0;
+  return degrees > 0 ? chi_squared_upper(chi_squared, degrees) : 1.0;
 }
 
 double middle_range_m(std::span<const Beam> beams) {

@@ -17,12 +17,10 @@ struct Triple {
   double range_m, error_m;  // error_m is scaled to the sigma of one beam
 };
 
-bool usable(double range) { return std::isfinite(range) && range > 0.0; }
-
 void add_triples(const Scan& scan, std::vector<Triple>& triples) {
   for (std::size_t i = 1; i + 1 < scan.size(); ++i) {
     const double before = scan.range_m[i - 1], here = scan.range_m[i], after = scan.range_m[i + 1];
-    if (!usable(before) || !usable(here) || !usable(after)) continue;
+    if (!Scan::returned(before) || !Scan::returned(here) || !Scan::returned(after)) continue;
     const double left = scan.bearing_rad[i] - scan.bearing_rad[i - 1];
     const double right = scan.bearing_rad[i + 1] - scan.bearing_rad[i];
     if (std::abs(left - right) > 0.05 * std::abs(left)) continue;

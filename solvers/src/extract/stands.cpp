@@ -11,10 +11,8 @@
 namespace rangecal {
 namespace {
 
-bool usable(double range) { return std::isfinite(range) && range > 0.0; }
-
 constexpr double kJitter = 0.35;  ///< of a step between beams, by which their angles may wander from scan to scan
-constexpr double kTurn = 0.0175;  ///< by which a scan as a whole may be turned [rad]
+constexpr double kLargestTurn = 0.0175;  ///< by which a scan as a whole may be turned [rad]
 constexpr int kTurns = 4;
 
 /// A reading and how far it may be off [m].
@@ -28,7 +26,7 @@ Between read_between(const Scan& scan, std::size_t& hint, double bearing, const 
   if (hint + 1 >= scan.size() || scan.bearing_rad[hint] > bearing) return {};
   const double a = scan.range_m[hint], b = scan.range_m[hint + 1];
   const double step = scan.bearing_rad[hint + 1] - scan.bearing_rad[hint];
-  if (!usable(a) || !usable(b) || !(step > 0.0)) return {};
+  if (!Scan::returned(a) || !Scan::returned(b) || !(step > 0.0)) return {};
   if (std::abs(a - b) > 5.0 * noise.spread(std::min(a, b)) + 2.0 * step * std::min(a, b)) return {};
   const double share = (bearing - scan.bearing_rad[hint]) / step;
   return {1.0 / ((1.0 - share) / a + share / b), kJitter * std::abs(b - a)};
@@ -39,9 +37,9 @@ double turned_change(const Scan& scan, const Scan& other, double turn, const Sca
   std::vector<double> sizes;
   std::size_t hint = 0;
   for (std::size_t i = 0; i < scan.size(); ++i) {
-    if (!usable(scan.range_m[i])) continue;
+    if (!Scan::returned(scan.range_m[i])) continue;
     const Between before = read_between(other, hint, scan.bearing_rad[i] + turn, noise);
-    if (!usable(before.range_m)) continue;
+    if (!Scan::returned(before.range_m)) continue;
     const double sigma = std::hypot(std::numbers::sqrt2 * noise.spread(before.range_m), before.slack_m);
     sizes.push_back(std::abs(scan.range_m[i] - before.range_m) / sigma);
   }
@@ -51,12 +49,12 @@ double turned_change(const Scan& scan, const Scan& other, double turn, const Sca
   return *middle;
 }
 
-/// The least of it over turns of up to kTurn.
+/// The least of it over turns of up to kLargestTurn.
 double change(const Scan& scan, const Scan& other, const ScanNoise& noise) {
   double least = turned_change(scan, other, 0.0, noise);
   for (int i = 1; i <= kTurns; ++i)
     for (const double sign : {-1.0, 1.0})
-      least = std::min(least, turned_change(scan, other, sign * kTurn * i / kTurns, noise));
+      least = std::min(least, turned_change(scan, other, sign * kLargestTurn * i / kTurns, noise));
   return least;
 }
 

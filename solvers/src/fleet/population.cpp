@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/fleet/population.hpp"
 
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include <Eigen/Cholesky>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <fmt/format.h>
-
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 
 double chi_squared_p(double statistic, double degrees_of_freedom) {
   if (!(statistic >= 0.0)) return 1.0;
-  return boost::math::cdf(boost::math::complement(boost::math::chi_squared(degrees_of_freedom), statistic));
+  return chi_squared_upper(statistic, degrees_of_freedom);
 }
 
 /// theta in units of its spread over the population: EM then sees numbers near one.
@@ -147,9 +147,9 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   scale.unit = scale.unit.cwiseMax(slack);
   VectorXd mu = VectorXd::Zero(p);
   MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p);
-  const boost::math::chi_squared distances(static_cast<double>(p));
   const double limit = options.outlier_rate > 0.0
-                           ? boost::math::quantile(boost::math::complement(distances, options.outlier_rate / static_cast<double>(count)))
+                           ? chi_squared_upper_quantile(options.outlier_rate / static_cast<double>(count),
+                                                        static_cast<double>(p))
                            : std::numeric_limits<double>::infinity();
   result.outcome = Outcome::not_converged;
   double before = -std::numeric_limits<double>::infinity();

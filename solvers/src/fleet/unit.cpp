@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
-#include <cmath>
+#include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <boost/math/distributions/chi_squared.hpp>
-#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "pairs_ml/dense_newton.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -88,7 +88,7 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   const PairsFit fit = full_pairs(make_pairs_problem({&recording, 1}), wider);
   if (fit.calibration.outcome != Outcome::converged || !calibration.joint_nll) return misfit;
   const double gain = 2.0 * (*calibration.joint_nll - fit.nll);
-  misfit.shape_p = gain > 0.0 ? boost::math::cdf(boost::math::complement(boost::math::chi_squared(2.0), gain)) : 1.0;
+  misfit.shape_p = gain > 0.0 ? chi_squared_upper(gain, 2.0) : 1.0;
   for (int i = 0; i <= 20; ++i) {
     const double d = calibration.range_min_m + i / 20.0 * (calibration.range_max_m - calibration.range_min_m);
     misfit.shape_m = std::max(misfit.shape_m, std::abs(evaluate_polynomial(fit.calibration.alpha, d) - evaluate_polynomial(calibration.alpha, d)));

@@ -2,11 +2,11 @@
 #include <fmt/core.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <numeric>
 
 #include "joint_ml/newton_step.hpp"
+#include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal {
 namespace {
@@ -74,11 +74,11 @@ void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layo
   Eigen::VectorXd weakest(n);
   bool determined = invert(scaled, inverse, weakest);
   if (!determined) {  // near the edge: an eigenvalue decomposition decides
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-    weakest = eigen.eigenvectors().col(0);
+    const SymmetricEigen eigen = symmetric_eigen(scaled);
+    weakest = eigen.vectors.col(0);
     // Below this the direction is lost in rounding: the matrix has entries of order one and about eps * n error.
-    determined = eigen.eigenvalues()[0] > 1e-11;
-    inverse = eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose();
+    determined = eigen.values[0] > 1e-11;
+    inverse = eigen.vectors * eigen.values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
   }
   fit.weakest_direction = name_direction(scale.cwiseProduct(weakest), layout, free);
   if (!determined) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/marginal/profile_interval.hpp"
 
-#include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/tools/toms748_solve.hpp>
 #include <cmath>
 #include <utility>
 
 #include "marginal/reml_profile.hpp"
+#include "rangecal/core/distributions.hpp"
 
 namespace rangecal {
 namespace {
@@ -79,7 +79,7 @@ std::optional<ProfileInterval> profile_interval(const JointProblem& problem, con
   const double estimate = which == Sigma::stops   ? *start.sigma_s_m
                           : which == Sigma::theta ? start.sigma_theta_rad
                                                   : start.noise.parameters[0];
-  const double rise = 0.5 * boost::math::quantile(boost::math::chi_squared(1.0), level);
+  const double rise = 0.5 * chi_squared_quantile(level, 1.0);
   const double bar = below(estimate) + rise;
   if (!std::isfinite(bar)) return std::nullopt;
   const double nu = relative_std > 0.0 && relative_std < 1.0 ? 0.5 / (relative_std * relative_std) : 10.0;

@@ -11,14 +11,14 @@ namespace rangecal {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr const char* format_name = "rangecal-recursive/1";
+constexpr const char* pairs_format = "rangecal-recursive/1";
 
-Json list(const Eigen::VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
+Json numbers(const Eigen::VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
 
 }  // namespace
 
 std::string RecursiveCalibrator::to_json() const {
-  Json state{{"format", format_name},
+  Json state{{"format", pairs_format},
              {"range_m", {options_.range_min_m, options_.range_max_m}},
              {"order", options_.order ? Json(*options_.order) : Json("auto")},
              {"max_order", options_.max_order},
@@ -31,12 +31,13 @@ std::string RecursiveCalibrator::to_json() const {
              {"now", now_},
              {"weights", {sum_w_, sum_w_sq_}},
              {"distances_m", {low_m_, high_m_}},
-             {"last_alpha", list(last_alpha_)},
-             {"last_noise", list(last_noise_)},
+             {"last_alpha", numbers(last_alpha_)},
+             {"last_noise", numbers(last_noise_)},
              {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}}};
   const Eigen::Index size = triangle_.cols();
   state["triangle"] = Json::array();
-  for (Eigen::Index i = 0; i < size; ++i) state["triangle"].push_back(list(triangle_.row(i).tail(size - i).transpose()));
+  for (Eigen::Index i = 0; i < size; ++i)
+    state["triangle"].push_back(numbers(triangle_.row(i).tail(size - i).transpose()));
   state["bins"] = Json::array();
   for (std::size_t b = 0; b < moments_.bins.size(); ++b)
     if (moments_.bins[b].sums[0][0] != 0.0) state["bins"].push_back({{"bin", b}, {"sums", moments_.bins[b].sums}});
@@ -46,7 +47,8 @@ std::string RecursiveCalibrator::to_json() const {
 RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, const std::string& name) {
   try {
     const Json state = Json::parse(text);
-    if (state.at("format") != format_name) throw InputError(std::string("field 'format' is not '") + format_name + "'");
+    if (state.at("format") != pairs_format)
+      throw InputError(std::string("field 'format' is not '") + pairs_format + "'");
     const auto whole = [](const Json& parent, const char* key) { return whole_number(parent.at(key), key); };
     RecursiveOptions options;
     options.range_min_m = state.at("range_m").at(0);

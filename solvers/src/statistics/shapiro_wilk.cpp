@@ -2,13 +2,13 @@
 #include "rangecal/solvers/statistics/shapiro_wilk.hpp"
 
 #include <algorithm>
-#include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
 #include <numeric>
 #include <vector>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -26,11 +26,10 @@ double horner(std::initializer_list<double> coefficients, double x) {
 std::vector<double> upper_weights(int N) {
   const int half = N / 2;
   if (N == 3) return {std::sqrt(0.5)};
-  const boost::math::normal standard;
   std::vector<double> m(half);
   double sum_sq = 0.0;
   for (int i = 0; i < half; ++i) {
-    m[i] = -boost::math::quantile(standard, (i + 1 - 0.375) / (N + 0.25));
+    m[i] = -normal_quantile((i + 1 - 0.375) / (N + 0.25));
     sum_sq += 2.0 * m[i] * m[i];
   }
   const double norm = std::sqrt(sum_sq), u = 1.0 / std::sqrt(static_cast<double>(N));

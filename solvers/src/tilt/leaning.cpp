@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -12,6 +11,7 @@
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/length_interval.hpp"
 #include "diagnosis/report.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "tilt/leaning_effect.hpp"
 
@@ -156,8 +156,7 @@ LeaningFit fit_leaning(std::span<const Recording> recordings, const LeaningOptio
       result.leans = leans_of(leaning, recordings, options.seen_std);
       result.lean_gain = plane.nll - leaning.nll;
       const double unknowns = 2.0 * seed.rows.problem.landmark_count();
-      result.lean_p_value = boost::math::cdf(
-          boost::math::complement(boost::math::chi_squared(unknowns), 2.0 * std::max(0.0, result.lean_gain)));
+      result.lean_p_value = chi_squared_upper(2.0 * std::max(0.0, result.lean_gain), unknowns);
       result.leans_seen = result.lean_p_value < options.p_value;
       if (result.leans_seen) {
         stood_by = plane_of(leaning);  // correct takes the plane out; a lean is a matter of these cylinders

@@ -14,7 +14,7 @@ namespace rangecal {
 namespace {
 
 using test::TemporaryFolder;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 Calibration full_calibration() {
   Calibration c;

@@ -16,9 +16,9 @@ namespace {
 
 using test::RecordingFolder;
 using test::TemporaryFolder;
-using testing::ElementsAre;
-using testing::Pair;
-using testing::UnorderedElementsAre;
+using ::testing::ElementsAre;
+using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
 
 const double kNaN = std::numeric_limits<double>::quiet_NaN();
 

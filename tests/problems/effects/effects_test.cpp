@@ -90,7 +90,7 @@ Eigen::VectorXd typical_point(const Effect& effect) {
 TEST(Effects, TheWholeCatalogueIsRegistered) {
   std::vector<std::string> ids;
   for (const auto& effect : effect_registry()) ids.push_back(effect->info().id);
-  EXPECT_THAT(ids, testing::UnorderedElementsAreArray(catalogue));
+  EXPECT_THAT(ids, ::testing::UnorderedElementsAreArray(catalogue));
   EXPECT_EQ(find_effect("no_such_effect"), nullptr);
 }
 
@@ -223,12 +223,12 @@ TEST(Effects, WhatIsMissingIsSaid) {
       EXPECT_FALSE(effect->missing(pairs).empty()) << effect->info().id;
     }
   }
-  EXPECT_THAT(lacking, testing::ElementsAre("autocorrelated_noise", "bearing_drift", "bearing_quantisation",
-                                            "cell_effect", "heading_drift", "settling", "warmup_drift"));
+  EXPECT_THAT(lacking, ::testing::ElementsAre("autocorrelated_noise", "bearing_drift", "bearing_quantisation",
+                                              "cell_effect", "heading_drift", "settling", "warmup_drift"));
   EXPECT_TRUE(not_for_pairs.count("lever_arm"));
   EXPECT_FALSE(not_for_pairs.count("pixel_locking"));
-  EXPECT_THAT(find_effect("warmup_drift")->missing(bare), testing::HasSubstr("time_s"));
-  EXPECT_THAT(find_effect("cell_effect")->missing(bare), testing::HasSubstr("repeats"));
+  EXPECT_THAT(find_effect("warmup_drift")->missing(bare), ::testing::HasSubstr("time_s"));
+  EXPECT_THAT(find_effect("cell_effect")->missing(bare), ::testing::HasSubstr("repeats"));
 }
 
 TEST(Effects, PhaseBetweenNeighbouringWavenumbersIsSmall) {

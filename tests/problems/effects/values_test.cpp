@@ -193,9 +193,9 @@ TEST(EffectValues, DependenceAndTails) {
 }
 
 TEST(EffectValues, AmplitudesAndPhasesAreReported) {
-  using testing::DoubleNear;
-  using testing::ElementsAre;
-  using testing::Pair;
+  using ::testing::DoubleNear;
+  using ::testing::ElementsAre;
+  using ::testing::Pair;
   const EffectContext context = example_context();
   const double tilt[] = {0.0, 0.0025};  // tau = 0.05, 2 b0 = 90 degrees
   EXPECT_THAT(

@@ -92,11 +92,11 @@ TEST_F(JointNllTest, HandWorkedPriors) {
 TEST_F(JointNllTest, HandWorkedRandomWalk) {
   // Commanded is a step of (1, -1) in stop 0's frame. Found is (1.2, 1.1) from a stop 0 that turned by a
   // quarter, in its frame (1.1, -1.2). Error (0.1, -0.2): (0.01 + 0.04) / (2 0.01) = 2.5.
-  const double quarter = 0.5 * std::numbers::pi;
+  const double right_angle = 0.5 * std::numbers::pi;
   problem.stops[1].chained = true;
   problem.stops[1].sigma_heading_rad = 0.1;
-  state.stops[0] = {3.0, -1.0, quarter};
-  state.stops[1] = {4.2, 0.1, quarter + 0.8};
+  state.stops[0] = {3.0, -1.0, right_angle};
+  state.stops[1] = {4.2, 0.1, right_angle + 0.8};
   // Turn: 0.8 where 0.5 was commanded, 0.3 of sigma 0.1: 4.5. Stop 0's own error (2, -3): 13 / (2 0.01) =
   // 650.
   const double constants = 4.0 * (std::log(0.1) + half_log_two_pi) + std::log(0.1) + half_log_two_pi;

@@ -8,21 +8,12 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
+#include "support/calibration_of.hpp"
 
 namespace rangecal {
 namespace {
 
-Calibration calibration_of(Eigen::VectorXd alpha, NoiseLaw law, double sigma, double low = 0.3,
-                           double high = 5.0) {
-  Calibration c;
-  c.outcome = Outcome::converged;
-  c.alpha = std::move(alpha);
-  c.noise.law = law;
-  c.noise.parameters = Eigen::VectorXd::Constant(1, sigma);
-  c.range_min_m = low;
-  c.range_max_m = high;
-  return c;
-}
+using testing::calibration_of;
 
 const Eigen::VectorXd paper_alpha{{0.0525, 0.8838, 0.0584}};
 

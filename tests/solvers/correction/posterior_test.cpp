@@ -8,19 +8,12 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
+#include "support/calibration_of.hpp"
 
 namespace rangecal {
 namespace {
 
-Calibration calibration_of(Eigen::VectorXd alpha, NoiseLaw law, double sigma, double low, double high) {
-  Calibration c;
-  c.outcome = Outcome::converged;
-  c.alpha = std::move(alpha);
-  c.noise = {law, Eigen::VectorXd::Constant(1, sigma)};
-  c.range_min_m = low;
-  c.range_max_m = high;
-  return c;
-}
+using testing::calibration_of;
 
 /// f = 2 d - 0.25 d^2 turns at d = 4: readings above f(0.5) have two roots up to 7.5.
 Calibration turning(double sigma = 0.03) {

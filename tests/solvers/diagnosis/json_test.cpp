@@ -136,8 +136,8 @@ TEST(SimulationLoop, TheCovarianceOfAStopIsReadBackOrRefused) {
   const auto read = [&] { return simulation_model_from_json(simulation_model_to_json(model), "d.json"); };
   EXPECT_EQ(read().recordings[0].stops[0].covariance, stop.covariance);
   (*stop.covariance)(0, 0) = -4e-4;
-  EXPECT_THAT([&] { read(); }, testing::ThrowsMessage<InputError>(HasSubstr(
-                                   "cov_xx_m2 of stop '" + stop.label + "' is not positive")));
+  EXPECT_THAT([&] { read(); }, ::testing::ThrowsMessage<InputError>(
+                                   HasSubstr("cov_xx_m2 of stop '" + stop.label + "' is not positive")));
 }
 
 TEST(SimulationLoop, TheRecordingDoesNotDepartFromItsOwnSimulation) {

@@ -151,15 +151,15 @@ void expect_good(const Score& score) {
   }
 }
 
-struct Case {
+struct Layout {
   bool turning;
   double speckle, step_rad;
 };
 
-class SyntheticScans : public ::testing::TestWithParam<Case> {};
+class SyntheticScans : public ::testing::TestWithParam<Layout> {};
 
 TEST_P(SyntheticScans, AreDetectedLabelledAndMeasured) {
-  const Case& one = GetParam();
+  const Layout& one = GetParam();
   const World world = ideal(one.turning ? world::make_turning_design() : world::make_line_design(), one.speckle);
   const ScanScene scene = room(one.step_rad);
   const SimulatedScans scans = simulate_scans(
@@ -174,9 +174,11 @@ TEST_P(SyntheticScans, AreDetectedLabelledAndMeasured) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Designs, SyntheticScans,
-                         ::testing::Values(Case{false, 0.001, 0.00872664626}, Case{false, 0.004, 0.00872664626},
-                                           Case{true, 0.001, 0.00872664626}, Case{true, 0.004, 0.00872664626},
-                                           Case{false, 0.002, 0.01745329252}));
+                         ::testing::Values(Layout{false, 0.001, 0.00872664626},
+                                           Layout{false, 0.004, 0.00872664626},
+                                           Layout{true, 0.001, 0.00872664626},
+                                           Layout{true, 0.004, 0.00872664626},
+                                           Layout{false, 0.002, 0.01745329252}));
 
 TEST(Extract, EstimatesRadiiOfItsOwn) {
   const World world = ideal(world::make_turning_design(), 0.001);
@@ -208,7 +210,8 @@ TEST(Extract, SplitsALogWhereTheRobotStands) {
     extract_recording({scans.log}, world.robot.stops, options_for(world, {0.12}));
     FAIL() << "accepted";
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("6 stands"), testing::HasSubstr("5 stops")));
+    EXPECT_THAT(error.what(),
+                ::testing::AllOf(::testing::HasSubstr("6 stands"), ::testing::HasSubstr("5 stops")));
   }
 }
 
@@ -334,10 +337,10 @@ TEST(Assignment, TakesTheLeastSumAndLeavesRowsAlone) {
   cost << 1, 2, 9, 1.5, 9, 9, 9, 9, 20;
   // Greedy would give row 0 column 0; the least sum is 2 (row 0, column 1) + 1.5 (row 1, column 0); row 2 stays alone
   // at 8.
-  EXPECT_THAT(assign(cost, 8.0), testing::ElementsAre(1, 0, -1));
-  EXPECT_THAT(assign(Eigen::MatrixXd(2, 0), 1.0), testing::ElementsAre(-1, -1));
+  EXPECT_THAT(assign(cost, 8.0), ::testing::ElementsAre(1, 0, -1));
+  EXPECT_THAT(assign(Eigen::MatrixXd(2, 0), 1.0), ::testing::ElementsAre(-1, -1));
   cost.setConstant(std::numeric_limits<double>::infinity());
-  EXPECT_THAT(assign(cost, 5.0), testing::ElementsAre(-1, -1, -1));
+  EXPECT_THAT(assign(cost, 5.0), ::testing::ElementsAre(-1, -1, -1));
 }
 
 }  // namespace

@@ -12,27 +12,27 @@ namespace {
 using testing::make_scene;
 using testing::SceneOptions;
 
-struct Case {
+struct CeresCase {
   const char* name;
   SceneOptions options;
   bool taped = false;
 };
 
-std::vector<Case> cases() {
+std::vector<CeresCase> ceres_cases() {
   testing::SceneVariants s({.stops = 20, .landmarks = 5});
   s.polynomial.repeats = 10;
   SceneOptions linear = s.plain, exact = s.plain;
   linear.law = NoiseLaw::f;
   linear.sigma_e = 0.05;
   exact.sigma_s = 0.0;
-  std::vector<Case> all = s.cases<Case>();
+  std::vector<CeresCase> all = s.cases<CeresCase>();
   all.push_back({"linear", linear});
   all.push_back({"exact_stops", exact});
   all.push_back({"taped", s.headings, true});
   return all;
 }
 
-class JointCeresTest : public ::testing::TestWithParam<Case> {};
+class JointCeresTest : public ::testing::TestWithParam<CeresCase> {};
 
 TEST_P(JointCeresTest, AgreesWithTheBlockSolver) {
   for (std::uint64_t repeat = 0; repeat < 3; ++repeat) {
@@ -53,7 +53,7 @@ TEST_P(JointCeresTest, AgreesWithTheBlockSolver) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, JointCeresTest, ::testing::ValuesIn(cases()),
+INSTANTIATE_TEST_SUITE_P(Shapes, JointCeresTest, ::testing::ValuesIn(ceres_cases()),
                          [](const auto& test) { return std::string(test.param.name); });
 
 TEST(JointCeres, HonoursWhatIsHeld) {

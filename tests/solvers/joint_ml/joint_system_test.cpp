@@ -16,24 +16,24 @@ namespace {
 using testing::make_scene;
 using testing::SceneOptions;
 
-struct Case {
+struct SystemCase {
   const char* name;
   SceneOptions options;
   bool sigma_s_free = false;
   bool bent = false;
 };
 
-std::vector<Case> cases() {
+std::vector<SystemCase> system_cases() {
   testing::SceneVariants s({.stops = 6, .landmarks = 4});
   s.repeats.law = NoiseLaw::f;
-  std::vector<Case> all = s.cases<Case>();
+  std::vector<SystemCase> all = s.cases<SystemCase>();
   all.push_back({"sigma_s", s.headings, true});
   all.push_back({"walk_sigma_s", s.walk_headings, true});
   all.push_back({"bent", s.walk_headings, false, true});
   return all;
 }
 
-class JointSystemTest : public ::testing::TestWithParam<Case> {
+class JointSystemTest : public ::testing::TestWithParam<SystemCase> {
  protected:
   void SetUp() override {
     scene = make_scene(GetParam().name, GetParam().options);
@@ -198,7 +198,7 @@ TEST_P(JointSystemTest, RestrictedGradientMatchesDifferences) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Shapes, JointSystemTest, ::testing::ValuesIn(cases()),
+INSTANTIATE_TEST_SUITE_P(Shapes, JointSystemTest, ::testing::ValuesIn(system_cases()),
                          [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace

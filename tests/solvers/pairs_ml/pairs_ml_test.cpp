@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include <Eigen/LU>
 #include <boost/math/distributions/normal.hpp>
-#include <gtest/gtest.h>
-#include <tbb/global_control.h>
+#include <cmath>
+#include <filesystem>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -16,6 +15,7 @@
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/nlopt/nlopt_check.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ceres.hpp"
+#include "support/recordings.hpp"
 
 namespace rangecal {
 namespace {
@@ -301,9 +301,7 @@ TEST(NloptCheck, FindsABetterBasin) {
 }
 
 TEST(FullPairs, RealRecordingsConverge) {
-  const char* given = std::getenv("RANGECAL_RECORDINGS");
-  const std::filesystem::path root =
-      given ? std::filesystem::path(given) : std::filesystem::path(RANGECAL_SOURCE_DIR) / "../shared/recordings";
+  const std::filesystem::path root = testing::recordings();
   for (const char* name : {"rangecal/mrclam6-robot1-pairs", "rangecal/wall-sonar-calibration"}) {
     if (!std::filesystem::exists(root / name)) GTEST_SKIP() << "missing recording " << (root / name).string();
     const Recording recording[1] = {load_recording((root / name).string())};

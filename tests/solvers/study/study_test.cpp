@@ -21,7 +21,7 @@ const std::string kPairs =
 const std::string kHead = "format: rangecal-study/1\nname: s\nscene: scene.yaml\nrepeats: 10\n";
 const std::string kTail = "estimators: [full]\nmeasures: [rmse]\n";
 
-class StudyFile : public testing::Test {
+class StudyFile : public ::testing::Test {
  protected:
   StudyFile() {
     folder_.write("scene.yaml", kScene);

@@ -9,5 +9,8 @@ inline constexpr double z95 = 1.959963984540054;
 inline constexpr double z95_one_sided = 1.644853626951473;
 /// Radius of the 95 % region of a normal in the plane, in standard deviations: sqrt(-2 ln 0.05).
 inline constexpr double radius95 = 2.447746830680816;
+/// log(2 pi) / 2: what one normal reading adds to a negative log-likelihood besides log(sigma) and its
+/// square.
+inline constexpr double half_log_two_pi = 0.918938533204672741780;
 
 }  // namespace rangecal

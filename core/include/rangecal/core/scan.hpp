@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +21,7 @@ struct Scan {
   int row = 0;                    ///< line in the file, or number of the message
 
   std::size_t size() const { return range_m.size(); }
+  static bool returned(double range) { return std::isfinite(range) && range > 0.0; }
 };
 
 /// The scans of one file, in the order of the file.

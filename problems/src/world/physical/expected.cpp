@@ -106,8 +106,7 @@ Expected expected(const World& world, const Placing& placing) {
   out.heading_sigma_rad = world.robot.heading_sigma_rad;
   out.bearing_grid_rad = 0.5 * world.head.beam_grid_rad;
   const OpticalSensor& sensor = world.sensor;
-  out.disparity_step_per_m = 1e3 * sensor.centroid_step_px * sensor.pitch_mm /
-                             (sensor.nominal_focal_mm * sensor.nominal_baseline_mm);
+  out.disparity_step_per_m = 1e3 * sensor.centroid_step_px * sensor.pitch_mm / sensor.nominal_fs_mm_sq();
   out.range_step_m = sensor.output_lsb_m;
   const double to_next = stop_period_s(world);
   const double first = world.timing.wait_s + 0.5 * world.head.sweep_period_s;

@@ -115,7 +115,7 @@ std::vector<Exposure> expose(const World& world, const std::vector<Pose2>& robot
 
 double range_output_m(const World& world, const Exposure& exposure, double noise_m) {
   const OpticalSensor& sensor = world.sensor;
-  const double product_mm = sensor.nominal_focal_mm * sensor.nominal_baseline_mm;  // f s [mm^2]
+  const double product_mm = sensor.nominal_fs_mm_sq();  // f s [mm^2]
   const double x = exposure.centroid_mm, noise_mm = 1e3 * noise_m;
   // Noise on the centroid before 1/x, or the centroid that gives exactly the range with the noise added.
   const double noisy_x = world.noise.before_inversion ? x - noise_mm * x * x / product_mm

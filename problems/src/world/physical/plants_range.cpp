@@ -12,8 +12,6 @@ namespace {
 
 using enum EffectClass;
 
-double fs_mm_sq(const OpticalSensor& sensor) { return sensor.nominal_focal_mm * sensor.nominal_baseline_mm; }
-
 void range_offset(World& world, double size, Random&) {
   world.sensor.range_zero_m += size;
   world.truth["range_offset.offset_m"] = size;
@@ -33,7 +31,7 @@ void laser_pointing(World& world, double size, Random&) {
 
 void lens_distortion(World& world, double size, Random&) {
   world.sensor.k1_per_mm2 += size;
-  const double fs = fs_mm_sq(world.sensor);
+  const double fs = world.sensor.nominal_fs_mm_sq();
   world.truth["lens_distortion.k1_per_mm2"] = size;
   world.truth["lens_distortion.inverse_m2"] = -1e-6 * size * fs * fs;  // dr = this / d
 }
@@ -44,15 +42,17 @@ void pixel_locking(World& world, double size, Random&) {
   const double amplitude = std::max(size, 1e-9);
   world.sensor.spot_sigma_px = std::sqrt(std::max(1e-4, -std::log(pi * amplitude) / (2.0 * pi * pi)));
   world.truth["pixel_locking.amplitude_px"] = size;
-  world.truth["pixel_locking.period_per_m"] = 1e3 * world.sensor.pitch_mm / fs_mm_sq(world.sensor);  // in 1/d
-  world.truth["pixel_locking.amplitude_per_m"] = size * 1e3 * world.sensor.pitch_mm / fs_mm_sq(world.sensor);
+  world.truth["pixel_locking.period_per_m"] =
+      1e3 * world.sensor.pitch_mm / world.sensor.nominal_fs_mm_sq();  // in 1/d
+  world.truth["pixel_locking.amplitude_per_m"] =
+      size * 1e3 * world.sensor.pitch_mm / world.sensor.nominal_fs_mm_sq();
 }
 
 void quantisation(World& world, double size, Random&) {
   world.sensor.centroid_step_px = size;
   world.truth["quantisation.step_px"] = size;
   world.truth["quantisation.disparity_step_per_m"] =
-      1e3 * size * world.sensor.pitch_mm / fs_mm_sq(world.sensor);
+      1e3 * size * world.sensor.pitch_mm / world.sensor.nominal_fs_mm_sq();
 }
 
 void near_regime(World& world, double size, Random& random) {

@@ -9,8 +9,6 @@ namespace {
 
 using enum EffectClass;
 
-double fs_mm_sq(const OpticalSensor& sensor) { return sensor.nominal_focal_mm * sensor.nominal_baseline_mm; }
-
 /// Mean depth of parallel beams over the inner share h of a circle, in radii: 1 - (h sqrt(1-h^2) + asin h) /
 /// (2h).
 double mean_depth(double h) { return 1.0 - (h * std::sqrt(1.0 - h * h) + std::asin(h)) / (2.0 * h); }
@@ -38,7 +36,7 @@ void target_reflectance(World& world, double size, Random& random) {
     world.landmarks[l].penetration_m += size;
   } else {  // a skewed spot: dr = -(d^2 / fs) dx, `size` at 1.5 m
     world.landmarks[l].spot_skew_px -=
-        1e-3 * size / (1.5 * 1.5) * fs_mm_sq(world.sensor) / world.sensor.pitch_mm;
+        1e-3 * size / (1.5 * 1.5) * world.sensor.nominal_fs_mm_sq() / world.sensor.pitch_mm;
   }
   world.truth["target_reflectance.landmark"] = static_cast<double>(l);
   world.truth["target_reflectance.power"] = penetrates ? 0.0 : 2.0;

@@ -62,5 +62,7 @@ inline World plain(World world) {
   world.sensor = OpticalSensor{};
   return world;
 }
+inline World line() { return plain(make_line_design()); }
+inline World turning() { return plain(make_turning_design()); }
 
 }  // namespace rangecal::world::test

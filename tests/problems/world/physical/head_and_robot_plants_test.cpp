@@ -10,11 +10,6 @@
 namespace rangecal::world::test {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-World line() { return plain(make_line_design()); }
-World turning() { return plain(make_turning_design()); }
-
 /// Range and bearing change of a reading whose sensor moved by (dx, dy) [m] and turned by turn [rad].
 struct Moved {
   double range_m, bearing_rad;
@@ -80,7 +75,7 @@ TEST(HeadPlants, BeamGridGivesHalfStepsAndTheSpreadOfTwoEdges) {
   World world = line();
   world.noise.sigma_theta_rad = 1e-6;  // no jitter: only the grid is left
   Random random(2);
-  const double step = kPi / 180.0;
+  const double step = std::numbers::pi / 180.0;
   const World grid = apply(world, "bearing_quantisation", step, random);
   const Recording recording = simulate(grid, 1);
   for (const double bearing : recording.readings.bearing_rad) {
@@ -95,7 +90,7 @@ TEST(HeadPlants, RollingDuringTheSweep) {
   // dr = -v cos b (t_i - t0), with t_i - t0 = b / (2 pi) of a sweep; across, the bearing turns by v sin b
   // (t_i - t0) / D.
   const Change change = change_of(line(), "sweep_motion", 0.3);
-  const auto moment = [&](std::size_t i) { return change.beam_rad[i] / (2.0 * kPi) * 0.2; };
+  const auto moment = [&](std::size_t i) { return change.beam_rad[i] / (2.0 * std::numbers::pi) * 0.2; };
   EXPECT_LT(
       misfit(change.range_m, [&](std::size_t i) { return -0.3 * std::cos(change.beam_rad[i]) * moment(i); }),
       0.05);

@@ -177,7 +177,7 @@ TEST(IdealWorld, SharesNothingWithTheDiagnosisButCore) {
             line.find("#include") != std::string::npos && line.find('/') != std::string::npos;
         if (!include || line.find("<Eigen/") != std::string::npos) continue;
         if (line.find("\"rangecal/core/") != std::string::npos) continue;
-        EXPECT_THAT(line, testing::HasSubstr("rangecal/problems/world/physical/")) << entry.path();
+        EXPECT_THAT(line, ::testing::HasSubstr("rangecal/problems/world/physical/")) << entry.path();
       }
     }
   EXPECT_GT(files, 15);

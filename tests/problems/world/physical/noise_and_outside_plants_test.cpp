@@ -11,8 +11,6 @@
 namespace rangecal::world::test {
 namespace {
 
-World line() { return plain(make_line_design()); }
-
 /// Readings of one world minus the expected ones, in units of the expected spread.
 std::vector<double> scores(const World& world, std::uint64_t seed) {
   const Recording recording = simulate(world, seed);

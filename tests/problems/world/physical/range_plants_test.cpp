@@ -11,11 +11,6 @@
 namespace rangecal::world::test {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-World line() { return plain(make_line_design()); }
-World turning() { return plain(make_turning_design()); }
-
 void expect_bearing_kept(const Change& change) { EXPECT_LT(rms(change.bearing_rad), 1e-9); }
 
 TEST(RangePlants, OffsetScaleAndPointing) {
@@ -86,7 +81,7 @@ TEST(RangePlants, PixelSumsPullTheCentroid) {
   EXPECT_LT(misfit(change.range_m,
                    [&](std::size_t i) {
                      const double d = change.distance_m[i];
-                     return d * d * amplitude * std::sin(2.0 * kPi / (cycle * d));
+                     return d * d * amplitude * std::sin(2.0 * std::numbers::pi / (cycle * d));
                    }),
             0.1);
   EXPECT_NEAR(pixel_centroid_px(10.25, 0.5), 10.25, 0.01);  // a wide spot is found where it is
@@ -155,9 +150,9 @@ TEST(RangePlants, LeanUnderTiltMovesTheAxis) {
   World world = plain(make_line_design());
   world.landmarks.resize(1), world.robot.stops.resize(1);
   world.landmarks[0].x_m = 4.0, world.landmarks[0].y_m = 0.0;
-  world.head.tilt_rad = 2.0 * kPi / 180.0, world.head.tilt_axis_rad = kPi / 2;
+  world.head.tilt_rad = 2.0 * std::numbers::pi / 180.0, world.head.tilt_axis_rad = std::numbers::pi / 2;
   const double upright = expected(world).range_mean_m[0];
-  world.landmarks[0].lean_rad = 2.0 * kPi / 180.0;
+  world.landmarks[0].lean_rad = 2.0 * std::numbers::pi / 180.0;
   EXPECT_NEAR(std::abs(expected(world).range_mean_m[0] - upright), 4.9e-3, 0.3e-3);
 }
 
@@ -206,7 +201,7 @@ TEST(RangePlants, LeakingPhasor) {
                phase = change.planted.sensor.crosstalk_phase_rad;
   EXPECT_LT(misfit(change.range_m,
                    [&](std::size_t i) {
-                     return 0.005 * std::sin(phase - 2.0 * kPi * change.distance_m[i] / length);
+                     return 0.005 * std::sin(phase - 2.0 * std::numbers::pi * change.distance_m[i] / length);
                    }),
             0.15);
 }

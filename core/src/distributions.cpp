@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/core/distributions.hpp"
+
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/normal.hpp>
+#include <boost/math/distributions/students_t.hpp>
+
+namespace rangecal {
+
+using boost::math::chi_squared;
+using boost::math::complement;
+using boost::math::normal;
+using boost::math::students_t;
+
+double normal_quantile(double p) { return quantile(normal(), p); }
+
+double normal_upper_quantile(double q) { return quantile(complement(normal(), q)); }
+
+double chi_squared_upper(double x, double degrees) { return cdf(complement(chi_squared(degrees), x)); }
+
+double chi_squared_quantile(double p, double degrees) { return quantile(chi_squared(degrees), p); }
+
+double chi_squared_upper_quantile(double q, double degrees) {
+  return quantile(complement(chi_squared(degrees), q));
+}
+
+double student_t_quantile(double p, double degrees) { return quantile(students_t(degrees), p); }
+
+}  // namespace rangecal

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Tails and quantiles against their closed forms.
+#include "rangecal/core/distributions.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "rangecal/core/quantiles.hpp"
+
+namespace rangecal {
+namespace {
+
+TEST(Distributions, NormalQuantilesAreSymmetricAndReachFarOut) {
+  EXPECT_NEAR(normal_quantile(0.975), z95, 1e-15);
+  EXPECT_EQ(normal_quantile(0.5), 0.0);
+  EXPECT_NEAR(normal_upper_quantile(0.025), z95, 1e-15);
+  EXPECT_NEAR(0.5 * std::erfc(normal_upper_quantile(1e-300) / std::numbers::sqrt2), 1e-300, 1e-311);
+}
+
+TEST(Distributions, TwoDegreesOfChiSquaredAreAnExponential) {
+  for (const double x : {0.0, 0.3, 5.0, 80.0})
+    EXPECT_NEAR(chi_squared_upper(x, 2.0), std::exp(-0.5 * x), 1e-14 * std::exp(-0.5 * x));
+  EXPECT_NEAR(chi_squared_quantile(0.95, 2.0), -2.0 * std::log(0.05), 1e-12);
+  EXPECT_NEAR(chi_squared_upper_quantile(1e-30, 2.0), 60.0 * std::numbers::ln10, 1e-11);
+}
+
+TEST(Distributions, OneDegreeOfChiSquaredIsASquaredNormal) {
+  EXPECT_NEAR(chi_squared_quantile(0.95, 1.0), z95 * z95, 1e-13);
+  EXPECT_NEAR(chi_squared_upper(z95 * z95, 1.0), 0.05, 1e-15);
+}
+
+TEST(Distributions, StudentsTOfOneAndTwoDegreesHaveClosedForms) {
+  EXPECT_NEAR(student_t_quantile(0.975, 1.0), std::tan(0.475 * std::numbers::pi), 1e-12);
+  EXPECT_NEAR(student_t_quantile(0.975, 2.0), 0.95 / std::sqrt(2.0 * 0.975 * 0.025), 1e-13);
+  EXPECT_NEAR(student_t_quantile(0.975, 1e9), z95, 1e-8);
+}
+
+TEST(Distributions, WhatIsNoProbabilityIsRefused) {
+  EXPECT_THROW(normal_quantile(1.5), std::domain_error);
+  EXPECT_THROW(chi_squared_upper(1.0, 0.0), std::domain_error);
+}
+
+}  // namespace
+}  // namespace rangecal
