@@ -74,13 +74,14 @@ soak: build
 
 # Every sign, exponent, factor and index of the likelihoods changed, one at a time: each change has to fail a test.
 .PHONY: mutants tidy
-mutants: build
-	tests/mutation/mutate.py $(BUILD) --jobs $(JOBS)
+mutants:
+	$(MAKE) build PRESET=dev BUILD=build/dev
+	tests/mutation/mutate.py build/dev --jobs $(JOBS)
 
-# clang-tidy-14 by .clang-tidy.
-tidy: build
-	cmake $(BUILD) -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
-	run-clang-tidy-14 -quiet -extra-arg=-Wno-unknown-warning-option -p $(BUILD) -j $(JOBS) '$(CURDIR)/(core|problems|solvers|ingest|report|apps|python)/.*'
+# clang-tidy-14 by .clang-tidy, which reads files one by one.
+tidy: packages
+	cmake --preset dev -B build/tidy -DRANGECAL_PRECOMPILE=OFF -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
+	run-clang-tidy-14 -quiet -extra-arg=-Wno-unknown-warning-option -p build/tidy -j $(JOBS) '$(CURDIR)/(core|problems|solvers|ingest|report|apps|python)/.*'
 
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json

@@ -19,6 +19,6 @@ setup(
     python_requires=">=3.9",
     install_requires=["numpy"],
     extras_require={"all": ["pandas", "matplotlib"]},
-    cmake_args=["-DCMAKE_BUILD_TYPE=Release", "-DRANGECAL_BUILD_PYTHON=ON"]
+    cmake_args=["-DCMAKE_BUILD_TYPE=Release", "-DRANGECAL_BUILD_PYTHON=ON", "-DRANGECAL_UNITY=ON"]
     + [f"-DRANGECAL_{part}=OFF" for part in ("BUILD_APPS", "BUILD_TESTS", "BUILD_BENCHMARKS", "INSTALL")],
 )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # CONTRIBUTING's "add an effect": one file put into a copy of the sources, reconfigured, built, installed, and listed by the
 # installed library. The copy takes over the objects of BUILD; make, which goes by times alone, then compiles what is new.
-# Arguments (-D): BUILD, WORK, SOURCE, CXX, CXX_FLAGS, BUILD_TYPE.
+# Arguments (-D): BUILD, WORK, SOURCE, CXX, CXX_FLAGS, BUILD_TYPE, UNITY.
 include("${CMAKE_CURRENT_LIST_DIR}/run.cmake")
 file(REMOVE_RECURSE "${WORK}")
 set(copy "${WORK}/rangecal")
@@ -10,7 +10,7 @@ foreach(part CMakeLists.txt LICENSE cmake core problems solvers)
 endforeach()
 run("${CMAKE_COMMAND}" -G "Unix Makefiles" -S "${copy}" -B "${WORK}/build"
     "-DCMAKE_CXX_COMPILER=${CXX}" "-DCMAKE_CXX_FLAGS=${CXX_FLAGS}" "-DCMAKE_BUILD_TYPE=${BUILD_TYPE}"
-    -DRANGECAL_PRECOMPILE=OFF  # a precompiled header would be newer than the objects
+    "-DRANGECAL_UNITY=${UNITY}" -DRANGECAL_PRECOMPILE=OFF  # a precompiled header would be newer than the objects
     -DRANGECAL_BUILD_APPS=OFF -DRANGECAL_BUILD_PYTHON=OFF -DRANGECAL_BUILD_TESTS=OFF -DRANGECAL_BUILD_BENCHMARKS=OFF)
 foreach(module core problems solvers)
   set(objects "${module}/CMakeFiles/rangecal_${module}.dir")
