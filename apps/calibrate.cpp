@@ -62,7 +62,7 @@ struct CalibrateCommand {
     const CalibrationReport result = run_job(recordings, options);
     const Calibration& best = recommended(result);
     if (!json.empty()) save_calibrations(result.calibrations, json);
-    if (!report.empty()) write_file(report, report::calibration_page(recordings, result, best));
+    if (!report.empty()) write_file(report, report::calibration_page(recordings, result, best, json));
 
     fmt::print("{}", summary_page(result, best, recordings, json));
     if (options.from) fmt::print("{}", change_page(*options.from, best));

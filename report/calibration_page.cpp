@@ -60,10 +60,10 @@ const char* badge_colour(const Calibration& c) { return app::has_answer(c) ? "go
 }  // namespace
 
 std::string calibration_page(std::span<const Recording> recordings, const CalibrationReport& report,
-                             const Calibration& best) {
+                             const Calibration& best, const std::string& json) {
   require_available();
   Page page("rangecal calibration", app::describe(recordings));
-  const std::vector<app::SummaryItem> items = app::summary_items(report, best, recordings, "");
+  const std::vector<app::SummaryItem> items = app::summary_items(report, best, recordings, json);
   Table summary{{{""}, {""}}, {}, true};
   std::string outcome;
   for (const app::SummaryItem& item : items) {

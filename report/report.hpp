@@ -30,9 +30,9 @@ void require_available();
 /// says so.
 std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosis& diagnosis);
 /// The same for a calibration: `best` is the one of the report that is shown in full, the others stand in a
-/// table.
+/// table. `json`: the file that the result was kept in, if any.
 std::string calibration_page(std::span<const Recording> recordings, const CalibrationReport& report,
-                             const Calibration& best);
+                             const Calibration& best, const std::string& json = "");
 /// The methods side by side: their curves over the readings, the best one's scene, the table with ground
 /// truth. `advice` says which to trust.
 std::string comparison_page(std::span<const Recording> recordings, const CalibrationReport& report,
