@@ -89,6 +89,12 @@ bool bends(const Rows& rows, const Fit& fit) {
 
 }  // namespace
 
+std::vector<std::string> ids_of(const Model& model) {
+  std::vector<std::string> ids;
+  for (const ActiveEffect& active : model) ids.push_back(active.effect->info().id);
+  return ids;
+}
+
 bool contains(const Model& model, const Effect* effect) {
   return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
 }

@@ -36,6 +36,9 @@ double price_of(const ActiveEffect& active, const Rates& rates);
 
 bool contains(const Model& model, const Effect* effect);
 
+/// The effects of a model by their ids.
+std::vector<std::string> ids_of(const Model& model);
+
 /// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
 

@@ -29,12 +29,6 @@ bool same_ids(std::vector<std::string> a, std::vector<std::string> b) {
   return a == b;
 }
 
-std::vector<std::string> ids_of(const Model& model) {
-  std::vector<std::string> ids;
-  for (const ActiveEffect& active : model) ids.push_back(active.effect->info().id);
-  return ids;
-}
-
 std::vector<Member> members_of(const SearchResult& found, const Space& space, const Diagnosis& result) {
   std::vector<Member> members{{ids_of(found.best.fit.model), found.best.fit.model, true}};
   for (const auto& set : result.explanations[0].indistinguishable_from) {

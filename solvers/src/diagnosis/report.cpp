@@ -43,12 +43,6 @@ void fill_probabilities(const SearchResult& found, std::vector<Explanation>& exp
     explanations[i].probability = std::exp(evidence[i] - highest) / total;
 }
 
-std::vector<std::string> ids_of(const Model& model) {
-  std::vector<std::string> ids;
-  for (const ActiveEffect& active : model) ids.push_back(active.effect->info().id);
-  return ids;
-}
-
 Explanation explain(const Rows& rows, const SearchResult& found, const Candidate& candidate) {
   Explanation e;
   e.effects = ids_of(candidate.fit.model);

@@ -52,7 +52,7 @@ UnitStream stream_of(const std::vector<UnitSummary>& units) {
   };
 }
 
-Population truth() {
+Population true_population() {
   Population population;
   population.outcome = Outcome::converged;
   population.range_min_m = 0.3;
@@ -87,7 +87,7 @@ TEST(Population, ComesBackFromReadings) {
   for (int i = 0; i < count; ++i) units.push_back(summary_of(readings_of(draw_unit(random), 100, random)));
   const Population population = fit_population(stream_of(units));
   ASSERT_EQ(population.outcome, Outcome::converged) << population.reason;
-  const MatrixXd Sigma = truth().covariance;
+  const MatrixXd Sigma = true_population().covariance;
   for (int i = 0; i < 4; ++i) {
     // spread of the mean: sqrt((Sigma + Lambda^-1) / N); of a variance: 2 (Sigma + Lambda^-1)^2 / N; 4 standard deviations.
     const MatrixXd inverse = units[0].information.inverse();
@@ -101,7 +101,7 @@ TEST(Population, ComesBackFromReadings) {
 TEST(Population, PosteriorsCoverTheirUnits) {
   // Share of true alpha_1 within 1.96 posterior deviations over 500 new units of 4 readings: binomial, 4 * 0.0097. Fewer
   // readings than unknowns: alone they determine nothing.
-  const Population population = truth();
+  const Population population = true_population();
   Random random(seed_from("population coverage"));
   int held = 0;
   for (int i = 0; i < 500; ++i) {
@@ -115,7 +115,7 @@ TEST(Population, PosteriorsCoverTheirUnits) {
 }
 
 TEST(Population, NoReadingsGiveThePopulationAndManyTheUnit) {
-  const Population population = truth();
+  const Population population = true_population();
   const Calibration none = calibrate_in_population(PairsProblem{}, population);
   EXPECT_LT((none.alpha - mu.head(3)).norm(), 1e-9);
   EXPECT_LT((*none.alpha_covariance - population.covariance.topLeftCorner(3, 3)).norm(), 1e-9);
@@ -178,7 +178,7 @@ TEST(Population, SaysWhenItCannot) {
   EXPECT_THROW(fit_population(stream_of(few)), InputError);
   Calibration none;
   EXPECT_FALSE(summarise(none));
-  const Population population = truth(), back = population_from_json(population_to_json(population), "p");
+  const Population population = true_population(), back = population_from_json(population_to_json(population), "p");
   EXPECT_EQ(back.mean, population.mean);
   EXPECT_EQ(back.covariance, population.covariance);
   EXPECT_THROW(population_from_json("{}", "p"), InputError);
