@@ -13,7 +13,7 @@
 namespace rangecal {
 namespace {
 
-Calibration reference() {
+Calibration pairs_reference() {
   Calibration c;
   c.outcome = Outcome::converged;
   c.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
@@ -25,7 +25,7 @@ Calibration reference() {
 
 /// A reading at a distance of the range, with the mean and spread changed.
 double read(Random& random, double d, double offset = 0.0, double scale = 1.0, double disparity = 0.0, double spread = 1.0) {
-  const Calibration c = reference();
+  const Calibration c = pairs_reference();
   const double f = evaluate_polynomial(c.alpha, d);
   return random.normal(scale * f + offset + disparity * f * f, spread * 0.01 * f * f);
 }
@@ -53,7 +53,7 @@ TEST(ChangeDetector, RunLengthIsAtLeastAsStated) {
   options.run_length = 2000.0;
   options.naming = 10;   // no alarm is raised meanwhile
   options.bearings = true;
-  ChangeDetector detector(reference(), options);
+  ChangeDetector detector(pairs_reference(), options);
   Random random(seed_from("run length"));
   int alarms = 0;
   constexpr int readings = 1000000;
@@ -78,7 +78,7 @@ TEST(ChangeDetector, NamesWhatChangedWithItsSize) {
                         Case{ChangeKind::window, -0.02, 1.0, 0.0, 1.0, -0.02}, Case{ChangeKind::noise, 0.0, 1.0, 0.0, 0.5, -std::log(2.0)}}) {
     int named = 0, covered = 0, since = 0, found = 0;
     for (std::uint64_t repeat = 0; repeat < 60; ++repeat) {
-      ChangeDetector detector(reference());
+      ChangeDetector detector(pairs_reference());
       Random random(seed_from("change", {repeat}));
       for (int i = 0; i < 1000; ++i) {
         const bool after = i >= 500;
@@ -104,7 +104,7 @@ TEST(ChangeDetector, NamesWhatChangedWithItsSize) {
 TEST(ChangeDetector, SeesTheEncoderByItsBearing) {
   ChangeOptions options;
   options.bearings = true;
-  ChangeDetector detector(reference(), options);
+  ChangeDetector detector(pairs_reference(), options);
   Random random(seed_from("encoder"));
   std::optional<ChangeAlarm> alarm;
   for (int i = 0; i < 2000 && !(alarm && alarm->named); ++i) {
@@ -117,7 +117,7 @@ TEST(ChangeDetector, SeesTheEncoderByItsBearing) {
 }
 
 TEST(ChangeDetector, StateGoesOnAndBadInputIsRefused) {
-  ChangeDetector a(reference()), b(reference()), whole(reference());
+  ChangeDetector a(pairs_reference()), b(pairs_reference()), whole(pairs_reference());
   Random random(seed_from("state"));
   for (int i = 0; i < 400; ++i) {
     const double d = random.uniform(0.5, 4.0), y = read(random, d);
@@ -132,7 +132,7 @@ TEST(ChangeDetector, StateGoesOnAndBadInputIsRefused) {
   EXPECT_THROW(ChangeDetector(Calibration{}), InputError);
   ChangeOptions bad;
   bad.run_length = 1.0;
-  EXPECT_THROW(ChangeDetector(reference(), bad), InputError);
+  EXPECT_THROW(ChangeDetector(pairs_reference(), bad), InputError);
 }
 
 }  // namespace
