@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# What is compiled once more from the same text (after a change that was taken back, on another branch) comes from a cache of
-# the build's own. It leaves ccache's settings of the user alone, and a launcher that the user chose in its place.
+# What is compiled once more from the same text (the test of pip builds a copy of the tree) comes from a cache of the build's
+# own. It leaves ccache's settings of the user alone, and a launcher that the user chose in its place.
 set(RANGECAL_CCACHE "" CACHE PATH "Folder in which ccache, where there is one, keeps what it compiled; empty: none")
 find_program(RANGECAL_CCACHE_PROGRAM ccache)
 mark_as_advanced(RANGECAL_CCACHE_PROGRAM)

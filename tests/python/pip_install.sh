@@ -10,6 +10,10 @@ mkdir -p "$work/rangecal"
 cd "$source"
 cp -r CMakeLists.txt LICENSE pyproject.toml setup.py cmake core problems solvers report ingest python "$work/rangecal"
 cd "$work/rangecal"
+# The folder that scikit-build builds in lies as deep below the sources as a preset's, for ccache's relative names.
+built=$("$python" -c 'from skbuild.constants import CMAKE_BUILD_DIR; print(CMAKE_BUILD_DIR())')
+mkdir -p build/pip "$(dirname "$built")"
+ln -s "$PWD/build/pip" "$built"
 export SKBUILD_CONFIGURE_OPTIONS="$*" PIP_NO_INDEX=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 "$python" -m venv --system-site-packages v
 v/bin/pip install --no-build-isolation . > ../pip.log 2>&1 || { tail -50 ../pip.log; exit 1; }
