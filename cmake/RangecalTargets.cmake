@@ -8,7 +8,10 @@ endif()
 add_library(rangecal_options INTERFACE)
 target_compile_features(rangecal_options INTERFACE cxx_std_20)
 target_compile_definitions(rangecal_options INTERFACE BOOST_ALL_NO_LIB)
-target_compile_options(rangecal_options INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor)
+target_compile_options(rangecal_options INTERFACE -Wall -Wextra -Wnon-virtual-dtor)
+if(NOT RANGECAL_UNITY)  # a local name may be that of another file's constant
+  target_compile_options(rangecal_options INTERFACE -Wshadow)
+endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
   target_compile_options(rangecal_options INTERFACE -Wno-restrict)  # false in GCC 12 on std::string (bug 105651)
   if(RANGECAL_PRECOMPILE)  # and so are these where it was precompiled and no longer counts as a system header

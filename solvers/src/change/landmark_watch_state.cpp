@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "change/landmark_watch.hpp"
+#include "json_matrices.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 
@@ -12,17 +13,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Eigen::Index;
 using Eigen::VectorXd;
-
-Json list(const VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
-
-VectorXd vector_in(const Json& json, Index size, const char* field) {
-  const auto values = json.get<std::vector<double>>();
-  if (static_cast<Index>(values.size()) != size)
-    throw InputError(std::string("field '") + field + "' is not whole");
-  VectorXd result = VectorXd::Map(values.data(), size);
-  if (!result.allFinite()) throw InputError(std::string("field '") + field + "' is not finite");
-  return result;
-}
 
 std::int64_t count_in(const Json& json, const char* field) {
   return whole_number<std::int64_t>(json.at(field), field);
@@ -73,7 +63,7 @@ std::string json_of(const LandmarkWatch& watch) {
             {"landmarks", filter.labels},
             {"radius_m", filter.radius_m},
             {"x", list(filter.x)},
-            {"P", list(filter.P.reshaped())},
+            {"P", list(filter.P)},
             {"onsets", Json::array()}};
   for (const LandmarkWatch::Onset& onset : watch.onsets) json["onsets"].push_back(json_of(onset));
   return json.dump();
@@ -101,7 +91,7 @@ void restore_watch(const std::string& text, LandmarkWatch& watch) {
     const VectorXd pose = vector_in(json.at("commanded"), 3, "commanded");
     filter.commanded = {pose[0], pose[1], pose[2]};
     filter.x = vector_in(json.at("x"), size, "x");
-    filter.P = vector_in(json.at("P"), size * size, "P").reshaped(size, size);
+    filter.P = square_in(json.at("P"), size, "P");
     restored.onsets.clear();
     for (const Json& onset : json.at("onsets")) restored.onsets.push_back(onset_in(onset, size));
     if (restored.naming_left > 0 && restored.onsets.size() != 1)

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "json_matrices.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/stops_io.hpp"
@@ -15,24 +16,6 @@ using Json = nlohmann::ordered_json;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 constexpr const char* format_name = "rangecal-recursive-landmarks/1";
-
-Json list(const VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
-Json list(const MatrixXd& values) {
-  return std::vector<double>(values.reshaped().begin(), values.reshaped().end());
-}
-
-VectorXd vector_in(const Json& json, Eigen::Index size, const char* field) {
-  const auto values = json.get<std::vector<double>>();
-  if (static_cast<Eigen::Index>(values.size()) != size)
-    throw InputError(std::string("field '") + field + "' has not " + std::to_string(size) + " numbers");
-  VectorXd result = VectorXd::Map(values.data(), size);
-  if (!result.allFinite()) throw InputError(std::string("field '") + field + "' is not finite");
-  return result;
-}
-
-MatrixXd square_in(const Json& json, Eigen::Index size, const char* field) {
-  return vector_in(json, size * size, field).reshaped(size, size);
-}
 
 Json json_of(const LastPose& law) {
   Json json{{"free", {law.free_position, law.free_heading}},

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "json_matrices.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
@@ -12,8 +13,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 constexpr const char* pairs_format = "rangecal-recursive/1";
-
-Json numbers(const Eigen::VectorXd& values) { return std::vector<double>(values.begin(), values.end()); }
 
 }  // namespace
 
@@ -31,13 +30,13 @@ std::string RecursiveCalibrator::to_json() const {
              {"now", now_},
              {"weights", {sum_w_, sum_w_sq_}},
              {"distances_m", {low_m_, high_m_}},
-             {"last_alpha", numbers(last_alpha_)},
-             {"last_noise", numbers(last_noise_)},
+             {"last_alpha", list(last_alpha_)},
+             {"last_noise", list(last_noise_)},
              {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}}};
   const Eigen::Index size = triangle_.cols();
   state["triangle"] = Json::array();
   for (Eigen::Index i = 0; i < size; ++i)
-    state["triangle"].push_back(numbers(triangle_.row(i).tail(size - i).transpose()));
+    state["triangle"].push_back(list(Eigen::VectorXd(triangle_.row(i).tail(size - i))));
   state["bins"] = Json::array();
   for (std::size_t b = 0; b < moments_.bins.size(); ++b)
     if (moments_.bins[b].sums[0][0] != 0.0) state["bins"].push_back({{"bin", b}, {"sums", moments_.bins[b].sums}});
