@@ -15,8 +15,8 @@ namespace {
 using closed_form_tests::problem_of;
 using closed_form_tests::Scene;
 
-using Method = Calibration (*)(const JointProblem&, const ClosedFormOptions&);
-constexpr Method both[] = {closed_form_calibration, approximate_joint_calibration};
+using Estimator = Calibration (*)(const JointProblem&, const ClosedFormOptions&);
+constexpr Estimator both[] = {closed_form_calibration, approximate_joint_calibration};
 
 ClosedFormOptions of_order(int order) {
   ClosedFormOptions options;
@@ -26,7 +26,7 @@ ClosedFormOptions of_order(int order) {
 
 TEST(ClosedFormCalibration, ExactOnNoiseFreeData) {
   const Scene scene;
-  for (const Method method : both) {
+  for (const Estimator method : both) {
     for (const bool chosen : {false, true}) {
       const Calibration c = method(problem_of(scene), chosen ? ClosedFormOptions{} : of_order(2));
       ASSERT_EQ(c.outcome, Outcome::converged) << c.reason;
@@ -40,7 +40,7 @@ TEST(ClosedFormCalibration, ExactOnNoiseFreeData) {
 
 TEST(ClosedFormCalibration, RecoversCurveAndNoise) {
   const int repeats = 60;
-  for (const Method method : both) {
+  for (const Estimator method : both) {
     double sigma_e = 0.0, sigma_theta = 0.0, worst = 0.0;
     for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
       Scene scene{.stops = 40, .repeats = 4, .sigma_theta = 0.008, .sigma_s = 0.002, .sigma_e = 0.01};
@@ -110,7 +110,7 @@ TEST(ClosedFormCalibration, DegenerateRecordingsGetANamedOutcome) {
   Scene in_line{.landmarks = {{6.0, 0.0}, {7.0, 0.0}, {-2.0, 0.0}}, .sigma_theta = 0.01, .straight = true};
   in_line.sigma_s = 0.001;
   Scene nothing{.stops = 0};
-  for (const Method method : both) {
+  for (const Estimator method : both) {
     const Calibration a = method(problem_of(two_stops), {}),
                       b = closed_form_calibration(problem_of(in_line), {});
     EXPECT_EQ(a.outcome, Outcome::too_few_data);
@@ -132,7 +132,7 @@ TEST(ClosedFormCalibration, AllAtOneDistanceIsNamed) {
     problem.cells.bearing_mean[k] = std::numbers::pi;
     problem.cells.range_mean[k] = 2.05 + 0.001 * (k % 3);
   }
-  for (const Method method : both) {
+  for (const Estimator method : both) {
     const Calibration c = method(problem, of_order(1));
     EXPECT_EQ(c.outcome, Outcome::too_few_data);
     EXPECT_NE(c.reason.find("distance"), std::string::npos) << c.reason;
