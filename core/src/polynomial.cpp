@@ -79,6 +79,13 @@ double evaluate_derivative(const Eigen::VectorXd& coefficients, double d) {
   return value;
 }
 
+Eigen::VectorXd powers_of(double d, Eigen::Index count) {
+  Eigen::VectorXd powers(count);
+  double power = 1.0;
+  for (Eigen::Index i = 0; i < count; ++i, power *= d) powers[i] = power;
+  return powers;
+}
+
 std::vector<double> real_roots(const Eigen::VectorXd& coefficients, double low, double high) {
   Eigen::Index size = coefficients.size();
   while (size > 0 && coefficients[size - 1] == 0.0) --size;

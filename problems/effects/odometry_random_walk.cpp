@@ -5,7 +5,8 @@
 //     variance k sigma^2 after k steps
 //
 // Replaces the independent errors of all stops but the first of a recording; a stop that stays at the
-// place of the one before has no error of its own. Source: physics catalogue M4.
+// place of the one before has no error of its own. Headings keep what is stated of them: errors of their own, or,
+// in a recording that is a random walk already, errors that add up. Source: physics catalogue M4.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -40,6 +41,7 @@ class OdometryRandomWalk final : public Effect {
   void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
     for (std::size_t k = 1; k < stops.size(); ++k) {
       if (stops[k].recording != stops[k - 1].recording || !stops[k].opens_place) continue;
+      if (!stops[k].chained) stops[k].turns_add_up = false;
       stops[k].chained = true;
       stops[k].sigma_xy_m = p[0];
       stops[k].shape.reset();

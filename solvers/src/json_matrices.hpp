@@ -17,6 +17,13 @@ inline nlohmann::ordered_json list(const Eigen::VectorXd& values) {
 inline nlohmann::ordered_json list(const Eigen::MatrixXd& values) {
   return std::vector<double>(values.reshaped().begin(), values.reshaped().end());
 }
+/// Several of one kind, a list for each.
+template <typename Several>
+nlohmann::ordered_json lists(const Several& several) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const auto& values : several) json.push_back(list(values));
+  return json;
+}
 
 /// Read back, of `size` and of `size` x `size` numbers. Throws InputError that names the field where there are not as
 /// many, or one is not finite.

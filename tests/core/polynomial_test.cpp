@@ -41,6 +41,15 @@ TEST(Polynomial, HandWorkedValueAndDerivative) {
   EXPECT_EQ(evaluate_derivative(coefficients({3.0}), 2.0), 0.0);
 }
 
+TEST(Polynomial, RowOfPowers) {
+  for (const double d : {0.0, -2.0}) {
+    EXPECT_EQ(powers_of(d, 0).size(), 0);
+    EXPECT_EQ(powers_of(d, 1), coefficients({1.0}));
+  }
+  EXPECT_EQ(powers_of(0.0, 4), coefficients({1.0, 0.0, 0.0, 0.0}));
+  EXPECT_EQ(powers_of(-2.0, 4), coefficients({1.0, -2.0, 4.0, -8.0}));
+}
+
 TEST(Polynomial, RootsByClosedForm) {
   EXPECT_THAT(real_roots(coefficients({-3.0, 2.0}), -10, 10), ElementsAre(1.5));
   EXPECT_THAT(real_roots(coefficients({6.0, -5.0, 1.0}), -10, 10), ElementsAre(2.0, 3.0));

@@ -19,6 +19,7 @@ struct SceneOptions {
   double sigma_e = 0.01, sigma_theta = 0.0087, sigma_s = 0.01, sigma_heading = 0.0;
   bool walk = false, places = false, turns = false;
   bool shaped = false;  ///< covariances of their own, of the sigmas above
+  bool own_headings = false;  ///< of a walk: headings have errors of their own, which do not add up
 };
 
 /// Q of stop k (stop_prior.hpp): from 3 to 1 of the variances in the plane, all three errors correlated.
@@ -48,6 +49,8 @@ struct SceneVariants {
     walk_headings = walk;
     walk_headings.turns = true;
     walk_headings.sigma_heading = 0.02;
+    walk_positions = walk_headings;
+    walk_positions.own_headings = true;
     walk_places = walk_headings;
     walk_places.places = true;
     places.places = places.turns = true;
@@ -80,22 +83,23 @@ struct SceneVariants {
             {"constant", constant},
             {"shapes", shapes},
             {"walk_shapes", walk_shapes},
-            {"plane_shapes", plane_shapes}};
+            {"plane_shapes", plane_shapes},
+            {"walk_positions", walk_positions}};
   }
 
-  SceneOptions plain, headings, walk, walk_headings, walk_places, places, shapes, walk_shapes, plane_shapes,
+  SceneOptions plain, headings, walk, walk_headings, walk_places, walk_positions, places, shapes, walk_shapes, plane_shapes,
       polynomial, repeats, d_squared, f_cubed, constant;
 };
 
-struct Scene {
+struct JointScene {
   JointProblem problem;
   JointState truth;
 };
 
 /// Cells are drawn directly: one cell per (stop, landmark), mean and mean square of `repeats` readings.
-inline Scene make_scene(std::string_view name, const SceneOptions& o, std::uint64_t repeat = 0) {
+inline JointScene make_scene(std::string_view name, const SceneOptions& o, std::uint64_t repeat = 0) {
   Random random(seed_from(name, {repeat}));
-  Scene scene;
+  JointScene scene;
   JointProblem& p = scene.problem;
   JointState& t = scene.truth;
   for (int k = 0; k < o.stops; ++k) {
@@ -104,6 +108,7 @@ inline Scene make_scene(std::string_view name, const SceneOptions& o, std::uint6
     prior.sigma_xy_m = o.sigma_s;
     prior.sigma_heading_rad = o.sigma_heading;
     prior.chained = o.walk && k > 0;
+    prior.turns_add_up = !o.own_headings;
     if (o.places && k % 3 == 2) {
       prior.place = p.place_count - 1;
       prior.opens_place = false;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <string>
+#include <utility>
 
 #include "rangecal/problems/world/scene.hpp"
 
@@ -23,6 +25,32 @@ inline void add_stop(rangecal::Scene& scene, const Pose2& commanded) {
   stop.label = std::to_string(scene.stops.size());
   stop.commanded = commanded;
   scene.stops.push_back(stop);
+}
+
+/// Stop k of a drive on a Lissajous curve of 4 by 3 m.
+inline Pose2 on_the_drive(int k, double heading_rad) {
+  return {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4), heading_rad};
+}
+
+/// Five cylinders about that drive, each seen from every stop.
+inline void add_cylinders(rangecal::Scene& scene) {
+  for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
+    scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.12, {}});
+    scene.positions.emplace_back(x, y);
+  }
+}
+
+/// Steps of that drive, each off by 3 cm and 0.01 rad, the errors adding up: after 300 the path is turned by
+/// 0.17 rad and half a metre away from where it was meant to be, one standard deviation.
+inline rangecal::Scene long_walk() {
+  rangecal::Scene scene = paper_scene();
+  scene.sigma_xy_m = 0.03;
+  scene.sigma_heading_rad = 0.01;
+  scene.stop_error = StopErrorModel::random_walk;
+  scene.repeats = 2;
+  for (int k = 0; k < 300; ++k) add_stop(scene, on_the_drive(k, 0.9 * k));
+  add_cylinders(scene);
+  return scene;
 }
 
 }  // namespace rangecal::testing

@@ -30,9 +30,12 @@ double stop_nll(const JointProblem& problem, const JointState& state, int k) {
     const Eigen::Vector2d step(pose.x_m - from.x_m, pose.y_m - from.y_m);
     const Eigen::Vector2d commanded(prior.commanded.x_m - before.commanded.x_m,
                                     prior.commanded.y_m - before.commanded.y_m);
-    turn -= from.heading_rad - before.commanded.heading_rad;
-    error = Eigen::Rotation2Dd(-from.heading_rad) * step -
-            Eigen::Rotation2Dd(-before.commanded.heading_rad) * commanded;
+    error = step - commanded;
+    if (prior.turns_add_up) {
+      turn -= from.heading_rad - before.commanded.heading_rad;
+      error = Eigen::Rotation2Dd(-from.heading_rad) * step -
+              Eigen::Rotation2Dd(-before.commanded.heading_rad) * commanded;
+    }
   }
   const StopInformation information(prior, sigma_xy_of(problem, state, k));
   const Eigen::Vector3d e(error.x(), error.y(), wrap_angle(turn));

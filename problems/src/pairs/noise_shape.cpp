@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 
@@ -36,7 +37,7 @@ int shape_parameter_count(NoiseShape shape) {
 
 ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {
   const double nu = shape.nu;
-  constant_ = -0.5 * std::log(2.0 * std::numbers::pi);
+  constant_ = -half_log_two_pi;
   if (shape.shape == NoiseShape::automatic) throw InputError("noise shape auto has no density of its own");
   if (shape.shape == NoiseShape::student_t) {
     constant_ = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);

@@ -11,13 +11,6 @@
 namespace rangecal {
 namespace {
 
-Eigen::VectorXd powers_of(double d, Eigen::Index count) {
-  Eigen::VectorXd phi(count);
-  double power = 1.0;
-  for (Eigen::Index i = 0; i < count; ++i, power *= d) phi[i] = power;
-  return phi;
-}
-
 Eigen::MatrixXd padded(const std::optional<Eigen::MatrixXd>& covariance, Eigen::Index size) {
   Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(size, size);
   if (covariance) whole.topLeftCorner(covariance->rows(), covariance->cols()) = *covariance;

@@ -31,13 +31,6 @@ std::optional<double> inverse(const VectorXd& alpha, double y) {
   return d > 0.0 && std::isfinite(d) ? std::optional(d) : std::nullopt;
 }
 
-VectorXd powers(double d, Index count) {
-  VectorXd all(count);
-  double power = 1.0;
-  for (Index i = 0; i < count; ++i, power *= d) all[i] = power;
-  return all;
-}
-
 }  // namespace
 
 LandmarkFilter::LandmarkFilter(const Calibration& of) : reference(of) {
@@ -105,7 +98,7 @@ LandmarkFilter::Taken LandmarkFilter::take(const std::string& landmark, double r
   taken.bearing.row.segment<2>(at) = across;
   taken.bearing.row.segment<2>(alphas) = -across;
   taken.bearing.row[alphas + 2] = -1.0;
-  taken.range.row.head(alphas) = powers(taken.d, alphas);
+  taken.range.row.head(alphas) = powers_of(taken.d, alphas);
   taken.range.row.segment<2>(at) = slope * n;
   taken.range.row.segment<2>(alphas) = -slope * n;
   taken.bearing.noise = sigma * sigma;
@@ -135,7 +128,7 @@ LandmarkFilter::Taken LandmarkFilter::place(const std::string& landmark, double 
   const Vector2d n(std::cos(direction), std::sin(direction)), across = D * Vector2d(-n.y(), n.x());
   taken.by_range = n / evaluate_derivative(alpha, *d);
   taken.by_state = Eigen::Matrix2Xd::Zero(2, size);
-  taken.by_state.leftCols(alphas) = -taken.by_range * powers(*d, alphas).transpose();
+  taken.by_state.leftCols(alphas) = -taken.by_range * powers_of(*d, alphas).transpose();
   taken.by_state.middleCols<2>(alphas).setIdentity();
   taken.by_state.col(alphas + 2) = across;
   const Eigen::Matrix2Xd cross = taken.by_state * P;

@@ -28,10 +28,11 @@ std::vector<double*> numbers_of(LandmarkWatch::Onset& onset) {
 }
 
 Json json_of(LandmarkWatch::Onset onset) {
-  Json json{
-      {"since", onset.since}, {"until", onset.until}, {"numbers", Json::array()}, {"beta", Json::array()}};
+  Json json{{"since", onset.since},
+            {"until", onset.until},
+            {"numbers", Json::array()},
+            {"beta", lists(onset.beta)}};
   for (const double* value : numbers_of(onset)) json["numbers"].push_back(*value);
-  for (const VectorXd& beta : onset.beta) json["beta"].push_back(list(beta));
   return json;
 }
 

@@ -26,30 +26,42 @@ struct StopVariance {
   }
 };
 
-/// Of every stop; along a random walk the covariances of the steps add up, each turned into the world by the
-/// commanded heading of the stop before.
+/// P after a further step of a random walk: the step's own covariance, with sigma_xy as given, is turned into
+/// the world by the commanded heading of the stop before and added.
+inline Eigen::Matrix3d after_step(const Eigen::Matrix3d& before, const StopPrior& step, double sigma_xy_m,
+                                  double heading_before_rad) {
+  Eigen::Matrix3d P = covariance_of(step, sigma_xy_m);
+  if (!step.opens_place) {  // turned, not moved
+    P.topLeftCorner<2, 2>().setZero();
+  } else if (step.shape) {
+    Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+    turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(heading_before_rad).toRotationMatrix();
+    P = turn * P * turn.transpose();
+  }
+  Eigen::Matrix3d sum = before + P;
+  if (!step.turns_add_up) {
+    sum.row(2) = P.row(2);
+    sum.col(2) = P.col(2);
+  }
+  return sum;
+}
+
+/// Of every stop; along a random walk the covariances of the steps add up.
 inline std::vector<StopVariance> stop_variances(const JointProblem& problem,
                                                 std::optional<double> sigma_s_m) {
   std::vector<StopVariance> variances(problem.stops.size());
   std::vector<int> opener(problem.place_count, 0);
   for (std::size_t k = 0; k < variances.size(); ++k) {
     const StopPrior& prior = problem.stops[k];
+    const double sigma_xy_m = prior.shape ? prior.sigma_xy_m : sigma_s_m.value_or(prior.sigma_xy_m);
     Eigen::Matrix3d& P = variances[k].P;
-    P = covariance_of(prior, prior.shape ? prior.sigma_xy_m : sigma_s_m.value_or(prior.sigma_xy_m));
-    if (prior.opens_place)
-      opener[prior.place] = static_cast<int>(k);
-    else
-      P.topLeftCorner<2, 2>() = variances[opener[prior.place]].P.topLeftCorner<2, 2>();
-    if (!prior.chained || k == 0) continue;
-    if (!prior.opens_place) {  // turned, not moved
-      P.topLeftCorner<2, 2>().setZero();
-    } else if (prior.shape) {
-      Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-      turn.topLeftCorner<2, 2>() =
-          Eigen::Rotation2Dd(problem.stops[k - 1].commanded.heading_rad).toRotationMatrix();
-      P = turn * P * turn.transpose();
+    if (prior.opens_place) opener[prior.place] = static_cast<int>(k);
+    if (prior.chained && k > 0) {
+      P = after_step(variances[k - 1].P, prior, sigma_xy_m, problem.stops[k - 1].commanded.heading_rad);
+      continue;
     }
-    P += variances[k - 1].P;
+    P = covariance_of(prior, sigma_xy_m);
+    if (!prior.opens_place) P.topLeftCorner<2, 2>() = variances[opener[prior.place]].P.topLeftCorner<2, 2>();
   }
   return variances;
 }

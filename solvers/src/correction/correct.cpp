@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
@@ -40,7 +40,7 @@ struct Curve {
     const double s = spread(d), r = y - f(d);
     if (!(s > 0.0))
       return -std::numeric_limits<double>::infinity();  // no noise: the likelihood is not bounded
-    return std::log(s) + r * r / (2.0 * s * s) + 0.5 * std::log(2.0 * std::numbers::pi);
+    return std::log(s) + r * r / (2.0 * s * s) + half_log_two_pi;
   }
   /// s'(d) along the curve.
   double spread_slope(double d) const {
@@ -154,9 +154,7 @@ CorrectionRoot root_at(const Curve& curve, double y, double d) {
   if (root.turning_point || !(slope > 0.0)) return root;
   root.std_dev_m = s / slope;
   if (const auto& covariance = curve.calibration.alpha_covariance) {
-    VectorXd phi(curve.calibration.alpha.size());
-    double power = 1.0;
-    for (Eigen::Index i = 0; i < phi.size(); ++i, power *= d) phi(i) = power;
+    const VectorXd phi = powers_of(d, curve.calibration.alpha.size());
     root.std_dev_total_m = std::sqrt(s * s + phi.dot(*covariance * phi)) / slope;
   }
   return root;

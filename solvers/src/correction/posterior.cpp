@@ -11,12 +11,12 @@
 #include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
 
 constexpr int nodes = 16;
-constexpr double log_root_two_pi = 0.91893853320467274178;
 
 /// Nodes in [-1, 1] and weights of the rule, in the order of the nodes.
 struct Rule {
@@ -39,7 +39,7 @@ double cumulative_normal(double z) { return 0.5 * std::erfc(-z * std::numbers::s
 double density(const DistancePrior::Component& c, double d) {
   const double e = d - c.mean_m;
   if (!(c.half_width_m > 1e-9 * c.sigma_m) || c.half_width_m <= 0.0)
-    return std::exp(-0.5 * e * e / (c.sigma_m * c.sigma_m) - log_root_two_pi) / c.sigma_m;
+    return std::exp(-0.5 * e * e / (c.sigma_m * c.sigma_m) - half_log_two_pi) / c.sigma_m;
   if (!(c.sigma_m > 0.0)) return std::abs(e) <= c.half_width_m ? 0.5 / c.half_width_m : 0.0;
   const double a = (std::abs(e) - c.half_width_m) / c.sigma_m, b = (std::abs(e) + c.half_width_m) / c.sigma_m;
   return (cumulative_normal(-a) - cumulative_normal(-b)) / (2.0 * c.half_width_m);
@@ -61,7 +61,7 @@ class Density {
     const EffectCorrector::Expected expected = corrector_.at(d, setting_);
     if (!(expected.spread_m > 0.0)) return -std::numeric_limits<double>::infinity();
     const double z = (y_ - expected.mean_m) / expected.spread_m;
-    return -0.5 * z * z - std::log(expected.spread_m) - log_root_two_pi + log_prior(d);
+    return -0.5 * z * z - std::log(expected.spread_m) - half_log_two_pi + log_prior(d);
   }
   double log_prior(double d) const {
     const double uniform = 1.0 / (prior_.high_m - prior_.low_m);

@@ -49,11 +49,12 @@ std::vector<Pose2> draw_stops(const JointProblem& problem, const JointState& sta
     if (prior.chained) {
       const StopPrior& before = problem.stops[k - 1];
       const Eigen::Vector2d step = commanded - Eigen::Vector2d(before.commanded.x_m, before.commanded.y_m);
-      const double turned = stops[k - 1].heading_rad - before.commanded.heading_rad;
+      const double turned = prior.turns_add_up ? stops[k - 1].heading_rad - before.commanded.heading_rad : 0.0;
+      const double frame = prior.turns_add_up ? stops[k - 1].heading_rad : 0.0;
       heading += turned;
       const Eigen::Vector2d from(stops[k - 1].x_m, stops[k - 1].y_m);
       const Eigen::Vector2d slip = prior.opens_place ? error : Eigen::Vector2d::Zero().eval();
-      position = from + Eigen::Rotation2Dd(turned) * step + Eigen::Rotation2Dd(stops[k - 1].heading_rad) * slip;
+      position = from + Eigen::Rotation2Dd(turned) * step + Eigen::Rotation2Dd(frame) * slip;
     } else {
       if (prior.opens_place) place_error[prior.place] = error;
       position = commanded + place_error[prior.place];

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <set>
 #include <vector>
 
+#include "calibrate/walk_seed.hpp"
 #include "diagnosis/search.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 
 namespace rangecal::diagnosis {
@@ -19,8 +22,22 @@ int distinct_distances(const Rows& rows, const JointState& state) {
   return static_cast<int>(seen.size());
 }
 
+/// Landmarks placed from where the stops were meant to be; along a random walk from where its readings put
+/// them, if that is more likely.
+JointState start_from_readings(const JointProblem& problem, int order, NoiseLaw law) {
+  JointState state = position_seed(problem, order, law);
+  const auto chained = [](const StopPrior& stop) { return stop.chained; };
+  if (std::none_of(problem.stops.begin(), problem.stops.end(), chained)) return state;
+  try {
+    JointState walked = walk_seed(problem, order, law);
+    if (joint_nll(problem, walked) < joint_nll(problem, state)) state = std::move(walked);
+  } catch (const InputError&) {  // the walk cannot be followed; the commanded path is all there is
+  }
+  return state;
+}
+
 JointState start_of(const Rows& rows, int order, NoiseLaw law) {
-  if (!rows.pairs) return position_seed(rows.problem, order, law);
+  if (!rows.pairs) return start_from_readings(rows.problem, order, law);
   JointState state;
   state.noise.law = law;
   state.landmarks = {Eigen::Vector2d::Zero()};

@@ -37,8 +37,9 @@ double mixture_to_normal(double z, double share, double wide) {
 
 }  // namespace
 
-Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
-    : rows_(rows),
+Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known)
+    : rates(known),
+      rows_(rows),
       state_(state),
       working_(working_problem(rows, model, state)),
       projector_(rows, working_.problem, state) {
@@ -61,7 +62,8 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state)
   ask_means();
   ask_periods();
   ask_catalogue();
-  ask_dependence_and_tails();
+  ask_between_cells();
+  ask_scalars();
 }
 
 void Battery::score_rows(const Model& model) {
@@ -279,13 +281,23 @@ void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>
   keep(std::move(question));
 }
 
-void Battery::add_scalar(Question question, double z) {
+void Battery::add_scalar(const ScalarTest& test) {
+  Question question;
+  question.channel = test.channel;
+  question.covariate = test.covariate;
+  question.shape = test.shape;
   question.of = Question::Of::scalar;
-  question.dof = 1;
+  question.z = test.z;
+  question.size = test.size;
+  standardise(question);
+  keep(std::move(question));
+}
+
+void Battery::standardise(Question& question) const {
+  const double z = rates.standardised(question.channel + " " + question.shape, *question.z);
   question.statistic = z * z;
   question.gain = 0.5 * z * z;
   question.log_p = log_chi_sq_survival(z * z, 1);
-  keep(std::move(question));
 }
 
 void Battery::keep(Question question) {

@@ -6,8 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/null_draws.hpp"
 #include "diagnosis/rates.hpp"
 #include "diagnosis/refit.hpp"
+#include "diagnosis/scalar_tests.hpp"
 
 namespace rangecal::diagnosis {
 
@@ -21,6 +23,7 @@ struct Question {
   enum class Of { mean, variance, scalar } of = Of::mean;
   const Effect* effect = nullptr;  ///< of the catalogue, with its start; null for a shape of no effect
   Eigen::VectorXd start;
+  std::optional<double> z;  ///< of a scalar test, before it is centred and scaled
   double statistic = 0.0;  ///< chi-square with `dof` degrees of freedom under the null
   double size = 0.0;  ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
   /// Nats that a fit of the shape would gain, the spreads free; statistic / 2 for scalars.
@@ -32,15 +35,15 @@ struct Question {
 /// calibration and the model's own parameters, with one rate for the whole battery.
 class Battery {
  public:
-  Battery(const Rows& rows, const Model& model, const JointState& state);
+  /// `known`: the rates of the recording's first battery, for all that follow it.
+  Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known = {});
 
   std::vector<Question> questions;
-  /// What the questions' p-values are worth together; `calibrate` finds it, a later battery takes the
-  /// first's.
-  Rates rates;
+  Rates rates;  ///< what the questions' p-values are worth together; `calibrate` finds it
   /// p-value of the question corrected for everything that was asked.
   double corrected(const Question& q) const { return rates.corrected(q.family, q.log_p); }
-  /// Simulates the smallest p-values of the battery under the fitted model; sets the rates.
+  /// Simulates the battery under the fitted model: the laws of its scalar tests and of its smallest p-values;
+  /// sets the rates.
   void calibrate(int draws, std::uint64_t seed);
   /// The question of the smallest corrected p-value.
   const Question& strongest() const;
@@ -49,10 +52,6 @@ class Battery {
   const RowChanges& changes() const { return changes_; }
   /// chi-square of the cell means and its degrees of freedom
   double cell_chi_sq = 0.0, cell_dof = 0.0;
-  /// Leverage-corrected variance units: z^2 and degrees of freedom per cell, within and between, per channel.
-  struct VarianceUnits {
-    Eigen::VectorXd square, dof;  ///< first the within units of all cells, then the between units
-  };
   VarianceUnits range_units, bearing_units;
 
  private:
@@ -60,14 +59,18 @@ class Battery {
   double fitted_gain(const Question& question, const Signature& fitted) const;
   void add_mean_signatures(Question question, std::vector<Signature> block);
   void add_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing);
-  void add_scalar(Question question, double z);
+  void add_scalar(const ScalarTest& test);
+  void standardise(Question& question) const;
+  struct NullScores;
+  NullScores draw_scores(int draws, std::uint64_t seed);
   void keep(Question question);
   void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
                             const std::vector<Eigen::VectorXd>& bearing);
   void ask_means();
   void ask_catalogue();
   void ask_variances();
-  void ask_dependence_and_tails();
+  void ask_between_cells();
+  void ask_scalars();
   void ask_periods();
   void score_rows(const Model& model);
   void remove_model_directions(const Model& model);
@@ -87,6 +90,7 @@ class Battery {
   std::vector<Signature> mean_within_;             ///< rows' parts of normalised columns (empty if none)
   std::vector<Eigen::VectorXd> variance_columns_;  ///< normalised slopes over the units of a channel
   std::vector<char> variance_of_bearing_;
+  std::optional<ScalarTests> scalar_tests_;
 };
 
 /// ln of the chi-square survival function, finite far into the tail.

@@ -1,143 +1,140 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the battery's p-values are worth together: its smallest ones, simulated under the fitted model.
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
+#include <utility>
 
 #include "diagnosis/battery.hpp"
-#include "rangecal/core/random.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-/// The point of the smallest p-value's law that fixes the effective numbers.
-constexpr double tail = 0.03;
-constexpr double worth_a_p_value =
-    0.15;  ///< share of the draws whose largest statistic is turned into a p-value
-
-/// Errors of the stops (dx, dy, dh) drawn from their prior, to first order: a heading error of the stop
-/// before turns the commanded step of a random walk.
-std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Random& random) {
-  std::vector<Eigen::Vector3d> errors(stops.size());
-  std::vector<Eigen::Vector2d> of_place;
-  for (std::size_t k = 0; k < stops.size(); ++k) {
-    const StopPrior& prior = stops[k];
-    const double unit_y = random.normal(), unit_x = random.normal(), unit_heading = random.normal();
-    const Eigen::Vector3d drawn = stop_error(prior, prior.sigma_xy_m, {unit_x, unit_y, unit_heading});
-    Eigen::Vector2d slip = drawn.head<2>();
-    double turn = drawn.z();
-    if (prior.chained && prior.shape)  // a step's own covariance is in the frame of the stop before
-      slip = Eigen::Rotation2Dd(stops[k - 1].commanded.heading_rad) * slip;
-    Eigen::Vector2d error = slip;
-    if (of_place.size() <= static_cast<std::size_t>(prior.place)) of_place.resize(prior.place + 1);
-    if (prior.chained) {
-      const Pose2 &from = stops[k - 1].commanded, &to = prior.commanded;
-      const double turned = errors[k - 1][2];
-      error = errors[k - 1].head<2>() + turned * Eigen::Vector2d(from.y_m - to.y_m, to.x_m - from.x_m);
-      if (prior.opens_place) error += slip;
-      turn += turned;
-    } else if (!prior.opens_place) {
-      error = of_place[prior.place];
-    }
-    of_place[prior.place] = error;
-    errors[k] << error, turn;
-  }
-  return errors;
-}
+constexpr double tail = Rates::tail;
+/// Draws of a family whose largest statistic is turned into a p-value: the smallest of all lies among them.
+constexpr double worth_a_p_value = 0.15, worth_together = 10.0;
+constexpr int fewest_for_a_law = 100;  ///< draws below which the scalar tests keep their asymptotic laws
+constexpr Eigen::Index most_numbers = 4000000;  ///< held at a time
 
 }  // namespace
 
-void Battery::calibrate(int draws, std::uint64_t seed) {
-  const int cells = projector_.cells(), means = static_cast<int>(mean_projected_.size());
-  Eigen::MatrixXd columns(2 * cells, means);
+/// Scores of every question's columns in every draw.
+struct Battery::NullScores {
+  Eigen::MatrixXf means, variances;  ///< columns x draws
+  Eigen::MatrixXd scalars;           ///< questions x draws: statistics, where they are scalar
+};
+
+namespace {
+
+/// Columns that are multiplied with what a block of draws holds, and the scores they add to. In single
+/// precision: a point of a simulated law is known to a hundredth at best.
+class ScoreColumns {
+ public:
+  explicit ScoreColumns(Eigen::Index rows) : rows_(rows) {}
+
+  void add(const Eigen::VectorXd& column, Eigen::Index score) {
+    if (column.size() == rows_ && column.squaredNorm() > 0.0) chosen_.emplace_back(&column, score);
+  }
+  /// Sets aside the draws of a block; nothing where there is no column.
+  void begin(Eigen::Index draws) {
+    if (chosen_.empty()) return;
+    drawn_.resize(rows_, draws);
+    if (values_.size() > 0) return;
+    values_.resize(rows_, static_cast<Eigen::Index>(chosen_.size()));
+    for (Eigen::Index j = 0; j < values_.cols(); ++j)
+      values_.col(j) = chosen_[static_cast<std::size_t>(j)].first->cast<float>();
+  }
+  void set(Eigen::Index draw, const Eigen::VectorXd& drawn) {
+    if (!chosen_.empty()) drawn_.col(draw) = drawn.cast<float>();
+  }
+  /// scores += columns^T drawn
+  template <typename Block>
+  void finish(Block&& scores) const {
+    if (chosen_.empty()) return;
+    const Eigen::MatrixXf product = values_.transpose() * drawn_;
+    for (Eigen::Index j = 0; j < product.rows(); ++j)
+      scores.row(chosen_[static_cast<std::size_t>(j)].second) += product.row(j);
+  }
+
+ private:
+  Eigen::Index rows_;
+  std::vector<std::pair<const Eigen::VectorXd*, Eigen::Index>> chosen_;
+  Eigen::MatrixXf values_, drawn_;
+};
+
+}  // namespace
+
+Battery::NullScores Battery::draw_scores(int draws, std::uint64_t seed) {
+  const Eigen::Index units = 2 * projector_.cells(), n = static_cast<Eigen::Index>(rows_.size());
+  ScoreColumns means(units), range_rows(n), bearing_rows(n), range_variances(units), bearing_variances(units);
   bool within = false;
-  for (int j = 0; j < means; ++j) {
-    columns.col(j) = mean_projected_[j];
+  for (std::size_t j = 0; j < mean_projected_.size(); ++j) {
+    const auto score = static_cast<Eigen::Index>(j);
+    means.add(mean_projected_[j], score);
+    range_rows.add(mean_within_[j].range_rows, score);
+    bearing_rows.add(mean_within_[j].bearing_rows, score);
     within = within || mean_within_[j].within();
   }
-  const Eigen::VectorXd range_sd = projector_.range_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::VectorXd bearing_sd =
-      rows_.pairs ? Eigen::VectorXd::Zero(cells).eval()
-                  : projector_.bearing_information.cwiseMax(1e-300).cwiseSqrt().cwiseInverse().eval();
-  const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
-  Eigen::MatrixXd noise(2 * cells, draws);
-  Eigen::MatrixXd row_noise_range, row_noise_bearing;
-  if (within) {
-    row_noise_range.resize(n, draws);
-    row_noise_bearing.resize(n, draws);
+  for (std::size_t j = 0; j < variance_columns_.size(); ++j)
+    (variance_of_bearing_[j] ? bearing_variances : range_variances)
+        .add(variance_columns_[j], static_cast<Eigen::Index>(j));
+  const NullDraws null(rows_, projector_, working_.problem, *scalar_tests_, range_units, bearing_units,
+                       within);
+  NullScores scores{Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(mean_projected_.size()), draws),
+                    Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(variance_columns_.size()), draws),
+                    Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(questions.size()), draws)};
+  Eigen::MatrixXd tests(0, draws);
+  std::vector<std::string> names;
+  const auto together = std::clamp<Eigen::Index>(most_numbers / (3 * units + (within ? 2 * n : 0)), 1, draws);
+  for (Eigen::Index first = 0; first < draws; first += together) {
+    const Eigen::Index count = std::min<Eigen::Index>(together, draws - first);
+    for (ScoreColumns* columns : {&means, &range_rows, &bearing_rows, &range_variances, &bearing_variances})
+      columns->begin(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Eigen::Index b = first + i;
+      Random random(seed_from("battery", {seed, static_cast<std::uint64_t>(b)}));
+      const NullDraw draw = null.draw(random);
+      means.set(i, draw.cells);
+      range_rows.set(i, draw.range_rows);
+      bearing_rows.set(i, draw.bearing_rows);
+      range_variances.set(i, 0.5 * draw.range_excess);
+      bearing_variances.set(i, 0.5 * draw.bearing_excess);
+      for (std::size_t q = 0; q < questions.size(); ++q)  // by the law they are judged by
+        for (int j = 0; j < questions[q].dof && questions[q].of == Question::Of::scalar; ++j)
+          scores.scalars(static_cast<Eigen::Index>(q), b) += std::pow(random.normal(), 2);
+      if (names.empty())
+        for (const ScalarTest& test : draw.scalars) names.push_back(test.channel + " " + test.shape);
+      if (tests.rows() == 0) tests.resize(static_cast<Eigen::Index>(draw.scalars.size()), draws);
+      for (Eigen::Index t = 0; t < tests.rows(); ++t)
+        tests(t, b) = draw.scalars[static_cast<std::size_t>(t)].z;
+    }
+    for (const ScoreColumns* columns : {&means, &range_rows, &bearing_rows})
+      columns->finish(scores.means.middleCols(first, count));
+    for (const ScoreColumns* columns : {&range_variances, &bearing_variances})
+      columns->finish(scores.variances.middleCols(first, count));
   }
-  std::vector<Eigen::VectorXd> variance_scores(draws);
-  Eigen::MatrixXd scalars(std::max<std::size_t>(questions.size(), 1), draws);
-  for (int b = 0; b < draws; ++b) {
-    Random random(seed_from("battery", {seed, static_cast<std::uint64_t>(b)}));
-    for (int c = 0; c < cells; ++c) {
-      noise(c, b) = random.normal() * range_sd[c];
-      noise(cells + c, b) = random.normal() * bearing_sd[c];
-    }
-    if (!rows_.pairs) {
-      const std::vector<Eigen::Vector3d> moved = stop_errors(working_.problem.stops, random);
-      const Signature stops = projector_.of_stops(moved);
-      noise.col(b).head(cells) += stops.range;
-      noise.col(b).tail(cells) += stops.bearing;
-    }
-    if (rows_.alpha_prior && !rows_.alpha_prior->exact()) {  // the simulation's own sampling error
-      Eigen::VectorXd z(rows_.alpha_prior->mean.size());
-      for (double& value : z) value = random.normal();
-      const Eigen::VectorXd alpha = rows_.alpha_prior->precision.llt().matrixU().solve(z);
-      for (int c = 0; c < cells; ++c) {
-        double curve = 0.0;
-        for (Eigen::Index a = alpha.size(); a-- > 0;) curve = curve * projector_.geometry().d[c] + alpha[a];
-        noise(c, b) += curve;
-      }
-    }
-    if (within)
-      for (int c = 0; c < rows_.cell_count; ++c) {
-        const int begin = rows_.cell_begin[c], count = rows_.cell_begin[c + 1] - begin;
-        double range_mean = 0.0, bearing_mean = 0.0;
-        for (int i = begin; i < begin + count; ++i) {
-          row_noise_range(i, b) = random.normal() / std::sqrt(projector_.row_range_information[i]);
-          row_noise_bearing(i, b) =
-              rows_.pairs ? 0.0 : random.normal() / std::sqrt(projector_.row_bearing_information[i]);
-          range_mean += row_noise_range(i, b) / count;
-          bearing_mean += row_noise_bearing(i, b) / count;
-        }
-        for (int i = begin; i < begin + count; ++i) {
-          row_noise_range(i, b) -= range_mean;
-          row_noise_bearing(i, b) -= bearing_mean;
-        }
-      }
-    // chi-square units by Wilson and Hilferty's cube, good to a few per mille from two degrees of freedom on
-    const auto unit_noise = [&](const VarianceUnits& units) {
-      Eigen::VectorXd excess(units.dof.size());
-      for (Eigen::Index u = 0; u < excess.size(); ++u) {
-        const double dof = units.dof[u];
-        const double z = random.normal();
-        if (dof < 1e-3) {
-          excess[u] = 0.0;
-        } else if (dof < 1.5) {
-          excess[u] = dof * (z * z - 1.0);
-        } else {
-          const double k = 2.0 / (9.0 * dof);
-          excess[u] = dof * (std::pow(1.0 - k + z * std::sqrt(k), 3) - 1.0);
-        }
-      }
-      return excess;
-    };
-    const Eigen::VectorXd range_excess = unit_noise(range_units), bearing_excess = unit_noise(bearing_units);
-    variance_scores[b].resize(static_cast<Eigen::Index>(variance_columns_.size()));
-    for (std::size_t j = 0; j < variance_columns_.size(); ++j)
-      variance_scores[b][static_cast<Eigen::Index>(j)] =
-          0.5 * variance_columns_[j].dot(variance_of_bearing_[j] ? bearing_excess : range_excess);
-    for (std::size_t q = 0; q < questions.size(); ++q)
-      scalars(static_cast<Eigen::Index>(q), b) = random.normal();
+  if (draws < fewest_for_a_law) return scores;
+  rates.scalars.clear();
+  for (Eigen::Index t = 0; t < tests.rows(); ++t) {
+    const double mean = tests.row(t).mean();
+    const double variance = (tests.row(t).array() - mean).square().sum() / static_cast<double>(draws - 1);
+    rates.scalars[names[static_cast<std::size_t>(t)]] = {mean, std::sqrt(std::max(variance, 1e-12))};
   }
-  Eigen::MatrixXd scores = columns.transpose() * noise;
-  for (int j = 0; j < means; ++j)
-    if (mean_within_[j].within())
-      scores.row(j) += mean_within_[j].range_rows.transpose() * row_noise_range +
-                       mean_within_[j].bearing_rows.transpose() * row_noise_bearing;
+  for (std::size_t q = 0; q < questions.size(); ++q) {
+    const std::string name = questions[q].channel + " " + questions[q].shape;
+    const auto test = std::find(names.begin(), names.end(), name);
+    if (!questions[q].z || test == names.end()) continue;
+    standardise(questions[q]);
+    for (int b = 0; b < draws; ++b)
+      scores.scalars(static_cast<Eigen::Index>(q), b) =
+          std::pow(rates.standardised(name, tests(test - names.begin(), b)), 2);
+  }
+  return scores;
+}
+
+void Battery::calibrate(int draws, std::uint64_t seed) {
+  const NullScores scores = draw_scores(draws, seed);
   // Per family and number of degrees of freedom the p-value falls with the statistic: only the largest is
   // worth one.
   struct Largest {
@@ -158,13 +155,13 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
     for (std::size_t q = 0; q < questions.size(); ++q) {
       const Question& question = questions[q];
       double statistic = 0.0;
-      for (int j = 0; j < question.dof; ++j) {
-        const double score = question.of == Question::Of::mean ? scores(question.first_column + j, b)
-                             : question.of == Question::Of::variance
-                                 ? variance_scores[b][question.first_column + j]
-                                 : scalars(static_cast<Eigen::Index>(q), b);
-        statistic += score * score;
-      }
+      if (question.of == Question::Of::scalar)
+        statistic = scores.scalars(static_cast<Eigen::Index>(q), b);
+      else
+        statistic = (question.of == Question::Of::mean ? scores.means : scores.variances)
+                        .col(b)
+                        .segment(question.first_column, question.dof)
+                        .squaredNorm();
       (*of_question[q])[b] = std::max((*of_question[q])[b], statistic);
     }
   const auto independent = [&](double log_p) {
@@ -178,22 +175,26 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
     independent_questions[static_cast<std::size_t>(entry.family)] +=
         std::max(1.0, independent(log_chi_sq_survival(sorted[rank], entry.dof)));
   }
-  Eigen::VectorXd smallest = Eigen::VectorXd::Zero(draws);  // ln p, corrected within families
+  std::vector<double>& smallest = rates.smallest;  // ln p, corrected within families
+  smallest.assign(static_cast<std::size_t>(draws), 0.0);
+  const double share =
+      std::clamp(worth_together / static_cast<double>(family_of.size()), worth_a_p_value, 1.0);
   for (const auto& [key, entry] : largest) {
     Eigen::VectorXd sorted = entry.statistic;  // the smallest of all lies among each family's best
-    const auto worth = static_cast<Eigen::Index>(worth_a_p_value * draws);
+    const auto worth = std::min<Eigen::Index>(static_cast<Eigen::Index>(share * draws), draws - 1);
     std::nth_element(sorted.begin(), sorted.begin() + worth, sorted.end(), std::greater<>());
     for (int b = 0; b < draws; ++b)
       if (entry.statistic[b] >= sorted[worth])
-        smallest[b] = std::min(
-            smallest[b], log_of_smallest(log_chi_sq_survival(entry.statistic[b], entry.dof),
-                                         independent_questions[static_cast<std::size_t>(entry.family)]));
+        smallest[static_cast<std::size_t>(b)] =
+            std::min(smallest[static_cast<std::size_t>(b)],
+                     log_of_smallest(log_chi_sq_survival(entry.statistic[b], entry.dof),
+                                     independent_questions[static_cast<std::size_t>(entry.family)]));
   }
   for (const auto& [family, index] : family_of)
     rates.within[family] = independent_questions[static_cast<std::size_t>(index)];
   // That point is known from tail * draws values beyond it only: one standard error on the safe side.
-  const auto safe = static_cast<Eigen::Index>(std::max(0.0, tail * draws - std::sqrt(tail * draws) - 1.0));
-  std::nth_element(smallest.begin(), smallest.begin() + safe, smallest.end());
+  const auto safe = static_cast<std::size_t>(std::max(0.0, tail * draws - std::sqrt(tail * draws) - 1.0));
+  std::sort(smallest.begin(), smallest.end());
   rates.families = std::clamp(independent(smallest[safe]), 1.0, 1e7);
 }
 

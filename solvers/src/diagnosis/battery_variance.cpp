@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the battery asks beyond the means: variances, dependence between readings and between stops, tails.
+// What the battery asks beyond the means: variances, periods within cells, dependence and tails.
 #include <fmt/core.h>
 
 #include <Eigen/Cholesky>
@@ -14,28 +14,6 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-
-/// Sample skewness turned normal (D'Agostino 1970) for n values.
-double skewness_z(double skewness, double n) {
-  const double y = skewness * std::sqrt((n + 1.0) * (n + 3.0) / (6.0 * (n - 2.0)));
-  const double beta = 3.0 * (n * n + 27.0 * n - 70.0) * (n + 1.0) * (n + 3.0) /
-                      ((n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0));
-  const double w_sq = -1.0 + std::sqrt(2.0 * (beta - 1.0));
-  const double delta = 1.0 / std::sqrt(0.5 * std::log(w_sq)), alpha = std::sqrt(2.0 / (w_sq - 1.0));
-  return delta * std::asinh(y / alpha);
-}
-
-/// Sample kurtosis m4 / m2^2 turned normal (Anscombe and Glynn 1983) for n values.
-double kurtosis_z(double kurtosis, double n) {
-  const double mean = 3.0 * (n - 1.0) / (n + 1.0);
-  const double variance = 24.0 * n * (n - 2.0) * (n - 3.0) / ((n + 1.0) * (n + 1.0) * (n + 3.0) * (n + 5.0));
-  const double x = (kurtosis - mean) / std::sqrt(variance);
-  const double moment = 6.0 * (n * n - 5.0 * n + 2.0) / ((n + 7.0) * (n + 9.0)) *
-                        std::sqrt(6.0 * (n + 3.0) * (n + 5.0) / (n * (n - 2.0) * (n - 3.0)));
-  const double a = 6.0 + 8.0 / moment * (2.0 / moment + std::sqrt(1.0 + 4.0 / (moment * moment)));
-  const double cube = (1.0 - 2.0 / a) / (1.0 + x * std::sqrt(2.0 / (a - 4.0)));
-  return (1.0 - 2.0 / (9.0 * a) - std::cbrt(cube)) / std::sqrt(2.0 / (9.0 * a));
-}
 
 }  // namespace
 
@@ -213,109 +191,44 @@ void Battery::ask_periods() {
   }
 }
 
-void Battery::ask_dependence_and_tails() {
+void Battery::ask_between_cells() {
   const int cells = rows_.cell_count;
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
-    const std::string prefix = of_bearing ? "bearing" : "range";
     const VarianceUnits& units = of_bearing ? bearing_units : range_units;
-    const Eigen::VectorXd& scores = of_bearing ? bearing_scores_ : range_scores_;
-    if (units.dof.head(cells).sum() > 0.5 * cells) {  // there are repeats
-      Eigen::VectorXd between = Eigen::VectorXd::Zero(2 * cells);
-      between.tail(cells).setOnes();
-      Question q;
-      q.channel = prefix + "_dependence";
-      q.covariate = "any";
-      q.shape = "between cells";
-      add_variance(q, {between}, of_bearing);
-
-      // Lag-1 products of the deviations from the cell means; their expectation is -(R - 1) / R per cell.
-      double sum = 0.0, pairs = 0.0;
-      for (int c = 0; c < cells; ++c) {
-        const int begin = rows_.cell_begin[c], end = rows_.cell_begin[c + 1];
-        if (end - begin < 3) continue;
-        const double scale = units.dof[c] / (end - begin);  // (R - 1) / R
-        for (int i = begin + 1; i < end; ++i) sum += scores[i] * scores[i - 1];
-        sum += scale;
-        pairs += (end - begin - 1) * scale;
-      }
-      if (pairs > 20.0) {
-        q.covariate = "repeat";
-        q.shape = "lag 1";
-        add_scalar(q, sum / std::sqrt(pairs));
-        questions.back().size = sum / pairs;
-      }
-    }
-    // Tails of the deviations, noise law and dependence taken out.
-    double n = 0.0, second = 0.0, third = 0.0, fourth = 0.0;
-    for (int c = 0; c < cells; ++c) {
-      const int begin = rows_.cell_begin[c], end = rows_.cell_begin[c + 1];
-      const double count = end - begin;
-      for (int i = begin; i < end; ++i) {
-        const double z =
-            count > 2
-                ? scores[i] * std::sqrt(count / (count - 1.0))
-                : (of_bearing ? projector_.bearing_residual[c] * std::sqrt(projector_.bearing_information[c])
-                              : projector_.range_residual[c] * std::sqrt(projector_.range_information[c]));
-        n += 1.0;
-        second += z * z;
-        third += z * z * z;
-        fourth += z * z * z * z;
-      }
-    }
-    if (n > 40.0 && second > 0.0) {
-      second /= n;
-      Question q;
-      q.channel = prefix + "_tail";
-      q.covariate = "any";
-      q.shape = "heavy tails";
-      add_scalar(q, kurtosis_z(fourth / n / (second * second), n));
-      questions.back().size = fourth / n / (second * second) - 3.0;
-      q.covariate = "range";
-      q.shape = "skew";
-      add_scalar(q, skewness_z(third / n / std::pow(second, 1.5), n));
-      questions.back().size = third / n / std::pow(second, 1.5);
-    }
-  }
-  if (rows_.pairs) return;
-
-  // Stops: their errors against the prior, expected with what the readings leave of it.
-  const JointLayout& layout = projector_.system().layout();
-  double excess = 0.0, variance = 0.0, step_sum = 0.0, step_variance = 0.0;
-  Eigen::Vector2d before = Eigen::Vector2d::Zero();  // error over its standard deviation
-  double before_share = 0.0;
-  for (std::size_t j = 0; j < layout.nodes.size(); ++j) {
-    const JointLayout::Node& node = layout.nodes[j];
-    const int k = node.stops.front();
-    const StopPrior& prior = working_.problem.stops[k];
-    if (!node.free_position || prior.chained) continue;
-    const Eigen::LLT<Eigen::Matrix2d> expected(covariance_of(prior, prior.sigma_xy_m).topLeftCorner<2, 2>());
-    const Eigen::Vector2d error = expected.matrixL().solve(Eigen::Vector2d(
-        state_.stops[k].x_m - prior.commanded.x_m, state_.stops[k].y_m - prior.commanded.y_m));
-    const Eigen::Matrix2d covariance =
-        projector_.system().stop_covariance(static_cast<int>(j)).topLeftCorner<2, 2>();
-    const double share = std::max(0.0, 1.0 - 0.5 * expected.solve(covariance).trace());
-    excess += 0.5 * (error.squaredNorm() - 2.0 * share);
-    variance += share * share;
-    if (before_share > 0.0) {
-      step_sum += error.dot(before);
-      step_variance += 2.0 * share * before_share;
-    }
-    before = error;
-    before_share = share;
-  }
-  if (variance > 3.0) {
+    if (!(units.dof.head(cells).sum() > 0.5 * cells)) continue;  // no repeats
+    Eigen::VectorXd between = Eigen::VectorXd::Zero(2 * cells);
+    between.tail(cells).setOnes();
     Question q;
-    q.channel = "stop";
-    q.covariate = "stop";
-    q.shape = "spread";
-    // Degrees of freedom 4 variance: the cube makes the sum of squares normal.
-    const double dof = 2.0 * variance, ratio = std::max(1e-9, 1.0 + excess / variance), k = 2.0 / (9.0 * dof);
-    add_scalar(q, (std::cbrt(ratio) - 1.0 + k) / std::sqrt(k));
-    questions.back().size = excess / variance;
-    q.shape = "lag 1";
-    if (step_variance > 3.0) add_scalar(q, step_sum / std::sqrt(step_variance));
+    q.channel = of_bearing ? "bearing_dependence" : "range_dependence";
+    q.covariate = "any";
+    q.shape = "between cells";
+    add_variance(q, {between}, of_bearing);
   }
+}
+
+void Battery::ask_scalars() {
+  const int cells = rows_.cell_count;
+  UnitResiduals residuals;
+  residuals.range_rows = range_scores_;
+  residuals.range_cells = projector_.range_residual.cwiseProduct(projector_.range_information.cwiseSqrt());
+  residuals.stops = Eigen::VectorXd::Zero(projector_.system().layout().coordinates);
+  Eigen::VectorXd bearing_dof;
+  if (!rows_.pairs) {
+    residuals.bearing_rows = bearing_scores_;
+    residuals.bearing_cells =
+        projector_.bearing_residual.cwiseProduct(projector_.bearing_information.cwiseSqrt());
+    bearing_dof = bearing_units.dof.tail(cells);
+    for (const JointLayout::Node& node : projector_.system().layout().nodes) {
+      if (!node.free_position) continue;
+      const int k = node.stops.front();
+      const Pose2& meant = working_.problem.stops[k].commanded;
+      residuals.stops.segment<2>(node.coordinate) << state_.stops[k].x_m - meant.x_m,
+          state_.stops[k].y_m - meant.y_m;
+    }
+  }
+  scalar_tests_.emplace(rows_, projector_, working_.problem, range_units.dof.tail(cells), bearing_dof);
+  for (const ScalarTest& test : scalar_tests_->of(residuals)) add_scalar(test);
 }
 
 }  // namespace rangecal::diagnosis

@@ -9,6 +9,10 @@
 #include <functional>
 #include <map>
 
+#include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/solvers/joint_ml/joint_ml.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -147,7 +151,8 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   return evidence;
 }
 
-/// Readings that cells lack of the fullest one's number, and the limit beyond which they are missing.
+/// Readings that cells lack of the fullest one's number, cells without any included, and the limit beyond which they are
+/// missing.
 struct Gaps {
   double missing = 0.0, expected = 0.0;
   double from_m = 0.0;  ///< mean reading of the nearest cell beyond the limit
@@ -156,6 +161,41 @@ struct Gaps {
   /// tried.
   double chance = 1.0;
 };
+
+/// Landmarks that a stop does not see at all, where stops see nearly all of them: the readings [m] that were to be
+/// expected, by the seed's curve and geometry. Empty where seeing few is the rule.
+std::vector<double> readings_of_unseen(const Rows& rows) {
+  constexpr double nearly_all = 0.8;
+  const JointProblem& problem = rows.problem;
+  const Cells& cells = problem.cells;
+  const std::size_t landmarks = problem.landmark_recording.size();
+  std::vector<char> seen(problem.stops.size() * landmarks, 0), landmark_seen(landmarks, 0),
+      stop_sees(problem.stops.size(), 0);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const auto stop = static_cast<std::size_t>(cells.stop[i]), l = static_cast<std::size_t>(cells.landmark[i]);
+    seen[stop * landmarks + l] = landmark_seen[l] = stop_sees[stop] = 1;
+  }
+  std::vector<std::pair<std::size_t, std::size_t>> unseen;
+  for (std::size_t k = 0; k < problem.stops.size(); ++k)
+    for (std::size_t l = 0; l < landmarks; ++l)
+      if (stop_sees[k] && landmark_seen[l] && !seen[k * landmarks + l] &&
+          problem.landmark_recording[l] == problem.stops[k].recording)
+        unseen.emplace_back(k, l);
+  const auto count = static_cast<double>(cells.size() + unseen.size());
+  if (unseen.empty() || static_cast<double>(cells.size()) < nearly_all * count) return {};
+  std::vector<double> readings;
+  try {
+    const JointState seed = position_seed(problem, 1, NoiseLaw::f_squared);
+    for (const auto& [k, l] : unseen) {
+      const Pose2& pose = seed.stops[k];
+      const double axis = (seed.landmarks[l] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm();
+      readings.push_back(evaluate_polynomial(seed.alpha, axis - problem.landmark_radius_m[l]));
+    }
+  } catch (const InputError&) {  // too few cells to say where anything is
+    readings.clear();
+  }
+  return readings;
+}
 
 Gaps gaps_of(const Rows& rows) {
   constexpr double enough = 12.5;  // nats
@@ -170,7 +210,12 @@ Gaps gaps_of(const Rows& rows) {
     gaps.missing += missing;
     if (missing > 0.0) ++with_gaps;
   }
-  gaps.expected = full * rows.cell_count;
+  for (double reading : readings_of_unseen(rows)) {
+    cells.emplace_back(reading, full);
+    gaps.missing += full;
+    ++with_gaps;
+  }
+  gaps.expected = full * static_cast<double>(cells.size());
   std::sort(cells.begin(), cells.end(), std::greater<>());
   const auto log_likelihood = [](double missing, double all) {
     const auto part = [&](double k) { return k > 0.0 ? k * std::log(k / all) : 0.0; };

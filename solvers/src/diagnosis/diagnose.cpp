@@ -100,7 +100,7 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
 /// Range residuals far too long in the tails for a normal law.
 bool outliers_stand_out(const diagnosis::Battery& battery) {
   return std::any_of(battery.questions.begin(), battery.questions.end(), [](const diagnosis::Question& q) {
-    return q.channel == "range_tail" && q.shape == "heavy tails" && q.size > 3.0 && q.log_p < -30.0;
+    return q.channel == "range_tail" && q.shape == "heavy tails" && q.size > 3.0 && q.log_p < -20.0;
   });
 }
 

@@ -199,6 +199,7 @@ ExtendedDesign finish(Draft draft, const Rows& rows, ExtendedDesign design) {
   for (std::size_t k = 0; k < draft.priors.size(); ++k) {
     extended.problem.stops[k].recording = draft.priors[k].recording;
     extended.problem.stops[k].chained = draft.priors[k].chained;
+    extended.problem.stops[k].turns_add_up = draft.priors[k].turns_add_up;
     if (draft.priors[k].opens_place) extended.problem.stops[k].shape = draft.priors[k].shape;
   }
   extended.context.range_min_m = rows.context.range_min_m;

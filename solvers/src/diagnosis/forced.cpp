@@ -26,8 +26,7 @@ void fit_forced(const Rows& rows, const std::vector<std::string>& names, const R
   }
   result.best.gain = result.baseline.nll - result.best.fit.nll;
   result.verdict = Verdict::explained;
-  result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state);
-  result.last->rates = result.rates;
+  result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state, result.rates);
 }
 
 }  // namespace rangecal::diagnosis

@@ -82,6 +82,11 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
     row_bearing_residual[i] =
         count > 1 ? wrap_angle(rows.bearing_rad[i] - rows.problem.cells.bearing_mean[cell]) : 0.0;
   }
+  for (std::size_t k = 0; k < problem.stops.size(); ++k) {
+    const Pose2 &is = state.stops[k], &meant = problem.stops[k].commanded;
+    stop_errors_.emplace_back(is.x_m - meant.x_m, is.y_m - meant.y_m,
+                              wrap_angle(is.heading_rad - meant.heading_rad));
+  }
   system_.assemble(with_unit_noise(state), HessianKind::fisher);
   system_.eliminate();
   // Pseudo-inverse on phi: a direction the recording does not determine is left alone, not divided by zero.

@@ -53,6 +53,9 @@ class Projector {
   /// others.
   const Eigen::MatrixXd& phi_covariance() const { return phi_factor_; }
 
+  /// Where the stops are estimated, less where the model means them to be: (dx, dy, dh).
+  const std::vector<Eigen::Vector3d>& stop_errors() const { return stop_errors_; }
+
   Eigen::VectorXd range_residual, bearing_residual;        ///< of the cell means [m], [rad]
   Eigen::VectorXd range_information, bearing_information;  ///< W of the cell means
   Eigen::VectorXd row_range_information, row_bearing_information;
@@ -65,6 +68,7 @@ class Projector {
   JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
   Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
+  std::vector<Eigen::Vector3d> stop_errors_;
 };
 
 }  // namespace rangecal::diagnosis

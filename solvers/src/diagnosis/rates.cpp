@@ -21,8 +21,22 @@ double Rates::in_family(const std::string& family, double log_p) const {
   return log_of_smallest(log_p, starts(family));
 }
 
-double Rates::corrected(const std::string& family, double log_p) const {
-  return std::exp(log_of_smallest(in_family(family, log_p), families));
+double Rates::standardised(const std::string& test, double z) const {
+  const auto found = scalars.find(test);
+  return found == scalars.end() ? z : (z - found->second.mean) / found->second.std_dev;
+}
+
+double Rates::corrected(double log_p_f) const {
+  const double far_out = std::exp(log_of_smallest(log_p_f, families));
+  if (smallest.empty() || far_out < tail) return far_out;
+  const auto above = std::upper_bound(smallest.begin(), smallest.end(), log_p_f);
+  double rank = static_cast<double>(above - smallest.begin());
+  if (above != smallest.begin() && above != smallest.end())
+    rank += (log_p_f - *(above - 1)) / (*above - *(above - 1));
+  if (rank == 0.0) return tail;
+  const double draws = static_cast<double>(smallest.size());
+  const double safe = std::min(std::sqrt(rank), tail * draws / std::sqrt(rank));
+  return std::clamp((rank + safe) / draws, tail, 1.0);
 }
 
 }  // namespace rangecal::diagnosis

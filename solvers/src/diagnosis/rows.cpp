@@ -11,6 +11,7 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -176,7 +177,7 @@ Rows make_rows(std::span<const Recording> recordings) {
     rows.problem.landmark_recording = {0};
     rows.problem.cells.stop_begin.resize(rows.problem.stops.size() + 1);
     std::iota(rows.problem.cells.stop_begin.begin(), rows.problem.cells.stop_begin.end(), 0);
-    rows.nll_offset = -rows.problem.readings * (0.5 * std::log(2.0 * std::numbers::pi) + 0.5);
+    rows.nll_offset = -rows.problem.readings * (half_log_two_pi + 0.5);
   }
   fill_context(recordings, rows);
   return rows;

@@ -156,8 +156,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   if (result.alarm_p >= options.alarm_rate && known.model.empty()) return result;
 
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
-    battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state);
-    battery->rates = result.rates;
+    battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state, result.rates);
     // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and
     // a further name needs overwhelming evidence.
     const double rate = has_grid(known) ? 1e-5 : clean_rate;
@@ -278,7 +277,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}},
                                   result.rates, refit_options);
       alone.foreseen = alone.evidence;  // nothing promised it
-      if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state));
+      if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state, result.rates));
     }
   }
   // What it leaves must be a trace: faint by itself, and weaker than what was named.

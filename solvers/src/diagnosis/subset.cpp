@@ -2,13 +2,12 @@
 #include "diagnosis/subset.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <numeric>
 
 #include "diagnosis/rounds.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 
@@ -70,7 +69,7 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   for (int stop : p.stop) ++p.stop_begin[static_cast<std::size_t>(stop) + 1];
   std::partial_sum(p.stop_begin.begin(), p.stop_begin.end(), p.stop_begin.begin());
   part.problem.readings = std::accumulate(p.count.begin(), p.count.end(), 0.0);
-  if (rows.pairs) part.nll_offset = -part.problem.readings * (0.5 * std::log(2.0 * std::numbers::pi) + 0.5);
+  if (rows.pairs) part.nll_offset = -part.problem.readings * (half_log_two_pi + 0.5);
   return part;
 }
 

@@ -248,7 +248,17 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     x = signature_of_rows(rows, range, bearing);
   }
   if (active.effect->acts_on_stops()) {
-    std::vector<StopPrior> high = rows.problem.stops, low = rows.problem.stops;
+    // The path as it is estimated: what scales or turns the path and all landmarks with it is absorbed along
+    // the estimated one. Along the commanded path the errors of the stops would be left over and judge
+    // themselves.
+    std::vector<StopPrior> high = rows.problem.stops;
+    for (std::size_t k = 0; k < high.size(); ++k) {
+      const Eigen::Vector3d& error = projector.stop_errors()[k];
+      high[k].commanded.x_m += error.x();
+      high[k].commanded.y_m += error.y();
+      high[k].commanded.heading_rad += error.z();
+    }
+    std::vector<StopPrior> low = high;
     active.effect->stops(rows.context, up.parameters.data(), high);
     active.effect->stops(rows.context, down.parameters.data(), low);
     std::vector<Eigen::Vector3d> moved(high.size());

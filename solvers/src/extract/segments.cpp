@@ -90,7 +90,7 @@ Ring unroll(const Scan& scan, const CylinderOptions& options, Tally& tally) {
   ring.step = median_step(scan);
   for (std::size_t i = 0; i < scan.size(); ++i) {
     const double range = scan.range_m[i];
-    const bool returned = std::isfinite(range) && range > 0.0;
+    const bool returned = Scan::returned(range);
     const bool inside = returned && range >= options.range_min_m && range <= options.range_max_m;
     ++tally["all"];
     if (!returned) ++tally["no return"];

@@ -6,10 +6,10 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
@@ -55,8 +55,8 @@ Step step_of(const UnitSummary& u, const VectorXd& mu, const MatrixXd& precision
   step.distance_sq = std::fmax(0.0, e.dot(pull) - pull.dot(step.V * pull));
   const double log_det_sum = 2.0 * sum.matrixLLT().diagonal().array().log().sum();
   const double log_det_information = 2.0 * MatrixXd(u.information.llt().matrixL()).diagonal().array().log().sum();
-  step.log_likelihood = -0.5 * (static_cast<double>(p) * std::log(2.0 * std::numbers::pi) + step.distance_sq + log_det_Sigma + log_det_sum -
-                                log_det_information);
+  step.log_likelihood = -static_cast<double>(p) * half_log_two_pi -
+                        0.5 * (step.distance_sq + log_det_Sigma + log_det_sum - log_det_information);
   return step;
 }
 

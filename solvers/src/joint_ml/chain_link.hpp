@@ -16,6 +16,7 @@ namespace rangecal {
 ///   cost = e^T W e / 2 (+ logs),  e = (r, t),  W = C^-1: diag(sigma_xy^-2, sigma_xy^-2, sigma_h^-2) or the
 ///   step's own
 ///
+/// Where headings do not add up: r = (p1 - p0) - (p1c - p0c), t = h1 - h1c.
 /// Six coordinates in the order (x0, y0, h0, x1, y1, h1). Source: 2021 eq. 7 with the error of one step in
 /// the robot's frame; with exact headings it is the world's frame.
 struct ChainLink {
@@ -26,6 +27,14 @@ struct ChainLink {
     const Eigen::Vector2d step(to.x_m - from.x_m, to.y_m - from.y_m);
     const Eigen::Vector2d commanded(after.commanded.x_m - before.commanded.x_m,
                                     after.commanded.y_m - before.commanded.y_m);
+    if (!after.turns_add_up) {
+      turns = false;
+      back.setIdentity();
+      seen = step;
+      residual = step - commanded;
+      turn = wrap_angle(to.heading_rad - after.commanded.heading_rad);
+      return;
+    }
     back = Eigen::Rotation2Dd(-from.heading_rad).toRotationMatrix();
     seen = back * step;
     residual = seen - Eigen::Rotation2Dd(-before.commanded.heading_rad) * commanded;
@@ -40,10 +49,11 @@ struct ChainLink {
     Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
     j.topLeftCorner<2, 2>() = -back;
     j.block<2, 2>(0, 3) = back;
+    j(2, 5) = 1.0;
+    if (!turns) return j;
     j.block<2, 1>(0, 2) =
         Eigen::Vector2d(seen.y(), -seen.x());  // dR(-h)/dh x = (y, -x) of the rotated vector
     j(2, 2) = -1.0;
-    j(2, 5) = 1.0;
     return j;
   }
 
@@ -51,7 +61,7 @@ struct ChainLink {
   Matrix6 hessian(const Eigen::Matrix3d& W, bool exact) const {
     const Eigen::Matrix<double, 3, 6> j = jacobian();
     Matrix6 h = j.transpose() * W * j;
-    if (exact) {
+    if (exact && turns) {
       const Eigen::Vector2d pull = (W * error()).head<2>();
       h(2, 2) -= pull.dot(seen);
       // d2r/dh0 dp = the same turn applied to the columns of the p-Jacobian
@@ -69,6 +79,7 @@ struct ChainLink {
   Eigen::Matrix2d back;
   Eigen::Vector2d seen, residual;
   double turn;
+  bool turns = true;  ///< the heading of stop 0 counts; else the link is linear
 };
 
 /// The node coordinate of each of the six link coordinates, -1 where it is not free; first three belong to `node0`.

@@ -5,18 +5,17 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/joint_accumulator.hpp"
 #include "joint_ml/range_share.hpp"
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-const double log_two_pi = std::log(2.0 * std::numbers::pi);
 
 /// The prior of a stop with a covariance of its own; returns its share of the NLL.
 double add_shaped_prior(const StopPrior& prior, const Pose2& pose, NodeBlocks<Eigen::Dynamic>& b,
@@ -51,7 +50,7 @@ double JointSystem::assemble_priors(const JointState& state, bool exact, const J
       const double sigma = sigma_xy_of(problem_, state, k), information = 1.0 / (sigma * sigma);
       const double ex = pose.x_m - prior.commanded.x_m, ey = pose.y_m - prior.commanded.y_m;
       const double chi_sq = (ex * ex + ey * ey) * information;
-      nll += 0.5 * chi_sq + 2.0 * std::log(sigma) + log_two_pi;
+      nll += 0.5 * chi_sq + 2.0 * (std::log(sigma) + half_log_two_pi);
       b.g[0] += information * ex;
       b.g[1] += information * ey;
       b.H(0, 0) += information;
@@ -69,7 +68,7 @@ double JointSystem::assemble_priors(const JointState& state, bool exact, const J
     if (heading >= 0) {
       const double turn = wrap_angle(pose.heading_rad - prior.commanded.heading_rad);
       const double information = 1.0 / (prior.sigma_heading_rad * prior.sigma_heading_rad);
-      nll += 0.5 * turn * turn * information + std::log(prior.sigma_heading_rad) + 0.5 * log_two_pi;
+      nll += 0.5 * turn * turn * information + std::log(prior.sigma_heading_rad) + half_log_two_pi;
       b.g[heading] += information * turn;
       b.H(heading, heading) += information;
     }
@@ -92,12 +91,12 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
   double nll = assemble_priors(state, exact, node, sum);
 
   const NoiseLaw law = state.noise.law;
-  const bool power_law = law != NoiseLaw::polynomial && law != NoiseLaw::d_squared && c.bend.empty();
+  const bool power_law = law != NoiseLaw::polynomial && law != NoiseLaw::d_squared, bent = !c.bend.empty();
   const double sigma = state.noise.parameters[0], tau = power_law ? std::log(sigma) : 0.0;
   if (power_law && !(sigma > 0.0)) return infinity;
   const PowerLaw power{state.noise.power_of_f(), 1.0 / (sigma * sigma)};
   const double bearing_information = 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
-  const double per_reading = std::log(state.sigma_theta_rad) + log_two_pi;
+  const double per_reading = std::log(state.sigma_theta_rad) + 2.0 * half_log_two_pi;
   const int first_landmark_column = na + layout_.sigma_count(), bearing_column = na + layout_.tau_count;
   RangeTerm<2> general;
   RangeShare share;
@@ -115,8 +114,9 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
       const double D = std::sqrt(vx * vx + vy * vy), inverse = 1.0 / D, nx = vx * inverse, ny = vy * inverse;
       const double d = D - c.radius_m[i];
       if (power_law) {
-        if (!power_law_share<NA>(power, state.alpha.data(), na, tau, d, c, i, exact, product, share,
-                                 sum.curve_gradient.data(), sum.curve_hessian.data()))
+        const auto add_share = bent ? power_law_share<NA, true> : power_law_share<NA, false>;
+        if (!add_share(power, state.alpha.data(), na, tau, d, c, static_cast<std::size_t>(i), exact, product, share,
+                       sum.curve_gradient.data(), sum.curve_hessian.data()))
           return infinity;
         if (!(product > 1e-100 && product < 1e100)) {
           log_sum += std::log(std::abs(product));

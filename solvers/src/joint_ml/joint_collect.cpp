@@ -5,9 +5,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "joint_ml/joint_accumulator.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 
@@ -99,7 +99,7 @@ double JointSystem::assemble_taped(const JointState& state, HessianKind kind) {
     const double length = v.norm(), error = length - taped.distance_m;
     const double information = 1.0 / (taped.sigma_m * taped.sigma_m);
     const Eigen::Vector2d n = v / length;
-    nll += 0.5 * error * error * information + std::log(taped.sigma_m) + 0.5 * std::log(2.0 * std::numbers::pi);
+    nll += 0.5 * error * error * information + std::log(taped.sigma_m) + half_log_two_pi;
     Eigen::Matrix2d h = information * n * n.transpose();
     if (kind == HessianKind::exact)
       h += (information * error / length) * (Eigen::Matrix2d::Identity() - n * n.transpose());

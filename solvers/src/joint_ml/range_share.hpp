@@ -18,8 +18,9 @@ struct RangeShare {
 };
 
 /// Adds the cell's share for a power law of f to gradient and Hessian (m = alpha_count + 1 square, upper triangle) of the
-/// curve. The logarithm of f of single readings goes into `product`. False outside of the domain.
-template <int NA>
+/// curve. The logarithm of f of single readings goes into `product`. False outside of the domain. Bent: the cells have
+/// slopes of their own (Cells::bend).
+template <int NA, bool Bent>
 bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, double tau, double d, const Cells& c,
                      std::size_t i, bool exact, double& product, RangeShare& share, double* gradient, double* hessian) {
   const int na = NA > 0 ? NA : alpha_count, m = na + 1;
@@ -32,7 +33,8 @@ bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, 
   bend *= 2.0;
   if (!(d > 0.0) || (law.power > 0 && !(f > 0.0))) return false;
   const double R = c.count[i];
-  const PowerLawTerm term(law, f, R, c.range_weight[i], c.range_mean[i], c.range_mean_square[i]);
+  const double mean = Bent ? c.range_mean[i] - c.bent(i, d) : c.range_mean[i], own = Bent ? c.bend[i] : 0.0;
+  const PowerLawTerm term(law, f, R, c.range_weight[i], mean, c.range_mean_square[i]);
   share.value = R * tau + 0.5 * term.chi_sq;
   if (R == 1.0)
     product *= f;  // one logarithm for many
@@ -42,6 +44,14 @@ bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, 
   const double aa = exact ? term.by_f_f : term.fisher_f_f(R);
   const double at = exact ? term.by_f_tau : term.fisher_f_tau(R);
   share.along_along = exact ? term.by_f_f * slope * slope + term.by_f * bend : aa * slope * slope;
+  double along_f = aa * slope, along_tau = at * slope;  // of dq/df and dq/dtau in d
+  if constexpr (Bent) {
+    const double fg = exact ? term.by_f_g() : term.P;  // e = 0 is expected
+    share.along += term.by_g() * own;
+    share.along_along += (2.0 * fg * slope + term.by_g_g() * own) * own;
+    along_f += fg * own;
+    if (exact) along_tau += term.by_g_tau() * own;
+  }
   power[0] = 1.0;
   for (int a = 1; a < na; ++a) power[a] = d * power[a - 1];
   for (int a = 0; a < na; ++a) {
@@ -49,15 +59,15 @@ bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, 
     const double scaled = aa * power[a];
     for (int e = a; e < na; ++e) hessian[a * m + e] += scaled * power[e];
     hessian[a * m + na] += at * power[a];
-    share.cross[a] = scaled * slope + (exact && a > 0 ? a * power[a - 1] * term.by_f : 0.0);
+    share.cross[a] = power[a] * along_f + (exact && a > 0 ? a * power[a - 1] * term.by_f : 0.0);
   }
   gradient[na] += term.by_tau;
   hessian[na * m + na] += exact ? term.by_tau_tau() : 2.0 * R;
-  share.cross[na] = at * slope;
+  share.cross[na] = along_tau;
   return true;
 }
 
-/// The same for any law, and for cells with a bend, by RangeTerm.
+/// The same for any law by RangeTerm.
 inline bool general_share(RangeTerm<2>& term, const JointState& state, double d, const Cells& c, std::size_t i, bool exact,
                    RangeShare& share, double* gradient, double* hessian) {
   if (!term.evaluate(d, c, i, state.alpha, state.noise)) return false;

@@ -42,7 +42,7 @@ inline double link_trace(const JointProblem& problem, const JointState& state, i
 struct ThirdOrder {
   ThirdOrder(const JointState& at, const Cells& cells)
       : state(at), moved(at), na(static_cast<int>(at.alpha.size())),
-        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared && cells.bend.empty()),
+        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared), bent(!cells.bend.empty()),
         law{at.noise.power_of_f(), 1.0 / (at.noise.parameters[0] * at.noise.parameters[0])} {}
 
   void evaluate(double d, const Cells& c, std::size_t i) {
@@ -73,26 +73,43 @@ struct ThirdOrder {
     }
     f2 *= 2.0;
     f3 *= 6.0;
-    const PowerLawTerm term(law, f, c.count[i], c.range_weight[i], c.range_mean[i], c.range_mean_square[i]);
+    const double mean = bent ? c.range_mean[i] - c.bent(i, d) : c.range_mean[i];
+    const PowerLawTerm term(law, f, c.count[i], c.range_weight[i], mean, c.range_mean_square[i]);
     g1 = term.by_f;
     g2 = term.by_f_f;
     g3 = term.third();
     g1_tau = term.by_f_tau;
     g2_tau = term.by_f_f_tau();
-    const double g2_slope = g3 * f1 * f1 + g2 * f2;
+    g1_slope = g2 * f1;
+    g2_slope = g3 * f1;
+    g1_bend = g2_slope * f1 + g2 * f2;
+    g1_tau_slope = g2_tau * f1;
     q1 = g1 * f1;
     q2 = g2 * f1 * f1 + g1 * f2;
     q3 = g3 * f1 * f1 * f1 + 3.0 * g2 * f1 * f2 + g1 * f3;
+    double by_tau_slope = g1_tau * f1, by_tau_bend = g2_tau * f1 * f1 + g1_tau * f2;
+    if (bent) {  // d/dd = f1 d/df + b d/dg
+      const double b = c.bend[i], fg = term.by_f_g(), ffg = term.by_f_f_g(), fgg = term.by_f_g_g();
+      q1 += term.by_g() * b;
+      q2 += (2.0 * fg * f1 + term.by_g_g() * b) * b;
+      q3 += 3.0 * (ffg * f1 * f1 + fgg * f1 * b + fg * f2) * b;
+      g1_slope += fg * b;
+      g2_slope += ffg * b;
+      g1_bend += (2.0 * ffg * f1 + fgg * b) * b;
+      g1_tau_slope += term.by_f_g_tau() * b;
+      by_tau_slope += term.by_g_tau() * b;
+      by_tau_bend += (2.0 * term.by_f_g_tau() * f1 + term.by_g_g_tau() * b) * b;
+    }
     double power = 1.0, power_1 = 0.0, power_2 = 0.0;  // d^a and its derivatives
     for (int a = 0; a < na; ++a) {
-      first[a] = power_1 * g1 + power * g2 * f1;
-      second[a] = power_2 * g1 + 2.0 * power_1 * g2 * f1 + power * g2_slope;
+      first[a] = power_1 * g1 + power * g1_slope;
+      second[a] = power_2 * g1 + 2.0 * power_1 * g1_slope + power * g1_bend;
       power_2 = power_2 * d + 2.0 * power_1;
       power_1 = power_1 * d + power;
       power *= d;
     }
-    first[na] = g1_tau * f1;
-    second[na] = g2_tau * f1 * f1 + g1_tau * f2;
+    first[na] = by_tau_slope;
+    second[na] = by_tau_bend;
   }
 
   /// After evaluate: what the covariances with alpha add to tr(M H) of the cell,
@@ -110,7 +127,7 @@ struct ThirdOrder {
       differentiate_alpha_trace(d, c, i, n, M, out);
       return;
     }
-    // With g(f) the cost: E = 2 (g2 f1 m + g1 m') + g2 w,  m = sum n_a d^a,  w = sum M_ab d^a d^b.
+    // With g1, g2, g3 the cost's derivatives in f: E = 2 (g1' m + g1 m') + g2 w,  m = sum n_a d^a,  w = sum M_ab d^a d^b.
     double power[RangeTerm<3>::max_coefficients], m = 0.0, m1 = 0.0, m2 = 0.0, w = 0.0, w1 = 0.0;
     power[0] = 1.0;
     for (int a = 1; a < na; ++a) power[a] = d * power[a - 1];
@@ -124,10 +141,10 @@ struct ThirdOrder {
       w += power[a] * row;
       w1 += 2.0 * slope * row;
     }
-    out.by_d = 2.0 * ((g3 * f1 * f1 + g2 * f2) * m + 2.0 * g2 * f1 * m1 + g1 * m2) + g3 * f1 * w + g2 * w1;
-    const double by_f = 2.0 * (g3 * f1 * m + g2 * m1) + g3 * w, by_slope = 2.0 * g2 * m;
+    out.by_d = 2.0 * (g1_bend * m + 2.0 * g1_slope * m1 + g1 * m2) + g2_slope * w + g2 * w1;
+    const double by_f = 2.0 * (g2_slope * m + g2 * m1) + g3 * w, by_slope = 2.0 * g2 * m;
     for (int a = 0; a < na; ++a) out.by_curve[a] = by_f * power[a] + (a > 0 ? by_slope * a * power[a - 1] : 0.0);
-    out.by_curve[na] = 2.0 * (g2_tau * f1 * m + g1_tau * m1) + g2_tau * w;
+    out.by_curve[na] = 2.0 * (g1_tau_slope * m + g1_tau * m1) + g2_tau * w;
   }
 
   /// The same by central differences of E, for the laws whose derivatives are not written out: smooth, error of order
@@ -168,11 +185,12 @@ struct ThirdOrder {
   const JointState& state;
   JointState moved;
   int na;
-  bool is_power;
+  bool is_power, bent;
   PowerLaw law;
   RangeTerm<3> general;
   RangeTerm<2> near;
   double f1 = 0.0, f2 = 0.0, g1 = 0.0, g2 = 0.0, g3 = 0.0, g1_tau = 0.0, g2_tau = 0.0;  ///< of f in d, and of q in f
+  double g1_slope = 0.0, g1_bend = 0.0, g2_slope = 0.0, g1_tau_slope = 0.0;             ///< of these in d
   double q1 = 0.0, q2 = 0.0, q3 = 0.0;
   std::array<double, 2 * RangeTerm<3>::max_coefficients> first{}, second{};
 };
@@ -293,7 +311,7 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
       by_global[layout_.sigma_s] -=
           2.0 * link_trace(problem_, state, k, C, of_position, ChainLink::Vector6::Zero());
     }
-    if (at.coordinate[2] < 0) continue;  // exact headings: the link is linear
+    if (at.coordinate[2] < 0 || !prior.turns_add_up) continue;  // the link is linear
     for (int a = 0; a < 6; ++a) {
       if (at.coordinate[a] < 0) continue;
       const double step = 1e-5;  // the trace is a smooth function of order one: error of order step^2

@@ -3,8 +3,8 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 
 namespace rangecal {
@@ -59,7 +59,7 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
 
 double laplace_nll(const JointSystem& system, double joint_nll) {
   const double dimension = static_cast<double>(system.layout().coordinates);
-  return joint_nll + 0.5 * system.log_det_stops() - 0.5 * dimension * std::log(2.0 * std::numbers::pi);
+  return joint_nll + 0.5 * system.log_det_stops() - dimension * half_log_two_pi;
 }
 
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state) {

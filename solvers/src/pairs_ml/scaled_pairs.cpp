@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <Eigen/Cholesky>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "pairs_newton.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::pairs_ml {
 namespace {
@@ -64,7 +64,7 @@ ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, i
   half_width_ = high > low ? 0.5 * (high - low) : 1.0;
   typical_ = std::abs(problem.mean_m[problem.size() / 2]);
   if (!(typical_ > 0.0)) typical_ = 1.0;
-  log_constant_ = problem.readings() * 0.5 * std::log(2.0 * std::numbers::pi);
+  log_constant_ = problem.readings() * half_log_two_pi;
   if (power_ > 0.0) log_constant_ += problem.readings() * power_ * std::log(typical_);
   if (law == NoiseLaw::d_squared) {
     for (std::size_t i = 0; i < problem.size(); ++i) log_constant_ += problem.count[i] * 2.0 * std::log(problem.true_m[i]);

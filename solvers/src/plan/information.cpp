@@ -119,9 +119,7 @@ double criterion(const PlanRequest& request, const PlanDesign& design, const std
   double largest = 0.0;
   for (int i = 0; i <= 8; ++i) {
     const double d = request.low_m + (request.high_m - request.low_m) * i / 8.0;
-    Eigen::VectorXd phi(n);
-    double power = 1.0;
-    for (Eigen::Index a = 0; a < n; ++a, power *= d) phi[a] = power;
+    const Eigen::VectorXd phi = powers_of(d, n);
     const double slope = std::abs(evaluate_derivative(state.alpha, d));
     largest = std::max(largest, std::sqrt(phi.dot(C * phi)) / slope);
   }

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
+#include "recursive/count_up.hpp"
 #include "recursive/take_row.hpp"
 
 namespace rangecal {
@@ -15,9 +15,6 @@ namespace {
 
 /// Weights are relative to an origin that moves on before they grow beyond e^30.
 constexpr double largest_log_weight = 30.0;
-
-/// A stream may last longer than an int counts: the count then stays, used() goes on.
-void count_one(int& count) { count += count < std::numeric_limits<int>::max(); }
 
 }  // namespace
 
@@ -42,7 +39,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   if (timed && !std::isfinite(time_s)) throw InputError("RecursiveCalibrator: time_s is not finite");
   if (timed_ && *timed_ != timed)
     throw InputError("RecursiveCalibrator: some readings have a time and some have none");
-  count_one(counts_.read);
+  count_up(counts_.read);
   const char* reason = std::isnan(reading_m) || std::isnan(true_m)        ? "missing"
                        : !std::isfinite(reading_m) || !std::isfinite(true_m) ? "not finite"
                        : reading_m == 0.0                                 ? "zero"
@@ -50,7 +47,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
                        : !moments_.holds(true_m)                          ? "true distance outside the range tracked"
                                                                           : nullptr;
   if (reason) {
-    count_one(counts_.dropped[reason]);
+    count_up(counts_.dropped[reason]);
     return false;
   }
   const double at = timed ? time_s : static_cast<double>(moments_.used);
@@ -71,7 +68,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   sum_w_ += w;
   sum_w_sq_ += w * w;
   moments_.add(true_m, reading_m, w);
-  count_one(counts_.used);
+  count_up(counts_.used);
 
   const Eigen::Index size = triangle_.cols(), row = size;
   double value = std::sqrt(w) / (true_m * true_m);

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -11,6 +10,7 @@
 #include "pairs_ml/dense_newton.hpp"
 #include "pairs_ml/pairs_report.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 
 namespace rangecal {
@@ -21,13 +21,6 @@ using Eigen::VectorXd;
 
 /// s(d) at sigma = 1.
 Noise unit_noise(NoiseLaw law) { return {law, VectorXd::Ones(1)}; }
-
-VectorXd powers(double d, Eigen::Index count) {
-  VectorXd phi(count);
-  double power = 1.0;
-  for (Eigen::Index i = 0; i < count; ++i, power *= d) phi[i] = power;
-  return phi;
-}
 
 /// sum w (y - f)^2 / s^2 at sigma = 1.
 double scaled_squares(const PairsProblem& cells, const VectorXd& alpha, NoiseLaw law) {
@@ -96,7 +89,7 @@ Calibration RecursiveCalibrator::approximate() const {
     MatrixXd inner = MatrixXd::Zero(p, p);
     for (std::size_t i = 0; i < squared.size(); ++i) {
       const double d = squared.true_m[i], s = result.noise.spread(d, evaluate_polynomial(result.alpha, d));
-      const VectorXd phi = powers(d, p);
+      const VectorXd phi = powers_of(d, p);
       inner += squared.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
     }
     result.alpha_covariance = cofactor * inner * cofactor;
@@ -123,7 +116,7 @@ std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& al
     double square = 0.0, weights = 0.0;
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const double d = cells.true_m[i], s = fit->noise.spread(d, evaluate_polynomial(alpha, d)), w = std::abs(cells.count[i]);
-      const VectorXd phi = powers(d, count) / s;
+      const VectorXd phi = powers_of(d, count) / s;
       A += w * phi * phi.transpose();
       b += w * phi;
       square += w * s * s;
@@ -162,7 +155,7 @@ std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& al
 std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibration* start) const {
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const PairsProblem cells = moments_.cells(factor);
-  const double W = factor * sum_w_, constant = 0.5 * std::log(2.0 * std::numbers::pi) * W;
+  const double W = factor * sum_w_, constant = half_log_two_pi * W;
   const bool logs = options_.law != NoiseLaw::polynomial;
   const Eigen::Index n = order + 1, m = options_.noise_count();
   Calibration result;

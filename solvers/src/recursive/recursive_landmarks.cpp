@@ -11,16 +11,12 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
+#include "recursive/count_up.hpp"
 #include "recursive/landmark_answer.hpp"
 #include "recursive/landmark_sums.hpp"
 
 namespace rangecal {
 namespace {
-
-/// A stream may last longer than an int counts: the count then stays, used() goes on.
-void count_up(int& count, int by = 1) {
-  count = count > std::numeric_limits<int>::max() - by ? std::numeric_limits<int>::max() : count + by;
-}
 
 /// Stops without an optimum are held until there are so many blocks of them; then they are left out.
 constexpr int most_blocks = 4;
@@ -29,14 +25,6 @@ JointProblem with_first_exact(JointProblem problem) {
   problem.stops[0].sigma_xy_m = problem.stops[0].sigma_heading_rad = 0.0;
   problem.stops[0].shape.reset();
   return problem;
-}
-
-/// Covariance of the pose after a further step of a random walk, as stop_variances() has it.
-Eigen::Matrix3d walk_on(const Eigen::Matrix3d& before, const StopPrior& step, double heading_before_rad) {
-  Eigen::Matrix3d P = covariance_of(step, step.sigma_xy_m), turn = Eigen::Matrix3d::Identity();
-  if (!step.opens_place) P.topLeftCorner<2, 2>().setZero();  // turned, not moved
-  if (step.shape) turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(heading_before_rad).toRotationMatrix();
-  return before + turn * P * turn.transpose();
 }
 
 }  // namespace
@@ -135,7 +123,7 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
   prior.chained = options_.random_walk && !held_labels_.empty();
   prior.opens_place = !same_place;
   if (prior.chained) {
-    walked_ = walk_on(walked_, prior, held_.stops.back().commanded.heading_rad);
+    walked_ = after_step(walked_, prior, prior.sigma_xy_m, held_.stops.back().commanded.heading_rad);
   } else if (options_.random_walk) {
     walked_ = first_covariance_ = covariance_of(prior, prior.sigma_xy_m);
     first_position_m_ = {prior.commanded.x_m, prior.commanded.y_m};

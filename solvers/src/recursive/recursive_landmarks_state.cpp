@@ -18,19 +18,13 @@ using Eigen::VectorXd;
 constexpr const char* format_name = "rangecal-recursive-landmarks/1";
 
 Json json_of(const LastPose& law) {
-  Json json{{"free", {law.free_position, law.free_heading}},
-            {"pose", {law.exact.x_m, law.exact.y_m, law.exact.heading_rad}},
-            {"mean", Json::array()},
-            {"slope", Json::array()},
-            {"covariance", Json::array()},
-            {"bend", Json::array()},
-            {"turn", Json::array()}};
-  for (const VectorXd& a : law.mean) json["mean"].push_back(list(a));
-  for (const MatrixXd& B : law.slope) json["slope"].push_back(list(B));
-  for (const MatrixXd& C : law.covariance) json["covariance"].push_back(list(C));
-  for (const MatrixXd& D : law.bend) json["bend"].push_back(list(D));
-  for (const MatrixXd& E : law.turn) json["turn"].push_back(list(E));
-  return json;
+  return {{"free", {law.free_position, law.free_heading}},
+          {"pose", {law.exact.x_m, law.exact.y_m, law.exact.heading_rad}},
+          {"mean", lists(law.mean)},
+          {"slope", lists(law.slope)},
+          {"covariance", lists(law.covariance)},
+          {"bend", lists(law.bend)},
+          {"turn", lists(law.turn)}};
 }
 
 LastPose last_pose_in(const Json& json, Eigen::Index phis) {
@@ -57,12 +51,9 @@ Json json_of(const LandmarkSums& sums) {
             {"reference", list(sums.reference)},
             {"value", list(sums.value)},
             {"beyond", list(sums.beyond)},
-            {"gradient", Json::array()},
-            {"hessian", Json::array()},
-            {"third", Json::array()}};
-  for (const VectorXd& g : sums.gradient) json["gradient"].push_back(list(g));
-  for (const MatrixXd& h : sums.hessian) json["hessian"].push_back(list(h));
-  for (const MatrixXd& t : sums.third) json["third"].push_back(list(t));
+            {"gradient", lists(sums.gradient)},
+            {"hessian", lists(sums.hessian)},
+            {"third", lists(sums.third)}};
   if (sums.last_pose) json["last_pose"] = json_of(*sums.last_pose);
   return json;
 }

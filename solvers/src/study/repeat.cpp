@@ -76,8 +76,7 @@ void add_curve(const Study& study, const StudyPoint& point, const RepeatEstimate
     sums[layout.curve_square + i] += error * error;
     total += error * error;
     if (!found.alpha_covariance) continue;
-    Eigen::VectorXd powers(found.alpha.size());
-    for (Eigen::Index a = 0; a < powers.size(); ++a) powers[a] = a == 0 ? 1.0 : powers[a - 1] * d;
+    const Eigen::VectorXd powers = powers_of(d, found.alpha.size());
     const double variance = powers.dot(*found.alpha_covariance * powers);
     if (!(variance > 0.0)) continue;
     sums[layout.cover + 2] += 1.0;

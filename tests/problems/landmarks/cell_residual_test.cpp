@@ -16,7 +16,7 @@ namespace {
 using testing::make_scene;
 using testing::SceneOptions;
 
-StopBlock block_of(const testing::Scene& scene, int k, int size, int heading) {
+StopBlock block_of(const testing::JointScene& scene, int k, int size, int heading) {
   return {scene.truth.stops[k], size, true, heading};
 }
 
@@ -58,7 +58,7 @@ class CellResidualTest : public ::testing::TestWithParam<NoiseLaw> {
       cells.bend_at_m.push_back(cells.range_mean[i]);
     }
   }
-  testing::Scene scene;
+  testing::JointScene scene;
 };
 
 TEST_P(CellResidualTest, JacobianMatchesDifferencesWithTheFloorHeld) {

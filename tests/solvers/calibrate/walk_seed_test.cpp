@@ -14,22 +14,8 @@
 namespace rangecal {
 namespace {
 
-/// Steps along a Lissajous curve of 4 by 3 m among five cylinders, each step off by 3 cm and 0.01 rad: after
-/// 300 the path is turned by 0.17 rad and half a metre away from where it was meant to be, one standard
-/// deviation.
 Recording walk(std::uint64_t repeat) {
-  Scene scene = testing::paper_scene();
-  scene.sigma_xy_m = 0.03;
-  scene.sigma_heading_rad = 0.01;
-  scene.stop_error = StopErrorModel::random_walk;
-  scene.repeats = 2;
-  for (int k = 0; k < 300; ++k)
-    testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4), 0.9 * k});
-  for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
-    scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.12, {}});
-    scene.positions.emplace_back(x, y);
-  }
-  return simulate(scene, seed_from("walk seed", {repeat}));
+  return simulate(testing::long_walk(), seed_from("walk seed", {repeat}));
 }
 
 TEST(WalkSeed, StandsWhereStopsAndLandmarksAre) {

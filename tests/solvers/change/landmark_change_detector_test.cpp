@@ -11,10 +11,13 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
+#include "support/landmark_reading.hpp"
 #include "support/paper_scene.hpp"
 
 namespace rangecal {
 namespace {
+
+using testing::reading_of;
 
 struct Drive {
   int stops = 200, repeats = 2;
@@ -29,24 +32,14 @@ Recording drive(const Drive& d, std::uint64_t seed) {
   scene.sigma_heading_rad = d.sigma_heading;
   if (d.walk) scene.stop_error = StopErrorModel::random_walk;
   scene.repeats = d.repeats;
-  for (int k = 0; k < d.stops; ++k)
-    testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4), 0.9 * k});
-  for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
-    scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.12, {}});
-    scene.positions.emplace_back(x, y);
-  }
+  for (int k = 0; k < d.stops; ++k) testing::add_stop(scene, testing::on_the_drive(k, 0.9 * k));
+  testing::add_cylinders(scene);
   Recording recording = simulate(scene, seed);
   for (Stop& stop : recording.stops) {
     stop.sigma_xy_m = d.sigma_xy;
     stop.sigma_heading_rad = d.sigma_heading;
   }
   return recording;
-}
-
-LandmarkReading reading_of(const Recording& r, std::size_t i) {
-  const auto landmark = static_cast<std::size_t>(r.readings.landmark[i]);
-  return {r.stops[static_cast<std::size_t>(r.readings.stop[i])], r.landmarks[landmark].label,
-          r.landmarks[landmark].radius_m, r.readings.range_m[i], r.readings.bearing_rad[i]};
 }
 
 /// The sensor of the scenes, its curve known to half a percent or so.

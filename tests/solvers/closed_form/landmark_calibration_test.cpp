@@ -13,7 +13,7 @@ namespace rangecal {
 namespace {
 
 using closed_form_tests::problem_of;
-using closed_form_tests::Scene;
+using closed_form_tests::BearingScene;
 
 using Estimator = Calibration (*)(const JointProblem&, const ClosedFormOptions&);
 constexpr Estimator both[] = {closed_form_calibration, approximate_joint_calibration};
@@ -25,7 +25,7 @@ ClosedFormOptions of_order(int order) {
 }
 
 TEST(ClosedFormCalibration, ExactOnNoiseFreeData) {
-  const Scene scene;
+  const BearingScene scene;
   for (const Estimator method : both) {
     for (const bool chosen : {false, true}) {
       const Calibration c = method(problem_of(scene), chosen ? ClosedFormOptions{} : of_order(2));
@@ -43,7 +43,7 @@ TEST(ClosedFormCalibration, RecoversCurveAndNoise) {
   for (const Estimator method : both) {
     double sigma_e = 0.0, sigma_theta = 0.0, worst = 0.0;
     for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
-      Scene scene{.stops = 40, .repeats = 4, .sigma_theta = 0.008, .sigma_s = 0.002, .sigma_e = 0.01};
+      BearingScene scene{.stops = 40, .repeats = 4, .sigma_theta = 0.008, .sigma_s = 0.002, .sigma_e = 0.01};
       const Calibration c = method(problem_of(scene, seed_from("Recovers", {repeat})), of_order(2));
       ASSERT_TRUE(is_usable(c.outcome)) << c.reason;
       sigma_e += c.noise.parameters(0) / repeats;
@@ -63,7 +63,7 @@ TEST(ApproximateJointCalibration, ConvergesOnRandomScenesAndImprovesOnTheClosedF
   double closed = 0.0, approximate = 0.0;
   for (std::uint64_t number = 0; number < scenes; ++number) {
     Random random(seed_from("ApproximateJoint.Scenes", {number}));
-    Scene scene{.sigma_theta = 0.035, .sigma_s = 0.01, .sigma_e = 0.01};
+    BearingScene scene{.sigma_theta = 0.035, .sigma_s = 0.01, .sigma_e = 0.01};
     for (std::size_t l = 0; l < scene.landmarks.size(); ++l)
       scene.landmarks[l] = {random.uniform(0.0, 4.5), (l % 2 ? 1.0 : -1.0) * random.uniform(0.8, 3.0)};
     const JointProblem problem = problem_of(scene, number);
@@ -82,7 +82,7 @@ TEST(ClosedFormCalibration, CovarianceIsOfTheRightSize) {
   const int repeats = 200;
   double square = 0.0;
   for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
-    Scene scene{.stops = 40, .sigma_theta = 0.005, .sigma_s = 0.003, .sigma_e = 0.01};
+    BearingScene scene{.stops = 40, .sigma_theta = 0.005, .sigma_s = 0.003, .sigma_e = 0.01};
     const Calibration c =
         closed_form_calibration(problem_of(scene, seed_from("Covariance", {repeat})), of_order(2));
     const Eigen::Vector3d phi(1.0, 2.0, 4.0);
@@ -93,7 +93,7 @@ TEST(ClosedFormCalibration, CovarianceIsOfTheRightSize) {
 }
 
 TEST(ClosedFormCalibration, PolynomialNoiseIsPositiveAndOfTheRightSize) {
-  Scene scene{.stops = 60, .repeats = 5, .sigma_theta = 0.005, .sigma_s = 0.0, .sigma_e = 0.01};
+  BearingScene scene{.stops = 60, .repeats = 5, .sigma_theta = 0.005, .sigma_s = 0.0, .sigma_e = 0.01};
   scene.alpha = Eigen::VectorXd{{0.5, 0.9}};  // f^2 is then a polynomial of order 2
   ClosedFormOptions options = of_order(2);
   options.noise_law = NoiseLaw::polynomial;
@@ -106,10 +106,10 @@ TEST(ClosedFormCalibration, PolynomialNoiseIsPositiveAndOfTheRightSize) {
 }
 
 TEST(ClosedFormCalibration, DegenerateRecordingsGetANamedOutcome) {
-  Scene two_stops{.landmarks = {{1.0, 2.0}, {2.5, -1.5}}, .stops = 2, .sigma_theta = 0.01, .sigma_e = 0.01};
-  Scene in_line{.landmarks = {{6.0, 0.0}, {7.0, 0.0}, {-2.0, 0.0}}, .sigma_theta = 0.01, .straight = true};
+  BearingScene two_stops{.landmarks = {{1.0, 2.0}, {2.5, -1.5}}, .stops = 2, .sigma_theta = 0.01, .sigma_e = 0.01};
+  BearingScene in_line{.landmarks = {{6.0, 0.0}, {7.0, 0.0}, {-2.0, 0.0}}, .sigma_theta = 0.01, .straight = true};
   in_line.sigma_s = 0.001;
-  Scene nothing{.stops = 0};
+  BearingScene nothing{.stops = 0};
   for (const Estimator method : both) {
     const Calibration a = method(problem_of(two_stops), {}),
                       b = closed_form_calibration(problem_of(in_line), {});
@@ -125,7 +125,7 @@ TEST(ClosedFormCalibration, DegenerateRecordingsGetANamedOutcome) {
 
 TEST(ClosedFormCalibration, AllAtOneDistanceIsNamed) {
   // stops on a circle of 2 m about the only landmark
-  JointProblem problem = problem_of(Scene{.landmarks = {{0.0, 0.0}}, .stops = 12, .radius = 0.0});
+  JointProblem problem = problem_of(BearingScene{.landmarks = {{0.0, 0.0}}, .stops = 12, .radius = 0.0});
   for (int k = 0; k < 12; ++k) {
     const double turn = 0.4 * k;
     problem.stops[k].commanded = {2.0 * std::cos(turn), 2.0 * std::sin(turn), turn};
@@ -140,7 +140,7 @@ TEST(ClosedFormCalibration, AllAtOneDistanceIsNamed) {
 }
 
 TEST(ClosedFormCalibration, LandmarkInLineIsLeftOutAndNamed) {
-  Scene scene{.landmarks = {{7.0, 0.0}, {1.0, 2.0}, {3.0, -1.5}, {4.0, 3.0}}, .straight = true};
+  BearingScene scene{.landmarks = {{7.0, 0.0}, {1.0, 2.0}, {3.0, -1.5}, {4.0, 3.0}}, .straight = true};
   const Calibration c = closed_form_calibration(problem_of(scene), of_order(2));
   EXPECT_EQ(c.outcome, Outcome::unobservable);
   EXPECT_LT((c.alpha - scene.alpha).cwiseAbs().maxCoeff(), 1e-10);
@@ -149,7 +149,7 @@ TEST(ClosedFormCalibration, LandmarkInLineIsLeftOutAndNamed) {
 }
 
 TEST(ClosedFormState, HasAllThatAnIterativeMethodNeeds) {
-  Scene scene{.landmarks = {{7.0, 0.0}, {1.0, 2.0}, {3.0, -1.5}},
+  BearingScene scene{.landmarks = {{7.0, 0.0}, {1.0, 2.0}, {3.0, -1.5}},
               .sigma_theta = 0.01,
               .sigma_s = 0.01,
               .sigma_e = 0.01};

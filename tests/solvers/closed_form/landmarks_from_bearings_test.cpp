@@ -13,13 +13,13 @@ namespace rangecal {
 namespace {
 
 using closed_form_tests::problem_of;
-using closed_form_tests::Scene;
+using closed_form_tests::BearingScene;
 
 constexpr BearingWeights all_weights[] = {BearingWeights::paper, BearingWeights::printed,
                                           BearingWeights::consistent};
 
 TEST(LandmarksFromBearings, ExactOnNoiseFreeData) {
-  Scene scene;
+  BearingScene scene;
   const JointProblem problem = problem_of(scene);
   for (const BearingWeights weights : all_weights) {
     BearingOptions options;
@@ -35,7 +35,7 @@ TEST(LandmarksFromBearings, HandWorkedIntersection) {
   // stops (0,0) and (2,0), heading pi/2 each, bearings -pi/4 and +pi/4: lines at 45 and 135 degrees meet in
   // (1, 1). consistent weights, sigma_s = 0.1, sigma_theta = 0: both lines have variance 0.01, H^T H = I
   // (perpendicular unit normals), so the covariance is 0.01 I
-  JointProblem problem = problem_of(Scene{.landmarks = {{1.0, 1.0}}, .stops = 2, .radius = 0.0});
+  JointProblem problem = problem_of(BearingScene{.landmarks = {{1.0, 1.0}}, .stops = 2, .radius = 0.0});
   for (int k = 0; k < 2; ++k) {
     problem.stops[k].commanded = {2.0 * k, 0.0, std::numbers::pi / 2};
     problem.cells.bearing_mean[k] = (2 * k - 1) * std::numbers::pi / 4;
@@ -52,7 +52,7 @@ TEST(LandmarksFromBearings, HandWorkedIntersection) {
 
 TEST(LandmarksFromBearings, LandmarkInLineWithThePathIsUnobservableAlongIt) {
   for (const double sigma_theta : {0.0, 0.01}) {
-    Scene scene{.landmarks = {{7.0, 0.0}, {2.0, 2.0}}, .sigma_theta = sigma_theta, .straight = true};
+    BearingScene scene{.landmarks = {{7.0, 0.0}, {2.0, 2.0}}, .sigma_theta = sigma_theta, .straight = true};
     const LandmarksFromBearings found = landmarks_from_bearings(problem_of(scene));
     EXPECT_EQ(found.outcome, Outcome::unobservable);
     EXPECT_EQ(found.landmarks[0].outcome, Outcome::unobservable);
@@ -63,7 +63,7 @@ TEST(LandmarksFromBearings, LandmarkInLineWithThePathIsUnobservableAlongIt) {
 }
 
 TEST(LandmarksFromBearings, OneStopIsUnobservable) {
-  const LandmarksFromBearings found = landmarks_from_bearings(problem_of(Scene{.stops = 1}));
+  const LandmarksFromBearings found = landmarks_from_bearings(problem_of(BearingScene{.stops = 1}));
   EXPECT_EQ(found.outcome, Outcome::unobservable);
   EXPECT_NE(found.landmarks[0].reason.find("one stop"), std::string::npos);
 }
@@ -71,7 +71,7 @@ TEST(LandmarksFromBearings, OneStopIsUnobservable) {
 TEST(LandmarksFromBearings, SigmaThetaIsRecovered) {
   double mean = 0.0;
   for (std::uint64_t repeat = 0; repeat < 100; ++repeat) {
-    Scene scene{.sigma_theta = 0.02, .sigma_s = 0.01, .sigma_e = 0.005};
+    BearingScene scene{.sigma_theta = 0.02, .sigma_s = 0.01, .sigma_e = 0.005};
     mean +=
         landmarks_from_bearings(problem_of(scene, seed_from("SigmaTheta", {repeat}))).sigma_theta_rad / 100;
   }
@@ -82,7 +82,7 @@ TEST(LandmarksFromBearings, CovariancePredictsTheScatter) {
   const int repeats = 300;
   double square = 0.0;
   for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
-    Scene scene{.stops = 20, .sigma_theta = 0.008, .sigma_s = 0.01, .sigma_e = 0.005};
+    BearingScene scene{.stops = 20, .sigma_theta = 0.008, .sigma_s = 0.01, .sigma_e = 0.005};
     BearingOptions options;
     options.sigma_theta_rad = 0.008;
     const auto found = landmarks_from_bearings(problem_of(scene, seed_from("Scatter", {repeat})), options);
@@ -100,7 +100,7 @@ TEST(LandmarksFromBearings, ConsistentWeightsAreTheMostAccurate) {
   double square[3] = {0.0, 0.0, 0.0};
   for (std::uint64_t number = 0; number < 400; ++number) {
     Random random(seed_from("Weights.Scenes", {number}));
-    Scene scene{.sigma_theta = 0.0087, .sigma_s = 0.05, .sigma_e = 0.01};
+    BearingScene scene{.sigma_theta = 0.0087, .sigma_s = 0.05, .sigma_e = 0.01};
     for (std::size_t l = 0; l < scene.landmarks.size(); ++l)
       scene.landmarks[l] = {random.uniform(0.0, 4.5), (l % 2 ? 1.0 : -1.0) * random.uniform(0.8, 3.0)};
     const JointProblem problem = problem_of(scene, number);
@@ -118,7 +118,7 @@ TEST(LandmarksFromBearings, ConsistentWeightsAreTheMostAccurate) {
 }
 
 TEST(LandmarksFromBearings, RawPositionsStandWhereLinesAreParallel) {
-  Scene scene{.landmarks = {{7.0, 0.0}}, .straight = true};
+  BearingScene scene{.landmarks = {{7.0, 0.0}}, .straight = true};
   scene.alpha = Eigen::VectorXd{{0.0, 1.0}};
   const auto positions = landmarks_from_positions(problem_of(scene));
   ASSERT_TRUE(positions.at(0));

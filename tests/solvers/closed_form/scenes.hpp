@@ -13,7 +13,7 @@
 namespace rangecal::closed_form_tests {
 
 /// A 2021 setting: stops on a gentle arc, landmarks around it.
-struct Scene {
+struct BearingScene {
   std::vector<Eigen::Vector2d> landmarks{{1.0, 2.0}, {2.5, -1.5}, {4.0, 1.2}, {0.5, -2.0}, {3.0, 3.0}};
   int stops = 20, repeats = 1;
   double radius = 0.12, sigma_theta = 0.0, sigma_s = 0.0, sigma_e = 0.0;  ///< noise sigma_e f^2
@@ -21,7 +21,7 @@ struct Scene {
   bool straight = false;
 };
 
-inline Recording record(const Scene& scene, std::uint64_t seed) {
+inline Recording record(const BearingScene& scene, std::uint64_t seed) {
   Random random(seed);
   Recording recording;
   recording.sigma_xy_m = scene.sigma_s;
@@ -56,7 +56,7 @@ inline Recording record(const Scene& scene, std::uint64_t seed) {
   return recording;
 }
 
-inline JointProblem problem_of(const Scene& scene, std::uint64_t seed = 1) {
+inline JointProblem problem_of(const BearingScene& scene, std::uint64_t seed = 1) {
   const std::vector<Recording> recordings{record(scene, seed)};
   return make_joint_problem(recordings);
 }

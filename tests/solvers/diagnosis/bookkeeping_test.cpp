@@ -57,6 +57,19 @@ TEST(Gaps, BeyondADistanceAreDropout) {
   EXPECT_NEAR(found.findings[0].log_p, -std::log(1140.0), 1e-9);
 }
 
+TEST(Gaps, CellsThatAreMissingAltogetherCount) {
+  // The same three cells without a single reading: where they would lie follows from the others.
+  const auto far = [](int k, int l) { return (l == 1 && k < 2) || (l == 0 && k == 9) ? 8 : 0; };
+  const Bookkeeping found = find_grids_and_gaps(rows_with_gaps(far));
+  ASSERT_EQ(found.model.size(), 1u);
+  EXPECT_EQ(found.model[0].effect->info().id, "dropout");
+  EXPECT_NEAR(*found.findings[0].from, 5.59, 0.05);
+  EXPECT_NEAR(found.findings[0].size, 24.0 / 160.0, 1e-12);
+  EXPECT_NEAR(found.findings[0].log_p, -std::log(1140.0), 1e-9);
+  // Where stops see few landmarks anyway, what they do not see says nothing.
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return (k + l) % 3 == 0 || (l == 1 && k < 3) ? 8 : 0; })));
+}
+
 TEST(Gaps, FarCellsThatLackMoreWhereAllLackSomeAreLeftAlone) {
   // Every cell but one far one has a gap: where gaps lie says nothing.
   EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) {

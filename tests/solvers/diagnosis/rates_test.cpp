@@ -36,5 +36,31 @@ TEST(Rates, AFamilyNeverSimulatedCountsAsOneQuestion) {
   EXPECT_DOUBLE_EQ(rates.starts("unheard of"), 1.0);
 }
 
+TEST(Rates, ShortOfTheTailTheSimulatedLawIsTheCorrectedPValue) {
+  Rates rates;
+  rates.families = 10.0;
+  for (int i = 1; i <= 100; ++i) rates.smallest.push_back(std::log(0.001 * i));  // ln 0.001 ... ln 0.1
+  // 25 draws are as small as 0.025: (25 + 3 / 5) / 100. Halfway in ln p to the next, 25.5 are.
+  EXPECT_NEAR(rates.corrected(std::log(0.025) + 1e-12), 0.256, 1e-9);
+  EXPECT_NEAR(rates.corrected(0.5 * (std::log(0.025) + std::log(0.026))), 0.255 + 0.03 / std::sqrt(25.5),
+              1e-9);
+  EXPECT_DOUBLE_EQ(rates.corrected(0.0), 1.0);
+  // The formula beyond 3 %, and 3 % where the two disagree.
+  EXPECT_NEAR(rates.corrected(std::log(0.001)), 1.0 - std::pow(0.999, 10.0), 1e-12);
+  double before = 0.0;
+  for (double log_p = -12.0; log_p < 0.0; log_p += 0.01) {
+    EXPECT_GE(rates.corrected(log_p), before);
+    before = rates.corrected(log_p);
+  }
+}
+
+TEST(Rates, AScalarTestIsJudgedByItsSimulatedLaw) {
+  Rates rates;
+  EXPECT_DOUBLE_EQ(rates.standardised("range_tail skew", 2.0), 2.0);
+  rates.scalars["range_tail skew"] = {0.5, 2.0};
+  EXPECT_DOUBLE_EQ(rates.standardised("range_tail skew", 2.0), 0.75);
+  EXPECT_DOUBLE_EQ(rates.standardised("bearing_tail skew", 2.0), 2.0);
+}
+
 }  // namespace
 }  // namespace rangecal::diagnosis

@@ -36,7 +36,7 @@ class JointCeresTest : public ::testing::TestWithParam<CeresCase> {};
 
 TEST_P(JointCeresTest, AgreesWithTheBlockSolver) {
   for (std::uint64_t repeat = 0; repeat < 3; ++repeat) {
-    testing::Scene scene = make_scene(GetParam().name, GetParam().options, repeat);
+    testing::JointScene scene = make_scene(GetParam().name, GetParam().options, repeat);
     if (GetParam().taped)
       scene.problem.known_distances.push_back(
           {0, 1, (scene.truth.landmarks[0] - scene.truth.landmarks[1]).norm() + 0.003, 0.002});
@@ -57,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(Shapes, JointCeresTest, ::testing::ValuesIn(ceres_cases
                          [](const auto& test) { return std::string(test.param.name); });
 
 TEST(JointCeres, HonoursWhatIsHeld) {
-  const testing::Scene scene = make_scene("held", {.stops = 12, .landmarks = 4, .repeats = 3});
+  const testing::JointScene scene = make_scene("held", {.stops = 12, .landmarks = 4, .repeats = 3});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f_squared);
   for (int which = 0; which < 4; ++which) {
     JointOptions options;
@@ -79,7 +79,7 @@ TEST(JointCeres, HonoursWhatIsHeld) {
 }
 
 TEST(JointCeres, NamesTheSigmaThatCollapsesWhereNothingRepeatsAndTwoLandmarksAreSeen) {
-  const testing::Scene scene = make_scene("collapse", {.stops = 20, .landmarks = 2, .sigma_s = 0.05});
+  const testing::JointScene scene = make_scene("collapse", {.stops = 20, .landmarks = 2, .sigma_s = 0.05});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f_squared);
   for (const JointFit& fit : {solve_joint_block(scene.problem, seed), solve_joint_ceres(scene.problem, seed)}) {
     EXPECT_EQ(fit.outcome, Outcome::unbounded) << fit.reason;
@@ -89,7 +89,7 @@ TEST(JointCeres, NamesTheSigmaThatCollapsesWhereNothingRepeatsAndTwoLandmarksAre
 }
 
 TEST(JointCeres, RefusesAStartOutsideOfTheDomain) {
-  const testing::Scene scene = make_scene("domain", {.stops = 5, .landmarks = 3});
+  const testing::JointScene scene = make_scene("domain", {.stops = 5, .landmarks = 3});
   JointState bad = scene.truth;
   bad.alpha = -bad.alpha;
   const JointFit fit = solve_joint_ceres(scene.problem, bad);

@@ -17,7 +17,7 @@ TEST(PositionSeed, StartsThoughACommandedStopStandsInsideALandmark) {
   for (const bool walk : {false, true}) {
     options.walk = walk;
     options.sigma_s = walk ? 0.05 : 0.1;
-    testing::Scene scene = testing::make_scene("PositionSeed", options);
+    testing::JointScene scene = testing::make_scene("PositionSeed", options);
     JointProblem& problem = scene.problem;
     const int stop = problem.cells.stop[0], landmark = problem.cells.landmark[0];
     problem.stops[stop].commanded.x_m = scene.truth.landmarks[landmark].x() + 0.02;

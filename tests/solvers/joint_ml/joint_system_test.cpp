@@ -30,6 +30,8 @@ std::vector<SystemCase> system_cases() {
   all.push_back({"sigma_s", s.headings, true});
   all.push_back({"walk_sigma_s", s.walk_headings, true});
   all.push_back({"bent", s.walk_headings, false, true});
+  all.push_back({"bent_repeats", s.repeats, false, true});
+  all.push_back({"bent_polynomial", s.polynomial, false, true});
   return all;
 }
 
@@ -74,7 +76,7 @@ class JointSystemTest : public ::testing::TestWithParam<SystemCase> {
     system.assemble(state, HessianKind::exact);
     ASSERT_TRUE(system.eliminate());
   }
-  testing::Scene scene;
+  testing::JointScene scene;
   JointState state;
 };
 
@@ -141,7 +143,7 @@ TEST_P(JointSystemTest, FisherInformationIsTheExpectationOfTheHessian) {
     const Pose2& pose = truth.stops[c.stop[i]];
     const Eigen::Vector2d v = truth.landmarks[c.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m);
     const double d = v.norm() - c.radius_m[i], f = evaluate_polynomial(truth.alpha, d);
-    c.range_mean[i] = f;
+    c.range_mean[i] = f + c.bent(i, d);
     c.range_mean_square[i] = std::pow(truth.noise.spread(d, f), 2);
     c.bearing_mean[i] = wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad);
     c.bearing_mean_square[i] = truth.sigma_theta_rad * truth.sigma_theta_rad;

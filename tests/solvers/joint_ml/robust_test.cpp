@@ -14,8 +14,8 @@ namespace {
 using testing::make_scene;
 
 /// One reading in ten says 30 standard deviations too much (an echo), one bearing in ten is off by 10 of its own.
-testing::Scene with_outliers(std::uint64_t repeat) {
-  testing::Scene scene = make_scene("outliers", {.stops = 16, .landmarks = 40, .law = NoiseLaw::f, .sigma_e = 0.02}, repeat);
+testing::JointScene with_outliers(std::uint64_t repeat) {
+  testing::JointScene scene = make_scene("outliers", {.stops = 16, .landmarks = 40, .law = NoiseLaw::f, .sigma_e = 0.02}, repeat);
   Random random(seed_from("outlier draws", {repeat}));
   Cells& c = scene.problem.cells;
   for (std::size_t i = 0; i < c.size(); ++i) {
@@ -26,7 +26,7 @@ testing::Scene with_outliers(std::uint64_t repeat) {
 }
 
 /// Error of f at 2 m in standard deviations of the fit.
-double curve_error(const JointFit& fit, const testing::Scene& scene) {
+double curve_error(const JointFit& fit, const testing::JointScene& scene) {
   const Eigen::Vector3d row(1.0, 2.0, 4.0);
   const double error = row.dot(fit.state.alpha - scene.truth.alpha);
   return error / std::sqrt(row.dot(fit.covariance->topLeftCorner<3, 3>() * row));
@@ -34,7 +34,7 @@ double curve_error(const JointFit& fit, const testing::Scene& scene) {
 
 TEST(Robust, KeepsTheCurveWhereOneReadingInTenIsWrong) {
   for (std::uint64_t repeat = 0; repeat < 2; ++repeat) {
-    const testing::Scene scene = with_outliers(repeat);
+    const testing::JointScene scene = with_outliers(repeat);
     const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
     const RobustMarginalFit gaussian = solve_marginal_robust(scene.problem, seed, NoiseShape::gaussian);
     ASSERT_EQ(gaussian.fit.outcome, Outcome::converged) << gaussian.fit.reason;
@@ -53,7 +53,7 @@ TEST(Robust, KeepsTheCurveWhereOneReadingInTenIsWrong) {
 }
 
 TEST(Robust, ContaminatedFindsTheShareOfOutliers) {
-  const testing::Scene scene = with_outliers(1);
+  const testing::JointScene scene = with_outliers(1);
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
   const RobustMarginalFit fit = solve_marginal_robust(scene.problem, seed, NoiseShape::contaminated);
   // About 640 readings, share 0.1: binomial standard deviation 0.012.
@@ -62,7 +62,7 @@ TEST(Robust, ContaminatedFindsTheShareOfOutliers) {
 }
 
 TEST(Robust, AutomaticKeepsTheGaussianWhereNothingIsWrong) {
-  const testing::Scene scene = make_scene("clean", {.stops = 30, .landmarks = 5, .law = NoiseLaw::f, .sigma_e = 0.02});
+  const testing::JointScene scene = make_scene("clean", {.stops = 30, .landmarks = 5, .law = NoiseLaw::f, .sigma_e = 0.02});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
   const RobustJointFit fit = solve_joint_robust(scene.problem, seed, NoiseShape::automatic);
   EXPECT_EQ(fit.shapes.tried.size(), 3u);
@@ -72,7 +72,7 @@ TEST(Robust, AutomaticKeepsTheGaussianWhereNothingIsWrong) {
 }
 
 TEST(Robust, LikelihoodsAtAStateAreThoseThatWereMinimised) {
-  const testing::Scene scene = with_outliers(0);
+  const testing::JointScene scene = with_outliers(0);
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
   const RobustMarginalFit marginal = solve_marginal_robust(scene.problem, seed, NoiseShape::student_t);
   const RobustNll at =
@@ -87,7 +87,7 @@ TEST(Robust, LikelihoodsAtAStateAreThoseThatWereMinimised) {
 }
 
 TEST(Robust, RefusesCellsOfSeveralReadings) {
-  const testing::Scene scene = make_scene("cells", {.stops = 6, .landmarks = 4, .repeats = 3});
+  const testing::JointScene scene = make_scene("cells", {.stops = 6, .landmarks = 4, .repeats = 3});
   EXPECT_THROW(solve_joint_robust(scene.problem, scene.truth, NoiseShape::student_t), InputError);
 }
 

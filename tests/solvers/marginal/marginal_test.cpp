@@ -21,9 +21,9 @@ using testing::make_scene;
 const double log_two_pi = std::log(2.0 * std::numbers::pi);
 
 /// Readings of one stop at the origin, alpha = (0, 1), one reading per landmark.
-testing::Scene one_stop(const std::vector<Eigen::Vector2d>& landmarks, double sigma_s, const std::vector<double>& range_errors,
+testing::JointScene one_stop(const std::vector<Eigen::Vector2d>& landmarks, double sigma_s, const std::vector<double>& range_errors,
                         const std::vector<double>& bearing_errors) {
-  testing::Scene scene;
+  testing::JointScene scene;
   JointProblem& p = scene.problem;
   StopPrior prior;
   prior.sigma_xy_m = sigma_s;
@@ -58,7 +58,7 @@ TEST(LaplaceMarginal, IsExactForALinearGaussianStop) {
   // Landmarks 1e6 m away on the two axes: d = 1e6 - x and 1e6 - y, bearings do not tell. Then, with e the range error,
   // y ~ N(0, s^2 + sigma_s^2) on each axis: e^2 / (2 v) + log(2 pi v) / 2, v = 0.05^2 + 0.04^2 = 0.0041, and for the
   // bearings b^2 / (2 0.02^2) + log 0.02 + log(2 pi) / 2.
-  const testing::Scene scene = one_stop({{1e6, 0.0}, {0.0, 1e6}}, 0.04, {0.07, -0.03}, {0.01, 0.005});
+  const testing::JointScene scene = one_stop({{1e6, 0.0}, {0.0, 1e6}}, 0.04, {0.07, -0.03}, {0.01, 0.005});
   const LaplaceValue value = laplace_marginal(scene.problem, scene.truth);
   ASSERT_TRUE(value.ok);
   const double v = 0.0041;
@@ -69,7 +69,7 @@ TEST(LaplaceMarginal, IsExactForALinearGaussianStop) {
 }
 
 TEST(LaplaceMarginal, IsCloseToTheIntegralOverTheStop) {
-  testing::Scene scene = one_stop({{1.5, 0.4}, {-0.8, 1.7}, {0.3, -2.2}}, 0.05, {0.03, -0.06, 0.02}, {0.01, -0.02, 0.03});
+  testing::JointScene scene = one_stop({{1.5, 0.4}, {-0.8, 1.7}, {0.3, -2.2}}, 0.05, {0.03, -0.06, 0.02}, {0.01, -0.02, 0.03});
   scene.truth.noise.law = NoiseLaw::f_squared;
   for (double shrink : {1.0, 0.5, 0.25}) {
     scene.problem.stops[0].sigma_xy_m = 0.05 * shrink;
@@ -94,7 +94,7 @@ TEST(LaplaceMarginal, IsCloseToTheIntegralOverTheStop) {
 TEST(Marginal, VariancesLoseTheDegreesOfFreedomOfTheCurve) {
   // Exact stops, landmarks held, constant noise: ranges are a linear regression on three coefficients and bearings have
   // none, so REML gives sigma^2 = RSS / (N - 3) and sigma_theta^2 = RSS / N.
-  testing::Scene scene = make_scene("reml", {.stops = 8, .landmarks = 4, .law = NoiseLaw::constant, .sigma_e = 0.05, .sigma_s = 0.0});
+  testing::JointScene scene = make_scene("reml", {.stops = 8, .landmarks = 4, .law = NoiseLaw::constant, .sigma_e = 0.05, .sigma_s = 0.0});
   MarginalOptions options;
   options.held.landmarks = true;
   const MarginalFit fit = solve_marginal(scene.problem, scene.truth, options);
@@ -121,7 +121,7 @@ TEST(Marginal, VariancesLoseTheDegreesOfFreedomOfTheCurve) {
 }
 
 TEST(Marginal, GradientOfAllParametersVanishesAtTheEstimate) {
-  const testing::Scene scene = make_scene("gradient", {.stops = 20, .landmarks = 5, .sigma_s = 0.05});
+  const testing::JointScene scene = make_scene("gradient", {.stops = 20, .landmarks = 5, .sigma_s = 0.05});
   const MarginalFit fit = solve_marginal(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared));
   ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
   EXPECT_LT(fit.gradient_norm, 1e-6);
@@ -137,7 +137,7 @@ TEST(Marginal, GradientOfAllParametersVanishesAtTheEstimate) {
 TEST(Marginal, ASigmaOfTheStopsThatComesOutAtZeroHasAnUpperLimit) {
   int at_zero = 0;
   for (std::uint64_t repeat = 0; repeat < 6; ++repeat) {
-    testing::Scene scene = make_scene("sigma_s", {.stops = 20, .landmarks = 5, .sigma_s = 0.0}, repeat);
+    testing::JointScene scene = make_scene("sigma_s", {.stops = 20, .landmarks = 5, .sigma_s = 0.0}, repeat);
     scene.problem.estimate_sigma_s = true;
     scene.problem.sigma_s_shared.assign(scene.problem.stops.size(), 1);
     MarginalOptions options;
@@ -159,7 +159,7 @@ TEST(Marginal, ASigmaOfTheStopsThatComesOutAtZeroHasAnUpperLimit) {
 }
 
 TEST(Marginal, ConvergesWhereTheJointLikelihoodHasNoMaximum) {
-  const testing::Scene scene = make_scene("two landmarks", {.stops = 16, .landmarks = 2, .sigma_theta = 0.02, .sigma_s = 0.02});
+  const testing::JointScene scene = make_scene("two landmarks", {.stops = 16, .landmarks = 2, .sigma_theta = 0.02, .sigma_s = 0.02});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f_squared);
   const JointFit full = solve_joint_block(scene.problem, seed);
   EXPECT_EQ(full.outcome, Outcome::unbounded);
@@ -176,7 +176,7 @@ TEST(Marginal, ConvergesWhereTheJointLikelihoodHasNoMaximum) {
 
 /// The 2021 setting with repeats, as a recording.
 Recording repeated_recording() {
-  const testing::Scene scene = make_scene("rows", {.stops = 12, .landmarks = 4, .law = NoiseLaw::f, .sigma_e = 0.03});
+  const testing::JointScene scene = make_scene("rows", {.stops = 12, .landmarks = 4, .law = NoiseLaw::f, .sigma_e = 0.03});
   Random random(seed_from("rows draws", {}));
   Recording recording;
   recording.sigma_xy_m = 0.01;
@@ -235,7 +235,7 @@ TEST(Marginal, AWalkOfCorrelatedStepsIsCalibratedByItsOwnCovariance) {
   const int repeats = 60;
   double chi_sq = 0.0, error_sq = 0.0, plain_sq = 0.0;
   for (int repeat = 0; repeat < repeats; ++repeat) {
-    testing::Scene scene = make_scene("correlated steps", options, static_cast<std::uint64_t>(repeat));
+    testing::JointScene scene = make_scene("correlated steps", options, static_cast<std::uint64_t>(repeat));
     for (const bool shaped : {true, false}) {
       if (!shaped)
         for (StopPrior& prior : scene.problem.stops) prior.shape.reset();
@@ -270,7 +270,7 @@ TEST(Marginal, SaysWhereTheStopsExplainOneNoise) {
   // likelihood draws a sigma to 0. The answer says so; where there is none it says why.
   int drawn = 0;
   for (int repeat = 0; repeat < 20; ++repeat) {
-    const testing::Scene scene = make_scene("drawn" + std::to_string(repeat),
+    const testing::JointScene scene = make_scene("drawn" + std::to_string(repeat),
                                             {.stops = 20, .landmarks = 1, .law = NoiseLaw::f, .sigma_e = 0.05, .sigma_s = 0.2});
     const MarginalFit fit = solve_marginal(scene.problem, scene.truth);
     if (fit.reason.find("is drawn to 0 and held") == std::string::npos) {

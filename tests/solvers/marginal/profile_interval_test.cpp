@@ -15,7 +15,7 @@ constexpr double rise =
     0.5 * 3.841458820694124;  // half the 95 % point of chi-square with one degree of freedom
 
 TEST(ProfileInterval, EndsWhereTheCriterionHasRisenByHalfTheQuantile) {
-  const testing::Scene scene = testing::make_scene("profile", {.stops = 20, .landmarks = 5, .sigma_s = 0.02});
+  const testing::JointScene scene = testing::make_scene("profile", {.stops = 20, .landmarks = 5, .sigma_s = 0.02});
   const MarginalFit fit = solve_marginal(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared));
   ASSERT_EQ(fit.outcome, Outcome::converged);
   const double lowest = hard::marginal_at(scene.problem, fit.state).criterion;
@@ -42,7 +42,7 @@ TEST(ProfileInterval, OfBearingsFromExactStopsIsThatOfAVariance) {
   // Exact stops: sigma_theta^2 is a sum of squares with nu degrees of freedom, whose profile is nu / 2 (x - 1
   // - log x), x = (s / sigma)^2. nu is the number of bearings less what they give to the 13 of curve and
   // landmarks, which ranges share.
-  const testing::Scene scene = testing::make_scene(
+  const testing::JointScene scene = testing::make_scene(
       "variance", {.stops = 20, .landmarks = 5, .law = NoiseLaw::constant, .sigma_e = 0.05, .sigma_s = 0.0});
   const MarginalFit fit = solve_marginal(scene.problem, scene.truth);
   ASSERT_EQ(fit.outcome, Outcome::converged);
@@ -60,7 +60,7 @@ TEST(ProfileInterval, OfBearingsFromExactStopsIsThatOfAVariance) {
 TEST(SigmaSlopes, OfExactStopsScaleWithTheVariancesAndGiveDegreesOfFreedomBetweenTheirs) {
   // Exact stops: C is homogeneous of degree one in the two variances, so that its slopes in log sigma_e and log sigma_theta
   // add up to 2 C. Satterthwaite's nu of any mixture of two lies between the smaller nu and the sum of both.
-  const testing::Scene scene = testing::make_scene(
+  const testing::JointScene scene = testing::make_scene(
       "variance", {.stops = 20, .landmarks = 5, .law = NoiseLaw::constant, .sigma_e = 0.05, .sigma_s = 0.0});
   const MarginalFit fit = solve_marginal(scene.problem, scene.truth);
   ASSERT_EQ(fit.outcome, Outcome::converged);
@@ -80,7 +80,7 @@ TEST(SigmaSlopes, OfExactStopsScaleWithTheVariancesAndGiveDegreesOfFreedomBetwee
 TEST(ProfileInterval, OfStopsStartsAtZeroWhereNoneIsFound) {
   int at_zero = 0;
   for (std::uint64_t repeat = 0; repeat < 4; ++repeat) {
-    testing::Scene scene =
+    testing::JointScene scene =
         testing::make_scene("no slip", {.stops = 20, .landmarks = 5, .sigma_s = 0.0}, repeat);
     scene.problem.estimate_sigma_s = true;
     scene.problem.sigma_s_shared.assign(scene.problem.stops.size(), 1);
@@ -102,7 +102,7 @@ TEST(ProfileInterval, OfStopsStartsAtZeroWhereNoneIsFound) {
 }
 
 TEST(ProfileInterval, NoneForThePolynomialLawAndForASigmaThatWasGiven) {
-  const testing::Scene scene = testing::make_scene("none", {.law = NoiseLaw::polynomial});
+  const testing::JointScene scene = testing::make_scene("none", {.law = NoiseLaw::polynomial});
   EXPECT_FALSE(profile_interval(scene.problem, scene.truth, Sigma::noise));
   EXPECT_FALSE(profile_interval(scene.problem, scene.truth, Sigma::stops));
 }

@@ -25,7 +25,7 @@ TEST(JointCheck, AgreesOnTwoHundredRandomScenes) {
     o.turns = i % 5 == 0;
     o.sigma_heading = i % 10 == 0 && o.repeats > 1 ? 0.01 : 0.0;
     o.walk = i % 7 == 0;
-    const testing::Scene scene = make_scene("joint check", o, i);
+    const testing::JointScene scene = make_scene("joint check", o, i);
     const JointState seed = position_seed(scene.problem, 2, o.law);
     const JointFit fit = solve_joint_block(scene.problem, seed);
     if (fit.outcome == Outcome::unbounded) continue;
@@ -39,7 +39,7 @@ TEST(JointCheck, AgreesOnTwoHundredRandomScenes) {
 }
 
 TEST(JointCheck, SaysThatAPointIsNoOptimum) {
-  const testing::Scene scene = make_scene("no optimum", {.stops = 8, .landmarks = 4});
+  const testing::JointScene scene = make_scene("no optimum", {.stops = 8, .landmarks = 4});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f_squared);
   const JointFit fit = solve_joint_block(scene.problem, seed);
   const JointCheck check = check_joint(scene.problem, seed, fit.joint_nll + 0.5);
@@ -49,7 +49,7 @@ TEST(JointCheck, SaysThatAPointIsNoOptimum) {
 }
 
 TEST(JointCheck, IsNotDoneWhereThereIsNoMaximum) {
-  const testing::Scene scene = make_scene("collapse", {.stops = 20, .landmarks = 2, .sigma_s = 0.05});
+  const testing::JointScene scene = make_scene("collapse", {.stops = 20, .landmarks = 2, .sigma_s = 0.05});
   const JointCheck check = check_joint(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared), 0.0);
   EXPECT_FALSE(check.done);
   EXPECT_NE(check.reason.find("no maximum"), std::string::npos);

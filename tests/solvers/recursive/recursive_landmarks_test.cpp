@@ -12,10 +12,13 @@
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
+#include "support/landmark_reading.hpp"
 #include "support/paper_scene.hpp"
 
 namespace rangecal {
 namespace {
+
+using testing::reading_of;
 
 struct Drive {
   int stops = 300, repeats = 2;
@@ -34,8 +37,7 @@ Recording drive(const Drive& d, std::uint64_t repeat = 0) {
   if (d.walk) scene.stop_error = StopErrorModel::random_walk;
   scene.repeats = d.repeats;
   for (int k = 0; k < d.stops; ++k)
-    testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4),
-                              d.sigma_heading > 0.0 ? 0.9 * k : 0.0});
+    testing::add_stop(scene, testing::on_the_drive(k, d.sigma_heading > 0.0 ? 0.9 * k : 0.0));
   for (std::size_t k = 0; d.shaped && k < scene.stops.size(); ++k) {
     Eigen::Matrix3d Q;
     const double s = k % 2 ? 0.4 : -0.4;
@@ -43,19 +45,8 @@ Recording drive(const Drive& d, std::uint64_t repeat = 0) {
     const Eigen::Vector3d sigmas(d.sigma_xy, d.sigma_xy, d.sigma_heading);
     scene.stops[k].covariance = sigmas.asDiagonal() * Q * sigmas.asDiagonal();
   }
-  for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
-    scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.12, {}});
-    scene.positions.emplace_back(x, y);
-  }
+  testing::add_cylinders(scene);
   return simulate(scene, seed_from("recursive landmarks", {repeat}));
-}
-
-LandmarkReading reading_of(const Recording& r, std::size_t i) {
-  const int landmark = r.readings.landmark[i];
-  return {r.stops[static_cast<std::size_t>(r.readings.stop[i])],
-          r.landmarks[static_cast<std::size_t>(landmark)].label,
-          r.landmarks[static_cast<std::size_t>(landmark)].radius_m, r.readings.range_m[i],
-          r.readings.bearing_rad[i]};
 }
 
 RecursiveLandmarksOptions options_for(const Drive& d) {
@@ -258,14 +249,10 @@ TEST(RecursiveLandmarks, TurnsOnTheSpotAlongARandomWalk) {
   scene.stop_error = StopErrorModel::random_walk;
   for (int k = 0; k < d.stops; ++k) {
     const int at = k / 2;
-    testing::add_stop(scene,
-                      {2.0 * std::sin(0.37 * at), 1.5 * std::sin(0.53 * at + 0.4), 0.4 * at + 3.0 * (k % 2)});
+    testing::add_stop(scene, testing::on_the_drive(at, 0.4 * at + 3.0 * (k % 2)));
     scene.stops.back().place = fmt::format("at {}", at);
   }
-  for (const auto& [x, y] : {std::pair{-2.6, 0.3}, {2.7, -0.5}, {0.2, 2.3}, {-1.4, -2.4}, {1.6, 2.2}}) {
-    scene.landmarks.push_back({fmt::format("L{}", scene.landmarks.size()), 0.12, {}});
-    scene.positions.emplace_back(x, y);
-  }
+  testing::add_cylinders(scene);
   const Recording recording = simulate(scene, seed_from("turns along a walk"));
   const Calibration ours = after(recording, options_for(d)).estimate(),
                     batch = batch_from_truth(recording, d);
@@ -423,8 +410,7 @@ TEST(RecursiveLandmarks, IntervalsHold) {
 
 TEST(RecursiveLandmarks, ManyLandmarksGoWithoutTheThirdOrder) {
   Scene scene = testing::paper_scene();
-  for (int k = 0; k < 120; ++k)
-    testing::add_stop(scene, {2.0 * std::sin(0.37 * k), 1.5 * std::sin(0.53 * k + 0.4), 0.0});
+  for (int k = 0; k < 120; ++k) testing::add_stop(scene, testing::on_the_drive(k, 0.0));
   for (int l = 0; l < 36; ++l) {
     scene.landmarks.push_back({fmt::format("L{}", l), 0.05, {}});
     scene.positions.emplace_back((2.8 + 0.3 * (l % 3)) * std::cos(l * 0.1745),

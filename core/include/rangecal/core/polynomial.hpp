@@ -17,6 +17,9 @@ Scalar evaluate_polynomial(const Coefficients& coefficients, const Scalar& d) {
 /// f'(d).
 double evaluate_derivative(const Eigen::VectorXd& coefficients, double d);
 
+/// 1, d, ..., d^(count - 1): the row of a polynomial in d.
+Eigen::VectorXd powers_of(double d, Eigen::Index count);
+
 /// The real roots in [low, high], ascending, of sum_i coefficients[i] d^i: closed form up to degree 2, eigenvalues
 /// of the balanced companion matrix above, each polished by Newton. A double root is returned once. A polynomial
 /// that vanishes identically has no roots here (there is nothing to tell).

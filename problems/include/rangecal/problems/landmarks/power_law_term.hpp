@@ -10,6 +10,7 @@ namespace rangecal {
 ///
 /// Cost:     q = R (tau + p log f) + chi_sq / 2,  chi_sq = P (e^2 + S^2),  P = W / (sigma^2 f^(2p)),  e = y_bar - f [nats]
 /// With B = dq/dtau = R - chi_sq:   dq/df = -P e + p B / f,   dP/df = -2 p P / f,   dB/df = 2 p chi_sq / f + 2 P e.
+/// A cell with a bend reads y = f + g + s e, g = b (d - d_0) its own: the cost is one of f and g, with e = y_bar - f - g.
 /// Source:   Alhashimi 2016 eq. 17, 18, for cells; see range_term.hpp.
 struct PowerLaw {
   int power = 0;            ///< p
@@ -17,7 +18,7 @@ struct PowerLaw {
 };
 
 struct PowerLawTerm {
-  /// f > 0 wherever p > 0.
+  /// f > 0 wherever p > 0. mean: y_bar - g.
   PowerLawTerm(const PowerLaw& law, double f, double count, double weight, double mean, double mean_square) {
     p = law.power;
     inverse_f = p > 0.0 ? 1.0 / f : 0.0;
@@ -44,6 +45,15 @@ struct PowerLawTerm {
     const double P1 = -2.0 * p * P * inverse_f;
     return 2.0 * (p * inverse_f * (-by_f_tau - chi_sq * inverse_f) + P1 * e - P);
   }
+  /// Derivatives in g, and mixed ones.
+  double by_g() const { return -P * e; }
+  double by_g_g() const { return P; }
+  double by_f_g() const { return P + 2.0 * p * P * e * inverse_f; }
+  double by_f_f_g() const { return -2.0 * p * P * inverse_f * (2.0 + (2.0 * p + 1.0) * e * inverse_f); }
+  double by_f_g_g() const { return -2.0 * p * P * inverse_f; }
+  double by_g_tau() const { return 2.0 * P * e; }
+  double by_f_g_tau() const { return -2.0 * by_f_g(); }
+  double by_g_g_tau() const { return -2.0 * P; }
   /// d2q / dtau2, and the expected information in (f, f), (f, tau) = 2 R p / f, (tau, tau) = 2 R.
   double by_tau_tau() const { return 2.0 * chi_sq; }
   double fisher_f_f(double count) const { return P + 2.0 * count * p * p * inverse_f * inverse_f; }

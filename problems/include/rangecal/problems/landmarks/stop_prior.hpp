@@ -23,6 +23,9 @@ struct StopPrior {
   int place = 0;                    ///< stops of one place share one position error; places are numbered in order
   bool opens_place = true;          ///< the first stop of its place: the one whose position error has the prior
   bool chained = false;             ///< random walk: the error adds to that of the stop before
+  /// Of a random walk: errors of the heading add up too, and a step is seen in the frame of the stop before. False: positions
+  /// alone add up, in the world's frame, and every heading has an error of its own.
+  bool turns_add_up = true;
   int recording = 0;
   /// Q, positive definite; null: the unit matrix. Of the first stop of a place only: of the others nothing but the heading
   /// has a prior.
