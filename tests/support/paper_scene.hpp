@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "rangecal/problems/landmarks/joint_problem.hpp"
 #include "rangecal/problems/world/scene.hpp"
 
 namespace rangecal::testing {
@@ -51,6 +52,19 @@ inline rangecal::Scene long_walk() {
   for (int k = 0; k < 300; ++k) add_stop(scene, on_the_drive(k, 0.9 * k));
   add_cylinders(scene);
   return scene;
+}
+
+/// What was simulated with the sensor of the paper's scene: its curve and noise, and where stops and
+/// landmarks are.
+inline JointState truth_of(const Recording& recording) {
+  const rangecal::Scene sensor = paper_scene();
+  JointState truth;
+  truth.alpha = sensor.alpha;
+  truth.noise = sensor.noise;
+  truth.sigma_theta_rad = sensor.sigma_theta_rad;
+  for (const auto& stop : recording.truth.stops) truth.stops.push_back(*stop);
+  for (const auto& landmark : recording.truth.landmarks) truth.landmarks.push_back(*landmark);
+  return truth;
 }
 
 }  // namespace rangecal::testing

@@ -100,9 +100,7 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
     }
   };
   add([&] { return closed_form_state(problem, closed); });
-  const bool walks = std::any_of(problem.stops.begin(), problem.stops.end(),
-                                 [](const StopPrior& stop) { return stop.chained; });
-  if (walks) add([&] { return walk_seed(problem, order, law); });
+  if (is_walk(problem)) add([&] { return walk_seed(problem, order, law); });
   add([&] { return position_seed(problem, order, law); });
   if (options.from && !candidates.empty()) {
     JointState state = candidates.back();

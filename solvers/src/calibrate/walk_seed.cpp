@@ -37,4 +37,9 @@ JointState walk_seed(const JointProblem& problem, int order, NoiseLaw law) {
   return state;
 }
 
+bool is_walk(const JointProblem& problem) {
+  return std::any_of(problem.stops.begin(), problem.stops.end(),
+                     [](const StopPrior& stop) { return stop.chained; });
+}
+
 }  // namespace rangecal

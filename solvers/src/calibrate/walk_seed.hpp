@@ -13,4 +13,7 @@ namespace rangecal {
 /// Cost: the cells times the square of the landmarks.
 JointState walk_seed(const JointProblem& problem, int order, NoiseLaw law);
 
+/// True if some stop's error adds to that of the stop before.
+bool is_walk(const JointProblem& problem);
+
 }  // namespace rangecal

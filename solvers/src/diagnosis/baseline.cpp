@@ -26,8 +26,7 @@ int distinct_distances(const Rows& rows, const JointState& state) {
 /// them, if that is more likely.
 JointState start_from_readings(const JointProblem& problem, int order, NoiseLaw law) {
   JointState state = position_seed(problem, order, law);
-  const auto chained = [](const StopPrior& stop) { return stop.chained; };
-  if (std::none_of(problem.stops.begin(), problem.stops.end(), chained)) return state;
+  if (!is_walk(problem)) return state;
   try {
     JointState walked = walk_seed(problem, order, law);
     if (joint_nll(problem, walked) < joint_nll(problem, state)) state = std::move(walked);

@@ -294,7 +294,7 @@ void Battery::add_scalar(const ScalarTest& test) {
 }
 
 void Battery::standardise(Question& question) const {
-  const double z = rates.standardised(question.channel + " " + question.shape, *question.z);
+  const double z = rates.standardised(ScalarTest::name_of(question.channel, question.shape), *question.z);
   question.statistic = z * z;
   question.gain = 0.5 * z * z;
   question.log_p = log_chi_sq_survival(z * z, 1);

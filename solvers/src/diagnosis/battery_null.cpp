@@ -104,7 +104,7 @@ Battery::NullScores Battery::draw_scores(int draws, std::uint64_t seed) {
         for (int j = 0; j < questions[q].dof && questions[q].of == Question::Of::scalar; ++j)
           scores.scalars(static_cast<Eigen::Index>(q), b) += std::pow(random.normal(), 2);
       if (names.empty())
-        for (const ScalarTest& test : draw.scalars) names.push_back(test.channel + " " + test.shape);
+        for (const ScalarTest& test : draw.scalars) names.push_back(test.name());
       if (tests.rows() == 0) tests.resize(static_cast<Eigen::Index>(draw.scalars.size()), draws);
       for (Eigen::Index t = 0; t < tests.rows(); ++t)
         tests(t, b) = draw.scalars[static_cast<std::size_t>(t)].z;
@@ -122,9 +122,10 @@ Battery::NullScores Battery::draw_scores(int draws, std::uint64_t seed) {
     rates.scalars[names[static_cast<std::size_t>(t)]] = {mean, std::sqrt(std::max(variance, 1e-12))};
   }
   for (std::size_t q = 0; q < questions.size(); ++q) {
-    const std::string name = questions[q].channel + " " + questions[q].shape;
+    if (!questions[q].z) continue;
+    const std::string name = ScalarTest::name_of(questions[q].channel, questions[q].shape);
     const auto test = std::find(names.begin(), names.end(), name);
-    if (!questions[q].z || test == names.end()) continue;
+    if (test == names.end()) continue;
     standardise(questions[q]);
     for (int b = 0; b < draws; ++b)
       scores.scalars(static_cast<Eigen::Index>(q), b) =

@@ -2,7 +2,6 @@
 // What the battery asks beyond the means: variances, periods within cells, dependence and tails.
 #include <fmt/core.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "rangecal/core/polynomial.hpp"
 
@@ -66,8 +67,9 @@ NullDraws::NullDraws(const Rows& rows, const Projector& projector, const JointPr
       projector_(projector),
       problem_(problem),
       scalars_(scalars),
-      range_(range),
-      bearing_(bearing),
+      range_{range, projector.range_information.cwiseSqrt(), projector.row_range_information.cwiseSqrt()},
+      bearing_{bearing, projector.bearing_information.cwiseSqrt(),
+               projector.row_bearing_information.cwiseSqrt()},
       has_rows_(wants_rows || rows.size() <= most_rows) {}
 
 Eigen::VectorXd NullDraws::draw_cells(Random& random) const {
@@ -91,15 +93,31 @@ Eigen::VectorXd NullDraws::draw_cells(Random& random) const {
   return errors;
 }
 
-Eigen::VectorXd NullDraws::draw_rows(const Eigen::VectorXd& information, Random& random) const {
-  Eigen::VectorXd rows(information.size());
-  for (int c = 0; c < rows_.cell_count; ++c) {
-    const int begin = rows_.cell_begin[c], count = rows_.cell_begin[c + 1] - begin;
-    auto of_cell = rows.segment(begin, count);
-    for (int i = 0; i < count; ++i) of_cell[i] = random.normal() / std::sqrt(information[begin + i]);
-    of_cell.array() -= of_cell.mean();
+NullDraws::Settled NullDraws::settle(const Channel& channel, const Eigen::VectorXd& cell_residuals,
+                                     Random& random) const {
+  const int cells = projector_.cells();
+  const Eigen::VectorXd& dof = channel.units.dof;
+  Settled settled;
+  settled.cells = cell_residuals.cwiseProduct(channel.cell_scale);
+  Eigen::VectorXd square(2 * cells);
+  square.tail(cells) = settled.cells.cwiseAbs2();
+  if (has_rows_) {
+    settled.rows.resize(channel.row_scale.size());
+    for (int c = 0; c < cells; ++c) {
+      const int begin = rows_.cell_begin[c], count = rows_.cell_begin[c + 1] - begin;
+      auto of_cell = settled.rows.segment(begin, count);
+      for (double& row : of_cell) row = random.normal();
+      of_cell.array() -= of_cell.mean();
+      square[c] = of_cell.squaredNorm();
+    }
+  } else {
+    square.head(cells) = drawn_units(dof.head(cells), random);
   }
-  return rows;
+  settled.scale = std::sqrt(std::max(square.sum(), 1e-300) / std::max(dof.sum(), 1e-300));
+  settled.excess = square / (settled.scale * settled.scale) - dof;
+  settled.cells /= settled.scale;
+  settled.rows /= settled.scale;
+  return settled;
 }
 
 NullDraw NullDraws::draw(Random& random) const {
@@ -109,43 +127,25 @@ NullDraw NullDraws::draw(Random& random) const {
   Signature errors;
   errors.range = draw.cells.head(cells);
   errors.bearing = draw.cells.tail(cells);
-  Eigen::VectorXd phi, stops;
-  projector_.absorbed(errors, phi, stops);
-  const Signature taken = projector_.of_calibration(phi, stops);
-
   UnitResiduals left;
-  left.stops = stops;
-  const auto settle = [&](const VarianceUnits& units, const Eigen::VectorXd& information,
-                          const Eigen::VectorXd& row_information, const Eigen::VectorXd& cell_errors,
-                          Eigen::VectorXd& unit_cells, Eigen::VectorXd& unit_rows, Eigen::VectorXd& rows,
-                          Eigen::VectorXd& excess) {
-    unit_cells = cell_errors.cwiseProduct(information.cwiseSqrt());
-    Eigen::VectorXd square(2 * cells);
-    square.tail(cells) = unit_cells.cwiseAbs2();
-    if (has_rows_) {
-      rows = draw_rows(row_information, random);
-      unit_rows = rows.cwiseProduct(row_information.cwiseSqrt());
-      for (int c = 0; c < cells; ++c)
-        square[c] = unit_rows.segment(rows_.cell_begin[c], rows_.cell_begin[c + 1] - rows_.cell_begin[c])
-                        .squaredNorm();
-    } else {
-      square.head(cells) = drawn_units(units.dof.head(cells), random);
-    }
-    const double scale = std::sqrt(std::max(square.sum(), 1e-300) / std::max(units.dof.sum(), 1e-300));
-    excess = square / (scale * scale) - units.dof;
-    unit_cells /= scale;
-    unit_rows /= scale;
-    rows /= scale;
-    return scale;
-  };
-  draw.cells.head(cells) /= settle(range_, projector_.range_information, projector_.row_range_information,
-                                   errors.range - taken.range, left.range_cells, left.range_rows,
-                                   draw.range_rows, draw.range_excess);
-  if (!rows_.pairs)
-    draw.cells.tail(cells) /=
-        settle(bearing_, projector_.bearing_information, projector_.row_bearing_information,
-               errors.bearing - taken.bearing, left.bearing_cells, left.bearing_rows, draw.bearing_rows,
-               draw.bearing_excess);
+  Eigen::VectorXd phi;
+  projector_.absorbed(errors, phi, left.stops);
+  const Signature taken = projector_.of_calibration(phi, left.stops);
+
+  Settled range = settle(range_, errors.range - taken.range, random);
+  draw.cells.head(cells) /= range.scale;
+  draw.range_excess = std::move(range.excess);
+  if (has_rows_) draw.range_rows = range.rows.cwiseQuotient(range_.row_scale);
+  left.range_cells = std::move(range.cells);
+  left.range_rows = std::move(range.rows);
+  if (!rows_.pairs) {
+    Settled bearing = settle(bearing_, errors.bearing - taken.bearing, random);
+    draw.cells.tail(cells) /= bearing.scale;
+    draw.bearing_excess = std::move(bearing.excess);
+    if (has_rows_) draw.bearing_rows = bearing.rows.cwiseQuotient(bearing_.row_scale);
+    left.bearing_cells = std::move(bearing.cells);
+    left.bearing_rows = std::move(bearing.rows);
+  }
   if (has_rows_) draw.scalars = scalars_.of(left);
   return draw;
 }

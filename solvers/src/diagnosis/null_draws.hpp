@@ -36,17 +36,28 @@ class NullDraws {
             bool wants_rows);
 
   NullDraw draw(Random& random) const;
-  bool has_rows() const { return has_rows_; }
 
  private:
+  /// What does not change from draw to draw: of one cell mean and of one row, one over the standard
+  /// deviation.
+  struct Channel {
+    const VarianceUnits& units;
+    Eigen::VectorXd cell_scale, row_scale;
+  };
+  /// Residuals of one channel in units of its spread, which is estimated from them: `scale` times what was
+  /// drawn with.
+  struct Settled {
+    double scale = 1.0;
+    Eigen::VectorXd cells, rows, excess;
+  };
   Eigen::VectorXd draw_cells(Random& random) const;
-  Eigen::VectorXd draw_rows(const Eigen::VectorXd& information, Random& random) const;
+  Settled settle(const Channel& channel, const Eigen::VectorXd& cell_residuals, Random& random) const;
 
   const Rows& rows_;
   const Projector& projector_;
   const JointProblem& problem_;
   const ScalarTests& scalars_;
-  const VarianceUnits &range_, &bearing_;
+  Channel range_, bearing_;
   bool has_rows_;
 };
 

@@ -22,6 +22,12 @@ struct ScalarTest {
   std::string channel, covariate, shape;
   double z = 0.0;
   double size = 0.0;  ///< correlation, excess kurtosis, skewness, or relative excess of variance
+
+  std::string name() const { return name_of(channel, shape); }
+  /// What its law goes by: "range_tail skew".
+  static std::string name_of(const std::string& of_channel, const std::string& of_shape) {
+    return of_channel + " " + of_shape;
+  }
 };
 
 /// Sample skewness m3 / m2^1.5 of n values turned normal (D'Agostino 1970).

@@ -42,13 +42,7 @@ TEST(WalkSeed, CalibrateIsNotLedAstrayByDrift) {
     options.order = 2;
     options.noise = NoiseLaw::f_squared;
     const Calibration found = calibrate({&r, 1}, options)[0];
-    JointState truth;
-    truth.alpha = testing::paper_scene().alpha;
-    truth.noise = testing::paper_scene().noise;
-    truth.sigma_theta_rad = testing::paper_scene().sigma_theta_rad;
-    for (const auto& stop : r.truth.stops) truth.stops.push_back(*stop);
-    for (const auto& landmark : r.truth.landmarks) truth.landmarks.push_back(*landmark);
-    const LaplaceValue at_truth = laplace_marginal(make_joint_problem({&r, 1}), truth);
+    const LaplaceValue at_truth = laplace_marginal(make_joint_problem({&r, 1}), testing::truth_of(r));
     // a path that drifts through a landmark leaves no smooth likelihood, at the truth either, and the answer
     // says so
     if (!at_truth.ok || found.outcome != Outcome::converged) continue;

@@ -15,13 +15,7 @@ TEST(Baseline, IsNotLedAstrayByDrift) {
   // thousands of nats above it, and all that would be called a mismatch.
   for (std::uint64_t repeat = 0; repeat < 2; ++repeat) {
     const Recording r = simulate(testing::long_walk(), seed_from("baseline", {repeat}));
-    JointState truth;
-    truth.alpha = testing::paper_scene().alpha;
-    truth.noise = testing::paper_scene().noise;
-    truth.sigma_theta_rad = testing::paper_scene().sigma_theta_rad;
-    for (const auto& stop : r.truth.stops) truth.stops.push_back(*stop);
-    for (const auto& landmark : r.truth.landmarks) truth.landmarks.push_back(*landmark);
-    const LaplaceValue at_truth = laplace_marginal(make_joint_problem({&r, 1}), truth);
+    const LaplaceValue at_truth = laplace_marginal(make_joint_problem({&r, 1}), testing::truth_of(r));
     ASSERT_TRUE(at_truth.ok);
     RefitOptions refit_options;
     const Fit fit = fit_baseline(make_rows({&r, 1}), {}, refit_options);

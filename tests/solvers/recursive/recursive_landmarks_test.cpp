@@ -76,12 +76,8 @@ Calibration batch_of(const Recording& r, int order, NoiseLaw law) {
 /// which ends far from where it was meant to, a search need not find the optimum.
 Calibration batch_from_truth(const Recording& r, const Drive& d) {
   const JointProblem problem = make_joint_problem({&r, 1});
-  JointState start;
-  start.alpha = testing::paper_scene().alpha;
+  JointState start = testing::truth_of(r);
   start.noise = {d.law, Eigen::VectorXd::Constant(1, d.sigma_e)};
-  start.sigma_theta_rad = 0.0087;
-  for (const auto& stop : r.truth.stops) start.stops.push_back(*stop);
-  for (const auto& landmark : r.truth.landmarks) start.landmarks.push_back(*landmark);
   const MarginalFit fit = solve_marginal(problem, start);
   Calibration batch;
   batch.outcome = fit.outcome;
