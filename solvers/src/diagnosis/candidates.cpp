@@ -8,6 +8,7 @@
 #include <set>
 
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/rounds.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -27,6 +28,15 @@ double grid_step(const std::vector<Eigen::VectorXd>& grid, Eigen::Index index) {
       step = (*values.rbegin() - *values.begin()) / static_cast<double>(values.size() - 1);
   }
   return step;
+}
+
+/// Refits from a state whose cells stay at first on the side of a switching distance on which they are: from
+/// parameters that are still far off, their readings would carry them back.
+Fit refit_from_sides(const Rows& rows, const Model& model, JointState state, const RefitOptions& options) {
+  RefitOptions staying = options;
+  staying.places_stay = true;
+  if (!std::isfinite(calibrate_under(rows, model, state, staying))) return {};
+  return refit(rows, model, state, options);
 }
 
 /// Scans such parameters of the model's last effect finely around the fit. Their likelihood has steps, one
@@ -56,6 +66,23 @@ void refine(const Rows& rows, const RefitOptions& options, Fit& fit) {
     while (std::next(last) != scan.end() && std::next(last)->nll < best->nll + level) ++last;
     Fit middle = *(first + (last - first) / 2);
     if (middle.nll < fit.nll + level) fit = std::move(middle);
+  }
+}
+
+/// Carries lines of sight near a switching distance over it, one at a time, while that gains: the seed model
+/// spread the jump over stops and landmarks, so that some started on the wrong side, where no small move
+/// leads back.
+void try_sides(const Rows& rows, const RefitOptions& options, Fit& fit) {
+  constexpr int most = 4;
+  constexpr double level = 0.3;  // nats
+  for (int pass = 0; pass < most; ++pass) {
+    Fit best = fit;
+    for (auto& [model, state] : Sides::others(rows, fit.model, fit.state)) {
+      Fit trial = refit_from_sides(rows, model, std::move(state), options);
+      if (trial.ok && trial.nll < best.nll) best = std::move(trial);
+    }
+    if (!(best.nll < fit.nll - level)) return;
+    fit = std::move(best);
   }
 }
 
@@ -178,17 +205,29 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
                     const RefitOptions& options, double wanted) {
   Model model = base.model;
   model.push_back({proposal.effect, proposal.start});
+  // Tails and dependence named before stay as they are while starts are compared, and move at the end.
+  RefitOptions held = options;
+  held.settled = std::max(options.settled, static_cast<int>(base.model.size()));
   Candidate candidate;
-  candidate.fit = refit(rows, model, base.state, options);
+  candidate.fit = refit(rows, model, base.state, held);
   for (const Eigen::VectorXd& other : proposal.others) {
     model.back().parameters = other;
-    Fit fit = refit(rows, model, base.state, options);
+    Fit fit = refit(rows, model, base.state, held);
     if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
   }
   const double first = base.nll - candidate.fit.nll;
   if (candidate.fit.ok && first > worth_refining && (1.0 + polish) * first + worth_refining > wanted) {
-    refine(rows, options, candidate.fit);
-    if (bends(rows, candidate.fit)) try_periods(rows, base, options, candidate.fit);
+    refine(rows, held, candidate.fit);
+    if (Sides::matter({candidate.fit.model.back()})) {
+      try_sides(rows, held, candidate.fit);
+      refine(rows, held, candidate.fit);
+    }
+    const bool of_mean = proposal.effect->info().kind == EffectKind::mean;
+    if (of_mean && bends(rows, candidate.fit)) try_periods(rows, base, held, candidate.fit);
+    if (held.settled > options.settled) {
+      Fit free = refit(rows, candidate.fit.model, candidate.fit.state, options);
+      if (free.ok && free.nll < candidate.fit.nll) candidate.fit = std::move(free);
+    }
   }
   candidate.promised = proposal.promised;
   candidate.log_p = proposal.log_p;

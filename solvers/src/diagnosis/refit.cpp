@@ -9,6 +9,7 @@
 
 #include "diagnosis/rounds.hpp"
 #include "rangecal/core/angles.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -186,8 +187,9 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   marginal.held.alpha = marginal.held.alpha || rows.alpha_prior.has_value();
   marginal.held.landmarks = marginal.held.landmarks || rows.pairs;
   marginal.gradient_tolerance = 1e-4;
-  double value = infinity;
-  Rounds rounds(model);
+  double value = infinity, least = infinity;
+  JointState least_state = state;
+  Rounds rounds(model, options.places_stay);
   do {
     const WorkingProblem working = rounds.begin(rows, model, state);
     JointState start = state;
@@ -207,9 +209,17 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     }
     state = fit.state;
     value = fit_value + working.constant;
+    if (rounds.bends())  // the solve saw straight lines; the value is that of the effects where it ended
+      value +=
+          joint_nll(working_problem(rows, model, state).problem, state) - joint_nll(working.problem, state);
+    if (rounds.bends() && !(value < least)) continue;
+    least = value;
+    least_state = state;
     if (detail) *detail = std::move(fit);
   } while (rounds.another(rows, model, state, value));
-  return value;
+  if (!rounds.bends()) return value;
+  state = std::move(least_state);
+  return least;
 }
 
 namespace {
@@ -218,6 +228,8 @@ namespace {
 /// first for one that is positive, else its typical size.
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit) {
+  RefitOptions staying = options;  // tails and dependence move no place by much
+  staying.places_stay = true;
   const EffectParameter& info = info_of(fit.model, p);
   double best = value_of(fit.model, p);
   const bool positive = info.low >= 0.0;
@@ -233,7 +245,7 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
         JointState state = fit.state;
         Model trial = fit.model;
         value_of(trial, p) = x;
-        const double value = calibrate_under(rows, trial, state, options);
+        const double value = calibrate_under(rows, trial, state, staying);
         if (value < fit.nll - 1e-6) {
           fit.nll = value;
           fit.state = state;

@@ -41,6 +41,9 @@ struct RefitOptions {
   /// Effects at the front of the model whose dependence, tails and errors of stops stay as they are: line
   /// searches cost most.
   int settled = 0;
+  /// Places stay on the side of a switching distance, and on the swing of a fast effect, on which the state
+  /// has them.
+  bool places_stay = false;
 };
 
 /// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings,

@@ -1,34 +1,41 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "diagnosis/working.hpp"
 
 namespace rangecal::diagnosis {
 
-/// On which side of a switching distance every cell lies.
+/// On which side of a switching distance every line of sight lies: one landmark seen from one place.
 ///
 /// An effect that jumps at a distance L makes the likelihood jump wherever an estimated distance d crosses L.
-/// No gradient leads across; but a cell within the error of d of L costs next to nothing to move, and its
-/// readings, a jump away from where the model expects them, say where it belongs. For a cell of weight w,
-/// residual r on the side where d lies and r' beyond, and the position's standard deviation s left by the
-/// other readings of its stop,
-///   cross if  w r'^2 / 2 + (L - d)^2 / (2 s^2) < w r^2 / 2.
-/// Crossing moves the stop by L - d along the line of sight, so that everything that follows sees one
+/// No gradient leads across; but one within the error of d of L costs next to nothing to move, and its
+/// readings, a jump away from where the model expects them, say where it belongs. For cells of weight w,
+/// residual r on the side where d lies and r' beyond, and the place's standard deviation s left by its other
+/// readings,
+///   cross if  sum w r'^2 / 2 + (L - d)^2 / (2 s^2) < sum w r^2 / 2.
+/// Crossing moves the place by L - d along the line of sight, so that everything that follows sees one
 /// geometry.
 class Sides {
  public:
-  /// Moves the stops of `state` to where the readings say that cells near L lie.
-  void settle(const Rows& rows, const Model& model, JointState& state);
+  /// Moves the stops of `state` to where the readings say that cells near L lie, or takes the sides as they
+  /// are.
+  void settle(const Rows& rows, const Model& model, JointState& state, bool as_they_are);
   /// After a solve that knew nothing of sides: moves stops back over L to the side that the solve took for
   /// granted. Returns what the moves cost in nats.
   double restore(const Rows& rows, const Model& model, JointState& state) const;
+  /// Models and states that differ from these by one line of sight on the other side of L, those that the
+  /// jump could have misplaced, nearest first, at most eight. L moves as far as it may without another
+  /// changing sides.
+  static std::vector<std::pair<Model, JointState>> others(const Rows& rows, const Model& model,
+                                                          const JointState& state);
   /// True if some effect of the model jumps.
   static bool matter(const Model& model);
 
  private:
-  std::vector<char> near_;  ///< per effect and cell: d < L
+  std::vector<char> near_;  ///< per effect and line of sight: d < L
 };
 
 /// The alternation of taking effects out of the readings at a state and solving for the state: twice, the
@@ -40,15 +47,20 @@ class Sides {
 ///   while (rounds.another(rows, model, state, value));
 class Rounds {
  public:
-  explicit Rounds(const Model& model) : left_(model.empty() ? 1 : 2), jumps_(Sides::matter(model)) {}
+  explicit Rounds(const Model& model, bool places_stay = false)
+      : left_(model.empty() ? 1 : 2), jumps_(Sides::matter(model)), places_stay_(places_stay) {}
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
   /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: go round
   /// again.
   bool another(const Rows& rows, const Model& model, JointState& state, double& value);
 
+  /// True if effects changed too fast with distance, in the last round, for the readings to be corrected
+  /// once.
+  bool bends() const { return bends_; }
+
  private:
   int left_, done_ = 0;
-  bool jumps_, bends_ = false;
+  bool jumps_, places_stay_, bends_ = false;
   double before_ = 0.0;
   Sides sides_;
 };

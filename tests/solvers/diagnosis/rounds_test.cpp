@@ -91,6 +91,54 @@ TEST(Sides, AMoveBackOverTheDistanceCostsItsSquare) {
   EXPECT_NEAR(value, 0.5 * over * over * (1e4 + 5e8), 1e-3 * value);
 }
 
+TEST(Sides, StopsOfOnePlaceCrossTogether) {
+  // Stops 0 and 1 stand at one place and share its error: it is moved once, not once for each of them.
+  const double limit = 1.41425, offset = 0.02;
+  Recording recording = recording_with_step(limit, offset);
+  recording.stops[1].commanded = {0.0, 0.0, 1.0};
+  recording.stops[0].place = recording.stops[1].place = "home";
+  for (std::size_t i = 0; i < recording.readings.range_m.size(); ++i)
+    if (recording.readings.stop[i] == 1) {
+      recording.readings.range_m[i] = recording.readings.range_m[i - 10];
+      recording.readings.bearing_rad[i] = recording.readings.bearing_rad[i - 10] - 1.0;
+    }
+  const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
+  ASSERT_EQ(rows.problem.stops[0].place, rows.problem.stops[1].place);
+  const Model model{{find_effect("near_regime"), Eigen::Vector3d(offset, 0.0, limit)}};
+  JointState state = truth();
+  state.stops[1] = {0.0, 0.0, 1.0};
+  for (int k : {0, 1}) state.stops[k].x_m -= 1e-4;
+  Rounds rounds(model);
+  rounds.begin(rows, model, state);
+  const CellGeometry geometry = cell_geometry(rows, state);
+  for (int cell : {0, 2}) {
+    EXPECT_LT(geometry.d[cell], limit);
+    EXPECT_NEAR(geometry.d[cell], limit, 1e-5);
+  }
+}
+
+TEST(Sides, OthersAreThoseThatTheJumpCouldHaveMisplaced) {
+  // Distances of landmark a: 1.4142, 1.118, 1.0 m; of b: 3.162, 2.693, 2.236 m. L = 1.41 m may be anywhere
+  // between the two nearest, so both are in doubt; the third only where the jump is as large as its distance.
+  const Recording recording = recording_with_step(1.41, 0.02);
+  const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
+  const JointState state = truth();
+  const Effect* effect = find_effect("near_regime");
+  const auto others = Sides::others(rows, {{effect, Eigen::Vector3d(0.02, 0.0, 1.41)}}, state);
+  ASSERT_EQ(others.size(), 2u);
+  for (const auto& [model, moved] : others) {
+    const double limit = model[0].parameters[2];
+    int changed = 0;
+    const CellGeometry before = cell_geometry(rows, state), after = cell_geometry(rows, moved);
+    for (int c = 0; c < rows.cell_count; ++c) {
+      changed += (before.d[c] < 1.41) != (after.d[c] < limit);
+      EXPECT_NEAR(after.d[c], before.d[c], 1e-5);  // L moved there; nothing else had to
+    }
+    EXPECT_EQ(changed, 1);
+  }
+  EXPECT_EQ(Sides::others(rows, {{effect, Eigen::Vector3d(0.2, 0.0, 1.41)}}, state).size(), 3u);
+}
+
 TEST(Bends, AnEffectThatWobblesWithDistanceGivesItsCellsASlope) {
   const Recording recording = recording_with_step(0.0, 0.0);
   const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
