@@ -5,9 +5,11 @@
 #include <cmath>
 #include <set>
 
+#include "diagnosis/combinations.hpp"
 #include "diagnosis/findings.hpp"
 #include "diagnosis/forced.hpp"
 #include "diagnosis/held_out.hpp"
+#include "diagnosis/rounds.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -15,9 +17,6 @@ namespace {
 constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
 /// p at which a free curve over a named effect's own covariate rejects it.
 constexpr double adequacy_rate = 0.003;
-/// Nats by which two names together must beat the best single free curve: one curve beats two names of a
-/// kind.
-constexpr double combination_margin = 10.0;
 /// Nats by which a free curve may beat a name before it is refused: 4, or for strong ones 5 %, what its
 /// freedom gains from the formula's own approximations.
 constexpr double curve_margin = 4.0, curve_share = 0.05;
@@ -28,23 +27,16 @@ constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are t
 constexpr double trace_share = 0.1;
 constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
-constexpr double dominant = 1.3;         ///< times what the best free curve gains
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
 double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
 
-/// True if a single name explains as much as the best free curve (nats).
+/// True if a single name explains as much as the best free curve (nats). Scores of the mean are compared with
+/// scores, but for a jump: its score counts those on the wrong side that the seed model has there.
 bool equals_curve(const Candidate& name, double curve) {
   const bool mean = name.fit.model.back().effect->info().kind == EffectKind::mean;
-  return name.evidence > curve - margin_of(name) && (!mean || name.foreseen > curve - score_margin);
-}
-
-/// Two names for one curve of range over distance: that is a free curve, not two causes.
-bool one_curve(const Model& model) {
-  return std::count_if(model.begin(), model.end(), [](const ActiveEffect& a) {
-           const EffectInfo& info = a.effect->info();
-           return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
-         }) > 1;
+  const bool by_score = mean && !Sides::matter(name.fit.model);
+  return name.evidence > curve - margin_of(name) && (!by_score || name.foreseen > curve - score_margin);
 }
 
 /// Other explanations of the same size that the data do not reject, best first, at most two.
@@ -192,8 +184,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   // Greedy: the best single effects, then what is left, until the battery is clean.
   report("explaining", 0.3);
-  std::vector<Candidate> singles =
-      try_all(rows, root.fit, propose(rows, *root_battery, root.fit.model), result.rates, refit_options);
+  const std::vector<Proposal> proposals = propose(rows, *root_battery, root.fit.model);
+  std::vector<Candidate> singles = try_all(rows, root.fit, proposals, result.rates, refit_options);
   if (refit_options.settled > 0) let_known_move(rows, singles);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
@@ -235,51 +227,11 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   report("combining effects", 0.5);
   const double sought = std::min(free_curve_gain + combination_margin,
                                  singles.empty() ? free_curve_gain : singles[0].evidence + trace);
-  std::vector<Candidate> pairs;
-  const auto extend = [&](const Candidate& first, const Battery& battery) {
-    std::vector<Proposal> proposals = propose(rows, battery, first.fit.model);
-    // Shared errors of cells or stops soak up whatever a first name left over: they are no second name. Nor
-    // is another name for the same curve.
-    const double wanted = sought - (result.baseline.nll - first.fit.nll);
-    std::erase_if(proposals, [&](const Proposal& p) {
-      Model both = first.fit.model;
-      both.push_back({p.effect, p.start});
-      const std::string& id = p.effect->info().id;
-      return id == "cell_effect" || id == "stop_effect" || one_curve(both) || credible_gain(p) < wanted;
-    });
-    if (proposals.size() > 6) proposals.resize(6);
-    for (Candidate& candidate : try_all(rows, first.fit, proposals, result.rates, refit_options, wanted)) {
-      candidate.gain = result.baseline.nll - candidate.fit.nll;
-      candidate.evidence = candidate.gain;
-      candidate.foreseen += first.foreseen;
-      for (const ActiveEffect& active : candidate.fit.model)
-        candidate.evidence -= price_of(active, result.rates);
-      const auto same = std::find_if(pairs.begin(), pairs.end(), [&](const Candidate& other) {
-        return std::all_of(candidate.fit.model.begin(), candidate.fit.model.end(),
-                           [&](const ActiveEffect& a) { return contains(other.fit.model, a.effect); });
-      });
-      if (same == pairs.end())
-        pairs.push_back(std::move(candidate));
-      else if (candidate.evidence > same->evidence)
-        *same = std::move(candidate);
-    }
-    std::sort(pairs.begin(), pairs.end(),
-              [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
-  };
-  for (std::size_t i = 0; i < batteries.size(); ++i) extend(singles[i], *batteries[i]);
-  if (!pairs.empty()) {  // the second of the best pair may have been hidden by the first: start from it as
-                         // well
-    const ActiveEffect second = pairs[0].fit.model.back();
-    const bool started =
-        std::any_of(singles.begin(), singles.begin() + static_cast<long>(batteries.size()),
-                    [&](const Candidate& c) { return c.fit.model.back().effect == second.effect; });
-    if (!started) {
-      Candidate alone = try_model(rows, root.fit, {second.effect, second.parameters, 0.0, 0.0, 0.0, {}},
-                                  result.rates, refit_options);
-      alone.foreseen = alone.evidence;  // nothing promised it
-      if (alone.fit.ok) extend(alone, Battery(rows, alone.fit.model, alone.fit.state, result.rates));
-    }
-  }
+  Combinations combinations(rows, root.fit, result.baseline.nll, result.rates, refit_options, free_curve_gain,
+                            sought);
+  for (std::size_t i = 0; i < batteries.size(); ++i) combinations.extend(singles[i], *batteries[i]);
+  combinations.extend_from_others(proposals);
+  const std::vector<Candidate>& pairs = combinations.best_first();
   // What it leaves must be a trace: faint by itself, and weaker than what was named.
   const auto leaves_a_trace = [&] {
     return std::all_of(

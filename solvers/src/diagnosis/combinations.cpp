@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/combinations.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr std::size_t most_seconds = 6;  ///< effects tried beside one
+constexpr std::size_t most_starts = 7;   ///< effects started from, where none makes a pair beyond doubt
+constexpr double beyond_doubt = 30.0;    ///< nats over the best free curve
+
+/// Two names for one curve of range over distance: that is a free curve, not two causes, unless they explain
+/// far more than any curve does.
+bool one_curve(const Model& model) {
+  return std::count_if(model.begin(), model.end(), [](const ActiveEffect& a) {
+           const EffectInfo& info = a.effect->info();
+           return info.channel == "range" && (info.covariate == "range" || info.covariate == "disparity");
+         }) > 1;
+}
+
+}  // namespace
+
+void Combinations::extend(const Candidate& first, const Battery& battery) {
+  started_.insert(first.fit.model.back().effect);
+  std::vector<Proposal> seconds = propose(rows_, battery, first.fit.model);
+  const double wanted = sought_ - (seed_nll_ - first.fit.nll);
+  // Shared errors of cells or stops soak up whatever a first name left over: they are no second name.
+  std::erase_if(seconds, [&](const Proposal& p) {
+    const std::string& id = p.effect->info().id;
+    return id == "cell_effect" || id == "stop_effect" || credible_gain(p) < wanted;
+  });
+  if (seconds.size() > most_seconds) seconds.resize(most_seconds);
+  for (Candidate& pair : try_all(rows_, first.fit, seconds, rates_, options_, wanted)) {
+    pair.gain = seed_nll_ - pair.fit.nll;
+    pair.evidence = pair.gain;
+    pair.foreseen += first.foreseen;
+    for (const ActiveEffect& active : pair.fit.model) pair.evidence -= price_of(active, rates_);
+    if (one_curve(pair.fit.model) && !(pair.evidence > dominant * free_curve_)) continue;
+    keep(std::move(pair));
+  }
+  std::sort(pairs_.begin(), pairs_.end(),
+            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+}
+
+void Combinations::keep(Candidate pair) {
+  const auto same = std::find_if(pairs_.begin(), pairs_.end(), [&](const Candidate& other) {
+    return std::all_of(pair.fit.model.begin(), pair.fit.model.end(),
+                       [&](const ActiveEffect& a) { return contains(other.fit.model, a.effect); });
+  });
+  if (same == pairs_.end())
+    pairs_.push_back(std::move(pair));
+  else if (pair.evidence > same->evidence)
+    *same = std::move(pair);
+}
+
+void Combinations::extend_alone(const Proposal& proposal) {
+  if (started_.count(proposal.effect) > 0) return;
+  started_.insert(proposal.effect);
+  Candidate alone = try_model(rows_, root_, proposal, rates_, options_);
+  if (!(proposal.promised > 0.0)) alone.foreseen = alone.evidence;  // nothing promised it
+  if (alone.fit.ok) extend(alone, Battery(rows_, alone.fit.model, alone.fit.state, rates_));
+}
+
+void Combinations::extend_from_others(const std::vector<Proposal>& proposals) {
+  if (!pairs_.empty()) {
+    const ActiveEffect second = pairs_[0].fit.model.back();
+    extend_alone({second.effect, second.parameters, 0.0, 0.0, 0.0, {}});
+  }
+  for (const Proposal& proposal : proposals) {
+    const bool enough = !pairs_.empty() && pairs_[0].evidence > free_curve_ + beyond_doubt;
+    if (enough || started_.size() >= most_starts) return;
+    if (proposal.effect->info().kind == EffectKind::mean) extend_alone(proposal);
+  }
+}
+
+}  // namespace rangecal::diagnosis
