@@ -52,7 +52,8 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
   model.recordings.assign(recordings.begin(), recordings.end());
   for (const Recording& recording : corrected) model.landmark_read.push_back(recording.readings.landmark);
   model.calibration = result.corrected;
-  const Fit& fit = generic ? *generic : found.verdict == Verdict::explained ? found.best.fit : found.baseline;
+  const bool named = found.verdict == Verdict::explained || found.partial;
+  const Fit& fit = generic ? *generic : named ? found.best.fit : found.baseline;
   model.calibration.sigma_s_m.reset();
   if (fit.state.sigma_s_m) model.calibration.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
   if (!generic) return;
@@ -159,12 +160,15 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   const std::optional<GenericModel> generic = add_generic(rows, found, result);
   const Fit* curve = generic ? &generic->fit : nullptr;
+  // What is shown as the completed model: where no curve stands for what a partial name leaves, the name's
+  // own.
+  const Fit* completed = !curve && found.partial ? &found.best.fit : curve;
   if (options.simulation) compare_noise(*options.simulation, result);
   if (options.held_out) {
     if (options.progress) options.progress("predicting readings held out", 0.8);
-    add_held_out(rows, found, curve, result);
+    add_held_out(rows, found, completed, result);
   }
-  add_residual_bins(rows, found, curve, result);
+  add_residual_bins(rows, found, completed, result);
   if (options.progress) options.progress("looking for what could be hidden", 0.9);
   add_outlook(rows, found, options, result);
   add_simulation_model(rows, recordings, corrected, found, curve, result);

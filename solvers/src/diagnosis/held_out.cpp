@@ -156,9 +156,9 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   return generic;
 }
 
-void add_held_out(const Rows& rows, const SearchResult& found, const Fit* generic, Diagnosis& result) {
+void add_held_out(const Rows& rows, const SearchResult& found, const Fit* completed, Diagnosis& result) {
   const RefitOptions refit_options;
-  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : generic;
+  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : completed;
   const std::vector<int> blocks = blocks_of(rows, block_kind(rows, final_fit ? final_fit->model : Model{}));
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
   const HeldOut before = predict(rows, blocks, folds, found.baseline, refit_options);

@@ -198,6 +198,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       for (auto& set : generic.indistinguishable_from) set.push_back("generic");
       generic.physics += " What is left has no name in the catalogue; its place and size are given.";
       result.corrected = calibration_of(rows, recordings, found.best.fit);
+      result.after = summary(*found.last, found.best.fit.nll);  // until a curve stands for what is left
       locate_named(found, excess, result);
     } else {
       generic.physics = "Nothing in the catalogue explains this mismatch; its place and size are given.";

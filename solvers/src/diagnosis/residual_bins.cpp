@@ -83,10 +83,10 @@ std::optional<Eigen::VectorXd> covariate_values(const Rows& rows, const CellGeom
   return std::nullopt;
 }
 
-void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* generic, Diagnosis& result) {
+void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* completed, Diagnosis& result) {
   if (result.location.empty()) return;
   const RowResiduals before = row_residuals(rows, found.baseline.model, found.baseline.state);
-  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : generic;
+  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : completed;
   const RowResiduals after =
       final_fit ? row_residuals(rows, final_fit->model, final_fit->state) : before;
   const CellGeometry geometry = cell_geometry(rows, found.baseline.state);

@@ -26,9 +26,9 @@ std::vector<int> bins_of(const Eigen::VectorXd& values);
 /// Fills Finding::residuals of a diagnosis: the readings' residuals in the finding's channel, averaged over
 /// 12 bins of equal shares along its covariate (one bin per group where it has few values), under the
 /// baseline and under the final model: mean residual [m] or [rad], or for a noise channel the log ratio of
-/// its variance to the modelled one. `generic`: the fit of the smooth model for `unexplained`; null if there
+/// its variance to the modelled one. `completed`: the fit that is shown for `unexplained`; null if there
 /// is none. Channels without a covariate (labels, grids, detection, stops) get no bins. Cost: n log n in the
 /// readings, per finding.
-void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* generic, Diagnosis& result);
+void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* completed, Diagnosis& result);
 
 }  // namespace rangecal::diagnosis
