@@ -49,7 +49,15 @@ INSTANTIATE_TEST_SUITE_P(
                       World{202611211702, "outside", 33, "turning", "cable_guard", Answer::unexplained,
                             "errors that cells share, whose refit was held against a curve's score"},
                       World{202611211702, "outside", 44, "line", "cable_guard", Answer::unexplained,
-                            "a moved landmark, whose refit was held against a curve's score"}));
+                            "a moved landmark, whose refit was held against a curve's score"},
+                      World{202611221624, "lambda-400", 19, "turning", "near_regime", Answer::right_name,
+                            "nothing in the catalogue: four stops of one place lay beyond the jump"},
+                      World{202611221624, "lambda-400", 44, "line", "near_regime", Answer::right_name,
+                            "nothing in the catalogue: the seed model had put a cell beyond the jump"},
+                      World{202611221624, "lambda-100", 214, "line", "pixel_locking", Answer::right_name,
+                            "errors of cells as well: stops lay on other swings"},
+                      World{911, "pair", 20, "line", "range_eccentricity+sweep_motion", Answer::right_name,
+                            "nothing in the catalogue: neither was among the three best single names"}));
 
 }  // namespace
 }  // namespace rangecal::proof
