@@ -29,8 +29,7 @@ class SwingingCell {
     bearing_information_ = c.bearing_weight[cell] / (state.sigma_theta_rad * state.sigma_theta_rad);
     sight_ = geometry.axis_distance[cell] * geometry.n[cell];
     across_ = geometry.t[cell] / geometry.axis_distance[cell];
-    const Pose2& stop = state.stops[c.stop[cell]];
-    bearing_error_ = wrap_angle(c.bearing_mean[cell] - std::atan2(sight_.y(), sight_.x()) + stop.heading_rad);
+    bearing_error_ = wrap_angle(c.bearing_mean[cell] - geometry.bearing[cell]);
     // What the effects took out of the mean comes back: the sum wants y - h at other distances.
     error_ = c.range_mean[cell] + change(0.0) - view_.f;
     measure();
@@ -63,10 +62,7 @@ class SwingingCell {
   std::size_t first_row() const { return static_cast<std::size_t>(rows_->cell_begin[cell_]); }
 
   double change(double moved) const {
-    ReadingView<double> view = view_;
-    view.d += moved;
-    view.axis_distance += moved;
-    view.f += moved * view.slope;
+    const ReadingView<double> view = moved_by(view_, moved);
     double sum = 0.0;
     for (const ActiveEffect& active : *model_)
       if (active.effect->info().kind == EffectKind::mean)
@@ -168,13 +164,14 @@ Eigen::Vector2d best_move(SwingingPlace& place, Swings swings) {
       best = u;
     }
   const double go = descend(place, 0.5 * step, best);
-  if (best.isZero() || !(go < here - worth)) return Eigen::Vector2d::Zero();
+  if (!(go < here - worth)) return Eigen::Vector2d::Zero();
+  if (swings == Swings::own) return best;
   return go < descend(place, 0.5 * step, home) - worth ? best : home;
 }
 
 }  // namespace
 
-void settle_places(const Rows& rows, const Model& model, const WorkingProblem& working, Swings swings,
+bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& working, Swings swings,
                    JointState& state) {
   const JointProblem& problem = working.problem;
   const CellGeometry geometry = cell_geometry(rows, state);
@@ -195,6 +192,8 @@ void settle_places(const Rows& rows, const Model& model, const WorkingProblem& w
     state.stops[k].x_m += moves[p].x();
     state.stops[k].y_m += moves[p].y();
   }
+  return std::any_of(moves.begin(), moves.end(),
+                     [](const Eigen::Vector2d& move) { return !move.isZero(0.0); });
 }
 
 }  // namespace rangecal::diagnosis

@@ -19,8 +19,8 @@ enum class Swings {
 ///   sum w (y - f(d(u)) - h(d(u)))^2 / (2 s^2) + bearings + prior     [nats]
 /// is looked up on a grid of u that is finer than a swing and wider than what the readings, A counted as an
 /// error of theirs, leave open, and from there downhill; the place is moved where that gains. Landmarks,
-/// curve and headings stay. Places that are exact, or whose errors add up along a walk, stay.
-void settle_places(const Rows& rows, const Model& model, const WorkingProblem& working, Swings swings,
+/// curve and headings stay. Places that are exact, or whose errors add up along a walk, stay. False: all did.
+bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& working, Swings swings,
                    JointState& state);
 
 }  // namespace rangecal::diagnosis

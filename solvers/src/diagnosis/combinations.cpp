@@ -57,8 +57,7 @@ void Combinations::keep(Candidate pair) {
 }
 
 void Combinations::extend_alone(const Proposal& proposal) {
-  if (started_.count(proposal.effect) > 0) return;
-  started_.insert(proposal.effect);
+  if (!started_.insert(proposal.effect).second) return;
   Candidate alone = try_model(rows_, root_, proposal, rates_, options_);
   if (!(proposal.promised > 0.0)) alone.foreseen = alone.evidence;  // nothing promised it
   if (alone.fit.ok) extend(alone, Battery(rows_, alone.fit.model, alone.fit.state, rates_));

@@ -187,10 +187,9 @@ WorkingProblem Rounds::begin(const Rows& rows, const Model& model, JointState& s
   if (jumps_) sides_.settle(rows, model, state, places_stay_);
   WorkingProblem working = working_problem(rows, model, state);
   bends_ = !working.problem.cells.bend.empty();
-  if (bends_ && !places_stay_) {
-    settle_places(rows, model, working, done_ == 0 ? Swings::all : Swings::own, state);
+  if (bends_ && !places_stay_ &&
+      settle_places(rows, model, working, done_ == 0 ? Swings::all : Swings::own, state))
     working = working_problem(rows, model, state);
-  }
   return working;
 }
 

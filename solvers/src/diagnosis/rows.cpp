@@ -235,4 +235,11 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
   return view;
 }
 
+ReadingView<double> moved_by(ReadingView<double> view, double h) {
+  view.d += h;
+  view.axis_distance += h;
+  view.f += h * view.slope;
+  return view;
+}
+
 }  // namespace rangecal::diagnosis

@@ -51,4 +51,7 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state);
 /// The view of row i that effects get.
 ReadingView<double> view_of(const Rows& rows, const CellGeometry& geometry, std::size_t i);
 
+/// The same view from h [m] farther away.
+ReadingView<double> moved_by(ReadingView<double> view, double h);
+
 }  // namespace rangecal::diagnosis

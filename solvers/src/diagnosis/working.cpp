@@ -73,12 +73,9 @@ double bend_of(const Rows& rows, const CellGeometry& geometry, const Model& mode
     if (kind != EffectKind::mean) continue;
     const double jump = active.effect->switching_distance(active.parameters.data());
     if (std::abs(jump - d) <= step) continue;
+    const ReadingView<double> here = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
     const auto change_at = [&](double h) {
-      ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
-      view.d += h;
-      view.axis_distance += h;
-      view.f += h * view.slope;
-      return active.effect->reading(view, active.parameters.data()).range;
+      return active.effect->reading(moved_by(here, h), active.parameters.data()).range;
     };
     bend += (change_at(step) - change_at(-step)) / (2.0 * step);
   }

@@ -30,23 +30,14 @@ struct SwingScene {
     recording.kind = RecordingKind::landmarks;
     recording.path = "made";
     Random random(seed_from(name, {1}));
-    for (std::size_t l = 0; l < posts.size(); ++l) {
-      Landmark landmark;
-      landmark.label = std::string(1, static_cast<char>('a' + l));
-      recording.landmarks.push_back(landmark);
-    }
+    testing::add_landmarks(recording, posts.size());
     truth.alpha = Eigen::Vector2d(0.0, 1.0);
     truth.noise.law = NoiseLaw::constant;
     truth.noise.parameters = Eigen::VectorXd::Constant(1, 5e-4);
     truth.sigma_theta_rad = 2e-3;
     truth.landmarks = posts;
     for (int k = 0; k < 8; ++k) {
-      Stop stop;
-      stop.label = std::to_string(k);
-      stop.commanded = {0.15 * k, 0.0, 0.0};
-      stop.sigma_xy_m = 0.01;
-      stop.sigma_heading_rad = 0.005;
-      recording.stops.push_back(stop);
+      testing::add_stop(recording, {0.15 * k, 0.0, 0.0}, 0.01, 0.005);
       const Eigen::Vector2d at(0.15 * k + random.normal(0.0, 0.01), random.normal(0.0, 0.01));
       truth.stops.push_back({at.x(), at.y(), random.normal(0.0, 0.005)});
       for (std::size_t l = 0; l < posts.size(); ++l)

@@ -77,18 +77,9 @@ Recording swinging_repeats(const std::string& name) {
   recording.path = "made";
   Random random(seed_from(name, {1}));
   const std::vector<Eigen::Vector2d> posts{{2.0, 1.5}, {3.0, -1.2}, {-0.5, 2.2}, {0.8, -2.5}, {-1.5, -1.0}};
-  for (std::size_t l = 0; l < posts.size(); ++l) {
-    Landmark landmark;
-    landmark.label = std::string(1, static_cast<char>('a' + l));
-    recording.landmarks.push_back(landmark);
-  }
+  testing::add_landmarks(recording, posts.size());
   for (int k = 0; k < 12; ++k) {
-    Stop stop;
-    stop.label = std::to_string(k);
-    stop.commanded = {0.15 * k, 0.0, 0.0};
-    stop.sigma_xy_m = 0.005;
-    stop.sigma_heading_rad = 0.005;
-    recording.stops.push_back(stop);
+    testing::add_stop(recording, {0.15 * k, 0.0, 0.0}, 0.005, 0.005);
     for (std::size_t l = 0; l < posts.size(); ++l) {
       const Eigen::Vector2d v = posts[l] - Eigen::Vector2d(0.15 * k, 0.0);
       const double d = v.norm(), bearing = std::atan2(v.y(), v.x());

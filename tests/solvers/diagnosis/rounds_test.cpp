@@ -18,18 +18,10 @@ Recording recording_with_step(double limit, double offset) {
   recording.kind = RecordingKind::landmarks;
   recording.path = "made";
   const Eigen::Vector2d axes[] = {{1.0, 1.0}, {3.0, -1.0}};
-  for (int l = 0; l < 2; ++l) {
-    Landmark landmark;
-    landmark.label = l == 0 ? "a" : "b";
-    recording.landmarks.push_back(landmark);
-  }
+  testing::add_landmarks(recording, 2);
   Random random(seed_from("recording_with_step", {1}));
   for (int k = 0; k < 3; ++k) {
-    Stop stop;
-    stop.label = std::to_string(k);
-    stop.commanded = {0.5 * k, 0.0, 0.0};
-    stop.sigma_xy_m = 0.01;
-    recording.stops.push_back(stop);
+    testing::add_stop(recording, {0.5 * k, 0.0, 0.0}, 0.01);
     for (int l = 0; l < 2; ++l)
       for (int j = 0; j < 5; ++j) {
         const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
