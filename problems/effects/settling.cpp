@@ -5,6 +5,9 @@
 //     A yaw of the head at the stop's first reading [rad], t since the stop's first reading [s] (T in s), or
 //     the number of the repeat where there are no times (T in repeats)
 //
+// T is at most the longest stay at a stop: what has not died away by its end does not settle there, it is a
+// turned zero (bearing_offset).
+//
 // Source: physics catalogue B7 (overdamped decay).
 #include <algorithm>
 #include <cmath>
@@ -14,6 +17,12 @@
 
 namespace rangecal::effects {
 namespace {
+
+/// The longest stay at a stop: in s, or in repeats without times; a second repeat's at least.
+double stay_of(const EffectContext& context) {
+  const double stay = context.stay_s > 0.0 ? context.stay_s : context.largest_cell - 1.0;
+  return stay > 0.0 ? stay : 1.0;
+}
 
 class Settling final : public Effect {
  public:
@@ -36,8 +45,14 @@ class Settling final : public Effect {
     return value;
   }
 
-  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
-    return grid_of({{0.0}, even_ratios(0.15, 15.0, 12)});
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    const double stay = stay_of(context);
+    return grid_of({{0.0}, even_ratios(std::min(0.15, 0.05 * stay), stay, 12)});
+  }
+
+  std::pair<double, double> bounds(const EffectContext& context, std::size_t parameter) const override {
+    const auto [low, high] = Effect::bounds(context, parameter);
+    return {low, parameter == 1 ? std::min(high, stay_of(context)) : high};
   }
 
   std::string missing(const EffectContext& context) const override {

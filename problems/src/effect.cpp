@@ -7,6 +7,9 @@ namespace rangecal {
 
 double Effect::switching_distance(const double*) const { return std::numeric_limits<double>::quiet_NaN(); }
 
+std::pair<double, double> Effect::bounds(const EffectContext&, std::size_t parameter) const {
+  return {info().parameters[parameter].low, info().parameters[parameter].high};
+}
 
 std::vector<std::pair<std::string, double>> Effect::reported(const EffectContext&, const double* p) const {
   std::vector<std::pair<std::string, double>> values;

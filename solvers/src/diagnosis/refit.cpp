@@ -49,6 +49,10 @@ const EffectParameter& info_of(const Model& model, const FreeParameter& p) {
   return model[p.effect].effect->info().parameters[p.index];
 }
 
+std::pair<double, double> bounds_of(const Rows& rows, const Model& model, const FreeParameter& p) {
+  return model[p.effect].effect->bounds(rows.context, static_cast<std::size_t>(p.index));
+}
+
 /// Score and information of log-variance slopes g: sum g (z^2 - 1) / 2 and sum g^2 / 2, the channel's mean
 /// level, which the calibration's own sigma absorbs, taken out.
 struct VarianceScore {
@@ -299,10 +303,11 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
       for (Eigen::Index a = 0; a < n; ++a) {
         if (fit.free[a].acts == FreeParameter::Acts::numeric) continue;
         const EffectParameter& info = info_of(trial, fit.free[a]);
+        const auto [low, high] = bounds_of(rows, trial, fit.free[a]);
         // A non-linear parameter moves by at most a third of its bounds at a time.
-        const double limit = info.linear ? infinity : 0.33 * (info.high - info.low);
+        const double limit = info.linear ? infinity : 0.33 * (high - low);
         double& value = value_of(trial, fit.free[a]);
-        value = std::clamp(value + std::clamp(damping * step[a], -limit, limit), info.low, info.high);
+        value = std::clamp(value + std::clamp(damping * step[a], -limit, limit), low, high);
       }
       JointState state = fit.state;
       MarginalFit trial_detail;

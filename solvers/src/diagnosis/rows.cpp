@@ -133,6 +133,8 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
       first = seen[rows.stop[i]] ? std::min(first, rows.time_s[i]) : rows.time_s[i];
       seen[rows.stop[i]] = 1;
     }
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      context.stay_s = std::max(context.stay_s, rows.time_s[i] - context.stop_time_s[rows.stop[i]]);
   }
   for (int c = 0; c < rows.cell_count; ++c)
     context.largest_cell =

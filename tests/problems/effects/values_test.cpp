@@ -149,6 +149,18 @@ TEST(EffectValues, SettlingCountsRepeatsWhereThereAreNoTimes) {
   EXPECT_EQ(find_effect("settling")->reported(context, p)[1].first, "time_repeats");
 }
 
+TEST(EffectValues, SettlingIsOverWhenTheStopIs) {
+  EffectContext context = example_context();
+  const Effect& settling = *find_effect("settling");
+  context.stay_s = 3.0;
+  EXPECT_EQ(settling.bounds(context, 1).second, 3.0);
+  EXPECT_EQ(settling.bounds(context, 0).second, settling.info().parameters[0].high);
+  EXPECT_NEAR(settling.start_grid(context).back()[1], 3.0, 1e-12);
+  context.stay_s = 0.0;  // no times: in repeats
+  context.largest_cell = 15.0;
+  EXPECT_EQ(settling.bounds(context, 1).second, 14.0);
+}
+
 TEST(EffectValues, EmptyTemperatureChangesNothing) {
   const EffectContext context = example_context();
   ReadingView<double> at = example_reading(context);

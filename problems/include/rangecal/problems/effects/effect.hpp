@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
@@ -55,6 +55,7 @@ struct EffectContext {
   std::vector<double> path_m;              ///< per stop: path length driven so far, 0 at the first
   std::vector<double> stop_time_s;         ///< per stop: time of its first reading, 0 at the start; empty: no times
   double duration_s = 0.0;                 ///< last time minus first
+  double stay_s = 0.0;                     ///< longest time between two readings of one stop; 0 without times
   double range_min_m = 0.0, range_max_m = 0.0;   ///< of the true distances, as fitted
   double largest_cell = 1.0;               ///< most repeats of one (stop, landmark)
   double headings = 0.0;                   ///< spread of the stops' headings [rad]
@@ -117,6 +118,8 @@ class Effect {
   virtual std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const {
     return {Eigen::VectorXd::Zero(static_cast<Eigen::Index>(info().parameters.size()))};
   }
+  /// Bounds of a parameter in this recording: by default those that physics sets, in info().
+  virtual std::pair<double, double> bounds(const EffectContext&, std::size_t parameter) const;
   /// Change of one reading under parameters p.
   virtual ReadingChange<double> reading(const ReadingView<double>&, const double* /*p*/) const { return {}; }
   /// Change of the stops: commanded poses, sigmas, chain. `true` from acts_on_stops() makes it be called.
