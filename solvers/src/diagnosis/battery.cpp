@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 #include "rangecal/core/angles.hpp"
@@ -130,9 +131,9 @@ void Battery::remove_model_directions(const Model& model) {
     }
 }
 
-void Battery::add_mean_signatures(Question question, std::vector<Signature> block) {
+Battery::Asked Battery::asked_of_mean(Question question, std::vector<Signature> block) const {
+  Asked asked;
   question.of = Question::Of::mean;
-  question.first_column = static_cast<int>(mean_projected_.size());
   question.dof = 0;
   question.statistic = 0.0;
   double size_sq = 0.0;
@@ -189,19 +190,21 @@ void Battery::add_mean_signatures(Question question, std::vector<Signature> bloc
     ++question.dof;
     kept.push_back(x);
     kept_projected.push_back(projected);
-    mean_projected_.push_back(projected);
+    asked.mean_projected.push_back(projected);
     Signature within;
     if (x.within()) {
       within.range_rows = x.range_rows.cwiseProduct(projector_.row_range_information);
       within.bearing_rows = x.bearing_rows.cwiseProduct(projector_.row_bearing_information);
     }
-    mean_within_.push_back(std::move(within));
+    asked.mean_within.push_back(std::move(within));
   }
-  if (question.dof == 0) return;
-  question.size = std::sqrt(size_sq);
-  question.gain = fitted_gain(question, fitted);
-  question.log_p = log_chi_sq_survival(question.statistic, question.dof);
-  keep(std::move(question));
+  asked.question = std::move(question);
+  if (asked.question.dof == 0) return asked;
+  Question& q = asked.question;
+  q.size = std::sqrt(size_sq);
+  q.gain = fitted_gain(q, fitted);
+  q.log_p = log_chi_sq_survival(q.statistic, q.dof);
+  return asked;
 }
 
 /// A score takes the mismatch for noise, a fit lets the spread fall: where the best of a shape lowers the
@@ -223,21 +226,24 @@ double Battery::fitted_gain(const Question& question, const Signature& fitted) c
   return std::max(0.0, gain(range) + gain(bearing) + 0.5 * (question.statistic - range - bearing));
 }
 
-void Battery::add_mean(Question question, const std::vector<Eigen::VectorXd>& shapes, bool bearing) {
+Battery::Asked Battery::asked_of_rows(Question question, const std::vector<Eigen::VectorXd>& shapes,
+                                      bool bearing) const {
   std::vector<Signature> block;
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rows_.size()));
   for (const Eigen::VectorXd& shape : shapes)
     block.push_back(bearing ? signature_of_rows(rows_, none, shape) : signature_of_rows(rows_, shape, none));
-  add_mean_signatures(std::move(question), std::move(block));
+  return asked_of_mean(std::move(question), std::move(block));
 }
 
-void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>& shapes, bool bearing) {
+Battery::Asked Battery::asked_of_variance(Question question, const std::vector<Eigen::VectorXd>& shapes,
+                                          bool bearing) const {
   const VarianceUnits& units = bearing ? bearing_units : range_units;
+  Asked asked;
+  asked.variance_of_bearing = bearing;
   question.of = Question::Of::variance;
-  question.first_column = static_cast<int>(variance_columns_.size());
   question.dof = 0;
   question.statistic = 0.0;
-  std::vector<Eigen::VectorXd> kept;
+  std::vector<Eigen::VectorXd>& kept = asked.variance_columns;
   double size_sq = 0.0;
   const Eigen::VectorXd weight =
       0.5 * units.dof;  // information of a log variance: dof / 2 per unit slope squared
@@ -253,11 +259,11 @@ void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>
     size_sq += score * score * weight.cwiseProduct(x).dot(x) / total;
     ++question.dof;
     kept.push_back(x);
-    variance_columns_.push_back(x);
-    variance_of_bearing_.push_back(bearing);
   }
-  if (question.dof == 0) return;
-  question.size = std::sqrt(size_sq);
+  asked.question = std::move(question);
+  if (asked.question.dof == 0) return asked;
+  Question& q = asked.question;
+  q.size = std::sqrt(size_sq);
   // The score's chi-square overstates a large variance ratio. Fit the slopes: a few Newton steps on
   // sum [dof g + square e^-g] / 2 with g = level + sum b x.
   Eigen::MatrixXd design(units.dof.size(), static_cast<Eigen::Index>(kept.size()) + 1);
@@ -276,9 +282,22 @@ void Battery::add_variance(Question question, const std::vector<Eigen::VectorXd>
     const Eigen::MatrixXd information = design.transpose() * weight.asDiagonal() * design;
     slopes -= information.ldlt().solve(design.transpose() * residual).cwiseMax(-1.0).cwiseMin(1.0);
   }
-  question.gain = std::max(0.0, level - cost(slopes));
-  question.log_p = log_chi_sq_survival(question.statistic, question.dof);
-  keep(std::move(question));
+  q.gain = std::max(0.0, level - cost(slopes));
+  q.log_p = log_chi_sq_survival(q.statistic, q.dof);
+  return asked;
+}
+
+void Battery::add(Asked asked) {
+  if (asked.question.dof == 0) return;
+  const bool of_mean = asked.question.of == Question::Of::mean;
+  asked.question.first_column = static_cast<int>(of_mean ? mean_projected_.size() : variance_columns_.size());
+  std::move(asked.mean_projected.begin(), asked.mean_projected.end(), std::back_inserter(mean_projected_));
+  std::move(asked.mean_within.begin(), asked.mean_within.end(), std::back_inserter(mean_within_));
+  variance_of_bearing_.insert(variance_of_bearing_.end(), asked.variance_columns.size(),
+                              asked.variance_of_bearing);
+  std::move(asked.variance_columns.begin(), asked.variance_columns.end(),
+            std::back_inserter(variance_columns_));
+  keep(std::move(asked.question));
 }
 
 void Battery::add_scalar(const ScalarTest& test) {

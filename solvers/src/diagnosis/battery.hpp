@@ -55,17 +55,29 @@ class Battery {
   VarianceUnits range_units, bearing_units;
 
  private:
-  void add_mean(Question question, const std::vector<Eigen::VectorXd>& rows_shape, bool bearing);
+  /// A question with its answer, and the columns that its score is of.
+  struct Asked {
+    Question question;
+    std::vector<Eigen::VectorXd> mean_projected;    ///< P x, normalised, per column
+    std::vector<Signature> mean_within;             ///< rows' parts of normalised columns (empty if none)
+    std::vector<Eigen::VectorXd> variance_columns;  ///< normalised slopes over the units of a channel
+    bool variance_of_bearing = false;
+  };
+  Asked asked_of_rows(Question question, const std::vector<Eigen::VectorXd>& rows_shape, bool bearing) const;
   double fitted_gain(const Question& question, const Signature& fitted) const;
-  void add_mean_signatures(Question question, std::vector<Signature> block);
-  void add_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing);
+  Asked asked_of_mean(Question question, std::vector<Signature> block) const;
+  Asked asked_of_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape,
+                          bool bearing) const;
+  /// Keeps the question, if its shapes leave anything to ask.
+  void add(Asked asked);
+  std::vector<Asked> asked_of_effect(const Effect& effect) const;
   void add_scalar(const ScalarTest& test);
   void standardise(Question& question) const;
   struct NullScores;
   NullScores draw_scores(int draws, std::uint64_t seed);
   void keep(Question question);
   void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
-                            const std::vector<Eigen::VectorXd>& bearing);
+                            const std::vector<Eigen::VectorXd>& bearing, std::vector<Asked>& asked) const;
   void ask_means();
   void ask_catalogue();
   void ask_variances();

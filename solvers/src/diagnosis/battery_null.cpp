@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "diagnosis/battery.hpp"
+#include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -15,7 +16,7 @@ constexpr double tail = Rates::tail;
 /// Draws of a family whose largest statistic is turned into a p-value: the smallest of all lies among them.
 constexpr double worth_a_p_value = 0.15, worth_together = 10.0;
 constexpr int fewest_for_a_law = 100;  ///< draws below which the scalar tests keep their asymptotic laws
-constexpr Eigen::Index most_numbers = 4000000;  ///< held at a time
+constexpr Eigen::Index most_numbers = 1000000, most_together = 100;  ///< held at a time, by each thread
 
 }  // namespace
 
@@ -36,23 +37,22 @@ class ScoreColumns {
   void add(const Eigen::VectorXd& column, Eigen::Index score) {
     if (column.size() == rows_ && column.squaredNorm() > 0.0) chosen_.emplace_back(&column, score);
   }
-  /// Sets aside the draws of a block; nothing where there is no column.
-  void begin(Eigen::Index draws) {
-    if (chosen_.empty()) return;
-    drawn_.resize(rows_, draws);
-    if (values_.size() > 0) return;
+  /// After the last column.
+  void settle() {
     values_.resize(rows_, static_cast<Eigen::Index>(chosen_.size()));
     for (Eigen::Index j = 0; j < values_.cols(); ++j)
       values_.col(j) = chosen_[static_cast<std::size_t>(j)].first->cast<float>();
   }
-  void set(Eigen::Index draw, const Eigen::VectorXd& drawn) {
-    if (!chosen_.empty()) drawn_.col(draw) = drawn.cast<float>();
+  /// What a block of draws holds, to be filled; no rows where there is no column.
+  Eigen::MatrixXf block(Eigen::Index draws) const { return {chosen_.empty() ? 0 : rows_, draws}; }
+  static void set(Eigen::MatrixXf& block, Eigen::Index draw, const Eigen::VectorXd& drawn) {
+    if (block.rows() > 0) block.col(draw) = drawn.cast<float>();
   }
-  /// scores += columns^T drawn
-  template <typename Block>
-  void finish(Block&& scores) const {
+  /// scores += columns^T block
+  template <typename Scores>
+  void add_to(Scores&& scores, const Eigen::MatrixXf& block) const {
     if (chosen_.empty()) return;
-    const Eigen::MatrixXf product = values_.transpose() * drawn_;
+    const Eigen::MatrixXf product = values_.transpose() * block;
     for (Eigen::Index j = 0; j < product.rows(); ++j)
       scores.row(chosen_[static_cast<std::size_t>(j)].second) += product.row(j);
   }
@@ -60,7 +60,7 @@ class ScoreColumns {
  private:
   Eigen::Index rows_;
   std::vector<std::pair<const Eigen::VectorXd*, Eigen::Index>> chosen_;
-  Eigen::MatrixXf values_, drawn_;
+  Eigen::MatrixXf values_;
 };
 
 }  // namespace
@@ -84,39 +84,46 @@ Battery::NullScores Battery::draw_scores(int draws, std::uint64_t seed) {
   NullScores scores{Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(mean_projected_.size()), draws),
                     Eigen::MatrixXf::Zero(static_cast<Eigen::Index>(variance_columns_.size()), draws),
                     Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(questions.size()), draws)};
-  Eigen::MatrixXd tests(0, draws);
-  std::vector<std::string> names;
-  const auto together = std::clamp<Eigen::Index>(most_numbers / (3 * units + (within ? 2 * n : 0)), 1, draws);
-  for (Eigen::Index first = 0; first < draws; first += together) {
+  for (ScoreColumns* columns : {&means, &range_rows, &bearing_rows, &range_variances, &bearing_variances})
+    columns->settle();
+  std::vector<std::vector<ScalarTest>> drawn_tests(static_cast<std::size_t>(draws));
+  const auto together =
+      std::clamp<Eigen::Index>(most_numbers / (3 * units + (within ? 2 * n : 0)), 1, most_together);
+  const auto draw_block = [&](std::size_t which) {
+    const Eigen::Index first = static_cast<Eigen::Index>(which) * together;
     const Eigen::Index count = std::min<Eigen::Index>(together, draws - first);
-    for (ScoreColumns* columns : {&means, &range_rows, &bearing_rows, &range_variances, &bearing_variances})
-      columns->begin(count);
+    Eigen::MatrixXf cells = means.block(count), rows_of_range = range_rows.block(count),
+                    rows_of_bearing = bearing_rows.block(count), range_excess = range_variances.block(count),
+                    bearing_excess = bearing_variances.block(count);
     for (Eigen::Index i = 0; i < count; ++i) {
       const Eigen::Index b = first + i;
       Random random(seed_from("battery", {seed, static_cast<std::uint64_t>(b)}));
-      const NullDraw draw = null.draw(random);
-      means.set(i, draw.cells);
-      range_rows.set(i, draw.range_rows);
-      bearing_rows.set(i, draw.bearing_rows);
-      range_variances.set(i, 0.5 * draw.range_excess);
-      bearing_variances.set(i, 0.5 * draw.bearing_excess);
+      NullDraw draw = null.draw(random);
+      ScoreColumns::set(cells, i, draw.cells);
+      ScoreColumns::set(rows_of_range, i, draw.range_rows);
+      ScoreColumns::set(rows_of_bearing, i, draw.bearing_rows);
+      ScoreColumns::set(range_excess, i, 0.5 * draw.range_excess);
+      ScoreColumns::set(bearing_excess, i, 0.5 * draw.bearing_excess);
       for (std::size_t q = 0; q < questions.size(); ++q)  // by the law they are judged by
         for (int j = 0; j < questions[q].dof && questions[q].of == Question::Of::scalar; ++j)
           scores.scalars(static_cast<Eigen::Index>(q), b) += std::pow(random.normal(), 2);
-      if (names.empty())
-        for (const ScalarTest& test : draw.scalars) names.push_back(test.name());
-      if (tests.rows() == 0) tests.resize(static_cast<Eigen::Index>(draw.scalars.size()), draws);
-      for (Eigen::Index t = 0; t < tests.rows(); ++t)
-        tests(t, b) = draw.scalars[static_cast<std::size_t>(t)].z;
+      drawn_tests[static_cast<std::size_t>(b)] = std::move(draw.scalars);
     }
-    for (const ScoreColumns* columns : {&means, &range_rows, &bearing_rows})
-      columns->finish(scores.means.middleCols(first, count));
-    for (const ScoreColumns* columns : {&range_variances, &bearing_variances})
-      columns->finish(scores.variances.middleCols(first, count));
-  }
+    means.add_to(scores.means.middleCols(first, count), cells);
+    range_rows.add_to(scores.means.middleCols(first, count), rows_of_range);
+    bearing_rows.add_to(scores.means.middleCols(first, count), rows_of_bearing);
+    range_variances.add_to(scores.variances.middleCols(first, count), range_excess);
+    bearing_variances.add_to(scores.variances.middleCols(first, count), bearing_excess);
+  };
+  in_parallel(static_cast<std::size_t>((draws + together - 1) / together), draw_block);
   if (draws < fewest_for_a_law) return scores;
   rates.scalars.clear();
+  std::vector<std::string> names;
+  for (const ScalarTest& test : drawn_tests.front()) names.push_back(test.name());
+  Eigen::MatrixXd tests(static_cast<Eigen::Index>(names.size()), draws);
   for (Eigen::Index t = 0; t < tests.rows(); ++t) {
+    for (int b = 0; b < draws; ++b)
+      tests(t, b) = drawn_tests[static_cast<std::size_t>(b)][static_cast<std::size_t>(t)].z;
     const double mean = tests.row(t).mean();
     const double variance = (tests.row(t).array() - mean).square().sum() / static_cast<double>(draws - 1);
     rates.scalars[names[static_cast<std::size_t>(t)]] = {mean, std::sqrt(std::max(variance, 1e-12))};

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "diagnosis/battery.hpp"
+#include "in_parallel.hpp"
 #include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
@@ -81,11 +82,28 @@ void Battery::ask_means() {
   const double duration = std::max(rows_.context.duration_s, 1e-9);
   const bool has_bearing = !rows_.pairs || bearing.cwiseAbs().maxCoeff() > 0.0;
 
+  // Shapes are gathered, and asked about together: so many that their rows fit well into memory.
+  struct Waiting {
+    Question question;
+    std::vector<Eigen::VectorXd> shapes;
+    bool of_bearing;
+  };
+  std::vector<Waiting> waiting;
+  const auto most_waiting =
+      static_cast<std::size_t>(std::clamp<Eigen::Index>(1000000 / std::max<Eigen::Index>(n, 1), 8, 128));
+  const auto ask_waiting = [&] {
+    std::vector<Asked> asked(waiting.size());
+    in_parallel(waiting.size(), [&](std::size_t i) {
+      asked[i] = asked_of_rows(std::move(waiting[i].question), waiting[i].shapes, waiting[i].of_bearing);
+    });
+    for (Asked& a : asked) add(std::move(a));
+    waiting.clear();
+  };
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const std::string channel = of_bearing ? "bearing" : "range";
     const auto ask = [&](const std::string& covariate, const std::string& shape,
-                         const std::vector<Eigen::VectorXd>& shapes, std::optional<double> from = {},
+                         std::vector<Eigen::VectorXd> shapes, std::optional<double> from = {},
                          std::optional<double> to = {}, const std::string& group = {}) {
       Question q;
       q.channel = channel;
@@ -94,7 +112,8 @@ void Battery::ask_means() {
       q.from = from;
       q.to = to;
       q.group = group;
-      add_mean(std::move(q), shapes, of_bearing);
+      waiting.push_back({std::move(q), std::move(shapes), of_bearing});
+      if (waiting.size() >= most_waiting) ask_waiting();
     };
     const auto smooth = [&](const std::string& covariate, const Eigen::VectorXd& values, int knots) {
       const std::vector<double> at = quantiles(values, knots);
@@ -204,53 +223,61 @@ void Battery::ask_means() {
       if (at.size() >= 3) ask(name, "smooth", hats(v, at));
     }
   }
+  ask_waiting();
 }
 
 void Battery::ask_catalogue() {
-  for (const auto& effect : effect_registry()) {
-    const EffectInfo& info = effect->info();
-    if (!effect->missing(rows_.context).empty()) continue;
-    bool any_linear = false;
-    for (const EffectParameter& p : info.parameters) any_linear = any_linear || (p.linear && !p.discrete);
-    bool acts_on_mean = false, acts_on_variance = false;
-    for (const Eigen::VectorXd& start : effect->start_grid(rows_.context)) {
-      const bool unknown = !acts_on_mean && !acts_on_variance;  // a sector may lie where no reading does
-      ActiveEffect active{effect.get(), start};
-      std::vector<Signature> block;
-      std::vector<Eigen::VectorXd> range_variance, bearing_variance;
-      for (int j = 0; j < static_cast<int>(info.parameters.size()); ++j) {
-        const EffectParameter& p = info.parameters[j];
-        if (p.discrete || (any_linear && !p.linear)) continue;
-        if (unknown || acts_on_mean) {
-          Signature x = effect_signature(rows_, projector_, active, j);
-          if (projector_.raw_information(x) > 0.0) {
-            acts_on_mean = true;
-            block.push_back(std::move(x));
-          }
-        }
-        if (unknown || acts_on_variance) {
-          Eigen::VectorXd range, bearing;
-          variance_signature(rows_, projector_.geometry(), active, j, range, bearing);
-          acts_on_variance = acts_on_variance || range.squaredNorm() + bearing.squaredNorm() > 0.0;
-          if (acts_on_variance) {
-            range_variance.push_back(range);
-            bearing_variance.push_back(bearing);
-          }
+  const auto& effects = effect_registry();
+  std::vector<std::vector<Asked>> asked(effects.size());
+  in_parallel(effects.size(), [&](std::size_t e) { asked[e] = asked_of_effect(*effects[e]); });
+  for (std::vector<Asked>& of_effect : asked)
+    for (Asked& a : of_effect) add(std::move(a));
+}
+
+std::vector<Battery::Asked> Battery::asked_of_effect(const Effect& effect) const {
+  std::vector<Asked> asked;
+  const EffectInfo& info = effect.info();
+  if (!effect.missing(rows_.context).empty()) return asked;
+  bool any_linear = false;
+  for (const EffectParameter& p : info.parameters) any_linear = any_linear || (p.linear && !p.discrete);
+  bool acts_on_mean = false, acts_on_variance = false;
+  for (const Eigen::VectorXd& start : effect.start_grid(rows_.context)) {
+    const bool unknown = !acts_on_mean && !acts_on_variance;  // a sector may lie where no reading does
+    ActiveEffect active{&effect, start};
+    std::vector<Signature> block;
+    std::vector<Eigen::VectorXd> range_variance, bearing_variance;
+    for (int j = 0; j < static_cast<int>(info.parameters.size()); ++j) {
+      const EffectParameter& p = info.parameters[j];
+      if (p.discrete || (any_linear && !p.linear)) continue;
+      if (unknown || acts_on_mean) {
+        Signature x = effect_signature(rows_, projector_, active, j);
+        if (projector_.raw_information(x) > 0.0) {
+          acts_on_mean = true;
+          block.push_back(std::move(x));
         }
       }
-      Question q;
-      q.channel = info.channel;
-      q.covariate = info.covariate;
-      q.shape = "effect";
-      q.effect = effect.get();
-      q.start = start;
-      if (!block.empty()) add_mean_signatures(q, std::move(block));
-      if (acts_on_variance) ask_variance_of_rows(q, range_variance, bearing_variance);
-      if (!acts_on_mean && !acts_on_variance && info.kind != EffectKind::mean &&
-          info.kind != EffectKind::noise)
-        break;
+      if (unknown || acts_on_variance) {
+        Eigen::VectorXd range, bearing;
+        variance_signature(rows_, projector_.geometry(), active, j, range, bearing);
+        acts_on_variance = acts_on_variance || range.squaredNorm() + bearing.squaredNorm() > 0.0;
+        if (acts_on_variance) {
+          range_variance.push_back(range);
+          bearing_variance.push_back(bearing);
+        }
+      }
     }
+    Question q;
+    q.channel = info.channel;
+    q.covariate = info.covariate;
+    q.shape = "effect";
+    q.effect = &effect;
+    q.start = start;
+    if (!block.empty()) asked.push_back(asked_of_mean(q, std::move(block)));
+    if (acts_on_variance) ask_variance_of_rows(q, range_variance, bearing_variance, asked);
+    if (!acts_on_mean && !acts_on_variance && info.kind != EffectKind::mean && info.kind != EffectKind::noise)
+      break;
   }
+  return asked;
 }
 
 }  // namespace rangecal::diagnosis

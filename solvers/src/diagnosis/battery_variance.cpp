@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "diagnosis/battery.hpp"
+#include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -17,7 +18,8 @@ constexpr double pi = std::numbers::pi;
 }  // namespace
 
 void Battery::ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
-                                   const std::vector<Eigen::VectorXd>& bearing) {
+                                   const std::vector<Eigen::VectorXd>& bearing,
+                                   std::vector<Asked>& asked) const {
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     std::vector<Eigen::VectorXd> shapes;
@@ -30,7 +32,7 @@ void Battery::ask_variance_of_rows(const Question& question, const std::vector<E
       }
       shapes.push_back(units);
     }
-    if (!shapes.empty()) add_variance(question, shapes, of_bearing);
+    if (!shapes.empty()) asked.push_back(asked_of_variance(question, shapes, of_bearing));
   }
 }
 
@@ -93,7 +95,7 @@ void Battery::ask_variances() {
       q.from = from;
       q.to = to;
       q.group = group;
-      add_variance(std::move(q), shapes, of_bearing);
+      add(asked_of_variance(std::move(q), shapes, of_bearing));
     };
     const auto row = [&](int i) { return rows_.cell_begin[i]; };
     ask("range", "linear", {[&](int i) { return std::log(g.d[i]); }});
@@ -150,8 +152,9 @@ void Battery::ask_periods() {
   std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
   const double step = 0.5 / rows_.context.duration_s;  // two points per resolvable frequency
   const int count = std::min(4000, static_cast<int>(0.5 / gaps[gaps.size() / 2] / step));
-  for (bool of_bearing : {false, true}) {
-    if (of_bearing && rows_.pairs) continue;
+  std::vector<Question> asked(rows_.pairs ? 1 : 2);
+  in_parallel(asked.size(), [&](std::size_t channel) {
+    const bool of_bearing = channel == 1;
     const Eigen::ArrayXd scores = (of_bearing ? bearing_scores_ : range_scores_).array();
     Eigen::ArrayXd cosine = Eigen::ArrayXd::Ones(n), sine = Eigen::ArrayXd::Zero(n), turn_c(n), turn_s(n),
                    next(n);
@@ -172,7 +175,7 @@ void Battery::ask_periods() {
         best_period = 1.0 / (f * step);
       }
     }
-    Question q;
+    Question& q = asked[channel];
     q.channel = of_bearing ? "bearing" : "range";
     q.covariate = "time";
     q.shape = fmt::format("periodic, {:.3g} s", best_period);
@@ -186,8 +189,8 @@ void Battery::ask_periods() {
                   ? state_.sigma_theta_rad
                   : Eigen::Map<const Eigen::VectorXd>(projector_.geometry().spread.data(), projector_.cells())
                         .mean());
-    keep(std::move(q));
-  }
+  });
+  for (Question& q : asked) keep(std::move(q));
 }
 
 void Battery::ask_between_cells() {
@@ -202,7 +205,7 @@ void Battery::ask_between_cells() {
     q.channel = of_bearing ? "bearing_dependence" : "range_dependence";
     q.covariate = "any";
     q.shape = "between cells";
-    add_variance(q, {between}, of_bearing);
+    add(asked_of_variance(q, {between}, of_bearing));
   }
 }
 

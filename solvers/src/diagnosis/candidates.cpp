@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/candidates.hpp"
 
+#include <tbb/task_arena.h>
+
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
@@ -9,11 +11,13 @@
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/rounds.hpp"
+#include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
 constexpr int shortlist = 10;
+constexpr std::size_t fewest_tried = 3;
 constexpr double worth_refining = 5.0;  ///< nats
 constexpr double polish = 0.3;          ///< of a gain: more than refining has ever added to it
 
@@ -209,12 +213,16 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   RefitOptions held = options;
   held.settled = std::max(options.settled, static_cast<int>(base.model.size()));
   Candidate candidate;
-  candidate.fit = refit(rows, model, base.state, held);
-  for (const Eigen::VectorXd& other : proposal.others) {
-    model.back().parameters = other;
-    Fit fit = refit(rows, model, base.state, held);
-    if (fit.ok && (!candidate.fit.ok || fit.nll < candidate.fit.nll)) candidate.fit = std::move(fit);
-  }
+  std::vector<Fit> fits(1 + proposal.others.size());
+  in_parallel(fits.size(), [&](std::size_t i) {
+    Model from = model;
+    if (i > 0) from.back().parameters = proposal.others[i - 1];
+    fits[i] = refit(rows, from, base.state, held);
+  });
+  candidate.fit = std::move(fits[0]);
+  for (std::size_t i = 1; i < fits.size(); ++i)
+    if (fits[i].ok && (!candidate.fit.ok || fits[i].nll < candidate.fit.nll))
+      candidate.fit = std::move(fits[i]);
   const double first = base.nll - candidate.fit.nll;
   if (candidate.fit.ok && first > worth_refining && (1.0 + polish) * first + worth_refining > wanted) {
     refine(rows, held, candidate.fit);
@@ -246,18 +254,33 @@ std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vec
                                const Rates& rates, const RefitOptions& options, double wanted) {
   std::vector<Candidate> tried;
   double best = 0.0;
-  for (const Proposal& proposal : proposals) {
-    // Cannot come near the best any more; what cells share gains more than the test that proposed it says.
+  // Cannot come near the best any more; what cells share gains more than the test that proposed it says.
+  const auto is_beaten = [&](const Proposal& proposal) {
     const bool shared =
         proposal.effect->info().kind == EffectKind::dependence && !proposal.effect->acts_on_stops();
-    if (proposal.promised < best - 15.0 && tried.size() >= 3 && !shared) continue;
-    Candidate candidate = try_model(rows, base, proposal, rates, options, wanted);
-    // A refit that does not deliver what its score promised has left the region where the score spoke.
-    if (!candidate.fit.ok || candidate.gain < 0.5 * proposal.promised - 3.0) {
-      if (!candidate.fit.ok || candidate.gain < 3.0) continue;
+    return proposal.promised < best - 15.0 && tried.size() >= fewest_tried && !shared;
+  };
+  // Those that are tried whatever comes of them first, then as many at a time as there are cores. Which of
+  // them count is decided in their order, as if one had been tried after the other.
+  const auto cores = static_cast<std::size_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
+  for (std::size_t next = 0; next < proposals.size();) {
+    const std::size_t together = tried.size() < fewest_tried ? fewest_tried - tried.size() : cores;
+    std::vector<const Proposal*> wave;
+    for (; next < proposals.size() && wave.size() < together; ++next)
+      if (!is_beaten(proposals[next])) wave.push_back(&proposals[next]);
+    std::vector<Candidate> candidates(wave.size());
+    in_parallel(wave.size(), [&](std::size_t i) {
+      candidates[i] = try_model(rows, base, *wave[i], rates, options, wanted);
+    });
+    for (std::size_t i = 0; i < wave.size(); ++i) {
+      Candidate& candidate = candidates[i];
+      if (is_beaten(*wave[i])) continue;
+      // A refit that does not deliver what its score promised has left the region where the score spoke.
+      const double least = std::min(3.0, 0.5 * wave[i]->promised - 3.0);
+      if (!candidate.fit.ok || candidate.gain < least) continue;
+      best = std::max(best, candidate.gain);
+      tried.push_back(std::move(candidate));
     }
-    best = std::max(best, candidate.gain);
-    tried.push_back(std::move(candidate));
   }
   std::sort(tried.begin(), tried.end(),
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });

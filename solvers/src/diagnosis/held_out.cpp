@@ -13,6 +13,7 @@
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/subset.hpp"
+#include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -63,16 +64,18 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
 
 HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
                 const Fit& full, const RefitOptions& options, bool by_parts = true) {
-  HeldOut held;
-  for (int f = 0; f < fold_count && held.ok; ++f) {
+  std::vector<HeldOut> of_fold(fold_count);
+  in_parallel(of_fold.size(), [&](std::size_t fold) {
+    const int f = static_cast<int>(fold);
+    HeldOut& held = of_fold[fold];
     std::vector<char> out(folds.size()), ours(folds.size());
     for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
-    if (std::find(out.begin(), out.end(), 1) == out.end()) continue;
+    if (std::find(out.begin(), out.end(), 1) == out.end()) return;
     const Rows rest = without_cells(rows, out);
     const Fit fit = fit_part(rest, full, options);
     if (!fit.ok) {
       held.ok = false;
-      break;
+      return;
     }
     const auto value = [&](const Rows& part) {
       JointState state = fit.state;
@@ -80,7 +83,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
     };
     const double alone = value(rest);
     // Cells that are never left out belong to the training part of every fold.
-    held.nll += value(rows) - alone;
+    held.nll = value(rows) - alone;
     for (int part = 0; by_parts && part < parts_of_fold; ++part) {
       bool any = false;
       for (std::size_t c = 0; c < folds.size(); ++c) {
@@ -91,8 +94,14 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
       if (any) held.parts.push_back(value(without_cells(rows, ours)) - alone);
     }
     held.ok = std::isfinite(held.nll);
+  });
+  HeldOut all;
+  for (const HeldOut& held : of_fold) {
+    all.nll += held.nll;
+    all.parts.insert(all.parts.end(), held.parts.begin(), held.parts.end());
+    all.ok = all.ok && held.ok;
   }
-  return held;
+  return all;
 }
 
 BlockKind block_kind(const Rows& rows, const Model& model) {
@@ -161,7 +170,11 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : completed;
   const std::vector<int> blocks = blocks_of(rows, block_kind(rows, final_fit ? final_fit->model : Model{}));
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
-  const HeldOut before = predict(rows, blocks, folds, found.baseline, refit_options);
+  HeldOut before, after;
+  in_parallel(final_fit ? 2 : 1, [&](std::size_t which) {
+    (which == 0 ? before : after) =
+        predict(rows, blocks, folds, which == 0 ? found.baseline : *final_fit, refit_options);
+  });
   if (!before.ok) return;
   result.before.heldout_nll = before.nll;
   result.before.heldout_std = 0.0;
@@ -171,7 +184,6 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
     if (!result.explanations.empty()) result.explanations[0].heldout_nll = before.nll;
     return;
   }
-  const HeldOut after = predict(rows, blocks, folds, *final_fit, refit_options);
   if (!after.ok) return;
   result.after.heldout_nll = after.nll;
   if (!result.explanations.empty()) result.explanations[0].heldout_nll = after.nll;

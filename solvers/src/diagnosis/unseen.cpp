@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+
+#include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -58,13 +61,17 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
 }  // namespace
 
 std::vector<TypicalEffect> catalogue_of(const Space& space) {
-  std::vector<TypicalEffect> effects;
-  for (const auto& effect : effect_registry()) {
+  const auto& registry = effect_registry();
+  std::vector<std::optional<TypicalEffect>> typical(registry.size());
+  in_parallel(registry.size(), [&](std::size_t e) {
+    const Effect* effect = registry[e].get();
     const bool named = std::any_of(space.model().begin(), space.model().end(),
-                                   [&](const ActiveEffect& active) { return active.effect == effect.get(); });
-    if (named) continue;
-    if (auto typical = typical_effect(space, *effect)) effects.push_back(std::move(*typical));
-  }
+                                   [&](const ActiveEffect& active) { return active.effect == effect; });
+    if (!named) typical[e] = typical_effect(space, *effect);
+  });
+  std::vector<TypicalEffect> effects;
+  for (std::optional<TypicalEffect>& one : typical)
+    if (one) effects.push_back(std::move(*one));
   return effects;
 }
 
