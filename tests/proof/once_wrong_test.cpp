@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Worlds of `rangecal prove --fresh 300 --seed SEED` that a search before this one answered wrongly.
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include <cstdint>
 #include <ostream>
+#include <string>
 
 #include "proof/fresh.hpp"
 
@@ -34,6 +36,24 @@ TEST_P(OnceWrong, IsAnsweredRight) {
   EXPECT_EQ(to_string(score.result), std::string(to_string(world.answer))) << score.answer;
 }
 
+TEST(Threads, GiveTheSameNames) {
+  std::string one, four;
+  const auto on = [](int threads, std::span<const Recording> recordings, const DiagnoseOptions& options) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(threads));
+    return diagnose(recordings, options);
+  };
+  run_case("pair", 202611222004, 164, "line", false,
+           [&](std::span<const Recording> recordings, const DiagnoseOptions& options) {
+             one = diagnosis_to_json(on(1, recordings, options));
+             Diagnosis diagnosis = on(4, recordings, options);
+             four = diagnosis_to_json(diagnosis);
+             return diagnosis;
+           });
+  EXPECT_NE(one.find("sweep_motion"), std::string::npos);
+  EXPECT_EQ(one, four);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Worlds, OnceWrong,
     ::testing::Values(World{202611211702, "noise-50", 17, "turning", "odometry_random_walk",
@@ -56,6 +76,14 @@ INSTANTIATE_TEST_SUITE_P(
                             "nothing in the catalogue: the seed model had put a cell beyond the jump"},
                       World{202611221624, "lambda-100", 214, "line", "pixel_locking", Answer::right_name,
                             "errors of cells as well: stops lay on other swings"},
+                      World{202611222004, "twins", 184, "line", "bearing_offset", Answer::right_set,
+                            "settling that takes ten times as long as a stop"},
+                      World{202611222004, "pair", 164, "line", "sweep_motion+bearing_scale",
+                            Answer::right_name, "nothing: the best pair, beyond doubt, was not clean"},
+                      World{202611222004, "pair", 170, "line", "bearing_offset+bearing_drift",
+                            Answer::right_set, "nothing: a line is a curve, too"},
+                      World{202611222004, "pair", 201, "turning", "wheel_slip+path_curvature",
+                            Answer::right_name, "errors of the stops"},
                       World{911, "pair", 20, "line", "range_eccentricity+sweep_motion", Answer::right_name,
                             "nothing in the catalogue: neither was among the three best single names"}));
 

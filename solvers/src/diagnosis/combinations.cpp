@@ -2,6 +2,7 @@
 #include "diagnosis/combinations.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -21,19 +22,50 @@ bool one_curve(const Model& model) {
          }) > 1;
 }
 
+constexpr double bent_margin = 5.0, rigid_margin = 1.5;
+
+/// One size, and nothing that bends.
+bool is_rigid(const Effect* effect) {
+  const std::vector<EffectParameter>& parameters = effect->info().parameters;
+  return parameters.size() == 1 && parameters[0].linear;
+}
+
 }  // namespace
+
+double combination_margin(const Model& model) {
+  const bool rigid =
+      std::all_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_rigid(a.effect); });
+  return rigid ? rigid_margin : bent_margin;
+}
+
+bool Combinations::found_beyond_doubt() const {
+  return !pairs_.empty() && pairs_[0].evidence > free_curve_ + beyond_doubt &&
+         std::all_of(pairs_[0].fit.model.begin(), pairs_[0].fit.model.end(),
+                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::mean; });
+}
 
 void Combinations::extend(const Candidate& first, const Battery& battery) {
   started_.insert(first.fit.model.back().effect);
   std::vector<Proposal> seconds = propose(rows_, battery, first.fit.model);
-  const double wanted = sought_ - (seed_nll_ - first.fit.nll);
+  // What a second has to gain for the pair to matter.
+  const double first_gain = seed_nll_ - first.fit.nll;
+  const double near_best =
+      pairs_.empty() ? -std::numeric_limits<double>::infinity() : pairs_[0].evidence - gap_;
+  const auto wanted = [&](const Effect* second) {
+    Model pair = first.fit.model;
+    pair.push_back({second, {}});
+    double answer = std::min(free_curve_ + combination_margin(pair), enough_);
+    if (one_curve(pair)) answer = std::max(answer, dominant * free_curve_);
+    return std::max(answer, near_best) - first_gain;
+  };
   // Shared errors of cells or stops soak up whatever a first name left over: they are no second name.
   std::erase_if(seconds, [&](const Proposal& p) {
     const std::string& id = p.effect->info().id;
-    return id == "cell_effect" || id == "stop_effect" || credible_gain(p) < wanted;
+    return id == "cell_effect" || id == "stop_effect" || credible_gain(p) < wanted(p.effect);
   });
   if (seconds.size() > most_seconds) seconds.resize(most_seconds);
-  for (Candidate& pair : try_all(rows_, first.fit, seconds, rates_, options_, wanted)) {
+  const double least = std::max(std::min(free_curve_ + rigid_margin, enough_), near_best) - first_gain;
+  for (Candidate& pair : try_all(rows_, first.fit, seconds, rates_, options_, least)) {
     pair.gain = seed_nll_ - pair.fit.nll;
     pair.evidence = pair.gain;
     pair.foreseen += first.foreseen;
@@ -63,13 +95,14 @@ void Combinations::extend_alone(const Proposal& proposal) {
   if (alone.fit.ok) extend(alone, Battery(rows_, alone.fit.model, alone.fit.state, rates_));
 }
 
-void Combinations::extend_from_others(const std::vector<Proposal>& proposals) {
+void Combinations::extend_from_others(const std::vector<Proposal>& proposals, Until until) {
   if (!pairs_.empty()) {
     const ActiveEffect second = pairs_[0].fit.model.back();
     extend_alone({second.effect, second.parameters, 0.0, 0.0, 0.0, {}});
   }
   for (const Proposal& proposal : proposals) {
-    const bool enough = !pairs_.empty() && pairs_[0].evidence > free_curve_ + beyond_doubt;
+    const bool enough =
+        until == Until::beyond_doubt && !pairs_.empty() && pairs_[0].evidence > free_curve_ + beyond_doubt;
     if (enough || started_.size() >= most_starts) return;
     if (proposal.effect->info().kind == EffectKind::mean) extend_alone(proposal);
   }

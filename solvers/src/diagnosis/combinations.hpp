@@ -9,8 +9,8 @@
 namespace rangecal::diagnosis {
 
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
-/// kind.
-inline constexpr double combination_margin = 5.0;
+/// kind. Less where each name is a size and nothing more, two numbers that no curve could be bent with.
+double combination_margin(const Model& model);
 /// Times what the best free curve gains: a name beyond doubt.
 inline constexpr double dominant = 1.3;
 
@@ -18,24 +18,28 @@ inline constexpr double dominant = 1.3;
 class Combinations {
  public:
   /// `root`: the seed model with what bookkeeping found, of NLL `seed_nll` [nats] without it. `free_curve`:
-  /// what the best free curve gains. Only those are tried that could reach `sought`, in nats over the seed
-  /// model.
+  /// what the best free curve gains. Only those are tried that could be an answer beside it, or gain
+  /// `enough`, both in nats over the seed model, and come within `gap` of the best pair so far.
   Combinations(const Rows& rows, const Fit& root, double seed_nll, const Rates& rates,
-               const RefitOptions& options, double free_curve, double sought)
+               const RefitOptions& options, double free_curve, double enough, double gap)
       : rows_(rows),
         root_(root),
         rates_(rates),
         options_(options),
         seed_nll_(seed_nll),
         free_curve_(free_curve),
-        sought_(sought) {}
+        enough_(enough),
+        gap_(gap) {}
 
   /// Adds a second effect to `first`, of which `battery` is what it leaves.
   void extend(const Candidate& first, const Battery& battery);
   /// The same from effects that were not among the best single ones: the second of the best pair, which the
-  /// first may have hidden, then those of `proposals`, until a pair is beyond doubt. Two causes of one
-  /// channel may each look smaller than a third that is neither.
-  void extend_from_others(const std::vector<Proposal>& proposals);
+  /// first may have hidden, then those of `proposals`, until a pair is beyond doubt, or to the end if not
+  /// even that will do. Two causes of one channel may each look smaller than a third that is neither.
+  enum class Until { beyond_doubt, end };
+  void extend_from_others(const std::vector<Proposal>& proposals, Until until);
+  /// True if the best pair is of two changes of the mean that no curve comes near.
+  bool found_beyond_doubt() const;
 
   /// Best evidence first.
   const std::vector<Candidate>& best_first() const { return pairs_; }
@@ -48,7 +52,7 @@ class Combinations {
   const Fit& root_;
   const Rates& rates_;
   const RefitOptions& options_;
-  double seed_nll_, free_curve_, sought_;
+  double seed_nll_, free_curve_, enough_, gap_;
   std::set<const Effect*> started_;
   std::vector<Candidate> pairs_;
 };

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <set>
 
 #include "diagnosis/combinations.hpp"
@@ -27,6 +29,9 @@ constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are t
 constexpr double trace_share = 0.1;
 constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
+/// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
+/// explain, two names are tried, and given where they gain so much more [nats].
+constexpr double soaking_share = 0.4, soaked_margin = 10.0;
 constexpr int largest_start = 3;         ///< single effects that pairs start from
 
 double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
@@ -59,6 +64,16 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
                                                              : options.naming_gap_nats;
     if (gap < tolerated) result.rivals.push_back(rival);
   }
+}
+
+/// True if a name for errors of the stops may stand for two causes that move them.
+bool may_soak_up(const Candidate& name, const std::vector<Candidate>& others) {
+  const Effect& effect = *name.fit.model.back().effect;
+  return effect.info().kind == EffectKind::dependence && effect.acts_on_stops() &&
+         std::any_of(others.begin(), others.end(), [&](const Candidate& other) {
+           return other.fit.model.back().effect->info().kind == EffectKind::mean &&
+                  other.evidence > soaking_share * name.evidence;
+         });
 }
 
 /// Nats of the best free curve in the means of a channel, less what choosing it cost.
@@ -206,15 +221,22 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   // One name: clean, close to the best of its kind, and not beaten by a free curve.
   std::vector<std::unique_ptr<Battery>> batteries(std::min<std::size_t>(singles.size(), largest_start));
+  const auto answer_with_single = [&](std::size_t i) {
+    result.verdict = Verdict::explained;
+    result.best = singles[i];
+    result.last = std::move(batteries[i]);
+    add_rivals(rows, options, singles, result);
+  };
+  std::optional<std::size_t> soaked;  // a name that would do, but may stand for two
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
-    if (clean(singles[i], batteries[i]) && leading && equals_curve(singles[i], free_curve_gain)) {
-      result.verdict = Verdict::explained;
-      result.best = singles[i];
-      result.last = std::move(batteries[i]);
-      add_rivals(rows, options, singles, result);
+    if (!clean(singles[i], batteries[i]) || soaked || !leading || !equals_curve(singles[i], free_curve_gain))
+      continue;
+    if (!may_soak_up(singles[i], singles)) {
+      answer_with_single(i);
       return result;
     }
+    soaked = i;
   }
 
   // A very strong single cause leaves a trace of its formula's own approximation: a second name that adds
@@ -225,12 +247,12 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   // Two names. Only those are tried that could pass for an answer or keep the first from being one.
   report("combining effects", 0.5);
-  const double sought = std::min(free_curve_gain + combination_margin,
-                                 singles.empty() ? free_curve_gain : singles[0].evidence + trace);
+  const bool could_be_one = !singles.empty() && equals_curve(singles[0], free_curve_gain);
+  const double enough = could_be_one ? singles[0].evidence + trace : std::numeric_limits<double>::infinity();
   Combinations combinations(rows, root.fit, result.baseline.nll, result.rates, refit_options, free_curve_gain,
-                            sought);
+                            enough, options.naming_gap_nats);
   for (std::size_t i = 0; i < batteries.size(); ++i) combinations.extend(singles[i], *batteries[i]);
-  combinations.extend_from_others(proposals);
+  combinations.extend_from_others(proposals, Combinations::Until::beyond_doubt);
   const std::vector<Candidate>& pairs = combinations.best_first();
   // What it leaves must be a trace: faint by itself, and weaker than what was named.
   const auto leaves_a_trace = [&] {
@@ -240,25 +262,36 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
                  (batteries[0]->corrected(q) > trace_rate && q.gain - q.dof < singles[0].evidence);
         });
   };
-  if (!singles.empty() && equals_curve(singles[0], free_curve_gain) &&
-      (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) && leaves_a_trace()) {
-    result.verdict = Verdict::explained;
-    result.best = singles[0];
-    result.last = std::move(batteries[0]);
-    add_rivals(rows, options, singles, result);
+  if (could_be_one && (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) &&
+      leaves_a_trace()) {
+    answer_with_single(0);
     return result;
   }
-  for (std::size_t i = 0; i < pairs.size() && i < 3; ++i) {
-    std::unique_ptr<Battery> battery;
-    if (pairs[i].evidence < pairs[0].evidence - options.naming_gap_nats) break;
-    if (std::min(pairs[i].evidence, pairs[i].foreseen) < free_curve_gain + combination_margin ||
-        !clean(pairs[i], battery))
-      continue;
-    result.verdict = Verdict::explained;
-    result.best = pairs[i];
-    result.last = std::move(battery);
-    add_rivals(rows, options, pairs, result);
+  const auto is_answered = [&] {
+    for (std::size_t i = 0; i < pairs.size() && i < 3; ++i) {
+      std::unique_ptr<Battery> battery;
+      if (pairs[i].evidence < pairs[0].evidence - options.naming_gap_nats) break;
+      if (soaked && pairs[i].evidence < singles[*soaked].evidence + soaked_margin) break;
+      if (std::min(pairs[i].evidence, pairs[i].foreseen) <
+              free_curve_gain + combination_margin(pairs[i].fit.model) ||
+          !clean(pairs[i], battery))
+        continue;
+      result.verdict = Verdict::explained;
+      result.best = pairs[i];
+      result.last = std::move(battery);
+      add_rivals(rows, options, pairs, result);
+      return true;
+    }
+    return false;
+  };
+  if (is_answered()) return result;
+  if (soaked) {
+    answer_with_single(*soaked);
     return result;
+  }
+  if (combinations.found_beyond_doubt()) {  // but leaves something: it is not the right two
+    combinations.extend_from_others(proposals, Combinations::Until::end);
+    if (is_answered()) return result;
   }
   result.verdict = Verdict::unexplained;
   find_partial(rows, options, singles, batteries, result);
