@@ -19,6 +19,18 @@ bool on_grid(const Bookkeeping& known, const Question& q) {
   });
 }
 
+namespace {
+
+/// Nats that a finding is worth. Errors of the stops are told by a normal law of their squares and products,
+/// whose tail takes large ones for impossible: K stops with 1 + x times the squared error stated gain
+/// K (x - ln(1 + x)) where the spread is fitted, and no more.
+double gain_of(const Rows& rows, const Question& q) {
+  if (q.channel != "stop" || q.of != Question::Of::scalar || !(q.size > 0.0)) return q.gain;
+  return std::min(q.gain, rows.problem.stop_count() * (q.size - std::log1p(q.size)));
+}
+
+}  // namespace
+
 std::vector<Question> findings(const Rows& rows, const Battery& battery) {
   std::vector<Question> shapes;
   for (const Question& q : battery.questions)
@@ -29,7 +41,7 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
   const auto worth = [&](const Question& q) {
     const bool secondary = q.channel.find("_dependence") != std::string::npos ||
                            q.channel.find("_tail") != std::string::npos || q.channel == "stop";
-    return (secondary ? 0.6 : 1.0) * q.gain - price * q.dof;
+    return (secondary ? 0.6 : 1.0) * gain_of(rows, q) - price * q.dof;
   };
   std::sort(shapes.begin(), shapes.end(),
             [&](const Question& a, const Question& b) { return worth(a) > worth(b); });

@@ -68,7 +68,9 @@ Finding finding_of(const Question& q, const SearchResult& found) {
   f.to = q.to;
   f.group = q.group;
   f.size = q.size;
-  f.unit = q.channel == "range" ? "m" : q.channel == "bearing" ? "rad" : "";
+  const bool moves_stops =
+      q.channel == "stop" && q.of == Question::Of::mean;  // told by the ranges that it moves
+  f.unit = q.channel == "range" || moves_stops ? "m" : q.channel == "bearing" ? "rad" : "";
   f.p_value = found.first->corrected(q);
   return f;
 }

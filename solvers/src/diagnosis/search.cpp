@@ -29,6 +29,8 @@ constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are t
 constexpr double trace_share = 0.1;
 constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
 constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
+constexpr double shadow_share =
+    0.5;  ///< of what is left without a name: a name that explains less may be its shadow
 /// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
 /// explain, two names are tried, and given where they gain so much more [nats].
 constexpr double soaking_share = 0.4, soaked_margin = 10.0;
@@ -110,8 +112,18 @@ void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }
 
+/// True if what a name leaves in the means is so much more than what it explains that it may be that cause's
+/// shadow: a mismatch of the bearings moves stops, and the ranges with them.
+bool may_be_a_shadow(const Candidate& name, const Battery& battery) {
+  return std::any_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
+    return !q.effect && (q.channel == "range" || q.channel == "bearing") &&
+           shadow_share * (q.gain - q.dof) > name.evidence;
+  });
+}
+
 /// Looks for a single effect that accounts for one channel while something without a name is left: it must be
-/// well seen and either leave its channel clean and equal a free curve there, or dominate.
+/// well seen, explain more than any other, and either leave its channel clean and equal a free curve there,
+/// or dominate.
 void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& singles,
                   std::vector<std::unique_ptr<Battery>>& batteries, SearchResult& result) {
   std::set<std::string> asked;
@@ -125,7 +137,14 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         });
     const double curve = best_curve(result, info.channel);
     const bool complete = !left && equals_curve(singles[i], curve);
-    if (singles[i].evidence < partial_margin ||
+    // What gains far more than its score promised, and no curve does, is a fit's choice.
+    const bool promised = Sides::matter(singles[i].fit.model) || singles[i].foreseen > partial_margin;
+    const bool best = std::none_of(singles.begin(), singles.end(), [&](const Candidate& other) {
+      return other.fit.model.back().effect->info().kind == EffectKind::mean &&
+             other.evidence > singles[i].evidence + options.naming_gap_nats;
+    });
+    if (singles[i].evidence < partial_margin || !promised || !best ||
+        may_be_a_shadow(singles[i], *batteries[i]) ||
         !(complete || dominates(singles[i], *batteries[i], info.channel, curve)))
       continue;
     result.partial = true;
