@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <string>
+#include <system_error>
 
 #include <fmt/core.h>
 #include <glog/logging.h>
@@ -27,6 +30,11 @@ std::string one_line(std::string text) {
 }
 
 void complain(const std::string& what) { fmt::print(stderr, "rangecal: {}\n", one_line(what)); }
+
+int stdout_failed(const std::string& reason) {
+  complain("stdout: cannot be written: " + reason);
+  return app::not_delivered;
+}
 
 /// Ceres logs through glog: to files in `log_dir` if one is given, else nowhere.
 void start_logging(const char* program, const std::string& log_dir) {
@@ -99,10 +107,7 @@ int run(int argc, char** argv) {
   }
   start_logging(argv[0], log_dir);
   const int code = chosen();
-  if (std::fflush(stdout) != 0 || std::ferror(stdout)) {
-    complain("the results could not be written to stdout");
-    return app::not_delivered;
-  }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout)) return stdout_failed(std::strerror(errno));
   return code;
 }
 
@@ -115,6 +120,10 @@ int main(int argc, char** argv) {
   } catch (const rangecal::InputError& error) {
     complain(error.what());
     return app::bad_input;
+  } catch (const std::system_error& error) {  // fmt's, where what was printed does not fit on the disk
+    if (std::ferror(stdout)) return stdout_failed(error.code().message());
+    complain(std::string("internal error: ") + error.what());
+    return app::not_delivered;
   } catch (const std::exception& error) {
     complain(std::string("internal error: ") + error.what());
     return app::not_delivered;

@@ -119,7 +119,20 @@ TEST(Usage, StdoutThatCannotBeWrittenIsAnError) {
                               " > /dev/full 2> " + folder.file("err");
   const int status = std::system(command.c_str());
   EXPECT_EQ(WEXITSTATUS(status), 1);
-  EXPECT_THAT(slurp(folder.file("err")), HasSubstr("stdout"));
+  EXPECT_EQ(slurp(folder.file("err")), "rangecal: stdout: cannot be written: No space left on device\n");
+}
+
+TEST(Usage, StdoutThatFillsUpIsAnError) {  // while a table is being printed, not at its end
+  const TemporaryFolder folder;
+  ASSERT_EQ(run("calibrate " + shipped("pairs-2016") + " --json " + folder.file("cal.json")).code, 0);
+  std::string readings;
+  for (int i = 0; i < 2000; ++i) readings += "1.5\n";
+  folder.write("readings.txt", readings);
+  const std::string command = std::string(RANGECAL_BINARY) + " correct " + folder.file("cal.json") + " " +
+                              folder.file("readings.txt") + " > /dev/full 2> " + folder.file("err");
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_EQ(slurp(folder.file("err")), "rangecal: stdout: cannot be written: No space left on device\n");
 }
 
 TEST(Usage, LogFilesGoWhereAskedOnly) {
