@@ -83,6 +83,29 @@ tidy: packages
 	cmake --preset dev -B build/tidy -DRANGECAL_PRECOMPILE=OFF -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
 	run-clang-tidy-14 -quiet -extra-arg=-Wno-unknown-warning-option -p build/tidy -j $(JOBS) '$(CURDIR)/(core|problems|solvers|ingest|report|apps|python)/.*'
 
+# Lines of core, problems and solvers that no test runs: a table, and a page in build/coverage/report.
+.PHONY: coverage valgrind
+coverage: packages
+	@.ci/install tests/coverage/packages
+	cmake --preset coverage
+	cmake --build build/coverage -j $(JOBS)
+	find build/coverage -name '*.gcda' -delete
+	ctest --test-dir build/coverage -j $(JOBS) --output-on-failure
+	tests/coverage/report.sh build/coverage
+
+# The smoke set under valgrind: tests of core and problems, and a command of each kind.
+valgrind: build
+	@.ci/install tests/valgrind/packages
+	tests/valgrind/run.sh $(BUILD)
+
+# The same numbers from -O2 as from -O3? Builds the program a second time.
+.PHONY: o2-o3
+o2-o3: build
+	cmake --preset release -B build/o2 -DCMAKE_CXX_FLAGS_RELEASE=-O2 -DRANGECAL_BUILD_TESTS=OFF -DRANGECAL_BUILD_BENCHMARKS=OFF \
+	  -DRANGECAL_BUILD_PYTHON=OFF
+	cmake --build build/o2 -j $(JOBS) --target rangecal
+	benchmarks/same_numbers.py $(BUILD)/apps/rangecal build/o2/apps/rangecal
+
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
 

@@ -25,6 +25,10 @@ if(RANGECAL_SANITIZE)
   target_compile_options(rangecal_options INTERFACE -fsanitize=address,undefined -fno-omit-frame-pointer)
   target_link_options(rangecal_options INTERFACE -fsanitize=address,undefined)
 endif()
+if(RANGECAL_COVERAGE)
+  target_compile_options(rangecal_options INTERFACE --coverage -fprofile-update=atomic)
+  target_link_options(rangecal_options INTERFACE --coverage)
+endif()
 
 # rangecal_module(NAME DEPENDS targets... PRIVATE_DEPENDS targets... HEADERS_ONLY targets...)
 # A static library from NAME/src/**.cpp whose headers live in NAME/include/rangecal/NAME. Who links it needs DEPENDS and
