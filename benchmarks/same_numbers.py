@@ -5,7 +5,7 @@
 same_numbers.py ONE OTHER
 
 Runs both programs on the shipped recordings and compares every number of what they write: by how much it differs, relative to its
-own size. An estimate's error is relative to its standard deviation instead where the JSON has one, since an estimate near 0 has
+own size, or to an estimate's standard deviation or the largest number of its row where that is larger, since a number near 0 has
 no size of its own. Times that a solve took are left out. Exit code 1 if anything but a number differs, or a number by more than
 1e-10.
 """
@@ -68,7 +68,7 @@ def difference(one, other, scale=0.0):
 def answer(program, arguments, name):
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run([program, *map(str, arguments)], cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode > 1:
+        if done.returncode not in (0, 1) or not (Path(folder) / name).exists():
             sys.exit(f"{' '.join(map(str, arguments))}: exit code {done.returncode}: {done.stderr.strip()}")
         text = (Path(folder) / name).read_text()
     if name.endswith(".json"):

@@ -70,6 +70,9 @@ Signatures::Signatures(const SeedModel& model, std::uint64_t seed)
     double& at = c.stop_time_s[static_cast<size_t>(truth.stop[i])];
     at = std::min(at, truth.time_s[i] - first);
   }
+  for (size_t i = 0; i < truth.time_s.size(); ++i)
+    c.stay_s =
+        std::max(c.stay_s, truth.time_s[i] - first - c.stop_time_s[static_cast<size_t>(truth.stop[i])]);
   const auto [near, far] = std::minmax_element(truth.distance_m.begin(), truth.distance_m.end());
   c.range_min_m = *near, c.range_max_m = *far;
   c.largest_cell = model.repeats();
@@ -221,13 +224,15 @@ double Signatures::left(const Signal& signal, std::span<const std::string> effec
         if (const double now = value(choice); now < least) least = now, chosen[e] = choice;
       // Parameters that are neither linear nor discrete: a pattern search around the best start.
       for (Index j = 0; least >= enough && j < chosen[e].point.size(); ++j) {
-        const EffectParameter& parameter = find_effect(effects[e])->info().parameters[static_cast<size_t>(j)];
-        if (parameter.linear || parameter.discrete || !std::isfinite(parameter.high - parameter.low)) continue;
-        double step = 0.05 * (parameter.high - parameter.low);
+        const Effect& effect = *find_effect(effects[e]);
+        const EffectParameter& parameter = effect.info().parameters[static_cast<size_t>(j)];
+        const auto [low, high] = effect.bounds(context_, static_cast<size_t>(j));
+        if (parameter.linear || parameter.discrete || !std::isfinite(high - low)) continue;
+        double step = 0.05 * (high - low);
         for (int halving = 0; halving < 6; ++halving, step *= 0.5)
           for (const double way : {-step, step}) {
             Point point = chosen[e].point;
-            point[j] = std::clamp(point[j] + way, parameter.low, parameter.high);
+            point[j] = std::clamp(point[j] + way, low, high);
             Choice choice = choice_at(effects[e], point);
             if (const double now = value(choice); now < least) least = now, chosen[e] = std::move(choice);
           }

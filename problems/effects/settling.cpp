@@ -52,7 +52,9 @@ class Settling final : public Effect {
 
   std::pair<double, double> bounds(const EffectContext& context, std::size_t parameter) const override {
     const auto [low, high] = Effect::bounds(context, parameter);
-    return {low, parameter == 1 ? std::min(high, stay_of(context)) : high};
+    if (parameter != 1) return {low, high};
+    const double stay = stay_of(context);
+    return {std::min(low, 0.05 * stay), std::min(high, stay)};
   }
 
   std::string missing(const EffectContext& context) const override {

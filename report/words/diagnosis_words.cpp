@@ -82,6 +82,8 @@ std::string size_in_words(const Finding& f) {
     return fmt::format("{} {:.2g}", f.shape == "skew" ? "skewness" : "excess kurtosis", f.size);
   if (ends_with(f.channel, "_dependence"))
     return fmt::format("{} {:.2g}", f.shape == "lag 1" ? "correlation" : "log variance ratio", f.size);
+  if (f.channel == "stop" && f.shape == "lag 1")
+    return fmt::format("covariance {:.2g} of the variance stated", f.size);
   if (f.channel == "stop") return fmt::format("squared error x {:.2g}", 1.0 + f.size);
   return fmt::format("size {:.3g}", f.size);
 }

@@ -4,18 +4,30 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cstddef>
 
 namespace rangecal {
 
-/// Calls f(i) for i in 0 .. count - 1 on the cores there are. Every call writes to places of its own, so that
-/// the answer has the same bits on any number of them. A thread that waits for the last call takes up nothing
-/// that is not part of it: where many recordings are worked on at once, none is held up by another.
+/// How many jobs that each hold some dozens of numbers for every reading may run at once: about a gigabyte.
+inline std::size_t jobs_at_once(std::size_t readings) {
+  return std::clamp<std::size_t>(8000000 / std::max<std::size_t>(readings, 1), 1, 64);
+}
+
+/// Calls f(i) for i in 0 .. count - 1 on the cores there are, `at_once` of them at a time at most. Every call
+/// writes to places of its own, so that the answer has the same bits on any number of cores. A thread that
+/// waits for the last call takes up nothing that is not part of it: where many recordings are worked on at
+/// once, none is held up by another.
 template <typename F>
-void in_parallel(std::size_t count, const F& f) {
-  if (count == 0) return;
-  if (count == 1) return f(std::size_t{0});
-  tbb::this_task_arena::isolate([&] { tbb::parallel_for(std::size_t{0}, count, f); });
+void in_parallel(std::size_t count, const F& f, std::size_t at_once = 64) {
+  if (count == 1 || at_once == 1) {
+    for (std::size_t i = 0; i < count; ++i) f(i);
+    return;
+  }
+  tbb::this_task_arena::isolate([&] {
+    for (std::size_t begin = 0; begin < count; begin += at_once)
+      tbb::parallel_for(begin, std::min(count, begin + at_once), f);
+  });
 }
 
 }  // namespace rangecal

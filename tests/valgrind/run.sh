@@ -2,22 +2,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # run.sh BUILD: memory errors and leaks in the smoke set. One line for each program; exit code 1 if valgrind objects to any.
 set -uo pipefail
-build=$(cd "$1" && pwd)
+build=$(cd "$1" && pwd) || exit 2
 root=$(cd "$(dirname "$0")/../.." && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-cd "$work"
+cd "$work" || exit 2
 bad=0
 
-# memcheck NAME COMMAND...: exit code 99 is valgrind's own; what the program itself returns has its tests elsewhere.
+# memcheck NAME COMMAND...: exit code 99 is valgrind's own, above are signals and what could not be started; what the program itself
+# returns below has its tests elsewhere.
 memcheck() {
   local name=$1 start=$SECONDS
   shift
   valgrind -q --error-exitcode=99 --leak-check=full --show-leak-kinds=definite --errors-for-leak-kinds=definite \
     "$@" >"$work/out" 2>"$work/err"
   local code=$?
-  printf '%-12s %5d s  %s\n' "$name" $((SECONDS - start)) "$([ $code -eq 99 ] && echo "errors" || echo "clean, exit $code")"
-  if [ $code -eq 99 ]; then
+  printf '%-12s %5d s  %s\n' "$name" $((SECONDS - start)) "$([ $code -ge 99 ] && echo "errors, exit $code" || echo "clean, exit $code")"
+  if [ $code -ge 99 ]; then
     bad=1
     grep '^==' "$work/err" | head -60
   fi

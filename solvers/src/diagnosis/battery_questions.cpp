@@ -229,7 +229,9 @@ void Battery::ask_means() {
 void Battery::ask_catalogue() {
   const auto& effects = effect_registry();
   std::vector<std::vector<Asked>> asked(effects.size());
-  in_parallel(effects.size(), [&](std::size_t e) { asked[e] = asked_of_effect(*effects[e]); });
+  in_parallel(
+      effects.size(), [&](std::size_t e) { asked[e] = asked_of_effect(*effects[e]); },
+      jobs_at_once(rows_.size()));
   for (std::vector<Asked>& of_effect : asked)
     for (Asked& a : of_effect) add(std::move(a));
 }

@@ -214,11 +214,14 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
   held.settled = std::max(options.settled, static_cast<int>(base.model.size()));
   Candidate candidate;
   std::vector<Fit> fits(1 + proposal.others.size());
-  in_parallel(fits.size(), [&](std::size_t i) {
-    Model from = model;
-    if (i > 0) from.back().parameters = proposal.others[i - 1];
-    fits[i] = refit(rows, from, base.state, held);
-  });
+  in_parallel(
+      fits.size(),
+      [&](std::size_t i) {
+        Model from = model;
+        if (i > 0) from.back().parameters = proposal.others[i - 1];
+        fits[i] = refit(rows, from, base.state, held);
+      },
+      jobs_at_once(rows.size()));
   candidate.fit = std::move(fits[0]);
   for (std::size_t i = 1; i < fits.size(); ++i)
     if (fits[i].ok && (!candidate.fit.ok || fits[i].nll < candidate.fit.nll))
@@ -269,9 +272,10 @@ std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vec
     for (; next < proposals.size() && wave.size() < together; ++next)
       if (!is_beaten(proposals[next])) wave.push_back(&proposals[next]);
     std::vector<Candidate> candidates(wave.size());
-    in_parallel(wave.size(), [&](std::size_t i) {
-      candidates[i] = try_model(rows, base, *wave[i], rates, options, wanted);
-    });
+    in_parallel(
+        wave.size(),
+        [&](std::size_t i) { candidates[i] = try_model(rows, base, *wave[i], rates, options, wanted); },
+        jobs_at_once(rows.size()));
     for (std::size_t i = 0; i < wave.size(); ++i) {
       Candidate& candidate = candidates[i];
       if (is_beaten(*wave[i])) continue;

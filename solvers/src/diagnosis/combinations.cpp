@@ -24,7 +24,7 @@ bool one_curve(const Model& model) {
 
 constexpr double bent_margin = 5.0, rigid_margin = 1.5;
 
-/// One size, and nothing that bends.
+/// One parameter, its size: the shape of the change is fixed.
 bool is_rigid(const Effect* effect) {
   const std::vector<EffectParameter>& parameters = effect->info().parameters;
   return parameters.size() == 1 && parameters[0].linear;

@@ -9,7 +9,7 @@
 namespace rangecal::diagnosis {
 
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
-/// kind. Less where each name is a size and nothing more, two numbers that no curve could be bent with.
+/// kind. Less where each name has one parameter, its size: two numbers bend no curve.
 double combination_margin(const Model& model);
 /// Times what the best free curve gains: a name beyond doubt.
 inline constexpr double dominant = 1.3;

@@ -21,9 +21,9 @@ bool on_grid(const Bookkeeping& known, const Question& q) {
 
 namespace {
 
-/// Nats that a finding is worth. Errors of the stops are told by a normal law of their squares and products,
-/// whose tail takes large ones for impossible: K stops with 1 + x times the squared error stated gain
-/// K (x - ln(1 + x)) where the spread is fitted, and no more.
+/// Nats that a finding is worth. Squares and products of the stops' errors are tested as if they were normal;
+/// far out z^2 / 2 exceeds what any fit of their spread can gain: K stops of 1 + x times the squared error
+/// stated, or whose neighbours agree so well that it takes that much, gain K (x - ln(1 + x)).
 double gain_of(const Rows& rows, const Question& q) {
   if (q.channel != "stop" || q.of != Question::Of::scalar || !(q.size > 0.0)) return q.gain;
   return std::min(q.gain, rows.problem.stop_count() * (q.size - std::log1p(q.size)));

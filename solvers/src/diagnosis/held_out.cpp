@@ -65,36 +65,39 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
 HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
                 const Fit& full, const RefitOptions& options, bool by_parts = true) {
   std::vector<HeldOut> of_fold(fold_count);
-  in_parallel(of_fold.size(), [&](std::size_t fold) {
-    const int f = static_cast<int>(fold);
-    HeldOut& held = of_fold[fold];
-    std::vector<char> out(folds.size()), ours(folds.size());
-    for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
-    if (std::find(out.begin(), out.end(), 1) == out.end()) return;
-    const Rows rest = without_cells(rows, out);
-    const Fit fit = fit_part(rest, full, options);
-    if (!fit.ok) {
-      held.ok = false;
-      return;
-    }
-    const auto value = [&](const Rows& part) {
-      JointState state = fit.state;
-      return laplace_value(part, fit.model, state);
-    };
-    const double alone = value(rest);
-    // Cells that are never left out belong to the training part of every fold.
-    held.nll = value(rows) - alone;
-    for (int part = 0; by_parts && part < parts_of_fold; ++part) {
-      bool any = false;
-      for (std::size_t c = 0; c < folds.size(); ++c) {
-        const bool member = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
-        ours[c] = folds[c] == f && !member;
-        any = any || member;
-      }
-      if (any) held.parts.push_back(value(without_cells(rows, ours)) - alone);
-    }
-    held.ok = std::isfinite(held.nll);
-  });
+  in_parallel(
+      of_fold.size(),
+      [&](std::size_t fold) {
+        const int f = static_cast<int>(fold);
+        HeldOut& held = of_fold[fold];
+        std::vector<char> out(folds.size()), ours(folds.size());
+        for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
+        if (std::find(out.begin(), out.end(), 1) == out.end()) return;
+        const Rows rest = without_cells(rows, out);
+        const Fit fit = fit_part(rest, full, options);
+        if (!fit.ok) {
+          held.ok = false;
+          return;
+        }
+        const auto value = [&](const Rows& part) {
+          JointState state = fit.state;
+          return laplace_value(part, fit.model, state);
+        };
+        const double alone = value(rest);
+        // Cells that are never left out belong to the training part of every fold.
+        held.nll = value(rows) - alone;
+        for (int part = 0; by_parts && part < parts_of_fold; ++part) {
+          bool any = false;
+          for (std::size_t c = 0; c < folds.size(); ++c) {
+            const bool member = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
+            ours[c] = folds[c] == f && !member;
+            any = any || member;
+          }
+          if (any) held.parts.push_back(value(without_cells(rows, ours)) - alone);
+        }
+        held.ok = std::isfinite(held.nll);
+      },
+      jobs_at_once(rows.size()));
   HeldOut all;
   for (const HeldOut& held : of_fold) {
     all.nll += held.nll;
@@ -171,10 +174,13 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   const std::vector<int> blocks = blocks_of(rows, block_kind(rows, final_fit ? final_fit->model : Model{}));
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
   HeldOut before, after;
-  in_parallel(final_fit ? 2 : 1, [&](std::size_t which) {
-    (which == 0 ? before : after) =
-        predict(rows, blocks, folds, which == 0 ? found.baseline : *final_fit, refit_options);
-  });
+  in_parallel(
+      final_fit ? 2 : 1,
+      [&](std::size_t which) {
+        (which == 0 ? before : after) =
+            predict(rows, blocks, folds, which == 0 ? found.baseline : *final_fit, refit_options);
+      },
+      jobs_at_once(rows.size()));
   if (!before.ok) return;
   result.before.heldout_nll = before.nll;
   result.before.heldout_std = 0.0;

@@ -68,8 +68,8 @@ Finding finding_of(const Question& q, const SearchResult& found) {
   f.to = q.to;
   f.group = q.group;
   f.size = q.size;
-  const bool moves_stops =
-      q.channel == "stop" && q.of == Question::Of::mean;  // told by the ranges that it moves
+  // A change of the stops' mean is sized by the ranges that it moves.
+  const bool moves_stops = q.channel == "stop" && q.of == Question::Of::mean && q.size > 0.0;
   f.unit = q.channel == "range" || moves_stops ? "m" : q.channel == "bearing" ? "rad" : "";
   f.p_value = found.first->corrected(q);
   return f;

@@ -5,68 +5,24 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <set>
 
 #include "diagnosis/combinations.hpp"
 #include "diagnosis/findings.hpp"
 #include "diagnosis/forced.hpp"
 #include "diagnosis/held_out.hpp"
-#include "diagnosis/rounds.hpp"
+#include "diagnosis/partial.hpp"
+#include "diagnosis/rules.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double clean_rate = 0.005;  ///< corrected p below which a model's residuals are not clean
 /// p at which a free curve over a named effect's own covariate rejects it.
 constexpr double adequacy_rate = 0.003;
-/// Nats by which a free curve may beat a name before it is refused: 4, or for strong ones 5 %, what its
-/// freedom gains from the formula's own approximations.
-constexpr double curve_margin = 4.0, curve_share = 0.05;
-/// The same where both are promised by scores, which agree more closely than a score and a refit do.
-constexpr double score_margin = 2.5;
-constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
-/// Of what a first name gained: a second that adds less may be its formula's error.
-constexpr double trace_share = 0.1;
-constexpr double trace_rate = 3e-4;      ///< corrected p below which what a first name left is no trace
-constexpr double partial_margin = 15.0;  ///< nats that a name for one channel of two has to earn
-constexpr double shadow_share =
-    0.5;  ///< of what is left without a name: a name that explains less may be its shadow
+constexpr double trace_rate = 3e-4;  ///< corrected p below which what a first name left is no trace
 /// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
 /// explain, two names are tried, and given where they gain so much more [nats].
 constexpr double soaking_share = 0.4, soaked_margin = 10.0;
 constexpr int largest_start = 3;         ///< single effects that pairs start from
-
-double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
-
-/// True if a single name explains as much as the best free curve (nats). Scores of the mean are compared with
-/// scores, but for a jump: its score counts those on the wrong side that the seed model has there.
-bool equals_curve(const Candidate& name, double curve) {
-  const bool mean = name.fit.model.back().effect->info().kind == EffectKind::mean;
-  const bool by_score = mean && !Sides::matter(name.fit.model);
-  return name.evidence > curve - margin_of(name) && (!by_score || name.foreseen > curve - score_margin);
-}
-
-/// Other explanations of the same size that the data do not reject, best first, at most two.
-void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& others,
-                SearchResult& result) {
-  const Model& best = result.best.fit.model;
-  for (const Candidate& rival : others) {
-    if (result.rivals.size() == 2) return;
-    const ActiveEffect *cause = nullptr, *other = nullptr;
-    for (const ActiveEffect& a : best)
-      if (!contains(rival.fit.model, a.effect)) cause = &a;
-    for (const ActiveEffect& a : rival.fit.model)
-      if (!contains(best, a.effect)) other = &a;
-    if (!cause || !other) continue;
-    const double gap = result.best.evidence - rival.evidence;
-    // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
-    const double apart = separation(rows, result.baseline.state, *cause, *other);
-    const double tolerated = apart > tolerated_noncentrality ? 0.5
-                             : apart < 0.0                   ? 1.0
-                                                             : options.naming_gap_nats;
-    if (gap < tolerated) result.rivals.push_back(rival);
-  }
-}
 
 /// True if a name for errors of the stops may stand for two causes that move them.
 bool may_soak_up(const Candidate& name, const std::vector<Candidate>& others) {
@@ -75,27 +31,6 @@ bool may_soak_up(const Candidate& name, const std::vector<Candidate>& others) {
          std::any_of(others.begin(), others.end(), [&](const Candidate& other) {
            return other.fit.model.back().effect->info().kind == EffectKind::mean &&
                   other.evidence > soaking_share * name.evidence;
-         });
-}
-
-/// Nats of the best free curve in the means of a channel, less what choosing it cost.
-double best_curve(const SearchResult& result, const std::string& channel) {
-  double best = 0.0;
-  for (const Question& q : result.first->questions)
-    if (!q.effect && q.channel == channel)
-      best = std::max(best, q.gain - q.dof - std::log(result.rates.starts(q.family)));
-  return best;
-}
-
-/// Questions about one channel, its noise, dependence and tails included.
-bool is_of_channel(const Question& q, const std::string& channel) { return q.channel.rfind(channel, 0) == 0; }
-
-/// True if a name explains far more than any free curve of its channel does, and what it leaves in the means
-/// there is small beside it: a cause beyond doubt, with something of another size behind it.
-bool dominates(const Candidate& name, const Battery& battery, const std::string& channel, double curve) {
-  return name.evidence > dominant * curve &&
-         std::all_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
-           return q.channel != channel || q.gain - q.dof < trace_share * name.evidence;
          });
 }
 
@@ -110,50 +45,6 @@ void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
   }
   std::sort(candidates.begin(), candidates.end(),
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
-}
-
-/// True if what a name leaves in the means is so much more than what it explains that it may be that cause's
-/// shadow: a mismatch of the bearings moves stops, and the ranges with them.
-bool may_be_a_shadow(const Candidate& name, const Battery& battery) {
-  return std::any_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
-    return !q.effect && (q.channel == "range" || q.channel == "bearing") &&
-           shadow_share * (q.gain - q.dof) > name.evidence;
-  });
-}
-
-/// Looks for a single effect that accounts for one channel while something without a name is left: it must be
-/// well seen, explain more than any other, and either leave its channel clean and equal a free curve there,
-/// or dominate.
-void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& singles,
-                  std::vector<std::unique_ptr<Battery>>& batteries, SearchResult& result) {
-  std::set<std::string> asked;
-  for (std::size_t i = 0; i < batteries.size(); ++i) {
-    const EffectInfo& info = singles[i].fit.model.back().effect->info();
-    if (info.kind != EffectKind::mean || (info.channel != "range" && info.channel != "bearing")) continue;
-    if (!asked.insert(info.channel).second) continue;  // only the best of a channel can explain it
-    const bool left =
-        std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
-          return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
-        });
-    const double curve = best_curve(result, info.channel);
-    const bool complete = !left && equals_curve(singles[i], curve);
-    // What gains far more than its score promised, and no curve does, is a fit's choice.
-    const bool promised = Sides::matter(singles[i].fit.model) || singles[i].foreseen > partial_margin;
-    const bool best = std::none_of(singles.begin(), singles.end(), [&](const Candidate& other) {
-      return other.fit.model.back().effect->info().kind == EffectKind::mean &&
-             other.evidence > singles[i].evidence + options.naming_gap_nats;
-    });
-    if (singles[i].evidence < partial_margin || !promised || !best ||
-        may_be_a_shadow(singles[i], *batteries[i]) ||
-        !(complete || dominates(singles[i], *batteries[i], info.channel, curve)))
-      continue;
-    result.partial = true;
-    result.best = singles[i];
-    result.last = std::move(batteries[i]);
-    result.left = findings(rows, *result.last);
-    add_rivals(rows, options, singles, result);
-    return;
-  }
 }
 
 }  // namespace
@@ -223,7 +114,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   if (refit_options.settled > 0) let_known_move(rows, singles);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
-  const double free_curve_gain = std::max(best_curve(result, "range"), best_curve(result, "bearing"));
+  const double free_curve_gain = std::max(best_curve(*result.first, result.rates, "range"),
+                                          best_curve(*result.first, result.rates, "bearing"));
 
   // Errors that the readings of a cell share take up whatever a curve would: they are a name only where no
   // curve explains as much.
@@ -246,7 +138,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     result.last = std::move(batteries[i]);
     add_rivals(rows, options, singles, result);
   };
-  std::optional<std::size_t> soaked;  // a name that would do, but may stand for two
+  std::optional<std::size_t> soaked;  // of singles: errors of the stops that would do, but may stand for two
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const bool leading = singles[i].evidence > singles[0].evidence - options.naming_gap_nats;
     if (!clean(singles[i], batteries[i]) || soaked || !leading || !equals_curve(singles[i], free_curve_gain))

@@ -18,6 +18,8 @@ std::string size_in_words(const Finding& f) {
   if (f.unit == "rad") return fmt::format("{:.2g} degrees RMS", f.size * 180.0 / std::numbers::pi);
   if (f.channel.find("_noise") != std::string::npos)
     return fmt::format("{:.0f} % in the spread", 100.0 * std::expm1(0.5 * std::abs(f.size)));
+  if (f.channel == "stop" && f.shape == "lag 1")
+    return fmt::format("errors of neighbours that agree, {:.2g} times the variance stated,", f.size);
   if (f.channel == "stop") return fmt::format("{:.2g} times the squared error stated", 1.0 + f.size);
   return f.size > 0.0 ? fmt::format("{:.2g}", f.size) : "a mismatch";
 }

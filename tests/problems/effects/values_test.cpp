@@ -156,6 +156,9 @@ TEST(EffectValues, SettlingIsOverWhenTheStopIs) {
   EXPECT_EQ(settling.bounds(context, 1).second, 3.0);
   EXPECT_EQ(settling.bounds(context, 0).second, settling.info().parameters[0].high);
   EXPECT_NEAR(settling.start_grid(context).back()[1], 3.0, 1e-12);
+  context.stay_s = 0.005;  // three readings at 500 Hz
+  EXPECT_LT(settling.bounds(context, 1).first, settling.start_grid(context).front()[1] + 1e-15);
+  EXPECT_EQ(settling.bounds(context, 1).second, 0.005);
   context.stay_s = 0.0;  // no times: in repeats
   context.largest_cell = 15.0;
   EXPECT_EQ(settling.bounds(context, 1).second, 14.0);
