@@ -120,11 +120,9 @@ int main(int argc, char** argv) {
   } catch (const rangecal::InputError& error) {
     complain(error.what());
     return app::bad_input;
-  } catch (const std::system_error& error) {  // fmt's, where what was printed does not fit on the disk
-    if (std::ferror(stdout)) return stdout_failed(error.code().message());
-    complain(std::string("internal error: ") + error.what());
-    return app::not_delivered;
   } catch (const std::exception& error) {
+    const auto* of_system = dynamic_cast<const std::system_error*>(&error);  // fmt's, where the disk is full
+    if (of_system && std::ferror(stdout)) return stdout_failed(of_system->code().message());
     complain(std::string("internal error: ") + error.what());
     return app::not_delivered;
   }

@@ -113,14 +113,16 @@ TEST(Usage, FullRefusesToEstimateSigmaAndNamesMarginal) {
   EXPECT_THAT(compare.out, HasSubstr("unbounded"));
 }
 
-TEST(Usage, StdoutThatCannotBeWrittenIsAnError) {
+/// The command's results go to a disk that is full.
+void expect_full_stdout(const std::string& command) {
   const TemporaryFolder folder;
-  const std::string command = std::string(RANGECAL_BINARY) + " compare " + shipped("pairs-2016") +
-                              " > /dev/full 2> " + folder.file("err");
-  const int status = std::system(command.c_str());
+  const int status = std::system(
+      (std::string(RANGECAL_BINARY) + " " + command + " > /dev/full 2> " + folder.file("err")).c_str());
   EXPECT_EQ(WEXITSTATUS(status), 1);
   EXPECT_EQ(slurp(folder.file("err")), "rangecal: stdout: cannot be written: No space left on device\n");
 }
+
+TEST(Usage, StdoutThatCannotBeWrittenIsAnError) { expect_full_stdout("compare " + shipped("pairs-2016")); }
 
 TEST(Usage, StdoutThatFillsUpIsAnError) {  // while a table is being printed, not at its end
   const TemporaryFolder folder;
@@ -128,11 +130,7 @@ TEST(Usage, StdoutThatFillsUpIsAnError) {  // while a table is being printed, no
   std::string readings;
   for (int i = 0; i < 2000; ++i) readings += "1.5\n";
   folder.write("readings.txt", readings);
-  const std::string command = std::string(RANGECAL_BINARY) + " correct " + folder.file("cal.json") + " " +
-                              folder.file("readings.txt") + " > /dev/full 2> " + folder.file("err");
-  const int status = std::system(command.c_str());
-  EXPECT_EQ(WEXITSTATUS(status), 1);
-  EXPECT_EQ(slurp(folder.file("err")), "rangecal: stdout: cannot be written: No space left on device\n");
+  expect_full_stdout("correct " + folder.file("cal.json") + " " + folder.file("readings.txt"));
 }
 
 TEST(Usage, LogFilesGoWhereAskedOnly) {

@@ -132,8 +132,9 @@ void Battery::remove_model_directions(const Model& model) {
     }
 }
 
-Battery::Asked Battery::asked_of_mean(Question question, std::vector<Signature> block) const {
+Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> block) const {
   Asked asked;
+  Question& question = asked.question = std::move(about);
   question.of = Question::Of::mean;
   question.dof = 0;
   question.statistic = 0.0;
@@ -199,12 +200,10 @@ Battery::Asked Battery::asked_of_mean(Question question, std::vector<Signature> 
     }
     asked.mean_within.push_back(std::move(within));
   }
-  asked.question = std::move(question);
-  if (asked.question.dof == 0) return asked;
-  Question& q = asked.question;
-  q.size = std::sqrt(size_sq);
-  q.gain = fitted_gain(q, fitted);
-  q.log_p = log_chi_sq_survival(q.statistic, q.dof);
+  if (question.dof == 0) return asked;
+  question.size = std::sqrt(size_sq);
+  question.gain = fitted_gain(question, fitted);
+  question.log_p = log_chi_sq_survival(question.statistic, question.dof);
   return asked;
 }
 
@@ -236,10 +235,11 @@ Battery::Asked Battery::asked_of_rows(Question question, const std::vector<Eigen
   return asked_of_mean(std::move(question), std::move(block));
 }
 
-Battery::Asked Battery::asked_of_variance(Question question, const std::vector<Eigen::VectorXd>& shapes,
+Battery::Asked Battery::asked_of_variance(Question about, const std::vector<Eigen::VectorXd>& shapes,
                                           bool bearing) const {
   const VarianceUnits& units = bearing ? bearing_units : range_units;
   Asked asked;
+  Question& question = asked.question = std::move(about);
   asked.variance_of_bearing = bearing;
   question.of = Question::Of::variance;
   question.dof = 0;
@@ -261,10 +261,8 @@ Battery::Asked Battery::asked_of_variance(Question question, const std::vector<E
     ++question.dof;
     kept.push_back(x);
   }
-  asked.question = std::move(question);
-  if (asked.question.dof == 0) return asked;
-  Question& q = asked.question;
-  q.size = std::sqrt(size_sq);
+  if (question.dof == 0) return asked;
+  question.size = std::sqrt(size_sq);
   // The score's chi-square overstates a large variance ratio. Fit the slopes: a few Newton steps on
   // sum [dof g + square e^-g] / 2 with g = level + sum b x.
   Eigen::MatrixXd design(units.dof.size(), static_cast<Eigen::Index>(kept.size()) + 1);
@@ -283,8 +281,8 @@ Battery::Asked Battery::asked_of_variance(Question question, const std::vector<E
     const Eigen::MatrixXd information = design.transpose() * weight.asDiagonal() * design;
     slopes -= information.ldlt().solve(design.transpose() * residual).cwiseMax(-1.0).cwiseMin(1.0);
   }
-  q.gain = std::max(0.0, level - cost(slopes));
-  q.log_p = log_chi_sq_survival(q.statistic, q.dof);
+  question.gain = std::max(0.0, level - cost(slopes));
+  question.log_p = log_chi_sq_survival(question.statistic, question.dof);
   return asked;
 }
 

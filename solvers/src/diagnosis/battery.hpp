@@ -65,9 +65,8 @@ class Battery {
   };
   Asked asked_of_rows(Question question, const std::vector<Eigen::VectorXd>& rows_shape, bool bearing) const;
   double fitted_gain(const Question& question, const Signature& fitted) const;
-  Asked asked_of_mean(Question question, std::vector<Signature> block) const;
-  Asked asked_of_variance(Question question, const std::vector<Eigen::VectorXd>& unit_shape,
-                          bool bearing) const;
+  Asked asked_of_mean(Question about, std::vector<Signature> block) const;
+  Asked asked_of_variance(Question about, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing) const;
   /// Keeps the question, if its shapes leave anything to ask.
   void add(Asked asked);
   std::vector<Asked> asked_of_effect(const Effect& effect) const;
