@@ -3,7 +3,6 @@
 
 #include <tbb/task_arena.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -289,48 +288,6 @@ std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vec
   std::sort(tried.begin(), tried.end(),
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   return tried;
-}
-
-double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
-                  const ActiveEffect& rival) {
-  const WorkingProblem working = working_problem(rows, {}, state);
-  const Projector projector(rows, working.problem, state);
-  Signature x;
-  x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
-  bool any = false;
-  for (int j = 0; j < static_cast<int>(cause.parameters.size());
-       ++j) {  // to first order: sum of slope times size
-    const EffectParameter& info = cause.effect->info().parameters[j];
-    if (info.discrete || !info.linear || cause.parameters[j] == 0.0) continue;
-    const Signature part = effect_signature(rows, projector, cause, j);
-    any = any || projector.raw_information(part) > 0.0;
-    x.range += cause.parameters[j] * part.range;
-    x.bearing += cause.parameters[j] * part.bearing;
-    if (!part.within()) continue;
-    if (!x.within()) x.range_rows = x.bearing_rows = Eigen::VectorXd::Zero(part.range_rows.size());
-    x.range_rows += cause.parameters[j] * part.range_rows;
-    x.bearing_rows += cause.parameters[j] * part.bearing_rows;
-  }
-  if (!any) return -1.0;
-  std::vector<Signature> directions;
-  for (int j = 0; j < static_cast<int>(rival.parameters.size()); ++j) {
-    if (rival.effect->info().parameters[j].discrete) continue;
-    Signature y = effect_signature(rows, projector, rival, j);
-    if (projector.raw_information(y) > 0.0) directions.push_back(std::move(y));
-  }
-  if (directions.empty()) return -1.0;
-  const Eigen::Index n = static_cast<Eigen::Index>(directions.size());
-  const Eigen::VectorXd projected_x = projector.project(x);
-  const double whole = projector.inner(x, projected_x, x);
-  Eigen::MatrixXd information(n, n);
-  Eigen::VectorXd cross(n);
-  for (Eigen::Index e = 0; e < n; ++e) {
-    const Eigen::VectorXd projected = projector.project(directions[e]);
-    for (Eigen::Index f = 0; f < n; ++f)
-      information(f, e) = projector.inner(directions[f], projected, directions[e]);
-    cross[e] = projector.inner(x, projected, directions[e]);
-  }
-  return std::max(0.0, whole - cross.dot(information.completeOrthogonalDecomposition().solve(cross)));
 }
 
 }  // namespace rangecal::diagnosis

@@ -54,10 +54,4 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
 std::vector<Candidate> try_all(const Rows& rows, const Fit& base, const std::vector<Proposal>& proposals,
                                const Rates& rates, const RefitOptions& options, double wanted = 0.0);
 
-/// Noncentrality left between two effects: what `cause` does to the readings at its fitted size, after the
-/// calibration and every direction of `rival` at its fit were projected out. Small: this design cannot tell
-/// them apart, whatever the noise. Negative if either does not act on the mean.
-double separation(const Rows& rows, const JointState& state, const ActiveEffect& cause,
-                  const ActiveEffect& rival);
-
 }  // namespace rangecal::diagnosis

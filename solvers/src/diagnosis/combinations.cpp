@@ -30,17 +30,22 @@ bool is_rigid(const Effect* effect) {
   return parameters.size() == 1 && parameters[0].linear;
 }
 
+/// The effects that were searched for, after those that bookkeeping found.
+Model::const_iterator names_of(const Model& model, std::size_t known) {
+  return model.begin() + static_cast<Model::difference_type>(known);
+}
+
 }  // namespace
 
-double combination_margin(const Model& model) {
-  const bool rigid =
-      std::all_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_rigid(a.effect); });
+double combination_margin(const Model& model, std::size_t known) {
+  const bool rigid = std::all_of(names_of(model, known), model.end(),
+                                 [](const ActiveEffect& a) { return is_rigid(a.effect); });
   return rigid ? rigid_margin : bent_margin;
 }
 
 bool Combinations::found_beyond_doubt() const {
   return !pairs_.empty() && pairs_[0].evidence > free_curve_ + beyond_doubt &&
-         std::all_of(pairs_[0].fit.model.begin(), pairs_[0].fit.model.end(),
+         std::all_of(names_of(pairs_[0].fit.model, root_.model.size()), pairs_[0].fit.model.end(),
                      [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::mean; });
 }
 
@@ -54,7 +59,7 @@ void Combinations::extend(const Candidate& first, const Battery& battery) {
   const auto wanted = [&](const Effect* second) {
     Model pair = first.fit.model;
     pair.push_back({second, {}});
-    double answer = std::min(free_curve_ + combination_margin(pair), enough_);
+    double answer = std::min(free_curve_ + combination_margin(pair, root_.model.size()), enough_);
     if (one_curve(pair)) answer = std::max(answer, dominant * free_curve_);
     return std::max(answer, near_best) - first_gain;
   };
@@ -88,24 +93,32 @@ void Combinations::keep(Candidate pair) {
     *same = std::move(pair);
 }
 
-void Combinations::extend_alone(const Proposal& proposal) {
-  if (!started_.insert(proposal.effect).second) return;
+bool Combinations::extend_alone(const Proposal& proposal) {
+  if (!started_.insert(proposal.effect).second) return false;
   Candidate alone = try_model(rows_, root_, proposal, rates_, options_);
   if (!(proposal.promised > 0.0)) alone.foreseen = alone.evidence;  // nothing promised it
   if (alone.fit.ok) extend(alone, Battery(rows_, alone.fit.model, alone.fit.state, rates_));
+  return true;
+}
+
+void Combinations::complete_best() {
+  for (bool more = true; more && !pairs_.empty();) {
+    more = false;
+    const Model best = pairs_[0].fit.model;
+    for (auto name = names_of(best, root_.model.size()); name != best.end() && !more; ++name)
+      more = extend_alone({name->effect, name->parameters, 0.0, 0.0, 0.0, {}});
+  }
 }
 
 void Combinations::extend_from_others(const std::vector<Proposal>& proposals, Until until) {
-  if (!pairs_.empty()) {
-    const ActiveEffect second = pairs_[0].fit.model.back();
-    extend_alone({second.effect, second.parameters, 0.0, 0.0, 0.0, {}});
-  }
+  complete_best();
   for (const Proposal& proposal : proposals) {
     const bool enough =
         until == Until::beyond_doubt && !pairs_.empty() && pairs_[0].evidence > free_curve_ + beyond_doubt;
-    if (enough || started_.size() >= most_starts) return;
+    if (enough || started_.size() >= most_starts) break;
     if (proposal.effect->info().kind == EffectKind::mean) extend_alone(proposal);
   }
+  complete_best();
 }
 
 }  // namespace rangecal::diagnosis

@@ -9,8 +9,9 @@
 namespace rangecal::diagnosis {
 
 /// Nats by which two names together must beat the best single free curve: one curve beats two names of a
-/// kind. Less where each name has one parameter, its size: two numbers bend no curve.
-double combination_margin(const Model& model);
+/// kind. Less where each name has one parameter, its size: two numbers bend no curve. The first `known` of
+/// the model's effects are bookkeeping's.
+double combination_margin(const Model& model, std::size_t known);
 /// Times what the best free curve gains: a name beyond doubt.
 inline constexpr double dominant = 1.3;
 
@@ -33,9 +34,9 @@ class Combinations {
 
   /// Adds a second effect to `first`, of which `battery` is what it leaves.
   void extend(const Candidate& first, const Battery& battery);
-  /// The same from effects that were not among the best single ones: the second of the best pair, which the
-  /// first may have hidden, then those of `proposals`, until a pair is beyond doubt, or to the end if not
-  /// even that will do. Two causes of one channel may each look smaller than a third that is neither.
+  /// The same from effects that were not among the best single ones: those of the best pair, then those of
+  /// `proposals`, until a pair is beyond doubt, or to the end if not even that will do. Two causes of one
+  /// channel may each look smaller than a third that is neither.
   enum class Until { beyond_doubt, end };
   void extend_from_others(const std::vector<Proposal>& proposals, Until until);
   /// True if the best pair is of two changes of the mean that no curve comes near.
@@ -45,7 +46,10 @@ class Combinations {
   const std::vector<Candidate>& best_first() const { return pairs_; }
 
  private:
-  void extend_alone(const Proposal& proposal);
+  /// Starts from both names of the best pair: what else would go with one of them is seen only from there.
+  void complete_best();
+  /// False if it was started from before.
+  bool extend_alone(const Proposal& proposal);
   void keep(Candidate pair);
 
   const Rows& rows_;

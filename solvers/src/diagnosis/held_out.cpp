@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <set>
 
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
@@ -62,15 +63,36 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
   return fit;
 }
 
+/// True if the errors of the stops add up along the path: a reading then tells of every stop.
+bool is_chained(const Rows& rows, const Fit& fit) {
+  const auto stops = working_problem(rows, fit.model, fit.state).problem.stops;
+  return std::any_of(stops.begin(), stops.end(), [](const StopPrior& prior) { return prior.chained; });
+}
+
+/// Marks, beside those of `part`, the cells of all other places: given the calibration, a place's prediction
+/// depends on no other.
+std::vector<char> elsewhere(const Rows& rows, const std::vector<char>& part) {
+  const auto place = [&](std::size_t c) {
+    return rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].place;
+  };
+  std::set<int> ours;
+  for (std::size_t c = 0; c < part.size(); ++c)
+    if (part[c]) ours.insert(place(c));
+  std::vector<char> away(part.size());
+  for (std::size_t c = 0; c < part.size(); ++c) away[c] = !ours.count(place(c));
+  return away;
+}
+
 HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
                 const Fit& full, const RefitOptions& options, bool by_parts = true) {
   std::vector<HeldOut> of_fold(fold_count);
+  const bool chained = is_chained(rows, full);
   in_parallel(
       of_fold.size(),
       [&](std::size_t fold) {
         const int f = static_cast<int>(fold);
         HeldOut& held = of_fold[fold];
-        std::vector<char> out(folds.size()), ours(folds.size());
+        std::vector<char> out(folds.size());
         for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
         const Rows rest = without_cells(rows, out);
@@ -87,13 +109,18 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         // Cells that are never left out belong to the training part of every fold.
         held.nll = value(rows) - alone;
         for (int part = 0; by_parts && part < parts_of_fold; ++part) {
-          bool any = false;
+          std::vector<char> ours(folds.size());
+          for (std::size_t c = 0; c < folds.size(); ++c)
+            ours[c] = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
+          if (std::find(ours.begin(), ours.end(), 1) == ours.end()) continue;
+          const std::vector<char> away = chained ? std::vector<char>(ours.size()) : elsewhere(rows, ours);
+          std::vector<char> with = away, without = away;
           for (std::size_t c = 0; c < folds.size(); ++c) {
-            const bool member = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
-            ours[c] = folds[c] == f && !member;
-            any = any || member;
+            with[c] = away[c] || (out[c] && !ours[c]);
+            without[c] = away[c] || out[c];
           }
-          if (any) held.parts.push_back(value(without_cells(rows, ours)) - alone);
+          held.parts.push_back(value(without_cells(rows, with)) -
+                               (chained ? alone : value(without_cells(rows, without))));
         }
         held.ok = std::isfinite(held.nll);
       },
@@ -135,9 +162,8 @@ void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
   const HeldOut of_spread = predict(rows, blocks, folds, spread->fit, options, false);
   const HeldOut of_other = predict(rows, blocks, folds, other->fit, options, false);
   if (!of_spread.ok || !of_other.ok) return;
-  const double shift = other->evidence + of_other.nll - of_spread.nll - spread->evidence;
   for (Candidate& c : candidates)
-    if (spreads_stops(c)) c.evidence += shift;
+    if (spreads_stops(c)) c.evidence += of_other.nll - of_spread.nll;
   std::sort(candidates.begin(), candidates.end(),
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }

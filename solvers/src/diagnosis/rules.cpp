@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "diagnosis/rounds.hpp"
+#include "diagnosis/separation.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -17,6 +18,14 @@ constexpr double score_margin = 2.5;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
 
 double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
+
+/// The effects of a model that another does not have.
+Model without(const Model& model, const Model& other) {
+  Model rest;
+  for (const ActiveEffect& active : model)
+    if (!contains(other, active.effect)) rest.push_back(active);
+  return rest;
+}
 
 }  // namespace
 
@@ -34,20 +43,18 @@ bool equals_curve(const Candidate& name, double curve) {
   return name.evidence > curve - margin_of(name) && (!by_score || name.foreseen > curve - score_margin);
 }
 
-void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& others,
+void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& ranked,
                 SearchResult& result) {
   const Model& best = result.best.fit.model;
-  for (const Candidate& rival : others) {
+  for (const Candidate& rival : ranked) {
     if (result.rivals.size() == 2) return;
-    const ActiveEffect *cause = nullptr, *other = nullptr;
-    for (const ActiveEffect& a : best)
-      if (!contains(rival.fit.model, a.effect)) cause = &a;
-    for (const ActiveEffect& a : rival.fit.model)
-      if (!contains(best, a.effect)) other = &a;
-    if (!cause || !other) continue;
+    const Model causes = without(best, rival.fit.model), others = without(rival.fit.model, best);
+    if (causes.empty() || others.empty()) continue;
     const double gap = result.best.evidence - rival.evidence;
+    if (gap > std::max(1.0, options.naming_gap_nats)) continue;
     // A design that separates the two by more than the tolerated noncentrality leaves the gap to decide.
-    const double apart = separation(rows, result.baseline.state, *cause, *other);
+    const double apart =
+        separation(rows, result.baseline.state, causes, others, without(rival.fit.model, others));
     const double tolerated = apart > tolerated_noncentrality ? 0.5
                              : apart < 0.0                   ? 1.0
                                                              : options.naming_gap_nats;

@@ -21,7 +21,7 @@ double best_curve(const Battery& battery, const Rates& rates, const std::string&
 bool equals_curve(const Candidate& name, double curve);
 
 /// Other explanations of the same size that the data do not reject, best first, at most two.
-void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& others,
+void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& ranked,
                 SearchResult& result);
 
 }  // namespace rangecal::diagnosis

@@ -18,7 +18,8 @@ namespace {
 
 /// p at which a free curve over a named effect's own covariate rejects it.
 constexpr double adequacy_rate = 0.003;
-constexpr double trace_rate = 3e-4;  ///< corrected p below which what a first name left is no trace
+/// Corrected p below which what a first name left is no trace, and what two beyond doubt left.
+constexpr double trace_rate = 3e-4, trace_rate_of_two = 1e-3;
 /// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
 /// explain, two names are tried, and given where they gain so much more [nats].
 constexpr double soaking_share = 0.4, soaked_margin = 10.0;
@@ -166,15 +167,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   combinations.extend_from_others(proposals, Combinations::Until::beyond_doubt);
   const std::vector<Candidate>& pairs = combinations.best_first();
   // What it leaves must be a trace: faint by itself, and weaker than what was named.
-  const auto leaves_a_trace = [&] {
-    return std::all_of(
-        batteries[0]->questions.begin(), batteries[0]->questions.end(), [&](const Question& q) {
-          return q.effect || on_grid(known, q) ||
-                 (batteries[0]->corrected(q) > trace_rate && q.gain - q.dof < singles[0].evidence);
-        });
+  const auto leaves_a_trace = [&](const Candidate& named, const Battery& battery, double rate) {
+    return std::all_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
+      return q.effect || on_grid(known, q) ||
+             (battery.corrected(q) > rate && q.gain - q.dof < named.evidence);
+    });
   };
-  if (could_be_one && (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) &&
-      leaves_a_trace()) {
+  if (could_be_one && !soaked && (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) &&
+      leaves_a_trace(singles[0], *batteries[0], trace_rate)) {
     answer_with_single(0);
     return result;
   }
@@ -184,8 +184,10 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       if (pairs[i].evidence < pairs[0].evidence - options.naming_gap_nats) break;
       if (soaked && pairs[i].evidence < singles[*soaked].evidence + soaked_margin) break;
       if (std::min(pairs[i].evidence, pairs[i].foreseen) <
-              free_curve_gain + combination_margin(pairs[i].fit.model) ||
-          !clean(pairs[i], battery))
+              free_curve_gain + combination_margin(pairs[i].fit.model, root.fit.model.size()) ||
+          !(clean(pairs[i], battery) ||
+            (i == 0 && combinations.found_beyond_doubt() && pairs[i].evidence > dominant * free_curve_gain &&
+             leaves_a_trace(pairs[i], *battery, trace_rate_of_two))))
         continue;
       result.verdict = Verdict::explained;
       result.best = pairs[i];
