@@ -17,7 +17,8 @@ inline std::size_t jobs_at_once(std::size_t readings) {
 /// Calls f(i) for i in 0 .. count - 1 on the cores there are, `at_once` of them at a time at most. Every call
 /// writes to places of its own, so that the answer has the same bits on any number of cores. A thread that
 /// waits for the last call takes up nothing that is not part of it: where many recordings are worked on at
-/// once, none is held up by another.
+/// once, none is held up by another, and where one of them fails, what the others were at is not left half
+/// done.
 template <typename F>
 void in_parallel(std::size_t count, const F& f, std::size_t at_once = 64) {
   if (count == 1 || at_once == 1) {
@@ -25,8 +26,10 @@ void in_parallel(std::size_t count, const F& f, std::size_t at_once = 64) {
     return;
   }
   tbb::this_task_arena::isolate([&] {
-    for (std::size_t begin = 0; begin < count; begin += at_once)
-      tbb::parallel_for(begin, std::min(count, begin + at_once), f);
+    for (std::size_t begin = 0; begin < count; begin += at_once) {
+      tbb::task_group_context own(tbb::task_group_context::isolated);
+      tbb::parallel_for(begin, std::min(count, begin + at_once), f, own);
+    }
   });
 }
 

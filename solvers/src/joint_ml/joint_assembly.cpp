@@ -241,8 +241,10 @@ double JointSystem::assemble(const JointState& state, HessianKind kind) {
   };
   if (parts == 1)
     run(0);
-  else
-    tbb::parallel_for(0, parts, run);
+  else {  // of its own: whole, whatever becomes of what asked for it
+    tbb::task_group_context own(tbb::task_group_context::isolated);
+    tbb::parallel_for(0, parts, run, own);
+  }
   for (int part = 1; part < parts; ++part) sums_[0].add(sums_[part]);
   collect(sums_);
   nll_ = sums_[0].nll;

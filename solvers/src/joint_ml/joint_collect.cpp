@@ -80,8 +80,10 @@ void JointSystem::profile_spreads(JointState& state) const {
   };
   if (parts == 1)
     run(0);
-  else
-    tbb::parallel_for(0, parts, run);
+  else {  // of its own: whole, whatever becomes of what asked for it
+    tbb::task_group_context own(tbb::task_group_context::isolated);
+    tbb::parallel_for(0, parts, run, own);
+  }
   double range = 0.0, bearing = 0.0;
   for (const auto& sum : sums) {
     range += sum[0];

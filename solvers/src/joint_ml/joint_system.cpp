@@ -147,8 +147,10 @@ bool JointSystem::eliminate(double damping) {
   };
   if (parts == 1)
     run(0);
-  else
-    tbb::parallel_for(0, parts, run);
+  else {  // of its own: whole, whatever becomes of what asked for it
+    tbb::task_group_context own(tbb::task_group_context::isolated);
+    tbb::parallel_for(0, parts, run, own);
+  }
   for (const Elimination& part : eliminations_)
     if (!part.ok) return false;
   Elimination& total = eliminations_[0];

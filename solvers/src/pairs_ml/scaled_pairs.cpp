@@ -116,9 +116,13 @@ KernelSums ScaledPairs::sum(const PairsProblem& problem, const Vector& x, bool i
     run_kernel(part, law, order_, problem.single, information, chunks_[chunk]);
   };
   if (size >= static_cast<std::size_t>(parallel_from_)) {
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, chunks_.size(), 2), [&](const auto& range) {
-      for (std::size_t chunk = range.begin(); chunk != range.end(); ++chunk) run(chunk);
-    });
+    tbb::task_group_context own(tbb::task_group_context::isolated);  // whole, whatever becomes of what asked for it
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, chunks_.size(), 2),
+        [&](const auto& range) {
+          for (std::size_t chunk = range.begin(); chunk != range.end(); ++chunk) run(chunk);
+        },
+        own);
   } else {
     for (std::size_t chunk = 0; chunk < chunks_.size(); ++chunk) run(chunk);
   }
