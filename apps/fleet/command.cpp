@@ -38,11 +38,12 @@ std::string FleetCommand::page(const FleetResult& r) const {
   text += fmt::format("Population   {}{}{}, of {} units after {} passes; {} left out as unlike the others\n", to_string(p.outcome),
                       p.reason.empty() ? "" : ": ", p.reason, p.units, p.iterations, p.left_out);
   if (!is_usable(p.outcome)) return text;
-  text += "\n  parameter          mean        std over units\n";
+  text += "\n  parameter          mean                 std over units\n";
   for (Eigen::Index i = 0; i < p.mean.size(); ++i) {
     const bool noise_row = i > p.order;
-    const double mean = noise_row ? std::exp(p.mean[i]) : p.mean[i], std_dev = std::sqrt(p.covariance(i, i));
-    text += fmt::format("  {:<12} {:>12.6f} {:>12}  {}\n", noise_row ? "sigma" : fmt::format("alpha_{}", i), mean,
+    const double mean = noise_row ? std::exp(p.mean[i]) : p.mean[i], std_dev = std::sqrt(p.covariance(i, i)),
+                 error = std::sqrt(p.mean_covariance(i, i)) * (noise_row ? mean : 1.0);
+    text += fmt::format("  {:<12} {:>12.6f} +- {:<10.6f} {:>12}  {}\n", noise_row ? "sigma" : fmt::format("alpha_{}", i), mean, error,
                         noise_row ? fmt::format("{:.1f} %", 100.0 * std_dev) : fmt::format("{:.6f}", std_dev),
                         noise_row ? law_unit(job.law, 0) : coefficient_unit(static_cast<int>(i)));
   }

@@ -44,8 +44,7 @@ class Fleet {
         " correlation REAL, theta BLOB, information BLOB) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " + columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_relative_std REAL, distance_sq REAL, p_value REAL) WITHOUT ROWID;"
-        "CREATE TABLE IF NOT EXISTS oddities(name TEXT, what TEXT, size REAL, unit TEXT, p_value REAL, explanation TEXT, PRIMARY KEY(name, what)) WITHOUT ROWID;"
-        "CREATE TABLE IF NOT EXISTS population(parameter TEXT PRIMARY KEY, mean REAL, std REAL) WITHOUT ROWID");
+        "CREATE TABLE IF NOT EXISTS oddities(name TEXT, what TEXT, size REAL, unit TEXT, p_value REAL, explanation TEXT, PRIMARY KEY(name, what)) WITHOUT ROWID");
     same("format", "rangecal-fleet/1");
     same("order", std::to_string(job.order));
     same("law", to_string(job.law));

@@ -27,11 +27,12 @@ UnitSummary summary_in(const Statement& row, int column, const FleetJob& job) {
 }
 
 void put_population(Database& database, const Population& population) {
-  Statement row = database.prepare("INSERT INTO population VALUES(?, ?, ?)");
+  Statement row = database.prepare("INSERT INTO population VALUES(?, ?, ?, ?)");
   for (Eigen::Index i = 0; i < population.mean.size(); ++i)
     row.bind(1, i <= population.order ? fmt::format("alpha_{}", i) : std::string("log_sigma"))
         .bind(2, population.mean[i])
-        .bind(3, std::sqrt(population.covariance(i, i)))
+        .bind(3, std::sqrt(population.mean_covariance(i, i)))
+        .bind(4, std::sqrt(population.covariance(i, i)))
         .run();
 }
 
@@ -49,13 +50,18 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
     VectorXd mean, deviation;
     double distance = std::nan(""), p_value = std::nan("");
     const bool own = rows.vector(9).size() > 0;
+    std::string source = own ? "own readings and population" : "few readings and population";
     if (own) {
-      const UnitPosterior shrunk = shrink(summary_in(rows, 9, job), population);
+      const UnitSummary summary = summary_in(rows, 9, job);
+      const UnitPosterior shrunk = shrink(summary, population);
       mean = shrunk.mean;
       deviation = shrunk.covariance.diagonal().cwiseSqrt();
       distance = shrunk.distance_sq;
       p_value = shrunk.p_value;
-      if (p_value < limit) {
+      if (p_value < limit) {   // the population says nothing of a unit that is none of it
+        source = "own readings, unlike the others";
+        mean = summary.theta;
+        deviation = summary.information.inverse().diagonal().cwiseSqrt();
         Eigen::Index worst = 0;
         shrunk.z.cwiseAbs().maxCoeff(&worst);
         odd.bind(1, name).bind(2, "unlike the others: " + (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
@@ -89,7 +95,7 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
     int at = 0;
     const auto put = [&](const auto& value) { posterior.bind(++at, value); };
     put(name);
-    put(std::string(own ? "own readings and population" : "few readings and population"));
+    put(source);
     for (int i = 0; i <= n; ++i) {
       put(mean[i]);
       put(deviation[i]);
@@ -158,7 +164,9 @@ void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
     population.range_min_m = range.number(0).value_or(0.0);
     population.range_max_m = range.number(1).value_or(0.0);
   }
-  database.execute("BEGIN; DELETE FROM posteriors; DELETE FROM oddities; DELETE FROM population; DELETE FROM meta WHERE key = 'population'");
+  database.execute(
+      "BEGIN; DELETE FROM posteriors; DELETE FROM oddities; DELETE FROM meta WHERE key = 'population'; DROP TABLE IF EXISTS population;"
+      "CREATE TABLE population(parameter TEXT PRIMARY KEY, mean REAL, mean_std REAL, std REAL) WITHOUT ROWID");
   database.prepare("INSERT INTO meta VALUES('population', ?)").bind(1, population_to_json(population)).run();
   if (is_usable(population.outcome)) {
     put_population(database, population);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -32,7 +33,8 @@ struct Scale {
 
 struct Pass {
   VectorXd first;
-  MatrixXd second;   ///< of m_u and V_u
+  MatrixXd second;  ///< of m_u, V_u and what is not known of mu
+  MatrixXd weight;  ///< sum of (Sigma + Lambda_u^-1)^-1: what the units say of mu
   double log_likelihood = 0.0;
   std::int64_t kept = 0, left_out = 0;
 };
@@ -50,9 +52,10 @@ Step step_of(const UnitSummary& u, const VectorXd& mu, const MatrixXd& precision
   const Eigen::LLT<MatrixXd> sum(precision + u.information);
   step.V = sum.solve(MatrixXd::Identity(p, p));
   const VectorXd e = u.theta - mu, pull = u.information * e;
-  step.m = mu + step.V * pull;
-  // (Sigma + Lambda^-1)^-1 = Lambda - Lambda V Lambda
-  step.distance_sq = std::fmax(0.0, e.dot(pull) - pull.dot(step.V * pull));
+  const VectorXd moved = step.V * pull;
+  step.m = mu + moved;
+  // (Sigma + Lambda^-1)^-1 = Lambda - Lambda V Lambda = Sigma^-1 V Lambda, the last without cancellation
+  step.distance_sq = std::fmax(0.0, e.dot(precision * moved));
   const double log_det_sum = 2.0 * sum.matrixLLT().diagonal().array().log().sum();
   const double log_det_information = 2.0 * MatrixXd(u.information.llt().matrixL()).diagonal().array().log().sum();
   step.log_likelihood = -static_cast<double>(p) * half_log_two_pi -
@@ -60,14 +63,16 @@ Step step_of(const UnitSummary& u, const VectorXd& mu, const MatrixXd& precision
   return step;
 }
 
-Pass pass_over(const UnitStream& units, const Scale& scale, const VectorXd& mu, const MatrixXd& Sigma, double distance_limit) {
+Pass pass_over(const UnitStream& units, const Scale& scale, const VectorXd& mu, const MatrixXd& Sigma,
+               const MatrixXd& V_mu, double distance_limit) {
   const Eigen::Index p = mu.size();
   const Eigen::LLT<MatrixXd> factor(Sigma);
   const MatrixXd precision = factor.solve(MatrixXd::Identity(p, p));
   const double log_det = 2.0 * factor.matrixLLT().diagonal().array().log().sum();
-  Pass pass{VectorXd::Zero(p), MatrixXd::Zero(p, p)};
+  Pass pass{VectorXd::Zero(p), MatrixXd::Zero(p, p), MatrixXd::Zero(p, p)};
   units([&](const UnitSummary& raw) {
-    const Step step = step_of(scale.in(raw), mu, precision, log_det);
+    const UnitSummary unit = scale.in(raw);
+    const Step step = step_of(unit, mu, precision, log_det);
     if (step.distance_sq > distance_limit) {
       ++pass.left_out;
       return;
@@ -75,7 +80,9 @@ Pass pass_over(const UnitStream& units, const Scale& scale, const VectorXd& mu, 
     ++pass.kept;
     const VectorXd e = step.m - mu;
     pass.first += e;
-    pass.second += step.V + e * e.transpose();
+    const MatrixXd K = step.V * unit.information;
+    pass.second += step.V + K * V_mu * K.transpose() + e * e.transpose();
+    pass.weight += precision * K;
     pass.log_likelihood += step.log_likelihood;
   });
   return pass;
@@ -146,16 +153,18 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   scale.unit = 0.5 * (medians(units, low - slack, high + slack, 0.8413) - medians(units, low - slack, high + slack, 0.1587));
   scale.unit = scale.unit.cwiseMax(slack);
   VectorXd mu = VectorXd::Zero(p);
-  MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p);
+  MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p), V_mu = MatrixXd::Zero(p, p);
   const double limit = options.outlier_rate > 0.0
                            ? chi_squared_upper_quantile(options.outlier_rate / static_cast<double>(count),
                                                         static_cast<double>(p))
                            : std::numeric_limits<double>::infinity();
   result.outcome = Outcome::not_converged;
+  constexpr int enough = 4;  // passes in a row: what is not known of mu comes in a pass late
+  int quiet = 0;
   double before = -std::numeric_limits<double>::infinity();
   std::int64_t kept_before = -1;
   for (result.iterations = 1; result.iterations <= options.max_iterations; ++result.iterations) {
-    const Pass pass = pass_over(units, scale, mu, Sigma, limit);
+    const Pass pass = pass_over(units, scale, mu, Sigma, V_mu, limit);
     if (pass.kept < p + 2) {
       result.outcome = Outcome::failed;
       result.reason = "hardly any two units are alike";
@@ -164,12 +173,17 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
     result.units = pass.kept;
     result.left_out = pass.left_out;
     result.log_likelihood = pass.log_likelihood - static_cast<double>(pass.kept) * scale.unit.array().log().sum();
-    const bool settled = pass.kept == kept_before && pass.log_likelihood - before < options.tolerance;
+    const Eigen::LLT<MatrixXd> weight(0.5 * (pass.weight + pass.weight.transpose()));
+    V_mu = weight.solve(MatrixXd::Identity(p, p));
+    // Restricted: that of mu known, times the volume of what is not known of mu.
+    const double restricted = pass.log_likelihood - weight.matrixLLT().diagonal().array().log().sum();
+    quiet = pass.kept == kept_before && restricted - before < options.tolerance ? quiet + 1 : 0;
+    const bool settled = quiet == enough;
     if (settled) {
       result.outcome = Outcome::converged;
       break;
     }
-    before = pass.log_likelihood;
+    before = restricted;
     kept_before = pass.kept;
     const VectorXd shift = pass.first / static_cast<double>(pass.kept);
     mu += shift;
@@ -178,7 +192,15 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   if (result.outcome == Outcome::not_converged) result.reason = fmt::format("stopped after {} passes", options.max_iterations);
   result.mean = scale.origin + scale.unit.cwiseProduct(mu);
   result.covariance = scale.unit.asDiagonal() * Sigma * scale.unit.asDiagonal();
+  result.mean_covariance = scale.unit.asDiagonal() * V_mu * scale.unit.asDiagonal();
   return result;
+}
+
+MatrixXd Population::spread() const {
+  if (mean_covariance.size() == 0) return covariance;
+  const double N = static_cast<double>(units), p = static_cast<double>(mean.size());
+  const double widening = (N - 1.0) / std::max(0.5, N - p - 2.0);
+  return covariance + (widening - 1.0) * N * mean_covariance;
 }
 
 UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
@@ -186,13 +208,19 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
   if (unit.theta.size() != p) throw InputError(fmt::format("shrink: {} unknowns where the population has {}", unit.theta.size(), p));
   const Scale scale{population.mean, population.covariance.diagonal().cwiseSqrt()};
   const VectorXd inverse = scale.unit.cwiseInverse();
-  const MatrixXd Sigma = inverse.asDiagonal() * population.covariance * inverse.asDiagonal();
+  const MatrixXd Sigma = inverse.asDiagonal() * population.spread() * inverse.asDiagonal();
   const MatrixXd precision = Sigma.llt().solve(MatrixXd::Identity(p, p));
   const UnitSummary scaled = scale.in(unit);
   const Step step = step_of(scaled, VectorXd::Zero(p), precision, 0.0);
   UnitPosterior result;
   result.mean = scale.origin + scale.unit.cwiseProduct(step.m);
-  result.covariance = scale.unit.asDiagonal() * step.V * scale.unit.asDiagonal();
+  MatrixXd V = step.V;
+  if (population.mean_covariance.size() > 0) {
+    const MatrixXd pull =
+        MatrixXd::Identity(p, p) - step.V * scaled.information;  // of the population's mean on the answer
+    V += pull * inverse.asDiagonal() * population.mean_covariance * inverse.asDiagonal() * pull.transpose();
+  }
+  result.covariance = scale.unit.asDiagonal() * V * scale.unit.asDiagonal();
   result.distance_sq = step.distance_sq;
   result.p_value = chi_squared_p(step.distance_sq, static_cast<double>(p));
   const MatrixXd spread = Sigma + scaled.information.llt().solve(MatrixXd::Identity(p, p));

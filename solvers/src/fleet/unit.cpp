@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "pairs_ml/dense_newton.hpp"
 #include "rangecal/core/distributions.hpp"
@@ -22,13 +23,39 @@ using Eigen::VectorXd;
 
 double two_sided(double z) { return std::erfc(std::abs(z) / std::sqrt(2.0)); }
 
+std::vector<std::vector<double>> rows_of(const MatrixXd& matrix) {
+  std::vector<std::vector<double>> rows;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    const VectorXd row = matrix.row(i);
+    rows.emplace_back(row.begin(), row.end());
+  }
+  return rows;
+}
+
+/// The member `field`, p x p.
+MatrixXd matrix_of(const nlohmann::json& object, const char* field, Eigen::Index p) {
+  const auto rows = object.at(field).get<std::vector<std::vector<double>>>();
+  MatrixXd matrix(p, p);
+  if (static_cast<Eigen::Index>(rows.size()) != p)
+    throw InputError(fmt::format("field '{}' does not fit 'mean'", field));
+  for (Eigen::Index i = 0; i < p; ++i) {
+    const std::vector<double>& row = rows[static_cast<std::size_t>(i)];
+    if (static_cast<Eigen::Index>(row.size()) != p)
+      throw InputError(fmt::format("field '{}' does not fit 'mean'", field));
+    matrix.row(i) = VectorXd::Map(row.data(), p).transpose();
+  }
+  return matrix;
+}
+
 }  // namespace
 
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population) {
   const Eigen::Index p = population.mean.size(), n = p - 1;
   if (!is_usable(population.outcome) || p < 2) throw InputError("calibrate_in_population: the population has no answer");
-  const VectorXd unit = population.covariance.diagonal().cwiseSqrt();
-  const MatrixXd correlation = unit.cwiseInverse().asDiagonal() * population.covariance * unit.cwiseInverse().asDiagonal();
+  MatrixXd prior = population.spread();
+  if (population.mean_covariance.size() > 0) prior += population.mean_covariance;
+  const VectorXd unit = prior.diagonal().cwiseSqrt();
+  const MatrixXd correlation = unit.cwiseInverse().asDiagonal() * prior * unit.cwiseInverse().asDiagonal();
   const MatrixXd precision = unit.cwiseInverse().asDiagonal() * correlation.llt().solve(MatrixXd::Identity(p, p)) * unit.cwiseInverse().asDiagonal();
   Calibration result;
   result.method = Method::full;
@@ -108,11 +135,8 @@ std::string population_to_json(const Population& population) {
                                 {"log_likelihood", population.log_likelihood},
                                 {"iterations", population.iterations},
                                 {"mean", std::vector<double>(population.mean.begin(), population.mean.end())}};
-  object["covariance"] = nlohmann::ordered_json::array();
-  for (Eigen::Index i = 0; i < population.covariance.rows(); ++i) {
-    const VectorXd row = population.covariance.row(i);
-    object["covariance"].push_back(std::vector<double>(row.begin(), row.end()));
-  }
+  object["covariance"] = rows_of(population.covariance);
+  if (population.mean_covariance.size() > 0) object["mean_covariance"] = rows_of(population.mean_covariance);
   return object.dump(2) + "\n";
 }
 
@@ -132,15 +156,11 @@ Population population_from_json(const std::string& text, const std::string& name
     population.log_likelihood = object.at("log_likelihood");
     population.iterations = whole_number(object.at("iterations"), "iterations");
     const auto mean = object.at("mean").get<std::vector<double>>();
-    const auto rows = object.at("covariance").get<std::vector<std::vector<double>>>();
     const auto p = static_cast<Eigen::Index>(mean.size());
     population.mean = VectorXd::Map(mean.data(), p);
-    population.covariance.resize(p, p);
-    if (rows.size() != mean.size()) throw InputError("field 'covariance' does not fit 'mean'");
-    for (Eigen::Index i = 0; i < p; ++i) {
-      if (rows[static_cast<std::size_t>(i)].size() != mean.size()) throw InputError("field 'covariance' does not fit 'mean'");
-      for (Eigen::Index j = 0; j < p; ++j) population.covariance(i, j) = rows[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
-    }
+    population.covariance = matrix_of(object, "covariance", p);
+    if (object.contains("mean_covariance"))
+      population.mean_covariance = matrix_of(object, "mean_covariance", p);
     return population;
   } catch (const nlohmann::json::exception& error) {
     throw InputError(name, 0, "", std::string("is no population: ") + error.what());

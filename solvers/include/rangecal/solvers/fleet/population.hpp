@@ -13,19 +13,22 @@
 
 namespace rangecal {
 
-/// Sensors of one make differ (Alhashimi 2016, section 6). Each has theta = (alpha_0 .. alpha_n, log sigma), alpha_i in
-/// m^(1-i), sigma that of a noise law with one parameter, and
+/// Sensors of one make differ (Alhashimi 2016, section 6). Each has theta = (alpha_0 .. alpha_n, log sigma),
+/// alpha_i in m^(1-i), sigma that of a noise law with one parameter, and
 ///
 ///   theta_u ~ N(mu, Sigma),            readings_u | theta_u: the likelihood of the 2016 problem,
 ///
-/// which for a unit with readings enough is N(theta; theta^_u, Lambda_u^-1), theta^_u its maximum, Lambda_u the expected
-/// information there. mu and Sigma maximise the marginal likelihood prod_u N(theta^_u; mu, Sigma + Lambda_u^-1) by EM:
+/// which for a unit with readings enough is N(theta; theta^_u, Lambda_u^-1), theta^_u its maximum, Lambda_u
+/// the expected information there. Sigma maximises the restricted likelihood, that of prod_u N(theta^_u; mu,
+/// Sigma + Lambda_u^-1) with mu integrated out, by EM:
 ///
-///   V_u = (Sigma^-1 + Lambda_u)^-1,  m_u = V_u (Sigma^-1 mu + Lambda_u theta^_u),
-///   mu = mean m_u,  Sigma = mean (V_u + (m_u - mu) (m_u - mu)^T)
+///   V_u = (Sigma^-1 + Lambda_u)^-1,  K_u = V_u Lambda_u,  m_u = mu + K_u (theta^_u - mu),
+///   V_mu = (sum_u (Sigma + Lambda_u^-1)^-1)^-1,
+///   mu = mean m_u,  Sigma = mean (V_u + K_u V_mu K_u^T + (m_u - mu) (m_u - mu)^T)
 ///
-/// (Laird and Ware 1982, Biometrics 38, 963; Gelman et al., Bayesian Data Analysis, ch. 5). (m_u, V_u) is the unit's
-/// posterior: its own answer, shrunk towards the population.
+/// (Laird and Ware 1982, Biometrics 38, 963; Gelman et al., Bayesian Data Analysis, ch. 5). m_u is the unit's
+/// posterior: its own answer, shrunk towards the population; its covariance is V_u + (1 - K_u) V_mu (1 -
+/// K_u)^T, since mu is an estimate.
 struct UnitSummary {
   Eigen::VectorXd theta;        ///< theta^_u
   Eigen::MatrixXd information;  ///< Lambda_u
@@ -39,9 +42,15 @@ struct Population {
   double range_min_m = 0.0, range_max_m = 0.0;   ///< distances that the units were seen at
   Eigen::VectorXd mean;         ///< mu
   Eigen::MatrixXd covariance;   ///< Sigma
+  Eigen::MatrixXd mean_covariance;  ///< V_mu; empty: mu is exact
   double log_likelihood = 0.0;  ///< marginal [nats], of the units kept
   int iterations = 0;
   std::int64_t units = 0, left_out = 0;   ///< kept; outlying, of no influence on mu and Sigma
+
+  /// Sigma as posteriors use it. The inverse of T = Sigma + Lambda^-1, as N units estimate it, is too large by
+  /// w = (N - 1) / (N - p - 2) on average, p = size(mu), which would draw the units of a small fleet too close (Efron and
+  /// Morris 1976, Annals of Statistics 4, 22): Sigma + (w - 1) N V_mu, where N V_mu is T's mean.
+  Eigen::MatrixXd spread() const;
 };
 
 /// Calls its argument once for every unit, each time in the same order: a file, a table, an array.
@@ -63,7 +72,7 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
 /// A unit before the background of its population.
 struct UnitPosterior {
   Eigen::VectorXd mean;         ///< m_u
-  Eigen::MatrixXd covariance;   ///< V_u
+  Eigen::MatrixXd covariance;   ///< V_u + (1 - K_u) V_mu (1 - K_u)^T
   double distance_sq = 0.0;     ///< (theta^ - mu)^T (Sigma + Lambda^-1)^-1 (theta^ - mu): chi^2 with size(theta) degrees of freedom
   double p_value = 1.0;         ///< of it, for this unit alone
   Eigen::VectorXd z;            ///< (theta^ - mu)_i over its standard deviation under the population
@@ -75,9 +84,9 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population);
 std::optional<UnitSummary> summarise(const Calibration& calibration);
 
 /// The calibration of a unit from its pairs and its population together: the maximum of likelihood times
-/// N(theta; mu, Sigma), covariance the inverse of the information there, Sigma^-1 included. A handful of readings
-/// will do, none gives the population. Throws InputError for a population without an answer. Outcomes: converged,
-/// not_converged, failed. Cost: 10 passes over the readings.
+/// N(theta; mu, Sigma + V_mu), covariance the inverse of the information there, the prior's included. A
+/// handful of readings will do, none gives the population. Throws InputError for a population without an
+/// answer. Outcomes: converged, not_converged, failed. Cost: 10 passes over the readings.
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population);
 
 /// What a unit's residuals z = (y - f) / s show that its curve does not hold, for readings in their order; p-values of each
