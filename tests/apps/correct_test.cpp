@@ -169,7 +169,7 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
   save_calibrations({c}, folder.file("cal.json"));
   std::string many, few;
   for (int i = 0; i < 30000; ++i) {
-    const std::string reading = fmt::format("{:.4f}\n", i == 100 ? 9.0 : 0.8 + 3.3 * i / 30000.0);
+    const std::string reading = fmt::format("{:.4f}\n", i == 100 ? 4.16 : 0.8 + 3.3 * i / 30000.0);
     many += reading;
     if (i % 50 == 0) few += reading;
   }

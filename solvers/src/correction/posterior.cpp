@@ -17,6 +17,8 @@ namespace rangecal {
 namespace {
 
 constexpr int nodes = 16;
+/// Standard deviations from which on no distance explains a reading: noise does that twice in 10^9 readings.
+constexpr double farthest_off = 6.0;
 
 /// Nodes in [-1, 1] and weights of the rule, in the order of the nodes.
 struct Rule {
@@ -62,6 +64,12 @@ class Density {
     if (!(expected.spread_m > 0.0)) return -std::numeric_limits<double>::infinity();
     const double z = (y_ - expected.mean_m) / expected.spread_m;
     return -0.5 * z * z - std::log(expected.spread_m) - half_log_two_pi + log_prior(d);
+  }
+  /// Standard deviations between the reading and what is read at d.
+  double off(double d) const {
+    const EffectCorrector::Expected expected = corrector_.at(d, setting_);
+    return expected.spread_m > 0.0 ? std::abs(y_ - expected.mean_m) / expected.spread_m
+                                   : std::numeric_limits<double>::infinity();
   }
   double log_prior(double d) const {
     const double uniform = 1.0 / (prior_.high_m - prior_.low_m);
@@ -235,6 +243,14 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
   DistancePosterior result;
   if (!std::isfinite(shift)) {
     result.reason = "the likelihood is 0 at every distance of the prior";
+    return result;
+  }
+  double off = std::numeric_limits<double>::infinity();
+  for (const double d : ends) off = std::min(off, density.off(d));
+  if (off > farthest_off) {
+    result.reason = fmt::format(
+        "the reading is {:.0f} standard deviations off at every distance of the prior, {} to {} m", off,
+        prior.low_m, prior.high_m);
     return result;
   }
   struct Sums {

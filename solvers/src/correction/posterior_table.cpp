@@ -46,6 +46,12 @@ bool close(const Row& guess, const Row& right, double tolerance) {
   return true;
 }
 
+/// NaN all over.
+Row no_row() {
+  const Row none{};
+  return combined(none, none, [](double, double) { return std::numeric_limits<double>::quiet_NaN(); });
+}
+
 }  // namespace
 
 PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePrior& prior, int nodes, double tolerance)
@@ -87,6 +93,7 @@ PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePri
 
 Row PosteriorTable::exact(double reading_m) const {
   const DistancePosterior posterior = distance_posterior(corrector_, reading_m, {}, prior_);
+  if (posterior.outcome != Outcome::converged) return no_row();
   Row row{posterior.mode_m, posterior.mean_m, posterior.std_dev_m, posterior.low_m, posterior.high_m, {}, {}, {}};
   for (std::size_t i = 0; i < posterior.roots.size(); ++i) {
     row.probability[i] = posterior.roots[i].probability;
@@ -99,10 +106,7 @@ Row PosteriorTable::exact(double reading_m) const {
 }
 
 Row PosteriorTable::operator()(double reading_m) const {
-  if (!(reading_m > 0.0) || !std::isfinite(reading_m)) {
-    Row none{};
-    return combined(none, none, [](double, double) { return std::numeric_limits<double>::quiet_NaN(); });
-  }
+  if (!(reading_m > 0.0) || !std::isfinite(reading_m)) return no_row();
   const double at = (reading_m - low_) * per_m_;
   if (!(at >= 0.0 && at < static_cast<double>(direct_.size()))) return exact(reading_m);
   const auto cell = static_cast<std::size_t>(at);

@@ -149,8 +149,9 @@ TEST(Posterior, DegenerateAndHostile) {
   const Calibration c = turning();
   const EffectCorrector corrector(c, {});
   const DistancePosterior beyond = distance_posterior(corrector, 9.0, {});   // 170 s above what f reaches
-  EXPECT_EQ(beyond.outcome, Outcome::converged);
-  EXPECT_NEAR(beyond.mode_m, 4.0, 1e-4);
+  EXPECT_EQ(beyond.outcome, Outcome::failed);
+  EXPECT_NE(beyond.reason.find("standard deviations off at every distance"), std::string::npos) << beyond.reason;
+  EXPECT_TRUE(std::isnan(PosteriorTable(c, {}, 64)(9.0).mean_m));
   for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) EXPECT_THROW(distance_posterior(corrector, bad, {}), InputError);
   DistancePrior prior;
   prior.low_m = 3.0;
@@ -159,6 +160,18 @@ TEST(Posterior, DegenerateAndHostile) {
   prior = {};
   prior.components = {{1.0, 2.0, 0.0, 0.0}};
   EXPECT_THROW(distance_posterior(corrector, 1.0, {}, prior), InputError);
+}
+
+TEST(Posterior, AReadingThatNoDistanceExplainsHasNone) {
+  // Noise that grows with the distance makes a reading below all that the sensor reads least unlikely at the far end.
+  const Calibration c = calibration_of(Eigen::Vector2d(0.0, 1.0), NoiseLaw::f_squared, 0.002, 0.5, 5.0);   // s(0.5 m) = 0.5 mm
+  const EffectCorrector corrector(c, {});
+  EXPECT_EQ(distance_posterior(corrector, 0.4975, {}).outcome, Outcome::converged);   // 5 s
+  EXPECT_LT(distance_posterior(corrector, 0.4975, {}).high_m, 0.51);
+  EXPECT_EQ(distance_posterior(corrector, 0.45, {}).outcome, Outcome::failed);   // 100 s there, 91 s at 5 m
+  DistancePrior map;
+  map.components = {{1.0, 0.45, 0.05, 0.0}};
+  EXPECT_EQ(distance_posterior(corrector, 0.45, {}, map).outcome, Outcome::failed);
 }
 
 TEST(PosteriorTable, SaysWhatTheIntegralsSay) {
@@ -173,6 +186,10 @@ TEST(PosteriorTable, SaysWhatTheIntegralsSay) {
       const double y = random.uniform(0.5, 4.3);
       const PosteriorTable::Row row = table(y);
       const DistancePosterior exact = distance_posterior(corrector, y, {});
+      if (exact.outcome != Outcome::converged) {   // below what the sensor reads at the near end
+        EXPECT_TRUE(std::isnan(row.mean_m)) << y;
+        continue;
+      }
       const double width = 2e-3 * exact.std_dev_m;   // the midpoint holds 1e-3; elsewhere in a cell little more
       EXPECT_NEAR(row.mean_m, exact.mean_m, width) << y;
       EXPECT_NEAR(row.mode_m, exact.mode_m, width) << y;

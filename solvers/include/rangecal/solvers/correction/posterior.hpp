@@ -32,7 +32,9 @@ struct PosteriorRoot {
 };
 
 struct DistancePosterior {
-  Outcome outcome = Outcome::failed;   ///< converged; failed: the density is 0 all over in floating point
+  /// converged; failed: no distance of [low, high] lets the reading lie within 6 standard deviations of what
+  /// is read there
+  Outcome outcome = Outcome::failed;
   std::string reason;
   double mode_m = 0.0, mean_m = 0.0, std_dev_m = 0.0;
   double low_m = 0.0, high_m = 0.0;    ///< 95 % interval: 2.5 % of the probability below, 2.5 % above
@@ -75,8 +77,8 @@ class PosteriorTable {
   PosteriorTable(const PosteriorTable&) = delete;
   PosteriorTable& operator=(const PosteriorTable&) = delete;
 
-  /// NaN all over for a reading that is not finite and positive. Cost: some 10 ns; exact cells and readings outside the
-  /// table 50 us.
+  /// NaN all over for a reading that is not finite and positive, or that no distance explains. Cost: some 10
+  /// ns; exact cells and readings outside the table 50 us.
   Row operator()(double reading_m) const;
 
   int root_count() const { return root_count_; }
