@@ -116,8 +116,15 @@ std::string outliers_in_words(const ResidualCheck& check) {
   std::string text = fmt::format("{} of {} ranges", check.range_outliers, check.ranges);
   if (check.bearings > 0)
     text += fmt::format(" and {} of {} bearings", check.bearing_outliers, check.bearings);
-  return text + fmt::format(" lie beyond 4 sigma, where about {:.1f} would by chance",
-                            tail * (check.ranges + check.bearings));
+  text += fmt::format(" lie beyond 4 sigma, where about {:.1f} would by chance",
+                      tail * (check.ranges + check.bearings));
+  const auto add = [&](const ResidualCheck::Farthest& farthest, const char* what) {
+    if (!farthest.place.empty())
+      text += fmt::format("; the farthest {} by {:.1f} ({})", what, farthest.sigmas, farthest.place);
+  };
+  add(check.farthest_range, "range");
+  add(check.farthest_bearing, "bearing");
+  return text;
 }
 
 std::string repeats_in_words(const ResidualCheck& check) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -13,11 +14,28 @@ namespace {
 
 constexpr double limit = 4.0;  // standard deviations
 
-void add_range(const Calibration& calibration, double d, double y, ResidualCheck& check) {
+/// Of reading i, by the row of its file where it came from one.
+std::string place_of(std::size_t i, const std::vector<int>& rows, const char* file) {
+  return i < rows.size() ? "row " + std::to_string(rows[i]) + " of " + file
+                         : "reading " + std::to_string(i + 1);
+}
+
+/// Where |error| is beyond the limit; keeps the farthest.
+template <typename Place>
+bool is_outlier(double error, double stated, ResidualCheck::Farthest& farthest, const Place& place) {
+  const double z = std::abs(error) / stated;
+  if (z > farthest.sigmas && std::isfinite(z)) {
+    farthest.sigmas = z;
+    if (z > limit) farthest.place = place();
+  }
+  return !(std::abs(error) <= limit * stated);
+}
+
+template <typename Place>
+void add_range(const Calibration& calibration, double d, double y, ResidualCheck& check, const Place& place) {
   const double f = evaluate_polynomial(calibration.alpha, d);
-  const double s = calibration.noise.spread(d, f);
   ++check.ranges;
-  if (!(std::abs(y - f) <= limit * s)) ++check.range_outliers;
+  if (is_outlier(y - f, calibration.noise.spread(d, f), check.farthest_range, place)) ++check.range_outliers;
 }
 
 /// Mean square of the repeats about their cell's mean, in units of the stated spread.
@@ -66,7 +84,8 @@ void check_landmarks(const Recording& recording, int index, const Calibration& c
     const Pose2 pose = estimated == stops.end() ? stop.commanded : estimated->second;
     const Eigen::Vector2d sight = seen->second - Eigen::Vector2d(pose.x_m, pose.y_m);
     const double d = sight.norm() - landmark.radius_m, y = recording.readings.range_m[i];
-    add_range(calibration, d, y, check);
+    const auto place = [&] { return place_of(i, recording.readings.row, "observations.csv"); };
+    add_range(calibration, d, y, check, place);
     const int k = recording.readings.stop[i], l = recording.readings.landmark[i];
     const double f = evaluate_polynomial(calibration.alpha, d);
     ranges.add(k, l, y - f, calibration.noise.spread(d, f));
@@ -74,7 +93,8 @@ void check_landmarks(const Recording& recording, int index, const Calibration& c
     const double direction = std::atan2(sight.y(), sight.x()) - pose.heading_rad;
     const double off = wrap_angle(recording.readings.bearing_rad[i] - direction);
     ++check.bearings;
-    if (!(std::abs(off) <= limit * calibration.sigma_theta_rad->value)) ++check.bearing_outliers;
+    if (is_outlier(off, calibration.sigma_theta_rad->value, check.farthest_bearing, place))
+      ++check.bearing_outliers;
     bearings.add(k, l, off, calibration.sigma_theta_rad->value);
   }
   ranges.pool(pooled.range_sq, pooled.range_dof);
@@ -83,10 +103,17 @@ void check_landmarks(const Recording& recording, int index, const Calibration& c
 
 bool too_many(int outliers, int readings) { return outliers >= 3 && outliers > 0.003 * readings; }
 
+bool too_far(const ResidualCheck::Farthest& farthest, int readings) {
+  constexpr double rate = 1e-3;  // of recordings
+  return readings * std::erfc(farthest.sigmas / std::sqrt(2.0)) < rate;
+}
+
 }  // namespace
 
 bool ResidualCheck::suspicious() const {
-  return too_many(range_outliers, ranges) || too_many(bearing_outliers, bearings);
+  return too_many(range_outliers, ranges) || too_many(bearing_outliers, bearings) ||
+         (range_outliers > 0 && too_far(farthest_range, ranges)) ||
+         (bearing_outliers > 0 && too_far(farthest_bearing, bearings));
 }
 
 bool ResidualCheck::mostly_constant_at_stops() const {
@@ -103,7 +130,8 @@ ResidualCheck check_residuals(std::span<const Recording> recordings, const Calib
       check_landmarks(recording, static_cast<int>(index), calibration, check, pooled);
     else
       for (std::size_t i = 0; i < recording.pairs.size(); ++i)
-        add_range(calibration, recording.pairs.true_m[i], recording.pairs.reading_m[i], check);
+        add_range(calibration, recording.pairs.true_m[i], recording.pairs.reading_m[i], check,
+                  [&] { return place_of(i, recording.pairs.row, "pairs.csv"); });
   }
   constexpr double fewest = 20.0;  // degrees of freedom: the ratio is then known to 16 %
   if (pooled.range_dof >= fewest) check.range_repeats = std::sqrt(pooled.range_sq / pooled.range_dof);

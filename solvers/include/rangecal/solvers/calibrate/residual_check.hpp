@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <span>
+#include <string>
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/core/recording.hpp"
@@ -15,13 +16,20 @@ namespace rangecal {
 struct ResidualCheck {
   int ranges = 0, bearings = 0;  ///< readings looked at
   int range_outliers = 0, bearing_outliers = 0;
+  /// The reading that lies furthest off, and its place, such as "row 57 of pairs.csv".
+  struct Farthest {
+    double sigmas = 0.0;
+    std::string place;
+  };
+  Farthest farthest_range, farthest_bearing;
   /// Spread of the repeats of one (stop, landmark) over what the calibration states, pooled; 1 where the
   /// noise is independent from reading to reading. Absent where there are fewer than 20 repeats more than
   /// cells.
   std::optional<double> range_repeats, bearing_repeats;
   /// True where repeats agree so much better than stated that most of the noise must be constant at a stop.
   bool mostly_constant_at_stops() const;
-  /// True where a share of outliers is above 0.3 % and above what chance makes of so few readings.
+  /// True where a share of outliers is above 0.3 % and above what chance makes of so few readings, or where
+  /// one reading lies so far off that of a thousand such recordings one would hold it.
   bool suspicious() const;
 };
 
