@@ -54,9 +54,8 @@ struct CalibrateCommand {
       }
     }
     if (!from.empty()) options.from = load_calibration(from);
-    require_writable(json);
     if (!report.empty()) report::require_available();
-    require_writable(report);
+    require_writable({json, report});
     const std::vector<Recording> recordings = load_recordings(job.recordings);
     if (tilt) return out_of_the_plane(recordings, options);
     const CalibrationReport result = run_job(recordings, options);

@@ -35,7 +35,7 @@ struct DiagnoseCommand {
     for (const std::string& id : force)
       if (!find_effect(id)) throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
     if (!report.empty()) report::require_available();
-    for (const std::string& path : {json, report, calibration}) require_writable(path);
+    require_writable({json, report, calibration});
     std::vector<Recording> loaded;
     for (const std::string& folder : recordings) loaded.push_back(load_recording(folder));
     DiagnoseOptions options;

@@ -26,7 +26,8 @@ int save(ingest::Extracted extracted, const std::string& folder, const std::stri
     fmt::print(stderr, "rangecal: no landmark was found; no recording is written\n");
     return not_delivered;
   }
-  save_recording(extraction.recording, folder);
+  require_replaceable(folder);
+  save_recording(extraction.recording, folder, "rangecal extract");
   write_file(folder + "/extraction.json", counts);
   extraction.recording.path = folder;
   fmt::print("\n{}\n", describe({&extraction.recording, 1}));

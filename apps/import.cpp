@@ -13,7 +13,8 @@ namespace rangecal::app {
 namespace {
 
 int save(ingest::Imported imported, const std::string& folder) {
-  save_recording(imported.recording, folder);
+  require_replaceable(folder);
+  save_recording(imported.recording, folder, "rangecal import");
   if (!imported.extraction_json.empty()) write_file(folder + "/extraction.json", imported.extraction_json);
   imported.recording.path = folder;
   fmt::print("{}{}\n", imported.words, describe({&imported.recording, 1}));

@@ -69,7 +69,7 @@ struct PlanCommand {
     request.accuracy_m = 1e-3 * accuracy_mm;
     request.low_m = range[0];
     request.high_m = range[1];
-    for (const std::string& path : {json, scene, line_scene}) require_writable(path);
+    require_writable({json, scene, line_scene});
     const Plan plan = plan_experiment(request);
     if (!json.empty()) {
       Json file{{"format", "rangecal-plan/1"}, {"outcome", to_string(plan.outcome)}, {"reason", plan.reason}, {"accuracy_m", request.accuracy_m},

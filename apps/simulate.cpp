@@ -23,7 +23,8 @@ int simulate_again(const std::string& diagnosis, const std::string& folder, std:
   std::vector<Recording> recordings = simulate(simulation_model_from_json(read_file(diagnosis), diagnosis), seed);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     recordings[r].path = recordings.size() == 1 ? folder : fmt::format("{}/{}", folder, r + 1);
-    save_recording(recordings[r], recordings[r].path);
+    require_replaceable(recordings[r].path);
+    save_recording(recordings[r], recordings[r].path, "rangecal simulate");
     fmt::print("{}\n", describe({&recordings[r], 1}));
   }
   return done;
@@ -41,7 +42,7 @@ void add_simulate(CLI::App& app, Action& chosen) {
   command->add_option("SCENE", options->scene, "scene file (docs/scene.md)");
   command->add_option("--from", options->diagnosis,
                       "instead of a scene: what 'diagnose --json' wrote; its recordings again, effects included");
-  command->add_option("-o,--output", options->folder, "folder of the recording, made if missing")->required();
+  command->add_option("-o,--output", options->folder, "folder of the recording, made if missing; a recording that was measured is not replaced")->required();
   command->add_option("--seed", options->seed, "the same seed makes the same recording")
       ->capture_default_str();
   command->footer(
@@ -52,8 +53,9 @@ void add_simulate(CLI::App& app, Action& chosen) {
     chosen = [options] {
       if (options->scene.empty() == options->diagnosis.empty()) throw InputError("give a scene file, or --from DIAGNOSIS");
       if (!options->diagnosis.empty()) return simulate_again(options->diagnosis, options->folder, options->seed);
+      require_replaceable(options->folder);
       Recording recording = simulate(load_scene(options->scene), options->seed);
-      save_recording(recording, options->folder);
+      save_recording(recording, options->folder, "rangecal simulate");
       recording.path = options->folder;
       const Recording one[] = {recording};
       fmt::print("{}; {}\n", describe(one), describe(recording.counts));

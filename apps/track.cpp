@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -36,12 +37,24 @@ struct TrackCommand {
     }
     if (forget != 0.0) job.options.forget = forget;
     job.options.check();
+    if (job.input != "-")
+      for (const std::string& path : {job.output, json, job.changes, job.state}) {
+        std::error_code ignored;
+        if (!path.empty() && std::filesystem::equivalent(path, job.input, ignored))
+          throw InputError(path, 0, "", "is the stream itself, and would be lost: name another file");
+      }
     const Tracked tracked = track(job);
     if (!json.empty() && tracked.calibration) save_calibrations({*tracked.calibration}, json);
     if (!job.output.empty()) fmt::print("{}", page(tracked));
     if (job.watch > 0.0) fmt::print(job.output.empty() ? stderr : stdout, "{}", changes(tracked));
     for (const std::string& note : tracked.notes) fmt::print(stderr, "rangecal: {}\n", note);
-    return !job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome)) ? done : not_delivered;
+    if (!job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome))) return done;
+    if (job.output.empty())
+      fmt::print(stderr, "rangecal: {}\n",
+                 tracked.calibration ? fmt::format("no calibration: {}", tracked.calibration->reason)
+                 : tracked.landmarks ? std::string("no calibration: no row had a landmark")
+                                     : std::string("no calibration: no row had a true distance"));
+    return not_delivered;
   }
 
   std::string changes(const Tracked& tracked) const {

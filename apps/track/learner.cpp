@@ -7,6 +7,8 @@
 #include <optional>
 #include <unordered_map>
 
+#include <fmt/format.h>
+
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/core/stops_io.hpp"
@@ -140,6 +142,11 @@ class LandmarksLearner : public Learner {
     if (options.random_walk && std::isfinite(options.forget))
       throw InputError(
           "--forget cannot be had along a random walk: the first stop alone tells where the landmarks are");
+    // What is forgotten goes by blocks: at most half a time constant each.
+    constexpr double fewest = 16.0;
+    if (options.forget < fewest)
+      throw InputError(fmt::format("--forget {}: of landmarks in unknown places at least {} stops are remembered", options.forget, fewest));
+    options.block = std::min(options.block, static_cast<int>(std::min(0.5 * options.forget, 1e4)));
     return options;
   }
 

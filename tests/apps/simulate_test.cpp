@@ -38,5 +38,27 @@ TEST(SimulateCommand, NothingIsWrittenForABadScene) {
   EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
 }
 
+TEST(SimulateCommand, MeasurementsAreNotReplaced) {
+  const TemporaryFolder folder;
+  const std::string scene = "simulate " + shipped("scenes/pairs-2016.yaml") + " -o ";
+  std::filesystem::create_directories(folder.file("real"));
+  folder.write("real/observations.csv", "stop,landmark,range_m,bearing_rad\n0,A,1,0\n");
+  const RunResult result = run(scene + folder.file("real"));
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err, HasSubstr("would be lost"));
+  EXPECT_EQ(slurp(folder.file("real/observations.csv")), "stop,landmark,range_m,bearing_rad\n0,A,1,0\n");
+  ASSERT_EQ(run(scene + folder.file("sim")).code, 0);   // what was simulated may be simulated again
+  EXPECT_EQ(run(scene + folder.file("sim") + " --seed 2").code, 0);
+  // nor by another command's result, and no two results go into one file
+  const std::string pairs = slurp(folder.file("sim/pairs.csv"));
+  const RunResult over = run("calibrate " + folder.file("sim") + " --json " + folder.file("sim/pairs.csv"));
+  EXPECT_EQ(over.code, 2);
+  EXPECT_THAT(over.err, HasSubstr("is a table of a recording"));
+  EXPECT_EQ(run("track " + folder.file("sim/pairs.csv") + " -o " + folder.file("sim/pairs.csv")).code, 2);
+  EXPECT_EQ(slurp(folder.file("sim/pairs.csv")), pairs);
+  EXPECT_THAT(run("diagnose " + folder.file("sim") + " --json " + folder.file("a.json") + " --calibration " + folder.file("a.json")).err,
+              HasSubstr("is named as the file of two results"));
+}
+
 }  // namespace
 }  // namespace rangecal::test

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -64,6 +65,20 @@ std::optional<std::size_t> find_column(const std::vector<std::string>& columns, 
   const auto found = std::find(columns.begin(), columns.end(), name);
   if (found == columns.end()) return std::nullopt;
   return static_cast<std::size_t>(found - columns.begin());
+}
+
+std::string missing_column(const std::vector<std::string>& columns, std::string_view name) {
+  const std::string text = "the column is missing";
+  constexpr std::size_t shown = 40;
+  if (columns.size() == 1 && columns[0].find_first_of(";\t") != std::string::npos)
+    return text + ": the row is one field, '" + columns[0].substr(0, shown) +
+           "'; columns are separated by commas";
+  const auto same_but_for_case = [&](const std::string& column) {
+    return std::equal(column.begin(), column.end(), name.begin(), name.end(),
+                      [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); });
+  };
+  const auto close = std::find_if(columns.begin(), columns.end(), same_but_for_case);
+  return close == columns.end() ? text : text + "; there is '" + *close + "'";
 }
 
 }  // namespace io

@@ -171,7 +171,7 @@ std::optional<std::size_t> CsvRows::find(std::string_view column) const {
 
 std::size_t CsvRows::require(std::string_view column) const {
   if (const auto found = find(column)) return *found;
-  throw InputError(file(), 1, std::string(column), "the column is missing");
+  throw InputError(file(), 1, std::string(column), io::missing_column(columns(), column));
 }
 
 bool CsvRows::next() {

@@ -35,7 +35,7 @@ std::optional<std::size_t> CsvTable::find(std::string_view column) const {
 
 std::size_t CsvTable::require(std::string_view column) const {
   if (const auto found = find(column)) return *found;
-  throw InputError(file_, 1, std::string(column), "the column is missing");
+  throw InputError(file_, 1, std::string(column), io::missing_column(columns_, column));
 }
 
 std::string_view CsvTable::text(std::size_t row, std::size_t column) const {

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <set>
 
 #include "io/input_file.hpp"
 #include "rangecal/core/errors.hpp"
@@ -91,9 +92,22 @@ void write_file(const std::string& path, const std::string& text) {
 
 void require_writable(const std::string& path) {
   if (path.empty() || is_stream(path)) return;
+  for (const char* own : {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv", "landmarks.csv"})
+    if (std::filesystem::path(path).filename() == own && file_exists(path))
+      throw InputError(path, 0, "", "is a table of a recording, and would be lost: name another file");
   const Temporary probe(path, "");
   if (std::error_code ignored; std::filesystem::is_directory(path, ignored))
     throw InputError(path, 0, "", "cannot be written: it is a folder");
+}
+
+void require_writable(std::initializer_list<std::string> paths) {
+  std::set<std::filesystem::path> seen;
+  for (const std::string& path : paths) {
+    require_writable(path);
+    if (!path.empty() && !is_stream(path) &&
+        !seen.insert(std::filesystem::absolute(path).lexically_normal()).second)
+      throw InputError(path, 0, "", "is named as the file of two results");
+  }
 }
 
 void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files) {

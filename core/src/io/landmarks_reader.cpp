@@ -14,6 +14,9 @@ namespace rangecal::io {
 namespace {
 
 LabelIndex read_stops(const Files& files, Recording& recording) {
+  if (!files.has("stops.csv") && files.has("pairs.csv"))
+    throw InputError(files.name("recording.yaml"), 0, "",
+                     "is of kind landmarks, but there is pairs.csv and no stops.csv: say 'kind: pairs'");
   recording.stops = stops_of(files.table("stops.csv"), recording.sigma_heading_rad);
   LabelIndex index;
   for (const Stop& stop : recording.stops) index.insert(stop.label);

@@ -8,6 +8,7 @@
 #include "io/recording_parts.hpp"
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
+#include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/core/stops_io.hpp"
@@ -205,9 +206,24 @@ std::string truth_landmarks_text(const Recording& recording) {
   return csv.text();
 }
 
+const std::string made_by = "# made by ";
+
 }  // namespace
 
-void save_recording(const Recording& recording, const std::string& folder) {
+void require_replaceable(const std::string& folder) {
+  const auto has = [&](const char* name) { return file_exists(io::path_in(folder, name)); };
+  if (!has("recording.yaml") && !has("observations.csv") && !has("pairs.csv") && !has("stops.csv") &&
+      !has("landmarks.csv"))
+    return;
+  if (has("extraction.json") || has("truth_stops.csv") || has("truth_landmarks.csv")) return;
+  if (has("recording.yaml") && read_file(io::path_in(folder, "recording.yaml")).rfind(made_by, 0) == 0)
+    return;
+  throw InputError(
+      folder, 0, "",
+      "holds a recording that is not a simulated or extracted one, and would be lost: name another folder");
+}
+
+void save_recording(const Recording& recording, const std::string& folder, const std::string& maker) {
   make_folder(folder);
   const WriteLock lock(io::path_in(folder, ""));
   std::vector<std::pair<std::string, std::string>> files;
@@ -225,7 +241,8 @@ void save_recording(const Recording& recording, const std::string& folder) {
   put("pairs.csv", !landmarks, pairs_text);
   put("truth_stops.csv", landmarks && !recording.truth.stops.empty(), truth_stops_text);
   put("truth_landmarks.csv", landmarks && !recording.truth.landmarks.empty(), truth_landmarks_text);
-  put("recording.yaml", true, header_text);
+  files.emplace_back("recording.yaml",
+                     (maker.empty() ? std::string() : made_by + maker + "\n") + header_text(recording));
   write_files(folder, files);
   std::error_code ignored;
   for (const std::string& path : unused) std::filesystem::remove(path, ignored);

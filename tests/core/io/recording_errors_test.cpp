@@ -81,6 +81,11 @@ TEST(RecordingErrors, MissingAndDoubledColumns) {
   RecordingFolder pairs;
   pairs.make_pairs("true,reading_m\n1,1\n");
   EXPECT_EQ(pairs.error(), "pairs.csv, row 1, column 'true_m': the column is missing");
+  EXPECT_EQ(folder.error_with("stops.csv", "stop;x_m;y_m;heading_rad\n0;0;0;0\n"),
+            "stops.csv, row 1, column 'stop': the column is missing: the row is one field, 'stop;x_m;y_m;heading_rad'; columns "
+            "are separated by commas");
+  EXPECT_EQ(folder.error_with("stops.csv", "Stop,x_m,y_m,heading_rad\n0,0,0,0\n"),
+            "stops.csv, row 1, column 'stop': the column is missing; there is 'Stop'");
 }
 
 TEST(RecordingErrors, DuplicateAndUnknownStop) {

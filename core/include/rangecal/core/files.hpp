@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -17,9 +18,12 @@ std::string read_file(const std::string& path, std::size_t most_bytes = std::siz
 /// a pipe or a device is written to. Throws InputError naming the file if it cannot be written.
 void write_file(const std::string& path, const std::string& text);
 
-/// Throws as `write_file` would if `path` cannot be written, before work of which it would take the result begins; leaves
-/// nothing behind. An empty path asks for nothing.
+/// Throws as `write_file` would if `path` cannot be written, before work of which it would take the result
+/// begins; leaves nothing behind. An empty path asks for nothing. Also throws for a table of a recording that
+/// exists: measurements are not replaced by a result.
 void require_writable(const std::string& path);
+/// The same of several, no two of which may be one file.
+void require_writable(std::initializer_list<std::string> paths);
 
 /// Several files of a folder, names and texts: all are written to temporaries before the first is renamed, so that a disk
 /// that is full leaves the folder as it was. Throws InputError naming the file.

@@ -17,9 +17,15 @@ Recording load_recording(const std::string& folder);
 /// name these.
 Recording parse_recording(const std::map<std::string, std::string>& files);
 
-/// Writes the recording into `folder` (created if missing) so that load_recording gives it back, readings that were
-/// dropped excepted: numbers as the shortest text that reads back exactly, each file through a temporary and a rename,
-/// so that none is left half-written. Files of the format that this recording has no use for are removed.
-void save_recording(const Recording& recording, const std::string& folder);
+/// Writes the recording into `folder` (created if missing) so that load_recording gives it back, readings
+/// that were dropped excepted: numbers as the shortest text that reads back exactly, each file through a
+/// temporary and a rename, so that none is left half-written. Files of the format that this recording has no
+/// use for are removed. `maker`, where there is one, is named in a comment at the head of recording.yaml.
+void save_recording(const Recording& recording, const std::string& folder, const std::string& maker = {});
+
+/// Throws InputError if the folder holds a recording, or tables of one, that no program made: neither a maker
+/// is named in it, nor is there a ground truth or a record of its extraction. Measurements are not replaced
+/// by an output.
+void require_replaceable(const std::string& folder);
 
 }  // namespace rangecal
