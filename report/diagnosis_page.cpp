@@ -119,7 +119,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
                  "Effects that could be there at their typical size without a trace, and what each would "
                  "cost in corrected range.");
     Table unseen{
-        {{"effect"}, {"typical size"}, {"harm RMS [mm]", true}, {"would show from", true}, {"settled by"}},
+        {{"effect"}, {"typical size"}, {"harm RMS [mm]", true}, {"would show", true}, {"settled by"}},
         {},
         true};
     for (const Unseen& u : d.unseen) {

@@ -71,12 +71,6 @@ inline std::string lacks_times(const EffectContext& context) {
   return context.duration_s > 0.0 ? "" : "times: a column time_s";
 }
 
-inline std::string lacks_repeats(const EffectContext& context, int needed) {
-  return context.largest_cell >= needed
-             ? ""
-             : "repeats: at least " + std::to_string(needed) + " readings of each landmark at each stop";
-}
-
 inline std::string lacks_landmarks(const EffectContext& context, int needed) {
   return context.landmark_count >= needed
              ? ""
@@ -87,6 +81,13 @@ inline std::string lacks_landmarks(const EffectContext& context, int needed) {
 inline std::string lacks_stops(const EffectContext& context, int needed) {
   if (context.kind == RecordingKind::pairs) return "stops: a recording of kind landmarks, pairs have none";
   return context.stop_count >= needed ? "" : "stops: at least " + std::to_string(needed);
+}
+
+inline std::string lacks_repeats(const EffectContext& context, int needed) {
+  if (context.kind == RecordingKind::pairs) return lacks_stops(context, 1);
+  return context.largest_cell >= needed
+             ? ""
+             : "repeats: at least " + std::to_string(needed) + " readings of each landmark at each stop";
 }
 
 /// The first of two complaints that says anything.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "rangecal/problems/effects/effect.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -59,9 +60,11 @@ std::string typical_in_words(const Unseen& unseen) {
 
 std::string detectable_in_words(const Unseen& unseen) {
   if (!unseen.detectable) return "no size";
-  if (unseen.typical.empty()) return fmt::format("{:.3g}", *unseen.detectable);
+  if (unseen.typical.empty()) return fmt::format("from {:.3g} on", *unseen.detectable);
   const auto& [name, value] = *unseen.typical.begin();
-  return value_in_words(name, *unseen.detectable, value);
+  const Effect* effect = find_effect(unseen.effect);
+  const bool limit = effect && effect->info().kind == EffectKind::detection;   // the lower, the more it takes
+  return fmt::format(fmt::runtime(limit ? "below {}" : "from {} on"), value_in_words(name, *unseen.detectable, value));
 }
 
 std::string p_in_words(double p) {

@@ -88,7 +88,8 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
     return best;
   }
   const int distances = distinct_distances(rows, start_of(rows, 1, NoiseLaw::f_squared));
-  const int order = std::clamp(distances - 2, 0, 2);
+  // One distance less than would leave nothing to judge by, but for two, which show a line and no more.
+  const int order = distances == 2 ? 1 : std::clamp(distances - 2, 0, 2);
   std::vector<NoiseLaw> laws = {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant, NoiseLaw::f_cubed};
   if (const std::optional<NoiseLaw> law = law_within_cells(rows)) laws = {*law};
   // The triangulation law first; another only where it is better by more than three nats.

@@ -180,7 +180,13 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
         projected.head(n).cwiseQuotient(projector_.range_information.cwiseMax(1e-300));
     const Eigen::VectorXd bearing =
         projected.tail(n).cwiseQuotient(projector_.bearing_information.cwiseMax(1e-300));
-    size_sq += score * score * (question.channel == "bearing" ? bearing : range).squaredNorm() / n;
+    const bool of_bearing = question.channel == "bearing";
+    double squares = 0.0;  // over the readings
+    for (int c = 0; c < n; ++c)
+      squares +=
+          (rows_.cell_begin[c + 1] - rows_.cell_begin[c]) * std::pow((of_bearing ? bearing : range)[c], 2);
+    if (x.within()) squares += (of_bearing ? x.bearing_rows : x.range_rows).squaredNorm();
+    size_sq += score * score * squares / static_cast<double>(rows_.size());
     fitted.range += score * range;
     fitted.bearing += score * bearing;
     if (x.within()) {

@@ -45,8 +45,10 @@ class Battery {
   /// Simulates the battery under the fitted model: the laws of its scalar tests and of its smallest p-values;
   /// sets the rates.
   void calibrate(int draws, std::uint64_t seed);
-  /// The question of the smallest corrected p-value.
+  /// The question of the smallest corrected p-value; there has to be one.
   const Question& strongest() const;
+  /// Its corrected p-value; 1 where nothing can be asked.
+  double alarm_p() const { return questions.empty() ? 1.0 : corrected(strongest()); }
   const Projector& projector() const { return projector_; }
   const WorkingProblem& working() const { return working_; }
   const RowChanges& changes() const { return changes_; }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <string_view>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/outlook.hpp"
@@ -153,7 +156,10 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     Rows raw = make_rows(recordings);  // the baseline is that of the labels as recorded
     raw.alpha_prior = rows.alpha_prior;
     const Fit before = refit(raw, {}, found.baseline.state, RefitOptions{});
-    if (before.ok) found.baseline.nll = before.nll;
+    if (before.ok) {
+      found.baseline.nll = before.nll;
+      found.best.gain = before.nll - found.best.fit.nll;
+    }
   }
   Diagnosis result = assemble_report(rows, recordings, found);
   for (Explanation& e : result.explanations)
@@ -163,7 +169,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   // What is shown as the completed model: where no curve stands for what a partial name leaves, the name's
   // own.
   const Fit* completed = !curve && found.partial ? &found.best.fit : curve;
-  if (options.simulation) compare_noise(*options.simulation, result);
+  if (options.simulation) compare_noise(*options.simulation, result.corrected, result);
   if (options.held_out) {
     if (options.progress) options.progress("predicting readings held out", 0.8);
     add_held_out(rows, found, completed, result);
@@ -173,6 +179,10 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   add_outlook(rows, found, options, result);
   add_simulation_model(rows, recordings, corrected, found, curve, result);
   result.sentence = verdict_sentence(result);
+  constexpr std::string_view found_by_search = "Explained by ";
+  if (options.force && result.sentence.starts_with(found_by_search))
+    result.sentence = fmt::format("Fitted as asked: {} The seed model's residuals have p = {:.2g}.",
+                                  result.sentence.substr(found_by_search.size()), result.alarm_p_value);
   if (options.simulation && result.verdict == Verdict::no_mismatch)
     result.sentence = "No mismatch: the simulation accounts for this recording within its noise.";
   if (options.progress) options.progress("done", 1.0);

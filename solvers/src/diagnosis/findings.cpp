@@ -31,7 +31,7 @@ double gain_of(const Rows& rows, const Question& q) {
 
 }  // namespace
 
-std::vector<Question> findings(const Rows& rows, const Battery& battery) {
+std::vector<Question> findings(const Rows& rows, const Battery& battery, double alarm_rate) {
   std::vector<Question> shapes;
   for (const Question& q : battery.questions)
     if (!q.effect) shapes.push_back(q);
@@ -60,7 +60,7 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery) {
     const bool seen = std::any_of(kept.begin(), kept.end(), [&](const Question& k) {
       return k.channel == q.channel && k.covariate == q.covariate;
     });
-    if (!seen && battery.corrected(q) < 0.02) kept.push_back(std::move(q));
+    if (!seen && battery.corrected(q) < alarm_rate) kept.push_back(std::move(q));
     if (kept.size() == 5) break;
   }
   return kept;

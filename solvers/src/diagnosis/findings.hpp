@@ -15,6 +15,6 @@ bool has_grid(const Bookkeeping& known);
 bool on_grid(const Bookkeeping& known, const Question& q);
 
 /// What a battery found, by penalised gain, at most five, one per (channel, covariate).
-std::vector<Question> findings(const Rows& rows, const Battery& battery);
+std::vector<Question> findings(const Rows& rows, const Battery& battery, double alarm_rate);
 
 }  // namespace rangecal::diagnosis

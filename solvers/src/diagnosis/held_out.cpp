@@ -58,6 +58,13 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
   if (!numeric) return refit(rest, full.model, full.state, options);
   Fit fit = full;
   fit_numeric(rest, full, fit.model, full.state);
+  const bool others = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
+    return p.acts != FreeParameter::Acts::numeric;
+  });
+  if (others) {
+    options.settled = static_cast<int>(fit.model.size());
+    return refit(rest, fit.model, fit.state, options);
+  }
   fit.nll = calibrate_under(rest, fit.model, fit.state, options);
   fit.ok = std::isfinite(fit.nll);
   return fit;

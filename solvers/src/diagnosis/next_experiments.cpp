@@ -160,17 +160,20 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   std::stable_sort(list.begin(), list.end(),
                    [](const NextExperiment& a, const NextExperiment& b) { return a.power > b.power; });
   Explanation& explanation = result.explanations[0];
-  const bool exact = std::any_of(group.begin(), group.end(), [&](std::size_t g) {
-    return std::count(group.begin(), group.end(), g) > 1;
-  });
+  bool together = false, exact = false;  // members that no change separates; that nothing ever will
+  for (std::size_t a = 0; a < n; ++a)
+    for (std::size_t b = 0; b < a; ++b) {
+      together = together || group[a] == group[b];
+      exact = exact || exact_twins(members[a].ids, members[b].ids);
+    }
   std::string words = list.empty() ? "" : list.front().change;
-  if (exact || list.empty()) {
+  if (together || list.empty()) {
     if (!words.empty()) words += "; beyond that, ";
     words += exact ? "exact twins, which no recording with this sensor and robot tells apart: "
                    : "no change on the menu separates them; ";
     std::string settled_by = found.best.fit.model.back().effect->info().settled_by;
     for (std::size_t m = 0; m < n; ++m)
-      if (exact && std::count(group.begin(), group.end(), group[m]) > 1 && !members[m].model.empty()) {
+      if (together && std::count(group.begin(), group.end(), group[m]) > 1 && !members[m].model.empty()) {
         settled_by = members[m].model.back().effect->info().settled_by;
         break;
       }

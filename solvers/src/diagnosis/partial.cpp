@@ -67,7 +67,7 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
     result.partial = true;
     result.best = singles[i];
     result.last = std::move(batteries[i]);
-    result.left = findings(rows, *result.last);
+    result.left = findings(rows, *result.last, options.alarm_rate);
     add_rivals(rows, options, singles, result);
     return;
   }

@@ -223,6 +223,13 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       result.location.push_back(f);
     }
   result.notes = found.known.notes;
+  if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
+    result.notes.push_back(fmt::format(
+        "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",
+        result.corrected.order(), to_string(result.corrected.noise.law)));
+  if (found.first && found.first->questions.empty())
+    result.notes.push_back(
+        "nothing could be asked: readings at one distance without times or other columns show no mismatch");
   std::map<std::string, std::string> effects_without;
   for (const auto& effect : effect_registry()) {
     const std::string missing = effect->missing(rows.context);

@@ -62,8 +62,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   result.first = std::make_unique<Battery>(rows, Model{}, result.baseline.state);
   result.first->calibrate(options.null_draws, 1);
   result.rates = result.first->rates;
-  result.alarm_p = result.first->corrected(result.first->strongest());
-  result.shapes = findings(rows, *result.first);
+  result.alarm_p = result.first->alarm_p();
+  result.shapes = findings(rows, *result.first, options.alarm_rate);
   result.known = known;
 
   if (options.force) {

@@ -3,7 +3,10 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
+#include <cstring>
 #include <numbers>
+#include <string>
+#include <vector>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "rangecal/problems/effects/effect.hpp"
@@ -12,16 +15,38 @@
 namespace rangecal {
 namespace {
 
-/// "7.5 mm RMS", "0.43 degrees RMS", over the readings; or the change of a spread in percent.
+bool ends_with(const std::string& text, const char* end) {
+  return text.size() >= std::strlen(end) &&
+         text.compare(text.size() - std::strlen(end), std::string::npos, end) == 0;
+}
+
+std::string two_digits(double value) {
+  return value >= 99.5 ? fmt::format("{:.0f}", value) : fmt::format("{:.2g}", value);
+}
+
+/// What a finding is, and how large: "7.5 mm RMS in range", "0.43 degrees RMS in bearing", "a change of 74 %
+/// in the spread of the ranges".
 std::string size_in_words(const Finding& f) {
-  if (f.unit == "m") return fmt::format("{:.2g} mm RMS", 1e3 * f.size);
-  if (f.unit == "rad") return fmt::format("{:.2g} degrees RMS", f.size * 180.0 / std::numbers::pi);
-  if (f.channel.find("_noise") != std::string::npos)
-    return fmt::format("{:.0f} % in the spread", 100.0 * std::expm1(0.5 * std::abs(f.size)));
+  const std::string readings = f.channel.rfind("bearing", 0) == 0 ? "bearings" : "ranges";
+  if (f.unit == "m") return fmt::format("{} mm RMS in {}", two_digits(1e3 * f.size), f.channel);
+  if (f.unit == "rad")
+    return fmt::format("{:.2g} degrees RMS in {}", f.size * 180.0 / std::numbers::pi, f.channel);
+  if (ends_with(f.channel, "_noise"))
+    return fmt::format("a change of {:+.0f} % in the spread of the {}", 100.0 * std::expm1(0.5 * f.size),
+                       readings);
+  if (ends_with(f.channel, "_tail"))
+    return f.shape == "skew"
+               ? fmt::format("skew {} (skewness {:.2g})", readings, f.size)
+               : fmt::format("outliers among the {} (excess kurtosis {:.2g})", readings, f.size);
+  if (ends_with(f.channel, "_dependence"))
+    return f.shape == "lag 1" ? fmt::format("neighbouring {} that depend on each other (correlation {:.2g})",
+                                            readings, f.size)
+                              : fmt::format("{} of a cell that share an error", readings);
   if (f.channel == "stop" && f.shape == "lag 1")
-    return fmt::format("errors of neighbours that agree, {:.2g} times the variance stated,", f.size);
-  if (f.channel == "stop") return fmt::format("{:.2g} times the squared error stated", 1.0 + f.size);
-  return f.size > 0.0 ? fmt::format("{:.2g}", f.size) : "a mismatch";
+    return fmt::format("errors of neighbouring stops that {}, by {:.2g} times the variance stated",
+                       f.size < 0.0 ? "oppose each other" : "agree", std::abs(f.size));
+  if (f.channel == "stop") return fmt::format("{:.2g} times the squared error stated in stop", 1.0 + f.size);
+  return f.size > 0.0 ? fmt::format("{:.2g} in {}", f.size, f.channel) : "a mismatch in " + f.channel;
 }
 
 std::string along(const Finding& f) {
@@ -52,12 +77,11 @@ std::string partly_explained(const Diagnosis& d) {
     placed += effect && !diagnosis::is_bookkeeping(effect->info().kind);
   }
   std::string text = fmt::format("In part explained by {}", fmt::join(named, " and "));
-  if (named.size() == 1 && placed == 1 && !d.location.empty())
-    text += ", " + size_in_words(d.location[0]) + " in " + d.location[0].channel;
+  if (named.size() == 1 && placed == 1 && !d.location.empty()) text += ", " + size_in_words(d.location[0]);
   if (d.location.size() <= placed) return text + "; what is left over has no name in the catalogue.";
   const Finding& left = d.location[placed];
-  return text + fmt::format("; left over is {} in {}{} that nothing in the catalogue accounts for.",
-                            size_in_words(left), left.channel, along(left));
+  return text + fmt::format("; left over is {}{} that nothing in the catalogue accounts for.",
+                            size_in_words(left), along(left));
 }
 
 }  // namespace
@@ -74,7 +98,7 @@ std::string verdict_sentence(const Diagnosis& d) {
     case Verdict::explained: {
       std::string named = fmt::format("{}", fmt::join(d.final_effects, " and "));
       std::string text = "Explained by " + named;
-      if (!d.location.empty()) text += ", " + size_in_words(d.location[0]) + " in " + d.location[0].channel;
+      if (!d.location.empty()) text += ", " + size_in_words(d.location[0]);
       if (d.final_effects.size() == 1) {
         if (const Effect* effect = find_effect(d.final_effects[0]))
           text += ": " + first_sentence(effect->info().physics);
@@ -92,7 +116,7 @@ std::string verdict_sentence(const Diagnosis& d) {
       if (d.location.empty())
         return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
       const Finding& f = d.location[0];
-      return "Unexplained: " + size_in_words(f) + " in " + f.channel + along(f) +
+      return "Unexplained: " + size_in_words(f) + along(f) +
              " that nothing in the catalogue accounts for; look there, and treat readings there with care.";
     }
   }

@@ -62,8 +62,7 @@ Eigen::MatrixXd covariance_along(const std::vector<StopPrior>& stops, int axis) 
 }
 
 /// Means and the line through the path are the landmarks' and the curve's: a projection that leaves the rest.
-Eigen::MatrixXd stop_contrasts(const Rows& rows) {
-  const Eigen::Index n = rows.problem.stop_count();
+Eigen::MatrixXd stop_contrasts(const Rows& rows, Eigen::Index n) {
   Eigen::MatrixXd basis(n, 2);
   for (Eigen::Index k = 0; k < n; ++k) basis.row(k) << 1.0, rows.context.path_m[static_cast<std::size_t>(k)];
   const Eigen::Matrix2d gram = basis.transpose() * basis + 1e-9 * Eigen::Matrix2d::Identity();
@@ -84,11 +83,17 @@ double divergence(const Eigen::MatrixXd& with, const Eigen::MatrixXd& without) {
 double stops_noncentrality(const Space& space, const std::vector<StopPrior>& after) {
   const Rows& rows = space.rows();
   const Projector& p = space.projector();
-  const Eigen::Index n = rows.problem.stop_count();
-  if (n < 4 || n > 200) return 0.0;
+  // The first 200 stops of a longer path: what they tell is the least that all do.
+  constexpr Eigen::Index most = 200;
+  const Eigen::Index n = std::min<Eigen::Index>(rows.problem.stop_count(), most);
+  if (n < 4) return 0.0;
+  const auto first_of = [n](const std::vector<StopPrior>& stops) {
+    return std::vector<StopPrior>(stops.begin(), stops.begin() + n);
+  };
   Eigen::VectorXd x = Eigen::VectorXd::Constant(n, 1e-6), y = x, heading = x;
   for (int c = 0; c < p.cells(); ++c) {
     const int k = rows.problem.cells.stop[static_cast<std::size_t>(c)];
+    if (k >= n) continue;
     const CellGeometry& g = p.geometry();
     const double along = p.range_information[c] * g.slope[c] * g.slope[c];
     const double across = p.bearing_information[c] / (g.axis_distance[c] * g.axis_distance[c]);
@@ -96,11 +101,11 @@ double stops_noncentrality(const Space& space, const std::vector<StopPrior>& aft
     y[k] += along * g.n[c].y() * g.n[c].y() + across * g.t[c].y() * g.t[c].y();
     heading[k] += p.bearing_information[c];
   }
-  const Eigen::MatrixXd contrasts = stop_contrasts(rows);
+  const Eigen::MatrixXd contrasts = stop_contrasts(rows, n);
   double sum = 0.0;
   for (int axis = 0; axis < 2; ++axis) {
-    const Eigen::MatrixXd prior = covariance_along(rows.problem.stops, axis),
-                          planted = covariance_along(after, axis);
+    const Eigen::MatrixXd prior = covariance_along(first_of(rows.problem.stops), axis),
+                          planted = covariance_along(first_of(after), axis);
     const Eigen::MatrixXd noise = (axis == 0 ? x : y).cwiseInverse().asDiagonal();
     sum += divergence(contrasts.transpose() * (planted + noise) * contrasts,
                       contrasts.transpose() * (prior + noise) * contrasts);

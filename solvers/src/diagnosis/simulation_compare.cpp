@@ -144,8 +144,7 @@ std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& kno
   return best;
 }
 
-void compare_noise(const Calibration& simulation, Diagnosis& result) {
-  const Calibration& own = result.corrected;
+void compare_noise(const Calibration& simulation, const Calibration& own, Diagnosis& result) {
   const auto compare = [&](const char* channel, const char* parameter, const Estimate& a, const Estimate& b) {
     if (!a.std_dev || !(a.value > 0.0) || !(b.value > 0.0)) return;
     const double change = std::log(a.value / b.value);
@@ -207,8 +206,7 @@ SimulationFit fit_simulation(std::span<const Recording> simulation, const Diagno
   s.calibration = calibration_of(s.rows, simulation, s.fit);
   Battery battery(s.rows, {}, s.fit.state);
   battery.calibrate(options.null_draws, 1);
-  s.clean = battery.corrected(battery.strongest()) >= options.alarm_rate &&
-            find_grids_and_gaps(s.rows).model.empty();
+  s.clean = battery.alarm_p() >= options.alarm_rate && find_grids_and_gaps(s.rows).model.empty();
   return s;
 }
 
@@ -238,10 +236,32 @@ void acquit(Diagnosis& result, const std::string& note) {
 
 constexpr double confirm_rate = 0.01;  ///< of the one question whether a finding is in both
 
-/// ln p of the effects' gain, fitted to one recording whatever the battery says; 0 where they cannot be
+/// Spread of the recording's noise, from that of its difference from a simulation and the simulation's own.
+Estimate without_simulation(const Estimate& difference, const Estimate& simulation) {
+  const double own =
+      std::sqrt(std::max(0.0, difference.value * difference.value - simulation.value * simulation.value));
+  if (!(own > 0.0) || !difference.std_dev) return {own, std::nullopt};
+  return {own, std::hypot(difference.value * *difference.std_dev,
+                          simulation.value * simulation.std_dev.value_or(0.0)) /
+                   own};
+}
+
+/// The recordings' noise level against the simulation's, from the noise of their difference.
+void compare_noise_of_difference(const Calibration& simulation, Diagnosis& result) {
+  Calibration own = result.corrected;
+  if (own.noise_estimates.size() == 1 && simulation.noise_estimates.size() == 1)
+    own.noise_estimates[0] = without_simulation(own.noise_estimates[0], simulation.noise_estimates[0]);
+  if (own.sigma_theta_rad && simulation.sigma_theta_rad)
+    own.sigma_theta_rad = without_simulation(*own.sigma_theta_rad, *simulation.sigma_theta_rad);
+  const Verdict before = result.verdict;
+  compare_noise(simulation, own, result);
+  if (result.verdict != before) result.sentence = verdict_sentence(result);
+}
+
+/// ln p of the effects' gain, fitted to one recording whatever the battery says; none where they cannot be
 /// fitted.
-double log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects,
-                const DiagnoseOptions& options, std::size_t parameters) {
+std::optional<double> log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects,
+                               const DiagnoseOptions& options, std::size_t parameters) {
   DiagnoseOptions forced = options;
   forced.force = effects;
   forced.held_out = forced.unseen = forced.next_experiments = false;
@@ -252,8 +272,47 @@ double log_p_of(std::span<const Recording> recordings, const std::vector<std::st
     return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
                                static_cast<int>(std::max<std::size_t>(1, parameters)));
   } catch (const InputError&) {
-    return 0.0;
+    return std::nullopt;
   }
+}
+
+/// The simulation departs from the seed model: what both share is taken out reading by reading.
+Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                              std::span<const Recording> differences, const DiagnoseOptions& of_difference,
+                              const DiagnoseOptions& options) {
+  Diagnosis result = diagnose(differences, of_difference);
+  result.notes.insert(result.notes.begin(),
+                      "the simulation departs from the seed model itself; the recording was compared with it "
+                      "reading by reading");
+  if (result.verdict == Verdict::no_mismatch || options.force) return result;
+  // Noise, tails, dependence and grids do not cancel in a difference: they are a mismatch only if the
+  // simulation lacks them.
+  const auto cancels = [](const std::string& id) {
+    const Effect* effect = find_effect(id);
+    return effect && effect->info().kind == EffectKind::mean;
+  };
+  const std::string channel = result.location.empty() ? "" : result.location[0].channel;
+  const bool generic = result.verdict == Verdict::unexplained;
+  if (generic ? channel == "range" || channel == "bearing"
+              : std::any_of(result.final_effects.begin(), result.final_effects.end(), cancels))
+    return result;
+  DiagnoseOptions alone = options;
+  alone.simulation.reset();
+  alone.held_out = alone.unseen = alone.next_experiments = false;
+  const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
+  std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
+  for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
+  const bool all_shared = std::all_of(
+      of_recording.final_effects.begin(), of_recording.final_effects.end(), [&](const std::string& id) {
+        if (shared.count(id) > 0 || cancels(id)) return true;
+        const Effect* effect = find_effect(id);
+        if (!effect) return false;
+        const std::optional<double> log_p =
+            log_p_of(simulation, {id}, alone, effect->info().parameters.size());
+        return log_p && *log_p < std::log(confirm_rate);
+      });
+  if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
+  return result;
 }
 
 }  // namespace
@@ -281,10 +340,8 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
   DiagnoseOptions of_difference = options;  // the simulation's sampling error is in the readings' spread
   of_difference.simulation = fitted.calibration;
   of_difference.simulation->alpha_covariance.reset();
-  for (Estimate& estimate : of_difference.simulation->noise_estimates) {
-    estimate.value *= std::numbers::sqrt2;
-    if (estimate.std_dev) *estimate.std_dev *= std::numbers::sqrt2;
-  }
+  for (Estimate& estimate : of_difference.simulation->noise_estimates)
+    estimate.std_dev = 1e6 * estimate.value;  // levels are compared afterwards
   of_difference.simulation->noise.parameters *= std::numbers::sqrt2;
   of_difference.simulation->sigma_theta_rad.reset();
 
@@ -303,50 +360,23 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
             return effect && effect->info().kind == EffectKind::mean;
           });
       const std::size_t parameters = result.explanations[0].parameters.size();
-      if (of_mean &&
-          log_p_of(differences, result.final_effects, of_difference, parameters) > std::log(confirm_rate))
+      const std::optional<double> log_p =
+          of_mean ? log_p_of(differences, result.final_effects, of_difference, parameters) : std::nullopt;
+      if (log_p && *log_p > std::log(confirm_rate))
         acquit(result, "what departs from the seed model is in the simulation too");
       else if (!of_mean) {
         DiagnoseOptions alone = options;
         alone.simulation.reset();
-        if (log_p_of(simulation, result.final_effects, alone, parameters) < std::log(confirm_rate))
+        const std::optional<double> there = log_p_of(simulation, result.final_effects, alone, parameters);
+        if (there && *there < std::log(confirm_rate))
           acquit(result, "what departs from the seed model is in the simulation too");
       }
     }
     return result;
   }
 
-  // The simulation departs from the seed model: what both share is taken out reading by reading.
-  Diagnosis result = diagnose(differences, of_difference);
-  result.notes.insert(result.notes.begin(),
-                      "the simulation departs from the seed model itself; the recording was compared with it "
-                      "reading by reading");
-  if (result.verdict == Verdict::no_mismatch || options.force) return result;
-  // Noise, tails, dependence and grids do not cancel in a difference: they are a mismatch only if the
-  // simulation lacks them.
-  const auto cancels = [](const std::string& id) {
-    const Effect* effect = find_effect(id);
-    return effect && effect->info().kind == EffectKind::mean;
-  };
-  const std::string channel = result.location.empty() ? "" : result.location[0].channel;
-  const bool generic = result.verdict == Verdict::unexplained;
-  if (generic ? channel == "range" || channel == "bearing"
-              : std::any_of(result.final_effects.begin(), result.final_effects.end(), cancels))
-    return result;
-  DiagnoseOptions alone = options;
-  alone.simulation.reset();
-  alone.held_out = alone.unseen = alone.next_experiments = false;
-  const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
-  std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
-  for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
-  const bool all_shared = std::all_of(
-      of_recording.final_effects.begin(), of_recording.final_effects.end(), [&](const std::string& id) {
-        if (shared.count(id) > 0 || cancels(id)) return true;
-        const Effect* effect = find_effect(id);
-        return effect &&
-               log_p_of(simulation, {id}, alone, effect->info().parameters.size()) < std::log(confirm_rate);
-      });
-  if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
+  Diagnosis result = diagnose_difference(recordings, simulation, differences, of_difference, options);
+  if (!options.force) compare_noise_of_difference(fitted.calibration, result);
   return result;
 }
 

@@ -26,6 +26,6 @@ std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& kno
 
 /// Adds a finding where the recordings' noise level differs from the simulation's by more than 3.5 standard
 /// deviations of both; a diagnosis without other findings becomes unexplained by it.
-void compare_noise(const Calibration& simulation, Diagnosis& result);
+void compare_noise(const Calibration& simulation, const Calibration& own, Diagnosis& result);
 
 }  // namespace rangecal::diagnosis

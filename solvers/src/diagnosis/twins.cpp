@@ -14,6 +14,7 @@ constexpr double invisible = 4.0;       ///< noncentrality at the typical size b
 constexpr double absorbed_part = 3e-3;  ///< of the information
 constexpr double twin_cosine = 0.999;
 constexpr double named_share = 0.2;
+constexpr double little = 0.05;  ///< of the information: what goes on within the stops
 
 double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
@@ -123,8 +124,14 @@ std::vector<std::vector<std::string>> find_twins(const Space& space,
   for (std::size_t a = 0; a < entries.size(); ++a)
     for (std::size_t b = 0; b < a; ++b) {
       Space::Direction x = entries[a].direction, y = entries[b].direction;
-      if (entries[a].of_stops !=
-          entries[b].of_stops) {  // a stop is modelled as at rest: what goes on within it tells nothing
+      // A stop is modelled as at rest: what little goes on within it, a drift during the stay, tells nothing.
+      const auto is_little = [&](const Signature& whole) {
+        Signature means = whole;
+        means.range_rows.resize(0);
+        means.bearing_rows.resize(0);
+        return raw_inner(whole, whole) - raw_inner(means, means) < little * raw_inner(whole, whole);
+      };
+      if (entries[a].of_stops != entries[b].of_stops && is_little(x.mean) && is_little(y.mean)) {
         for (Space::Direction* d : {&x, &y}) {
           d->mean.range_rows.resize(0);
           d->mean.bearing_rows.resize(0);

@@ -32,8 +32,26 @@ bool within_bounds(const ActiveEffect& active) {
   return true;
 }
 
+/// The same of a limit beyond which readings are missing: the lower it is, the more it takes.
+std::optional<double> factor_of_limit(const Space& space, const TypicalEffect& typical, double threshold) {
+  const auto at = [&](double factor) {
+    const ActiveEffect active = scaled(typical, factor);
+    return space.change({active}).information + shape_noncentrality(space, active);
+  };
+  double low = 1.0, high = 1.0;
+  for (int step = 0; step < 30 && at(low) < threshold; ++step) {
+    high = low;
+    low *= 0.93;
+  }
+  if (at(low) < threshold) return std::nullopt;
+  for (int step = 0; step < 8; ++step) (at(0.5 * (low + high)) < threshold ? high : low) = 0.5 * (low + high);
+  return low;
+}
+
 /// Factor on the typical size at which the noncentrality reaches the threshold.
 std::optional<double> factor_to(const Space& space, const TypicalEffect& typical, double threshold) {
+  if (typical.active.effect->info().kind == EffectKind::detection)
+    return factor_of_limit(space, typical, threshold);
   const double mean = typical.direction.information;
   if (typical.noncentrality - mean < 1e-9) {  // means and variances: quadratic in the size
     const double floor = 1e-6 * std::max(typical.direction.raw, 1e-300);
@@ -51,7 +69,12 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
   for (int doubling = 0; doubling < 8 && at(high) < threshold; ++doubling) {
     low = high;
     high *= 2.0;
-    if (!within_bounds(scaled(typical, high))) return std::nullopt;
+    if (within_bounds(scaled(typical, high))) continue;
+    double beyond = high;  // the largest within bounds is the last that can be tried
+    high = low;
+    for (int step = 0; step < 20; ++step)
+      (within_bounds(scaled(typical, 0.5 * (high + beyond))) ? high : beyond) = 0.5 * (high + beyond);
+    break;
   }
   if (at(high) < threshold) return std::nullopt;
   for (int step = 0; step < 8; ++step) (at(0.5 * (low + high)) < threshold ? low : high) = 0.5 * (low + high);
@@ -89,6 +112,7 @@ std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEff
     if (const auto factor = factor_to(space, typical, threshold))
       entry.detectable = size_of(space, typical, *factor).second;
     entry.harm_m = harm_of(space, typical);
+    if (!std::isfinite(entry.harm_m)) continue;
     entry.settled_by = typical.active.effect->info().settled_by;
     unseen.push_back(std::move(entry));
   }

@@ -114,5 +114,24 @@ TEST(Outlook, DetectionThresholdIsThatOfOneTestAtTwoPercent) {
   EXPECT_NEAR(detection_power(detection_threshold(0.02, 400.0), 0.02, 400.0), 0.8, 1e-6);
 }
 
+TEST(Outlook, WhatTheRepeatsShowIsNoTwinOfAConstant) {
+  const TableDesign design;
+  const Space space(design.rows, {}, design.state);
+  for (const auto& set : find_twins(space, catalogue_of(space)))
+    EXPECT_FALSE(std::count(set.begin(), set.end(), "heading_zero") && std::count(set.begin(), set.end(), "settling"));
+}
+
+TEST(Outlook, ADropoutShowsBelowALimitNotAboveIt) {
+  const TableDesign design;   // to 3.4 m
+  const Space space(design.rows, {}, design.state);
+  const std::optional<TypicalEffect> typical = typical_effect(space, *find_effect("dropout"));
+  ASSERT_TRUE(typical);
+  Rates rates;
+  for (const Unseen& unseen : find_unseen(space, {*typical}, 0.02, rates)) {
+    ASSERT_TRUE(unseen.detectable);
+    EXPECT_LT(*unseen.detectable, unseen.typical.at("limit_m"));
+  }
+}
+
 }  // namespace
 }  // namespace rangecal::diagnosis
