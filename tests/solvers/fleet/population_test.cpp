@@ -105,7 +105,7 @@ TEST(Population, SmallFleetsHoldTheirIntervals) {
       }
     }
     // 480 intervals, those of a fleet not independent: 0.95 less four binomial standard deviations of 60 would be 0.84. Units
-    // that scatter are held in 90 to 92 %, since a covariance of eight units is a guess; those that do not in 96 to 97 %.
+    // that scatter are held in 91 to 93 %, since a covariance of eight units is a guess; those that do not in 95 to 97 %.
     for (const int count : held) EXPECT_GT(count, 0.86 * intervals) << alike;
   }
 }
