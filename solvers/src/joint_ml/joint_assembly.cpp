@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // One pass over the cells: value, gradient and Hessian blocks of the joint NLL. Each cell depends on its place only
 // through (d, bearing), so that the place's own blocks are sums of the landmark's with the sign turned.
-#include <tbb/parallel_for.h>
 
 #include <cmath>
 #include <limits>
 
+#include "in_parallel.hpp"
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/joint_accumulator.hpp"
 #include "joint_ml/range_share.hpp"
@@ -239,12 +239,7 @@ double JointSystem::assemble(const JointState& state, HessianKind kind) {
     else
       assemble_part<0>(state, kind, begin, end, sum);
   };
-  if (parts == 1)
-    run(0);
-  else {  // of its own: whole, whatever becomes of what asked for it
-    tbb::task_group_context own(tbb::task_group_context::isolated);
-    tbb::parallel_for(0, parts, run, own);
-  }
+  in_parallel(parts, run);
   for (int part = 1; part < parts; ++part) sums_[0].add(sums_[part]);
   collect(sums_);
   nll_ = sums_[0].nll;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What concerns the globals alone: their blocks from the parts' sums, taped distances, and spreads in closed form.
-#include <tbb/parallel_for.h>
 
 #include <Eigen/Core>
 #include <array>
 #include <cmath>
 
+#include "in_parallel.hpp"
 #include "joint_ml/joint_accumulator.hpp"
 #include "rangecal/core/quantiles.hpp"
 
@@ -78,12 +78,7 @@ void JointSystem::profile_spreads(JointState& state) const {
     }
     sums[part] = {range, bearing};
   };
-  if (parts == 1)
-    run(0);
-  else {  // of its own: whole, whatever becomes of what asked for it
-    tbb::task_group_context own(tbb::task_group_context::isolated);
-    tbb::parallel_for(0, parts, run, own);
-  }
+  in_parallel(parts, run);
   double range = 0.0, bearing = 0.0;
   for (const auto& sum : sums) {
     range += sum[0];

@@ -2,11 +2,11 @@
 // Elimination of independent stops from the assembled blocks, and what follows from it.
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "in_parallel.hpp"
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/joint_accumulator.hpp"
 
@@ -145,12 +145,7 @@ bool JointSystem::eliminate(double damping) {
     }
     flush(sum, {});
   };
-  if (parts == 1)
-    run(0);
-  else {  // of its own: whole, whatever becomes of what asked for it
-    tbb::task_group_context own(tbb::task_group_context::isolated);
-    tbb::parallel_for(0, parts, run, own);
-  }
+  in_parallel(parts, run);
   for (const Elimination& part : eliminations_)
     if (!part.ok) return false;
   Elimination& total = eliminations_[0];

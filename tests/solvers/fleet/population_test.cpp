@@ -78,8 +78,8 @@ TEST(Population, OfExactUnitsIsMeanAndCovariance) {
   ASSERT_EQ(population.outcome, Outcome::converged) << population.reason;
   EXPECT_EQ(population.units, 500);
   EXPECT_LT((population.mean - mean).norm(), 1e-6);
-  EXPECT_LT((population.covariance - covariance).norm(), 1e-5 * covariance.norm());
-  EXPECT_LT((population.mean_covariance - covariance / 500.0).norm(), 1e-5 * covariance.norm() / 500.0);
+  EXPECT_LT((population.covariance - covariance).norm(), 1e-6 * covariance.norm());
+  EXPECT_LT((population.mean_covariance - covariance / 500.0).norm(), 1e-6 * covariance.norm() / 500.0);
 }
 
 TEST(Population, SmallFleetsHoldTheirIntervals) {
