@@ -50,11 +50,14 @@ struct TrackCommand {
     for (const std::string& note : tracked.notes) fmt::print(stderr, "rangecal: {}\n", note);
     if (!job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome))) return done;
     if (job.output.empty())
-      fmt::print(stderr, "rangecal: {}\n",
-                 tracked.calibration ? fmt::format("no calibration: {}", tracked.calibration->reason)
-                 : tracked.landmarks ? std::string("no calibration: no row had a landmark")
-                                     : std::string("no calibration: no row had a true distance"));
+      fmt::print(stderr, "rangecal: no calibration: {}\n",
+                 tracked.calibration ? tracked.calibration->reason : what_lacks(tracked));
     return not_delivered;
+  }
+
+  /// Why a stream taught nothing.
+  static std::string what_lacks(const Tracked& tracked) {
+    return tracked.landmarks ? "no row had a landmark" : "no row had a true distance";
   }
 
   std::string changes(const Tracked& tracked) const {
@@ -75,7 +78,7 @@ struct TrackCommand {
     std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; {}: {}\n", tracked.rows, tracked.corrected,
                                    tracked.malformed, tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
     if (!tracked.calibration)
-      return text + (tracked.landmarks ? "Curve f    no row had a landmark\n" : "Curve f    no row had a true distance\n");
+      return text + fmt::format("Curve f    {}\n", what_lacks(tracked));
     const Calibration& c = *tracked.calibration;
     text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method), c.reason.empty() ? "" : ": ", c.reason);
     if (c.alpha.size() == 0) return text;

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "io/input_file.hpp"
+#include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -92,7 +93,7 @@ void write_file(const std::string& path, const std::string& text) {
 
 void require_writable(const std::string& path) {
   if (path.empty() || is_stream(path)) return;
-  for (const char* own : {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv", "landmarks.csv"})
+  for (const char* own : io::measured_files)
     if (std::filesystem::path(path).filename() == own && file_exists(path))
       throw InputError(path, 0, "", "is a table of a recording, and would be lost: name another file");
   const Temporary probe(path, "");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <functional>
 #include <map>
 #include <optional>
@@ -15,6 +16,10 @@
 #include "rangecal/core/yaml_reader.hpp"
 
 namespace rangecal::io {
+
+/// What a recording is measured in: its description and its tables, whichever of them it has.
+inline constexpr std::array measured_files = {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv",
+                                              "landmarks.csv"};
 
 std::string path_in(const std::string& folder, const char* file);
 

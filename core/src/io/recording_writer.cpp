@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
@@ -212,9 +213,7 @@ const std::string made_by = "# made by ";
 
 void require_replaceable(const std::string& folder) {
   const auto has = [&](const char* name) { return file_exists(io::path_in(folder, name)); };
-  if (!has("recording.yaml") && !has("observations.csv") && !has("pairs.csv") && !has("stops.csv") &&
-      !has("landmarks.csv"))
-    return;
+  if (std::none_of(io::measured_files.begin(), io::measured_files.end(), has)) return;
   if (has("extraction.json") || has("truth_stops.csv") || has("truth_landmarks.csv")) return;
   if (has("recording.yaml") && read_file(io::path_in(folder, "recording.yaml")).rfind(made_by, 0) == 0)
     return;
