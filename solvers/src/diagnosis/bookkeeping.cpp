@@ -151,8 +151,8 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   return evidence;
 }
 
-/// Readings that cells lack of the fullest one's number, cells without any included, and the limit beyond which they are
-/// missing.
+/// Readings that cells lack of the fullest one's number, cells without any included, and the limit beyond
+/// which they are missing. A stop that reads all it sees equally often lasted for that many sweeps.
 struct Gaps {
   double missing = 0.0, expected = 0.0;
   double from_m = 0.0;  ///< mean reading of the nearest cell beyond the limit
@@ -162,9 +162,9 @@ struct Gaps {
   double chance = 1.0;
 };
 
-/// Landmarks that a stop does not see at all, where stops see nearly all of them: the readings [m] that were to be
-/// expected, by the seed's curve and geometry. Empty where seeing few is the rule.
-std::vector<double> readings_of_unseen(const Rows& rows) {
+/// Landmarks that a stop does not see at all, where stops see nearly all of them: the readings [m] that were
+/// to be expected, by the seed's curve and geometry, with their stops. Empty where seeing few is the rule.
+std::vector<std::pair<double, std::size_t>> readings_of_unseen(const Rows& rows) {
   constexpr double nearly_all = 0.8;
   const JointProblem& problem = rows.problem;
   const Cells& cells = problem.cells;
@@ -183,13 +183,13 @@ std::vector<double> readings_of_unseen(const Rows& rows) {
         unseen.emplace_back(k, l);
   const auto count = static_cast<double>(cells.size() + unseen.size());
   if (unseen.empty() || static_cast<double>(cells.size()) < nearly_all * count) return {};
-  std::vector<double> readings;
+  std::vector<std::pair<double, std::size_t>> readings;
   try {
     const JointState seed = position_seed(problem, 1, NoiseLaw::f_squared);
     for (const auto& [k, l] : unseen) {
       const Pose2& pose = seed.stops[k];
       const double axis = (seed.landmarks[l] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm();
-      readings.push_back(evaluate_polynomial(seed.alpha, axis - problem.landmark_radius_m[l]));
+      readings.emplace_back(evaluate_polynomial(seed.alpha, axis - problem.landmark_radius_m[l]), k);
     }
   } catch (const InputError&) {  // too few cells to say where anything is
     readings.clear();
@@ -200,43 +200,51 @@ std::vector<double> readings_of_unseen(const Rows& rows) {
 Gaps gaps_of(const Rows& rows) {
   constexpr double enough = 12.5;  // nats
   Gaps gaps;
-  const double full = rows.context.largest_cell;
-  if (rows.pairs || full < 3) return gaps;
-  std::vector<std::pair<double, double>> cells;  // mean reading, missing
-  unsigned with_gaps = 0;
+  if (rows.pairs || rows.context.largest_cell < 3) return gaps;
+  const std::vector<int>& stop = rows.problem.cells.stop;
+  const auto count_of = [&](int c) -> double { return rows.cell_begin[c + 1] - rows.cell_begin[c]; };
+  std::vector<double> full(rows.problem.stops.size(), 0.0), emptiest = full;
   for (int c = 0; c < rows.cell_count; ++c) {
-    const double missing = full - (rows.cell_begin[c + 1] - rows.cell_begin[c]);
-    cells.emplace_back(rows.problem.cells.range_mean[c], missing);
-    gaps.missing += missing;
-    if (missing > 0.0) ++with_gaps;
+    emptiest[stop[c]] = full[stop[c]] > 0.0 ? std::min(emptiest[stop[c]], count_of(c)) : count_of(c);
+    full[stop[c]] = std::max(full[stop[c]], count_of(c));
   }
-  for (double reading : readings_of_unseen(rows)) {
-    cells.emplace_back(reading, full);
-    gaps.missing += full;
-    ++with_gaps;
+  for (std::size_t k = 0; k < full.size(); ++k)
+    if (emptiest[k] < full[k]) full[k] = rows.context.largest_cell;
+  struct Cell {
+    double reading, missing, full;
+  };
+  std::vector<Cell> cells;
+  for (int c = 0; c < rows.cell_count; ++c)
+    cells.push_back({rows.problem.cells.range_mean[c], full[stop[c]] - count_of(c), full[stop[c]]});
+  for (const auto& [reading, k] : readings_of_unseen(rows)) cells.push_back({reading, full[k], full[k]});
+  unsigned with_gaps = 0;
+  for (const Cell& cell : cells) {
+    gaps.missing += cell.missing;
+    gaps.expected += cell.full;
+    if (cell.missing > 0.0) ++with_gaps;
   }
-  gaps.expected = full * static_cast<double>(cells.size());
-  std::sort(cells.begin(), cells.end(), std::greater<>());
+  std::sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) { return a.reading > b.reading; });
   const auto log_likelihood = [](double missing, double all) {
     const auto part = [&](double k) { return k > 0.0 ? k * std::log(k / all) : 0.0; };
     return part(missing) + part(all - missing);
   };
   const auto count = static_cast<unsigned>(cells.size());
   const double one_rate = log_likelihood(gaps.missing, gaps.expected) + std::log(static_cast<double>(count));
-  double beyond = 0.0;
+  double beyond = 0.0, far = 0.0;
   unsigned gaps_beyond = 0;
   for (unsigned k = 1; k < count; ++k) {  // the k farthest cells
-    beyond += cells[k - 1].second;
-    if (!(cells[k - 1].second > 0.0)) continue;  // a limit just beyond this cell is likelier
+    beyond += cells[k - 1].missing;
+    far += cells[k - 1].full;
+    if (!(cells[k - 1].missing > 0.0)) continue;  // a limit just beyond this cell is likelier
     ++gaps_beyond;
     const unsigned fewest = with_gaps + k > count ? with_gaps + k - count : 0;
-    const double far = full * k, near = gaps.expected - far;
+    const double near = gaps.expected - far;
     const double gain = log_likelihood(beyond, far) + log_likelihood(gaps.missing - beyond, near) - one_rate;
     if (gaps_beyond <= fewest || gain < enough || beyond * near <= (gaps.missing - beyond) * far) continue;
     // A landmark that somebody stood in front of loses many readings at once: cells count, not readings.
     const boost::math::hypergeometric law(with_gaps, k, count);
     const double chance = boost::math::cdf(boost::math::complement(law, gaps_beyond - 1.0));
-    if (chance < gaps.chance) gaps.chance = chance, gaps.gain = gain, gaps.from_m = cells[k - 1].first;
+    if (chance < gaps.chance) gaps.chance = chance, gaps.gain = gain, gaps.from_m = cells[k - 1].reading;
   }
   return gaps;
 }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "rangecal/core/random.hpp"
@@ -14,10 +15,10 @@ namespace {
 /// Ten stops on the x axis, two landmarks, eight readings of each, distances 1.4 to 6.3 m; `lost(stop,
 /// landmark)` of them are missing.
 template <typename Lost>
-Rows rows_with_gaps(const Lost& lost) {
+Rows rows_with_gaps(const Lost& lost, const std::array<Eigen::Vector2d, 2>& axes = {
+                                          Eigen::Vector2d(-1.0, 1.0), Eigen::Vector2d(6.2, -1.0)}) {
   Recording recording;
   recording.kind = RecordingKind::landmarks;
-  const Eigen::Vector2d axes[] = {{-1.0, 1.0}, {6.2, -1.0}};
   recording.landmarks = {{"a", 0.0, {}}, {"b", 0.0, {}}};
   Random random(seed_from("rows_with_gaps", {1}));
   for (int k = 0; k < 10; ++k) {
@@ -26,11 +27,12 @@ Rows rows_with_gaps(const Lost& lost) {
     stop.commanded = {0.5 * k, 0.0, 0.0};
     stop.sigma_xy_m = 0.01;
     recording.stops.push_back(stop);
-    for (int l = 0; l < 2; ++l)
+    for (std::size_t l = 0; l < axes.size(); ++l)
       for (int j = 0; j < 8 - lost(k, l); ++j) {
         const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
         const double range = v.norm() + random.normal(0.0, 1e-3);
-        testing::add_reading(recording, k, l, j, range, std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3));
+        testing::add_reading(recording, k, static_cast<int>(l), j, range,
+                             std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3));
       }
   }
   return make_rows({&recording, 1});
@@ -89,6 +91,12 @@ TEST(Gaps, OfTheFarthestCellAloneMayBeChance) {
 
 TEST(Gaps, NearbyAreNoDropout) {
   EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return l == 0 && k < 3 ? 5 : 0; })));
+}
+
+TEST(Gaps, StopsOfFewerSweepsAreNoDropout) {
+  // Both landmarks lie behind the start: the last four stops are the farthest from either.
+  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int) { return k > 5 ? 4 : 0; },
+                                            {Eigen::Vector2d(-1.0, 1.0), Eigen::Vector2d(-1.0, -1.5)})));
 }
 
 TEST(Gaps, EverywhereAreNoDropout) {
