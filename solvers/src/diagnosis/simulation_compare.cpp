@@ -110,9 +110,9 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
   return difference;
 }
 
-/// Nats that a further name for the difference of two curves has to earn: of two unneeded ones that could be
-/// added, one in a hundred does.
-constexpr double curve_price = 4.0;
+/// Nats that a further name for the difference of two curves has to earn, p = 3e-4: less may be the first
+/// one's formula.
+constexpr double curve_price = 6.5;
 
 std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& known, const SearchResult& found,
                                         const DiagnoseOptions& options) {
