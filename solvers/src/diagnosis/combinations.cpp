@@ -53,7 +53,7 @@ void Combinations::extend(const Candidate& first, const Battery& battery) {
   started_.insert(first.fit.model.back().effect);
   std::vector<Proposal> seconds = propose(rows_, battery, first.fit.model);
   // What a second has to gain for the pair to matter.
-  const double first_gain = seed_nll_ - first.fit.nll;
+  const double first_gain = root_.nll - first.fit.nll;
   const double near_best =
       pairs_.empty() ? -std::numeric_limits<double>::infinity() : pairs_[0].evidence - gap_;
   const auto wanted = [&](const Effect* second) {
@@ -72,9 +72,10 @@ void Combinations::extend(const Candidate& first, const Battery& battery) {
   const double least = std::max(std::min(free_curve_ + rigid_margin, enough_), near_best) - first_gain;
   for (Candidate& pair : try_all(rows_, first.fit, seconds, rates_, options_, least)) {
     pair.gain = seed_nll_ - pair.fit.nll;
-    pair.evidence = pair.gain;
+    pair.evidence = root_.nll - pair.fit.nll;
     pair.foreseen += first.foreseen;
-    for (const ActiveEffect& active : pair.fit.model) pair.evidence -= price_of(active, rates_);
+    for (auto name = names_of(pair.fit.model, root_.model.size()); name != pair.fit.model.end(); ++name)
+      pair.evidence -= price_of(*name, rates_);
     if (one_curve(pair.fit.model) && !(pair.evidence > dominant * free_curve_)) continue;
     keep(std::move(pair));
   }

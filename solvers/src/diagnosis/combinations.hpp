@@ -18,9 +18,10 @@ inline constexpr double dominant = 1.3;
 /// Models of two effects: every one starts from a single effect and adds what its residuals propose.
 class Combinations {
  public:
-  /// `root`: the seed model with what bookkeeping found, of NLL `seed_nll` [nats] without it. `free_curve`:
-  /// what the best free curve gains. Only those are tried that could be an answer beside it, or gain
-  /// `enough`, both in nats over the seed model, and come within `gap` of the best pair so far.
+  /// `root`: the seed model with what bookkeeping found, of NLL `seed_nll` [nats] without it, over which
+  /// gains are told. `free_curve`: what the best free curve gains. Only those are tried that could be an
+  /// answer beside it, or gain `enough`, both in nats over the root, and come within `gap` of the best pair
+  /// so far.
   Combinations(const Rows& rows, const Fit& root, double seed_nll, const Rates& rates,
                const RefitOptions& options, double free_curve, double enough, double gap)
       : rows_(rows),

@@ -41,8 +41,9 @@ bool may_be_a_shadow(const Candidate& name, const Battery& battery) {
 
 }  // namespace
 
-void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& singles,
-                  std::vector<std::unique_ptr<Battery>>& batteries, SearchResult& result) {
+void find_partial(const Rows& rows, const DiagnoseOptions& options, const Battery& root,
+                  const std::vector<Candidate>& singles, std::vector<std::unique_ptr<Battery>>& batteries,
+                  SearchResult& result) {
   std::set<std::string> asked;
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const EffectInfo& info = singles[i].fit.model.back().effect->info();
@@ -52,7 +53,7 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const std::v
         std::any_of(batteries[i]->questions.begin(), batteries[i]->questions.end(), [&](const Question& q) {
           return is_of_channel(q, info.channel) && batteries[i]->corrected(q) < clean_rate;
         });
-    const double curve = best_curve(*result.first, result.rates, info.channel);
+    const double curve = best_curve(root, result.rates, info.channel);
     const bool complete = !left && equals_curve(singles[i], curve);
     // What a refit gains beyond what the score promised may be its choice among many optima.
     const bool promised = Sides::matter(singles[i].fit.model) || singles[i].foreseen > partial_margin;

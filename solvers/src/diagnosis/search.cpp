@@ -18,8 +18,8 @@ namespace {
 
 /// p at which a free curve over a named effect's own covariate rejects it.
 constexpr double adequacy_rate = 0.003;
-/// Corrected p below which what a first name left is no trace, and what two beyond doubt left.
-constexpr double trace_rate = 3e-4, trace_rate_of_two = 1e-3;
+/// Corrected p below which what a first name left is no trace.
+constexpr double trace_rate = 3e-4;
 /// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
 /// explain, two names are tried, and given where they gain so much more [nats].
 constexpr double soaking_share = 0.4, soaked_margin = 10.0;
@@ -115,8 +115,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   if (refit_options.settled > 0) let_known_move(rows, singles);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;
   result.tried = singles;
-  const double free_curve_gain = std::max(best_curve(*result.first, result.rates, "range"),
-                                          best_curve(*result.first, result.rates, "bearing"));
+  const double free_curve_gain = std::max(best_curve(*root_battery, result.rates, "range"),
+                                          best_curve(*root_battery, result.rates, "bearing"));
 
   // Errors that the readings of a cell share take up whatever a curve would: they are a name only where no
   // curve explains as much.
@@ -155,7 +155,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   // next to nothing to it is not a second cause. Noise and dependence have no formula that could be off.
   const bool has_formula =
       !singles.empty() && singles[0].fit.model.back().effect->info().kind == EffectKind::mean;
-  const double trace = has_formula ? trace_share * singles[0].gain : 0.0;
+  const double trace = has_formula ? trace_share * (root.fit.nll - singles[0].fit.nll) : 0.0;
 
   // Two names. Only those are tried that could pass for an answer or keep the first from being one.
   report("combining effects", 0.5);
@@ -167,14 +167,14 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   combinations.extend_from_others(proposals, Combinations::Until::beyond_doubt);
   const std::vector<Candidate>& pairs = combinations.best_first();
   // What it leaves must be a trace: faint by itself, and weaker than what was named.
-  const auto leaves_a_trace = [&](const Candidate& named, const Battery& battery, double rate) {
+  const auto leaves_a_trace = [&](const Candidate& named, const Battery& battery) {
     return std::all_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
       return q.effect || on_grid(known, q) ||
-             (battery.corrected(q) > rate && q.gain - q.dof < named.evidence);
+             (battery.corrected(q) > trace_rate && q.gain - q.dof < named.evidence);
     });
   };
   if (could_be_one && !soaked && (pairs.empty() || pairs[0].evidence - singles[0].evidence < trace) &&
-      leaves_a_trace(singles[0], *batteries[0], trace_rate)) {
+      leaves_a_trace(singles[0], *batteries[0])) {
     answer_with_single(0);
     return result;
   }
@@ -185,9 +185,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
       if (soaked && pairs[i].evidence < singles[*soaked].evidence + soaked_margin) break;
       if (std::min(pairs[i].evidence, pairs[i].foreseen) <
               free_curve_gain + combination_margin(pairs[i].fit.model, root.fit.model.size()) ||
-          !(clean(pairs[i], battery) ||
-            (i == 0 && combinations.found_beyond_doubt() && pairs[i].evidence > dominant * free_curve_gain &&
-             leaves_a_trace(pairs[i], *battery, trace_rate_of_two))))
+          !clean(pairs[i], battery))
         continue;
       result.verdict = Verdict::explained;
       result.best = pairs[i];
@@ -207,7 +205,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     if (is_answered()) return result;
   }
   result.verdict = Verdict::unexplained;
-  find_partial(rows, options, singles, batteries, result);
+  find_partial(rows, options, *root_battery, singles, batteries, result);
   return result;
 }
 
