@@ -44,20 +44,8 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state, 
       rows_(rows),
       state_(state),
       working_(working_problem(rows, model, state)),
-      projector_(rows, working_.problem, state) {
+      projector_(rows, working_, state) {
   changes_ = row_changes(rows, projector_.geometry(), model);
-  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  range_rows_.resize(n);
-  bearing_rows_.resize(n);
-  const Cells& c = working_.problem.cells;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const int cell = rows.cell[i];
-    const bool alone = rows.cell_begin[cell + 1] - rows.cell_begin[cell] == 1;
-    range_rows_[i] = alone ? 0.0 : working_.range[i] - c.range_mean[cell];
-    const double home = projector_.geometry().bearing[cell];
-    bearing_rows_[i] =
-        alone || rows.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
-  }
   score_rows(model);
   remove_model_directions(model);
   ask_variances();
@@ -87,10 +75,19 @@ void Battery::score_rows(const Model& model) {
           scores[i] = (scores[i] - rho * scores[i - 1]) / std::sqrt(1.0 - rho * rho);
     return scores;
   };
-  range_scores_ =
-      whiten(range_rows_, projector_.row_range_information, changes_.range_log_variance, range_rho);
+  // Deviations as read: what a tail's law makes of one is its score, not its weight.
+  const Cells& c = working_.problem.cells;
+  Eigen::VectorXd range(working_.range.size()), bearing(working_.range.size());
+  for (Eigen::Index i = 0; i < range.size(); ++i) {
+    const int cell = rows_.cell[i];
+    const bool alone = rows_.cell_begin[cell + 1] - rows_.cell_begin[cell] == 1;
+    const double home = projector_.geometry().bearing[cell];
+    range[i] = alone ? 0.0 : working_.range[i] - c.range_mean[cell];
+    bearing[i] = alone || rows_.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
+  }
+  range_scores_ = whiten(range, projector_.row_range_information, changes_.range_log_variance, range_rho);
   bearing_scores_ =
-      whiten(bearing_rows_, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
+      whiten(bearing, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const Contamination tail = contamination_of(rows_, projector_.geometry(), model, i);
     if (!(tail.share > 0.0)) continue;
@@ -112,6 +109,7 @@ void Battery::remove_model_directions(const Model& model) {
         const double share = projector_.inner(x, active_projected_[a], active_[a]);
         x.range -= share * active_[a].range;
         x.bearing -= share * active_[a].bearing;
+        x.drift -= share * active_[a].drift;
         if (x.within() && active_[a].within()) {
           x.range_rows -= share * active_[a].range_rows;
           x.bearing_rows -= share * active_[a].bearing_rows;
@@ -123,6 +121,7 @@ void Battery::remove_model_directions(const Model& model) {
       const double scale = 1.0 / std::sqrt(information);
       x.range *= scale;
       x.bearing *= scale;
+      x.drift *= scale;
       if (x.within()) {
         x.range_rows *= scale;
         x.bearing_rows *= scale;
@@ -151,6 +150,7 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
       const double share = projector_.inner(x, projected_direction, direction);
       x.range -= share * direction.range;
       x.bearing -= share * direction.bearing;
+      x.drift -= share * direction.drift;
       if (x.within() && direction.within()) {
         x.range_rows -= share * direction.range_rows;
         x.bearing_rows -= share * direction.bearing_rows;
@@ -165,15 +165,12 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
     projected *= scale;
     x.range *= scale;
     x.bearing *= scale;
+    x.drift *= scale;
     if (x.within()) {
       x.range_rows *= scale;
       x.bearing_rows *= scale;
     }
-    double score = x.range.cwiseProduct(projector_.range_information).dot(projector_.range_residual) +
-                   x.bearing.cwiseProduct(projector_.bearing_information).dot(projector_.bearing_residual);
-    if (x.within())
-      score += x.range_rows.cwiseProduct(projector_.row_range_information).dot(range_rows_) +
-               x.bearing_rows.cwiseProduct(projector_.row_bearing_information).dot(bearing_rows_);
+    const double score = projector_.score(x);
     question.statistic += score * score;
     // The size is what the calibration leaves of the shape, not its coefficient.
     const Eigen::VectorXd range =
@@ -224,20 +221,30 @@ double Battery::fitted_gain(const Question& question, const Signature& fitted) c
                ? 0.0
                : (information.array() * change.array() * (2.0 * residual.array() - change.array())).sum();
   };
-  const double range = fall(projector_.range_information, projector_.range_residual, fitted.range) +
-                       fall(projector_.row_range_information, range_rows_, fitted.range_rows);
-  const double bearing = fall(projector_.bearing_information, projector_.bearing_residual, fitted.bearing) +
-                         fall(projector_.row_bearing_information, bearing_rows_, fitted.bearing_rows);
+  const double range =
+      fall(projector_.range_information, projector_.range_residual, fitted.range) +
+      fall(projector_.row_range_information, projector_.row_range_residual, fitted.range_rows);
+  const double bearing =
+      fall(projector_.bearing_information, projector_.bearing_residual, fitted.bearing) +
+      fall(projector_.row_bearing_information, projector_.row_bearing_residual, fitted.bearing_rows);
   const auto gain = [n](double chi_sq) { return -0.5 * n * std::log(std::max(1e-9, 1.0 - chi_sq / n)); };
   return std::max(0.0, gain(range) + gain(bearing) + 0.5 * (question.statistic - range - bearing));
 }
 
-Battery::Asked Battery::asked_of_rows(Question question, const std::vector<Eigen::VectorXd>& shapes,
+Battery::Asked Battery::asked_of_rows(Question question, const std::vector<Shape>& shapes,
                                       bool bearing) const {
   std::vector<Signature> block;
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rows_.size()));
-  for (const Eigen::VectorXd& shape : shapes)
-    block.push_back(bearing ? signature_of_rows(rows_, none, shape) : signature_of_rows(rows_, shape, none));
+  for (const Shape& shape : shapes) {
+    block.push_back(bearing ? projector_.of_rows(none, shape.at) : projector_.of_rows(shape.at, none));
+    if (shape.moved.size() == 0) continue;
+    Eigen::VectorXd changes(rows_.cell_count);
+    const Eigen::VectorXd unchanged = Eigen::VectorXd::Zero(rows_.cell_count);
+    for (int c = 0; c < rows_.cell_count; ++c)
+      changes[c] = shape.moved[rows_.cell_begin[c]] - shape.at[rows_.cell_begin[c]];
+    Signature& x = block.back();
+    x.drift = bearing ? projector_.drift(x, unchanged, changes) : projector_.drift(x, changes, unchanged);
+  }
   return asked_of_mean(std::move(question), std::move(block));
 }
 

@@ -65,7 +65,13 @@ class Battery {
     std::vector<Eigen::VectorXd> variance_columns;  ///< normalised slopes over the units of a channel
     bool variance_of_bearing = false;
   };
-  Asked asked_of_rows(Question question, const std::vector<Eigen::VectorXd>& rows_shape, bool bearing) const;
+  /// A shape over the rows, and the same where cells are moved as the projector says; empty where it does not
+  /// follow them, or jumps.
+  struct Shape {
+    Eigen::VectorXd at, moved;
+  };
+  class Values;
+  Asked asked_of_rows(Question question, const std::vector<Shape>& shapes, bool bearing) const;
   double fitted_gain(const Question& question, const Signature& fitted) const;
   Asked asked_of_mean(Question about, std::vector<Signature> block) const;
   Asked asked_of_variance(Question about, const std::vector<Eigen::VectorXd>& unit_shape, bool bearing) const;
@@ -93,9 +99,8 @@ class Battery {
   WorkingProblem working_;
   Projector projector_;
   RowChanges changes_;
-  Eigen::VectorXd range_rows_, bearing_rows_;  ///< corrected deviations from the cell means
-  Eigen::VectorXd range_scores_,
-      bearing_scores_;             ///< the same as normal scores under the model: variance 1 - 1/R
+  /// Deviations from the cell means as normal scores under the model: variance 1 - 1/R.
+  Eigen::VectorXd range_scores_, bearing_scores_;
   bool rescored_ = false;          ///< the model has tails or correlation: scores are not deviations / s
   std::vector<Signature> active_;  ///< orthonormal in the projected metric
   std::vector<Eigen::VectorXd> active_projected_;

@@ -27,23 +27,13 @@ std::vector<double> quantiles(Eigen::VectorXd values, int count) {
   return at;
 }
 
-/// Hat functions over the knots: a free piecewise-linear curve.
-std::vector<Eigen::VectorXd> hats(const Eigen::VectorXd& values, const std::vector<double>& knots) {
-  std::vector<Eigen::VectorXd> shapes;
-  for (std::size_t j = 0; j < knots.size(); ++j) {
-    Eigen::VectorXd shape(values.size());
-    for (Eigen::Index i = 0; i < values.size(); ++i) {
-      const double v = values[i];
-      double hat = 0.0;
-      if (v == knots[j]) hat = 1.0;
-      if (j > 0 && v >= knots[j - 1] && v < knots[j]) hat = (v - knots[j - 1]) / (knots[j] - knots[j - 1]);
-      if (j + 1 < knots.size() && v >= knots[j] && v < knots[j + 1])
-        hat = (knots[j + 1] - v) / (knots[j + 1] - knots[j]);
-      shape[i] = hat;
-    }
-    shapes.push_back(shape);
-  }
-  return shapes;
+/// Hat function over the knots, of the j-th: together a free piecewise-linear curve.
+double hat(const std::vector<double>& knots, std::size_t j, double v) {
+  if (v == knots[j]) return 1.0;
+  if (j > 0 && v >= knots[j - 1] && v < knots[j]) return (v - knots[j - 1]) / (knots[j] - knots[j - 1]);
+  if (j + 1 < knots.size() && v >= knots[j] && v < knots[j + 1])
+    return (knots[j + 1] - v) / (knots[j + 1] - knots[j]);
+  return 0.0;
 }
 
 /// Where a change in time can be: at the first reading of each stop, or at equal shares of a long run.
@@ -61,11 +51,34 @@ std::vector<double> change_points(const EffectContext& context) {
   return at;
 }
 
-Eigen::VectorXd map(const Eigen::VectorXd& values, const std::function<double(double)>& f) {
-  return values.unaryExpr([&](double v) { return f(v); });
-}
-
 }  // namespace
+
+/// A covariate over the rows, and the same where cells are moved as the projector says (empty: it stays).
+class Battery::Values {
+ public:
+  explicit Values(Eigen::VectorXd at, Eigen::VectorXd moved = {})
+      : at_(std::move(at)), moved_(std::move(moved)) {}
+  const Eigen::VectorXd& at() const { return at_; }
+  Shape map(const std::function<double(double)>& f) const {
+    const auto of = [&](const Eigen::VectorXd& values) -> Eigen::VectorXd {
+      return values.unaryExpr([&](double v) { return f(v); });
+    };
+    return {of(at_), of(moved_)};
+  }
+  /// Of a function that jumps: it has no slope.
+  Shape jump(const std::function<double(double)>& f) const { return {map(f).at, {}}; }
+  Shape itself() const { return {at_, moved_}; }
+  std::vector<Shape> hats(const std::vector<double>& knots) const {
+    std::vector<Shape> shapes;
+    for (std::size_t j = 0; j < knots.size(); ++j)
+      shapes.push_back(
+          map([&](double v) { return hat(knots, j, std::clamp(v, knots.front(), knots.back())); }));
+    return shapes;
+  }
+
+ private:
+  Eigen::VectorXd at_, moved_;
+};
 
 void Battery::ask_means() {
   const Eigen::Index n = static_cast<Eigen::Index>(rows_.size());
@@ -75,17 +88,17 @@ void Battery::ask_means() {
     for (Eigen::Index i = 0; i < n; ++i) values[i] = value(static_cast<std::size_t>(i));
     return values;
   };
-  const Eigen::VectorXd d = per_row([&](std::size_t i) { return g.d[rows_.cell[i]]; });
-  const Eigen::VectorXd bearing = per_row([&](std::size_t i) { return g.bearing[rows_.cell[i]]; });
-  const Eigen::VectorXd time = per_row([&](std::size_t i) { return rows_.time_s[i]; });
-  const Eigen::VectorXd stop = per_row([&](std::size_t i) { return rows_.stop[i]; });
+  const auto of_cells = [&](const std::vector<double>& values) {
+    return per_row([&](std::size_t i) { return values[rows_.cell[i]]; });
+  };
+  const Values time(per_row([&](std::size_t i) { return rows_.time_s[i]; }));
   const double duration = std::max(rows_.context.duration_s, 1e-9);
-  const bool has_bearing = !rows_.pairs || bearing.cwiseAbs().maxCoeff() > 0.0;
+  const bool has_bearing = !rows_.pairs || of_cells(g.bearing).cwiseAbs().maxCoeff() > 0.0;
 
   // Shapes are gathered, and asked about together: so many that their rows fit well into memory.
   struct Waiting {
     Question question;
-    std::vector<Eigen::VectorXd> shapes;
+    std::vector<Shape> shapes;
     bool of_bearing;
   };
   std::vector<Waiting> waiting;
@@ -102,9 +115,12 @@ void Battery::ask_means() {
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const std::string channel = of_bearing ? "bearing" : "range";
-    const auto ask = [&](const std::string& covariate, const std::string& shape,
-                         std::vector<Eigen::VectorXd> shapes, std::optional<double> from = {},
-                         std::optional<double> to = {}, const std::string& group = {}) {
+    const CellGeometry* moved = projector_.moved(of_bearing);
+    const Values d(of_cells(g.d), moved ? of_cells(moved->d) : Eigen::VectorXd());
+    const Values bearing(of_cells(g.bearing), moved ? of_cells(moved->bearing) : Eigen::VectorXd());
+    const auto ask = [&](const std::string& covariate, const std::string& shape, std::vector<Shape> shapes,
+                         std::optional<double> from = {}, std::optional<double> to = {},
+                         const std::string& group = {}) {
       Question q;
       q.channel = channel;
       q.covariate = covariate;
@@ -115,92 +131,99 @@ void Battery::ask_means() {
       waiting.push_back({std::move(q), std::move(shapes), of_bearing});
       if (waiting.size() >= most_waiting) ask_waiting();
     };
-    const auto smooth = [&](const std::string& covariate, const Eigen::VectorXd& values, int knots) {
-      const std::vector<double> at = quantiles(values, knots);
+    const auto smooth = [&](const std::string& covariate, const Values& values, int knots) {
+      const std::vector<double> at = quantiles(values.at(), knots);
       if (at.size() < 3) return;
-      ask(covariate, "smooth", hats(values, at));
+      ask(covariate, "smooth", values.hats(at));
       for (std::size_t j = 0; j + 2 < at.size(); ++j)  // a bump over two neighbouring intervals
         ask(covariate, "bump",
-            {map(values, [&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })}, at[j],
+            {values.jump([&](double v) { return v >= at[j] && v <= at[j + 2] ? 1.0 : 0.0; })}, at[j],
             at[j + 2]);
     };
     // One bump somewhere, exp(-u^2 / 2) with u the distance from its middle in widths: at two widths,
     // everywhere.
-    const auto local = [&](const std::string& covariate, const Eigen::VectorXd& values,
+    const auto local = [&](const std::string& covariate, const Values& values,
                            const std::function<double(double, double)>& difference) {
-      const double low = values.minCoeff(), span = values.maxCoeff() - low;
+      const double low = values.at().minCoeff(), span = values.at().maxCoeff() - low;
       if (!(span > 0.0)) return;
       for (const double share : {0.03, 0.06}) {
         const double width = share * span;
         for (double middle = low; middle <= low + span; middle += width)
-          ask(covariate, "local bump",
-              {map(values,
-                   [&](double v) { return std::exp(-0.5 * std::pow(difference(v, middle) / width, 2)); })},
+          ask(covariate, "local bump", {values.map([&](double v) {
+                return std::exp(-0.5 * std::pow(difference(v, middle) / width, 2));
+              })},
               middle - 2.0 * width, middle + 2.0 * width);
       }
     };
-    ask("constant", "offset", {Eigen::VectorXd::Ones(n)});
-    ask("range", "linear", {d});
-    ask("range", "quadratic", {d.cwiseAbs2()});
-    ask("range", "cubic", {d.array().cube().matrix()});
-    ask("disparity", "linear", {d.cwiseInverse()});
+    const auto fixed = [&](const std::function<double(std::size_t)>& value) {
+      return Shape{per_row(value), {}};
+    };
+    ask("constant", "offset", {fixed([](std::size_t) { return 1.0; })});
+    ask("range", "linear", {d.itself()});
+    ask("range", "quadratic", {d.map([](double v) { return v * v; })});
+    ask("range", "cubic", {d.map([](double v) { return v * v * v; })});
+    ask("disparity", "linear", {d.map([](double v) { return 1.0 / v; })});
     smooth("range", d, 9);
     local("range", d, [](double a, double b) { return a - b; });
     if (has_bearing) {
-      ask("sensor_bearing", "linear", {bearing});
+      ask("sensor_bearing", "linear", {bearing.itself()});
       for (int k : {1, 2, 3, 4, 6, 8})
         ask("sensor_bearing", fmt::format("harmonic {}", k),
-            {map(bearing, [k](double b) { return std::cos(k * b); }),
-             map(bearing, [k](double b) { return std::sin(k * b); })});
+            {bearing.map([k](double b) { return std::cos(k * b); }),
+             bearing.map([k](double b) { return std::sin(k * b); })});
       smooth("sensor_bearing", bearing, 9);
       local("sensor_bearing", bearing, [](double a, double b) { return wrap_angle(a - b); });
     }
     if (rows_.context.headings > 0.05) {
-      const Eigen::VectorXd heading = per_row([&](std::size_t i) { return rows_.heading_rad[i]; });
-      ask("heading", "harmonic 1", {heading.array().cos().matrix(), heading.array().sin().matrix()});
-      ask("heading", "harmonic 2",
-          {(2.0 * heading).array().cos().matrix(), (2.0 * heading).array().sin().matrix()});
+      const Values heading(per_row([&](std::size_t i) { return rows_.heading_rad[i]; }));
+      for (int k : {1, 2})
+        ask("heading", fmt::format("harmonic {}", k),
+            {heading.map([k](double h) { return std::cos(k * h); }),
+             heading.map([k](double h) { return std::sin(k * h); })});
     }
     if (rows_.context.duration_s > 0.0) {
-      ask("time", "linear", {time});
-      ask("time", "quadratic", {time.cwiseAbs2()});
+      ask("time", "linear", {time.itself()});
+      ask("time", "quadratic", {time.map([](double t) { return t * t; })});
       for (double share : {0.05, 0.15, 0.4})
-        ask("time", "exponential", {map(time, [&](double t) { return std::exp(-t / (share * duration)); })});
+        ask("time", "exponential", {time.map([&](double t) { return std::exp(-t / (share * duration)); })});
       for (const double at : change_points(rows_.context))
-        ask("time", "change point", {map(time, [&](double t) { return t >= at ? 1.0 : 0.0; })}, at);
+        ask("time", "change point", {time.map([&](double t) { return t >= at ? 1.0 : 0.0; })}, at);
       for (int k = 1; k <= 40; ++k) {
         const double omega = 2.0 * std::numbers::pi * k / (2.0 * duration);
         ask("time", "periodic",
-            {map(time, [&](double t) { return std::cos(omega * t); }),
-             map(time, [&](double t) { return std::sin(omega * t); })});
+            {time.map([&](double t) { return std::cos(omega * t); }),
+             time.map([&](double t) { return std::sin(omega * t); })});
       }
       smooth("time", time, 9);
     }
     if (rows_.context.largest_cell > 2) {
-      const Eigen::VectorXd repeat = per_row([&](std::size_t i) { return rows_.repeat[i]; });
-      ask("repeat", "linear", {repeat});
+      const Values repeat(per_row([&](std::size_t i) { return rows_.repeat[i]; }));
+      ask("repeat", "linear", {repeat.itself()});
       for (double t : {0.7, 2.0})
-        ask("repeat", "exponential", {map(repeat, [t](double r) { return std::exp(-r / t); })});
+        ask("repeat", "exponential", {repeat.map([t](double r) { return std::exp(-r / t); })});
     }
     for (int l = 0; l < rows_.context.landmark_count && rows_.context.landmark_count > 1; ++l) {
       const auto own = [&](std::size_t i) { return rows_.landmark[i] == l ? 1.0 : 0.0; };
       const std::string& label = rows_.context.landmark_labels[l];
-      ask("landmark", "one group", {per_row(own)}, {}, {}, label);
+      ask("landmark", "one group", {fixed(own)}, {}, {}, label);
+      const auto of_own = [&](const std::vector<double>& values) {
+        return per_row([&](std::size_t i) { return own(i) * values[rows_.cell[i]]; });
+      };
       ask("landmark", "one group, linear in range",
-          {per_row([&](std::size_t i) { return own(i) * d[static_cast<Eigen::Index>(i)]; })}, {}, {}, label);
+          {{of_own(g.d), moved ? of_own(moved->d) : Eigen::VectorXd()}}, {}, {}, label);
       if (rows_.context.duration_s > 0.0)
         for (int j = 1; j < 6; ++j)
-          ask("landmark", "one group, change point", {per_row([&](std::size_t i) {
+          ask("landmark", "one group, change point", {fixed([&](std::size_t i) {
                 return own(i) * (rows_.time_s[i] > duration * j / 6.0 ? 1.0 : 0.0);
               })},
               duration * j / 6.0, {}, label);
     }
     if (!rows_.pairs && rows_.context.stop_count <= 400)
       for (int k = 0; k < rows_.context.stop_count; ++k)
-        ask("stop", "one group", {per_row([&](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k,
-            k, std::to_string(k));
+        ask("stop", "one group", {fixed([&](std::size_t i) { return rows_.stop[i] == k ? 1.0 : 0.0; })}, k, k,
+            std::to_string(k));
     if (rows_.context.several_radii)
-      ask("radius", "linear", {per_row([&](std::size_t i) { return rows_.radius_m[i]; })});
+      ask("radius", "linear", {fixed([&](std::size_t i) { return rows_.radius_m[i]; })});
     for (std::size_t column = 0; column < rows_.context.covariates.size(); ++column) {
       const std::string& name = rows_.context.covariates[column];
       double mean = 0.0, count = 0.0;
@@ -210,17 +233,17 @@ void Battery::ask_means() {
       }
       if (count < 3) continue;
       mean /= count;
-      const Eigen::VectorXd v = per_row([&](std::size_t i) {
+      const Values v(per_row([&](std::size_t i) {
         const double value = rows_.covariates[i * rows_.context.covariates.size() + column];
         return std::isfinite(value) ? value - mean : 0.0;
-      });
-      if (v.cwiseAbs().maxCoeff() < 1e-12) continue;
-      ask(name, "linear", {v});
-      ask(name, "quadratic", {v.cwiseAbs2()});
-      const std::vector<double> at = quantiles(v, 9);
+      }));
+      if (v.at().cwiseAbs().maxCoeff() < 1e-12) continue;
+      ask(name, "linear", {v.itself()});
+      ask(name, "quadratic", {v.map([](double x) { return x * x; })});
+      const std::vector<double> at = quantiles(v.at(), 9);
       for (std::size_t j = 1; j + 1 < at.size(); ++j)
-        ask(name, "threshold", {map(v, [&](double x) { return x > at[j] ? 1.0 : 0.0; })}, at[j] + mean);
-      if (at.size() >= 3) ask(name, "smooth", hats(v, at));
+        ask(name, "threshold", {v.jump([&](double x) { return x > at[j] ? 1.0 : 0.0; })}, at[j] + mean);
+      if (at.size() >= 3) ask(name, "smooth", v.hats(at));
     }
   }
   ask_waiting();

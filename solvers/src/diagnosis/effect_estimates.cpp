@@ -110,7 +110,7 @@ std::optional<Limits> amplitude_limits(const Rows& rows, const Fit& fit, std::si
 std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
   std::vector<EffectEstimate> estimates;
   const WorkingProblem working = working_problem(rows, fit.model, fit.state);
-  const Projector projector(rows, working.problem, fit.state);
+  const Projector projector(rows, working, fit.state);
   for (std::size_t e = 0; e < fit.model.size(); ++e) {
     const ActiveEffect& active = fit.model[e];
     const double quantile = quantile_of(rows, projector, fit, e);

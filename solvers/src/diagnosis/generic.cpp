@@ -158,8 +158,8 @@ Scored score_of(const Rows& rows, const Projector& projector, Channel channel, c
     const Eigen::VectorXd unit = Eigen::VectorXd::Unit(size, k);
     Eigen::VectorXd shape = x.unaryExpr([&](double v) { return basis.value(v, unit); });
     if (channel == Channel::range || channel == Channel::bearing) {
-      signatures.push_back(channel == Channel::range ? signature_of_rows(rows, shape, none)
-                                                     : signature_of_rows(rows, none, shape));
+      signatures.push_back(channel == Channel::range ? projector.of_rows(shape, none)
+                                                     : projector.of_rows(none, shape));
       projected.push_back(projector.project(signatures.back()));
       scored.score[k] = projector.score(signatures.back());
     } else {

@@ -181,7 +181,7 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   if (!generic.effect) return std::nullopt;
   add_profile_limits(rows, RefitOptions{}, generic.fit);
   const WorkingProblem working = working_problem(rows, generic.fit.model, generic.fit.state);
-  const Projector projector(rows, working.problem, generic.fit.state);
+  const Projector projector(rows, working, generic.fit.state);
   result.after.nll = generic.fit.nll;
   result.after.rms_range_m = std::sqrt(projector.range_residual.squaredNorm() / rows.cell_count);
   result.after.rms_bearing_rad = std::sqrt(projector.bearing_residual.squaredNorm() / rows.cell_count);

@@ -16,7 +16,7 @@ constexpr double far = 4.0;                               // in u: a factor of f
 /// Half the log determinant of the information on (alpha, landmarks) at a state.
 double half_log_information(const Rows& rows, const Model& model, const JointState& state) {
   const WorkingProblem working = working_problem(rows, model, state);
-  const Projector projector(rows, working.problem, state);
+  const Projector projector(rows, working, state);
   const auto& layout = projector.system().layout();
   const Eigen::Index phi = rows.alpha_prior ? 0 : rows.pairs ? layout.alpha_count : layout.phi_count;
   double sum = 0.0;

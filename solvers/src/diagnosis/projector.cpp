@@ -2,35 +2,12 @@
 #include "diagnosis/projector.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal::diagnosis {
-
-Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing) {
-  Signature x;
-  x.range = x.bearing = Eigen::VectorXd::Zero(rows.cell_count);
-  bool varies = false;
-  for (int c = 0; c < rows.cell_count; ++c) {
-    const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
-    const auto r = range.segment(begin, count);
-    const auto b = bearing.segment(begin, count);
-    x.range[c] = r.mean();
-    x.bearing[c] = b.mean();
-    if (count > 1 && (r.maxCoeff() - r.minCoeff() > 1e-9 * (1e-6 + r.cwiseAbs().maxCoeff()) ||
-                      b.maxCoeff() - b.minCoeff() > 1e-9 * (1e-6 + b.cwiseAbs().maxCoeff())))
-      varies = true;
-  }
-  if (!varies) return x;
-  x.range_rows.resize(range.size());
-  x.bearing_rows.resize(range.size());
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    x.range_rows[i] = range[i] - x.range[rows.cell[i]];
-    x.bearing_rows[i] = bearing[i] - x.bearing[rows.cell[i]];
-  }
-  return x;
-}
 
 namespace {
 
@@ -50,11 +27,16 @@ JointState with_unit_noise(JointState state) {
 
 }  // namespace
 
-Projector::Projector(const Rows& rows, const JointProblem& problem, const JointState& state)
-    : rows_(rows),
+Projector::Projector(const Rows& rows, const WorkingProblem& working, const JointState& state)
+    : row_range_residual(working.range_deviation),
+      row_bearing_residual(working.bearing_deviation),
+      rows_(rows),
       geometry_(cell_geometry(rows, state)),
-      problem_(with_held_spreads(problem, geometry_)),
+      range_whitening_(working.range_whitening),
+      bearing_whitening_(working.bearing_whitening),
+      problem_(with_held_spreads(working.problem, geometry_)),
       system_(problem_, static_cast<int>(state.alpha.size()), 1) {
+  const JointProblem& problem = working.problem;
   const Cells& c = problem.cells;
   const int cells = static_cast<int>(c.size());
   for (auto* column : {&range_residual, &bearing_residual, &range_information, &bearing_information})
@@ -70,18 +52,10 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
     bearing_information[i] = c.bearing_weight[i] * bearing_weight;
   }
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  for (auto* column :
-       {&row_range_information, &row_bearing_information, &row_range_residual, &row_bearing_residual})
-    column->resize(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const int cell = rows.cell[i];
-    const double count = rows.cell_begin[cell + 1] - rows.cell_begin[cell];
-    row_range_information[i] = 1.0 / (geometry_.spread[cell] * geometry_.spread[cell]);
-    row_bearing_information[i] = bearing_weight;
-    row_range_residual[i] = count > 1 ? rows.range_m[i] - rows.problem.cells.range_mean[cell] : 0.0;
-    row_bearing_residual[i] =
-        count > 1 ? wrap_angle(rows.bearing_rad[i] - rows.problem.cells.bearing_mean[cell]) : 0.0;
-  }
+  row_range_information.resize(n);
+  row_bearing_information.setConstant(n, bearing_weight);
+  for (Eigen::Index i = 0; i < n; ++i)
+    row_range_information[i] = 1.0 / std::pow(geometry_.spread[rows.cell[i]], 2);
   for (std::size_t k = 0; k < problem.stops.size(); ++k) {
     const Pose2 &is = state.stops[k], &meant = problem.stops[k].commanded;
     stop_errors_.emplace_back(is.x_m - meant.x_m, is.y_m - meant.y_m,
@@ -110,6 +84,8 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   // Effects that change fast with distance leave the calibration a little off its optimum when the readings
   // are corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
   Eigen::VectorXd pull = -system_.global_gradient();
+  if (!rows.pairs && c.bend.empty())
+    pull -= expect_scores();  // a fast bend has no second derivative to go by
   pull.tail(pull.size() - phi).setZero();
   const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
   const Eigen::VectorXd step = phi_factor_ * (pull - system_.couple(settled));
@@ -118,26 +94,30 @@ Projector::Projector(const Rows& rows, const JointProblem& problem, const JointS
   if (!rows.pairs) bearing_residual -= moved.bearing;
 }
 
-void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const {
+Projector::Pulls Projector::pulls(const Signature& x) const {
   const JointLayout& layout = system_.layout();
   const Cells& c = problem_.cells;
-  Eigen::VectorXd by_stop = Eigen::VectorXd::Zero(layout.coordinates);
-  Eigen::VectorXd by_global = Eigen::VectorXd::Zero(layout.global_count);
+  Pulls sum{Eigen::VectorXd::Zero(layout.global_count), Eigen::VectorXd::Zero(layout.coordinates)};
   for (int i = 0; i < cells(); ++i) {
     const double range = range_information[i] * x.range[i], bearing = bearing_information[i] * x.bearing[i];
     double power = range;
-    for (int a = 0; a < layout.alpha_count; ++a, power *= geometry_.d[i]) by_global[a] += power;
+    for (int a = 0; a < layout.alpha_count; ++a, power *= geometry_.d[i]) sum.globals[a] += power;
     const Eigen::Vector2d pull =
         range * slope_[i] * geometry_.n[i] + bearing / geometry_.axis_distance[i] * geometry_.t[i];
-    by_global.segment<2>(layout.landmark_begin + 2 * c.landmark[i]) += pull;
+    sum.globals.segment<2>(layout.landmark_begin + 2 * c.landmark[i]) += pull;
     const int k = c.stop[i];
     const JointLayout::Node& node = layout.nodes[layout.node_of_stop[k]];
-    if (node.free_position) by_stop.segment<2>(node.coordinate) -= pull;
+    if (node.free_position) sum.stops.segment<2>(node.coordinate) -= pull;
     const int heading = node.heading[layout.slot_of_stop[k]];
-    if (heading >= 0) by_stop[node.coordinate + heading] -= bearing;
+    if (heading >= 0) sum.stops[node.coordinate + heading] -= bearing;
   }
-  const Eigen::VectorXd settled = system_.solve_stops(by_stop);
-  phi = phi_factor_ * (by_global - system_.couple(settled));
+  return sum;
+}
+
+void Projector::absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const {
+  const Pulls pull = pulls(x);
+  const Eigen::VectorXd settled = system_.solve_stops(pull.stops);
+  phi = phi_factor_ * (pull.globals - system_.couple(settled));
   stops = settled + system_.back_substitute(phi, false);
 }
 
@@ -183,6 +163,9 @@ double Projector::inner(const Signature& x, const Eigen::VectorXd& projected_y, 
 double Projector::score(const Signature& x) const {
   double sum = x.range.cwiseProduct(range_information).dot(range_residual) +
                x.bearing.cwiseProduct(bearing_information).dot(bearing_residual);
+  if (!moved_.empty())
+    sum -= x.range.cwiseProduct(range_information).dot(expected_.range) +
+           x.bearing.cwiseProduct(bearing_information).dot(expected_.bearing) + x.drift;
   if (x.within())
     sum += x.range_rows.cwiseProduct(row_range_information).dot(row_range_residual) +
            x.bearing_rows.cwiseProduct(row_bearing_information).dot(row_bearing_residual);
@@ -197,6 +180,26 @@ double Projector::raw_information(const Signature& x) const {
   return sum;
 }
 
+Signature Projector::of_rows(const Eigen::VectorXd& range, const Eigen::VectorXd& bearing) const {
+  Signature x;
+  CellsAndRows ranges = split(rows_, range, range_whitening_),
+               bearings = split(rows_, bearing, bearing_whitening_);
+  x.range = std::move(ranges.means);
+  x.bearing = std::move(bearings.means);
+  const auto varies = [&](const Eigen::VectorXd& rows) {
+    for (int c = 0; c < rows_.cell_count; ++c) {
+      const auto of_cell = rows.segment(rows_.cell_begin[c], rows_.cell_begin[c + 1] - rows_.cell_begin[c]);
+      if (of_cell.maxCoeff() - of_cell.minCoeff() > 1e-9 * (1e-6 + of_cell.cwiseAbs().maxCoeff()))
+        return true;
+    }
+    return false;
+  };
+  if (!varies(range) && !varies(bearing)) return x;
+  x.range_rows = std::move(ranges.deviations);
+  x.bearing_rows = std::move(bearings.deviations);
+  return x;
+}
+
 Signature Projector::of_stops(const std::vector<Eigen::Vector3d>& moved) const {
   Signature x;
   x.range.resize(cells());
@@ -206,6 +209,8 @@ Signature Projector::of_stops(const std::vector<Eigen::Vector3d>& moved) const {
     x.range[i] = -slope_[i] * geometry_.n[i].dot(step.head<2>());
     x.bearing[i] = -geometry_.t[i].dot(step.head<2>()) / geometry_.axis_distance[i] - step[2];
   }
+  for (std::size_t k = 0; k < curving_.size(); ++k)  // dx/dp = H moved
+    x.drift += moved[k].head<2>().dot(curving_[k]);
   return x;
 }
 

@@ -5,20 +5,19 @@
 #include <vector>
 
 #include "diagnosis/rows.hpp"
+#include "diagnosis/working_problem.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal::diagnosis {
 
 /// What a cause does to the mean of every reading, per unit of its parameter: cell means of range [m] and
-/// bearing [rad], and where it changes within a cell the rows' deviations from them (empty otherwise).
+/// bearing [rad], and where it changes within a cell the rows' white deviations from them (empty otherwise).
 struct Signature {
   Eigen::VectorXd range, bearing;
   Eigen::VectorXd range_rows, bearing_rows;
+  double drift = 0.0;  ///< of its score, what follows the errors of the stops
   bool within() const { return range_rows.size() > 0; }
 };
-
-/// Signatures from per-row changes: cell means and, where any cell varies, deviations.
-Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing);
 
 /// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely,
 /// stops against their prior; alpha against its own where a simulation gives one, not at all where it is
@@ -28,14 +27,14 @@ Signature signature_of_rows(const Rows& rows, const Eigen::VectorXd& range, cons
 /// stops.
 class Projector {
  public:
-  /// `problem` may be a working problem (weights, corrected readings) of the same cells as `rows`.
-  Projector(const Rows& rows, const JointProblem& problem, const JointState& state);
+  /// `working`: of the same cells as `rows`.
+  Projector(const Rows& rows, const WorkingProblem& working, const JointState& state);
 
   /// P x over the cells, as one vector (range, bearing), the calibration's share removed.
   Eigen::VectorXd project(const Signature& x) const;
   /// x^T P y given P y (and the rows' deviations of both).
   double inner(const Signature& x, const Eigen::VectorXd& projected_y, const Signature& y) const;
-  /// x^T W r for the residuals of `problem` at `state`.
+  /// x^T W r for the residuals of the working problem at `state`, less its expectation.
   double score(const Signature& x) const;
   /// x^T W x: the information before projection.
   double raw_information(const Signature& x) const;
@@ -43,6 +42,8 @@ class Projector {
   void absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const;
   /// The readings' change when (alpha, landmarks) and the stop coordinates change.
   Signature of_calibration(const Eigen::VectorXd& phi, const Eigen::VectorXd& stops) const;
+  /// The signature of changes of every row.
+  Signature of_rows(const Eigen::VectorXd& range, const Eigen::VectorXd& bearing) const;
   /// The readings' change when stops move by (dx, dy, dh) each.
   Signature of_stops(const std::vector<Eigen::Vector3d>& moved) const;
 
@@ -53,22 +54,40 @@ class Projector {
   /// others.
   const Eigen::MatrixXd& phi_covariance() const { return phi_factor_; }
 
+  /// Cells moved a little, each by what the errors of its range (or its bearing) do to it through the stop;
+  /// null where all stops are exact.
+  const CellGeometry* moved(bool by_bearing) const { return moved_.empty() ? nullptr : &moved_[by_bearing]; }
+  /// What follows the stops in the score of x, which changes by `range` and `bearing` where cells are moved
+  /// by theirs. 0 where x turns over within the error of a stop: its slope averages out, and would be noise.
+  double drift(const Signature& x, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing) const;
+
   /// Where the stops are estimated, less where the model means them to be: (dx, dy, dh).
   const std::vector<Eigen::Vector3d>& stop_errors() const { return stop_errors_; }
 
   Eigen::VectorXd range_residual, bearing_residual;        ///< of the cell means [m], [rad]
   Eigen::VectorXd range_information, bearing_information;  ///< W of the cell means
-  Eigen::VectorXd row_range_information, row_bearing_information;
-  Eigen::VectorXd row_range_residual, row_bearing_residual;  ///< deviations from the cell means
+  Eigen::VectorXd row_range_information, row_bearing_information;  ///< of the white deviations
+  Eigen::VectorXd row_range_residual, row_bearing_residual;        ///< white deviations from the cell means
 
  private:
+  struct Pulls {
+    Eigen::VectorXd globals, stops;  ///< J^T W x
+  };
+  Pulls pulls(const Signature& x) const;
+  Eigen::VectorXd expect_scores();
+
   const Rows& rows_;
   CellGeometry geometry_;
+  Whitening range_whitening_, bearing_whitening_;
   Eigen::VectorXd slope_;  ///< of the mean range in d, the effects' own included
   JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
   Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
   std::vector<Eigen::Vector3d> stop_errors_;
+  Signature expected_;  ///< m: the residuals that are expected
+  std::vector<CellGeometry> moved_;
+  double step_ = 1.0;
+  std::vector<Eigen::Vector2d> curving_;  ///< sum over cells of W H C J^T, by stop
 };
 
 }  // namespace rangecal::diagnosis

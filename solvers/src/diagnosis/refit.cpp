@@ -70,41 +70,32 @@ VarianceScore centred(const Rows& rows, Eigen::VectorXd range, Eigen::VectorXd b
 bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
                        const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
                        Eigen::MatrixXd& covariance, double& promised) {
-  const Projector projector(rows, working.problem, state);
+  const Projector projector(rows, working, state);
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   Eigen::VectorXd score = Eigen::VectorXd::Zero(n);
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
   std::vector<Signature> signatures(n);
   std::vector<Eigen::VectorXd> projected(n);
   std::vector<VarianceScore> variance(n);
-  const RowChanges changes = row_changes(rows, projector.geometry(), model);
-  // Row residuals of the corrected readings, for within-cell signatures and for variances.
+  // Squares of the corrected readings' residuals in units of their spreads, for variances.
   const Eigen::Index count = static_cast<Eigen::Index>(rows.size());
-  Eigen::VectorXd range_z(count), bearing_z(count), range_rows(count), bearing_rows(count);
-  const Cells& c = working.problem.cells;
+  Eigen::VectorXd range_z(count), bearing_z(count);
+  const auto scale_of = [](const Whitening& whitening, Eigen::Index i) {
+    return whitening.scale.size() > 0 ? whitening.scale[i] : 1.0;
+  };
   for (Eigen::Index i = 0; i < count; ++i) {
-    const int cell = rows.cell[i];
-    const double home = projector.geometry().bearing[cell];
-    range_rows[i] = working.range[i] - c.range_mean[cell];
-    bearing_rows[i] = rows.pairs ? 0.0 : wrap_angle(working.bearing[i] + home - c.bearing_mean[cell]);
-    const double range = working.range[i] - projector.geometry().f[cell], bearing = working.bearing[i];
+    const double range = working.range[i] - projector.geometry().f[rows.cell[i]];
     range_z[i] =
-        range * range * std::exp(-changes.range_log_variance[i]) * projector.row_range_information[i];
-    bearing_z[i] =
-        bearing * bearing * std::exp(-changes.bearing_log_variance[i]) * projector.row_bearing_information[i];
+        std::pow(range * scale_of(working.range_whitening, i), 2) * projector.row_range_information[i];
+    bearing_z[i] = std::pow(working.bearing[i] * scale_of(working.bearing_whitening, i), 2) *
+                   projector.row_bearing_information[i];
   }
   for (Eigen::Index a = 0; a < n; ++a) {
     const ActiveEffect& active = model[free[a].effect];
     if (free[a].acts == FreeParameter::Acts::mean) {
       signatures[a] = effect_signature(rows, projector, active, free[a].index);
       projected[a] = projector.project(signatures[a]);
-      score[a] =
-          signatures[a].range.cwiseProduct(projector.range_information).dot(projector.range_residual) +
-          signatures[a].bearing.cwiseProduct(projector.bearing_information).dot(projector.bearing_residual);
-      if (signatures[a].within())
-        score[a] +=
-            signatures[a].range_rows.cwiseProduct(projector.row_range_information).dot(range_rows) +
-            signatures[a].bearing_rows.cwiseProduct(projector.row_bearing_information).dot(bearing_rows);
+      score[a] = projector.score(signatures[a]);
     } else if (free[a].acts == FreeParameter::Acts::variance) {
       Eigen::VectorXd range, bearing;
       variance_signature(rows, projector.geometry(), active, free[a].index, range, bearing);
@@ -171,8 +162,8 @@ double prior_nll(const Rows& rows, const Eigen::VectorXd& alpha) {
 }
 
 /// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the nats it promises.
-double step_alpha(const Rows& rows, const JointProblem& problem, JointState& state) {
-  const Projector projector(rows, problem, state);
+double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& state) {
+  const Projector projector(rows, working, state);
   const Eigen::Index alphas = state.alpha.size();
   const AlphaPrior& prior = *rows.alpha_prior;
   const Eigen::VectorXd gradient =
@@ -204,7 +195,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     double fit_value = fit.marginal_nll + prior_nll(rows, fit.state.alpha);
     for (int move = 0; move < 3 && rows.alpha_prior && !rows.alpha_prior->exact(); ++move) {
       JointState moved = fit.state;
-      if (!(step_alpha(rows, working.problem, moved) > 1e-3)) break;
+      if (!(step_alpha(rows, working, moved) > 1e-3)) break;
       MarginalFit next = solve_marginal(working.problem, moved, marginal);
       const double next_value = next.marginal_nll + prior_nll(rows, next.state.alpha);
       if (next.outcome == Outcome::failed || !(next_value < fit_value)) break;
@@ -271,7 +262,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   fit.state = start;
   {
     const WorkingProblem working = working_problem(rows, {}, start);
-    const Projector projector(rows, working.problem, start);
+    const Projector projector(rows, working, start);
     fit.free = free_parameters(rows, projector, start_model, options.settled);
   }
   MarginalFit detail;
@@ -337,7 +328,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
     if (!rows.alpha_prior->exact())
       fit.alpha_covariance =
-          Projector(rows, working.problem, fit.state).phi_covariance().topLeftCorner(alphas, alphas);
+          Projector(rows, working, fit.state).phi_covariance().topLeftCorner(alphas, alphas);
   }
   fit.ok = true;
   return fit;

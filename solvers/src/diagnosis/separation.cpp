@@ -13,7 +13,7 @@ namespace rangecal::diagnosis {
 double separation(const Rows& rows, const JointState& state, const Model& causes, const Model& rivals,
                   const Model& share) {
   const WorkingProblem working = working_problem(rows, {}, state);
-  const Projector projector(rows, working.problem, state);
+  const Projector projector(rows, working, state);
   Signature x;
   x.range = x.bearing = Eigen::VectorXd::Zero(projector.cells());
   for (const ActiveEffect& cause : causes) {  // to first order: sum of slope times size

@@ -29,7 +29,7 @@ Space::Space(const Rows& rows, const Model& model, const JointState& state)
       model_(model),
       geometry_(cell_geometry(rows, state)),
       working_(working_problem(rows, model, state)),
-      projector_(rows, working_.problem, state) {
+      projector_(rows, working_, state) {
   std::vector<Direction> active;
   for (const ActiveEffect& effect : model)
     for (int j = 0; j < static_cast<int>(effect.parameters.size()); ++j) {
@@ -97,7 +97,7 @@ Space::Changes Space::changes(const Model& model) const {
       range_rows[i] = one.range_log_variance;
       bearing_rows[i] = one.bearing_log_variance;
     }
-    result.mean = signature_of_rows(rows, range, bearing);
+    result.mean = projector_.of_rows(range, bearing);
   } else if (range_variance.squaredNorm() + bearing_variance.squaredNorm() > 0.0) {
     for (Eigen::Index i = 0; i < n; ++i) {
       range_rows[i] = range_variance[rows.cell[i]];

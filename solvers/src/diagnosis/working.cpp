@@ -9,49 +9,6 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Sufficient statistics of one cell and channel: values y with unit-variance multipliers m in order of time.
-struct CellStatistic {
-  double mean = 0.0, mean_square = 0.0, weight = 0.0, constant = 0.0;
-};
-
-/// y_i = mu + e_i (+ u): e AR(1) with correlation rho and variances s^2 m_i, u shared with variance s^2
-/// ratio. Weighted so that  n log s + weight ((mean - mu)^2 + mean_square) / (2 s^2) + constant  is the exact
-/// NLL.
-CellStatistic cell_statistic(const double* y, const double* multiplier, int count, double rho,
-                             double shared_ratio) {
-  CellStatistic cell;
-  double one_sq = 0.0, one_y = 0.0;
-  std::vector<double> white_one(count), white_y(count);
-  const double root = std::sqrt(1.0 - rho * rho);
-  for (int i = 0; i < count; ++i) {
-    const double inverse = 1.0 / std::sqrt(multiplier[i]);
-    white_one[i] = inverse;
-    white_y[i] = y[i] * inverse;
-    cell.constant += 0.5 * std::log(multiplier[i]);
-  }
-  if (rho != 0.0) {
-    for (int i = count - 1; i > 0; --i) {
-      white_one[i] = (white_one[i] - rho * white_one[i - 1]) / root;
-      white_y[i] = (white_y[i] - rho * white_y[i - 1]) / root;
-    }
-    cell.constant += (count - 1) * std::log(root);
-  }
-  for (int i = 0; i < count; ++i) {
-    one_sq += white_one[i] * white_one[i];
-    one_y += white_one[i] * white_y[i];
-  }
-  cell.mean = one_y / one_sq;
-  double square = 0.0;
-  for (int i = 0; i < count; ++i) {
-    const double e = white_y[i] - cell.mean * white_one[i];
-    square += e * e;
-  }
-  cell.weight = one_sq / (1.0 + one_sq * shared_ratio);
-  cell.constant += 0.5 * std::log1p(one_sq * shared_ratio);
-  cell.mean_square = square / cell.weight;
-  return cell;
-}
-
 /// Weights of a contaminated normal at residual z, and what its NLL differs by from the weighted one: a share
 /// has variance 1 + extra^2 in units of the spread.
 double contaminated_weights(double share, double extra, double z, double& multiplier) {
@@ -97,6 +54,18 @@ void bend_cells(const Rows& rows, const CellGeometry& geometry, const Model& mod
   cells.bend_at_m = geometry.d;
 }
 
+/// Weight and mean square of a cell whose readings share a variance of s^2 `ratio`, such that
+///   n log s + weight ((mean - mu)^2 + mean square) / (2 s^2)
+/// and what is added to `constant` is the exact NLL of the white readings.
+void set_weight(const CellsAndRows& parts, int cell, double ratio, const Rows& rows, double& weight,
+                double& mean_square, double& constant) {
+  const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
+  const double shared = parts.weights[cell] * ratio;
+  weight = parts.weights[cell] / (1.0 + shared);
+  mean_square = parts.deviations.segment(begin, count).squaredNorm() / weight;
+  constant += 0.5 * std::log1p(shared);
+}
+
 }  // namespace
 
 Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
@@ -140,7 +109,11 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   if (!rows.pairs)
     for (Eigen::Index i = 0; i < n; ++i)
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - geometry.bearing[rows.cell[i]]);
-  if (model.empty()) return working;
+  if (model.empty()) {
+    working.range_deviation = split(rows, working.range, {}).deviations;
+    working.bearing_deviation = split(rows, working.bearing, {}).deviations;
+    return working;
+  }
   const RowChanges changes = row_changes(rows, geometry, model);
   Dependence dependence;
   bool reciprocal = false;
@@ -159,52 +132,49 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   }
   Cells& c = working.problem.cells;
   if (!rows.pairs) bend_cells(rows, geometry, model, c);
-  std::vector<double> range, bearing, range_multiplier, bearing_multiplier;
-  for (int cell = 0; cell < rows.cell_count; ++cell) {
-    const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
-    range.resize(count);
-    bearing.resize(count);
-    range_multiplier.resize(count);
-    bearing_multiplier.resize(count);
-    const double s = geometry.spread[cell], sigma_theta = state.sigma_theta_rad,
-                 home = geometry.bearing[cell];
-    for (int j = 0; j < count; ++j) {
-      const int i = begin + j;
-      range[j] = rows.range_m[i] - changes.range[i];
-      if (reciprocal &&
-          range[j] > 0.0) {  // 1/y ~ N(1/f, (s/f^2)^2): f^2 (1/f - 1/y) has spread s, dx = dy / y^2
-        const double f = geometry.f[cell];
-        working.constant += 2.0 * (std::log(range[j]) - std::log(f));
-        range[j] = 2.0 * f - f * f / range[j];
-      }
-      bearing[j] = rows.pairs ? 0.0 : wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - home);
-      working.range[i] = range[j];
-      working.bearing[i] = bearing[j];
-      range_multiplier[j] = std::exp(changes.range_log_variance[i]);
-      bearing_multiplier[j] = rows.pairs ? 1.0 : std::exp(changes.bearing_log_variance[i]);
-      const Contamination tail = contamination_of(rows, geometry, model, static_cast<std::size_t>(i));
-      if (tail.share > 0.0) {
-        const double spread = s * std::sqrt(range_multiplier[j]);
-        working.constant += contaminated_weights(tail.share, tail.extra_sigma_m / spread,
-                                                 (range[j] - geometry.f[cell]) / spread, range_multiplier[j]);
-      }
+  // m of every row: what the effects do to its variance, and the weight of a tail at its residual.
+  Eigen::ArrayXd range_m = changes.range_log_variance.array().exp(),
+                 bearing_m = changes.bearing_log_variance.array().exp();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int cell = rows.cell[i];
+    const double f = geometry.f[cell], s = geometry.spread[cell];
+    double& range = working.range[i];
+    range -= changes.range[i];
+    if (reciprocal && range > 0.0) {  // 1/y ~ N(1/f, (s/f^2)^2): f^2 (1/f - 1/y) has spread s, dx = dy / y^2
+      working.constant += 2.0 * (std::log(range) - std::log(f));
+      range = 2.0 * f - f * f / range;
     }
-    const double range_ratio = std::pow(dependence.range_cell_sigma_m / s, 2);
-    const double bearing_ratio = std::pow(dependence.bearing_cell_sigma_rad / sigma_theta, 2);
-    const CellStatistic r = cell_statistic(range.data(), range_multiplier.data(), count,
-                                           dependence.range_correlation, range_ratio);
-    c.range_mean[cell] = r.mean;
-    c.range_mean_square[cell] = r.mean_square;
-    c.range_weight[cell] = r.weight;
-    working.constant += r.constant;
-    if (rows.pairs) continue;
-    const CellStatistic b = cell_statistic(bearing.data(), bearing_multiplier.data(), count,
-                                           dependence.bearing_correlation, bearing_ratio);
-    c.bearing_mean[cell] = wrap_angle(home + b.mean);
-    c.bearing_mean_square[cell] = b.mean_square;
-    c.bearing_weight[cell] = b.weight;
-    working.constant += b.constant;
+    if (!rows.pairs)
+      working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
+    const Contamination tail = contamination_of(rows, geometry, model, static_cast<std::size_t>(i));
+    if (!(tail.share > 0.0)) continue;
+    const double spread = s * std::sqrt(range_m[i]);
+    working.constant +=
+        contaminated_weights(tail.share, tail.extra_sigma_m / spread, (range - f) / spread, range_m[i]);
   }
+  const auto whitening = [](const Eigen::ArrayXd& m, double rho) {
+    return Whitening{(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
+  };
+  working.range_whitening = whitening(range_m, dependence.range_correlation);
+  CellsAndRows range = split(rows, working.range, working.range_whitening);
+  working.constant += working.range_whitening.log_jacobian(rows);
+  for (int cell = 0; cell < rows.cell_count; ++cell) {
+    const double ratio = std::pow(dependence.range_cell_sigma_m / geometry.spread[cell], 2);
+    c.range_mean[cell] = range.means[cell];
+    set_weight(range, cell, ratio, rows, c.range_weight[cell], c.range_mean_square[cell], working.constant);
+  }
+  working.range_deviation = std::move(range.deviations);
+  if (rows.pairs) return working;
+  working.bearing_whitening = whitening(bearing_m, dependence.bearing_correlation);
+  CellsAndRows bearing = split(rows, working.bearing, working.bearing_whitening);
+  working.constant += working.bearing_whitening.log_jacobian(rows);
+  const double ratio = std::pow(dependence.bearing_cell_sigma_rad / state.sigma_theta_rad, 2);
+  for (int cell = 0; cell < rows.cell_count; ++cell) {
+    c.bearing_mean[cell] = wrap_angle(geometry.bearing[cell] + bearing.means[cell]);
+    set_weight(bearing, cell, ratio, rows, c.bearing_weight[cell], c.bearing_mean_square[cell],
+               working.constant);
+  }
+  working.bearing_deviation = std::move(bearing.deviations);
   return working;
 }
 
@@ -216,8 +186,8 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
   up.parameters[index] += step;
   down.parameters[index] -= step;
   Signature x;
-  const auto slope_at = [&](int i, double& range, double& bearing) {
-    const ReadingView<double> view = view_of(rows, projector.geometry(), static_cast<std::size_t>(i));
+  const auto slope_at = [&](int i, double& range, double& bearing, const CellGeometry& geometry) {
+    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
     const auto high = active.effect->reading(view, up.parameters.data());
     const auto low = active.effect->reading(view, down.parameters.data());
     range = (high.range - low.range) / (2.0 * step);
@@ -229,11 +199,11 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
   bool varies = false;
   for (int c = 0; c < rows.cell_count && !varies; ++c) {
     const int first = rows.cell_begin[c], last = rows.cell_begin[c + 1] - 1;
-    slope_at(first, x.range[c], x.bearing[c]);
+    slope_at(first, x.range[c], x.bearing[c], projector.geometry());
     for (int i : {std::min(first + 1, last), last}) {
       double range = 0.0, bearing = 0.0;
       if (i == first) continue;
-      slope_at(i, range, bearing);
+      slope_at(i, range, bearing, projector.geometry());
       varies = varies || std::abs(range - x.range[c]) > 1e-12 * (1.0 + std::abs(range)) ||
                std::abs(bearing - x.bearing[c]) > 1e-12 * (1.0 + std::abs(bearing));
     }
@@ -241,8 +211,21 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
   if (varies) {
     const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
     Eigen::VectorXd range(n), bearing(n);
-    for (int i = 0; i < n; ++i) slope_at(i, range[i], bearing[i]);
-    x = signature_of_rows(rows, range, bearing);
+    for (int i = 0; i < n; ++i) slope_at(i, range[i], bearing[i], projector.geometry());
+    x = projector.of_rows(range, bearing);
+  }
+  if (projector.moved(false)) {  // of the first row, which stands for its cell
+    Eigen::VectorXd range_changes(rows.cell_count), bearing_changes(rows.cell_count);
+    for (int c = 0; c < rows.cell_count; ++c) {
+      double range = 0.0, bearing = 0.0, unused = 0.0;
+      const int first = rows.cell_begin[c];
+      slope_at(first, range, bearing, projector.geometry());
+      slope_at(first, range_changes[c], unused, *projector.moved(false));
+      slope_at(first, unused, bearing_changes[c], *projector.moved(true));
+      range_changes[c] -= range;
+      bearing_changes[c] -= bearing;
+    }
+    x.drift = projector.drift(x, range_changes, bearing_changes);
   }
   if (active.effect->acts_on_stops()) {
     // The path as it is estimated: what scales or turns the path and all landmarks with it is absorbed along
@@ -267,6 +250,7 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     const Signature stops = projector.of_stops(moved);
     x.range += stops.range;
     x.bearing += stops.bearing;
+    x.drift += stops.drift;
   }
   return x;
 }

@@ -6,6 +6,7 @@
 
 #include "diagnosis/projector.hpp"
 #include "diagnosis/rows.hpp"
+#include "diagnosis/working_problem.hpp"
 
 namespace rangecal::diagnosis {
 
@@ -15,16 +16,6 @@ struct ActiveEffect {
   Eigen::VectorXd parameters;
 };
 using Model = std::vector<ActiveEffect>;
-
-/// The seed model's problem on readings from which the model's effects were taken: corrected cell means,
-/// weights for changed variances and dependence, moved stops; `constant` completes its NLL to that of the
-/// readings themselves.
-struct WorkingProblem {
-  JointProblem problem;
-  double constant = 0.0;
-  Eigen::VectorXd range,
-      bearing;  ///< corrected readings per row; bearings relative to the cell's predicted one
-};
 
 /// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new
 /// state.

@@ -89,7 +89,7 @@ double criterion(const PlanRequest& request, const PlanDesign& design, const std
   const double width = *high - *low;   // no extrapolation beyond a tenth of what is read
   if (evaluate_polynomial(state.alpha, request.low_m) < *low - 0.1 * width || evaluate_polynomial(state.alpha, request.high_m) > *high + 0.1 * width)
     return none;
-  const diagnosis::Projector projector(rows, rows.problem, state);
+  const diagnosis::Projector projector(rows, diagnosis::working_problem(rows, {}, state), state);
   const Eigen::Index n = state.alpha.size();
   Eigen::MatrixXd C = projector.phi_covariance().topLeftCorner(n, n);
   if (!C.allFinite() || (C.diagonal().array() <= 0.0).any()) return none;

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+#include "diagnosis/whitening.hpp"
+#include "rangecal/problems/landmarks/joint_problem.hpp"
+
+namespace rangecal::diagnosis {
+
+/// The seed model's problem on readings from which the model's effects were taken: corrected cell means,
+/// weights for changed variances and dependence, moved stops; `constant` completes its NLL to that of the
+/// readings themselves.
+struct WorkingProblem {
+  JointProblem problem;
+  double constant = 0.0;
+  /// Corrected readings per row; bearings relative to the cell's predicted one.
+  Eigen::VectorXd range, bearing;
+  Whitening range_whitening, bearing_whitening;
+  Eigen::VectorXd range_deviation, bearing_deviation;  ///< white, from the cell means [m], [rad]
+};
+
+}  // namespace rangecal::diagnosis
