@@ -67,18 +67,36 @@ std::optional<std::size_t> find_column(const std::vector<std::string>& columns, 
   return static_cast<std::size_t>(found - columns.begin());
 }
 
+namespace {
+
+/// A name in small letters without its unit: "Radius_mm" and "radius_m" are both "radius".
+std::string stem_of(std::string_view name) {
+  std::string stem(name);
+  for (char& c : stem) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (const std::string_view unit : {"_m", "_mm", "_cm", "_km", "_in", "_ft", "_rad", "_deg", "_degrees", "_mrad"})
+    if (stem.size() > unit.size() && stem.ends_with(unit)) return stem.substr(0, stem.size() - unit.size());
+  return stem;
+}
+
+}  // namespace
+
+std::optional<std::string> lookalike(const std::vector<std::string>& columns, std::string_view name) {
+  const std::string stem = stem_of(name);
+  const auto close = std::find_if(columns.begin(), columns.end(), [&](const std::string& column) {
+    return column != name && stem_of(column) == stem;
+  });
+  if (close == columns.end()) return std::nullopt;
+  return *close;
+}
+
 std::string missing_column(const std::vector<std::string>& columns, std::string_view name) {
   const std::string text = "the column is missing";
   constexpr std::size_t shown = 40;
   if (columns.size() == 1 && columns[0].find_first_of(";\t") != std::string::npos)
     return text + ": the row is one field, '" + columns[0].substr(0, shown) +
            "'; columns are separated by commas";
-  const auto same_but_for_case = [&](const std::string& column) {
-    return std::equal(column.begin(), column.end(), name.begin(), name.end(),
-                      [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); });
-  };
-  const auto close = std::find_if(columns.begin(), columns.end(), same_but_for_case);
-  return close == columns.end() ? text : text + "; there is '" + *close + "'";
+  const std::optional<std::string> close = lookalike(columns, name);
+  return close ? text + "; there is '" + *close + "'" : text;
 }
 
 }  // namespace io

@@ -48,6 +48,9 @@ std::string_view label_of(std::string_view field);
 /// Where the column stands; the first of that name.
 std::optional<std::size_t> find_column(const std::vector<std::string>& columns, std::string_view name);
 
+/// A column that may be meant by this name: the same but for capitals or the unit.
+std::optional<std::string> lookalike(const std::vector<std::string>& columns, std::string_view name);
+
 /// What to say where there is no such column: the header may be cut by another separator, or spell it
 /// otherwise.
 std::string missing_column(const std::vector<std::string>& columns, std::string_view name);

@@ -38,6 +38,14 @@ std::size_t CsvTable::require(std::string_view column) const {
   throw InputError(file_, 1, std::string(column), io::missing_column(columns_, column));
 }
 
+std::optional<std::size_t> CsvTable::optional(std::string_view column) const {
+  const auto found = find(column);
+  if (found) return found;
+  if (const auto close = io::lookalike(columns_, column))
+    throw InputError(file_, 1, *close, "is not read; '" + std::string(column) + "' is");
+  return std::nullopt;
+}
+
 std::string_view CsvTable::text(std::size_t row, std::size_t column) const {
   const std::size_t i = row * columns_.size() + column;
   const std::size_t begin = i == 0 ? 0 : ends_[i - 1];

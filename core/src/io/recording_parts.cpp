@@ -72,8 +72,8 @@ bool read_landmark_list(const Files& files, const RecordingHeader& header, Recor
   if (!files.has("landmarks.csv")) return false;
   const CsvTable table = files.table("landmarks.csv");
   const std::size_t label = table.require("landmark");
-  const auto radius = table.find("radius_m");
-  const auto reflectance = table.find("reflectance");
+  const auto radius = table.optional("radius_m");
+  const auto reflectance = table.optional("reflectance");
   for (std::size_t row = 0; row < table.rows(); ++row) {
     Landmark landmark;
     landmark.label = table.label(row, label);

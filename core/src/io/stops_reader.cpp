@@ -48,8 +48,8 @@ void take_covariance(const CsvTable& table, std::size_t row,
 std::vector<Stop> stops_of(const CsvTable& table, double sigma_heading_rad) {
   const std::size_t label = table.require("stop");
   const std::size_t x = table.require("x_m"), y = table.require("y_m"), heading = table.require("heading_rad");
-  const auto sigma_xy = table.find("sigma_xy_m"), sigma_heading = table.find("sigma_heading_rad");
-  const auto place = table.find("place");
+  const auto sigma_xy = table.optional("sigma_xy_m"), sigma_heading = table.optional("sigma_heading_rad");
+  const auto place = table.optional("place");
   std::array<std::optional<std::size_t>, covariance_columns.size()> covariance;
   for (std::size_t i = 0; i < covariance.size(); ++i) covariance[i] = table.find(covariance_columns[i]);
   if (table.rows() == 0) throw InputError(table.file(), 0, "", "holds a header and no rows");

@@ -80,12 +80,26 @@ TEST(RecordingErrors, MissingAndDoubledColumns) {
             "observations.csv, row 1, column 'range_m': the column is named twice");
   RecordingFolder pairs;
   pairs.make_pairs("true,reading_m\n1,1\n");
-  EXPECT_EQ(pairs.error(), "pairs.csv, row 1, column 'true_m': the column is missing");
+  EXPECT_EQ(pairs.error(), "pairs.csv, row 1, column 'true_m': the column is missing; there is 'true'");
   EXPECT_EQ(folder.error_with("stops.csv", "stop;x_m;y_m;heading_rad\n0;0;0;0\n"),
             "stops.csv, row 1, column 'stop': the column is missing: the row is one field, 'stop;x_m;y_m;heading_rad'; columns "
             "are separated by commas");
   EXPECT_EQ(folder.error_with("stops.csv", "Stop,x_m,y_m,heading_rad\n0,0,0,0\n"),
             "stops.csv, row 1, column 'stop': the column is missing; there is 'Stop'");
+}
+
+TEST(RecordingErrors, ColumnsThatWouldBeLeftOutUnsaid) {
+  const RecordingFolder folder;
+  EXPECT_EQ(folder.error_with("landmarks.csv", "landmark,radius_mm\nA,100\nB,100\n"),
+            "landmarks.csv, row 1, column 'radius_mm': is not read; 'radius_m' is");
+  EXPECT_EQ(folder.error_with("landmarks.csv", "landmark,Radius\nA,0.1\nB,0.1\n"),
+            "landmarks.csv, row 1, column 'Radius': is not read; 'radius_m' is");
+  EXPECT_EQ(folder.error_with("stops.csv", "stop,x_m,y_m,heading_rad,sigma_xy_cm\n0,0,0,0,1\n"),
+            "stops.csv, row 1, column 'sigma_xy_cm': is not read; 'sigma_xy_m' is");
+  EXPECT_EQ(folder.error_with("stops.csv", "stop,x_m,y_m,heading_deg\n0,0,0,0\n"),
+            "stops.csv, row 1, column 'heading_rad': the column is missing; there is 'heading_deg'");
+  // Beside the column that is read another of its kind, or a note, is the user's own.
+  EXPECT_EQ(folder.error_with("landmarks.csv", "landmark,radius_m,radius_mm,note\nA,0.1,100,x\nB,0.1,100,y\n"), "no error");
 }
 
 TEST(RecordingErrors, DuplicateAndUnknownStop) {

@@ -26,6 +26,9 @@ class CsvTable {
 
   std::optional<std::size_t> find(std::string_view column) const;
   std::size_t require(std::string_view column) const;       ///< throws if there is no such column
+  /// A column that may be left out; throws where another one has its name but for capitals or the unit
+  /// (radius_mm for radius_m), which would be left out unsaid.
+  std::optional<std::size_t> optional(std::string_view column) const;
 
   std::string_view text(std::size_t row, std::size_t column) const;
   /// The field as a text that must not be empty.
