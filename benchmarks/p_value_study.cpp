@@ -48,6 +48,8 @@ const Case cases[] = {
     {"1000 readings, 20 x 5 x 10", 20, 5, 10, 0.01, 0.0087, 0.01},
     {"10000 readings, 50 x 10 x 20", 50, 10, 20, 0.01, 0.0087, 0.01},
     {"100000 readings, 100 x 10 x 100", 100, 10, 100, 0.01, 0.0087, 0.01},
+    {"3000 readings, 200 x 5 x 3", 200, 5, 3, 0.01, 0.0087, 0.01},
+    {"3000 readings, poor bearings", 200, 5, 3, 0.02, 0.05, 0.01},
 };
 
 Scene scene_of(const Case& c, Random& r) {

@@ -77,6 +77,8 @@ TEST(Usage, WrongUsageIsOneLineAndCodeTwo) {
   expect_bad_input("compare " + field + " --noise-shape round", {"round"});
   expect_bad_input("compare " + field + " --weights heavy", {"heavy"});
   expect_bad_input("simulate " + shipped("scenes/field-layout.yaml"), {"--output"});
+  expect_bad_input("plan " + shipped("scenes/field-layout.yaml") + " --accuracy -1",
+                   {"--accuracy: Value -1 is not a positive number; see"});
 }
 
 TEST(Usage, InputThatIsMissingOrMixed) {

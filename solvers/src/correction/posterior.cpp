@@ -198,7 +198,7 @@ double mode_near(const Density& density, double a, double b) {
 }  // namespace
 
 void DistancePrior::check() const {
-  const auto refuse = [](const std::string& what) { throw InputError("DistancePrior: " + what); };
+  const auto refuse = [](const std::string& what) { throw InputError("prior of the distance: " + what); };
   if (!(low_m >= 0.0 && std::isfinite(high_m) && (high_m > low_m || (low_m == 0.0 && high_m == 0.0))))
     refuse(fmt::format("low_m = {}, high_m = {}: not 0 <= low < high", low_m, high_m));
   if (!(surprise >= 0.0 && surprise <= 1.0)) refuse(fmt::format("surprise = {} is no share", surprise));

@@ -215,15 +215,16 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     x = projector.of_rows(range, bearing);
   }
   if (projector.moved(false)) {  // of the first row, which stands for its cell
-    Eigen::VectorXd range_changes(rows.cell_count), bearing_changes(rows.cell_count);
+    Eigen::VectorXd range_changes = Eigen::VectorXd::Zero(rows.cell_count), bearing_changes = range_changes;
+    const bool of_range = !x.range.isZero(0.0), of_bearing = !x.bearing.isZero(0.0);
     for (int c = 0; c < rows.cell_count; ++c) {
-      double range = 0.0, bearing = 0.0, unused = 0.0;
+      double range = x.range[c], bearing = x.bearing[c], unused = 0.0;
       const int first = rows.cell_begin[c];
-      slope_at(first, range, bearing, projector.geometry());
-      slope_at(first, range_changes[c], unused, *projector.moved(false));
-      slope_at(first, unused, bearing_changes[c], *projector.moved(true));
-      range_changes[c] -= range;
-      bearing_changes[c] -= bearing;
+      if (varies) slope_at(first, range, bearing, projector.geometry());
+      if (of_range) slope_at(first, range_changes[c], unused, *projector.moved(false));
+      if (of_bearing) slope_at(first, unused, bearing_changes[c], *projector.moved(true));
+      if (of_range) range_changes[c] -= range;
+      if (of_bearing) bearing_changes[c] -= bearing;
     }
     x.drift = projector.drift(x, range_changes, bearing_changes);
   }

@@ -19,7 +19,7 @@ constexpr double largest_log_weight = 30.0;
 }  // namespace
 
 void RecursiveOptions::check() const {
-  const auto refuse = [](const std::string& what) { throw InputError("RecursiveOptions: " + what); };
+  const auto refuse = [](const std::string& what) { throw InputError("options of the stream: " + what); };
   if (!(range_min_m > 0.0 && range_max_m > range_min_m && range_max_m / range_min_m <= 1e12))
     refuse(fmt::format("range_min_m = {}, range_max_m = {}: not 0 < min < max <= 1e12 min", range_min_m, range_max_m));
   if (order && (*order < 0 || *order > 8)) refuse(fmt::format("order = {} is outside of 0 .. 8", *order));
