@@ -290,7 +290,8 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     found.findings.push_back(q);
   }
   const Gaps gaps = gaps_of(rows);
-  if (gaps.missing < 5.0 || gaps.chance > 0.01) return found;
+  // Where most are missing, stops do not look in turns, and the fullest cell is no measure.
+  if (gaps.missing < 5.0 || gaps.missing > 0.5 * gaps.expected || gaps.chance > 0.01) return found;
   const Effect* effect = find_effect("dropout");
   Eigen::VectorXd p(1);
   p[0] = *std::max_element(rows.range_m.begin(), rows.range_m.end());
