@@ -57,22 +57,18 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state, 
 }
 
 void Battery::score_rows(const Model& model) {
-  double range_rho = 0.0, bearing_rho = 0.0;
-  for (const ActiveEffect& active : model) {
-    if (active.effect->info().kind == EffectKind::grid) continue;
-    const Dependence dependence = active.effect->dependence(active.parameters.data());
-    range_rho += dependence.range_correlation;
-    bearing_rho += dependence.bearing_correlation;
-  }
+  const double range_rho = working_.range_whitening.rho, bearing_rho = working_.bearing_whitening.rho;
   rescored_ = range_rho != 0.0 || bearing_rho != 0.0;
   const auto whiten = [&](const Eigen::VectorXd& rows, const Eigen::VectorXd& information,
                           const Eigen::VectorXd& log_variance, double rho) {
     Eigen::VectorXd scores =
         rows.cwiseProduct((information.array() * (-log_variance).array().exp()).sqrt().matrix());
+    const Whitening dependence{{}, rho};
     if (rho != 0.0)
-      for (int c = 0; c < rows_.cell_count; ++c)
-        for (int i = rows_.cell_begin[c + 1] - 1; i > rows_.cell_begin[c]; --i)
-          scores[i] = (scores[i] - rho * scores[i - 1]) / std::sqrt(1.0 - rho * rho);
+      for (int c = 0; c < rows_.cell_count; ++c) {
+        auto of_cell = scores.segment(rows_.cell_begin[c], rows_.cell_begin[c + 1] - rows_.cell_begin[c]);
+        of_cell = dependence.of_cell(of_cell, 0);
+      }
     return scores;
   };
   // Deviations as read: what a tail's law makes of one is its score, not its weight.
@@ -105,27 +101,13 @@ void Battery::remove_model_directions(const Model& model) {
       Signature x = effect_signature(rows_, projector_, active, j);
       const double raw = projector_.raw_information(x);
       if (!(raw > 0.0)) continue;
-      for (std::size_t a = 0; a < active_.size(); ++a) {
-        const double share = projector_.inner(x, active_projected_[a], active_[a]);
-        x.range -= share * active_[a].range;
-        x.bearing -= share * active_[a].bearing;
-        x.drift -= share * active_[a].drift;
-        if (x.within() && active_[a].within()) {
-          x.range_rows -= share * active_[a].range_rows;
-          x.bearing_rows -= share * active_[a].bearing_rows;
-        }
-      }
+      for (std::size_t a = 0; a < active_.size(); ++a)
+        x.take_out(projector_.inner(x, active_projected_[a], active_[a]), active_[a]);
       Eigen::VectorXd projected = projector_.project(x);
       const double information = projector_.inner(x, projected, x);
       if (information < 1e-9 * raw) continue;
       const double scale = 1.0 / std::sqrt(information);
-      x.range *= scale;
-      x.bearing *= scale;
-      x.drift *= scale;
-      if (x.within()) {
-        x.range_rows *= scale;
-        x.bearing_rows *= scale;
-      }
+      x.scale(scale);
       active_.push_back(x);
       active_projected_.push_back(scale * projected);
     }
@@ -146,30 +128,16 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
   for (Signature& x : block) {
     const double raw = projector_.raw_information(x);
     if (!(raw > 0.0)) continue;
-    const auto take_out = [&](const Signature& direction, const Eigen::VectorXd& projected_direction) {
-      const double share = projector_.inner(x, projected_direction, direction);
-      x.range -= share * direction.range;
-      x.bearing -= share * direction.bearing;
-      x.drift -= share * direction.drift;
-      if (x.within() && direction.within()) {
-        x.range_rows -= share * direction.range_rows;
-        x.bearing_rows -= share * direction.bearing_rows;
-      }
-    };
-    for (std::size_t a = 0; a < active_.size(); ++a) take_out(active_[a], active_projected_[a]);
-    for (std::size_t a = 0; a < kept.size(); ++a) take_out(kept[a], kept_projected[a]);
+    for (std::size_t a = 0; a < active_.size(); ++a)
+      x.take_out(projector_.inner(x, active_projected_[a], active_[a]), active_[a]);
+    for (std::size_t a = 0; a < kept.size(); ++a)
+      x.take_out(projector_.inner(x, kept_projected[a], kept[a]), kept[a]);
     Eigen::VectorXd projected = projector_.project(x);
     const double information = projector_.inner(x, projected, x);
     if (information < 1e-5 * raw) continue;  // the calibration absorbs it
     const double scale = 1.0 / std::sqrt(information);
     projected *= scale;
-    x.range *= scale;
-    x.bearing *= scale;
-    x.drift *= scale;
-    if (x.within()) {
-      x.range_rows *= scale;
-      x.bearing_rows *= scale;
-    }
+    x.scale(scale);
     const double score = projector_.score(x);
     question.statistic += score * score;
     // The size is what the calibration leaves of the shape, not its coefficient.

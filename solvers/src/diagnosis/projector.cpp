@@ -27,6 +27,23 @@ JointState with_unit_noise(JointState state) {
 
 }  // namespace
 
+void Signature::scale(double factor) {
+  range *= factor;
+  bearing *= factor;
+  range_rows *= factor;
+  bearing_rows *= factor;
+  drift *= factor;
+}
+
+void Signature::take_out(double share, const Signature& other) {
+  range -= share * other.range;
+  bearing -= share * other.bearing;
+  drift -= share * other.drift;
+  if (!within() || !other.within()) return;
+  range_rows -= share * other.range_rows;
+  bearing_rows -= share * other.bearing_rows;
+}
+
 Projector::Projector(const Rows& rows, const WorkingProblem& working, const JointState& state)
     : row_range_residual(working.range_deviation),
       row_bearing_residual(working.bearing_deviation),

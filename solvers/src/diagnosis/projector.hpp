@@ -17,6 +17,9 @@ struct Signature {
   Eigen::VectorXd range_rows, bearing_rows;
   double drift = 0.0;  ///< of its score, what follows the errors of the stops
   bool within() const { return range_rows.size() > 0; }
+  void scale(double factor);
+  /// Less `share` of the other; of the rows' deviations only where both have them.
+  void take_out(double share, const Signature& other);
 };
 
 /// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely,

@@ -13,10 +13,7 @@ constexpr int most_starts = 12;  ///< points of a start grid that are looked at
 constexpr double absorbed_share = 1e-9;
 
 void scale(double factor, Space::Direction& d) {
-  d.mean.range *= factor;
-  d.mean.bearing *= factor;
-  d.mean.range_rows *= factor;
-  d.mean.bearing_rows *= factor;
+  d.mean.scale(factor);
   d.projected *= factor;
   d.range_variance *= factor;
   d.bearing_variance *= factor;
