@@ -50,6 +50,7 @@ std::pair<int, NoiseLaw> choose_pairs_model(const PairsProblem& problem, const C
   for (NoiseLaw law : laws) {
     if (options.on_progress) options.on_progress(fmt::format("trying noise law {}", to_string(law)));
     const PairsFit fit = full_pairs(problem, pairs_options(options, options.order, law));
+    if (fit.calibration.outcome == Outcome::unbounded) return {fit.calibration.order(), law};  // on the curve
     for (const OrderScore& score : fit.orders) {
       const bool usable = score.outcome == Outcome::converged;
       models.push_back(

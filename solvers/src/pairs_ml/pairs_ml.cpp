@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
+#include <fmt/ranges.h>
+
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Cholesky>
-#include <fmt/format.h>
 
 #include "pairs_newton.hpp"
 #include "pairs_reml.hpp"
@@ -108,6 +108,16 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
   pairs_ml::set_covariance(calibration, covariance, calibration.range_max_m);
 }
 
+/// Every reading lies on the curve.
+void set_unbounded(Calibration& calibration) {
+  calibration.outcome = Outcome::unbounded;
+  calibration.reason = fmt::format(
+      "a curve of order {} passes through every reading (alpha = {:.6g}): there is no noise, "
+      "sigma goes to 0 and the likelihood has no maximum",
+      calibration.order(), fmt::join(calibration.alpha, ", "));
+  calibration.covariance_reason = "the likelihood has no maximum";
+}
+
 /// One order, one shape. `method` full or marginal.
 PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method,
                    const pairs_ml::NestedFit* nested = nullptr) {
@@ -150,12 +160,10 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   }
   if (best.outcome != Outcome::converged) seed = scaled.seed();
   if (best.outcome != Outcome::converged && scaled.perfect(seed)) {
-    calibration.outcome = Outcome::unbounded;
     calibration.alpha = scaled.alpha(seed);
     calibration.noise = scaled.noise(seed);
     calibration.noise.parameters.setZero();
-    calibration.reason = "every residual can be zeroed: sigma goes to 0 and the likelihood has no maximum";
-    calibration.covariance_reason = "the likelihood has no maximum";
+    set_unbounded(calibration);
     return fit;
   }
   if (best.outcome != Outcome::converged) {
@@ -176,10 +184,8 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
     calibration.reason = "no start inside the model's domain (f and s above 0 at every distance) was found";
     return fit;
   }
-  if (scaled.perfect(best.x)) {
-    calibration.outcome = Outcome::unbounded;
-    calibration.reason = "every residual can be zeroed: sigma goes to 0 and the likelihood has no maximum";
-  } else if (best.outcome != Outcome::converged) {
+  const bool perfect = scaled.perfect(best.x);
+  if (!perfect && best.outcome != Outcome::converged) {
     calibration.reason = fmt::format("stopped after {} iterations at a scaled gradient norm of {:.3g}", best.iterations,
                                      best.gradient_norm);
   }
@@ -187,6 +193,7 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   calibration.noise = scaled.noise(best.x);
   set_nll(fit, best.at.nll, scaled.unknowns());
   calibration.covariance_reason = caution(calibration, "expected");
+  if (perfect) set_unbounded(calibration);
   pairs_ml::Matrix covariance;
   const Eigen::LLT<pairs_ml::Matrix> factor(best.at.information);
   if (factor.info() == Eigen::Success && calibration.outcome == Outcome::converged) {
@@ -213,13 +220,18 @@ PairsFit fit_shape_orders(const PairsProblem& problem, const PairsOptions& optio
     if (order < low) continue;
     const int parameters = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
     scores.push_back(pairs_ml::score_order(order, fit.nll, parameters, problem.readings(), fit.calibration.outcome));
-    const bool better = fit.calibration.outcome == Outcome::converged && scores.back().aic < best_aic;
-    if (better) best_aic = scores.back().aic;
+    // What no noise would leave to chance: no other model can be better, and no higher order is needed.
+    const bool exact = fit.calibration.outcome == Outcome::unbounded &&
+                       problem.size() >= static_cast<std::size_t>(order) + 3;
+    const bool better =
+        exact || (fit.calibration.outcome == Outcome::converged && scores.back().aic < best_aic);
+    if (better) best_aic = exact ? -std::numeric_limits<double>::infinity() : scores.back().aic;
     if (better || order == low) {
       best = std::move(fit);
       best_order = order;
       best_start = nested;
     }
+    if (exact) break;
   }
   if (method == Method::marginal) {
     const double gradient_norm = best.gradient_norm;

@@ -5,6 +5,7 @@
 #include <tbb/global_control.h>
 
 #include <Eigen/LU>
+#include <array>
 #include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <filesystem>
@@ -185,6 +186,21 @@ TEST(FullPairs, DegenerateDataGetNamedOutcomes) {
   const PairsFit exact = full_pairs(make_pairs_problem(exact_d, exact_y));
   EXPECT_EQ(exact.calibration.outcome, Outcome::unbounded);
   EXPECT_FALSE(exact.calibration.alpha_covariance.has_value());
+  PairsOptions any_order;
+  any_order.order.reset();  // and no lower order is called better, for it has noise to show
+  const PairsFit found = full_pairs(make_pairs_problem(exact_d, exact_y), any_order);
+  EXPECT_EQ(found.calibration.outcome, Outcome::unbounded);
+  EXPECT_EQ(found.calibration.order(), 2);
+  EXPECT_LT((found.calibration.alpha - true_alpha).norm(), 1e-12);
+
+  // Four distances, repeats rounded alike: a cubic through four means is chance, not truth.
+  std::vector<double> four_d, four_y;
+  for (int i = 0; i < 20; ++i) {
+    four_d.push_back(1.0 + i / 5);
+    four_y.push_back(std::array{1.01, 2.03, 2.98, 4.02}[static_cast<std::size_t>(i / 5)]);
+  }
+  EXPECT_EQ(full_pairs(make_pairs_problem(four_d, four_y), any_order).calibration.outcome,
+            Outcome::converged);
 
   PairsOptions bad;
   bad.order = 99;
