@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include "calibrate/landmarks_job.hpp"
+#include "calibrate/unit_doubt.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -52,6 +53,8 @@ CalibrationReport calibrate_report(std::span<const Recording> recordings, const 
     calibrate_pairs(recordings, options, report);
   else
     calibrate_landmarks(recordings, options, report);
+  const std::string doubt = report.calibrations.empty() ? "" : unit_doubt(report.calibrations.back());
+  if (!doubt.empty()) report.notes.push_back(doubt);
   return report;
 }
 

@@ -75,7 +75,7 @@ std::optional<NoiseLaw> law_within_cells(const Rows& rows) {
 }  // namespace
 
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options) {
-  if (rows.size() < 8) throw InputError("fewer than 8 usable readings: nothing can be diagnosed");
+  if (rows.size() < 8) throw NoAnswerError("fewer than 8 usable readings: nothing can be diagnosed");
   Fit best;
   if (options.simulation) {
     const Calibration& given = *options.simulation;
@@ -84,7 +84,7 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
     state.noise = given.noise;
     if (given.sigma_theta_rad && !rows.pairs) state.sigma_theta_rad = given.sigma_theta_rad->value;
     best = refit(rows, {}, state, refit_options);
-    if (!best.ok) throw InputError("the simulation's calibration cannot be applied to this recording");
+    if (!best.ok) throw NoAnswerError("the simulation's calibration cannot be applied to this recording");
     return best;
   }
   const int distances = distinct_distances(rows, start_of(rows, 1, NoiseLaw::f_squared));
@@ -103,7 +103,7 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
     if (fit.ok && (!best.ok || fit.nll < best.nll - 3.0)) best = fit;
   }
   if (!best.ok)
-    throw InputError("the seed model cannot be fitted to this recording; run calibrate to see why");
+    throw NoAnswerError("the seed model cannot be fitted to this recording; run calibrate to see why");
   return best;
 }
 

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <string_view>
 
+#include "calibrate/unit_doubt.hpp"
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
@@ -164,6 +165,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   Diagnosis result = assemble_report(rows, recordings, found);
   for (Explanation& e : result.explanations)
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
+  if (const std::string doubt = unit_doubt(result.corrected); !doubt.empty()) result.notes.push_back(doubt);
   const std::optional<GenericModel> generic = add_generic(rows, found, result);
   const Fit* curve = generic ? &generic->fit : nullptr;
   // What is shown as the completed model: where no curve stands for what a partial name leaves, the name's

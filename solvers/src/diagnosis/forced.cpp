@@ -22,7 +22,7 @@ void fit_forced(const Rows& rows, const std::vector<std::string>& names, const R
         proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
     const Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
     result.best = try_model(rows, base, proposal, result.rates, options);
-    if (!result.best.fit.ok) throw InputError("effect '" + id + "' cannot be fitted to this recording");
+    if (!result.best.fit.ok) throw NoAnswerError("effect '" + id + "' cannot be fitted to this recording");
   }
   result.best.gain = result.baseline.nll - result.best.fit.nll;
   result.verdict = Verdict::explained;

@@ -278,7 +278,7 @@ SimulationModel simulation_model_from_json(const std::string& text, const std::s
     if (!model.recordings.empty()) c.kind = model.recordings[0].kind;
     return model;
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(file, 0, "", std::string("is no diagnosis with a simulation in it: ") + error.what());
+    throw InputError(file, 0, "", "is no diagnosis with a simulation in it: " + json_complaint(error));
   } catch (const InputError& error) {
     throw InputError(file, 0, "", error.what());
   }

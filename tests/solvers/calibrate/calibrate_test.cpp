@@ -58,6 +58,17 @@ TEST(Calibrate, FourMethodsWithEveryField) {
   EXPECT_EQ(all[3].stops[4].label, "4");
 }
 
+TEST(Calibrate, StopsInMillimetresAreAskedAbout) {
+  Recording recording = simulate(scene_with(10, around, 10), seed_from("units"));
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  EXPECT_THAT(calibrate_report(std::span(&recording, 1), options).notes, ::testing::IsEmpty());
+  for (Stop& stop : recording.stops) stop.commanded.x_m *= 1000.0;
+  const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
+  ASSERT_EQ(report.notes.size(), 1u);
+  EXPECT_THAT(report.notes[0], HasSubstr("stops (or taped distances) are in another unit"));
+}
+
 TEST(Calibrate, OrderAndLawAreChosenByAic) {
   const Recording recording = simulate(scene_with(20, around, 10), seed_from("choice"));
   CalibrateOptions options;

@@ -16,4 +16,10 @@ class InputError : public std::runtime_error {
   InputError(const std::string& file, long row, const std::string& column, const std::string& what);
 };
 
+/// Nothing is wrong with the input, but it holds too little for the answer that was asked for.
+class NoAnswerError : public InputError {
+ public:
+  using InputError::InputError;
+};
+
 }  // namespace rangecal
