@@ -86,7 +86,9 @@ struct CalibrateCommand {
       return not_delivered;
     }
     if (!json.empty()) save_calibrations({fit.calibration}, json);
-    fmt::print("{}", tilt_page(fit));
+    CalibrationReport report_of_fit;
+    report_of_fit.calibrations = {fit.calibration};
+    fmt::print("{}{}", summary_page(report_of_fit, fit.calibration, recordings, json), tilt_page(fit));
     return done;
   }
 

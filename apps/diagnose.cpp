@@ -135,6 +135,11 @@ void add_effects(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("effects", "list the catalogue of physical effects that diagnose knows");
   const auto id = std::make_shared<std::string>();
   command->add_option("ID", *id, "show this effect alone, in full");
+  command->footer(
+      "Examples:\n"
+      "  rangecal effects                       all of them, with formula and typical size\n"
+      "  rangecal effects bearing_offset        what shows it, what settles it, its parameters and source\n"
+      "docs/gallery.md has a picture of what each leaves behind.");
   command->callback([id, &chosen] { chosen = [id] { return list_effects(*id); }; });
 }
 

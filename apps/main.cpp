@@ -29,13 +29,6 @@ std::string one_line(std::string text) {
   return text;
 }
 
-/// CLI11 prints the largest double in full, 309 digits.
-std::string without_limits_of_double(std::string text) {
-  const std::size_t at = text.find(" not in range 0.000000 to 1797");
-  if (at == std::string::npos) return text;
-  return text.substr(0, at) + " is not a positive number";
-}
-
 void complain(const std::string& what) { fmt::print(stderr, "rangecal: {}\n", one_line(what)); }
 
 int stdout_failed(const std::string& reason) {
@@ -109,7 +102,7 @@ int run(int argc, char** argv) {
     std::string of;   // the command that the line named, and its own: "import lego "
     for (auto named = app.get_subcommands(); !named.empty(); named = named.front()->get_subcommands())
       of += named.front()->get_name() + " ";
-    complain(fmt::format("{}; see 'rangecal {}--help'", without_limits_of_double(one_line(error.what())), of));
+    complain(fmt::format("{}; see 'rangecal {}--help'", one_line(error.what()), of));
     return app::bad_input;
   }
   start_logging(argv[0], log_dir);
@@ -124,6 +117,9 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);   // a file at its limit is a write that fails, as on a full disk
   try {
     return run(argc, argv);
+  } catch (const rangecal::NoAnswerError& error) {
+    complain(error.what());
+    return app::not_delivered;
   } catch (const rangecal::InputError& error) {
     complain(error.what());
     return app::bad_input;

@@ -4,11 +4,11 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
-#include <nlohmann/json.hpp>
-
 #include "commands.hpp"
+#include "numbers.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -115,7 +115,10 @@ void add_plan(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("plan", "propose stops, turns, landmarks and repeats that reach an accuracy soonest");
   const auto state = std::make_shared<PlanCommand>();
   command->add_option("SCENE.yaml", state->sketch, "sketch: the sensor as far as it is known, how far stops may be off, the room (the box of the random landmarks, or around what it has)")->required();
-  command->add_option("--accuracy", state->accuracy_mm, "wanted standard deviation of a corrected distance [mm]")->check(CLI::PositiveNumber)->capture_default_str();
+  command
+      ->add_option("--accuracy", state->accuracy_mm, "wanted standard deviation of a corrected distance [mm]")
+      ->check(positive())
+      ->capture_default_str();
   command->add_option("--range", state->range, "MIN MAX: distances at which it is wanted [m]")->expected(2)->capture_default_str();
   command->add_option("--effects", state->request.effects, "effects worried about ('rangecal effects' lists them): estimated along, and told whether they would show")->delimiter(',');
   command->add_option("--radii", state->request.radii_m, "radii of the landmarks at hand, taken in turn [m]")->delimiter(',')->capture_default_str();

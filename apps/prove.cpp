@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "commands.hpp"
+#include "numbers.hpp"
 #include "proof/fresh.hpp"
 #include "proof/journal.hpp"
 #include "proof/sealed.hpp"
@@ -137,18 +138,27 @@ void add_prove(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand(
       "prove", "diagnose recordings with sealed keys, or fresh simulated worlds, and score the answers");
   command->add_option("DIR", options->folders, "concealed recordings, or folders of them; keys in DIR-keys");
-  command->add_option("--fresh", options->fresh, "worlds drawn for each row of the table")->check(CLI::PositiveNumber);
-  command->add_option("--seed", options->seed, "seed of the worlds");
+  command->add_option("--fresh", options->fresh, "worlds drawn for each row of the table")->check(positive());
+  command->add_option("--seed", options->seed, "seed of the worlds")->check(whole());
   command->add_option("--design", options->design, "line, turning or both")
       ->check(CLI::IsMember({"line", "turning", "both"}));
   command->add_option("--row", options->rows, "only these rows: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
   command->add_option("--csv", options->csv, "one line per world, written as they are done");
   command->add_flag("--resume", options->resume, "with --fresh: go on where the run that wrote --csv FILE was stopped");
   command->add_option("-o,--out", options->out, "file for the answers, or folder of --make");
-  command->add_option("--make", options->make, "make that many concealed recordings")->check(CLI::PositiveNumber);
+  command->add_option("--make", options->make, "make that many concealed recordings")->check(positive());
   command->add_option("--world", options->world, "run the world of that number of one --row and --design");
   command->add_option("--dump", options->dump, "folder for that world's recording, with its key");
   command->add_flag("--no-oracle", options->no_oracle, "do not refit the true effect for comparison");
+  command->footer(
+      "A key says what was put into a recording; it is read once the diagnosis stands, and only if it matches the hash committed\n"
+      "beside the recording. Fresh worlds have no keys to read: they are drawn from the seed and scored in memory.\n"
+      "\n"
+      "Examples:\n"
+      "  rangecal prove notebooks_data/concealed -o answers.json\n"
+      "  rangecal prove --fresh 300 --seed 7 --row lambda-400 --csv worlds.csv      (--resume goes on after a kill)\n"
+      "  rangecal prove --row pair --design line --world 12 --seed 7 --dump world   one world as a recording, with its key\n"
+      "  rangecal prove --make 5 --seed 7 -o concealed                              sealed recordings for others to try");
   command->callback([options, &chosen] { chosen = [options] { return prove(*options); }; });
 }
 

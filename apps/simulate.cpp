@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "numbers.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -44,6 +45,7 @@ void add_simulate(CLI::App& app, Action& chosen) {
                       "instead of a scene: what 'diagnose --json' wrote; its recordings again, effects included");
   command->add_option("-o,--output", options->folder, "folder of the recording, made if missing; a recording that was measured is not replaced")->required();
   command->add_option("--seed", options->seed, "the same seed makes the same recording")
+      ->check(whole())
       ->capture_default_str();
   command->footer(
       "Example:\n"

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "commands.hpp"
+#include "numbers.hpp"
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -121,18 +122,29 @@ void add_track(CLI::App& app, Action& chosen) {
   command->add_option("--from", state->job.from, "calibration (JSON) to correct by until the stream has its own");
   command->add_option("--order", state->order, "of f: 0 to 8, or auto: the lowest AIC of 1 to 4 at each estimate")->capture_default_str();
   command->add_option("--noise", state->noise, "noise law: constant, f, f2, f3, d2, polynomial (of f's order; pairs only)")->capture_default_str();
-  command->add_option("--forget", state->forget, "time constant of the memory: seconds, or readings where there is no time_s; of landmarks: stops")
-      ->check(CLI::PositiveNumber);
+  command
+      ->add_option(
+          "--forget", state->forget,
+          "time constant of the memory: seconds, or readings where there is no time_s; of landmarks: stops")
+      ->check(positive());
   command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);
   command->add_flag("--approximate", state->job.approximate, "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
   command->add_option("--stops", state->job.stops, "readings of landmarks: the recording whose stops and landmarks the stream names by label");
-  command->add_option("--sigma-xy", state->job.sigma_xy_m, "how far a stop may be from its pose [m], where nothing else says")
-      ->check(CLI::NonNegativeNumber)->capture_default_str();
-  command->add_option("--sigma-heading", state->job.sigma_heading_rad, "the same of its heading [rad]")->check(CLI::NonNegativeNumber)->capture_default_str();
+  command
+      ->add_option("--sigma-xy", state->job.sigma_xy_m,
+                   "how far a stop may be from its pose [m], where nothing else says")
+      ->check(not_negative())
+      ->capture_default_str();
+  command->add_option("--sigma-heading", state->job.sigma_heading_rad, "the same of its heading [rad]")
+      ->check(not_negative())
+      ->capture_default_str();
   command->add_flag(
       "--random-walk", state->job.random_walk,
       "these are errors of the step from the stop before and add up (--stops: as the recording says)");
-  command->add_option("--radius", state->job.radius_m, "radius of landmarks that nothing else says one of [m]")->check(CLI::NonNegativeNumber)->capture_default_str();
+  command
+      ->add_option("--radius", state->job.radius_m, "radius of landmarks that nothing else says one of [m]")
+      ->check(not_negative())
+      ->capture_default_str();
   command
       ->add_option("--watch", state->job.watch,
                    "watch for a change against --from; so many pairs or readings of landmarks lie between "

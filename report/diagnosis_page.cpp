@@ -31,11 +31,6 @@ Badge badge_of(Verdict verdict) {
   return {"", ""};
 }
 
-/// A harm to two digits; what no one could measure as a bound.
-std::string millimetres(double harm_m) {
-  return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
-}
-
 void add_key_figures(Page& page, const Diagnosis& d) {
   std::vector<Page::Figure> figures;
   if (d.verdict == Verdict::explained && !d.explanations.empty())
@@ -123,7 +118,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
         {},
         true};
     for (const Unseen& u : d.unseen) {
-      unseen.rows.push_back({u.effect, app::typical_in_words(u), millimetres(u.harm_m),
+      unseen.rows.push_back({u.effect, app::typical_in_words(u), app::millimetres(u.harm_m),
                              app::detectable_in_words(u), u.settled_by});
     }
     page.table(unseen);

@@ -7,7 +7,9 @@
 #include <cstdio>
 
 #include "commands.hpp"
+#include "numbers.hpp"
 #include "rangecal/core/errors.hpp"
+#include "shard.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -15,12 +17,9 @@ namespace rangecal::app {
 void FleetCommand::prepare() {
   job.law = noise_law_from_string(noise);
   if (job.law == NoiseLaw::polynomial) throw InputError("--noise polynomial has no one sigma for a population");
-  if (!shard.empty()) {
-    int end = 0;
-    if (std::sscanf(shard.c_str(), "%d/%d%n", &job.shard, &job.shards, &end) != 2 || end != static_cast<int>(shard.size()) || job.shards < 1 ||
-        job.shard < 0 || job.shard >= job.shards)
-      throw InputError("--shard is '" + shard + "', not I/N with 0 <= I < N");
-  }
+  const Shard part = shard_from(shard);
+  job.shard = part.index;
+  job.shards = part.count;
   if (job.inputs.empty() && job.merge.empty()) throw InputError("fleet: neither recordings nor --merge are given");
 }
 
@@ -33,7 +32,7 @@ int FleetCommand::deliver(const FleetResult& result) const {
 std::string FleetCommand::page(const FleetResult& r) const {
   std::string text = fmt::format("Units        {} in {}: {} fitted, {} unreadable, {} were there already\n", r.units, job.output, r.fitted,
                                  r.unreadable, r.resumed);
-  if (r.partial) return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n", job.shard, job.shards);
+  if (r.partial) return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n", job.shard + 1, job.shards);
   const Population& p = r.population;
   text += fmt::format("Population   {}{}{}, of {} units after {} passes; {} left out as unlike the others\n", to_string(p.outcome),
                       p.reason.empty() ? "" : ": ", p.reason, p.units, p.iterations, p.left_out);
@@ -48,7 +47,8 @@ std::string FleetCommand::page(const FleetResult& r) const {
                         noise_row ? law_unit(job.law, 0) : coefficient_unit(static_cast<int>(i)));
   }
   if (r.by_population > 0)
-    text += fmt::format("\nFew readings {} units have too few of their own and were calibrated with the population\n", r.by_population);
+    text += fmt::format("\nFew readings {} too few of their own, calibrated with the population\n",
+                        r.by_population == 1 ? "1 unit has" : fmt::format("{} units have", r.by_population));
   text += fmt::format("\nOdd units    {}", r.odd);
   return text + (r.odd > 0 ? fmt::format("; ask: sqlite3 {} 'SELECT * FROM oddities ORDER BY p_value'\n", job.output) : "\n");
 }
@@ -60,9 +60,9 @@ CLI::App* declare_fleet(CLI::App& app, FleetCommand& given) {
   command->add_option("--order", given.job.order, "of f, the same for all")->check(CLI::Range(0, 6))->capture_default_str();
   command->add_option("--noise", given.noise, "noise law of all: constant, f, f2, f3, d2")->capture_default_str();
   command->add_option("--csv", given.job.csv, "write the units with their posteriors as a table");
-  command->add_option("--diagnose", given.job.diagnoses, "at most so many odd units are diagnosed, the oddest first")->check(CLI::NonNegativeNumber)->capture_default_str();
+  command->add_option("--diagnose", given.job.diagnoses, "at most so many odd units are diagnosed, the oddest first")->check(not_negative())->capture_default_str();
   command->add_option("--alarm-rate", given.job.alarm_rate, "probability that any unit of a faultless fleet is called odd")->check(CLI::Range(1e-12, 0.5))->capture_default_str();
-  command->add_option("--threads", given.job.threads, "threads; 0: all. The results do not depend on it")->check(CLI::NonNegativeNumber)->capture_default_str();
+  command->add_option("--threads", given.job.threads, "threads; 0: all. The results do not depend on it")->check(not_negative())->capture_default_str();
   command->add_option("--shard", given.shard, "I/N: every N-th unit from the I-th on, into a file of its own");
   command->add_option("--merge", given.job.merge, "files of shards to be taken in");
   command->footer(
@@ -75,7 +75,7 @@ CLI::App* declare_fleet(CLI::App& app, FleetCommand& given) {
       "  rangecal fleet sensors/ -o fleet.db --csv fleet.csv\n"
       "  sqlite3 fleet.db 'SELECT name, what, explanation FROM oddities ORDER BY p_value'\n"
       "  mpirun -n 8 rangecal fleet sensors/ -o fleet.db\n"
-      "  rangecal fleet sensors/ -o 2.db --shard 2/8      (with 0/8 .. 7/8, then: rangecal fleet --merge 0.db 1.db ... -o fleet.db)");
+      "  rangecal fleet sensors/ -o 2.db --shard 2/8      (with 1/8 .. 8/8, then: rangecal fleet --merge 1.db 2.db ... -o fleet.db)");
   return command;
 }
 

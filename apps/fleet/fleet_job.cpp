@@ -48,7 +48,7 @@ class Fleet {
     same("format", "rangecal-fleet/1");
     same("order", std::to_string(job.order));
     same("law", to_string(job.law));
-    same("shard", fmt::format("{}/{}", job.shard, job.shards));
+    same("shard", fmt::format("{}/{}", job.shard + 1, job.shards));
     database_.execute("COMMIT");
   }
 

@@ -12,11 +12,12 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "fresh.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "fresh.hpp"
 #include "rows.hpp"
 
 namespace rangecal::proof {
@@ -126,7 +127,7 @@ Case open_key(const std::string& recording) {
     c.planted.truth = key.at("truth").get<std::map<std::string, double>>();
     return c;
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(file + ": " + error.what());
+    throw InputError(file + ": " + json_complaint(error));
   }
 }
 

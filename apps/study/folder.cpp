@@ -12,6 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/solvers/study/table.hpp"
+#include "shard.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -47,14 +48,9 @@ std::string clock_text(double seconds) {
 }  // namespace
 
 Study study_of(StudyJob& job) {
-  if (!job.shard_text.empty()) {
-    int shard = 0, shards = 0, read = 0;
-    if (std::sscanf(job.shard_text.c_str(), "%d/%d%n", &shard, &shards, &read) != 2 ||
-        read != static_cast<int>(job.shard_text.size()) || shard < 1 || shard > shards)
-      throw InputError("--shard " + job.shard_text.substr(0, 40) + ": is not I/N with 1 <= I <= N");
-    job.shard = shard - 1;
-    job.shards = shards;
-  }
+  const Shard shard = shard_from(job.shard_text);
+  job.shard = shard.index;
+  job.shards = shard.count;
   if (job.threads < 0) throw InputError(fmt::format("--threads {}: is negative", job.threads));
   return load_study(job.file);
 }

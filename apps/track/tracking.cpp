@@ -148,7 +148,7 @@ class Run {
       }
       if (state.at("calibration").is_object()) current_ = calibration_in(state.at("calibration"));
     } catch (const Json::exception& error) {
-      throw InputError(path, 0, "", std::string("is no state of 'rangecal track': ") + error.what());
+      throw InputError(path, 0, "", "is no state of 'rangecal track': " + json_complaint(error));
     } catch (const InputError& error) {
       const std::string what = error.what();
       throw what.starts_with(path) ? error : InputError(path, 0, "", what);

@@ -74,7 +74,8 @@ std::string could_be_hidden(const Diagnosis& d) {
   constexpr std::size_t most = 8;
   for (std::size_t i = 0; i < d.unseen.size() && i < most; ++i) {
     const Unseen& u = d.unseen[i];
-    std::string line = fmt::format("{} ({}): costs {:.2g} mm RMS", u.effect, typical_in_words(u), 1e3 * u.harm_m);
+    std::string line =
+        fmt::format("{} ({}): costs {} mm RMS", u.effect, typical_in_words(u), millimetres(u.harm_m));
     line += u.detectable ? fmt::format("; would show {}", detectable_in_words(u)) : std::string("; no size would show");
     if (!u.settled_by.empty()) line += "; " + u.settled_by;
     text += "  " + wrapped(line, 4, width) + "\n";

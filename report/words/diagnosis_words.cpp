@@ -101,6 +101,10 @@ std::string place(const Finding& f) {
   return "";
 }
 
+std::string millimetres(double harm_m) {
+  return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
+}
+
 std::string set_in_words(const std::vector<std::string>& set) {
   return fmt::format("{}", fmt::join(set, " + "));
 }

@@ -32,6 +32,8 @@ std::string p_in_words(double p);
 std::string size_in_words(const Finding& finding);
 /// " from -23 to 51 deg", " at B", or nothing: where along its covariate, in the unit a user reads it in.
 std::string place(const Finding& finding);
+/// A harm in mm to two digits; what no one could measure as a bound.
+std::string millimetres(double harm_m);
 /// "range_eccentricity + cell_effect".
 std::string set_in_words(const std::vector<std::string>& set);
 

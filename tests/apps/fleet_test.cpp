@@ -47,7 +47,7 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("60 in"));
   EXPECT_THAT(result.out, HasSubstr("58 fitted, 1 unreadable"));
-  EXPECT_THAT(result.out, HasSubstr("1 units have too few"));
+  EXPECT_THAT(result.out, HasSubstr("1 unit has too few"));
   EXPECT_THAT(result.out, HasSubstr("Odd units    1;"));
   const std::string csv = slurp(folder.file("a.csv"));
   EXPECT_EQ(count_of(csv, "\n"), 61);
@@ -57,9 +57,12 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   // the same rows on other threads, from shards, and in a second run over a file that is there already
   ASSERT_EQ(run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv") + " --threads 4").code, 0);
   EXPECT_EQ(slurp(folder.file("b.csv")), csv);
-  for (const std::string i : {"0", "1", "2"})
+  for (const std::string i : {"1", "2", "3"})
     ASSERT_EQ(run("fleet " + fleet + order + folder.file("s" + i) + " --shard " + i + "/3").code, 0);
-  ASSERT_EQ(run("fleet --merge " + folder.file("s2") + " " + folder.file("s0") + " " + folder.file("s1") + order + folder.file("c.db") + " --csv " + folder.file("c.csv")).code, 0);
+  ASSERT_EQ(run("fleet --merge " + folder.file("s3") + " " + folder.file("s1") + " " + folder.file("s2") +
+                order + folder.file("c.db") + " --csv " + folder.file("c.csv"))
+                .code,
+            0);
   EXPECT_EQ(slurp(folder.file("c.csv")), csv);
   const RunResult again = run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv"));
   EXPECT_THAT(again.out, HasSubstr("60 were there already"));
@@ -131,7 +134,8 @@ TEST(FleetCommand, RefusesWhatDoesNotFit) {
   EXPECT_EQ(run("fleet " + fleet + " --order 2 -o " + folder.file("a.db")).code, 2);   // another order
   EXPECT_EQ(run("fleet " + folder.path() + " -o " + folder.file("b.db")).code, 2);     // no recordings
   EXPECT_EQ(run("fleet -o " + folder.file("b.db")).code, 2);
-  EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("b.db") + " --shard 3/3").code, 2);
+  EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("b.db") + " --shard 0/3").code, 2);
+  EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("b.db") + " --shard 4/3").code, 2);
   EXPECT_EQ(run("fleet --merge /nowhere -o " + folder.file("b.db")).code, 2);
   folder.write("text.db", "this is no data base, but long enough to be looked at as one");
   EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("text.db")).code, 2);

@@ -27,7 +27,8 @@ void expect_bad_input(const std::string& arguments, std::initializer_list<const 
 TEST(Usage, HelpTeachesWithExamples) {
   const RunResult top = run("--help");
   EXPECT_EQ(top.code, 0);
-  for (const char* command : {"calibrate", "compare", "correct", "simulate"}) {
+  for (const char* command : {"calibrate", "compare", "correct", "diagnose", "effects", "extract", "fleet",
+                              "import", "plan", "prove", "simulate", "study", "track"}) {
     EXPECT_THAT(top.out, HasSubstr(command));
     const RunResult help = run(std::string(command) + " --help");
     EXPECT_EQ(help.code, 0) << command;
@@ -79,6 +80,34 @@ TEST(Usage, WrongUsageIsOneLineAndCodeTwo) {
   expect_bad_input("simulate " + shipped("scenes/field-layout.yaml"), {"--output"});
   expect_bad_input("plan " + shipped("scenes/field-layout.yaml") + " --accuracy -1",
                    {"--accuracy: Value -1 is not a positive number; see"});
+  expect_bad_input("simulate " + shipped("scenes/field-layout.yaml") + " -o /tmp/never --seed -1",
+                   {"--seed: Value -1 is not a whole number"});
+  expect_bad_input("track x.csv --sigma-heading -1", {"--sigma-heading: Value -1 is not a number from 0 up"});
+}
+
+TEST(Usage, TooFewReadingsAreNoBadInput) {
+  const TemporaryFolder folder;
+  folder.write("recording.yaml",
+               "format: rangecal/1\nkind: pairs\nsensor: {name: s, range_min_m: 0.1, range_max_m: 10}\n");
+  folder.write("pairs.csv", "true_m,reading_m\n1,1.01\n2,2.02\n");
+  for (const char* command : {"calibrate ", "diagnose "})
+    EXPECT_EQ(run(command + folder.path()).code, 1) << command;
+}
+
+TEST(Usage, DistancesInMillimetresAreAskedAbout) {
+  const TemporaryFolder folder;
+  folder.write("recording.yaml",
+               "format: rangecal/1\nkind: pairs\nsensor: {name: s, range_min_m: 0.1, range_max_m: 10}\n");
+  std::string table = "true_m,reading_m\n";
+  for (int i = 0; i < 30; ++i)
+    table += std::to_string(500 + 100 * i) + "," + std::to_string(0.51 + 0.1 * i + 0.003 * (i % 3)) + "\n";
+  folder.write("pairs.csv", table);
+  for (const char* command : {"calibrate ", "diagnose "}) {
+    const RunResult result = run(command + folder.path());
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_THAT(result.out, HasSubstr("true_m")) << command;
+    EXPECT_THAT(result.out, HasSubstr("another unit")) << command;
+  }
 }
 
 TEST(Usage, InputThatIsMissingOrMixed) {

@@ -17,7 +17,10 @@
 namespace rangecal::app {
 namespace {
 
-std::string file_of(const std::string& output, int rank, int size) { return fmt::format("{}.{}-of-{}", output, rank, size); }
+/// Ranks count from 0, their files from 1, as shards do.
+std::string file_of(const std::string& output, int rank, int size) {
+  return fmt::format("{}.{}-of-{}", output, rank + 1, size);
+}
 
 /// The first rank that failed says why; true where none did. All ranks wait for each other here.
 bool all_well(const std::optional<std::string>& complaint, int rank, int size) {

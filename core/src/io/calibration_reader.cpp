@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 #include <limits>
-
 #include <nlohmann/json.hpp>
 
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/json_numbers.hpp"
 
 namespace rangecal {
 namespace {
@@ -220,7 +220,7 @@ std::vector<Calibration> load_calibrations(const std::string& path) {
   try {
     json = Tree::parse(text);
   } catch (const Tree::exception& error) {
-    throw InputError(path, 0, "", std::string("is not JSON: ") + error.what());
+    throw InputError(path, 0, "", "is not JSON: " + json_complaint(error));
   }
   const Field top(json, path, "");
   check_format(top);

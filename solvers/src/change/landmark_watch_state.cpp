@@ -99,7 +99,7 @@ void restore_watch(const std::string& text, LandmarkWatch& watch) {
       throw InputError("field 'onsets' is not that of an open alarm");
     watch = std::move(restored);
   } catch (const Json::exception& error) {
-    throw InputError(std::string("is no state of a watch: ") + error.what());
+    throw InputError("is no state of a watch: " + json_complaint(error));
   }
 }
 

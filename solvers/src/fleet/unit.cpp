@@ -163,7 +163,7 @@ Population population_from_json(const std::string& text, const std::string& name
       population.mean_covariance = matrix_of(object, "mean_covariance", p);
     return population;
   } catch (const nlohmann::json::exception& error) {
-    throw InputError(name, 0, "", std::string("is no population: ") + error.what());
+    throw InputError(name, 0, "", "is no population: " + json_complaint(error));
   } catch (const InputError& error) {
     throw InputError(name, 0, "", error.what());
   }

@@ -246,7 +246,7 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
     }
     return result;
   } catch (const Json::exception& error) {
-    throw InputError(name, 0, "", std::string("is no state of a tracked calibration: ") + error.what());
+    throw InputError(name, 0, "", "is no state of a tracked calibration: " + json_complaint(error));
   } catch (const InputError& error) {
     throw InputError(name, 0, "", error.what());
   }

@@ -95,7 +95,7 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
           bin.at("sums").get<std::array<std::array<double, DistanceMoments::degree>, 4>>();
     return result;
   } catch (const Json::exception& error) {
-    throw InputError(name, 0, "", std::string("is no state of a tracked calibration: ") + error.what());
+    throw InputError(name, 0, "", "is no state of a tracked calibration: " + json_complaint(error));
   } catch (const std::out_of_range&) {
     throw InputError(name, 0, "", "field 'bins' names a bin outside the range");
   } catch (const InputError& error) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <limits>
 #include <string>
 
@@ -23,6 +24,13 @@ Whole whole_number(const Json& json, const std::string& field, Whole low = 0,
     throw InputError("field '" + field + "' is not a whole number from " + std::to_string(low) + " to " +
                      std::to_string(high));
   return static_cast<Whole>(value);
+}
+
+/// What the parser says of a file, without its own "[json.exception.parse_error.101] " before it.
+inline std::string json_complaint(const std::exception& error) {
+  const std::string text = error.what();
+  const std::size_t end = text.rfind("[json.exception.", 0) == 0 ? text.find("] ") : std::string::npos;
+  return end == std::string::npos ? text : text.substr(end + 2);
 }
 
 }  // namespace rangecal
