@@ -135,7 +135,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
           if (u.effect == id) harm = std::max(harm, u.harm_m);
       next.rows.push_back({e.change, fmt::format("{}", fmt::join(e.settles, ", ")),
                            fmt::format("{:.2f}", e.power),
-                           harm > 0.0 ? millimetres(harm) : std::string("-")});
+                           harm > 0.0 ? app::millimetres(harm) : std::string("-")});
     }
     page.table(next);
   }
