@@ -88,7 +88,8 @@ struct CalibrateCommand {
     if (!json.empty()) save_calibrations({fit.calibration}, json);
     CalibrationReport report_of_fit;
     report_of_fit.calibrations = {fit.calibration};
-    fmt::print("{}{}", summary_page(report_of_fit, fit.calibration, recordings, json), tilt_page(fit));
+    report_of_fit.models = fit.models;
+    fmt::print("{}\n{}", tilt_page(fit), summary_page(report_of_fit, fit.calibration, recordings, json));
     return done;
   }
 

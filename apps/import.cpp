@@ -35,7 +35,9 @@ void add_import(CLI::App& app, Action& chosen) {
   }
   command->footer(
       "Nothing is corrected: outliers, latencies and everything a calibration has to find stay in.\n"
-      "'rangecal import FORMAT --help' says where the data are and which choices there are.");
+      "'rangecal import FORMAT --help' says where the data are and which choices there are.\n"
+      "Example:\n"
+      "  rangecal import lego brenner-lego -o rec && rangecal diagnose rec");
 }
 
 }  // namespace rangecal::app

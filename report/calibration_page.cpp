@@ -51,7 +51,6 @@ void add_fit(Page& page, const CalibrationReport& report, const Calibration& c) 
     items.push_back("Covariance: " + app::shortened(c.covariance_reason) + ".");
   if (!c.weakest_direction.empty()) items.push_back("Weakest direction: " + c.weakest_direction + ".");
   if (report.check) items.push_back("Check of the full likelihood: " + report.check->report);
-  items.insert(items.end(), report.notes.begin(), report.notes.end());
   page.list(items);
 }
 

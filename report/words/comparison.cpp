@@ -135,8 +135,9 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
     if (!scores[i].mse_ratio) return std::string("-");
     return fmt::format("{:.1f} -> {:.1f}", 1e3 * scores[i].rmse_raw_m, 1e3 * scores[i].rmse_corrected_m);
   });
-  table.row("MSE ratio",
-            [&](const Calibration&, std::size_t i) { return or_dash(scores[i].mse_ratio, "{:.2f}"); });
+  table.row("MSE ratio", [&](const Calibration&, std::size_t i) {
+    return or_dash(scores[i].mse_ratio, scores[i].mse_ratio < 1e6 ? "{:.2f}" : "{:.2g}");
+  });
   return table.rows();
 }
 

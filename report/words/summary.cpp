@@ -209,6 +209,7 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
   } else if (!c.weakest_direction.empty()) {
     add("Open", "what can change unseen: " + c.weakest_direction);
   }
+  for (const std::string& note : report.notes) add("Note", note);
   add("Next", advice(report, c, recordings, json));
   return items;
 }
@@ -279,7 +280,6 @@ std::string numerics_page(const CalibrationReport& report, const Calibration& c,
                      *c.marginal_nll, c.aic.value_or(NAN)));
   line(fmt::format("{} iterations, {:.2f} ms", c.iterations, 1e3 * c.seconds));
   if (report.check) line(fmt::format("check of the full likelihood: {}", report.check->report));
-  for (const std::string& note : report.notes) line("note: " + note);
   return page;
 }
 

@@ -125,7 +125,9 @@ LeaningFit fit_leaning(std::span<const Recording> recordings, const LeaningOptio
   LeaningFit result;
   CalibrateOptions calibrate_options = options.calibrate;
   calibrate_options.methods = {Method::marginal};
-  result.calibration = calibrate(recordings, calibrate_options)[0];
+  CalibrationReport plain = calibrate_report(recordings, calibrate_options);
+  result.calibration = std::move(plain.calibrations[0]);
+  result.models = std::move(plain.models);
   if (!is_usable(result.calibration.outcome)) {
     result.outcome = result.calibration.outcome;
     result.reason = result.calibration.reason;

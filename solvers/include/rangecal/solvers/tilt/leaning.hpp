@@ -61,6 +61,7 @@ struct LeaningFit {
   std::vector<LeanEstimate> leans;          ///< empty where the plane is not seen to be tilted
   std::string statement;                    ///< what is seen and what this design cannot see, in words
   Calibration calibration;                  ///< with effect `tilt` where it is seen
+  std::vector<ModelScore> models;           ///< of which the seed model was chosen; empty where it was given
 };
 
 /// Fits the seed model, the tilted plane and, where that is seen, the leans, each by marginal ML. Throws
