@@ -72,6 +72,14 @@ hostile: build
 soak: build
 	$(BUILD)/benchmarks/soak $(SECONDS) notebooks_data
 
+# All tests under AddressSanitizer and UBSan: an error ends its test. Optimised a little, for -O0 takes hours.
+.PHONY: sanitize
+sanitize: packages
+	cmake --preset debug -B build/sanitize -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g1" -DRANGECAL_UNITY=ON -DRANGECAL_BUILD_BENCHMARKS=OFF \
+	  -DRANGECAL_INSTALL=OFF
+	cmake --build build/sanitize -j $(JOBS)
+	ctest --test-dir build/sanitize -j $(JOBS) --output-on-failure
+
 # Every sign, exponent, factor and index of the likelihoods changed, one at a time: each change has to fail a test.
 .PHONY: mutants tidy
 mutants:
