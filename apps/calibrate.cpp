@@ -68,7 +68,8 @@ struct CalibrateCommand {
     fmt::print("{}", numerics_page(result, best, recordings));
     if (result.calibrations.size() > 1) {
       std::vector<TruthScore> no_scores(result.calibrations.size());
-      fmt::print("\nAll methods\n{}{}", comparison_table(result, no_scores), footnotes_text(result, no_scores));
+      fmt::print("\nAll methods\n{}{}", comparison_table(result, no_scores),
+                 footnotes_text(result, no_scores));
     }
     const bool contradicted = result.check && result.check->better_basin;
     return has_answer(best) && !contradicted ? done : not_delivered;
@@ -117,7 +118,8 @@ void add_calibrate(CLI::App& app, Action& chosen) {
                     "estimate the tilt of the scan plane and the leans of the cylinders along, and say what "
                     "this recording can see of them");
   command->add_option("--json", state->json, "write the calibration to this file");
-  command->add_option("--report", state->report, "write a report to look at to this file: one HTML page that needs no network");
+  command->add_option("--report", state->report,
+                      "write a report to look at to this file: one HTML page that needs no network");
   command->footer(
       "The sensor reports y = f(d) + s e at the true distance d to a landmark's surface. Drive past "
       "landmarks at unknown\n"

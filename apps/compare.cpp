@@ -51,7 +51,8 @@ void add_compare(CLI::App& app, Action& chosen) {
   const auto job = std::make_shared<JobOptions>();
   const auto page = std::make_shared<std::string>();
   job->add_to(*command);
-  command->add_option("--report", *page, "write a report to look at to this file: one HTML page that needs no network");
+  command->add_option("--report", *page,
+                      "write a report to look at to this file: one HTML page that needs no network");
   command->footer(
       "All methods share one order and noise law and are scored by the same two functions: the joint NLL at "
       "their best\n"

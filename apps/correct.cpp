@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rangecal/solvers/correction/candidates.hpp"
-
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -15,6 +13,7 @@
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/solvers/correction/candidates.hpp"
 #include "rangecal/solvers/correction/posterior.hpp"
 #include "track/line_source.hpp"
 
@@ -28,7 +27,8 @@ std::string text_of_stdin() {
   std::size_t size = 0;
   while (const std::size_t count = std::fread(text.data() + size, 1, text.size() - size, stdin)) {
     size += count;
-    if (size > most_bytes) throw InputError("stdin", 0, "", "is larger than 256 MB; 'rangecal track' takes any stream");
+    if (size > most_bytes)
+      throw InputError("stdin", 0, "", "is larger than 256 MB; 'rangecal track' takes any stream");
     if (size == text.size()) text.resize(2 * size);
   }
   text.resize(size);
@@ -68,7 +68,9 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
     do {
       if (blank(line)) continue;
       const auto reading = number_of(line);
-      if (!reading) throw InputError(name, lines.number(), "", "'" + std::string(line.substr(0, 40)) + "' is not a number");
+      if (!reading)
+        throw InputError(name, lines.number(), "",
+                         "'" + std::string(line.substr(0, 40)) + "' is not a number");
       readings.push_back(*reading);
     } while (lines.next(line));
     return readings;
@@ -83,7 +85,9 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
 }
 
 void print_correction(double reading, const std::vector<CorrectionCandidate>& candidates) {
-  const auto field = [](const std::optional<double>& value) { return value ? fmt::format("{:.6f}", *value) : ""; };
+  const auto field = [](const std::optional<double>& value) {
+    return value ? fmt::format("{:.6f}", *value) : "";
+  };
   for (const CorrectionCandidate& c : candidates)
     fmt::print("{},{},{},{},{}\n", std::isnan(reading) ? "" : fmt::format("{}", reading), field(c.distance_m),
                field(c.std_dev_m), c.distance_m ? fmt::format("{}", c.candidate) : "", c.flag);
@@ -98,10 +102,11 @@ std::optional<CsvTable> table_from(const std::string& text, const std::string& n
 /// Posteriors of readings that follow each other, under a prior that may follow from the one before.
 class Posteriors {
  public:
-  Posteriors(const ReadingSettings& settings, const std::string& kind, const std::vector<double>& limits, double speed,
-             const CsvTable* table, const std::string& name)
+  Posteriors(const ReadingSettings& settings, const std::string& kind, const std::vector<double>& limits,
+             double speed, const CsvTable* table, const std::string& name)
       : settings_(settings), table_(table), speed_(speed) {
-    if (kind != "uniform" && kind != "map" && kind != "motion") throw InputError("--prior is '" + kind + "', not uniform, map or motion");
+    if (kind != "uniform" && kind != "map" && kind != "motion")
+      throw InputError("--prior is '" + kind + "', not uniform, map or motion");
     if (!limits.empty()) {
       base_.low_m = limits[0];
       base_.high_m = limits[1];
@@ -114,7 +119,8 @@ class Posteriors {
     };
     if (kind == "map") map_ = {column("prior_m"), column("prior_sigma_m")};
     if (kind == "motion") {
-      if (!(speed > 0.0)) throw InputError("--prior motion needs --speed, the largest speed along the beam in m/s");
+      if (!(speed > 0.0))
+        throw InputError("--prior motion needs --speed, the largest speed along the beam in m/s");
       time_ = column("time_s");
     }
   }
@@ -126,7 +132,7 @@ class Posteriors {
     if (map_ || time_ || readings < many || !calibration.effects.empty()) return;
     try {
       fast_ = std::make_unique<const PosteriorTable>(calibration, base_);
-    } catch (const InputError&) {   // a curve with more parts than a table takes: integrals serve
+    } catch (const InputError&) {  // a curve with more parts than a table takes: integrals serve
     }
   }
 
@@ -146,7 +152,8 @@ class Posteriors {
       if (before_) prior = moved(*before_, base_, speed_ * (time - last_time_));
     }
     if (!(reading > 0.0) || !std::isfinite(reading)) {
-      const CorrectionCandidate why = correction_candidates(settings_.corrector, reading, settings_.of_reading[i], false).front();
+      const CorrectionCandidate why =
+          correction_candidates(settings_.corrector, reading, settings_.of_reading[i], false).front();
       fmt::print("{},,,,{},,,,,\n", field, why.flag);
       return;
     }
@@ -154,7 +161,8 @@ class Posteriors {
       print(field, (*fast_)(reading));
       return;
     }
-    const DistancePosterior posterior = distance_posterior(settings_.corrector, reading, settings_.of_reading[i], prior);
+    const DistancePosterior posterior =
+        distance_posterior(settings_.corrector, reading, settings_.of_reading[i], prior);
     if (posterior.outcome != Outcome::converged) {
       fmt::print("{},,,,out_of_range,,,,,\n", field);
       return;
@@ -181,17 +189,21 @@ class Posteriors {
 
   void print(const std::string& field, const PosteriorTable::Row& row) const {
     std::vector<PosteriorRoot> roots;
-    for (int i = 0; i < fast_->root_count(); ++i) roots.push_back({row.probability[i], row.root_m[i], row.root_std_dev_m[i], 0.0, 0.0});
+    for (int i = 0; i < fast_->root_count(); ++i)
+      roots.push_back({row.probability[i], row.root_m[i], row.root_std_dev_m[i], 0.0, 0.0});
     print(field, std::move(roots), row.mode_m, row.mean_m, row.low_m, row.high_m);
   }
 
   /// A line for each root, the most probable first.
-  static void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean, double low, double high) {
-    std::sort(roots.begin(), roots.end(), [](const auto& a, const auto& b) { return a.probability > b.probability; });
+  static void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean,
+                    double low, double high) {
+    std::sort(roots.begin(), roots.end(),
+              [](const auto& a, const auto& b) { return a.probability > b.probability; });
     std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
     for (std::size_t k = 0; k < roots.size(); ++k)
-      fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m, roots[k].std_dev_m, k + 1,
-                 roots.size() > 1 ? "ambiguous" : "ok", roots[k].probability, mode, mean, low, high);
+      fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m,
+                 roots[k].std_dev_m, k + 1, roots.size() > 1 ? "ambiguous" : "ok", roots[k].probability, mode,
+                 mean, low, high);
   }
 
   const ReadingSettings& settings_;
@@ -220,8 +232,10 @@ struct CorrectCommand {
     const std::string name = from_stdin ? "stdin" : file;
     const std::vector<double> readings = readings_from(text, name);
     const std::optional<CsvTable> table = table_from(text, name);
-    const ReadingSettings settings = reading_settings(loaded, table ? &*table : nullptr, name, readings.size());
-    if (prior.empty() && (!limits.empty() || speed != 0.0)) throw InputError("--limits and --speed say what a --prior is; there is none");
+    const ReadingSettings settings =
+        reading_settings(loaded, table ? &*table : nullptr, name, readings.size());
+    if (prior.empty() && (!limits.empty() || speed != 0.0))
+      throw InputError("--limits and --speed say what a --prior is; there is none");
     if (!prior.empty()) {
       Posteriors posteriors(settings, prior, limits, speed, table ? &*table : nullptr, name);
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.check(i);
@@ -232,8 +246,8 @@ struct CorrectCommand {
     }
     fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
     for (std::size_t i = 0; i < readings.size(); ++i)
-      print_correction(readings[i], correction_candidates(settings.corrector, readings[i], settings.of_reading[i],
-                                                          roots == "ml"));
+      print_correction(readings[i], correction_candidates(settings.corrector, readings[i],
+                                                          settings.of_reading[i], roots == "ml"));
     return done;
   }
 };
@@ -254,10 +268,14 @@ void add_correct(CLI::App& app, Action& chosen) {
           "--roots", state->roots,
           "ls: distances where f(d) is the reading; ml: the most likely distances (2016 paper, eq. 27)")
       ->capture_default_str();
-  command->add_option("--prior", state->prior,
-                      "give posteriors: uniform (over --limits), map (columns prior_m, prior_sigma_m: what a map predicts), motion (the "
-                      "reading before, column time_s, and --speed)");
-  command->add_option("--limits", state->limits, "MIN MAX of the distance [m]; else those over which f was fitted")->expected(2);
+  command->add_option(
+      "--prior", state->prior,
+      "give posteriors: uniform (over --limits), map (columns prior_m, prior_sigma_m: what a map predicts), motion (the "
+      "reading before, column time_s, and --speed)");
+  command
+      ->add_option("--limits", state->limits,
+                   "MIN MAX of the distance [m]; else those over which f was fitted")
+      ->expected(2);
   command->add_option("--speed", state->speed, "largest speed along the beam [m/s], for --prior motion");
   command->footer(
       "Prints CSV: reading_m, distance_m, std_m (noise of the reading and uncertainty of f together), "

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -7,8 +8,6 @@
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <fmt/core.h>
 
 #include "commands.hpp"
 #include "diagnosis_text.hpp"
@@ -33,7 +32,8 @@ struct DiagnoseCommand {
     if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
       throw InputError(fmt::format("--alarm-rate is {}, not between 0 and 1", alarm_rate));
     for (const std::string& id : force)
-      if (!find_effect(id)) throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
+      if (!find_effect(id))
+        throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration});
     std::vector<Recording> loaded;
@@ -59,7 +59,8 @@ struct DiagnoseCommand {
     }
     options.simulation = load_calibration(simulation);
     if (!is_usable(options.simulation->outcome))
-      throw InputError(simulation + ": its outcome is " + to_string(options.simulation->outcome) + ", so nothing can be held against it");
+      throw InputError(simulation + ": its outcome is " + to_string(options.simulation->outcome) +
+                       ", so nothing can be held against it");
     return diagnose(loaded, options);
   }
 
@@ -95,15 +96,16 @@ int list_effects(const std::string& id) {
     field("visible by", info.visible_by);
     field("settled by", info.settled_by);
     for (const EffectParameter& p : info.parameters)
-      field("parameter", fmt::format("{}: typically {:g}, from {:g} to {:g}{}", p.name, p.typical, p.low, p.high,
-                                     p.discrete ? ", chosen from the recording" : ""));
+      field("parameter", fmt::format("{}: typically {:g}, from {:g} to {:g}{}", p.name, p.typical, p.low,
+                                     p.high, p.discrete ? ", chosen from the recording" : ""));
     field("source", info.source);
     return done;
   }
   for (const auto& effect : effect_registry()) {
     const EffectInfo& info = effect->info();
     fmt::print("{}  ({} along {})\n    {}\n    {}\n    typical: {}\n", info.id, info.channel, info.covariate,
-               wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96), wrapped(typical_sizes(info), 4, 96));
+               wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96),
+               wrapped(typical_sizes(info), 4, 96));
   }
   return done;
 }
@@ -111,15 +113,21 @@ int list_effects(const std::string& id) {
 }  // namespace
 
 void add_diagnose(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("diagnose", "find what the model leaves out, name the physics, complete the model");
+  CLI::App* command =
+      app.add_subcommand("diagnose", "find what the model leaves out, name the physics, complete the model");
   const auto state = std::make_shared<DiagnoseCommand>();
   command->add_option("REC", state->recordings, "recording folders of one sensor")->required();
-  command->add_option("--simulation", state->simulation,
-                      "hold this against the recordings: a calibration file, or a recording made by a simulator");
+  command->add_option(
+      "--simulation", state->simulation,
+      "hold this against the recordings: a calibration file, or a recording made by a simulator");
   command->add_option("--json", state->json, "write the diagnosis to this file (rangecal-diagnosis/1)");
-  command->add_option("--calibration", state->calibration, "write the corrected calibration, effects in it, to this file");
-  command->add_option("--report", state->report, "write a report to look at to this file: one HTML page that needs no network");
-  command->add_option("--alarm-rate", state->alarm_rate, "false alarms per recording of the seed model, all questions together")
+  command->add_option("--calibration", state->calibration,
+                      "write the corrected calibration, effects in it, to this file");
+  command->add_option("--report", state->report,
+                      "write a report to look at to this file: one HTML page that needs no network");
+  command
+      ->add_option("--alarm-rate", state->alarm_rate,
+                   "false alarms per recording of the seed model, all questions together")
       ->capture_default_str();
   command->add_option("--force", state->force, "fit exactly these effects, whatever the residuals say");
   command->footer(
@@ -132,7 +140,8 @@ void add_diagnose(CLI::App& app, Action& chosen) {
 }
 
 void add_effects(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("effects", "list the catalogue of physical effects that diagnose knows");
+  CLI::App* command =
+      app.add_subcommand("effects", "list the catalogue of physical effects that diagnose knows");
   const auto id = std::make_shared<std::string>();
   command->add_option("ID", *id, "show this effect alone, in full");
   command->footer(

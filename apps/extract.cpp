@@ -19,9 +19,10 @@ int save(ingest::Extracted extracted, const std::string& folder, const std::stri
   fmt::print("{}", ingest::describe(extraction, extracted.options));
   if (!json.empty()) write_file(json, counts);
   if (extraction.runs_clockwise)
-    fmt::print(stderr,
-               "rangecal: with bearings turned round the stops agree much better: if the scanner counts clockwise, "
-               "add --clockwise\n");
+    fmt::print(
+        stderr,
+        "rangecal: with bearings turned round the stops agree much better: if the scanner counts clockwise, "
+        "add --clockwise\n");
   if (extraction.recording.landmarks.empty()) {
     fmt::print(stderr, "rangecal: no landmark was found; no recording is written\n");
     return not_delivered;
@@ -37,7 +38,8 @@ int save(ingest::Extracted extracted, const std::string& folder, const std::stri
 }  // namespace
 
 void add_extract(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("extract", "find cylinders in raw scans and make a recording of them");
+  CLI::App* command =
+      app.add_subcommand("extract", "find cylinders in raw scans and make a recording of them");
   const auto folder = std::make_shared<std::string>(), json = std::make_shared<std::string>();
   const auto work = ingest::add_extract_options(*command);
   command->add_option("-o,--output", *folder, "folder of the recording, made if missing")->required();

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+#include <glog/logging.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -8,9 +10,6 @@
 #include <exception>
 #include <string>
 #include <system_error>
-
-#include <fmt/core.h>
-#include <glog/logging.h>
 
 #include "commands.hpp"
 #include "rangecal/core/errors.hpp"
@@ -60,7 +59,9 @@ std::string version_text() {
 }
 
 int run(int argc, char** argv) {
-  CLI::App app{"Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances.", "rangecal"};
+  CLI::App app{
+      "Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances.",
+      "rangecal"};
   app.set_version_flag("--version", version_text());
   app.require_subcommand(1);
   app.footer(
@@ -99,7 +100,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::Success& help_or_version) {
     return app.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
-    std::string of;   // the command that the line named, and its own: "import lego "
+    std::string of;  // the command that the line named, and its own: "import lego "
     for (auto named = app.get_subcommands(); !named.empty(); named = named.front()->get_subcommands())
       of += named.front()->get_name() + " ";
     complain(fmt::format("{}; see 'rangecal {}--help'", one_line(error.what()), of));
@@ -114,7 +115,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::signal(SIGXFSZ, SIG_IGN);   // a file at its limit is a write that fails, as on a full disk
+  std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is a write that fails, as on a full disk
   try {
     return run(argc, argv);
   } catch (const rangecal::NoAnswerError& error) {

@@ -19,7 +19,8 @@ bool started_by_mpirun() {
 }
 
 void become_mpi_program(std::vector<std::string> words, const std::string& way_out) {
-  const std::string program = (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "rangecal-mpi").string();
+  const std::string program =
+      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "rangecal-mpi").string();
   words.insert(words.begin(), program);
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());

@@ -14,7 +14,8 @@ inline CLI::Validator number_that(bool (*holds)(double), const std::string& is) 
       [holds, is](const std::string& text) {
         double value = 0.0;
         const bool read = CLI::detail::lexical_cast(text, value);
-        return read && std::isfinite(value) && holds(value) ? std::string() : "Value " + text + " is not " + is;
+        return read && std::isfinite(value) && holds(value) ? std::string()
+                                                            : "Value " + text + " is not " + is;
       },
       std::string());
 }

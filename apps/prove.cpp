@@ -44,8 +44,8 @@ void write_csv(const ProveOptions& o, const std::vector<proof::Score>& scores) {
 }
 
 nlohmann::ordered_json world_as_json(const proof::Case& c) {
-  return {{"row", c.row},     {"design", c.design},      {"index", c.index}, {"seed", c.seed},
-          {"planted", c.truth}, {"sizes", c.sizes},      {"value", c.value}, {"truth", c.planted.truth}};
+  return {{"row", c.row},       {"design", c.design}, {"index", c.index}, {"seed", c.seed},
+          {"planted", c.truth}, {"sizes", c.sizes},   {"value", c.value}, {"truth", c.planted.truth}};
 }
 
 /// Writes one world of a row as a recording with its key beside it, and says how it was scored.
@@ -69,8 +69,10 @@ int prove_fresh(const ProveOptions& o) {
   options.progress = show_progress;
   for (const std::string& row : o.rows)
     if (std::find(proof::row_names().begin(), proof::row_names().end(), row) == proof::row_names().end())
-      throw InputError("--row " + row + " is not one of: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
-  if (o.resume && o.csv.empty()) throw InputError("--resume needs the --csv FILE of the run that was stopped");
+      throw InputError("--row " + row +
+                       " is not one of: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
+  if (o.resume && o.csv.empty())
+    throw InputError("--resume needs the --csv FILE of the run that was stopped");
   std::optional<WriteLock> lock;
   if (!o.csv.empty()) lock.emplace(o.csv);
   if (o.resume && file_exists(o.csv)) options.known = proof::read_scores(read_file(o.csv), o.csv);
@@ -97,13 +99,15 @@ int prove_sealed(const ProveOptions& o) {
   for (const std::string& recording : recordings) {
     answers.push_back(proof::answer_sealed(recording, blind));
     const Diagnosis& diagnosis = answers.back().diagnosis;
-    written.push_back({{"recording", recording},
-                       {"answer", proof::in_words(proof::answer_sets(diagnosis))},
-                       {"verdict", to_string(diagnosis.verdict)},
-                       {"probability", diagnosis.explanations.empty() ? 0.0 : diagnosis.explanations[0].probability},
-                       {"location", diagnosis.location.empty() ? std::string() : diagnosis.location[0].channel + "/" +
-                                                                                    diagnosis.location[0].covariate},
-                       {"sentence", diagnosis.sentence}});
+    written.push_back(
+        {{"recording", recording},
+         {"answer", proof::in_words(proof::answer_sets(diagnosis))},
+         {"verdict", to_string(diagnosis.verdict)},
+         {"probability", diagnosis.explanations.empty() ? 0.0 : diagnosis.explanations[0].probability},
+         {"location", diagnosis.location.empty()
+                          ? std::string()
+                          : diagnosis.location[0].channel + "/" + diagnosis.location[0].covariate},
+         {"sentence", diagnosis.sentence}});
     show_progress(static_cast<int>(answers.size()), static_cast<int>(recordings.size()));
   }
   if (!o.out.empty()) write_file(o.out, written.dump(2) + "\n");
@@ -111,8 +115,8 @@ int prove_sealed(const ProveOptions& o) {
   fmt::print("{:<44} {:<14} {:<40} {}\n", "recording", "", "planted", "answer");
   for (const proof::SealedAnswer& answer : answers) {
     scores.push_back(proof::score_sealed(answer, blind));
-    fmt::print("{:<44} {:<14} {:<40} {}\n", answer.recording, to_string(scores.back().result), scores.back().planted,
-               scores.back().answer);
+    fmt::print("{:<44} {:<14} {:<40} {}\n", answer.recording, to_string(scores.back().result),
+               scores.back().planted, scores.back().answer);
   }
   write_csv(o, scores);
   fmt::print("\n{} commitments checked\n\n{}", scores.size(), proof::proof_text(scores, {}));
@@ -127,7 +131,8 @@ int prove(const ProveOptions& o) {
   }
   if (o.world >= 0) return dump_world(o);
   if (o.fresh > 0) return prove_fresh(o);
-  if (o.folders.empty()) throw InputError("prove: give folders of concealed recordings, or --fresh N --seed S");
+  if (o.folders.empty())
+    throw InputError("prove: give folders of concealed recordings, or --fresh N --seed S");
   return prove_sealed(o);
 }
 
@@ -142,9 +147,11 @@ void add_prove(CLI::App& app, Action& chosen) {
   command->add_option("--seed", options->seed, "seed of the worlds")->check(whole());
   command->add_option("--design", options->design, "line, turning or both")
       ->check(CLI::IsMember({"line", "turning", "both"}));
-  command->add_option("--row", options->rows, "only these rows: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
+  command->add_option("--row", options->rows,
+                      "only these rows: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
   command->add_option("--csv", options->csv, "one line per world, written as they are done");
-  command->add_flag("--resume", options->resume, "with --fresh: go on where the run that wrote --csv FILE was stopped");
+  command->add_flag("--resume", options->resume,
+                    "with --fresh: go on where the run that wrote --csv FILE was stopped");
   command->add_option("-o,--out", options->out, "file for the answers, or folder of --make");
   command->add_option("--make", options->make, "make that many concealed recordings")->check(positive());
   command->add_option("--world", options->world, "run the world of that number of one --row and --design");

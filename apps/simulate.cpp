@@ -21,7 +21,8 @@ namespace {
 
 /// Simulates the recordings of a diagnosis by the model it stands by: into the folder itself, or several below it.
 int simulate_again(const std::string& diagnosis, const std::string& folder, std::uint64_t seed) {
-  std::vector<Recording> recordings = simulate(simulation_model_from_json(read_file(diagnosis), diagnosis), seed);
+  std::vector<Recording> recordings =
+      simulate(simulation_model_from_json(read_file(diagnosis), diagnosis), seed);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     recordings[r].path = recordings.size() == 1 ? folder : fmt::format("{}/{}", folder, r + 1);
     require_replaceable(recordings[r].path);
@@ -41,9 +42,13 @@ void add_simulate(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("simulate", "make a recording with ground truth from a scene file");
   const auto options = std::make_shared<Options>();
   command->add_option("SCENE", options->scene, "scene file (docs/scene.md)");
-  command->add_option("--from", options->diagnosis,
-                      "instead of a scene: what 'diagnose --json' wrote; its recordings again, effects included");
-  command->add_option("-o,--output", options->folder, "folder of the recording, made if missing; a recording that was measured is not replaced")->required();
+  command->add_option(
+      "--from", options->diagnosis,
+      "instead of a scene: what 'diagnose --json' wrote; its recordings again, effects included");
+  command
+      ->add_option("-o,--output", options->folder,
+                   "folder of the recording, made if missing; a recording that was measured is not replaced")
+      ->required();
   command->add_option("--seed", options->seed, "the same seed makes the same recording")
       ->check(whole())
       ->capture_default_str();
@@ -53,8 +58,10 @@ void add_simulate(CLI::App& app, Action& chosen) {
       "  rangecal diagnose REC --json d.json && rangecal simulate --from d.json -o sim");
   command->callback([options, &chosen] {
     chosen = [options] {
-      if (options->scene.empty() == options->diagnosis.empty()) throw InputError("give a scene file, or --from DIAGNOSIS");
-      if (!options->diagnosis.empty()) return simulate_again(options->diagnosis, options->folder, options->seed);
+      if (options->scene.empty() == options->diagnosis.empty())
+        throw InputError("give a scene file, or --from DIAGNOSIS");
+      if (!options->diagnosis.empty())
+        return simulate_again(options->diagnosis, options->folder, options->seed);
       require_replaceable(options->folder);
       Recording recording = simulate(load_scene(options->scene), options->seed);
       save_recording(recording, options->folder, "rangecal simulate");

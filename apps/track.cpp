@@ -31,7 +31,7 @@ struct TrackCommand {
       job.options.order = order[0] - '0';
     }
     job.options.law = noise_law_from_string(noise);
-    job.options.noise_order = job.options.order.value_or(1);   // as 'calibrate' has it
+    job.options.noise_order = job.options.order.value_or(1);  // as 'calibrate' has it
     if (!range.empty()) {
       job.options.range_min_m = range[0];
       job.options.range_max_m = range[1];
@@ -65,7 +65,9 @@ struct TrackCommand {
     if (tracked.changes.empty()) return "Changes    none against " + job.from + "\n";
     std::string text;
     for (const ChangeAlarm& c : tracked.changes) {
-      const char* unit = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder ? " m" : c.kind == ChangeKind::pointing ? " 1/m" : "";
+      const char* unit = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder ? " m"
+                         : c.kind == ChangeKind::pointing                              ? " 1/m"
+                                                                                       : "";
       text += fmt::format("Changes    alarm at {0} {1}, since about {0} {2}{3}\n",
                           tracked.landmarks ? "reading" : "pair", c.reading, c.since,
                           c.named ? fmt::format(": {} by {}{} (probability {:.2f})", to_string(c.kind),
@@ -76,25 +78,33 @@ struct TrackCommand {
   }
 
   std::string page(const Tracked& tracked) const {
-    std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; {}: {}\n", tracked.rows, tracked.corrected,
-                                   tracked.malformed, tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
-    if (!tracked.calibration)
-      return text + fmt::format("Curve f    {}\n", what_lacks(tracked));
+    std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; {}: {}\n",
+                                   tracked.rows, tracked.corrected, tracked.malformed,
+                                   tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
+    if (!tracked.calibration) return text + fmt::format("Curve f    {}\n", what_lacks(tracked));
     const Calibration& c = *tracked.calibration;
-    text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method), c.reason.empty() ? "" : ": ", c.reason);
+    text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method),
+                        c.reason.empty() ? "" : ": ", c.reason);
     if (c.alpha.size() == 0) return text;
     if (std::isfinite(job.options.forget))
       text += fmt::format("Memory     time constant {} {}; {:.0f} readings count\n", job.options.forget,
-                          tracked.landmarks ? "stops" : tracked.timed ? "s" : "readings", tracked.effective);
+                          tracked.landmarks ? "stops"
+                          : tracked.timed   ? "s"
+                                            : "readings",
+                          tracked.effective);
     text += fmt::format("Model      order {}, noise {}", c.order(), law_in_words(c.noise.law));
     for (Eigen::Index j = 0; j < c.noise.parameters.size(); ++j)
-      text += fmt::format(", {:.3g} +- {:.2g} {}", c.noise.parameters[j], c.noise_estimates[static_cast<std::size_t>(j)].std_dev.value_or(0.0),
+      text += fmt::format(", {:.3g} +- {:.2g} {}", c.noise.parameters[j],
+                          c.noise_estimates[static_cast<std::size_t>(j)].std_dev.value_or(0.0),
                           law_unit(c.noise.law, static_cast<int>(j)));
     text += "\nCurve f    reading =";
     for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {
       std::optional<double> std_dev;
       if (c.alpha_covariance) std_dev = std::sqrt((*c.alpha_covariance)(i, i));
-      text += fmt::format("{}({}){}", i == 0 ? " " : " + ", with_std(c.alpha[i], std_dev), i == 0 ? "" : i == 1 ? " d" : fmt::format(" d^{}", i));
+      text += fmt::format("{}({}){}", i == 0 ? " " : " + ", with_std(c.alpha[i], std_dev),
+                          i == 0   ? ""
+                          : i == 1 ? " d"
+                                   : fmt::format(" d^{}", i));
     }
     text += fmt::format("; d in m, seen from {:.3g} to {:.3g} m\n", c.range_min_m, c.range_max_m);
     for (const LandmarkEstimate& landmark : c.landmarks) {
@@ -102,7 +112,8 @@ struct TrackCommand {
         if (!landmark.covariance) return std::nullopt;
         return std::sqrt((*landmark.covariance)(k, k));
       };
-      text += fmt::format("Landmark   {} at ({}, {}) m\n", landmark.label, with_std(landmark.position_m.x(), std_dev(0)),
+      text += fmt::format("Landmark   {} at ({}, {}) m\n", landmark.label,
+                          with_std(landmark.position_m.x(), std_dev(0)),
                           with_std(landmark.position_m.y(), std_dev(1)));
     }
     return text;
@@ -114,22 +125,38 @@ struct TrackCommand {
 void add_track(CLI::App& app, Action& chosen) {
   CLI::App* command = app.add_subcommand("track", "calibrate and correct readings as they come");
   const auto state = std::make_shared<TrackCommand>();
-  command->add_option("FILE", state->job.input, "CSV with reading_m (or range_m), and true_m, time_s where known; or stop, landmark, range_m, bearing_rad; - or nothing: stdin")
+  command
+      ->add_option(
+          "FILE", state->job.input,
+          "CSV with reading_m (or range_m), and true_m, time_s where known; or stop, landmark, range_m, bearing_rad; - or nothing: stdin")
       ->capture_default_str();
   command->add_flag("--follow", state->job.follow, "wait for more at the end of FILE until Ctrl-C");
-  command->add_option("--state", state->job.state, "keep the state in this file: a run that was stopped or killed goes on there");
-  command->add_option("--every", state->job.every, "rows from one saving of the state to the next")->check(CLI::Range(1, 100000000))->capture_default_str();
-  command->add_option("--from", state->job.from, "calibration (JSON) to correct by until the stream has its own");
-  command->add_option("--order", state->order, "of f: 0 to 8, or auto: the lowest AIC of 1 to 4 at each estimate")->capture_default_str();
-  command->add_option("--noise", state->noise, "noise law: constant, f, f2, f3, d2, polynomial (of f's order; pairs only)")->capture_default_str();
+  command->add_option("--state", state->job.state,
+                      "keep the state in this file: a run that was stopped or killed goes on there");
+  command->add_option("--every", state->job.every, "rows from one saving of the state to the next")
+      ->check(CLI::Range(1, 100000000))
+      ->capture_default_str();
+  command->add_option("--from", state->job.from,
+                      "calibration (JSON) to correct by until the stream has its own");
+  command
+      ->add_option("--order", state->order,
+                   "of f: 0 to 8, or auto: the lowest AIC of 1 to 4 at each estimate")
+      ->capture_default_str();
+  command
+      ->add_option("--noise", state->noise,
+                   "noise law: constant, f, f2, f3, d2, polynomial (of f's order; pairs only)")
+      ->capture_default_str();
   command
       ->add_option(
           "--forget", state->forget,
           "time constant of the memory: seconds, or readings where there is no time_s; of landmarks: stops")
       ->check(positive());
   command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);
-  command->add_flag("--approximate", state->job.approximate, "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
-  command->add_option("--stops", state->job.stops, "readings of landmarks: the recording whose stops and landmarks the stream names by label");
+  command->add_flag("--approximate", state->job.approximate,
+                    "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
+  command->add_option(
+      "--stops", state->job.stops,
+      "readings of landmarks: the recording whose stops and landmarks the stream names by label");
   command
       ->add_option("--sigma-xy", state->job.sigma_xy_m,
                    "how far a stop may be from its pose [m], where nothing else says")
@@ -151,7 +178,8 @@ void add_track(CLI::App& app, Action& chosen) {
                    "two false alarms (100000, say)")
       ->check(CLI::Range(100.0, 1e12));
   command->add_option("--changes", state->job.changes, "keep a table of the alarms of --watch in this file");
-  command->add_option("-o,--output", state->job.output, "write the corrected distances here and a summary to stdout");
+  command->add_option("-o,--output", state->job.output,
+                      "write the corrected distances here and a summary to stdout");
   command->add_option("--json", state->json, "write the last calibration to this file");
   command->footer(
       "Every row gives a line reading_m, distance_m, std_m, flag as soon as it is read: the most likely "

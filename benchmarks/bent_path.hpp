@@ -11,7 +11,8 @@ namespace rangecal {
 
 /// Stops along 6 m that swing to either side by `swing_m`, turning as they go if `turns`, and landmarks of 5 cm on both
 /// sides of them in random places.
-inline void add_bent_path(Scene& scene, int stops, int landmarks, double swing_m, bool turns, Random& random) {
+inline void add_bent_path(Scene& scene, int stops, int landmarks, double swing_m, bool turns,
+                          Random& random) {
   for (int k = 0; k < stops; ++k) {
     Stop stop;
     stop.label = std::to_string(k);

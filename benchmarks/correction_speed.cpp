@@ -47,7 +47,8 @@ void integrals(benchmark::State& state, bool turns) {
   const rangecal::EffectCorrector corrector(calibration, {});
   const std::vector<double> y = readings(turns);
   std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(rangecal::distance_posterior(corrector, y[i++ % y.size()], {}));
+  for (auto _ : state)
+    benchmark::DoNotOptimize(rangecal::distance_posterior(corrector, y[i++ % y.size()], {}));
   state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK_CAPTURE(integrals, monotone, false);

@@ -58,7 +58,8 @@ Measured in_child(const Solve& solve, int repeats) {
     for (int i = 0; i < repeats; ++i) {
       const auto begin = std::chrono::steady_clock::now();
       result.nll = solve(result.iterations);
-      times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+      times.push_back(
+          std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
     }
     std::sort(times.begin(), times.end());
     result.milliseconds = times[times.size() / 10];
@@ -68,7 +69,8 @@ Measured in_child(const Solve& solve, int repeats) {
   }
   close(ends[1]);
   Measured result;
-  if (read(ends[0], &result, sizeof result) != sizeof result) result.nll = std::numeric_limits<double>::quiet_NaN();
+  if (read(ends[0], &result, sizeof result) != sizeof result)
+    result.nll = std::numeric_limits<double>::quiet_NaN();
   close(ends[0]);
   int status = 0;
   waitpid(child, &status, 0);
@@ -97,25 +99,30 @@ void run(int stops, int landmarks, int sight, int repeats) {
     for (double tolerance = 1e-6; tolerance > 1e-16; tolerance *= 0.1) {
       plain = in_child(
           [&](int& iterations) {
-            return joint_nll(problem, benchmark::solve_plain_ceres(problem, seed, {ratio, tolerance}, &iterations));
+            return joint_nll(problem,
+                             benchmark::solve_plain_ceres(problem, seed, {ratio, tolerance}, &iterations));
           },
           1);
       if (!(plain.nll < block.nll + 1e-3)) continue;
       if (times == 1) break;
       return in_child(
           [&](int& iterations) {
-            return joint_nll(problem, benchmark::solve_plain_ceres(problem, seed, {ratio, tolerance}, &iterations));
+            return joint_nll(problem,
+                             benchmark::solve_plain_ceres(problem, seed, {ratio, tolerance}, &iterations));
           },
           times);
     }
     return plain;
   };
-  const Measured plain = plain_with(1e-3, std::max(1, repeats / 2)), tight = plain_with(0.3, std::max(1, repeats / 2));
+  const Measured plain = plain_with(1e-3, std::max(1, repeats / 2)),
+                 tight = plain_with(0.3, std::max(1, repeats / 2));
   const auto print = [&](const char* name, const Measured& m, bool same = true) {
-    const char* note = !same ? "  (another criterion)" : m.nll < block.nll + 1e-3 ? "" : "  (more than 1e-3 off)";
-    fmt::print("{:7d} {:3d} {:7d}  {:<34} {:12.4f} {:5d} {:8.1f} {:10.1f} {:8.2f} {:16.6f}{}\n", stops, landmarks,
-               static_cast<int>(problem.cells.size()), name, m.milliseconds, m.iterations, plain.milliseconds / m.milliseconds,
-               m.megabytes, m.megabytes / plain.megabytes, m.nll, note);
+    const char* note = !same                      ? "  (another criterion)"
+                       : m.nll < block.nll + 1e-3 ? ""
+                                                  : "  (more than 1e-3 off)";
+    fmt::print("{:7d} {:3d} {:7d}  {:<34} {:12.4f} {:5d} {:8.1f} {:10.1f} {:8.2f} {:16.6f}{}\n", stops,
+               landmarks, static_cast<int>(problem.cells.size()), name, m.milliseconds, m.iterations,
+               plain.milliseconds / m.milliseconds, m.megabytes, m.megabytes / plain.megabytes, m.nll, note);
   };
   print("block", block);
   print("ours, by Ceres", ours);
@@ -123,13 +130,15 @@ void run(int stops, int landmarks, int sight, int repeats) {
   print("plain Ceres, floors near spreads", tight);
   if (stops <= 1000) {
     const JointState full = solve_joint_block(problem, seed).state;
-    print("marginal, after full", in_child(
-                                      [&](int& iterations) {
-                                        const MarginalFit fit = solve_marginal(problem, full);
-                                        iterations = fit.iterations;
-                                        return fit.joint_nll;
-                                      },
-                                      std::max(1, repeats / 10)), false);
+    print("marginal, after full",
+          in_child(
+              [&](int& iterations) {
+                const MarginalFit fit = solve_marginal(problem, full);
+                iterations = fit.iterations;
+                return fit.joint_nll;
+              },
+              std::max(1, repeats / 10)),
+          false);
   }
 }
 
@@ -137,10 +146,11 @@ void run(int stops, int landmarks, int sight, int repeats) {
 
 int main(int argc, char** argv) {
   const int largest = argc > 1 ? std::atoi(argv[1]) : 100000, solves = argc > 2 ? std::atoi(argv[2]) : 200;
-  fmt::print("{:>7} {:>3} {:>7}  {:<34} {:>12} {:>5} {:>8} {:>10} {:>8} {:>16}\n", "K", "L", "cells", "method", "ms / solve",
-             "iter", "faster", "MB", "of plain", "NLL [nats]");
+  fmt::print("{:>7} {:>3} {:>7}  {:<34} {:>12} {:>5} {:>8} {:>10} {:>8} {:>16}\n", "K", "L", "cells",
+             "method", "ms / solve", "iter", "faster", "MB", "of plain", "NLL [nats]");
   run(20, 5, 5, solves);
   for (int stops : {1000, 10000, 100000})
-    if (stops <= largest) run(stops, 50, 10, stops <= 1000 ? std::max(1, solves / 20) : stops <= 10000 ? 3 : 1);
+    if (stops <= largest)
+      run(stops, 50, 10, stops <= 1000 ? std::max(1, solves / 20) : stops <= 10000 ? 3 : 1);
   return 0;
 }

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
@@ -26,7 +25,8 @@ inline JointState lane_truth() {
 
 /// K stops along a lane of landmarks, to and fro; each sees at most `sight` of the L landmarks, the nearest. `drawn`: the
 /// truth behind the readings.
-inline JointProblem make_lane(int stops, int landmarks, int sight, std::uint64_t seed, JointState* drawn = nullptr) {
+inline JointProblem make_lane(int stops, int landmarks, int sight, std::uint64_t seed,
+                              JointState* drawn = nullptr) {
   Random random(seed_from("joint_speed", {static_cast<std::uint64_t>(stops), seed}));
   JointProblem p;
   JointState truth = lane_truth();
@@ -47,7 +47,8 @@ inline JointProblem make_lane(int stops, int landmarks, int sight, std::uint64_t
     prior.place = p.place_count++;
     p.stops.push_back(prior);
     p.sigma_s_shared.push_back(0);
-    const Eigen::Vector2d at(prior.commanded.x_m + random.normal(0, sigma_s), prior.commanded.y_m + random.normal(0, sigma_s));
+    const Eigen::Vector2d at(prior.commanded.x_m + random.normal(0, sigma_s),
+                             prior.commanded.y_m + random.normal(0, sigma_s));
     truth.stops.push_back({at.x(), at.y(), 0.0});
     std::vector<std::pair<double, int>> near;
     for (int l = 0; l < landmarks; ++l) near.emplace_back((m[l] - at).norm(), l);
@@ -63,7 +64,8 @@ inline JointProblem make_lane(int stops, int landmarks, int sight, std::uint64_t
       c.bearing_weight.push_back(1.0);
       c.range_mean.push_back(f + random.normal(0, sigma_e * f));
       c.range_mean_square.push_back(0.0);
-      c.bearing_mean.push_back(std::atan2(m[l].y() - at.y(), m[l].x() - at.x()) + random.normal(0, truth.sigma_theta_rad));
+      c.bearing_mean.push_back(std::atan2(m[l].y() - at.y(), m[l].x() - at.x()) +
+                               random.normal(0, truth.sigma_theta_rad));
       c.bearing_mean_square.push_back(0.0);
       c.radius_m.push_back(radius);
       p.readings += 1.0;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <ceres/autodiff_cost_function.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <vector>
-
-#include <ceres/autodiff_cost_function.h>
-#include <ceres/problem.h>
-#include <ceres/solver.h>
 
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
@@ -90,7 +90,8 @@ inline PairsPoint pairs_by_nlopt(const PairsProblem& problem) {
     for (std::size_t i = 0; i < problem.size(); ++i) {
       const double d = problem.true_m[i], f = x[0] + d * (x[1] + d * x[2]);
       if (!(f > 0.0)) return std::numeric_limits<double>::infinity();
-      const double precision = 1.0 / (sigma_sq * f * f * f * f), r = problem.mean_m[i] - f, q = r * r * precision;
+      const double precision = 1.0 / (sigma_sq * f * f * f * f), r = problem.mean_m[i] - f,
+                   q = r * r * precision;
       nll += 2.0 * std::log(f) + x[3] + 0.5 * q;
       const double in_f = -r * precision + 2.0 * (1.0 - q) / f;
       sum += Eigen::Vector4d(in_f, in_f * d, in_f * d * d, 1.0 - q);
@@ -100,7 +101,8 @@ inline PairsPoint pairs_by_nlopt(const PairsProblem& problem) {
   };
   check.seed = Eigen::Vector4d(0.0, 1.0, 0.0, std::log(pairs_start.sigma));
   check.whitening = whitening_from_information(
-      pairs_derivatives(problem, check.seed.head(3), Noise{NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, pairs_start.sigma)})
+      pairs_derivatives(problem, check.seed.head(3),
+                        Noise{NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, pairs_start.sigma)})
           .information);
   const NloptCheck result = nlopt_check(check);
   return {result.x.head(3), std::exp(result.x[3])};

@@ -6,11 +6,11 @@
 //
 //   pairs_speed [largest N, default 1000000]
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <limits>
-
-#include <fmt/format.h>
 
 #include "pairs_programs.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ceres.hpp"
@@ -20,8 +20,9 @@ int main(int count, char** arguments) {
   using namespace rangecal;
   using namespace rangecal::benchmark;
   const int largest = count > 1 ? std::atoi(arguments[1]) : 1000000;
-  fmt::print("{:>8} {:>12} {:>12} {:>6} {:>14} {:>14} {:>14}   NLL above the best [nats]: ours, 1 thread, Ceres, plain, NLopt\n",
-             "N", "ours [us]", "1 thread[us]", "reads", "our Ceres (x)", "plain Ceres(x)", "NLopt (x)");
+  fmt::print(
+      "{:>8} {:>12} {:>12} {:>6} {:>14} {:>14} {:>14}   NLL above the best [nats]: ours, 1 thread, Ceres, plain, NLopt\n",
+      "N", "ours [us]", "1 thread[us]", "reads", "our Ceres (x)", "plain Ceres(x)", "NLopt (x)");
   for (int rows = 100; rows <= largest; rows *= 10) {
     const PairsProblem problem = simulate_pairs(rows);
     PairsOptions serial;
@@ -38,8 +39,8 @@ int main(int count, char** arguments) {
     const double quasi = seconds_of([&] { nll[4] = pairs_nll_at(problem, pairs_by_nlopt(problem)); });
     double best = nll[0];
     for (const double value : nll) best = std::fmin(best, value);
-    fmt::print("{:>8} {:>12.1f} {:>12.1f} {:>6.1f} {:>14.1f} {:>14.1f} {:>14.1f}  ", rows, 1e6 * ours, 1e6 * single, single / read,
-               mixed / ours, plain / ours, quasi / ours);
+    fmt::print("{:>8} {:>12.1f} {:>12.1f} {:>6.1f} {:>14.1f} {:>14.1f} {:>14.1f}  ", rows, 1e6 * ours,
+               1e6 * single, single / read, mixed / ours, plain / ours, quasi / ours);
     for (const double value : nll) fmt::print(" {:.1e}", value - best);
     fmt::print("\n");
   }

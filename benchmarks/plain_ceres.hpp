@@ -68,8 +68,8 @@ struct PlainPrior {
   }
 };
 
-inline JointState solve_plain_ceres(const JointProblem& problem, const JointState& start, const PlainOptions& plain,
-                                    int* iterations = nullptr) {
+inline JointState solve_plain_ceres(const JointProblem& problem, const JointState& start,
+                                    const PlainOptions& plain, int* iterations = nullptr) {
   JointState state = start;
   const Cells& c = problem.cells;
   double log_sigma = std::log(start.noise.parameters[0]), log_sigma_theta = std::log(start.sigma_theta_rad);
@@ -82,12 +82,12 @@ inline JointState solve_plain_ceres(const JointProblem& problem, const JointStat
     double *stop = &stops[2 * c.stop[i]], *landmark = &landmarks[2 * c.landmark[i]];
     const double d = std::hypot(landmark[0] - stop[0], landmark[1] - stop[1]) - c.radius_m[i];
     const double f = start.alpha[0] + d * (start.alpha[1] + d * start.alpha[2]);
-    program.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<PlainRange, 2, 3, 1, 2, 2>(new PlainRange{
-            c.range_mean[i], c.radius_m[i], std::log(start.noise.spread(d, f)) + drop, start.noise.power_of_f()}),
-        nullptr, state.alpha.data(), &log_sigma, stop, landmark);
-    program.AddResidualBlock(new ceres::AutoDiffCostFunction<PlainBearing, 2, 1, 2, 2>(new PlainBearing{
-                                 c.bearing_mean[i], std::log(start.sigma_theta_rad) + drop}),
+    program.AddResidualBlock(new ceres::AutoDiffCostFunction<PlainRange, 2, 3, 1, 2, 2>(new PlainRange{
+                                 c.range_mean[i], c.radius_m[i], std::log(start.noise.spread(d, f)) + drop,
+                                 start.noise.power_of_f()}),
+                             nullptr, state.alpha.data(), &log_sigma, stop, landmark);
+    program.AddResidualBlock(new ceres::AutoDiffCostFunction<PlainBearing, 2, 1, 2, 2>(
+                                 new PlainBearing{c.bearing_mean[i], std::log(start.sigma_theta_rad) + drop}),
                              nullptr, &log_sigma_theta, stop, landmark);
   }
   for (std::size_t k = 0; k < problem.stops.size(); ++k)
@@ -112,7 +112,8 @@ inline JointState solve_plain_ceres(const JointProblem& problem, const JointStat
     state.stops[k].x_m = stops[2 * k];
     state.stops[k].y_m = stops[2 * k + 1];
   }
-  for (std::size_t l = 0; l < state.landmarks.size(); ++l) state.landmarks[l] = {landmarks[2 * l], landmarks[2 * l + 1]};
+  for (std::size_t l = 0; l < state.landmarks.size(); ++l)
+    state.landmarks[l] = {landmarks[2 * l], landmarks[2 * l + 1]};
   return state;
 }
 

@@ -63,7 +63,8 @@ rangecal::LandmarkReading landmark_reading(std::int64_t i, int repeats, rangecal
   reading.radius_m = 0.12;
   rangecal::Random place(rangecal::seed_from("stop", {static_cast<std::uint64_t>(stop)}));
   const Eigen::Vector2d sight =
-      axes[landmark] - Eigen::Vector2d(reading.stop.commanded.x_m + place.normal(0.0, 0.01), reading.stop.commanded.y_m + place.normal(0.0, 0.01));
+      axes[landmark] - Eigen::Vector2d(reading.stop.commanded.x_m + place.normal(0.0, 0.01),
+                                       reading.stop.commanded.y_m + place.normal(0.0, 0.01));
   const double d = sight.norm() - 0.12, f = 0.0525 + 0.8838 * d + 0.0584 * d * d;
   reading.range_m = random.normal(f, 0.01 * f * f);
   reading.bearing_rad = rangecal::wrap_angle(std::atan2(sight.y(), sight.x()) + random.normal(0.0, 0.0087));
@@ -79,7 +80,7 @@ void take_a_landmark_reading(benchmark::State& state, bool walk) {
   std::vector<rangecal::LandmarkReading> block;
   std::int64_t i = 0;
   for (auto _ : state) {
-    state.PauseTiming();   // a block of 32 stops is drawn
+    state.PauseTiming();  // a block of 32 stops is drawn
     block.clear();
     for (int k = 0; k < 32 * 5 * repeats; ++k) block.push_back(landmark_reading(i++, repeats, random));
     state.ResumeTiming();

@@ -25,10 +25,10 @@ using namespace rangecal;
 
 struct Run {
   bool ok = false;
-  double landmarks_seed = 0.0, landmarks_tilt = 0.0, curve_seed = 0.0, curve_tilt = 0.0;   ///< squares [m^2]
-  double gain = 0.0;        ///< nats by the tilt
-  double angle = 0.0;       ///< estimated [rad]
-  bool covered = false;     ///< its 95 % interval holds the true one
+  double landmarks_seed = 0.0, landmarks_tilt = 0.0, curve_seed = 0.0, curve_tilt = 0.0;  ///< squares [m^2]
+  double gain = 0.0;     ///< nats by the tilt
+  double angle = 0.0;    ///< estimated [rad]
+  bool covered = false;  ///< its 95 % interval holds the true one
 };
 
 Run run_of(bool turning, double tilt_rad, double lean_rad, std::uint64_t repeat) {
@@ -42,7 +42,8 @@ Run run_of(bool turning, double tilt_rad, double lean_rad, std::uint64_t repeat)
   Run run;
   const Diagnosis diagnosis = diagnose({&recording, 1}, options);
   if (!is_usable(diagnosis.baseline.outcome) || diagnosis.explanations.empty()) return run;
-  const TruthScore before = score_against_truth({&recording, 1}, diagnosis.baseline), after = score_against_truth({&recording, 1}, diagnosis.corrected);
+  const TruthScore before = score_against_truth({&recording, 1}, diagnosis.baseline),
+                   after = score_against_truth({&recording, 1}, diagnosis.corrected);
   if (!before.landmark_rmse_m || !after.landmark_rmse_m) return run;
   run.landmarks_seed = std::pow(*before.landmark_rmse_m, 2);
   run.landmarks_tilt = std::pow(*after.landmark_rmse_m, 2);
@@ -63,8 +64,10 @@ Run run_of(bool turning, double tilt_rad, double lean_rad, std::uint64_t repeat)
 int main(int count, char** arguments) {
   const int runs = count > 1 ? std::atoi(arguments[1]) : 20;
   const double lean_rad = (count > 2 ? std::atof(arguments[2]) : 0.0) * std::numbers::pi / 180.0;
-  fmt::print("{:<8} {:>6} {:>6} {:>22} {:>22} {:>10} {:>16} {:>9}\n", "design", "tilt", "runs", "landmarks RMSE [mm]", "curve RMSE [mm]", "gain", "tilt estimated", "covered");
-  fmt::print("{:<8} {:>6} {:>6} {:>11} {:>10} {:>11} {:>10} {:>10} {:>16} {:>9}\n", "", "[deg]", "", "seed", "tilted", "seed", "tilted", "[nats]", "[deg]", "");
+  fmt::print("{:<8} {:>6} {:>6} {:>22} {:>22} {:>10} {:>16} {:>9}\n", "design", "tilt", "runs",
+             "landmarks RMSE [mm]", "curve RMSE [mm]", "gain", "tilt estimated", "covered");
+  fmt::print("{:<8} {:>6} {:>6} {:>11} {:>10} {:>11} {:>10} {:>10} {:>16} {:>9}\n", "", "[deg]", "", "seed",
+             "tilted", "seed", "tilted", "[nats]", "[deg]", "");
   for (const bool turning : {false, true})
     for (const int degrees : {0, 1, 2, 4, 6, 8, 10}) {
       std::vector<Run> all(static_cast<std::size_t>(runs));
@@ -91,10 +94,13 @@ int main(int count, char** arguments) {
       }
       if (used == 0.0) continue;
       const double mean = sum.angle / used, deg = 180.0 / std::numbers::pi;
-      fmt::print("{:<8} {:>6} {:>6} {:>11.1f} {:>10.1f} {:>11.1f} {:>10.1f} {:>10.1f} {:>16} {:>7.0f} %\n", turning ? "turning" : "line", degrees, used,
-                 1e3 * std::sqrt(sum.landmarks_seed / used), 1e3 * std::sqrt(sum.landmarks_tilt / used), 1e3 * std::sqrt(sum.curve_seed / used),
+      fmt::print("{:<8} {:>6} {:>6} {:>11.1f} {:>10.1f} {:>11.1f} {:>10.1f} {:>10.1f} {:>16} {:>7.0f} %\n",
+                 turning ? "turning" : "line", degrees, used, 1e3 * std::sqrt(sum.landmarks_seed / used),
+                 1e3 * std::sqrt(sum.landmarks_tilt / used), 1e3 * std::sqrt(sum.curve_seed / used),
                  1e3 * std::sqrt(sum.curve_tilt / used), sum.gain / used,
-                 fmt::format("{:.2f} +- {:.2f}", deg * mean, deg * std::sqrt(std::max(0.0, square / used - mean * mean))), 100.0 * covered / used);
+                 fmt::format("{:.2f} +- {:.2f}", deg * mean,
+                             deg * std::sqrt(std::max(0.0, square / used - mean * mean))),
+                 100.0 * covered / used);
     }
   return 0;
 }

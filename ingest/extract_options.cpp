@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "extract_options.hpp"
+
 #include <fmt/core.h>
 
 #include <charconv>
@@ -9,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "extract_options.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
@@ -57,10 +58,12 @@ std::vector<MappedLandmark> map_from(const std::string& path) {
   const auto radius = table.find("radius_m");
   std::vector<MappedLandmark> map;
   for (std::size_t row = 0; row < table.rows(); ++row) {
-    MappedLandmark landmark{table.label(row, label), {table.finite(row, x), table.finite(row, y)}, std::nullopt};
+    MappedLandmark landmark{
+        table.label(row, label), {table.finite(row, x), table.finite(row, y)}, std::nullopt};
     if (radius && table.number(row, *radius)) landmark.radius_m = table.finite(row, *radius);
     for (const MappedLandmark& other : map)
-      if (other.label == landmark.label) table.fail(row, label, "landmark '" + landmark.label + "' is listed twice");
+      if (other.label == landmark.label)
+        table.fail(row, label, "landmark '" + landmark.label + "' is listed twice");
     map.push_back(landmark);
   }
   if (map.empty()) throw InputError(path, 0, "", "holds a header and no rows");
@@ -77,17 +80,20 @@ ExtractOptions options_from(const Given& given) {
   if (!(given.range_min >= 0.0) || !(given.range_max > given.range_min))
     throw InputError("--range-max must be above --range-min, and that not negative");
   if (cylinder.beams_min < 2) throw InputError("--beams-min must be at least 2");
-  if (!(cylinder.edge_cut > 0.3) || cylinder.edge_cut > 1.0) throw InputError("--edge-cut must lie between 0.3 and 1");
+  if (!(cylinder.edge_cut > 0.3) || cylinder.edge_cut > 1.0)
+    throw InputError("--edge-cut must lie between 0.3 and 1");
   if (!(options.support >= 0.0) || options.support > 1.0) throw InputError("--support is a share, 0 to 1");
   if (!given.noise.empty()) {
     if (given.noise.size() != 2 || !(given.noise[0] > 0.0) || !(given.noise[1] >= 0.0))
-      throw InputError("--noise takes FLOOR,QUADRATIC: a positive length [m] and a number of at least 0 [1/m]");
+      throw InputError(
+          "--noise takes FLOOR,QUADRATIC: a positive length [m] and a number of at least 0 [1/m]");
     options.noise = ScanNoise{given.noise[0], given.noise[1]};
   }
   if (given.error != "independent" && given.error != "random_walk")
     throw InputError("--error: '" + given.error + "' is neither independent nor random_walk");
   AssociationOptions& association = options.association;
-  association.error = given.error == "random_walk" ? StopErrorModel::random_walk : StopErrorModel::independent;
+  association.error =
+      given.error == "random_walk" ? StopErrorModel::random_walk : StopErrorModel::independent;
   association.bearing_offset_rad = given.bearing_offset;
   if (!(association.sigma_xy_m >= 0.0) || !(association.sigma_heading_rad >= 0.0))
     throw InputError("--sigma-xy and --sigma-heading must not be negative");
@@ -109,7 +115,8 @@ Extracted extract(const Given& given) {
   std::vector<ScanLog> logs;
   for (const std::string& path : given.scans) logs.push_back(read_scan_file(path, given.topic));
   out.extraction = extract_recording(logs, stops, out.options);
-  out.extraction.recording.sensor.name = given.sensor, out.extraction.recording.sensor.principle = given.principle;
+  out.extraction.recording.sensor.name = given.sensor,
+  out.extraction.recording.sensor.principle = given.principle;
   out.source = source_of(logs), out.format = logs.front().format;
   note_extraction(out.extraction, out.options, out.source);
   return out;
@@ -128,16 +135,16 @@ std::function<Extracted()> add_extract_options(CLI::App& command) {
 
   command
       .add_option("--radius", given->radius,
-                   "radius of the cylinders [m]; several kinds as 0.04,0.12; 'free': estimated, 2 to 20 cm")
+                  "radius of the cylinders [m]; several kinds as 0.04,0.12; 'free': estimated, 2 to 20 cm")
       ->capture_default_str()
       ->group("Landmarks");
   command
       .add_option("--map", given->map,
-                   "CSV with landmark, x_m, y_m and perhaps radius_m: known places, for the labels")
+                  "CSV with landmark, x_m, y_m and perhaps radius_m: known places, for the labels")
       ->group("Landmarks");
   command
       .add_option("--arc", given->arc,
-                   "which point of the arc is the range: nearest (of the fitted circle), mean, smallest")
+                  "which point of the arc is the range: nearest (of the fitted circle), mean, smallest")
       ->capture_default_str()
       ->group("Landmarks");
   command.add_option("--beams-min", given->options.cylinder.beams_min, "hits that a cylinder must have")
@@ -145,52 +152,67 @@ std::function<Extracted()> add_extract_options(CLI::App& command) {
       ->group("Landmarks");
   command
       .add_option("--edge-cut", given->options.cylinder.edge_cut,
-                   "hits that pass the axis at more than this share of the radius are dropped: mixed pixels")
+                  "hits that pass the axis at more than this share of the radius are dropped: mixed pixels")
       ->capture_default_str()
       ->group("Landmarks");
-  command.add_option("--support", given->options.support, "share of a stop's scans in which a landmark must be found")
+  command
+      .add_option("--support", given->options.support,
+                  "share of a stop's scans in which a landmark must be found")
       ->capture_default_str()
       ->group("Landmarks");
 
   command
-      .add_option("--stops", given->stops,
-                   "stops.csv: stop, x_m, y_m, heading_rad (else odometry of the log, or one stop at the origin)")
+      .add_option(
+          "--stops", given->stops,
+          "stops.csv: stop, x_m, y_m, heading_rad (else odometry of the log, or one stop at the origin)")
       ->group("Stops");
   command
-      .add_option("--split", given->split,
-                   "what tells stops apart: label (column 'stop'), file, scan, standing (the robot stands), automatic")
+      .add_option(
+          "--split", given->split,
+          "what tells stops apart: label (column 'stop'), file, scan, standing (the robot stands), automatic")
       ->capture_default_str()
       ->group("Stops");
-  command.add_option("--scans-min", given->options.stand.scans_min, "scans that a stand must have; fewer: moving")
+  command
+      .add_option("--scans-min", given->options.stand.scans_min,
+                  "scans that a stand must have; fewer: moving")
       ->capture_default_str()
       ->group("Stops");
-  command.add_option("--sigma-xy", given->options.association.sigma_xy_m, "how far a stop may be from its pose [m]")
+  command
+      .add_option("--sigma-xy", given->options.association.sigma_xy_m,
+                  "how far a stop may be from its pose [m]")
       ->capture_default_str()
       ->group("Stops");
-  command.add_option("--sigma-heading", given->options.association.sigma_heading_rad, "the same for its heading [rad]")
+  command
+      .add_option("--sigma-heading", given->options.association.sigma_heading_rad,
+                  "the same for its heading [rad]")
       ->capture_default_str()
       ->group("Stops");
-  command.add_option("--error", given->error, "independent, or random_walk: the error accumulates from stop to stop")
+  command
+      .add_option("--error", given->error,
+                  "independent, or random_walk: the error accumulates from stop to stop")
       ->capture_default_str()
       ->group("Stops");
 
   command
-      .add_option("--noise", given->noise,
-                   "FLOOR,QUADRATIC [m, 1/m]: sd of a beam sqrt(FLOOR^2 + (QUADRATIC r^2)^2); estimated if not given")
+      .add_option(
+          "--noise", given->noise,
+          "FLOOR,QUADRATIC [m, 1/m]: sd of a beam sqrt(FLOOR^2 + (QUADRATIC r^2)^2); estimated if not given")
       ->delimiter(',')
       ->group("Sensor");
   command.add_option("--range-min", given->range_min, "readings below are no hits [m]")
       ->capture_default_str()
       ->group("Sensor");
   command.add_option("--range-max", given->range_max, "readings above are no hits [m]")->group("Sensor");
-  command.add_flag("--clockwise", given->options.clockwise, "bearings of the scans run clockwise")->group("Sensor");
+  command.add_flag("--clockwise", given->options.clockwise, "bearings of the scans run clockwise")
+      ->group("Sensor");
   command
       .add_option("--bearing-offset", given->bearing_offset,
-                   "mount of the sensor [rad], for the labels alone; the recording keeps raw bearings")
+                  "mount of the sensor [rad], for the labels alone; the recording keeps raw bearings")
       ->capture_default_str()
       ->group("Sensor");
   command.add_option("--sensor", given->sensor, "name of the sensor, for the recording")->group("Sensor");
-  command.add_option("--principle", given->principle, "triangulation, phase, ..., for the recording")->group("Sensor");
+  command.add_option("--principle", given->principle, "triangulation, phase, ..., for the recording")
+      ->group("Sensor");
   command.add_option("--topic", given->topic, "topic of the scans in a ROS bag, where there are several")
       ->group("Sensor");
   return [given] { return extract(*given); };

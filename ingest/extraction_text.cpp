@@ -19,7 +19,8 @@ std::string tally_line(const Tally& tally, const std::string& total) {
   std::vector<std::pair<std::string, long>> parts;
   for (const auto& part : tally)
     if (part.first != total && part.second > 0) parts.push_back(part);
-  std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::stable_sort(parts.begin(), parts.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
   std::vector<std::string> words;
   for (const auto& [what, count] : parts) words.push_back(fmt::format("{} {}", count, what));
   const auto all = tally.find(total);
@@ -73,8 +74,9 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   const ScanNoise& noise = extraction.noise;
   const Recording& recording = extraction.recording;
   std::string out;
-  out += fmt::format("stops      {}, told apart by {}\n", recording.stops.size(),
-                     extraction.split == StopSplit::standing ? "standing still" : to_string(extraction.split));
+  out +=
+      fmt::format("stops      {}, told apart by {}\n", recording.stops.size(),
+                  extraction.split == StopSplit::standing ? "standing still" : to_string(extraction.split));
   out += line("scans", tally_line(extraction.scans, "read"));
   out += fmt::format("noise      of a beam at r: sqrt(({:.2f} mm)^2 + ({:.2f} mm/m^2 r^2)^2), {}\n",
                      1e3 * noise.floor_m, 1e3 * noise.quadratic_per_m, extraction.noise_origin);
@@ -89,13 +91,18 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   for (std::size_t j = 0; j < landmarks.size(); ++j) {
     const LandmarkSummary& one = landmarks[j];
     if (one.stops.size() == 1) once += (once.empty() ? "" : ", ") + recording.landmarks[j].label;
-    out +=
-        fmt::format("{:<10} {:6.1f} mm {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
-                    recording.landmarks[j].label, 1e3 * recording.landmarks[j].radius_m, one.stops.size(), one.readings,
-                    one.nearest_m, one.farthest_m, one.beams, 1e3 * one.range_sd_m, one.bearing_sd_rad * 180.0 / M_PI);
+    out += fmt::format("{:<10} {:6.1f} mm {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
+                       recording.landmarks[j].label, 1e3 * recording.landmarks[j].radius_m, one.stops.size(),
+                       one.readings, one.nearest_m, one.farthest_m, one.beams, 1e3 * one.range_sd_m,
+                       one.bearing_sd_rad * 180.0 / M_PI);
   }
   if (!once.empty())
-    out += "\n" + line("doubtful", once + ": seen from one stop, where width and bow alone say that it is a cylinder; a second stop would tell");
+    out +=
+        "\n" +
+        line(
+            "doubtful",
+            once +
+                ": seen from one stop, where width and bow alone say that it is a cylinder; a second stop would tell");
   return out;
 }
 

@@ -45,9 +45,9 @@ WordTable::WordTable(const std::string& path) : path_(path) {
 
 const std::string& WordTable::text(std::size_t row, std::size_t word) const {
   if (word >= rows_[row].size())
-    throw InputError(
-        path_, lines_[row], "",
-        "holds " + std::to_string(rows_[row].size()) + " words, at least " + std::to_string(word + 1) + " are needed");
+    throw InputError(path_, lines_[row], "",
+                     "holds " + std::to_string(rows_[row].size()) + " words, at least " +
+                         std::to_string(word + 1) + " are needed");
   return rows_[row][word];
 }
 
@@ -56,8 +56,9 @@ double WordTable::number(std::size_t row, std::size_t word) const {
   double value = 0.0;
   const auto [end, code] = std::from_chars(field.data(), field.data() + field.size(), value);
   if (code != std::errc() || end != field.data() + field.size() || !std::isfinite(value))
-    throw InputError(path_, lines_[row], "",
-                     "word " + std::to_string(word + 1) + ", '" + field.substr(0, 40) + "', is not a finite number");
+    throw InputError(
+        path_, lines_[row], "",
+        "word " + std::to_string(word + 1) + ", '" + field.substr(0, 40) + "', is not a finite number");
   return value;
 }
 
@@ -65,7 +66,8 @@ int WordTable::whole(std::size_t row, std::size_t word) const {
   const double value = number(row, word);
   if (value != std::floor(value) || std::abs(value) > std::numeric_limits<int>::max())
     throw InputError(path_, lines_[row], "",
-                     "word " + std::to_string(word + 1) + ", '" + text(row, word).substr(0, 40) + "', is not a whole number");
+                     "word " + std::to_string(word + 1) + ", '" + text(row, word).substr(0, 40) +
+                         "', is not a whole number");
   return static_cast<int>(value);
 }
 

@@ -24,8 +24,8 @@ namespace rangecal::ingest {
 namespace {
 
 constexpr double kPitch = 2.0 * std::numbers::pi / 1024.0;  ///< from beam to beam [rad]
-constexpr double kMount = -0.06981317007977318;             ///< of the scanner on the robot [rad], stated by the course
-constexpr double kTick = 0.349e-3;                          ///< way of one tick [m]
+constexpr double kMount = -0.06981317007977318;  ///< of the scanner on the robot [rad], stated by the course
+constexpr double kTick = 0.349e-3;               ///< way of one tick [m]
 constexpr Pose2 kStart{1.850, 1.897, 213.0 * std::numbers::pi / 180.0};
 
 struct Given {
@@ -98,7 +98,8 @@ Imported import_lego(const Given& given) {
   std::vector<Pose2> poses = odometry(given.source + "/robot4_motors.txt", given.track_m);
   if (given.poses == "reference") place_by_camera(given.source + "/robot4_reference.txt", poses);
   if (poses.size() < log.scans.size())
-    throw InputError(given.source, 0, "", fmt::format("{} scans and {} motor records", log.scans.size(), poses.size()));
+    throw InputError(given.source, 0, "",
+                     fmt::format("{} scans and {} motor records", log.scans.size(), poses.size()));
   std::vector<Stop> stops;
   for (std::size_t k = 0; k < log.scans.size(); ++k) {
     Stop stop;
@@ -115,7 +116,8 @@ Imported import_lego(const Given& given) {
   options.noise = ScanNoise{0.012, 0.0};
   options.cylinder.shape_tolerance = 0.4;
   options.cylinder.flat_nats = std::numeric_limits<double>::infinity();
-  options.cylinder.range_slack_m = options.association.range_slack_m = 0.05;  // and it reads some centimetres too far
+  options.cylinder.range_slack_m = options.association.range_slack_m =
+      0.05;  // and it reads some centimetres too far
   options.cylinder.range_min_m = 0.02, options.cylinder.range_max_m = 2.5;
   options.association.error = StopErrorModel::random_walk;
   options.association.sigma_xy_m = 0.01, options.association.sigma_heading_rad = 0.03;
@@ -137,14 +139,18 @@ std::function<Imported()> add(CLI::App& command) {
   const auto given = std::make_shared<Given>();
   command.add_option("DIR", given->source, "folder with robot4_scan.txt, robot4_motors.txt, ...")->required();
   command
-      .add_option("--poses", given->poses,
-                  "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
+      .add_option(
+          "--poses", given->poses,
+          "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
       ->capture_default_str();
-  command.add_option("--track", given->track_m, "distance of the tracks [m]; the course uses 0.150, 0.155 and 0.173")
+  command
+      .add_option("--track", given->track_m,
+                  "distance of the tracks [m]; the course uses 0.150, 0.155 and 0.173")
       ->capture_default_str();
-  command.add_option("--radius", given->radius_m,
-                     "radius written into the recording [m], else the surveyed one; 0 counts distances to the axis, as "
-                     "the course does");
+  command.add_option(
+      "--radius", given->radius_m,
+      "radius written into the recording [m], else the surveyed one; 0 counts distances to the axis, as "
+      "the course does");
   command.add_option("--arc", given->arc, "which point of the arc is the range: nearest, mean, smallest")
       ->capture_default_str();
   command.footer(
@@ -155,7 +161,8 @@ std::function<Imported()> add(CLI::App& command) {
   return [given] { return import_lego(*given); };
 }
 
-const bool kKnown = know_importer({"lego", "LEGO robot among six cylinders (C. Brenner 2012): raw scans", add});
+const bool kKnown =
+    know_importer({"lego", "LEGO robot among six cylinders (C. Brenner 2012): raw scans", add});
 
 }  // namespace
 }  // namespace rangecal::ingest

@@ -23,7 +23,8 @@
 namespace rangecal::ingest {
 namespace {
 
-constexpr double kGap = 0.25;     ///< between the motion capture poses around a sighting; half-width for speeds [s]
+constexpr double kGap =
+    0.25;  ///< between the motion capture poses around a sighting; half-width for speeds [s]
 constexpr double kForever = 1e9;  ///< commands hold until the next [s]
 constexpr double kStandM = 0.02,
                  kStandRad = 0.02;  ///< a dwell ends where the robot is farther than this from its start
@@ -113,8 +114,7 @@ DataSet read_data_set(const Given& given) {
   DataSet data;
   std::map<int, int> subject_of;
   const WordTable codes(given.source + "/Barcodes.dat");
-  for (std::size_t row = 0; row < codes.rows(); ++row)
-    subject_of[codes.whole(row, 1)] = codes.whole(row, 0);
+  for (std::size_t row = 0; row < codes.rows(); ++row) subject_of[codes.whole(row, 1)] = codes.whole(row, 0);
   const WordTable places(given.source + "/Landmark_Groundtruth.dat");
   for (std::size_t row = 0; row < places.rows(); ++row)
     data.tubes[places.whole(row, 0)] = {places.number(row, 1), places.number(row, 2)};
@@ -142,7 +142,8 @@ DataSet read_data_set(const Given& given) {
     add_speeds(truth, sighting);
     data.sightings.push_back(sighting);
   }
-  if (data.sightings.empty()) throw InputError(table.path(), 0, "", "holds no sighting of a tube with motion capture");
+  if (data.sightings.empty())
+    throw InputError(table.path(), 0, "", "holds no sighting of a tube with motion capture");
   return data;
 }
 
@@ -162,7 +163,8 @@ Recording as_pairs(const DataSet& data) {
   for (const Sighted& sighting : data.sightings) {
     pairs.true_m.push_back(
         (data.tubes.at(sighting.tube) - Eigen::Vector2d(sighting.pose.x_m, sighting.pose.y_m)).norm());
-    pairs.reading_m.push_back(sighting.range_m), pairs.bearing_rad.push_back(wrap_angle(sighting.bearing_rad));
+    pairs.reading_m.push_back(sighting.range_m),
+        pairs.bearing_rad.push_back(wrap_angle(sighting.bearing_rad));
     pairs.landmark.push_back(landmark_index(recording, data, sighting.tube));
     pairs.time_s.push_back(sighting.time_s - data.zero_s);
     pairs.covariates["speed_mps"].push_back(sighting.speed_mps);
@@ -208,7 +210,8 @@ Recording as_stops(const DataSet& data, const Given& given) {
   for (const auto& dwell : dwells(data)) {
     std::set<int> tubes;
     for (const Sighted& sighting : dwell) tubes.insert(sighting.tube);
-    if (static_cast<int>(tubes.size()) < given.tubes_min || static_cast<int>(dwell.size()) < given.readings_min)
+    if (static_cast<int>(tubes.size()) < given.tubes_min ||
+        static_cast<int>(dwell.size()) < given.readings_min)
       continue;
     if (given.stops_max > 0 && static_cast<int>(recording.stops.size()) == given.stops_max) break;
     Stop stop;
@@ -231,11 +234,13 @@ Recording as_stops(const DataSet& data, const Given& given) {
       readings.stop.push_back(k), readings.landmark.push_back(landmark_index(recording, data, sighting.tube));
       readings.repeat.push_back(repeat[sighting.tube]++);
       readings.time_s.push_back(sighting.time_s - data.zero_s);
-      readings.range_m.push_back(sighting.range_m), readings.bearing_rad.push_back(wrap_angle(sighting.bearing_rad));
+      readings.range_m.push_back(sighting.range_m),
+          readings.bearing_rad.push_back(wrap_angle(sighting.bearing_rad));
       readings.row.push_back(static_cast<int>(readings.size()) + 1);
     }
   }
-  if (recording.stops.empty()) throw InputError(given.source, 0, "", "the robot never stands long enough for a stop");
+  if (recording.stops.empty())
+    throw InputError(given.source, 0, "", "the robot never stands long enough for a stop");
   recording.truth.stops.resize(recording.stops.size());
   return recording;
 }
@@ -264,8 +269,11 @@ Imported import_mrclam(const Given& given) {
 
 std::function<Imported()> add(CLI::App& command) {
   const auto given = std::make_shared<Given>();
-  command.add_option("DIR", given->source, "folder with Barcodes.dat, RobotN_Measurement.dat, ...")->required();
-  command.add_option("--robot", given->robot, "number of the robot, 1 to 5")->required()->check(CLI::Range(1, 5));
+  command.add_option("DIR", given->source, "folder with Barcodes.dat, RobotN_Measurement.dat, ...")
+      ->required();
+  command.add_option("--robot", given->robot, "number of the robot, 1 to 5")
+      ->required()
+      ->check(CLI::Range(1, 5));
   command
       .add_option("--as", given->as,
                   "stops: sightings grouped where the robot stands, tubes unknown; pairs: true distance "
@@ -275,7 +283,8 @@ std::function<Imported()> add(CLI::App& command) {
       .add_option("--poses", given->poses,
                   "of the stops: mocap, or odometry (reckoned from the first stop's true pose)")
       ->capture_default_str();
-  command.add_option("--readings-min", given->readings_min, "readings that a stop must have")->capture_default_str();
+  command.add_option("--readings-min", given->readings_min, "readings that a stop must have")
+      ->capture_default_str();
   command.add_option("--tubes-min", given->tubes_min, "tubes that a stop must see")->capture_default_str();
   command.add_option("--stops-max", given->stops_max, "at most so many stops; 0: all")->capture_default_str();
   command.footer(
@@ -285,7 +294,8 @@ std::function<Imported()> add(CLI::App& command) {
   return [given] { return import_mrclam(*given); };
 }
 
-const bool kKnown = know_importer({"mrclam", "UTIAS multi-robot data set: camera ranges to barcode tubes", add});
+const bool kKnown =
+    know_importer({"mrclam", "UTIAS multi-robot data set: camera ranges to barcode tubes", add});
 
 }  // namespace
 }  // namespace rangecal::ingest

@@ -34,8 +34,9 @@ Badge badge_of(Verdict verdict) {
 void add_key_figures(Page& page, const Diagnosis& d) {
   std::vector<Page::Figure> figures;
   if (d.verdict == Verdict::explained && !d.explanations.empty())
-    figures.push_back({fmt::format("{:.2f}", d.explanations[0].probability),
-                       "probability of " + set_in_words(d.explanations[0].effects) + " among the sets tried"});
+    figures.push_back(
+        {fmt::format("{:.2f}", d.explanations[0].probability),
+         "probability of " + set_in_words(d.explanations[0].effects) + " among the sets tried"});
   if (!d.final_effects.empty()) {
     if (d.before.heldout_nll && d.after.heldout_nll)
       figures.push_back(
@@ -47,7 +48,8 @@ void add_key_figures(Page& page, const Diagnosis& d) {
   } else {
     figures.push_back({fmt::format("{:.2f}", d.before.chi_sq_per_dof), "chi-square per degree of freedom"});
   }
-  figures.push_back({app::p_in_words(d.alarm_p_value), "that chance alone makes any question of the search look as bad"});
+  figures.push_back(
+      {app::p_in_words(d.alarm_p_value), "that chance alone makes any question of the search look as bad"});
   page.figures(figures);
 }
 

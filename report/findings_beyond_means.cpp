@@ -139,7 +139,8 @@ std::vector<Chart> repeats(Page& page, const std::string& id, bool bearing,
       row["next"] = number(standardised(readings[firsts[i] + 1], bearing));
       rows.push_back(std::move(row));
     }
-    const double slope = xy / xx, std_dev = std::sqrt((1.0 - std::min(1.0, slope * slope)) / static_cast<double>(firsts.size()));
+    const double slope = xy / xx, std_dev = std::sqrt((1.0 - std::min(1.0, slope * slope)) /
+                                                      static_cast<double>(firsts.size()));
     for (double at : {-4.0, 4.0}) line.push_back({{"value", at}, {"next", number(slope * at)}});
     const std::string points = fmt::format("{}-points-{}", id, model.name),
                       fit = fmt::format("{}-line-{}", id, model.name);

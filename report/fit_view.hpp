@@ -34,7 +34,7 @@ void name_reading(const FitView& view, const ReadingResidual& reading, Json& row
 
 /// Where a reading puts its landmark's axis as seen from its estimated stop [m]: as read, and as the model corrects it.
 struct ReadingPlaces {
-  Eigen::Vector2d stop, axis;      ///< estimated
+  Eigen::Vector2d stop, axis;  ///< estimated
   Eigen::Vector2d raw, corrected;
 };
 /// Nothing for a reading of pairs.

@@ -89,7 +89,8 @@ std::string escaped(const std::string& text) {
     else
       result += c;
   }
-  const std::pair<const char*, const char*> typeset[] = {{"+-", "±"}, {"-&gt;", "→"}, {"chi-square", "χ²"}, {" %", "\u00a0%"}};
+  const std::pair<const char*, const char*> typeset[] = {
+      {"+-", "±"}, {"-&gt;", "→"}, {"chi-square", "χ²"}, {" %", "\u00a0%"}};
   for (const auto& [plain, set] : typeset) result = replaced(std::move(result), plain, set);
   return result;
 }

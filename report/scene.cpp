@@ -179,13 +179,14 @@ Chart around_chart(const FitView& view) {
 }
 
 Chart moves_chart(const SceneData& data) {
-  return {"stops",
-          "stops",
-          {{"half", 1.05 * data.moved_mm}},
-          "How far each stop was moved from its commanded place",
-          "Ellipses hold 95 %, the parameters of effects held; the dashed circle holds 95 % of the stops under "
-          "the stated sigma_xy.",
-          "plot"};
+  return {
+      "stops",
+      "stops",
+      {{"half", 1.05 * data.moved_mm}},
+      "How far each stop was moved from its commanded place",
+      "Ellipses hold 95 %, the parameters of effects held; the dashed circle holds 95 % of the stops under "
+      "the stated sigma_xy.",
+      "plot"};
 }
 
 }  // namespace

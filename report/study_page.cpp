@@ -18,14 +18,16 @@ namespace {
 struct Measure {
   std::string column, words;
   double factor = 1.0;
-  int better = -1;        ///< -1: smaller, 1: larger, 0: neither, a share of the repeats
-  std::string best{};     ///< what the best estimator has, in words
+  int better = -1;     ///< -1: smaller, 1: larger, 0: neither, a share of the repeats
+  std::string best{};  ///< what the best estimator has, in words
 };
 
 /// What is drawn where the study has it, most telling first.
 const std::vector<Measure> measures{
-    {"curve_rmse_over_bound", "curve: RMSE over the Cramér-Rao bound", 1.0, -1, "the curve nearest to the bound"},
-    {"landmark_rmse_over_bound", "landmarks: RMSE over the bound", 1.0, -1, "the landmarks nearest to the bound"},
+    {"curve_rmse_over_bound", "curve: RMSE over the Cramér-Rao bound", 1.0, -1,
+     "the curve nearest to the bound"},
+    {"landmark_rmse_over_bound", "landmarks: RMSE over the bound", 1.0, -1,
+     "the landmarks nearest to the bound"},
     {"mse_factor", "MSE of raw over corrected readings", 1.0, 1, "the largest gain by correction"},
     {"nmse_factor", "relative MSE, raw over corrected", 1.0, 1, "the largest gain by correction"},
     {"curve_rmse_m", "curve: RMSE [mm]", 1e3, -1, "the curve with the least error"},
@@ -47,7 +49,7 @@ struct Layout {
   const CsvTable& table;
   std::vector<std::size_t> parameters;  ///< columns
   std::size_t estimator = 0, answers = 0;
-  std::optional<std::size_t> swept;     ///< the parameter on the x axis
+  std::optional<std::size_t> swept;      ///< the parameter on the x axis
   bool numeric = false, spread = false;  ///< all its values numbers; all positive, over more than a decade
 
   explicit Layout(const CsvTable& results) : table(results) {
@@ -127,7 +129,8 @@ Json rows_of(const Layout& layout, const Measure& m, const std::string& panel) {
              {"low", number(interval.low)},
              {"high", number(interval.high)},
              {"answers", std::string(t.text(r, layout.answers))}};
-    row["x"] = layout.numeric ? number(*t.number(r, *layout.swept)) : Json(std::string(t.text(r, *layout.swept)));
+    row["x"] =
+        layout.numeric ? number(*t.number(r, *layout.swept)) : Json(std::string(t.text(r, *layout.swept)));
     rows.push_back(std::move(row));
   }
   return rows;
@@ -137,7 +140,8 @@ Json rows_of(const Layout& layout, const Measure& m, const std::string& panel) {
 std::pair<Json, Json> colours_of(const Layout& layout) {
   std::vector<std::string> names;
   for (std::size_t r = 0; r < layout.table.rows(); ++r)
-    if (const std::string name(layout.table.text(r, layout.estimator)); std::find(names.begin(), names.end(), name) == names.end())
+    if (const std::string name(layout.table.text(r, layout.estimator));
+        std::find(names.begin(), names.end(), name) == names.end())
       names.push_back(name);
   const std::map<std::string, std::string> own{
       {"marginal", "var(--after)"}, {"full", "var(--before)"}, {"approximate", "var(--fourth)"}};
@@ -154,7 +158,8 @@ std::pair<Json, Json> colours_of(const Layout& layout) {
 /// "12.34 +- 0.21", "0.940 (0.878 to 0.972)".
 std::string value_in_words(const Measure& m, const Interval& interval, double value) {
   if (m.better == 0) return fmt::format("{:.3f} ({:.3f} to {:.3f})", value, interval.low, interval.high);
-  return interval.se ? app::with_std(m.factor * value, *interval.se) : fmt::format("{:.4g}", m.factor * value);
+  return interval.se ? app::with_std(m.factor * value, *interval.se)
+                     : fmt::format("{:.4g}", m.factor * value);
 }
 
 void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& found) {
@@ -163,13 +168,15 @@ void add_panels(Page& page, const Layout& layout, const std::vector<Measure>& fo
     if (const std::string p = layout.panel_of(r); std::find(panels.begin(), panels.end(), p) == panels.end())
       panels.push_back(p);
   const std::size_t shown = std::min(panels.size(), most_panels);
-  page.section("Over " + layout.table.columns()[*layout.swept],
-               "Bars are 95 % intervals over the repeats (of shares Wilson's, in which a repeat counts once). A missing point had no "
-               "answer." +
-                   (shown < panels.size() ? fmt::format(" The first {} of {} combinations of the other parameters; the "
-                                                        "table has all.",
-                                                        shown, panels.size())
-                                          : std::string()));
+  page.section(
+      "Over " + layout.table.columns()[*layout.swept],
+      "Bars are 95 % intervals over the repeats (of shares Wilson's, in which a repeat counts once). A missing point had no "
+      "answer." +
+          (shown < panels.size()
+               ? fmt::format(" The first {} of {} combinations of the other parameters; the "
+                             "table has all.",
+                             shown, panels.size())
+               : std::string()));
   const auto [estimators, colours] = colours_of(layout);
   for (std::size_t p = 0; p < shown; ++p) {
     if (!panels[p].empty()) page.heading(panels[p]);
@@ -233,8 +240,8 @@ Winners winners_by(const Layout& layout, const Measure& m) {
       return m.better * a.value < m.better * b.value;
     });
     for (const Row& row : rows)
-      winners.wins = std::max(
-          winners.wins, wins[row.estimator] += m.better * (best->value - row.value) <= 2.0 * std::max(row.se, best->se));
+      winners.wins = std::max(winners.wins, wins[row.estimator] += m.better * (best->value - row.value) <=
+                                                                   2.0 * std::max(row.se, best->se));
   }
   for (const std::string& estimator : order) {
     if (winners.wins == 0 || wins[estimator] < winners.wins) continue;
@@ -249,7 +256,8 @@ void add_verdict(Page& page, const Layout& layout, const std::vector<Measure>& f
   const CsvTable& t = layout.table;
   std::string repeats = "?";
   if (const auto column = t.find("repeats"); column && t.rows() > 0) repeats = t.text(0, *column);
-  const auto measure = std::find_if(found.begin(), found.end(), [](const Measure& m) { return m.better != 0; });
+  const auto measure =
+      std::find_if(found.begin(), found.end(), [](const Measure& m) { return m.better != 0; });
   const Winners winner = measure == found.end() ? Winners{} : winners_by(layout, *measure);
   std::vector<Page::Figure> figures{{std::to_string(points), "points of the grid"},
                                     {repeats, "repeats of each"}};
@@ -258,11 +266,12 @@ void add_verdict(Page& page, const Layout& layout, const std::vector<Measure>& f
     sentence = fmt::format("Within two standard errors {} {} {} at {} of {} points.", winner.names,
                            winner.names.find(" and ") == std::string::npos ? "gives" : "give", measure->best,
                            winner.wins, winner.points);
-    const std::vector<double>& v = winner.values;   // sorted
+    const std::vector<double>& v = winner.values;  // sorted
     const double low = measure->factor * v.front(), high = measure->factor * v.back(),
                  middle = measure->factor * 0.5 * (v[(v.size() - 1) / 2] + v[v.size() / 2]);
-    figures.push_back({fmt::format("{:.3g}", middle),
-                       fmt::format("{}, median over the points ({:.3g} to {:.3g})", measure->words, low, high)});
+    figures.push_back(
+        {fmt::format("{:.3g}", middle),
+         fmt::format("{}, median over the points ({:.3g} to {:.3g})", measure->words, low, high)});
   }
   page.verdict("complete", "good", sentence);
   page.figures(figures);
@@ -279,10 +288,13 @@ std::string study_page(const std::string& name, const CsvTable& results) {
     points.insert(results.text(r, results.require("point")));
     estimators.insert(results.text(r, layout.estimator));
   }
-  Page page("rangecal study " + name, fmt::format("{} points of the grid, {} estimators", points.size(), estimators.size()));
+  Page page("rangecal study " + name,
+            fmt::format("{} points of the grid, {} estimators", points.size(), estimators.size()));
   add_verdict(page, layout, found, points.size());
   if (layout.swept && !found.empty()) add_panels(page, layout, found);
-  page.section("All results", "From results.csv, which holds more columns. Behind ± a standard error, in brackets a 95 % interval.");
+  page.section(
+      "All results",
+      "From results.csv, which holds more columns. Behind ± a standard error, in brackets a 95 % interval.");
   Table table;
   std::vector<std::size_t> columns = layout.parameters;
   columns.insert(columns.end(), {layout.estimator, layout.answers});

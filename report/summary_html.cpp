@@ -56,9 +56,11 @@ std::string calibration_summary(std::span<const Recording> recordings, const Cal
 
 std::string comparison_summary(std::span<const Recording> recordings, const CalibrationReport& report,
                                const std::vector<TruthScore>& scores) {
-  std::string text = fmt::format("<div><p><b>{}</b></p>{}", escaped(app::advice_text(app::advise(report, recordings, scores))),
+  std::string text = fmt::format("<div><p><b>{}</b></p>{}",
+                                 escaped(app::advice_text(app::advise(report, recordings, scores))),
                                  table_of(app::comparison_rows(report, scores)));
-  for (const std::string& line : app::footnotes(report, scores)) text += fmt::format("<p>{}</p>", escaped(line));
+  for (const std::string& line : app::footnotes(report, scores))
+    text += fmt::format("<p>{}</p>", escaped(line));
   return text + "</div>";
 }
 

@@ -16,11 +16,13 @@ namespace rangecal::app {
 
 void FleetCommand::prepare() {
   job.law = noise_law_from_string(noise);
-  if (job.law == NoiseLaw::polynomial) throw InputError("--noise polynomial has no one sigma for a population");
+  if (job.law == NoiseLaw::polynomial)
+    throw InputError("--noise polynomial has no one sigma for a population");
   const Shard part = shard_from(shard);
   job.shard = part.index;
   job.shards = part.count;
-  if (job.inputs.empty() && job.merge.empty()) throw InputError("fleet: neither recordings nor --merge are given");
+  if (job.inputs.empty() && job.merge.empty())
+    throw InputError("fleet: neither recordings nor --merge are given");
 }
 
 int FleetCommand::deliver(const FleetResult& result) const {
@@ -30,19 +32,23 @@ int FleetCommand::deliver(const FleetResult& result) const {
 }
 
 std::string FleetCommand::page(const FleetResult& r) const {
-  std::string text = fmt::format("Units        {} in {}: {} fitted, {} unreadable, {} were there already\n", r.units, job.output, r.fitted,
-                                 r.unreadable, r.resumed);
-  if (r.partial) return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n", job.shard + 1, job.shards);
+  std::string text = fmt::format("Units        {} in {}: {} fitted, {} unreadable, {} were there already\n",
+                                 r.units, job.output, r.fitted, r.unreadable, r.resumed);
+  if (r.partial)
+    return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n",
+                              job.shard + 1, job.shards);
   const Population& p = r.population;
-  text += fmt::format("Population   {}{}{}, of {} units after {} passes; {} left out as unlike the others\n", to_string(p.outcome),
-                      p.reason.empty() ? "" : ": ", p.reason, p.units, p.iterations, p.left_out);
+  text += fmt::format("Population   {}{}{}, of {} units after {} passes; {} left out as unlike the others\n",
+                      to_string(p.outcome), p.reason.empty() ? "" : ": ", p.reason, p.units, p.iterations,
+                      p.left_out);
   if (!is_usable(p.outcome)) return text;
   text += "\n  parameter          mean                 std over units\n";
   for (Eigen::Index i = 0; i < p.mean.size(); ++i) {
     const bool noise_row = i > p.order;
     const double mean = noise_row ? std::exp(p.mean[i]) : p.mean[i], std_dev = std::sqrt(p.covariance(i, i)),
                  error = std::sqrt(p.mean_covariance(i, i)) * (noise_row ? mean : 1.0);
-    text += fmt::format("  {:<12} {:>12.6f} +- {:<10.6f} {:>12}  {}\n", noise_row ? "sigma" : fmt::format("alpha_{}", i), mean, error,
+    text += fmt::format("  {:<12} {:>12.6f} +- {:<10.6f} {:>12}  {}\n",
+                        noise_row ? "sigma" : fmt::format("alpha_{}", i), mean, error,
                         noise_row ? fmt::format("{:.1f} %", 100.0 * std_dev) : fmt::format("{:.6f}", std_dev),
                         noise_row ? law_unit(job.law, 0) : coefficient_unit(static_cast<int>(i)));
   }
@@ -50,20 +56,40 @@ std::string FleetCommand::page(const FleetResult& r) const {
     text += fmt::format("\nFew readings {} too few of their own, calibrated with the population\n",
                         r.by_population == 1 ? "1 unit has" : fmt::format("{} units have", r.by_population));
   text += fmt::format("\nOdd units    {}", r.odd);
-  return text + (r.odd > 0 ? fmt::format("; ask: sqlite3 {} 'SELECT * FROM oddities ORDER BY p_value'\n", job.output) : "\n");
+  return text +
+         (r.odd > 0 ? fmt::format("; ask: sqlite3 {} 'SELECT * FROM oddities ORDER BY p_value'\n", job.output)
+                    : "\n");
 }
 
 CLI::App* declare_fleet(CLI::App& app, FleetCommand& given) {
-  CLI::App* command = app.add_subcommand("fleet", "calibrate thousands of sensors of one make, and name the odd ones");
+  CLI::App* command =
+      app.add_subcommand("fleet", "calibrate thousands of sensors of one make, and name the odd ones");
   command->add_option("REC", given.job.inputs, "recordings, one per sensor, or folders of them");
-  command->add_option("-o,--output", given.job.output, "the SQLite file of results; a run that was stopped goes on in it")->required();
-  command->add_option("--order", given.job.order, "of f, the same for all")->check(CLI::Range(0, 6))->capture_default_str();
-  command->add_option("--noise", given.noise, "noise law of all: constant, f, f2, f3, d2")->capture_default_str();
+  command
+      ->add_option("-o,--output", given.job.output,
+                   "the SQLite file of results; a run that was stopped goes on in it")
+      ->required();
+  command->add_option("--order", given.job.order, "of f, the same for all")
+      ->check(CLI::Range(0, 6))
+      ->capture_default_str();
+  command->add_option("--noise", given.noise, "noise law of all: constant, f, f2, f3, d2")
+      ->capture_default_str();
   command->add_option("--csv", given.job.csv, "write the units with their posteriors as a table");
-  command->add_option("--diagnose", given.job.diagnoses, "at most so many odd units are diagnosed, the oddest first")->check(not_negative())->capture_default_str();
-  command->add_option("--alarm-rate", given.job.alarm_rate, "probability that any unit of a faultless fleet is called odd")->check(CLI::Range(1e-12, 0.5))->capture_default_str();
-  command->add_option("--threads", given.job.threads, "threads; 0: all. The results do not depend on it")->check(not_negative())->capture_default_str();
-  command->add_option("--shard", given.shard, "I/N: every N-th unit from the I-th on, into a file of its own");
+  command
+      ->add_option("--diagnose", given.job.diagnoses,
+                   "at most so many odd units are diagnosed, the oddest first")
+      ->check(not_negative())
+      ->capture_default_str();
+  command
+      ->add_option("--alarm-rate", given.job.alarm_rate,
+                   "probability that any unit of a faultless fleet is called odd")
+      ->check(CLI::Range(1e-12, 0.5))
+      ->capture_default_str();
+  command->add_option("--threads", given.job.threads, "threads; 0: all. The results do not depend on it")
+      ->check(not_negative())
+      ->capture_default_str();
+  command->add_option("--shard", given.shard,
+                      "I/N: every N-th unit from the I-th on, into a file of its own");
   command->add_option("--merge", given.job.merge, "files of shards to be taken in");
   command->footer(
       "Each sensor has its own curve and noise; over the fleet they scatter about a mean. The scatter is estimated, each sensor's\n"

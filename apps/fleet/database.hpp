@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 struct sqlite3;
 struct sqlite3_stmt;
@@ -22,11 +21,11 @@ class Statement {
   ~Statement();
 
   Statement& bind(int index, const std::string& text);
-  Statement& bind(int index, double value);   ///< NULL where it is not finite
+  Statement& bind(int index, double value);  ///< NULL where it is not finite
   Statement& bind(int index, std::int64_t value);
-  Statement& bind(int index, const Eigen::VectorXd& values);   ///< as a blob; NULL where it is empty
-  bool step();    ///< true: a row is there
-  void run();     ///< to its end, ready to be bound again
+  Statement& bind(int index, const Eigen::VectorXd& values);  ///< as a blob; NULL where it is empty
+  bool step();                                                ///< true: a row is there
+  void run();                                                 ///< to its end, ready to be bound again
 
   std::string text(int column) const;
   std::optional<double> number(int column) const;
@@ -52,7 +51,7 @@ class Database {
 
   void execute(const std::string& sql);
   Statement prepare(const std::string& sql) { return {database_, file_, sql}; }
-  std::int64_t count(const std::string& sql);   ///< the whole number that a query of one row and column gives
+  std::int64_t count(const std::string& sql);  ///< the whole number that a query of one row and column gives
   const std::string& file() const { return file_; }
 
  private:

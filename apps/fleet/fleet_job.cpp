@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::VectorXd;
 namespace fs = std::filesystem;
-constexpr int chunk = 256;   // units of one transaction
+constexpr int chunk = 256;  // units of one transaction
 
 std::string columns(int order, const char* pattern) {
   std::string text;
@@ -39,10 +39,12 @@ class Fleet {
         "CREATE TABLE IF NOT EXISTS meta(key TEXT PRIMARY KEY, value TEXT) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS inputs(name TEXT PRIMARY KEY) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS units(name TEXT PRIMARY KEY, kind TEXT, outcome TEXT, reason TEXT, readings INTEGER, used INTEGER,"
-        " range_min_m REAL, range_max_m REAL, " + columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
+        " range_min_m REAL, range_max_m REAL, " +
+        columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_std REAL, nll REAL, shape_p REAL, shape_m REAL, tail_p REAL, kurtosis REAL, dependence_p REAL,"
         " correlation REAL, theta BLOB, information BLOB) WITHOUT ROWID;"
-        "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " + columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
+        "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " +
+        columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_relative_std REAL, distance_sq REAL, p_value REAL) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS oddities(name TEXT, what TEXT, size REAL, unit TEXT, p_value REAL, explanation TEXT, PRIMARY KEY(name, what)) WITHOUT ROWID");
     same("format", "rangecal-fleet/1");
@@ -61,7 +63,7 @@ class Fleet {
   FleetResult run() {
     FleetResult result;
     result.resumed = database_.count("SELECT count(*) FROM units");
-    database_.execute("DELETE FROM units WHERE readings IS NULL");   // a file that was missing may be back
+    database_.execute("DELETE FROM units WHERE readings IS NULL");  // a file that was missing may be back
     fit_units();
     result.units = database_.count("SELECT count(*) FROM units");
     result.fitted = database_.count("SELECT count(*) FROM units WHERE theta IS NOT NULL");
@@ -89,7 +91,8 @@ class Fleet {
     for (const std::string& given : job_.inputs) {
       const fs::path path = fs::path(given).lexically_normal();
       std::error_code error;
-      if (!fs::is_directory(path, error)) throw InputError(given, 0, "", "is no folder of a recording or of recordings");
+      if (!fs::is_directory(path, error))
+        throw InputError(given, 0, "", "is no folder of a recording or of recordings");
       if (file_exists((path / "recording.yaml").string())) {
         insert.bind(1, path.string()).run();
         continue;
@@ -109,7 +112,8 @@ class Fleet {
     if (!file_exists(file)) throw InputError(file, 0, "", "no such file");
     database_.prepare("ATTACH ? AS other").bind(1, file).run();
     {
-      Statement format = database_.prepare("SELECT count(*) FROM other.sqlite_master WHERE name IN ('meta', 'inputs', 'units')");
+      Statement format = database_.prepare(
+          "SELECT count(*) FROM other.sqlite_master WHERE name IN ('meta', 'inputs', 'units')");
       format.step();
       if (format.integer(0) != 3) throw InputError(file, 0, "", "is no file of 'rangecal fleet'");
       Statement other = database_.prepare(
@@ -117,7 +121,8 @@ class Fleet {
       other.step();
       if (other.integer(0) != 3) throw InputError(file, 0, "", "was made with another order or noise law");
     }
-    database_.execute("BEGIN; INSERT OR IGNORE INTO inputs SELECT name FROM other.inputs; INSERT OR IGNORE INTO units SELECT * FROM other.units; COMMIT; DETACH other");
+    database_.execute(
+        "BEGIN; INSERT OR IGNORE INTO inputs SELECT name FROM other.inputs; INSERT OR IGNORE INTO units SELECT * FROM other.units; COMMIT; DETACH other");
   }
 
   void fit_units() {
@@ -140,7 +145,8 @@ class Fleet {
         }
       }
       if (units.empty()) break;
-      tbb::parallel_for(std::size_t{0}, units.size(), [&](std::size_t i) { units[i] = fit_unit(units[i].name, job_); });
+      tbb::parallel_for(std::size_t{0}, units.size(),
+                        [&](std::size_t i) { units[i] = fit_unit(units[i].name, job_); });
       database_.execute("BEGIN");
       for (const Unit& unit : units) insert(unit);
       database_.execute("COMMIT");
@@ -166,8 +172,14 @@ class Fleet {
     put(std::string(!read ? "" : c.kind == RecordingKind::pairs ? "pairs" : "landmarks"));
     put(std::string(to_string(c.outcome)));
     put(c.reason);
-    if (read) put(std::int64_t{c.counts.read}); else put(nan);
-    if (read) put(std::int64_t{c.counts.used}); else put(nan);
+    if (read)
+      put(std::int64_t{c.counts.read});
+    else
+      put(nan);
+    if (read)
+      put(std::int64_t{c.counts.used});
+    else
+      put(nan);
     put(read ? c.range_min_m : nan);
     put(read ? c.range_max_m : nan);
     for (int i = 0; i <= n; ++i) {
@@ -178,8 +190,8 @@ class Fleet {
     put(sigma ? c.noise.parameters[0] : nan);
     put(sigma && !c.noise_estimates.empty() ? c.noise_estimates[0].std_dev.value_or(nan) : nan);
     put(c.marginal_nll.value_or(nan));
-    for (const double value : {unit.misfit.shape_p, unit.misfit.shape_m, unit.misfit.tail_p, unit.misfit.kurtosis, unit.misfit.dependence_p,
-                               unit.misfit.correlation})
+    for (const double value : {unit.misfit.shape_p, unit.misfit.shape_m, unit.misfit.tail_p,
+                               unit.misfit.kurtosis, unit.misfit.dependence_p, unit.misfit.correlation})
       put(value);
     put(unit.summary ? unit.summary->theta : VectorXd());
     put(unit.summary ? VectorXd(unit.summary->information.reshaped()) : VectorXd());
@@ -195,14 +207,15 @@ class Fleet {
 
 FleetResult run_fleet(const FleetJob& job) {
   std::optional<tbb::global_control> limit;
-  if (job.threads > 0) limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(job.threads));
+  if (job.threads > 0)
+    limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(job.threads));
   const WriteLock lock(job.output);
   const bool fresh = !file_exists(job.output);
   std::optional<Fleet> fleet;
   try {
     fleet.emplace(job);
     fleet->take_inputs();
-  } catch (...) {   // nothing was begun: no empty file stays behind
+  } catch (...) {  // nothing was begun: no empty file stays behind
     fleet.reset();
     std::error_code ignored;
     if (fresh) fs::remove(job.output, ignored);

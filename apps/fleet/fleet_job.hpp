@@ -10,23 +10,23 @@
 namespace rangecal::app {
 
 struct FleetJob {
-  std::vector<std::string> inputs;   ///< recordings, folders of recordings
-  std::vector<std::string> merge;    ///< files of other shards
+  std::vector<std::string> inputs;  ///< recordings, folders of recordings
+  std::vector<std::string> merge;   ///< files of other shards
   std::string output, csv;
   int order = 2;
   NoiseLaw law = NoiseLaw::f_squared;
-  int shard = 0, shards = 1;         ///< of the units, counted over their names in order
-  int diagnoses = 20;                ///< at most, of units that are odd
-  double alarm_rate = 0.01;          ///< of naming any unit of a faultless fleet
-  int threads = 0;                   ///< 0: all
+  int shard = 0, shards = 1;  ///< of the units, counted over their names in order
+  int diagnoses = 20;         ///< at most, of units that are odd
+  double alarm_rate = 0.01;   ///< of naming any unit of a faultless fleet
+  int threads = 0;            ///< 0: all
   bool progress = false;
 };
 
 struct FleetResult {
   std::int64_t units = 0, fitted = 0, by_population = 0, unreadable = 0, resumed = 0, odd = 0;
-  bool partial = false;              ///< one shard of several: no population yet
+  bool partial = false;  ///< one shard of several: no population yet
   Population population;
-  std::vector<std::string> notes;    ///< units that were read once and are gone now
+  std::vector<std::string> notes;  ///< units that were read once and are gone now
 };
 
 /// Fits every unit not yet in the file, the population, each unit's posterior, and the oddities, all in `output`. Every

@@ -12,7 +12,7 @@
 namespace rangecal::app {
 namespace {
 
-constexpr int readings_per_unknown = 10;   // below, the likelihood of a unit is not taken for a normal one
+constexpr int readings_per_unknown = 10;  // below, the likelihood of a unit is not taken for a normal one
 
 }  // namespace
 

@@ -22,7 +22,8 @@ using Eigen::VectorXd;
 UnitSummary summary_in(const Statement& row, int column, const FleetJob& job) {
   const VectorXd theta = row.vector(column), information = row.vector(column + 1);
   const Eigen::Index p = job.order + 2;
-  if (theta.size() != p || information.size() != p * p) throw InputError(job.output + ": a unit's theta is not of order " + std::to_string(job.order));
+  if (theta.size() != p || information.size() != p * p)
+    throw InputError(job.output + ": a unit's theta is not of order " + std::to_string(job.order));
   return {theta, information.reshaped(p, p)};
 }
 
@@ -43,8 +44,11 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
   for (int i = 1; i < 6 + 2 * (n + 1); ++i) marks += ", ?";
   Statement posterior = database.prepare("INSERT INTO posteriors VALUES(" + marks + ")");
   Statement odd = database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, '')");
-  Statement rows = database.prepare("SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information FROM units ORDER BY name");
-  const double limit = job.alarm_rate / (4.0 * static_cast<double>(std::max<std::int64_t>(result.units, 1)));   // four questions a unit
+  Statement rows = database.prepare(
+      "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information FROM units ORDER BY name");
+  const double limit =
+      job.alarm_rate /
+      (4.0 * static_cast<double>(std::max<std::int64_t>(result.units, 1)));  // four questions a unit
   while (rows.step()) {
     const std::string name = rows.text(0);
     VectorXd mean, deviation;
@@ -58,27 +62,38 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
       deviation = shrunk.covariance.diagonal().cwiseSqrt();
       distance = shrunk.distance_sq;
       p_value = shrunk.p_value;
-      if (p_value < limit) {   // the population says nothing of a unit that is none of it
+      if (p_value < limit) {  // the population says nothing of a unit that is none of it
         source = "own readings, unlike the others";
         mean = summary.theta;
         deviation = summary.information.inverse().diagonal().cwiseSqrt();
         Eigen::Index worst = 0;
         shrunk.z.cwiseAbs().maxCoeff(&worst);
-        odd.bind(1, name).bind(2, "unlike the others: " + (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
-            .bind(3, shrunk.z[worst]).bind(4, std::string("standard deviations")).bind(5, p_value).run();
+        odd.bind(1, name)
+            .bind(2, "unlike the others: " +
+                         (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
+            .bind(3, shrunk.z[worst])
+            .bind(4, std::string("standard deviations"))
+            .bind(5, p_value)
+            .run();
       }
       const auto ask = [&](int column, const std::string& what, const std::string& unit) {
         const double p = rows.number(column).value_or(1.0);
-        if (p < limit) odd.bind(1, name).bind(2, what).bind(3, rows.number(column + 1).value_or(std::nan(""))).bind(4, unit).bind(5, p).run();
+        if (p < limit)
+          odd.bind(1, name)
+              .bind(2, what)
+              .bind(3, rows.number(column + 1).value_or(std::nan("")))
+              .bind(4, unit)
+              .bind(5, p)
+              .run();
       };
       ask(3, "shape of the curve", "m");
       ask(5, "tails of the noise", "excess kurtosis");
       ask(7, "dependence of neighbours", "correlation");
-    } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {   // too few readings alone
+    } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {  // too few readings alone
       std::optional<Recording> recording;
       try {
         recording = load_recording(name);
-      } catch (const InputError& error) {   // it was there when its readings were counted
+      } catch (const InputError& error) {  // it was there when its readings were counted
         result.notes.push_back(name + " is left out: " + error.what());
         continue;
       }
@@ -87,7 +102,8 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
       mean.resize(n + 2);
       deviation.resize(n + 2);
       mean << fit.alpha, std::log(fit.noise.parameters[0]);
-      deviation << fit.alpha_covariance->diagonal().cwiseSqrt(), *fit.noise_estimates[0].std_dev / fit.noise.parameters[0];
+      deviation << fit.alpha_covariance->diagonal().cwiseSqrt(),
+          *fit.noise_estimates[0].std_dev / fit.noise.parameters[0];
       ++result.by_population;
     } else {
       continue;
@@ -143,7 +159,10 @@ void name_oddities(Database& database, const FleetJob& job, FleetResult& result)
   });
   database.execute("BEGIN");
   for (std::size_t i = 0; i < names.size(); ++i)
-    database.prepare("UPDATE oddities SET explanation = ? WHERE name = ?").bind(1, sentences[i]).bind(2, names[i]).run();
+    database.prepare("UPDATE oddities SET explanation = ? WHERE name = ?")
+        .bind(1, sentences[i])
+        .bind(2, names[i])
+        .run();
   database.execute("COMMIT");
 }
 
@@ -151,7 +170,8 @@ void name_oddities(Database& database, const FleetJob& job, FleetResult& result)
 
 void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
   const UnitStream stream = [&](const std::function<void(const UnitSummary&)>& visit) {
-    Statement rows = database.prepare("SELECT theta, information FROM units WHERE theta IS NOT NULL ORDER BY name");
+    Statement rows =
+        database.prepare("SELECT theta, information FROM units WHERE theta IS NOT NULL ORDER BY name");
     while (rows.step()) visit(summary_in(rows, 0, job));
   };
   Population& population = result.population;
@@ -159,7 +179,8 @@ void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
   population.order = job.order;
   population.law = job.law;
   {
-    Statement range = database.prepare("SELECT min(range_min_m), max(range_max_m) FROM units WHERE theta IS NOT NULL");
+    Statement range =
+        database.prepare("SELECT min(range_min_m), max(range_max_m) FROM units WHERE theta IS NOT NULL");
     range.step();
     population.range_min_m = range.number(0).value_or(0.0);
     population.range_max_m = range.number(1).value_or(0.0);

@@ -216,10 +216,9 @@ FreshResult run_fresh(const FreshOptions& options, const Diagnose& diagnose) {
   const auto run = [&](std::size_t i) {
     const Job& job = jobs[i];
     const auto before = known.find({job.row, job.design, job.index});
-    out.scores[i] =
-        before != known.end()
-            ? *before->second
-            : run_case(job.row, options.seed, job.index, job.design, options.oracle, diagnose, &unreached[i]);
+    out.scores[i] = before != known.end() ? *before->second
+                                          : run_case(job.row, options.seed, job.index, job.design,
+                                                     options.oracle, diagnose, &unreached[i]);
     const std::lock_guard<std::mutex> lock(reporting);
     if (before == known.end() && options.scored) options.scored(out.scores[i]);
     if (options.progress) options.progress(++done, static_cast<int>(jobs.size()));

@@ -13,14 +13,14 @@
 namespace rangecal::proof {
 
 struct FreshOptions {
-  int worlds = 300;                 ///< per row; clean worlds 5/3 of it per design
+  int worlds = 300;  ///< per row; clean worlds 5/3 of it per design
   std::uint64_t seed = 0;
-  std::string design = "both";      ///< "line", "turning", "both" (by turns)
-  std::vector<std::string> rows;    ///< names of row_names(); empty: all
-  bool oracle = true;               ///< refit the true effect too, for the gain
-  std::vector<Score> known;         ///< worlds of the same seed that were scored before: they are not run again
+  std::string design = "both";    ///< "line", "turning", "both" (by turns)
+  std::vector<std::string> rows;  ///< names of row_names(); empty: all
+  bool oracle = true;             ///< refit the true effect too, for the gain
+  std::vector<Score> known;       ///< worlds of the same seed that were scored before: they are not run again
   std::function<void(int done, int all)> progress;
-  std::function<void(const Score&)> scored;   ///< each world as it is done, one at a time
+  std::function<void(const Score&)> scored;  ///< each world as it is done, one at a time
 };
 
 struct FreshResult {

@@ -35,9 +35,9 @@ std::string line(const Score& s) {
       "{},{},{},{},{},{:.6g},{:.6g},{},{},{},{:.4f},{:.4g},{},{},{},{},{},{},{},{},{},{},{:.3f},{:d},{},{}\n",
       s.row, s.design, s.index, s.seed, s.planted, s.size, s.value, s.answer, to_string(s.result), s.set_size,
       s.probability, s.alarm_p, s.location, s.located ? 1 : 0, number(s.gain_ratio),
-      number(s.gain_excess_nats), s.coverage.covered, s.coverage.intervals, flag(s.held_out_improves), flag(s.listed),
-      s.experiment, flag(s.experiment_good), s.seconds, s.partly_right, csv_field(s.coverage.outside),
-      csv_field(s.error));
+      number(s.gain_excess_nats), s.coverage.covered, s.coverage.intervals, flag(s.held_out_improves),
+      flag(s.listed), s.experiment, flag(s.experiment_good), s.seconds, s.partly_right,
+      csv_field(s.coverage.outside), csv_field(s.error));
 }
 
 Answer answer_of(const CsvTable& table, std::size_t row, std::size_t column) {
@@ -109,7 +109,8 @@ void Journal::append(const Score& score) {
   const int error = write_all(file_, text);
   if (error == 0) return;
   const std::string reason = std::strerror(error);
-  if (before < 0 || ::ftruncate(file_, before) != 0) throw InputError(path_, 0, "", "ends in a torn line: " + reason);
+  if (before < 0 || ::ftruncate(file_, before) != 0)
+    throw InputError(path_, 0, "", "ends in a torn line: " + reason);
   throw InputError(path_, 0, "", "cannot be written: " + reason);
 }
 

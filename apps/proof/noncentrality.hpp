@@ -38,6 +38,7 @@ struct Sized {
 /// The size of effect `id`, in the direction of `sign`, at which the measure reaches `target` to 1 %; what the size
 /// leaves open is drawn from `seed`, the same for every size. Nothing if the effect's physical maximum stays below.
 std::optional<Sized> size_for(const SeedModel& model, const std::string& id, double target, Measure measure,
-                              std::uint64_t seed, double sign = 1.0, const Eigen::Vector3d* held_alpha = nullptr);
+                              std::uint64_t seed, double sign = 1.0,
+                              const Eigen::Vector3d* held_alpha = nullptr);
 
 }  // namespace rangecal::proof

@@ -44,7 +44,8 @@ double reciprocal_negentropy(double v) {
     const double base = 1.0 + v * z;
     if (base < 0.05) continue;
     const double weight = std::exp(-0.5 * z * z), y = 1.0 / base;
-    total += weight, first += weight * y, second += weight * y * y, logs += weight * std::log(v / (base * base));
+    total += weight, first += weight * y, second += weight * y * y,
+        logs += weight * std::log(v / (base * base));
   }
   const double mean = first / total, variance = second / total - mean * mean;
   return std::max(0.0, 0.5 * std::log(variance) - logs / total);  // h(y) = h(z) + E log|dy/dz|
@@ -87,7 +88,8 @@ Eigen::MatrixXd stop_covariance(const SeedModel& model, double placing, double w
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(2 * places + stops, 2 * places + stops);
   for (Index a = 0; a < places; ++a)
     for (Index b = 0; b < places; ++b) {
-      const double shared = walk * walk * static_cast<double>(std::min(a, b)) + (a == b ? placing * placing : 0.0);
+      const double shared =
+          walk * walk * static_cast<double>(std::min(a, b)) + (a == b ? placing * placing : 0.0);
       out(2 * a, 2 * b) = out(2 * a + 1, 2 * b + 1) = shared;
     }
   for (Index k = 0; k < stops; ++k) out(2 * places + k, 2 * places + k) = heading * heading;
@@ -104,7 +106,8 @@ double oracle_nats(const SeedModel& model, const world::World& planted) {
 
   const Index n = model.cells();
   const double repeats = model.repeats();
-  Eigen::VectorXd range_ratio = Eigen::VectorXd::Zero(n), bearing_ratio = Eigen::VectorXd::Zero(n);  // variances
+  Eigen::VectorXd range_ratio = Eigen::VectorXd::Zero(n),
+                  bearing_ratio = Eigen::VectorXd::Zero(n);  // variances
   for (std::size_t i = 0; i < target.stop.size(); ++i) {
     const int c = model.cell(target.stop[i], target.landmark[i]);
     const double tail = target.tail_share[i] * target.tail_sd_m[i] * target.tail_sd_m[i];
@@ -150,8 +153,9 @@ double oracle_nats(const SeedModel& model, const world::World& planted) {
       const int c = model.cell(target.stop[i], target.landmark[i]);
       const double root = std::sqrt(repeats);
       mean[c] += (target.range_mean_m[i] - clean.range_mean_m[i]) / model.range_sd_m(c) / root;
-      mean[n + c] += std::remainder(target.bearing_mean_rad[i] - clean.bearing_mean_rad[i], 2.0 * std::numbers::pi) /
-                     model.bearing_sd_rad(c) / root;
+      mean[n + c] +=
+          std::remainder(target.bearing_mean_rad[i] - clean.bearing_mean_rad[i], 2.0 * std::numbers::pi) /
+          model.bearing_sd_rad(c) / root;
     }
     return Eigen::VectorXd(a.transpose() * mean);
   }();
@@ -170,8 +174,8 @@ double oracle_nats(const SeedModel& model, const world::World& planted) {
     const Eigen::MatrixXd s0 = covariance(readings0, model.sigma_xy_m(), 0.0, model.sigma_heading_rad());
     const Eigen::LLT<Eigen::MatrixXd> llt(s0);
     const double log0 = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
-    return sum + 0.5 * (llt.solve(s1).trace() + moved.dot(llt.solve(moved)) - static_cast<double>(a.cols()) + log0 -
-                        log1);
+    return sum + 0.5 * (llt.solve(s1).trace() + moved.dot(llt.solve(moved)) - static_cast<double>(a.cols()) +
+                        log0 - log1);
   };
   // c from the deviations within cells, then one parabola.
   const double first = 0.5 * std::log(range_ratio.mean() * trace / (repeats - 1.0)), h = 0.05;

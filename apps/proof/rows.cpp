@@ -43,9 +43,10 @@ std::vector<std::string> candidates(const std::string& row, const std::string& d
   }
   if (row == "simulation-alpha") return {"range_offset", "range_scale", "laser_pointing"};
   if (row == "experiment")
-    return {"target_reflectance", "landmark_radius", "bearing_offset",  "bearing_drift", "heading_drift",
-            "path_curvature",     "sweep_motion",    "arc_definition",  "radius_scale",  "range_eccentricity",
-            "encoder_eccentricity", "lever_arm",     "warmup_drift",    "beam_offset"};
+    return {"target_reflectance", "landmark_radius",    "bearing_offset",       "bearing_drift",
+            "heading_drift",      "path_curvature",     "sweep_motion",         "arc_definition",
+            "radius_scale",       "range_eccentricity", "encoder_eccentricity", "lever_arm",
+            "warmup_drift",       "beam_offset"};
   return ids([](const EffectInfo& e) { return e.catalogued && e.effect_class == EffectClass::mean; });
 }
 
@@ -71,8 +72,8 @@ void take(Case& c, const std::string& id, const Sized& sized) {
 }
 
 /// Labels and grids show at any size: one between half and twice the typical.
-Sized free_size(const SeedModel& model, const EffectInfo& info, std::uint64_t effect_seed, double sign, double low,
-                double high, Random& random) {
+Sized free_size(const SeedModel& model, const EffectInfo& info, std::uint64_t effect_seed, double sign,
+                double low, double high, Random& random) {
   double size = std::min(info.maximum, info.typical * random.uniform(low, high));
   if (info.effect_class == EffectClass::label) size = std::max(1.0, std::round(size));
   Random draw(effect_seed);
@@ -165,9 +166,22 @@ void draw_pair(Case& c, const SeedModel& model, Random& random) {
 }  // namespace
 
 const std::vector<std::string>& row_names() {
-  static const std::vector<std::string> names{
-      "clean",  "lambda-30", "lambda-50", "lambda-100",        "lambda-400",       "noise-50",         "absorbed",    "twins",
-      "outside", "pair",     "experiment", "simulation-effect", "simulation-alike", "simulation-alpha", "closed-loop", "speed"};
+  static const std::vector<std::string> names{"clean",
+                                              "lambda-30",
+                                              "lambda-50",
+                                              "lambda-100",
+                                              "lambda-400",
+                                              "noise-50",
+                                              "absorbed",
+                                              "twins",
+                                              "outside",
+                                              "pair",
+                                              "experiment",
+                                              "simulation-effect",
+                                              "simulation-alike",
+                                              "simulation-alpha",
+                                              "closed-loop",
+                                              "speed"};
   return names;
 }
 
@@ -177,13 +191,15 @@ std::uint64_t world_seed(const std::string& row, std::uint64_t seed, int index, 
   const std::string drawn = same_as_100 ? "lambda-100" : row;
   std::uint64_t number = 0;
   while (row_names()[number] != drawn) ++number;
-  return seed_from("prove", {seed, number, static_cast<std::uint64_t>(index), design == "line" ? 0ULL : 1ULL});
+  return seed_from("prove",
+                   {seed, number, static_cast<std::uint64_t>(index), design == "line" ? 0ULL : 1ULL});
 }
 
 Case draw_case(const std::string& row, std::uint64_t seed, int index, const std::string& design) {
   if (std::find(row_names().begin(), row_names().end(), row) == row_names().end())
     throw InputError("row '" + row + "' is not one of the proof");
-  if (design != "line" && design != "turning") throw InputError("design '" + design + "' is not line or turning");
+  if (design != "line" && design != "turning")
+    throw InputError("design '" + design + "' is not line or turning");
   Case c;
   c.row = row, c.design = design, c.index = index;
   c.seed = world_seed(row, seed, index, design);

@@ -47,8 +47,9 @@ void round_readings(Recording& recording) {
 
 /// What the concealed worlds are made of; drawn in a shuffled order so that a number tells nothing.
 std::vector<std::string> shuffled_rows(int count, Random& random) {
-  const std::vector<std::string> menu{"clean",    "lambda-100", "lambda-100", "lambda-50", "lambda-400", "noise-50",
-                                      "noise-50", "pair",       "twins",      "outside",   "absorbed",   "clean"};
+  const std::vector<std::string> menu{"clean",      "lambda-100", "lambda-100", "lambda-50",
+                                      "lambda-400", "noise-50",   "noise-50",   "pair",
+                                      "twins",      "outside",    "absorbed",   "clean"};
   std::vector<std::string> rows;
   for (int i = 0; i < count; ++i) rows.push_back(menu[static_cast<std::size_t>(i) % menu.size()]);
   for (std::size_t i = rows.size(); i > 1; --i) std::swap(rows[i - 1], rows[random.index(i)]);
@@ -75,7 +76,8 @@ void make_concealed(const std::string& folder, int count, std::uint64_t seed) {
   const std::vector<std::string> rows = shuffled_rows(count, random);
   make_folder(plain + "-keys");
   for (int i = 0; i < count; ++i) {
-    const std::string name = fmt::format("world-{:02}", i + 1), design = random.uniform() < 0.5 ? "line" : "turning";
+    const std::string name = fmt::format("world-{:02}", i + 1),
+                      design = random.uniform() < 0.5 ? "line" : "turning";
     const std::uint64_t drawn_from = random.bits();
     const Case c = draw_case(rows[static_cast<std::size_t>(i)], drawn_from, i, design);
     Recording recording = record(c, c.planted);
@@ -115,7 +117,8 @@ std::string key_file(const std::string& recording) {
 Case open_key(const std::string& recording) {
   const std::string commitment_file = recording + "/commitment.txt", file = key_file(recording);
   std::string commitment = read_file(commitment_file);
-  while (!commitment.empty() && std::isspace(static_cast<unsigned char>(commitment.back()))) commitment.pop_back();
+  while (!commitment.empty() && std::isspace(static_cast<unsigned char>(commitment.back())))
+    commitment.pop_back();
   const std::string bytes = read_file(file);
   if (sha256(bytes) != commitment)
     throw InputError(file + ": does not match the commitment in " + commitment_file);

@@ -34,7 +34,8 @@ SeedModel::SeedModel(const world::World& clean) : clean_(clean), expected_(world
   std::map<std::string, int> numbers;
   for (std::size_t k = 0; k < clean.robot.stops.size(); ++k) {
     const std::string& place = clean.robot.stops[k].place;
-    place_of_.push_back(place.empty() ? place_count_ : numbers.try_emplace(place, place_count_).first->second);
+    place_of_.push_back(place.empty() ? place_count_
+                                      : numbers.try_emplace(place, place_count_).first->second);
     if (place_of_.back() == place_count_) ++place_count_;
     for (int l = 0; l < landmark_count_; ++l)
       cell_stop_.push_back(static_cast<int>(k)), cell_landmark_.push_back(l);
@@ -57,13 +58,15 @@ SeedModel::SeedModel(const world::World& clean) : clean_(clean), expected_(world
 
 SeedState SeedModel::start() const {
   SeedState state;
-  for (const world::Cylinder& landmark : clean_.landmarks) state.landmarks.emplace_back(landmark.x_m, landmark.y_m);
+  for (const world::Cylinder& landmark : clean_.landmarks)
+    state.landmarks.emplace_back(landmark.x_m, landmark.y_m);
   state.places.assign(static_cast<std::size_t>(place_count_), Eigen::Vector2d::Zero());
   state.headings.assign(place_of_.size(), 0.0);
   return state;
 }
 
-Signal SeedModel::residual(const world::Expected& target, const SeedState& state, Eigen::MatrixXd* jacobian) const {
+Signal SeedModel::residual(const world::Expected& target, const SeedState& state,
+                           Eigen::MatrixXd* jacobian) const {
   const Index n = cells(), stops = stop_count(), rows = static_cast<Index>(target.stop.size());
   const Index places_at = 3 + 2 * landmark_count_, headings_at = places_at + 2 * place_count_;
   Signal out;
@@ -111,12 +114,16 @@ Signal SeedModel::residual(const world::Expected& target, const SeedState& state
   }
   out.means.head(2 * n) /= root;  // sum / R x sqrt(R)
   for (Index p = 0; p < place_count_; ++p) {
-    out.means.segment<2>(place_row(static_cast<int>(p))) = -state.places[static_cast<std::size_t>(p)] / sigma_xy_;
+    out.means.segment<2>(place_row(static_cast<int>(p))) =
+        -state.places[static_cast<std::size_t>(p)] / sigma_xy_;
     if (jacobian)
-      jacobian->block<2, 2>(place_row(static_cast<int>(p)), places_at + 2 * p).diagonal().setConstant(1.0 / sigma_xy_);
+      jacobian->block<2, 2>(place_row(static_cast<int>(p)), places_at + 2 * p)
+          .diagonal()
+          .setConstant(1.0 / sigma_xy_);
   }
   for (Index k = 0; k < stops; ++k) {
-    out.means[heading_row(static_cast<int>(k))] = -state.headings[static_cast<std::size_t>(k)] / sigma_heading_;
+    out.means[heading_row(static_cast<int>(k))] =
+        -state.headings[static_cast<std::size_t>(k)] / sigma_heading_;
     if (jacobian) (*jacobian)(heading_row(static_cast<int>(k)), headings_at + k) = 1.0 / sigma_heading_;
   }
   return out;
@@ -134,7 +141,8 @@ SeedFit SeedModel::fit(const world::Expected& target, const Eigen::Vector3d* hel
     Eigen::MatrixXd normal = scale.cwiseInverse().asDiagonal() * (jacobian.transpose() * jacobian) *
                              scale.cwiseInverse().asDiagonal();
     normal.diagonal().array() += 1e-13;
-    const Eigen::VectorXd gradient = scale.cwiseInverse().asDiagonal() * (jacobian.transpose() * best.residual.means);
+    const Eigen::VectorXd gradient =
+        scale.cwiseInverse().asDiagonal() * (jacobian.transpose() * best.residual.means);
     const Eigen::VectorXd step = scale.cwiseInverse().asDiagonal() * normal.ldlt().solve(gradient);
     const double before = best.residual.squared_norm();
     double length = 1.0;

@@ -57,7 +57,7 @@ class SeedModel {
   int landmark_count() const { return landmark_count_; }
   double sigma_xy_m() const { return sigma_xy_; }
   double sigma_heading_rad() const { return sigma_heading_; }
-  double range_sd_m(int c) const { return range_sd_[static_cast<std::size_t>(c)]; }      ///< of one reading
+  double range_sd_m(int c) const { return range_sd_[static_cast<std::size_t>(c)]; }  ///< of one reading
   double bearing_sd_rad(int c) const { return bearing_sd_[static_cast<std::size_t>(c)]; }
   /// Rows of `means` where places and headings begin.
   int place_row(int place) const { return 2 * cells() + 2 * place; }

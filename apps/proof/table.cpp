@@ -35,8 +35,8 @@ void add_share(std::vector<Line>& lines, const std::vector<Score>& scores, const
   lines.push_back(line);
 }
 
-void add_number(std::vector<Line>& lines, const std::string& what, std::vector<double> values, double quantile,
-                double low, double high, const std::string& required) {
+void add_number(std::vector<Line>& lines, const std::string& what, std::vector<double> values,
+                double quantile, double low, double high, const std::string& required) {
   if (values.empty()) return;
   std::sort(values.begin(), values.end());
   const auto at = static_cast<std::size_t>(std::lround(quantile * static_cast<double>(values.size() - 1)));
@@ -62,31 +62,43 @@ bool right(const Score& s) { return is_right(s.result); }
 
 void add_naming(std::vector<Line>& lines, const std::vector<Score>& scores) {
   const auto wrong = [](const Score& s) { return s.result == Answer::wrong_name; };
-  add_share(lines, scores, "clean, line: alarm", [](const Score& s) { return s.row == "clean" && s.design == "line"; },
-            [](const Score& s) { return s.result != Answer::quiet; }, 0.03, true);
-  add_share(lines, scores, "clean, turning: alarm",
-            [](const Score& s) { return s.row == "clean" && s.design == "turning"; },
-            [](const Score& s) { return s.result != Answer::quiet; }, 0.03, true);
+  add_share(
+      lines, scores, "clean, line: alarm",
+      [](const Score& s) { return s.row == "clean" && s.design == "line"; },
+      [](const Score& s) { return s.result != Answer::quiet; }, 0.03, true);
+  add_share(
+      lines, scores, "clean, turning: alarm",
+      [](const Score& s) { return s.row == "clean" && s.design == "turning"; },
+      [](const Score& s) { return s.result != Answer::quiet; }, 0.03, true);
   add_share(lines, scores, "lambda 100: right name or twin set", row("lambda-100"), right, 0.97);
   add_share(lines, scores, "lambda 50: the same", row("lambda-50"), right, 0.92);
   add_share(lines, scores, "lambda 400: the same", row("lambda-400"), right, 0.98);
   add_share(lines, scores, "lambda 30: the same", row("lambda-30"), right, 0.65);
   add_share(lines, scores, "lambda 30: wrong single name", row("lambda-30"), wrong, 0.05, true);
   add_share(lines, scores, "noise, tails, dependence, labels, grids: 50 nats", row("noise-50"), right, 0.95);
-  add_share(lines, scores, "lambda 100 or more: wrong single name",
-            [](const Score& s) { return in_row(s, {"lambda-100", "lambda-400"}); }, wrong, 0.02, true);
-  add_share(lines, scores, "absorbed twins: no alarm, listed", row("absorbed"),
-            [](const Score& s) { return s.result == Answer::missed && s.listed.value_or(false); }, 0.99);
-  add_share(lines, scores, "twins that show: the set", row("twins"),
-            [](const Score& s) { return s.result == Answer::right_set; }, 0.99);
-  add_share(lines, scores, "outside the catalogue: unexplained, located", row("outside"),
-            [](const Score& s) { return s.result == Answer::unexplained && s.located; }, 0.92);
+  add_share(
+      lines, scores, "lambda 100 or more: wrong single name",
+      [](const Score& s) {
+        return in_row(s, {"lambda-100", "lambda-400"});
+      },
+      wrong, 0.02, true);
+  add_share(
+      lines, scores, "absorbed twins: no alarm, listed", row("absorbed"),
+      [](const Score& s) { return s.result == Answer::missed && s.listed.value_or(false); }, 0.99);
+  add_share(
+      lines, scores, "twins that show: the set", row("twins"),
+      [](const Score& s) { return s.result == Answer::right_set; }, 0.99);
+  add_share(
+      lines, scores, "outside the catalogue: unexplained, located", row("outside"),
+      [](const Score& s) { return s.result == Answer::unexplained && s.located; }, 0.92);
   add_share(lines, scores, "two effects: both right", row("pair"), right, 0.85);
-  add_share(lines, scores, "two effects, others: one right, none wrong",
-            [](const Score& s) { return s.row == "pair" && !is_right(s.result); },
-            [](const Score& s) { return s.partly_right; }, 0.5);
-  add_share(lines, scores, "lambda 100: channel and covariate first", row("lambda-100"),
-            [](const Score& s) { return s.located; }, 0.92);
+  add_share(
+      lines, scores, "two effects, others: one right, none wrong",
+      [](const Score& s) { return s.row == "pair" && !is_right(s.result); },
+      [](const Score& s) { return s.partly_right; }, 0.5);
+  add_share(
+      lines, scores, "lambda 100: channel and covariate first", row("lambda-100"),
+      [](const Score& s) { return s.located; }, 0.92);
 }
 
 void add_quality(std::vector<Line>& lines, const std::vector<Score>& scores) {
@@ -94,50 +106,60 @@ void add_quality(std::vector<Line>& lines, const std::vector<Score>& scores) {
   add_number(lines, "gain over that of the true effect: median",
              values_of(scores, has_gain, [](const Score& s) { return s.gain_ratio; }), 0.5, 0.95, 1.05,
              "0.95 to 1.05");
-  add_share(lines, scores, "gain more than 8 nats above it", has_gain,
-            [](const Score& s) { return *s.gain_excess_nats > 8.0; }, 0.01, true);
-  add_share(lines, scores, "held-out density improves",
-            [](const Score& s) {
-              return in_row(s, {"lambda-100", "lambda-400"}) && s.held_out_improves.has_value();
-            },
-            [](const Score& s) { return *s.held_out_improves; }, 0.99);
+  add_share(
+      lines, scores, "gain more than 8 nats above it", has_gain,
+      [](const Score& s) { return *s.gain_excess_nats > 8.0; }, 0.01, true);
+  add_share(
+      lines, scores, "held-out density improves",
+      [](const Score& s) {
+        return in_row(s, {"lambda-100", "lambda-400"}) && s.held_out_improves.has_value();
+      },
+      [](const Score& s) { return *s.held_out_improves; }, 0.99);
   int covered = 0, intervals = 0;
   for (const Score& s : scores) covered += s.coverage.covered, intervals += s.coverage.intervals;
   if (intervals > 0) {
-    Line line{"95 % intervals cover (intervals)", "93 to 97 %", intervals, static_cast<double>(covered) / intervals};
+    Line line{"95 % intervals cover (intervals)", "93 to 97 %", intervals,
+              static_cast<double>(covered) / intervals};
     std::tie(line.low, line.high) = wilson(covered, intervals);
     line.met = line.figure >= 0.93 && line.figure <= 0.97;
     lines.push_back(line);
   }
-  add_share(lines, scores, "answers of probability 0.9 or more: right",
-            [](const Score& s) {
-              return in_row(s, {"lambda-30", "lambda-50", "lambda-100", "lambda-400", "noise-50"}) &&
-                     s.probability >= 0.9 && s.result != Answer::missed && s.result != Answer::unexplained;
-            },
-            right, 0.88);
-  add_share(lines, scores, "experiment: shrinks to the truth",
-            [](const Score& s) { return s.row == "experiment" && s.experiment_good && s.experiment != "none"; },
-            [](const Score& s) { return *s.experiment_good; }, 0.9);
-  add_share(lines, scores, "experiment: nothing separates, and said so",
-            [](const Score& s) { return s.row == "experiment" && s.experiment_good && s.experiment == "none"; },
-            [](const Score& s) { return *s.experiment_good; }, 0.9);
+  add_share(
+      lines, scores, "answers of probability 0.9 or more: right",
+      [](const Score& s) {
+        return in_row(s, {"lambda-30", "lambda-50", "lambda-100", "lambda-400", "noise-50"}) &&
+               s.probability >= 0.9 && s.result != Answer::missed && s.result != Answer::unexplained;
+      },
+      right, 0.88);
+  add_share(
+      lines, scores, "experiment: shrinks to the truth",
+      [](const Score& s) { return s.row == "experiment" && s.experiment_good && s.experiment != "none"; },
+      [](const Score& s) { return *s.experiment_good; }, 0.9);
+  add_share(
+      lines, scores, "experiment: nothing separates, and said so",
+      [](const Score& s) { return s.row == "experiment" && s.experiment_good && s.experiment == "none"; },
+      [](const Score& s) { return *s.experiment_good; }, 0.9);
   double level = 0.97;
   for (const Line& line : lines)
     if (line.what == "lambda 100: right name or twin set") level = line.figure;
-  add_share(lines, scores, "against a simulation: right (3 points of the row)", row("simulation-effect"), right,
-            std::max(0.0, level - 0.03));
-  add_share(lines, scores, "simulation alike: alarm", row("simulation-alike"),
-            [](const Score& s) { return s.result != Answer::quiet; }, 0.03, true);
+  add_share(lines, scores, "against a simulation: right (3 points of the row)", row("simulation-effect"),
+            right, std::max(0.0, level - 0.03));
+  add_share(
+      lines, scores, "simulation alike: alarm", row("simulation-alike"),
+      [](const Score& s) { return s.result != Answer::quiet; }, 0.03, true);
   add_share(lines, scores, "only alpha differs: named", row("simulation-alpha"), right, 0.97);
-  add_share(lines, scores, "closed loop: no mismatch", row("closed-loop"),
-            [](const Score& s) { return s.result == Answer::quiet; }, 0.9);
-  const auto seconds = values_of(scores, row("speed"), [](const Score& s) { return std::optional(s.seconds); });
+  add_share(
+      lines, scores, "closed loop: no mismatch", row("closed-loop"),
+      [](const Score& s) { return s.result == Answer::quiet; }, 0.9);
+  const auto seconds =
+      values_of(scores, row("speed"), [](const Score& s) { return std::optional(s.seconds); });
   add_number(lines, "1500 readings: seconds, median", seconds, 0.5, 0.0, 1.0, "<= 1 s");
   add_number(lines, "1500 readings: seconds, worst", seconds, 1.0, 0.0, 2.0, "<= 2 s");
 }
 
 bool is_miss(const Score& s) {
-  if (s.row == "clean" || s.row == "simulation-alike" || s.row == "closed-loop") return s.result != Answer::quiet;
+  if (s.row == "clean" || s.row == "simulation-alike" || s.row == "closed-loop")
+    return s.result != Answer::quiet;
   if (s.row == "absorbed") return s.result != Answer::missed || !s.listed.value_or(false);
   if (s.row == "twins") return s.result != Answer::right_set;
   if (s.row == "outside") return s.result != Answer::unexplained || !s.located;
@@ -174,8 +196,8 @@ std::vector<Line> proof_lines(const std::vector<Score>& scores) {
 }
 
 std::string proof_text(const std::vector<Score>& scores, const std::map<std::string, int>& out_of_reach) {
-  std::string out = fmt::format("{:<50} {:>7} {:>9}  {:<17} {:<14}\n", "what", "worlds", "figure", "95 % interval",
-                                "at least");
+  std::string out = fmt::format("{:<50} {:>7} {:>9}  {:<17} {:<14}\n", "what", "worlds", "figure",
+                                "95 % interval", "at least");
   for (const Line& line : proof_lines(scores)) {
     const std::string figure =
         line.percent ? fmt::format("{:.1f} %", 100.0 * line.figure) : fmt::format("{:.3f}", line.figure);
@@ -197,13 +219,13 @@ std::string proof_text(const std::vector<Score>& scores, const std::map<std::str
   if (named > 0)
     out += fmt::format("\nnamed: {}, single names: {}, mean set size {:.2f}\n", named, single,
                        static_cast<double>(sets) / named);
-  const auto seconds = values_of(scores, [](const Score&) { return true; },
-                                 [](const Score& s) { return std::optional(s.seconds); });
+  const auto seconds = values_of(
+      scores, [](const Score&) { return true; }, [](const Score& s) { return std::optional(s.seconds); });
   if (!seconds.empty()) {
     std::vector<double> order = seconds;
     std::sort(order.begin(), order.end());
-    out += fmt::format("seconds a world, several at once: median {:.2f}, worst {:.2f}\n", order[order.size() / 2],
-                       slowest);
+    out += fmt::format("seconds a world, several at once: median {:.2f}, worst {:.2f}\n",
+                       order[order.size() / 2], slowest);
   }
   out += fmt::format("largest noncentrality of a clean world: {:.2g}\n", clean);
   if (errors > 0) out += fmt::format("worlds on which the diagnosis threw: {}\n", errors);
@@ -213,7 +235,8 @@ std::string proof_text(const std::vector<Score>& scores, const std::map<std::str
     out += "\n";
   }
   out += "\nmisses by row (planted -> answer):\n" + tally(scores, is_miss, true);
-  out += "\nplanted -> answers:\n" + tally(scores, [](const Score& s) { return s.row != "clean"; }, false);
+  out += "\nplanted -> answers:\n" + tally(
+                                         scores, [](const Score& s) { return s.row != "clean"; }, false);
   return out;
 }
 

@@ -32,7 +32,8 @@ double left_by(const Eigen::MatrixXd& columns, const Eigen::VectorXd& limits, co
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(used.leftCols(count));
   qr.setThreshold(1e-9);
   const Eigen::VectorXd best = qr.solve(x);
-  return (x - used.leftCols(count) * best.cwiseMax(-most.head(count)).cwiseMin(most.head(count))).squaredNorm();
+  return (x - used.leftCols(count) * best.cwiseMax(-most.head(count)).cwiseMin(most.head(count)))
+      .squaredNorm();
 }
 
 Eigen::VectorXd joined(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
@@ -58,7 +59,8 @@ Signatures::Signatures(const SeedModel& model, std::uint64_t seed)
     const Pose2& pose = recording_.stops[k].commanded;
     const Pose2& before = recording_.stops[k > 0 ? k - 1 : 0].commanded;
     c.commanded.push_back(pose);
-    c.path_m.push_back((k > 0 ? c.path_m.back() : 0.0) + std::hypot(pose.x_m - before.x_m, pose.y_m - before.y_m));
+    c.path_m.push_back((k > 0 ? c.path_m.back() : 0.0) +
+                       std::hypot(pose.x_m - before.x_m, pose.y_m - before.y_m));
     cosines += std::cos(pose.heading_rad), sines += std::sin(pose.heading_rad);
   }
   const double mean = std::min(1.0, std::hypot(cosines, sines) / c.stop_count);
@@ -127,7 +129,8 @@ Signatures::Columns Signatures::columns(const std::string& id, const Point& poin
     const EffectParameter& parameter = parameters[static_cast<size_t>(j)];
     if (!parameter.linear) continue;
     const double most = std::max(std::abs(parameter.low), std::abs(parameter.high));
-    if (most > 0.0 && std::isfinite(most)) out.limits[column] = most / std::abs(steps[static_cast<size_t>(column)][j]);
+    if (most > 0.0 && std::isfinite(most))
+      out.limits[column] = most / std::abs(steps[static_cast<size_t>(column)][j]);
     ++column;
   }
   if (steps.empty()) steps.push_back(point), out.limits[0] = 10.0;
@@ -163,7 +166,8 @@ Signatures::Columns Signatures::columns(const std::string& id, const Point& poin
     // the move is carried through the derivative by position of each stop.
     effect.stops(context_, p.data(), priors);
     for (int k = 0; k < model_.stop_count(); ++k) {
-      const Pose2 &to = priors[static_cast<size_t>(k)].commanded, &from = context_.commanded[static_cast<size_t>(k)];
+      const Pose2 &to = priors[static_cast<size_t>(k)].commanded,
+                  &from = context_.commanded[static_cast<size_t>(k)];
       const Index place = 3 + 2 * model_.landmark_count() + 2 * model_.place(k);
       const Index heading = 3 + 2 * model_.landmark_count() + 2 * model_.place_count() + k;
       for (int l = 0; l < model_.landmark_count(); ++l)
@@ -190,7 +194,8 @@ double Signatures::left(const Signal& signal, std::span<const std::string> effec
       out.columns.col(j) = joined(model_.project(c.means.col(j)), c.rows.col(j));
     return out;
   };
-  std::vector<Choice> chosen(effects.size(), Choice{Eigen::MatrixXd(x.size(), 0), Eigen::VectorXd(0), Point(0)});
+  std::vector<Choice> chosen(effects.size(),
+                             Choice{Eigen::MatrixXd(x.size(), 0), Eigen::VectorXd(0), Point(0)});
   std::vector<std::vector<Choice>> choices(effects.size());
   for (size_t e = 0; e < effects.size(); ++e) {
     if (effects[e] == "heading_zero") {
@@ -266,7 +271,8 @@ double Signatures::variance_left(const world::World& planted, std::span<const st
   Eigen::VectorXd x(rows);
   for (Index i = 0; i < rows; ++i) {
     const auto at = static_cast<size_t>(i);
-    x[i] = std::sqrt(2.0) * std::log(target.range_sd_m[at] / model_.expected().range_sd_m[at]);  // sqrt(1/2) log var
+    x[i] = std::sqrt(2.0) *
+           std::log(target.range_sd_m[at] / model_.expected().range_sd_m[at]);  // sqrt(1/2) log var
   }
   double least = std::numeric_limits<double>::infinity();
   for (const std::string& id : effects)

@@ -29,7 +29,8 @@ class Signatures {
   using Point = Eigen::VectorXd;
   struct Columns {
     Eigen::MatrixXd means, rows;
-    Eigen::VectorXd limits;  ///< of the coefficients, in units of the columns: the parameters' physical bounds
+    Eigen::VectorXd
+        limits;  ///< of the coefficients, in units of the columns: the parameters' physical bounds
   };
   Columns columns(const std::string& id, const Point& point) const;
   Eigen::MatrixXd variance_columns(const std::string& id, const Point& point) const;

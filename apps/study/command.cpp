@@ -8,7 +8,8 @@ CLI::App* declare_study(CLI::App& app, StudyJob& job) {
   command->add_option("STUDY", job.file, "study file (docs/study.md)")->required();
   command->add_option("-o,--output", job.folder, "folder of the results, made if missing")->required();
   command->add_flag("--resume", job.resume, "continue what the folder holds, all shards in it put together");
-  command->add_option("--merge", job.merge, "folders of other shards, put together with what the output folder holds");
+  command->add_option("--merge", job.merge,
+                      "folders of other shards, put together with what the output folder holds");
   command->add_option("--shard", job.shard_text, "I/N: this run does part I of N, for job arrays");
   command->add_option("--threads", job.threads, "threads (default: all cores); under mpirun one per rank");
   command->footer(

@@ -35,14 +35,16 @@ void remove_partial_tables(const std::string& folder) {
   std::vector<std::filesystem::path> partial;
   for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
     const std::string name = entry.path().filename().string();
-    if (name.starts_with("results.csv.partial") || name.starts_with("timing.csv.partial")) partial.push_back(entry.path());
+    if (name.starts_with("results.csv.partial") || name.starts_with("timing.csv.partial"))
+      partial.push_back(entry.path());
   }
   for (const auto& path : partial) std::filesystem::remove(path, none);
 }
 
 std::string clock_text(double seconds) {
   const long s = std::lround(seconds);
-  return s >= 3600 ? fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60) : fmt::format("{}:{:02}", s / 60, s % 60);
+  return s >= 3600 ? fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
+                   : fmt::format("{}:{:02}", s / 60, s % 60);
 }
 
 }  // namespace
@@ -69,7 +71,7 @@ StudyFolder::StudyFolder(const Study& study, const StudyJob& job)
   folders.insert(folders.end(), job.merge.begin(), job.merge.end());
   known_ = std::make_unique<JournalReader>(study, folders);
   journal_ = std::make_unique<JournalWriter>(study, mine);
-  if (job.shards == 1) remove_partial_tables(job.folder);   // shards write none
+  if (job.shards == 1) remove_partial_tables(job.folder);  // shards write none
   const int pieces = study_pieces(study);
   for (int p = 0; p < static_cast<int>(study.points.size()); ++p)
     for (int c = 0; c < pieces; ++c) {
@@ -117,24 +119,27 @@ void StudyFolder::show_progress(bool last) {
   const auto now = Clock::now();
   if (!last && now - shown_ < 200ms) return;
   shown_ = now;
-  const double rate = static_cast<double>(repeats_run_) / std::max(std::chrono::duration<double>(now - begin_).count(), 1e-3);
+  const double rate =
+      static_cast<double>(repeats_run_) / std::max(std::chrono::duration<double>(now - begin_).count(), 1e-3);
   const long left = repeats_asked_ - repeats_known_ - repeats_run_;
-  fmt::print(stderr, "\r\x1b[K{}: {} of {} repeats, {:.0f}/s, {} left{}", study_.name, repeats_known_ + repeats_run_,
-             repeats_asked_, rate, clock_text(static_cast<double>(left) / std::max(rate, 1e-9)), last ? "\n" : "");
+  fmt::print(stderr, "\r\x1b[K{}: {} of {} repeats, {:.0f}/s, {} left{}", study_.name,
+             repeats_known_ + repeats_run_, repeats_asked_, rate,
+             clock_text(static_cast<double>(left) / std::max(rate, 1e-9)), last ? "\n" : "");
 }
 
 int StudyFolder::finish() {
   if (terminal_) show_progress(true);
   if (job_.shards > 1) {
-    fmt::print("{}: shard {}/{} done, {} repeats run, {} known before. With all shards done:\n"
-               "  rangecal study {} -o {} --resume\n",
-               study_.name, job_.shard + 1, job_.shards, repeats_run_, repeats_known_, job_.file, job_.folder);
+    fmt::print(
+        "{}: shard {}/{} done, {} repeats run, {} known before. With all shards done:\n"
+        "  rangecal study {} -o {} --resume\n",
+        study_.name, job_.shard + 1, job_.shards, repeats_run_, repeats_known_, job_.file, job_.folder);
     return done;
   }
   write_tables();
-  fmt::print("{}: {} point{} of {} repeats ({} run, {} known before), {} estimator{}, {:.2f} s: {}\n", study_.name,
-             study_.points.size(), study_.points.size() == 1 ? "" : "s", study_.repeats, repeats_run_, repeats_known_,
-             study_.estimators.size(), study_.estimators.size() == 1 ? "" : "s",
+  fmt::print("{}: {} point{} of {} repeats ({} run, {} known before), {} estimator{}, {:.2f} s: {}\n",
+             study_.name, study_.points.size(), study_.points.size() == 1 ? "" : "s", study_.repeats,
+             repeats_run_, repeats_known_, study_.estimators.size(), study_.estimators.size() == 1 ? "" : "s",
              std::chrono::duration<double>(Clock::now() - begin_).count(),
              (std::filesystem::path(job_.folder) / "results.csv").string());
   return done;

@@ -18,10 +18,10 @@ struct StudyJob {
   std::string file, folder;
   std::vector<std::string> merge;  ///< folders of other shards, to be read besides
   bool resume = false;
-  int shard = 0, shards = 1;       ///< from 0
+  int shard = 0, shards = 1;  ///< from 0
   int threads = 0;
 
-  std::string shard_text;          ///< "2/8" as given
+  std::string shard_text;  ///< "2/8" as given
 };
 
 /// A study's folder: the journal while it runs, results.csv and timing.csv as points complete.
@@ -45,7 +45,7 @@ class StudyFolder {
   using Clock = std::chrono::steady_clock;
   const Study& study_;
   StudyJob job_;
-  std::optional<WriteLock> lock_;                ///< shards share it, each has its journal to itself
+  std::optional<WriteLock> lock_;  ///< shards share it, each has its journal to itself
   std::unique_ptr<JournalReader> known_;
   std::unique_ptr<JournalWriter> journal_;
   std::map<int, std::string> results_, timing_;  ///< rows of the points complete

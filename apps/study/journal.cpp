@@ -57,8 +57,8 @@ auto key(const StudyUnit& unit) { return std::pair(unit.point, unit.piece); }
 
 std::string journal_line(const StudyUnit& unit, const StudySums& sums) {
   fmt::memory_buffer text;
-  fmt::format_to(std::back_inserter(text), "u {} {} {} {} {}", unit.point, unit.piece, sums.repeats, sums.numbers.size(),
-                 sums.seconds.size());
+  fmt::format_to(std::back_inserter(text), "u {} {} {} {} {}", unit.point, unit.piece, sums.repeats,
+                 sums.numbers.size(), sums.seconds.size());
   for (const auto* row : {&sums.numbers, &sums.seconds})
     for (const double number : *row) fmt::format_to(std::back_inserter(text), " {}", number);
   const std::string body = fmt::to_string(text);
@@ -73,8 +73,8 @@ std::optional<std::pair<StudyUnit, StudySums>> from_journal_line(const std::stri
   StudySums sums;
   std::size_t numbers = 0, seconds = 0;
   Fields fields(text.substr(1));
-  if (!fields.next(unit.point) || !fields.next(unit.piece) || !fields.next(sums.repeats) || !fields.next(numbers) ||
-      !fields.next(seconds) || numbers > text.size() || seconds > text.size())
+  if (!fields.next(unit.point) || !fields.next(unit.piece) || !fields.next(sums.repeats) ||
+      !fields.next(numbers) || !fields.next(seconds) || numbers > text.size() || seconds > text.size())
     return std::nullopt;
   sums.numbers.resize(numbers);
   sums.seconds.resize(seconds);
@@ -139,8 +139,9 @@ void JournalReader::scan(const Study& study, const std::string& path) {
 }
 
 const JournalReader::Entry* JournalReader::find(const StudyUnit& unit) const {
-  const auto at = std::lower_bound(entries_.begin(), entries_.end(), unit,
-                                   [](const Entry& entry, const StudyUnit& wanted) { return key(entry.unit) < key(wanted); });
+  const auto at = std::lower_bound(
+      entries_.begin(), entries_.end(), unit,
+      [](const Entry& entry, const StudyUnit& wanted) { return key(entry.unit) < key(wanted); });
   return at != entries_.end() && at->unit == unit ? &*at : nullptr;
 }
 
@@ -148,7 +149,8 @@ std::optional<StudySums> JournalReader::recall(const StudyUnit& unit) const {
   const Entry* entry = find(unit);
   if (!entry) return std::nullopt;
   std::string line(entry->length, '\0');
-  if (::pread(descriptors_[entry->file], line.data(), line.size(), entry->offset) != entry->length) return std::nullopt;
+  if (::pread(descriptors_[entry->file], line.data(), line.size(), entry->offset) != entry->length)
+    return std::nullopt;
   auto parsed = from_journal_line(line);
   if (!parsed) return std::nullopt;
   return std::move(parsed->second);
@@ -156,7 +158,8 @@ std::optional<StudySums> JournalReader::recall(const StudyUnit& unit) const {
 
 JournalWriter::JournalWriter(const Study& study, const std::string& path) : path_(path) {
   descriptor_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor_ < 0) throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
+  if (descriptor_ < 0)
+    throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
   if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
     ::close(descriptor_);
     throw InputError(path, 0, "", "another run of this study is writing it");
@@ -182,6 +185,8 @@ void JournalWriter::write_all(const std::string& text) {
     throw InputError(path_, 0, "", std::string("cannot be written: ") + std::strerror(error));
 }
 
-void JournalWriter::append(const StudyUnit& unit, const StudySums& sums) { write_all(journal_line(unit, sums)); }
+void JournalWriter::append(const StudyUnit& unit, const StudySums& sums) {
+  write_all(journal_line(unit, sums));
+}
 
 }  // namespace rangecal::app

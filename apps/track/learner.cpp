@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "track/learner.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <unordered_map>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -134,7 +134,7 @@ class LandmarksLearner : public Learner {
   static RecursiveLandmarksOptions options_of(const TrackJob& job, const std::optional<Recording>& known) {
     RecursiveLandmarksOptions options;
     options.order = job.options.order;
-    if (job.options.law != NoiseLaw::polynomial) options.law = job.options.law;   // refused below
+    if (job.options.law != NoiseLaw::polynomial) options.law = job.options.law;  // refused below
     options.forget = job.options.forget;
     options.sigma_xy_m = job.sigma_xy_m;
     options.sigma_heading_rad = job.sigma_heading_rad;
@@ -145,7 +145,9 @@ class LandmarksLearner : public Learner {
     // What is forgotten goes by blocks: at most half a time constant each.
     constexpr double fewest = 16.0;
     if (options.forget < fewest)
-      throw InputError(fmt::format("--forget {}: of landmarks in unknown places at least {} stops are remembered", options.forget, fewest));
+      throw InputError(
+          fmt::format("--forget {}: of landmarks in unknown places at least {} stops are remembered",
+                      options.forget, fewest));
     options.block = std::min(options.block, static_cast<int>(std::min(0.5 * options.forget, 1e4)));
     return options;
   }

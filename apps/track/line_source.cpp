@@ -26,12 +26,15 @@ LineSource::LineSource(const std::string& path, std::int64_t offset) : path_(pat
     return;
   }
   file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  struct stat status{};
-  if (file_ < 0 || ::fstat(file_, &status) != 0) throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
+  struct stat status {};
+  if (file_ < 0 || ::fstat(file_, &status) != 0)
+    throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
   if (S_ISDIR(status.st_mode)) throw InputError(path, 0, "", "is a folder, not a file");
   if (S_ISREG(status.st_mode)) {
     if (status.st_size < offset)
-      throw InputError(path, 0, "", "is shorter than the " + std::to_string(offset) + " bytes that the state has taken from it");
+      throw InputError(
+          path, 0, "",
+          "is shorter than the " + std::to_string(offset) + " bytes that the state has taken from it");
     ::lseek(file_, offset, SEEK_SET);
     offset_ = offset;
   }

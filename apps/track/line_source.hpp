@@ -25,7 +25,7 @@ class LineSource {
   Status next(std::string& line);
   /// What stands after the last line end, taken as a line.
   std::string rest();
-  std::int64_t offset() const { return offset_; }   ///< bytes taken as lines
+  std::int64_t offset() const { return offset_; }  ///< bytes taken as lines
   bool has_rest() const { return begin_ < buffer_.size(); }
 
  private:

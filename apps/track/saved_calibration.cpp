@@ -26,7 +26,8 @@ Calibration calibration_in(const Json& json) {
   if (size == 0 || covariance.size() != alpha.size() * alpha.size())
     throw InputError("the state's calibration is not whole");
   // states of 0.1.0 have one sigma
-  const auto noise = json.contains("noise") ? json.at("noise").get<std::vector<double>>() : std::vector<double>{json.at("sigma").get<double>()};
+  const auto noise = json.contains("noise") ? json.at("noise").get<std::vector<double>>()
+                                            : std::vector<double>{json.at("sigma").get<double>()};
   const NoiseLaw law = noise_law_from_string(json.at("law").get<std::string>());
   if (noise.empty() || (law != NoiseLaw::polynomial && !(noise.size() == 1 && noise[0] > 0.0)))
     throw InputError("the state's sigma is not positive");

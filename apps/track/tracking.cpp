@@ -9,9 +9,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <thread>
-
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/csv_table.hpp"
@@ -30,7 +29,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 constexpr const char* format_name = "rangecal-track/1";
 constexpr int most_complaints = 10;
-constexpr std::size_t most_changes = 1000;   // kept, the latest
+constexpr std::size_t most_changes = 1000;  // kept, the latest
 
 volatile sig_atomic_t stopped = 0;
 void stop(int) { stopped = 1; }
@@ -50,7 +49,8 @@ class Run {
     if (!job.from.empty()) {
       given_ = load_calibration(job.from);
       require_curve(*given_, job.from);
-      if (!given_->effects.empty()) throw InputError(job.from + ": holds effects, which a stream cannot undo; use 'rangecal correct'");
+      if (!given_->effects.empty())
+        throw InputError(job.from + ": holds effects, which a stream cannot undo; use 'rangecal correct'");
     }
     if (job.watch > 0.0) {
       if (!given_) throw InputError("--watch needs --from, the calibration that may have changed");
@@ -62,12 +62,13 @@ class Run {
         locks_.push_back(std::make_unique<WriteLock>(path));
     if (!job.state.empty() && file_exists(job.state)) load();
     source_ = std::make_unique<LineSource>(job.input, offset_);
-    if (learner_) open_output();   // of a new stream only when its columns are known: a wrong file leaves what was there
+    if (learner_)
+      open_output();  // of a new stream only when its columns are known: a wrong file leaves what was there
     write_changes();  // a table without alarms is one, and none of an earlier run is left
   }
 
   Tracked run() {
-    struct sigaction action{};
+    struct sigaction action {};
     action.sa_handler = stop;
     ::sigaction(SIGINT, &action, nullptr);
     ::sigaction(SIGTERM, &action, nullptr);
@@ -109,7 +110,8 @@ class Run {
     result.timed = columns_.time >= 0;
     result.changes = changes_;
     result.notes = notes_;
-    if (malformed_ > most_complaints) result.notes.push_back(fmt::format("{}: {} rows were not understood in all", name_, malformed_));
+    if (malformed_ > most_complaints)
+      result.notes.push_back(fmt::format("{}: {} rows were not understood in all", name_, malformed_));
     return result;
   }
 
@@ -118,7 +120,8 @@ class Run {
     const std::string& path = job_.state;
     try {
       const Json state = shallow_json(read_file(path, std::size_t{64} << 20));
-      if (state.at("format") != format_name) throw InputError(path + ": field 'format' is not '" + format_name + "'");
+      if (state.at("format") != format_name)
+        throw InputError(path + ": field 'format' is not '" + format_name + "'");
       header_ = state.at("header").get<std::string>();
       if (!header_.empty()) columns_ = columns_of(header_, name_, line_);
       columns_read_ = header_.empty() ? 0 : 1;
@@ -141,9 +144,15 @@ class Run {
       else if (watching_)
         learner_->restore_watch(state.at("watch").dump());
       for (const Json& c : state.at("changes")) {
-        ChangeAlarm alarm{whole_number<std::int64_t>(c.at(0), "changes"), whole_number<std::int64_t>(c.at(1), "changes"),
-                          c.at(2), {}, c.at(4), c.at(5), c.at(6)};
-        alarm.kind = static_cast<ChangeKind>(whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::noise)));
+        ChangeAlarm alarm{whole_number<std::int64_t>(c.at(0), "changes"),
+                          whole_number<std::int64_t>(c.at(1), "changes"),
+                          c.at(2),
+                          {},
+                          c.at(4),
+                          c.at(5),
+                          c.at(6)};
+        alarm.kind =
+            static_cast<ChangeKind>(whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::noise)));
         changes_.push_back(alarm);
       }
       if (state.at("calibration").is_object()) current_ = calibration_in(state.at("calibration"));
@@ -156,7 +165,8 @@ class Run {
   }
 
   void save() {
-    if (std::fflush(out_) != 0) throw InputError(job_.output.empty() ? "stdout" : job_.output, 0, "", "cannot be written");
+    if (std::fflush(out_) != 0)
+      throw InputError(job_.output.empty() ? "stdout" : job_.output, 0, "", "cannot be written");
     if (job_.state.empty()) return;
     Json state{{"format", format_name},
                {"header", header_},
@@ -174,7 +184,8 @@ class Run {
                {"changes", Json::array()},
                {"calibrator", learner_ ? Json::parse(learner_->to_json()) : Json(nullptr)}};
     for (const ChangeAlarm& c : changes_)
-      state["changes"].push_back({c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev});
+      state["changes"].push_back(
+          {c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev});
     write_file(job_.state, state.dump() + "\n");
   }
 
@@ -224,7 +235,7 @@ class Run {
         begin();
         open_output();
       }
-    } else if (job_.input == "-" && line == header_) {   // the same program started again
+    } else if (job_.input == "-" && line == header_) {  // the same program started again
       return;
     }
     ++rows_;
@@ -236,9 +247,11 @@ class Run {
     const auto fields = csv_fields(line);
     if (!fields) return complain("", "a quote is left open");
     if (fields->size() != columns_.count)
-      return complain("", fmt::format("has {} fields where the header has {}", fields->size(), columns_.count));
+      return complain("",
+                      fmt::format("has {} fields where the header has {}", fields->size(), columns_.count));
     StreamRow row;
-    if (const BadField bad = read_row(columns_, *fields, row); !bad.what.empty()) return complain(bad.column, bad.what);
+    if (const BadField bad = read_row(columns_, *fields, row); !bad.what.empty())
+      return complain(bad.column, bad.what);
     if (columns_.time >= 0 && !std::isfinite(row.time_s)) return complain("time_s", "there is no time");
     if (detector_ && std::isfinite(row.true_m)) watch(row);
     try {
@@ -282,11 +295,13 @@ class Run {
         corrector_.emplace(*current_, std::vector<std::string>{});
       }
     }
-    next_estimate_ = learner_->used() + std::max(learner_->least_between(), static_cast<std::int64_t>(0.02 * learner_->effective()));
+    next_estimate_ = learner_->used() + std::max(learner_->least_between(),
+                                                 static_cast<std::int64_t>(0.02 * learner_->effective()));
   }
 
   void watch(const StreamRow& row) {
-    const auto alarm = detector_->add(row.true_m, row.reading_m, columns_.bearing >= 0 ? row.bearing_rad : 0.0);
+    const auto alarm =
+        detector_->add(row.true_m, row.reading_m, columns_.bearing >= 0 ? row.bearing_rad : 0.0);
     if (alarm) note(*alarm);
   }
 
@@ -304,7 +319,8 @@ class Run {
     std::string text = columns_.landmarks() ? "reading,since_reading,kind,probability,size,std\n"
                                             : "pair,since_pair,kind,probability,size,std\n";
     for (const ChangeAlarm& c : changes_)
-      text += c.named ? fmt::format("{},{},{},{:.4f},{:.6g},{:.2g}\n", c.reading, c.since, to_string(c.kind), c.probability, c.size, c.std_dev)
+      text += c.named ? fmt::format("{},{},{},{:.4f},{:.6g},{:.2g}\n", c.reading, c.since, to_string(c.kind),
+                                    c.probability, c.size, c.std_dev)
                       : fmt::format("{},{},,,,\n", c.reading, c.since);
     write_file(job_.changes, text);
   }

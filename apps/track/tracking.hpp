@@ -14,23 +14,24 @@ namespace rangecal::app {
 
 struct TrackJob {
   std::string input = "-", state, from, output;
-  std::string changes;        ///< table of the alarms, written anew at each
-  double watch = 0.0;         ///< readings between two false alarms against `from`; 0: no watch
+  std::string changes;  ///< table of the alarms, written anew at each
+  double watch = 0.0;   ///< readings between two false alarms against `from`; 0: no watch
   bool follow = false, approximate = false;
-  std::string stops;          ///< readings of landmarks: a recording whose stops and landmarks the stream names
-  double sigma_xy_m = 0.01, sigma_heading_rad = 0.0, radius_m = 0.0;   ///< of stops and landmarks that do not say
+  std::string stops;  ///< readings of landmarks: a recording whose stops and landmarks the stream names
+  double sigma_xy_m = 0.01, sigma_heading_rad = 0.0,
+         radius_m = 0.0;     ///< of stops and landmarks that do not say
   bool random_walk = false;  ///< the stops' errors are those of the steps and add up
   int every = 1000;
   RecursiveOptions options;
 };
 
 struct Tracked {
-  std::optional<Calibration> calibration;   ///< none where no row could teach anything
+  std::optional<Calibration> calibration;  ///< none where no row could teach anything
   Counts counts;
   std::int64_t rows = 0, corrected = 0, malformed = 0;
   double effective = 0.0;
   bool timed = false, landmarks = false;
-  std::vector<ChangeAlarm> changes;   ///< named, and one that is still open
+  std::vector<ChangeAlarm> changes;  ///< named, and one that is still open
   std::vector<std::string> notes;
 };
 

@@ -5,6 +5,7 @@
 //   peers_compiled make  pairs|joint SIZE SETS FOLDER
 //   peers_compiled solve pairs|joint SIZE SETS FOLDER METHOD CAP    prints per set: seconds, megabytes
 //   peers_compiled score pairs|joint SIZE SETS FOLDER METHOD...     prints per method: what `Score` holds
+#include <fmt/core.h>
 #include <malloc.h>
 #include <sched.h>
 
@@ -17,8 +18,6 @@
 #include <limits>
 #include <map>
 #include <string>
-
-#include <fmt/core.h>
 
 #include "../lane.hpp"
 #include "../pairs_programs.hpp"
@@ -36,10 +35,12 @@ using namespace rangecal::benchmark;
 
 struct Job {
   bool pairs = true;
-  int size = 0, sets = 0;   // N readings or K stops
+  int size = 0, sets = 0;  // N readings or K stops
   std::string folder;
 
-  std::string file(const std::string& name, int set) const { return fmt::format("{}/{}-{}.bin", folder, name, set); }
+  std::string file(const std::string& name, int set) const {
+    return fmt::format("{}/{}-{}.bin", folder, name, set);
+  }
   int landmarks() const { return size <= 20 ? 5 : 50; }
   JointProblem lane(int set, JointState* truth = nullptr) const {
     return make_lane(size, landmarks(), size <= 20 ? 5 : 10, static_cast<std::uint64_t>(set) + 1, truth);
@@ -50,7 +51,8 @@ struct Job {
 
 void write(const std::string& path, const std::vector<double>& values) {
   std::ofstream(path, std::ios::binary)
-      .write(reinterpret_cast<const char*>(values.data()), static_cast<std::streamsize>(values.size() * sizeof(double)));
+      .write(reinterpret_cast<const char*>(values.data()),
+             static_cast<std::streamsize>(values.size() * sizeof(double)));
 }
 
 std::vector<double> read(const std::string& path) {
@@ -58,7 +60,8 @@ std::vector<double> read(const std::string& path) {
   if (!file) return {};
   std::vector<double> values(static_cast<std::size_t>(file.tellg()) / sizeof(double));
   file.seekg(0);
-  file.read(reinterpret_cast<char*>(values.data()), static_cast<std::streamsize>(values.size() * sizeof(double)));
+  file.read(reinterpret_cast<char*>(values.data()),
+            static_cast<std::streamsize>(values.size() * sizeof(double)));
   return values;
 }
 
@@ -78,8 +81,15 @@ JointState unflat(const std::vector<double>& x, JointState state) {
   state.noise.parameters[0] = std::exp(x[3]);
   state.sigma_theta_rad = std::exp(x[4]);
   std::size_t at = 5;
-  for (Eigen::Vector2d& m : state.landmarks) { m = {x[at], x[at + 1]}; at += 2; }
-  for (Pose2& p : state.stops) { p.x_m = x[at]; p.y_m = x[at + 1]; at += 2; }
+  for (Eigen::Vector2d& m : state.landmarks) {
+    m = {x[at], x[at + 1]};
+    at += 2;
+  }
+  for (Pose2& p : state.stops) {
+    p.x_m = x[at];
+    p.y_m = x[at + 1];
+    at += 2;
+  }
   return state;
 }
 
@@ -95,8 +105,10 @@ void make(const Job& job) {
     } else {
       const JointProblem p = job.lane(set);
       const Cells& c = p.cells;
-      values = {static_cast<double>(job.size), static_cast<double>(job.landmarks()), static_cast<double>(c.size())};
-      for (const auto* column : {&c.stop, &c.landmark}) values.insert(values.end(), column->begin(), column->end());
+      values = {static_cast<double>(job.size), static_cast<double>(job.landmarks()),
+                static_cast<double>(c.size())};
+      for (const auto* column : {&c.stop, &c.landmark})
+        values.insert(values.end(), column->begin(), column->end());
       for (const auto* column : {&c.range_mean, &c.bearing_mean, &c.radius_m})
         values.insert(values.end(), column->begin(), column->end());
       for (const StopPrior& stop : p.stops) values.push_back(stop.commanded.x_m);
@@ -178,7 +190,7 @@ void solve(const Job& job, const std::string& method, double cap) {
       if (method == "ceres") plain = tuned_ceres(job, joint, seed, solve_joint_block(joint, seed).joint_nll);
     }
     malloc_trim(0);
-    std::ofstream("/proc/self/clear_refs") << "5";   // the peak starts anew here
+    std::ofstream("/proc/self/clear_refs") << "5";  // the peak starts anew here
     const double before = status_megabytes("VmRSS:");
     std::vector<double> answer;
     const double seconds = seconds_of([&] { answer = call(); }, 0.05);
@@ -203,7 +215,8 @@ struct Score {
 
 double median(std::vector<double> values) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
   return values[values.size() / 2];
 }
 
@@ -223,8 +236,8 @@ void score(const Job& job, const std::vector<std::string>& methods) {
         moments += row * row.transpose() / job.size;
       }
       const PairsPoint at;
-      const PairsDerivatives information =
-          pairs_derivatives(pairs, at.alpha, Noise{NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, at.sigma)});
+      const PairsDerivatives information = pairs_derivatives(
+          pairs, at.alpha, Noise{NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, at.sigma)});
       bound = (information.information.inverse().topLeftCorner<3, 3>() * moments).trace();
       judge = [&](const std::vector<double>& x) {
         if (x.size() != 4) return Judged{};
@@ -239,7 +252,8 @@ void score(const Job& job, const std::vector<std::string>& methods) {
         const JointState state = unflat(x, truth);
         if (state.alpha.size() == 0) return Judged{};
         Judged out{joint_nll(joint, state), 0.0};
-        for (int l = 0; l < job.landmarks(); ++l) out.square += (state.landmarks[l] - truth.landmarks[l]).squaredNorm();
+        for (int l = 0; l < job.landmarks(); ++l)
+          out.square += (state.landmarks[l] - truth.landmarks[l]).squaredNorm();
         return out;
       };
     }
@@ -247,14 +261,14 @@ void score(const Job& job, const std::vector<std::string>& methods) {
     double best = std::numeric_limits<double>::infinity();
     for (const std::string& method : methods) {
       const std::vector<double> answer = read(job.file(method, set));
-      if (answer.empty()) continue;   // not run
+      if (answer.empty()) continue;  // not run
       judged[method] = judge(answer);
       if (std::isfinite(judged[method].nll)) best = std::fmin(best, judged[method].nll);
     }
     for (const auto& [method, value] : judged) {
       Score& s = scores[method];
       ++s.sets;
-      if (!(value.nll < best + 100.0)) continue;   // no answer, or one of another problem
+      if (!(value.nll < best + 100.0)) continue;  // no answer, or one of another problem
       ++s.answers;
       s.at_optimum += value.nll <= best + job.at_optimum();
       s.above.push_back(value.nll - best);

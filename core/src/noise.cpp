@@ -38,22 +38,32 @@ NoiseLaw noise_law_from_string(const std::string& text) {
 
 double Noise::spread(double d, double f) const {
   switch (law) {
-    case NoiseLaw::constant: return parameters[0];
-    case NoiseLaw::f: return parameters[0] * std::abs(f);
-    case NoiseLaw::f_squared: return parameters[0] * f * f;
-    case NoiseLaw::f_cubed: return parameters[0] * std::abs(f) * f * f;
-    case NoiseLaw::d_squared: return parameters[0] * d * d;
-    case NoiseLaw::polynomial: return evaluate_polynomial(parameters, d);
+    case NoiseLaw::constant:
+      return parameters[0];
+    case NoiseLaw::f:
+      return parameters[0] * std::abs(f);
+    case NoiseLaw::f_squared:
+      return parameters[0] * f * f;
+    case NoiseLaw::f_cubed:
+      return parameters[0] * std::abs(f) * f * f;
+    case NoiseLaw::d_squared:
+      return parameters[0] * d * d;
+    case NoiseLaw::polynomial:
+      return evaluate_polynomial(parameters, d);
   }
   return parameters[0];
 }
 
 int Noise::power_of_f() const {
   switch (law) {
-    case NoiseLaw::f: return 1;
-    case NoiseLaw::f_squared: return 2;
-    case NoiseLaw::f_cubed: return 3;
-    default: return 0;
+    case NoiseLaw::f:
+      return 1;
+    case NoiseLaw::f_squared:
+      return 2;
+    case NoiseLaw::f_cubed:
+      return 3;
+    default:
+      return 0;
   }
 }
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/polynomial.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Eigenvalues>
 
 namespace rangecal {
 namespace {
@@ -75,7 +74,8 @@ std::vector<double> companion_roots(const Eigen::VectorXd& p) {
 
 double evaluate_derivative(const Eigen::VectorXd& coefficients, double d) {
   double value = 0.0;
-  for (Eigen::Index i = coefficients.size(); i-- > 1;) value = value * d + static_cast<double>(i) * coefficients[i];
+  for (Eigen::Index i = coefficients.size(); i-- > 1;)
+    value = value * d + static_cast<double>(i) * coefficients[i];
   return value;
 }
 

@@ -22,9 +22,11 @@ class AxialDepth final : public Effect {
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "sensor_bearing",
-        .physics = "The sensor reports depth along its optical axis instead of distance: divide readings by the cosine of "
-                   "the direction.",
-        .formula = "delta r = f(d - kappa d (1 - cos(b - b0))) - f(d) [m], kappa share left uncorrected, b0 axis [rad]",
+        .physics =
+            "The sensor reports depth along its optical axis instead of distance: divide readings by the cosine of "
+            "the direction.",
+        .formula =
+            "delta r = f(d - kappa d (1 - cos(b - b0))) - f(d) [m], kappa share left uncorrected, b0 axis [rad]",
         .source = "derived: pinhole projection of a target of known size",
         .visible_by = "targets at one distance, from the middle to the edge of the field of view",
         .settled_by = "turn the sensor so that one target crosses the field of view at a fixed distance",
@@ -35,7 +37,9 @@ class AxialDepth final : public Effect {
 
   std::string missing(const EffectContext& context) const override {
     constexpr double widest = 1.2;  // rad: wider than any lens that images depth
-    return context.largest_bearing_rad < widest ? "" : "a sensor that looks one way: readings come from all around";
+    return context.largest_bearing_rad < widest
+               ? ""
+               : "a sensor that looks one way: readings come from all around";
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {

@@ -24,8 +24,7 @@ class LandmarkRadius final : public Effect {
         .source = "physics catalogue R17 (derived: d = D - R)",
         .visible_by = "one landmark seen from several sides",
         .settled_by = "measure the landmark with a calliper",
-        .parameters = {{.name = "error_m", .typical = 0.005, .low = -0.05, .high = 0.05},
-                       which_landmark()}};
+        .parameters = {{.name = "error_m", .typical = 0.005, .low = -0.05, .high = 0.05}, which_landmark()}};
     return value;
   }
 

@@ -39,10 +39,8 @@ class MovedLandmark final : public Effect {
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
-    return grid_of({{0.0},
-                    {0.0},
-                    every_landmark(context),
-                    indices(1, std::max(1, context.stop_count - 1), 40)});
+    return grid_of(
+        {{0.0}, {0.0}, every_landmark(context), indices(1, std::max(1, context.stop_count - 1), 40)});
   }
 
   std::string missing(const EffectContext& context) const override {

@@ -19,8 +19,9 @@ class RangeEccentricity final : public Effect {
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "sensor_bearing",
-        .physics = "The range depends on the direction in the sensor frame once per turn: a cover, window or mirror is "
-                   "not concentric with the spin axis.",
+        .physics =
+            "The range depends on the direction in the sensor frame once per turn: a cover, window or mirror is "
+            "not concentric with the spin axis.",
         .formula = "delta r = e_c cos b + e_s sin b [m]",
         .source = "derived: first harmonic of the optical path over the direction",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",

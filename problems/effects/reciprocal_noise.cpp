@@ -26,7 +26,12 @@ class ReciprocalNoise final : public Effect {
         .source = "physics catalogue N6 (derived: second moment of 1 / (1 + e))",
         .visible_by = "many repeats at far ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop: skewness grows with distance",
-        .parameters = {{.name = "cv_per_m", .typical = 0.02, .low = 0.0, .high = 0.2, .linear = false, .discrete = true}}};
+        .parameters = {{.name = "cv_per_m",
+                        .typical = 0.02,
+                        .low = 0.0,
+                        .high = 0.2,
+                        .linear = false,
+                        .discrete = true}}};
     return value;
   }
 

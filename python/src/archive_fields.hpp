@@ -55,10 +55,10 @@ inline void archive_fields(python::Archive& a, Truth& s) {
   a(stops, landmarks);
 }
 inline void archive_fields(python::Archive& a, Recording& s) {
-  auto& [path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs, counts,
-         truth, extraction] = s;
-  a(path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs, counts,
-    truth, extraction);
+  auto& [path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings,
+         pairs, counts, truth, extraction] = s;
+  a(path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs,
+    counts, truth, extraction);
 }
 
 inline void archive_fields(python::Archive& a, Noise& s) {
@@ -82,11 +82,12 @@ inline void archive_fields(python::Archive& a, StopEstimate& s) {
   a(recording, label, pose);
 }
 inline void archive_fields(python::Archive& a, Calibration& s) {
-  auto& [method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta, sigma_s,
-         upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest, iterations, seconds] =
-      s;
-  a(method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta, sigma_s, upper,
-    lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest, iterations, seconds);
+  auto& [method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta,
+         sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest,
+         iterations, seconds] = s;
+  a(method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta,
+    sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest,
+    iterations, seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
   auto& [order, law, nll, aic] = s;
@@ -142,14 +143,14 @@ inline void archive_fields(python::Archive& a, SimulationModel& s) {
   a(recordings, read, calibration, added);
 }
 inline void archive_fields(python::Archive& a, Diagnosis& s) {
-  auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins, unseen,
-         next, notes, simulation] = s;
-  a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins, unseen, next,
-    notes, simulation);
+  auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins,
+         unseen, next, notes, simulation] = s;
+  a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins,
+    unseen, next, notes, simulation);
 }
 inline void archive_fields(python::Archive& a, ReadingResidual& s) {
-  auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev, bearing_residual,
-         bearing_std_dev, corrected] = s;
+  auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,
+         bearing_residual, bearing_std_dev, corrected] = s;
   a(recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev, bearing_residual,
     bearing_std_dev, corrected);
 }

@@ -141,8 +141,9 @@ void bind_calibration(py::module_& module) {
       .def("noise", along_curve([](const CurvePoint& p) { return p.noise_m; }), py::arg("distance_m"),
            "Standard deviation s(d) of one reading [m], same shape.")
       .def("to_dict", &to_dict, "The calibration as the dictionary of its file, rangecal-calibration/1.")
-      .def("to_json", [](const Calibration& c) { return calibrations_to_json({c}); },
-           "The text of its file, rangecal-calibration/1.")
+      .def(
+          "to_json", [](const Calibration& c) { return calibrations_to_json({c}); },
+          "The text of its file, rangecal-calibration/1.")
       .def(
           "save", [](const Calibration& c, const std::string& path) { save_calibrations({c}, path); },
           py::arg("path"), "Write the file that `load` and `rangecal correct` read.")

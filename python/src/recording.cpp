@@ -168,8 +168,11 @@ void bind_recording(py::module_& module) {
       .def_property_readonly("bearing_rad", column<double>(&Readings::bearing_rad, &Pairs::bearing_rad))
       .def_property_readonly("row", column<int>(&Readings::row, &Pairs::row))
       .def_property_readonly("covariates", &covariates)
-      .def("save", [](const Recording& recording, const std::string& folder) { save_recording(recording, folder); }, py::arg("folder"), py::call_guard<py::gil_scoped_release>(),
-           "Write it as a folder that `load` and the command line read.")
+      .def(
+          "save",
+          [](const Recording& recording, const std::string& folder) { save_recording(recording, folder); },
+          py::arg("folder"), py::call_guard<py::gil_scoped_release>(),
+          "Write it as a folder that `load` and the command line read.")
       .def("__len__", [](const Recording& r) { return is_pairs(r) ? r.pairs.size() : r.readings.size(); })
       .def(picklable<Recording>());
 

@@ -31,7 +31,8 @@ void report_calibration(const std::shared_ptr<JobResult>& job, std::size_t index
   });
 }
 
-void report_comparison(const std::shared_ptr<JobResult>& job, const Given& recordings, const std::string& path) {
+void report_comparison(const std::shared_ptr<JobResult>& job, const Given& recordings,
+                       const std::string& path) {
   const Recordings all = recordings_of(recordings);
   write_page(path, [job, all] {
     return report::comparison_page(all.span(), job->report, job->scores,
@@ -39,13 +40,16 @@ void report_comparison(const std::shared_ptr<JobResult>& job, const Given& recor
   });
 }
 
-void report_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis, const Given& recordings, const std::string& path) {
+void report_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis, const Given& recordings,
+                      const std::string& path) {
   const Recordings all = recordings_of(recordings);
   write_page(path, [diagnosis, all] { return report::diagnosis_page(all.span(), *diagnosis); });
 }
 
-std::string calibration_summary(const std::shared_ptr<JobResult>& job, std::size_t index, const Given& recordings) {
-  return report::calibration_summary(recordings_of(recordings).span(), job->report, job->report.calibrations.at(index));
+std::string calibration_summary(const std::shared_ptr<JobResult>& job, std::size_t index,
+                                const Given& recordings) {
+  return report::calibration_summary(recordings_of(recordings).span(), job->report,
+                                     job->report.calibrations.at(index));
 }
 
 std::string comparison_summary(const std::shared_ptr<JobResult>& job, const Given& recordings) {
@@ -53,7 +57,8 @@ std::string comparison_summary(const std::shared_ptr<JobResult>& job, const Give
 }
 
 void report_study(const std::string& name, const std::string& results_csv, const std::string& path) {
-  write_page(path, [name, results_csv] { return report::study_page(name, CsvTable::parse(results_csv, name)); });
+  write_page(path,
+             [name, results_csv] { return report::study_page(name, CsvTable::parse(results_csv, name)); });
 }
 
 }  // namespace

@@ -222,8 +222,8 @@ std::string what_full_gives_away(const Calibration& full, const Calibration& bes
   if (best.kind == RecordingKind::pairs) return "differs by that correction only";
   if (!full.sigma_theta_rad || !best.sigma_theta_rad) return "fits the stops along";
   const double off = 100.0 * (full.sigma_theta_rad->value / best.sigma_theta_rad->value - 1.0);
-  return fmt::format("fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})", std::abs(off),
-                     off < 0.0 ? "lower" : "higher");
+  return fmt::format("fits the stops along and gives away honest sigmas (its sigma_theta is {:.0f} % {})",
+                     std::abs(off), off < 0.0 ? "lower" : "higher");
 }
 
 /// What a method gives away against the best, with its NLL above the best one's.
@@ -261,7 +261,8 @@ std::string why_marginal(const Calibration& marginal, std::span<const Recording>
 
 }  // namespace
 
-Advice advise(const CalibrationReport& report, std::span<const Recording> recordings, const std::vector<TruthScore>& scores) {
+Advice advise(const CalibrationReport& report, std::span<const Recording> recordings,
+              const std::vector<TruthScore>& scores) {
   std::size_t best = report.calibrations.size();
   for (Method method : all_methods())
     for (std::size_t i = 0; i < report.calibrations.size(); ++i)

@@ -20,11 +20,12 @@ std::string comparison_table(const CalibrationReport& report, const std::vector<
 
 /// Which method to trust, in the parts of one sentence.
 struct Advice {
-  std::string trust;                ///< "Trust marginal: it has the exact likelihood ...", without a full stop
+  std::string trust;  ///< "Trust marginal: it has the exact likelihood ...", without a full stop
   std::vector<std::string> others;  ///< what each other method gives away
-  std::string against;              ///< "BUT ...": what speaks against the one trusted; empty where nothing does
+  std::string against;  ///< "BUT ...": what speaks against the one trusted; empty where nothing does
 };
-Advice advise(const CalibrationReport& report, std::span<const Recording> recordings, const std::vector<TruthScore>& scores);
+Advice advise(const CalibrationReport& report, std::span<const Recording> recordings,
+              const std::vector<TruthScore>& scores);
 /// All of it as one sentence.
 std::string advice_text(const Advice& advice);
 

@@ -32,12 +32,15 @@ std::string where(const Finding& f) {
   }
   const bool noise = f.unit.empty();
   const Shown unit = shown(f.unit);
-  const std::string scale = noise ? fmt::format("bars: log variance ratio within +-{:.2g}", limit)
-                                  : fmt::format("bars: mean residual within +-{:.2g} {}", unit.factor * limit, unit.unit);
-  return text + fmt::format("    before {}   after {}   {}\n", sparkline(before, limit), sparkline(after, limit), scale);
+  const std::string scale =
+      noise ? fmt::format("bars: log variance ratio within +-{:.2g}", limit)
+            : fmt::format("bars: mean residual within +-{:.2g} {}", unit.factor * limit, unit.unit);
+  return text + fmt::format("    before {}   after {}   {}\n", sparkline(before, limit),
+                            sparkline(after, limit), scale);
 }
 
-std::string table_line(const std::string& name, const std::string& before, const std::string& after, const std::string& note = "") {
+std::string table_line(const std::string& name, const std::string& before, const std::string& after,
+                       const std::string& note = "") {
   std::string line = fmt::format("  {:<22}{:>12}{:>12}   {}", name, before, after, note);
   line.erase(line.find_last_not_of(' ') + 1);
   return line;
@@ -45,7 +48,8 @@ std::string table_line(const std::string& name, const std::string& before, const
 
 std::string before_after(const Diagnosis& d) {
   std::string text = table_line("", "seed model", d.final_effects.empty() ? "" : "completed") + "\n";
-  for (const BeforeAfter& row : before_after_rows(d)) text += table_line(row.name, row.before, row.after, row.note) + "\n";
+  for (const BeforeAfter& row : before_after_rows(d))
+    text += table_line(row.name, row.before, row.after, row.note) + "\n";
   return text;
 }
 
@@ -65,7 +69,8 @@ std::string cannot_tell_apart(const Diagnosis& d) {
     if (!best.indistinguishable_from.empty() && !best.separated_by.empty())
       text += "    " + wrapped("told apart by: " + best.separated_by, 4, width) + "\n";
   }
-  for (const auto& set : d.twins) text += "  " + wrapped(fmt::format("{}", fmt::join(set, " = ")), 4, width) + "\n";
+  for (const auto& set : d.twins)
+    text += "  " + wrapped(fmt::format("{}", fmt::join(set, " = ")), 4, width) + "\n";
   return text;
 }
 
@@ -76,22 +81,30 @@ std::string could_be_hidden(const Diagnosis& d) {
     const Unseen& u = d.unseen[i];
     std::string line =
         fmt::format("{} ({}): costs {} mm RMS", u.effect, typical_in_words(u), millimetres(u.harm_m));
-    line += u.detectable ? fmt::format("; would show {}", detectable_in_words(u)) : std::string("; no size would show");
+    line += u.detectable ? fmt::format("; would show {}", detectable_in_words(u))
+                         : std::string("; no size would show");
     if (!u.settled_by.empty()) line += "; " + u.settled_by;
     text += "  " + wrapped(line, 4, width) + "\n";
   }
-  if (d.unseen.size() > most) text += fmt::format("  and {} more (--json lists all)\n", d.unseen.size() - most);
+  if (d.unseen.size() > most)
+    text += fmt::format("  and {} more (--json lists all)\n", d.unseen.size() - most);
   return text;
 }
 
 std::string do_next(const Diagnosis& d) {
   std::string text;
   for (const NextExperiment& e : d.next_experiments)
-    text += "  " + wrapped(fmt::format("{} (settles {}; power {:.2f})", e.change, fmt::join(e.settles, ", "), e.power), 4, width) + "\n";
+    text +=
+        "  " +
+        wrapped(fmt::format("{} (settles {}; power {:.2f})", e.change, fmt::join(e.settles, ", "), e.power),
+                4, width) +
+        "\n";
   return text;
 }
 
-std::string section(const std::string& title, const std::string& body) { return body.empty() ? "" : "\n" + title + "\n" + body; }
+std::string section(const std::string& title, const std::string& body) {
+  return body.empty() ? "" : "\n" + title + "\n" + body;
+}
 
 }  // namespace
 
@@ -106,7 +119,8 @@ std::string sparkline(const std::vector<double>& values, double limit) {
 }
 
 std::string diagnosis_text(const Diagnosis& d) {
-  std::string text = wrapped(d.sentence.empty() ? verdict_sentence(d) : d.sentence, 2, width) + "\n\n" + before_after(d);
+  std::string text =
+      wrapped(d.sentence.empty() ? verdict_sentence(d) : d.sentence, 2, width) + "\n\n" + before_after(d);
   std::string places;
   for (const Finding& f : d.location) places += where(f);
   text += section("Where", places);
@@ -114,8 +128,12 @@ std::string diagnosis_text(const Diagnosis& d) {
     const Explanation& best = d.explanations[0];
     std::string why;
     if (d.verdict == Verdict::explained)
-      why = "  " + wrapped(fmt::format("{} (probability {:.2f}, {:.1f} nats, {}). {}", set_in_words(best.effects), best.probability,
-                                       d.before.nll - best.nll, p_in_words(best.p_value), best.physics), 4, width) + "\n";
+      why = "  " +
+            wrapped(fmt::format("{} (probability {:.2f}, {:.1f} nats, {}). {}", set_in_words(best.effects),
+                                best.probability, d.before.nll - best.nll, p_in_words(best.p_value),
+                                best.physics),
+                    4, width) +
+            "\n";
     text += section("Why", why);
     text += section("Parameters", parameters(d));
   }

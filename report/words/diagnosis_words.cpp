@@ -54,7 +54,8 @@ Shown unit_of(const EffectEstimate& e) {
 std::string typical_in_words(const Unseen& unseen) {
   std::string text;
   for (const auto& [name, value] : unseen.typical)
-    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", without_unit(name), value_in_words(name, value, value));
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", without_unit(name),
+                        value_in_words(name, value, value));
   return text;
 }
 
@@ -63,8 +64,9 @@ std::string detectable_in_words(const Unseen& unseen) {
   if (unseen.typical.empty()) return fmt::format("from {:.3g} on", *unseen.detectable);
   const auto& [name, value] = *unseen.typical.begin();
   const Effect* effect = find_effect(unseen.effect);
-  const bool limit = effect && effect->info().kind == EffectKind::detection;   // the lower, the more it takes
-  return fmt::format(fmt::runtime(limit ? "below {}" : "from {} on"), value_in_words(name, *unseen.detectable, value));
+  const bool limit = effect && effect->info().kind == EffectKind::detection;  // the lower, the more it takes
+  return fmt::format(fmt::runtime(limit ? "below {}" : "from {} on"),
+                     value_in_words(name, *unseen.detectable, value));
 }
 
 std::string p_in_words(double p) {
@@ -145,11 +147,14 @@ namespace {
 
 /// "value +- standard deviation"; what is not told from zero by its upper limit, and a lopsided interval by both.
 std::string estimate_in_words(const EffectEstimate& e, double factor) {
-  if (!(e.std_dev > 0.0) || !std::isfinite(e.high95)) return with_std(factor * e.estimate, factor * e.std_dev);
+  if (!(e.std_dev > 0.0) || !std::isfinite(e.high95))
+    return with_std(factor * e.estimate, factor * e.std_dev);
   const double above = e.high95 - e.estimate, below = e.estimate - e.low95;
-  if (e.low95 == 0.0 && e.estimate < 0.5 * e.std_dev) return fmt::format("below {:.2g} (95 %)", factor * e.high95);
+  if (e.low95 == 0.0 && e.estimate < 0.5 * e.std_dev)
+    return fmt::format("below {:.2g} (95 %)", factor * e.high95);
   if (above > 2.0 * below || below > 2.0 * above)
-    return fmt::format("{:.2g} (95 %: {:.2g} to {:.2g})", factor * e.estimate, factor * e.low95, factor * e.high95);
+    return fmt::format("{:.2g} (95 %: {:.2g} to {:.2g})", factor * e.estimate, factor * e.low95,
+                       factor * e.high95);
   return with_std(factor * e.estimate, factor * e.std_dev);
 }
 

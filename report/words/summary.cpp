@@ -175,11 +175,10 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
       std::optional<double> std_dev = c.sigma_theta_rad->std_dev;
       if (std_dev) *std_dev *= degrees;
       add("Bearings", fmt::format("one bearing scatters by sigma_theta = {} degrees",
-                                                with_std(degrees * c.sigma_theta_rad->value, std_dev)));
+                                  with_std(degrees * c.sigma_theta_rad->value, std_dev)));
     }
     if (c.sigma_s_m)
-      add(
-          "Stops",
+      add("Stops",
           c.sigma_s_upper95_m
               ? fmt::format("no position error found: sigma_s = 0, below {:.2g} mm with 95 % confidence",
                             1e3 * *c.sigma_s_upper95_m)
@@ -204,8 +203,7 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
     const std::string loose = least_certain(c);
     if (!loose.empty()) add("Loosest", loose);
     if (c.method == Method::full && c.alpha_covariance)
-      add("Caution",
-                        "standard deviations of full are optimistic: use --method marginal for honest ones");
+      add("Caution", "standard deviations of full are optimistic: use --method marginal for honest ones");
   } else if (!c.weakest_direction.empty()) {
     add("Open", "what can change unseen: " + c.weakest_direction);
   }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,8 +8,6 @@
 #include <sstream>
 #include <string>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "apps/run_binary.hpp"
 #include "rangecal/core/calibration_io.hpp"
@@ -117,17 +116,22 @@ TEST_F(CorrectCommand, PosteriorSaysHowProbableEachRootIs) {
   const std::string json = save(bowl);
   const RunResult flat = run("correct " + json + " --prior uniform", "1.25\n0\n");
   ASSERT_EQ(flat.code, 0) << flat.err;
-  EXPECT_THAT(flat.out, HasSubstr("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n"));
+  EXPECT_THAT(
+      flat.out,
+      HasSubstr("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n"));
   EXPECT_EQ(count_of(flat.out, ",ambiguous,0.5000,"), 2) << flat.out;
   EXPECT_THAT(flat.out, HasSubstr("0,,,,zero,,,,,\n"));
-  EXPECT_EQ(count_of(run("correct " + json + " --prior uniform --limits 1.1 3", "1.25\n").out, ",ok,1.0000,1.5"), 1);
+  EXPECT_EQ(
+      count_of(run("correct " + json + " --prior uniform --limits 1.1 3", "1.25\n").out, ",ok,1.0000,1.5"),
+      1);
   folder.write("map.csv", "reading_m,prior_m,prior_sigma_m\n1.25,0.6,0.1\n1.25,,\n");
   const RunResult map = run("correct " + json + " " + folder.file("map.csv") + " --prior map");
   EXPECT_EQ(count_of(map.out, "ambiguous"), 2) << map.out;
   EXPECT_EQ(count_of(map.out, ",1,ok,1.0000,"), 1) << map.out;
   // from f(2.8) = 4.24, which only 2.8 m explains, to 1.25 within 3 s at most 0.5 m/s: 1.5 m, not 0.5 m
   folder.write("motion.csv", "reading_m,time_s\n4.24,0\n1.25,3\n");
-  const RunResult motion = run("correct " + json + " " + folder.file("motion.csv") + " --prior motion --speed 0.5");
+  const RunResult motion =
+      run("correct " + json + " " + folder.file("motion.csv") + " --prior motion --speed 0.5");
   EXPECT_EQ(count_of(motion.out, ",1,ok,"), 2) << motion.out;
   EXPECT_EQ(run("correct " + json + " --prior map", "1.25\n").code, 2);
   // a bad row after good ones: none of them is printed
@@ -177,7 +181,8 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
   folder.write("few.txt", few);
   std::map<std::string, std::vector<double>> exact;
   const auto lines = [&](const std::string& file, auto&& each) {
-    const RunResult result = run("correct " + folder.file("cal.json") + " " + folder.file(file) + " --prior uniform");
+    const RunResult result =
+        run("correct " + folder.file("cal.json") + " " + folder.file(file) + " --prior uniform");
     EXPECT_EQ(result.code, 0) << result.err;
     std::istringstream text(result.out);
     std::string line, field;
@@ -189,7 +194,8 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
       each(line.substr(0, line.find(',')) + (numbers[1] < 4.0 ? " near" : " far"), numbers);
     }
   };
-  lines("few.txt", [&](const std::string& name, const std::vector<double>& numbers) { exact[name] = numbers; });
+  lines("few.txt",
+        [&](const std::string& name, const std::vector<double>& numbers) { exact[name] = numbers; });
   EXPECT_GT(exact.size(), 700u);
   std::size_t compared = 0;
   lines("many.txt", [&](const std::string& name, const std::vector<double>& numbers) {
@@ -198,8 +204,9 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
     ++compared;
     const std::vector<double>& right = found->second;
     ASSERT_EQ(numbers.size(), right.size());
-    for (const std::size_t i : {1u, 2u, 6u, 7u, 8u, 9u})   // spread of the whole: (high - low) / 3.92
-      EXPECT_NEAR(numbers[i], right[i], 1.5e-3 * (right[9] - right[8]) / 3.9 + 2e-6) << name << " column " << i;
+    for (const std::size_t i : {1u, 2u, 6u, 7u, 8u, 9u})  // spread of the whole: (high - low) / 3.92
+      EXPECT_NEAR(numbers[i], right[i], 1.5e-3 * (right[9] - right[8]) / 3.9 + 2e-6)
+          << name << " column " << i;
     EXPECT_NEAR(numbers[5], right[5], 1.2e-3) << name;
   });
   EXPECT_GE(compared, exact.size());

@@ -37,7 +37,8 @@ class DiagnoseCommand : public ::testing::Test {
 TEST_F(DiagnoseCommand, TheShippedRecordingIsClean) {
   const RunResult result = run("diagnose " + shipped("field-layout") + " --json " + folder.file("d.json"));
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_THAT(result.out, AllOf(HasSubstr("No mismatch"), HasSubstr("Could be hidden"), HasSubstr("Do next")));
+  EXPECT_THAT(result.out,
+              AllOf(HasSubstr("No mismatch"), HasSubstr("Could be hidden"), HasSubstr("Do next")));
   EXPECT_EQ(result.err, "");
   const Json json = Json::parse(slurp(folder.file("d.json")));
   EXPECT_EQ(json.at("verdict"), "no_mismatch");
@@ -48,12 +49,14 @@ TEST_F(DiagnoseCommand, TheShippedRecordingIsClean) {
 TEST_F(DiagnoseCommand, NamesAPlantedEffectAndShowsTheFit) {
   const RunResult result = run("diagnose " + eccentric());
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_THAT(result.out, AllOf(HasSubstr("Explained by range_eccentricity"), HasSubstr("held-out NLL"), HasSubstr("chi-square / dof"),
-                                HasSubstr("along sensor_bearing"), HasSubstr("range_eccentricity.amplitude"), HasSubstr(" mm")));
+  EXPECT_THAT(result.out, AllOf(HasSubstr("Explained by range_eccentricity"), HasSubstr("held-out NLL"),
+                                HasSubstr("chi-square / dof"), HasSubstr("along sensor_bearing"),
+                                HasSubstr("range_eccentricity.amplitude"), HasSubstr(" mm")));
   for (std::size_t at = 0, end = 0; at < result.out.size(); at = end + 1) {
     end = std::min(result.out.find('\n', at), result.out.size());
     int columns = 0;  // a character begins at every byte that continues none
-    for (std::size_t i = at; i < end; ++i) columns += (static_cast<unsigned char>(result.out[i]) & 0xC0) != 0x80;
+    for (std::size_t i = at; i < end; ++i)
+      columns += (static_cast<unsigned char>(result.out[i]) & 0xC0) != 0x80;
     if (at == 0) continue;  // the first line holds the folder's name
     EXPECT_LE(columns, 100) << result.out.substr(at, end - at);
   }
@@ -73,7 +76,8 @@ TEST_F(DiagnoseCommand, TheCorrectedCalibrationUndoesTheEffect) {
   const RunResult result = run("correct " + calibration + " " + folder.file("r.csv"));
   ASSERT_EQ(result.code, 0) << result.err;
   const std::size_t begin = result.out.find('\n') + 1, comma = result.out.find(',', begin) + 1;
-  EXPECT_NEAR(std::stod(result.out.substr(comma)), d, 3e-6) << result.out;  // both sides are written with six decimals
+  EXPECT_NEAR(std::stod(result.out.substr(comma)), d, 3e-6)
+      << result.out;  // both sides are written with six decimals
   const RunResult without = run("correct " + calibration, "1.2\n");
   EXPECT_EQ(without.code, 2);
   EXPECT_THAT(without.err, AllOf(HasSubstr("bearing_rad"), HasSubstr("range_eccentricity")));
@@ -94,7 +98,8 @@ TEST_F(DiagnoseCommand, Effects) {
   const RunResult all = run("effects"), one = run("effects tilt"), none = run("effects nothing");
   EXPECT_EQ(all.code, 0);
   EXPECT_THAT(all.out, AllOf(HasSubstr("range_eccentricity"), HasSubstr("wheel_slip"), HasSubstr("typical")));
-  EXPECT_THAT(one.out, AllOf(HasSubstr("formula"), HasSubstr("parameter"), HasSubstr("source"), Not(HasSubstr("wheel_slip"))));
+  EXPECT_THAT(one.out, AllOf(HasSubstr("formula"), HasSubstr("parameter"), HasSubstr("source"),
+                             Not(HasSubstr("wheel_slip"))));
   EXPECT_EQ(none.code, 2);
 }
 
@@ -102,7 +107,8 @@ TEST_F(DiagnoseCommand, WrongInputIsOneLineAndNoFile) {
   const std::string rec = shipped("field-layout"), out = folder.file("d.json");
   for (const std::string& arguments :
        {std::string("diagnose"), "diagnose " + folder.file("missing"), "diagnose " + rec + " --alarm-rate 2",
-        "diagnose " + rec + " --force nothing", "diagnose " + rec + " --simulation " + folder.file("missing.json"),
+        "diagnose " + rec + " --force nothing",
+        "diagnose " + rec + " --simulation " + folder.file("missing.json"),
         "diagnose " + rec + " --simulation " + shipped("pairs-2016"), std::string("simulate -o x"),
         "simulate --from " + rec + "/recording.yaml -o " + folder.file("x")}) {
     const RunResult result = run(arguments + (arguments.rfind("diagnose ", 0) == 0 ? " --json " + out : ""));

@@ -86,7 +86,8 @@ inline std::vector<MemberPath> documented_members(const std::string& heading) {
 
 /// The paths to the values of a file, with whether some value there is more than null or an empty list. A list of plain values
 /// is a value; an empty object says nothing.
-inline void collect_members(const nlohmann::json& json, const MemberPath& at, std::map<MemberPath, bool>& paths) {
+inline void collect_members(const nlohmann::json& json, const MemberPath& at,
+                            std::map<MemberPath, bool>& paths) {
   const auto below = [&](const std::string& name, const nlohmann::json& value) {
     MemberPath path = at;
     path.push_back(name);
@@ -94,7 +95,8 @@ inline void collect_members(const nlohmann::json& json, const MemberPath& at, st
   };
   if (json.is_object()) {
     for (const auto& [name, value] : json.items()) below(name, value);
-  } else if (json.is_array() && std::any_of(json.begin(), json.end(), [](const auto& entry) { return entry.is_object(); })) {
+  } else if (json.is_array() &&
+             std::any_of(json.begin(), json.end(), [](const auto& entry) { return entry.is_object(); })) {
     for (const nlohmann::json& entry : json) below("[]", entry);
   } else {
     paths[at] |= !json.empty();  // null counts as empty
@@ -105,7 +107,8 @@ inline void collect_members(const nlohmann::json& json, const MemberPath& at, st
 inline bool names(const MemberPath& documented, const MemberPath& written, bool below) {
   if (below ? documented.size() <= written.size() : documented.size() != written.size()) return false;
   for (std::size_t i = 0; i < written.size(); ++i) {
-    const bool any = std::all_of(documented[i].begin(), documented[i].end(), [](char c) { return c >= 'A' && c <= 'Z'; });
+    const bool any =
+        std::all_of(documented[i].begin(), documented[i].end(), [](char c) { return c >= 'A' && c <= 'Z'; });
     if (!any && documented[i] != written[i]) return false;
   }
   return true;
@@ -128,7 +131,8 @@ inline void expect_documented(const std::string& heading, const std::vector<nloh
     EXPECT_TRUE(known) << "docs/formats.md, '" << heading << "', lacks " << joined(path);
   }
   for (std::size_t i = 0; i < documented.size(); ++i)
-    EXPECT_TRUE(seen[i]) << "docs/formats.md, '" << heading << "', names " << joined(documented[i]) << ", which no program wrote";
+    EXPECT_TRUE(seen[i]) << "docs/formats.md, '" << heading << "', names " << joined(documented[i])
+                         << ", which no program wrote";
 }
 
 }  // namespace rangecal::test

@@ -35,8 +35,8 @@ void write_scans(const TemporaryFolder& folder, bool labels) {
   scene.walls = {{-4, -4, 6, -4}, {6, -4, 6, 5}, {6, 5, -4, 5}, {-4, 5, -4, -4}};
   scene.step_rad = 0.00872664626, scene.beams = 720;
   const auto scans = simulate_scans(world, scene, seed_from("ExtractCommand"));
-  std::string csv =
-      labels ? "stop,stamp,angle_min,angle_increment,n,ranges...\n" : "stamp,angle_min,angle_increment,n,ranges...\n";
+  std::string csv = labels ? "stop,stamp,angle_min,angle_increment,n,ranges...\n"
+                           : "stamp,angle_min,angle_increment,n,ranges...\n";
   for (const Scan& scan : scans.log.scans) {
     if (labels) csv += scan.stop + ",";
     csv += std::to_string(scan.stamp_s) + "," + std::to_string(scan.bearing_rad[0]) + ",0.00872664626," +
@@ -47,7 +47,8 @@ void write_scans(const TemporaryFolder& folder, bool labels) {
   folder.write("scans.csv", csv);
   std::string stops = "stop,x_m,y_m,heading_rad\n";
   for (const Stop& stop : world.robot.stops)
-    stops += stop.label + "," + std::to_string(stop.commanded.x_m) + "," + std::to_string(stop.commanded.y_m) + ",0\n";
+    stops += stop.label + "," + std::to_string(stop.commanded.x_m) + "," +
+             std::to_string(stop.commanded.y_m) + ",0\n";
   folder.write("stops.csv", stops);
 }
 
@@ -55,11 +56,13 @@ TEST(ExtractCommand, FromScansToACalibration) {
   const TemporaryFolder folder;
   write_scans(folder, true);
   const std::string rec = folder.file("rec");
-  const RunResult result = run("extract " + folder.file("scans.csv") + " --stops " + folder.file("stops.csv") +
-                               " --radius 0.12 --sigma-xy 0.01 --sigma-heading 0 --arc mean -o " + rec);
+  const RunResult result =
+      run("extract " + folder.file("scans.csv") + " --stops " + folder.file("stops.csv") +
+          " --radius 0.12 --sigma-xy 0.01 --sigma-heading 0 --arc mean -o " + rec);
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_THAT(result.out, AllOf(HasSubstr("told apart by label"), HasSubstr("wall"),
-                                HasSubstr("dropped at a cylinder's edge"), HasSubstr("6 stops, 5 landmarks")));
+  EXPECT_THAT(result.out,
+              AllOf(HasSubstr("told apart by label"), HasSubstr("wall"),
+                    HasSubstr("dropped at a cylinder's edge"), HasSubstr("6 stops, 5 landmarks")));
   EXPECT_THAT(slurp(rec + "/recording.yaml"), AllOf(HasSubstr("arc: mean"), HasSubstr("source: scans.csv")));
   const Recording recording = load_recording(rec);
   EXPECT_EQ(recording.landmarks.size(), 5u);
@@ -105,8 +108,8 @@ TEST_P(RoomsWithoutCylinders, HaveNone) {
   const TemporaryFolder folder;
   for (const std::string radius : {"free", "0.04", "0.08", "0.12"}) {
     SCOPED_TRACE(radius);
-    const RunResult result = run("extract " + scans + " --radius " + radius + " -o " + folder.file("rec") + " --json " +
-                                 folder.file("found.json"));
+    const RunResult result = run("extract " + scans + " --radius " + radius + " -o " + folder.file("rec") +
+                                 " --json " + folder.file("found.json"));
     EXPECT_EQ(result.code, 1) << result.err;
     EXPECT_THAT(result.err, HasSubstr("no landmark was found"));
     EXPECT_FALSE(std::filesystem::exists(folder.file("rec")));
@@ -118,8 +121,9 @@ TEST_P(RoomsWithoutCylinders, HaveNone) {
 
 INSTANTIATE_TEST_SUITE_P(Real, RoomsWithoutCylinders,
                          ::testing::Values("rplidar-a2-room/scans.csv", "lds02-wall/g3_0.5m.csv",
-                                           "lds02-wall/g3_1.0m.csv", "lds02-wall/g3_2.0m.csv", "lds02-wall/g4_0.5m.csv",
-                                           "lds02-wall/g4_1.0m.csv", "lds02-wall/g4_2.0m.csv"),
+                                           "lds02-wall/g3_1.0m.csv", "lds02-wall/g3_2.0m.csv",
+                                           "lds02-wall/g4_0.5m.csv", "lds02-wall/g4_1.0m.csv",
+                                           "lds02-wall/g4_2.0m.csv"),
                          [](const auto& one) {
                            std::string name = one.param;
                            for (char& c : name)
@@ -159,10 +163,11 @@ TEST(ImportLego, FindsAndLabelsTheCylinders) {
   }
   const double n = static_cast<double>(found), mean = sum / n;
   const auto [low, high] = wilson(n, static_cast<double>(theirs.size()));
-  std::cout << fmt::format("{} of {} found and labelled right: {:.1f} % (95 % interval {:.1f} to {:.1f}), {} under another label, "
-                           "{} more; ranges differ by {:.1f} mm in the mean, spread {:.1f} mm\n",
-                           found, theirs.size(), 100.0 * n / static_cast<double>(theirs.size()), 100.0 * low, 100.0 * high, renamed,
-                           ours.size() - found, mean, std::sqrt(squares / n - mean * mean));
+  std::cout << fmt::format(
+      "{} of {} found and labelled right: {:.1f} % (95 % interval {:.1f} to {:.1f}), {} under another label, "
+      "{} more; ranges differ by {:.1f} mm in the mean, spread {:.1f} mm\n",
+      found, theirs.size(), 100.0 * n / static_cast<double>(theirs.size()), 100.0 * low, 100.0 * high,
+      renamed, ours.size() - found, mean, std::sqrt(squares / n - mean * mean));
   EXPECT_GE(n, 0.95 * static_cast<double>(theirs.size()));
   EXPECT_EQ(renamed, 0u);
 }
@@ -186,9 +191,11 @@ TEST(ImportMrclam, GivesTheSameRows) {
       EXPECT_NEAR(a.stops[k].commanded.x_m, b.stops[k].commanded.x_m, 2e-5);
     const Recording c = load_recording(pairs), d = load_recording(known + robot + "-pairs");
     ASSERT_EQ(c.pairs.size(), d.pairs.size());
-    for (std::size_t i = 0; i < c.pairs.size(); ++i) EXPECT_NEAR(c.pairs.true_m[i], d.pairs.true_m[i], 2e-5) << i;
+    for (std::size_t i = 0; i < c.pairs.size(); ++i)
+      EXPECT_NEAR(c.pairs.true_m[i], d.pairs.true_m[i], 2e-5) << i;
   }
-  EXPECT_EQ(run("import mrclam " + source + " --robot 2 --poses odometry -o " + folder.file("odometry")).code, 0);
+  EXPECT_EQ(run("import mrclam " + source + " --robot 2 --poses odometry -o " + folder.file("odometry")).code,
+            0);
   EXPECT_EQ(run("import mrclam " + source + " --robot 4 -o " + folder.file("none")).code, 2);
 }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -9,8 +10,6 @@
 #include <filesystem>
 #include <string>
 #include <thread>
-
-#include <fmt/format.h>
 
 #include "apps/run_binary.hpp"
 #include "rangecal/core/random.hpp"
@@ -27,7 +26,8 @@ void write_fleet(const TemporaryFolder& folder, int units, int readings) {
     Random random(seed_from("fleet", {static_cast<std::uint64_t>(u)}));
     const std::string path = fmt::format("{}/fleet/u{:03}", folder.path(), u);
     std::filesystem::create_directories(path);
-    std::ofstream(path + "/recording.yaml") << "format: rangecal/1\nkind: pairs\nsensor: {name: unit, principle: triangulation}\n";
+    std::ofstream(path + "/recording.yaml")
+        << "format: rangecal/1\nkind: pairs\nsensor: {name: unit, principle: triangulation}\n";
     std::ofstream pairs(path + "/pairs.csv");
     pairs << "true_m,reading_m\n";
     const double offset = random.normal(0.05, 0.02) + (u == 7 ? 0.4 : 0.0), slope = random.normal(0.9, 0.03);
@@ -43,7 +43,8 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   const TemporaryFolder folder;
   write_fleet(folder, 60, 200);
   const std::string fleet = folder.file("fleet"), order = " --order 1 -o ";
-  const RunResult result = run("fleet " + fleet + order + folder.file("a.db") + " --csv " + folder.file("a.csv") + " --threads 1 --diagnose 2");
+  const RunResult result = run("fleet " + fleet + order + folder.file("a.db") + " --csv " +
+                               folder.file("a.csv") + " --threads 1 --diagnose 2");
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("60 in"));
   EXPECT_THAT(result.out, HasSubstr("58 fitted, 1 unreadable"));
@@ -55,7 +56,10 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   EXPECT_THAT(csv, HasSubstr("pairs.csv, row 202"));
 
   // the same rows on other threads, from shards, and in a second run over a file that is there already
-  ASSERT_EQ(run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv") + " --threads 4").code, 0);
+  ASSERT_EQ(
+      run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv") + " --threads 4")
+          .code,
+      0);
   EXPECT_EQ(slurp(folder.file("b.csv")), csv);
   for (const std::string i : {"1", "2", "3"})
     ASSERT_EQ(run("fleet " + fleet + order + folder.file("s" + i) + " --shard " + i + "/3").code, 0);
@@ -64,13 +68,15 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
                 .code,
             0);
   EXPECT_EQ(slurp(folder.file("c.csv")), csv);
-  const RunResult again = run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv"));
+  const RunResult again =
+      run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv"));
   EXPECT_THAT(again.out, HasSubstr("60 were there already"));
   EXPECT_EQ(slurp(folder.file("b.csv")), csv);
 }
 
 TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {
-  if (!std::filesystem::exists(std::filesystem::path(RANGECAL_BINARY).parent_path() / "rangecal-mpi")) GTEST_SKIP() << "built without MPI";
+  if (!std::filesystem::exists(std::filesystem::path(RANGECAL_BINARY).parent_path() / "rangecal-mpi"))
+    GTEST_SKIP() << "built without MPI";
   const TemporaryFolder folder;
   write_fleet(folder, 40, 60);
   const std::string fleet = "fleet " + folder.file("fleet") + " --order 1 --diagnose 0";
@@ -80,7 +86,7 @@ TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {
       "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 timeout 200 mpirun --oversubscribe --mca btl self,tcp "
       "--mca btl_tcp_if_include lo -n ";
   for (const std::string ranks : {"2", "3"}) {
-    if (ranks == "3") {   // as after a kill: one of three ranks had ended already
+    if (ranks == "3") {  // as after a kill: one of three ranks had ended already
       ASSERT_EQ(run(fleet + " -o " + folder.file("3.db.1-of-3") + " --shard 1/3").code, 0);
     }
     const std::string db = folder.file(ranks + ".db"), csv = folder.file(ranks + ".csv");
@@ -95,7 +101,8 @@ TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {
     EXPECT_THAT(again.out, HasSubstr("40 were there already"));
     EXPECT_EQ(slurp(csv), one);
   }
-  const RunResult wrong = run("fleet " + folder.file("nowhere") + " -o " + folder.file("x.db"), "", mpirun + "2");
+  const RunResult wrong =
+      run("fleet " + folder.file("nowhere") + " -o " + folder.file("x.db"), "", mpirun + "2");
   EXPECT_EQ(wrong.code, 2);
   EXPECT_EQ(count_of(wrong.err, "rangecal: "), 1) << wrong.err;
   EXPECT_FALSE(std::filesystem::exists(folder.file("x.db")));
@@ -103,13 +110,14 @@ TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {
 
 TEST(FleetCommand, GoesOnAfterAKill) {
   const TemporaryFolder folder;
-  write_fleet(folder, 600, 60);   // three transactions of units
+  write_fleet(folder, 600, 60);  // three transactions of units
   const std::string fleet = folder.file("fleet"), file = folder.file("killed.db");
-  for (int attempt = 0; attempt < 4; ++attempt) {   // killed wherever it happens to be
+  for (int attempt = 0; attempt < 4; ++attempt) {  // killed wherever it happens to be
     const pid_t child = ::fork();
     if (child == 0) {
       std::freopen("/dev/null", "w", stdout);
-      ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "fleet", fleet.c_str(), "--order", "1", "-o", file.c_str(), "--diagnose", "0", nullptr);
+      ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "fleet", fleet.c_str(), "--order", "1", "-o", file.c_str(),
+              "--diagnose", "0", nullptr);
       ::_exit(99);
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(60 * (attempt + 1)));
@@ -119,7 +127,10 @@ TEST(FleetCommand, GoesOnAfterAKill) {
   }
   const std::string csv = folder.file("killed.csv"), whole = folder.file("whole.csv");
   ASSERT_EQ(run("fleet " + fleet + " --order 1 -o " + file + " --csv " + csv + " --diagnose 0").code, 0);
-  ASSERT_EQ(run("fleet " + fleet + " --order 1 -o " + folder.file("whole.db") + " --csv " + whole + " --diagnose 0").code, 0);
+  ASSERT_EQ(
+      run("fleet " + fleet + " --order 1 -o " + folder.file("whole.db") + " --csv " + whole + " --diagnose 0")
+          .code,
+      0);
   EXPECT_EQ(slurp(csv), slurp(whole));
   EXPECT_EQ(count_of(slurp(csv), "\n"), 601);
 }
@@ -129,10 +140,10 @@ TEST(FleetCommand, RefusesWhatDoesNotFit) {
   write_fleet(folder, 3, 30);
   const std::string fleet = folder.file("fleet");
   const RunResult few = run("fleet " + fleet + " --order 1 -o " + folder.file("a.db"));
-  EXPECT_EQ(few.code, 1);   // three units make no population of three unknowns
+  EXPECT_EQ(few.code, 1);  // three units make no population of three unknowns
   EXPECT_THAT(few.out, HasSubstr("too_few_data"));
-  EXPECT_EQ(run("fleet " + fleet + " --order 2 -o " + folder.file("a.db")).code, 2);   // another order
-  EXPECT_EQ(run("fleet " + folder.path() + " -o " + folder.file("b.db")).code, 2);     // no recordings
+  EXPECT_EQ(run("fleet " + fleet + " --order 2 -o " + folder.file("a.db")).code, 2);  // another order
+  EXPECT_EQ(run("fleet " + folder.path() + " -o " + folder.file("b.db")).code, 2);    // no recordings
   EXPECT_EQ(run("fleet -o " + folder.file("b.db")).code, 2);
   EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("b.db") + " --shard 0/3").code, 2);
   EXPECT_EQ(run("fleet " + fleet + " -o " + folder.file("b.db") + " --shard 4/3").code, 2);

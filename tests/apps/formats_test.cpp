@@ -23,7 +23,8 @@ json written(const TemporaryFolder& folder, const std::string& command) {
 TEST(Formats, NameEveryMemberOfACalibration) {
   const TemporaryFolder folder;
   // One reading without return is dropped under its reason.
-  std::filesystem::copy(shipped("field-layout"), folder.file("field"), std::filesystem::copy_options::recursive);
+  std::filesystem::copy(shipped("field-layout"), folder.file("field"),
+                        std::filesystem::copy_options::recursive);
   std::string table = slurp(folder.file("field/observations.csv"));
   const std::size_t row = table.find('\n') + 1;
   std::string first = table.substr(row, table.find('\n', row) + 1 - row);
@@ -39,15 +40,18 @@ TEST(Formats, NameEveryMemberOfACalibration) {
   }
   folder.write("field/observations.csv", table.replace(row, first.size(), without + "\n"));
 
-  const json all = written(folder, "calibrate " + folder.file("field") + " --order 2 --noise f2 --method all --json");
+  const json all =
+      written(folder, "calibrate " + folder.file("field") + " --order 2 --noise f2 --method all --json");
   EXPECT_EQ(all.size(), 2u) << "with --method all the file holds 'format' and 'methods'";
   std::vector<json> files = all.at("methods").get<std::vector<json>>();
   EXPECT_EQ(files.size(), 4u);
   for (const std::string shape : {"student-t", "contaminated"})
-    files.push_back(written(folder, "calibrate " + shipped("field-layout") + " --order 2 --noise f2 --noise-shape " + shape + " --json"));
+    files.push_back(written(folder, "calibrate " + shipped("field-layout") +
+                                        " --order 2 --noise f2 --noise-shape " + shape + " --json"));
   files.push_back(written(folder, "calibrate " + shipped("pairs-2016") + " --order 2 --noise f2 --json"));
   files.push_back(written(folder, "diagnose " + shipped("concealed/world-02") + " --calibration"));
-  files.push_back(written(folder, "track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("now.csv") + " --json"));
+  files.push_back(written(
+      folder, "track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("now.csv") + " --json"));
   expect_documented("A calibration", files);
 }
 
@@ -87,7 +91,8 @@ TEST(Formats, NameEveryMemberOfADiagnosis) {
 
 TEST(Formats, NameEveryMemberOfAPlan) {
   const TemporaryFolder folder;
-  expect_documented("A plan", {written(folder, "plan " + shipped("scenes/field-layout.yaml") + " --accuracy 20 --effects tilt -o")});
+  expect_documented("A plan", {written(folder, "plan " + shipped("scenes/field-layout.yaml") +
+                                                   " --accuracy 20 --effects tilt -o")});
 }
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -111,13 +116,17 @@ std::string documented_columns(const std::string& command) {
 TEST(Formats, NameTheColumnsOfTables) {
   const TemporaryFolder folder;
   const std::string calibration = folder.file("cal.json");
-  ASSERT_EQ(run("track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("now.csv") + " --json " + calibration).code, 0);
-  ASSERT_EQ(run("track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("again.csv") + " --from " + calibration +
-                " --watch 100000 --changes " + folder.file("changes.csv"))
+  ASSERT_EQ(run("track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("now.csv") + " --json " +
+                calibration)
+                .code,
+            0);
+  ASSERT_EQ(run("track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("again.csv") + " --from " +
+                calibration + " --watch 100000 --changes " + folder.file("changes.csv"))
                 .code,
             0);
   EXPECT_EQ(first_line(run("correct " + calibration, "1.2\n").out), documented_columns("correct"));
-  EXPECT_EQ(first_line(run("correct " + calibration + " --prior uniform", "1.2\n").out), documented_columns("correct --prior"));
+  EXPECT_EQ(first_line(run("correct " + calibration + " --prior uniform", "1.2\n").out),
+            documented_columns("correct --prior"));
   EXPECT_EQ(first_line(slurp(folder.file("now.csv"))), documented_columns("track"));
   EXPECT_EQ(first_line(slurp(folder.file("changes.csv"))), documented_columns("track --changes"));
   const std::string rec = shipped("field-layout");

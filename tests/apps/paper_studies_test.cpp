@@ -20,7 +20,8 @@ using rangecal::test::RunResult;
 using rangecal::test::slurp;
 using rangecal::test::TemporaryFolder;
 
-const std::filesystem::path studies = std::filesystem::path(RANGECAL_SOURCE_DIR) / "notebooks_data" / "studies";
+const std::filesystem::path studies =
+    std::filesystem::path(RANGECAL_SOURCE_DIR) / "notebooks_data" / "studies";
 
 /// What comes before the column `repeats`: point, parameters and estimator.
 std::string place(const CsvTable& table, std::size_t row) {
@@ -39,7 +40,8 @@ TEST_P(PaperStudy, ReducedFormAgreesWithItsResults) {
   std::filesystem::create_directory_symlink(studies / "scenes", folder.file("studies/scenes"));
   std::filesystem::create_directory_symlink(studies.parent_path() / "scenes", folder.file("scenes"));
   const std::string text = slurp((studies / (GetParam() + ".yaml")).string());
-  folder.write("studies/study.yaml", std::regex_replace(text, std::regex("\nrepeats: [0-9]+"), "\nrepeats: 20"));
+  folder.write("studies/study.yaml",
+               std::regex_replace(text, std::regex("\nrepeats: [0-9]+"), "\nrepeats: 20"));
   const RunResult result = run("study " + folder.file("studies/study.yaml") + " -o " + folder.file("out"));
   ASSERT_EQ(result.code, 0) << result.err;
 
@@ -52,9 +54,11 @@ TEST_P(PaperStudy, ReducedFormAgreesWithItsResults) {
     ASSERT_EQ(place(reduced, r), place(whole, r));
     if (reduced.count(r, reduced.require("answers")) < 18) continue;
     for (const char* name : {"landmark_rmse", "curve_rmse"}) {
-      const auto column = reduced.find(std::string(name) + "_m"), error = reduced.find(std::string(name) + "_se_m");
+      const auto column = reduced.find(std::string(name) + "_m"),
+                 error = reduced.find(std::string(name) + "_se_m");
       if (!column) continue;
-      const auto few = reduced.number(r, *column), many = whole.number(r, *column), se = reduced.number(r, *error);
+      const auto few = reduced.number(r, *column), many = whole.number(r, *column),
+                 se = reduced.number(r, *error);
       if (!few || !many || !se) continue;
       EXPECT_LE(std::abs(*few - *many), 8.0 * *se + 0.5 * *many) << place(whole, r) << name;
       ++compared;

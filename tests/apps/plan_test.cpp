@@ -3,11 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "apps/run_binary.hpp"
 
@@ -18,8 +17,9 @@ using ::testing::HasSubstr;
 
 TEST(PlanCommand, ProposesAnExperimentThatCanBeRehearsed) {
   const TemporaryFolder folder;
-  const RunResult result = run("plan " + shipped("scenes/field-layout.yaml") + " --accuracy 12 --effects bearing_offset,tilt -o " + folder.file("plan.json") +
-                               " --scene " + folder.file("plan.yaml"));
+  const RunResult result =
+      run("plan " + shipped("scenes/field-layout.yaml") + " --accuracy 12 --effects bearing_offset,tilt -o " +
+          folder.file("plan.json") + " --scene " + folder.file("plan.yaml"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("Plan "));
   EXPECT_THAT(result.out, HasSubstr("Line "));
@@ -29,7 +29,8 @@ TEST(PlanCommand, ProposesAnExperimentThatCanBeRehearsed) {
   EXPECT_LE(json.at("best").at("std_dev_m").get<double>(), 0.012);
   EXPECT_TRUE(json.at("line").is_null() || json.at("best").at("minutes") <= json.at("line").at("minutes"));
   EXPECT_EQ(json.at("best").at("effects").size(), 2u);
-  ASSERT_EQ(run("simulate " + folder.file("plan.yaml") + " -o " + folder.file("rehearsal") + " --seed 3").code, 0);
+  ASSERT_EQ(
+      run("simulate " + folder.file("plan.yaml") + " -o " + folder.file("rehearsal") + " --seed 3").code, 0);
   const RunResult rehearsal = run("calibrate " + folder.file("rehearsal") + " --order 2 --noise f2");
   EXPECT_EQ(rehearsal.code, 0) << rehearsal.err;
 }
@@ -39,12 +40,16 @@ TEST(PlanCommand, PlanAndLineStandUpInAStudy) {
   // f, over distances where f' is 0.9 to 1.35, must not exceed it by more than 1.35 and what 200 repeats leave open: 3 *
   // sqrt(1 / (2 * 200)) = 15 %. And the plan takes less time than the line, by its own count.
   const TemporaryFolder folder;
-  ASSERT_EQ(run("plan " + shipped("scenes/field-layout.yaml") + " --accuracy 12 -o " + folder.file("plan.json") + " --scene " + folder.file("plan.yaml") +
-                " --line-scene " + folder.file("line.yaml")).code, 0);
-  folder.write("study.yaml",
-               "format: rangecal-study/1\nname: plan-or-line\nscene: plan.yaml\ngrid:\n  - {parameter: scene, values: [plan.yaml, line.yaml]}\n"
-               "repeats: 200\nfit: {order: 2}\nestimators: [marginal]\nmeasures: [rmse, coverage, failures]\n"
-               "curve_m: [0.5, 1, 1.5, 2, 2.5, 3, 3.5, 4]\n");
+  ASSERT_EQ(
+      run("plan " + shipped("scenes/field-layout.yaml") + " --accuracy 12 -o " + folder.file("plan.json") +
+          " --scene " + folder.file("plan.yaml") + " --line-scene " + folder.file("line.yaml"))
+          .code,
+      0);
+  folder.write(
+      "study.yaml",
+      "format: rangecal-study/1\nname: plan-or-line\nscene: plan.yaml\ngrid:\n  - {parameter: scene, values: [plan.yaml, line.yaml]}\n"
+      "repeats: 200\nfit: {order: 2}\nestimators: [marginal]\nmeasures: [rmse, coverage, failures]\n"
+      "curve_m: [0.5, 1, 1.5, 2, 2.5, 3, 3.5, 4]\n");
   const RunResult study = run("study " + folder.file("study.yaml") + " -o " + folder.file("out"));
   ASSERT_EQ(study.code, 0) << study.err;
   std::istringstream table(slurp(folder.file("out") + "/results.csv"));

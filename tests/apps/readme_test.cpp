@@ -95,13 +95,14 @@ TEST(Readme, CommandsRun) {
   const std::string directory = std::filesystem::path(RANGECAL_BINARY).parent_path().string();
   for (const std::vector<Shown>& block : blocks) {
     ASSERT_FALSE(block.empty());
-    EXPECT_TRUE(asserts(block.back().command)) << "README.md:" << block.back().line << ": the block asserts nothing";
+    EXPECT_TRUE(asserts(block.back().command))
+        << "README.md:" << block.back().line << ": the block asserts nothing";
     for (const Shown& example : block) {
       // the exit code of a pipeline is that of rangecal; a reader that stops early ends it by SIGPIPE, 141
-      folder.write("script", "set -o pipefail\ncd '" + folder.path() + "' || exit 99\nPATH='" + directory + "':$PATH\n" +
-                                 example.command + "\n");
-      const int status = std::system(("bash " + folder.file("script") + " > " + folder.file("shown.out") + " 2> " +
-                                      folder.file("shown.err"))
+      folder.write("script", "set -o pipefail\ncd '" + folder.path() + "' || exit 99\nPATH='" + directory +
+                                 "':$PATH\n" + example.command + "\n");
+      const int status = std::system(("bash " + folder.file("script") + " > " + folder.file("shown.out") +
+                                      " 2> " + folder.file("shown.err"))
                                          .c_str());
       const int code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
       EXPECT_TRUE(code == 0 || (code == 141 && example.command.find(" | ") != std::string::npos))
@@ -112,7 +113,8 @@ TEST(Readme, CommandsRun) {
           << "README.md:" << example.line << ": " << example.command << " prints nothing";
       const std::string out = slurp(folder.file("shown.out"));
       EXPECT_TRUE(example.output.empty() || same_output(out, example.output))
-          << "README.md:" << example.line << ": " << example.command << " prints\n" << out;
+          << "README.md:" << example.line << ": " << example.command << " prints\n"
+          << out;
     }
   }
 }

@@ -47,7 +47,7 @@ TEST(SimulateCommand, MeasurementsAreNotReplaced) {
   EXPECT_EQ(result.code, 2);
   EXPECT_THAT(result.err, HasSubstr("would be lost"));
   EXPECT_EQ(slurp(folder.file("real/observations.csv")), "stop,landmark,range_m,bearing_rad\n0,A,1,0\n");
-  ASSERT_EQ(run(scene + folder.file("sim")).code, 0);   // what was simulated may be simulated again
+  ASSERT_EQ(run(scene + folder.file("sim")).code, 0);  // what was simulated may be simulated again
   EXPECT_EQ(run(scene + folder.file("sim") + " --seed 2").code, 0);
   // nor by another command's result, and no two results go into one file
   const std::string pairs = slurp(folder.file("sim/pairs.csv"));
@@ -56,7 +56,9 @@ TEST(SimulateCommand, MeasurementsAreNotReplaced) {
   EXPECT_THAT(over.err, HasSubstr("is a table of a recording"));
   EXPECT_EQ(run("track " + folder.file("sim/pairs.csv") + " -o " + folder.file("sim/pairs.csv")).code, 2);
   EXPECT_EQ(slurp(folder.file("sim/pairs.csv")), pairs);
-  EXPECT_THAT(run("diagnose " + folder.file("sim") + " --json " + folder.file("a.json") + " --calibration " + folder.file("a.json")).err,
+  EXPECT_THAT(run("diagnose " + folder.file("sim") + " --json " + folder.file("a.json") + " --calibration " +
+                  folder.file("a.json"))
+                  .err,
               HasSubstr("is named as the file of two results"));
 }
 

@@ -24,13 +24,15 @@ using rangecal::test::slurp;
 using rangecal::test::TemporaryFolder;
 
 /// A study of 2 points in pieces of 7 repeats, the last piece shorter.
-std::string study_text(int repeats, const std::string& estimators = "[closed-form, approximate, full, marginal]",
+std::string study_text(int repeats,
+                       const std::string& estimators = "[closed-form, approximate, full, marginal]",
                        const std::string& name = "test") {
   return "format: rangecal-study/1\nname: " + name + "\nscene: " + RANGECAL_SOURCE_DIR +
          "/notebooks_data/studies/scenes/2021.yaml\ngrid:\n"
          "  - {parameter: landmarks, values: [5]}\n"
          "  - {parameter: sigma_theta_deg, values: [0.5, 2]}\n"
-         "repeats: " + std::to_string(repeats) + "\npiece: 7\nestimators: " + estimators +
+         "repeats: " +
+         std::to_string(repeats) + "\npiece: 7\nestimators: " + estimators +
          "\nmeasures: [bias, variance, rmse, rmse_over_bound, mse_ratio, sigmas, coverage, order, failures]\n";
 }
 
@@ -60,8 +62,8 @@ void run_and_kill(const std::string& study, const std::string& out, std::chrono:
   ASSERT_GE(child, 0);
   if (child == 0) {
     if (!std::freopen("/dev/null", "w", stdout)) ::_exit(9);
-    ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "study", study.c_str(), "-o", out.c_str(), "--resume", "--threads", "2",
-            nullptr);
+    ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "study", study.c_str(), "-o", out.c_str(), "--resume",
+            "--threads", "2", nullptr);
     ::_exit(9);
   }
   std::this_thread::sleep_for(delay);
@@ -82,15 +84,17 @@ TEST(Study, OneThreadEightThreadsAndShardsGiveTheSameBytes) {
     const RunResult part = run("study " + folder.file("study.yaml") + " -o " + shared + " --shard " + shard);
     ASSERT_EQ(part.code, 0) << part.err;
     ASSERT_EQ(run("study " + folder.file("study.yaml") + " -o " + folder.file(std::string("own") + shard[0]) +
-                  " --shard " + shard).code, 0);
+                  " --shard " + shard)
+                  .code,
+              0);
   }
   const RunResult joined = run("study " + folder.file("study.yaml") + " -o " + shared + " --resume");
   EXPECT_NE(joined.out.find("(0 run, 60 known before)"), std::string::npos) << joined.out << joined.err;
   EXPECT_EQ(slurp(shared + "/results.csv"), one);
 
   // A shard is missing: what it would have done is run now.
-  const RunResult merged = run("study " + folder.file("study.yaml") + " -o " + folder.file("merged") + " --merge " +
-                               folder.file("own1") + " " + folder.file("own3"));
+  const RunResult merged = run("study " + folder.file("study.yaml") + " -o " + folder.file("merged") +
+                               " --merge " + folder.file("own1") + " " + folder.file("own3"));
   EXPECT_EQ(merged.code, 0) << merged.err;
   EXPECT_EQ(slurp(folder.file("merged") + "/results.csv"), one);
 }
@@ -111,7 +115,8 @@ TEST(Study, MpiRanksGiveTheSameBytes) {
     EXPECT_EQ(slurp(out + "/results.csv"), one) << ranks << " ranks";
     EXPECT_EQ(units(out).size(), 10u);  // each of the 2 x 5 pieces by one rank only
   }
-  const RunResult wrong = run("study " + folder.file("nowhere.yaml") + " -o " + folder.file("x"), "", mpirun + "2");
+  const RunResult wrong =
+      run("study " + folder.file("nowhere.yaml") + " -o " + folder.file("x"), "", mpirun + "2");
   EXPECT_EQ(wrong.code, 2);
   EXPECT_EQ(count_of(wrong.err, "rangecal: "), 1) << wrong.err;
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -10,8 +11,6 @@
 #include <string>
 #include <thread>
 #include <vector>
-
-#include <fmt/format.h>
 
 #include "apps/run_binary.hpp"
 #include "rangecal/core/calibration_io.hpp"
@@ -28,7 +27,8 @@ std::string rows(int first, int count) {
   for (int i = first; i < first + count; ++i) {
     Random random(seed_from("track stream", {static_cast<std::uint64_t>(i)}));
     const double d = random.uniform(0.5, 4.0), f = 0.1 + 0.9 * d;
-    text += fmt::format("{:.5f},{},{}\n", random.normal(f, 0.01 * f * f), i % 5 == 4 ? "" : fmt::format("{:.5f}", d), 0.1 * i);
+    text += fmt::format("{:.5f},{},{}\n", random.normal(f, 0.01 * f * f),
+                        i % 5 == 4 ? "" : fmt::format("{:.5f}", d), 0.1 * i);
   }
   return text;
 }
@@ -48,8 +48,8 @@ void save_line(const TemporaryFolder& folder, double slope, NoiseLaw law) {
 TEST(TrackCommand, TeachesAndCorrectsAsReadingsCome) {
   const TemporaryFolder folder;
   folder.write("in.csv", header + rows(0, 2000));
-  const RunResult result =
-      run("track " + folder.file("in.csv") + " --order 1 -o " + folder.file("out.csv") + " --json " + folder.file("cal.json"));
+  const RunResult result = run("track " + folder.file("in.csv") + " --order 1 -o " + folder.file("out.csv") +
+                               " --json " + folder.file("cal.json"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("Curve f"));
   const Calibration tracked = load_calibration(folder.file("cal.json"));
@@ -60,7 +60,9 @@ TEST(TrackCommand, TeachesAndCorrectsAsReadingsCome) {
   const std::string out = slurp(folder.file("out.csv"));
   EXPECT_EQ(count_of(out, "\n"), 2001);
   EXPECT_THAT(out, HasSubstr("no_calibration_yet"));
-  EXPECT_EQ(count_of(out, ",ok\n") + count_of(out, "no_calibration_yet") + count_of(out, "out_of_range") + count_of(out, "extrapolated"), 2000);
+  EXPECT_EQ(count_of(out, ",ok\n") + count_of(out, "no_calibration_yet") + count_of(out, "out_of_range") +
+                count_of(out, "extrapolated"),
+            2000);
 }
 
 TEST(TrackCommand, AWrongFileLeavesWhatWasThere) {
@@ -80,7 +82,9 @@ TEST(TrackCommand, AWrongFileLeavesWhatWasThere) {
 }
 
 TEST(TrackCommand, BadRowsAreNamedAndNothingElseIsLost) {
-  const RunResult result = run("track --order 1", header + rows(0, 50) + "far,1.0,5\n1.0,2.0\n\"1.0,2.0,3\n1.2,1.2,\n,,6\n0,,7\n" + rows(60, 50));
+  const RunResult result =
+      run("track --order 1",
+          header + rows(0, 50) + "far,1.0,5\n1.0,2.0\n\"1.0,2.0,3\n1.2,1.2,\n,,6\n0,,7\n" + rows(60, 50));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(count_of(result.out, "malformed"), 4);
   EXPECT_EQ(count_of(result.out, "missing"), 1);
@@ -89,7 +93,7 @@ TEST(TrackCommand, BadRowsAreNamedAndNothingElseIsLost) {
   EXPECT_THAT(result.err, HasSubstr("stdin, row 52, column 'reading_m': 'far' is not a number"));
   EXPECT_EQ(run("track", "").code, 2);
   EXPECT_EQ(run("track", "distance\n1.0\n").code, 2);
-  EXPECT_EQ(run("track", "1.0\n2.0\n").code, 1);   // nothing to learn from, nothing given
+  EXPECT_EQ(run("track", "1.0\n2.0\n").code, 1);  // nothing to learn from, nothing given
   EXPECT_EQ(run("track --order 9", header).code, 2);
   EXPECT_EQ(run("track /nowhere.csv").code, 2);
 }
@@ -98,15 +102,17 @@ TEST(TrackCommand, CorrectsByACalibrationGiven) {
   const TemporaryFolder folder;
   save_line(folder, 0.5, NoiseLaw::constant);
   const RunResult result = run("track --from " + folder.file("cal.json"), "1.1\n0.6\n");
-  ASSERT_EQ(result.code, 0) << result.err;   // d = (y - 0.1) / 0.5
-  EXPECT_EQ(result.out, "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
+  ASSERT_EQ(result.code, 0) << result.err;  // d = (y - 0.1) / 0.5
+  EXPECT_EQ(result.out,
+            "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
 }
 
 TEST(TrackCommand, TakesPolynomialNoiseThroughItsState) {
   const TemporaryFolder folder;
   const std::string whole = header + rows(0, 1200), arguments = " --order 1 --noise polynomial ";
   folder.write("whole.csv", whole);
-  const RunResult result = run("track " + folder.file("whole.csv") + arguments + "-o " + folder.file("a.csv") + " --json " + folder.file("cal.json"));
+  const RunResult result = run("track " + folder.file("whole.csv") + arguments + "-o " +
+                               folder.file("a.csv") + " --json " + folder.file("cal.json"));
   ASSERT_EQ(result.code, 0) << result.err;
   const Calibration tracked = load_calibration(folder.file("cal.json"));
   EXPECT_EQ(tracked.noise.law, NoiseLaw::polynomial);
@@ -115,7 +121,10 @@ TEST(TrackCommand, TakesPolynomialNoiseThroughItsState) {
   EXPECT_NEAR(tracked.noise.parameters[0] + 2.25 * tracked.noise.parameters[1], 0.045, 0.01);
   for (const std::size_t length : {whole.size() / 2, whole.size()}) {
     folder.write("part.csv", whole.substr(0, length));
-    ASSERT_EQ(run("track " + folder.file("part.csv") + arguments + "-o " + folder.file("b.csv") + " --state " + folder.file("b.json")).code, 0);
+    ASSERT_EQ(run("track " + folder.file("part.csv") + arguments + "-o " + folder.file("b.csv") +
+                  " --state " + folder.file("b.json"))
+                  .code,
+              0);
   }
   EXPECT_EQ(slurp(folder.file("a.csv")), slurp(folder.file("b.csv")));
 }
@@ -132,13 +141,17 @@ TEST(TrackCommand, WatchesForAChange) {
   }
   folder.write("same.csv", header + before.str());
   folder.write("changed.csv", changed);
-  const std::string arguments = " --from " + folder.file("cal.json") + " --order 1 --watch 100000 -o " + folder.file("out.csv");
+  const std::string arguments =
+      " --from " + folder.file("cal.json") + " --order 1 --watch 100000 -o " + folder.file("out.csv");
   EXPECT_THAT(run("track " + folder.file("same.csv") + arguments).out, HasSubstr("Changes    none"));
-  const RunResult result = run("track " + folder.file("changed.csv") + arguments + " --changes " + folder.file("changes.csv"));
+  const RunResult result =
+      run("track " + folder.file("changed.csv") + arguments + " --changes " + folder.file("changes.csv"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr(": window by 0.03"));
   const std::string table = slurp(folder.file("changes.csv"));
-  EXPECT_THAT(table, HasSubstr("pair,since_pair,kind,probability,size,std\n8"));   // of 1600 pairs the change is after 800
+  EXPECT_THAT(
+      table,
+      HasSubstr("pair,since_pair,kind,probability,size,std\n8"));  // of 1600 pairs the change is after 800
   EXPECT_EQ(run("track --watch 1000", "1.0\n").code, 2);
 }
 
@@ -151,15 +164,19 @@ TEST(TrackCommand, WatchesTheEncoderWhereThereAreBearings) {
   for (int i = 0; std::getline(all, row); ++i) {
     const std::size_t comma = row.find(',');
     const double bearing = std::remainder(0.37 * i, 6.283185307179586);
-    text += fmt::format("{:.5f}{},{:.5f}\n", std::stod(row.substr(0, comma)) + (i >= 1000 ? 0.03 * std::cos(bearing) : 0.0), row.substr(comma), bearing);
+    text += fmt::format("{:.5f}{},{:.5f}\n",
+                        std::stod(row.substr(0, comma)) + (i >= 1000 ? 0.03 * std::cos(bearing) : 0.0),
+                        row.substr(comma), bearing);
   }
   folder.write("in.csv", text);
-  const std::string arguments =
-      "track " + folder.file("in.csv") + " --order 1 --from " + folder.file("cal.json") + " --watch 100000 -o " + folder.file("out.csv") + " --every 300";
+  const std::string arguments = "track " + folder.file("in.csv") + " --order 1 --from " +
+                                folder.file("cal.json") + " --watch 100000 -o " + folder.file("out.csv") +
+                                " --every 300";
   const RunResult result = run(arguments + " --state " + folder.file("state.json"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr(": encoder by 0.0"));
-  EXPECT_EQ(run(arguments + " --state " + folder.file("state.json")).code, 0);   // the charts of the bearings are in the state
+  EXPECT_EQ(run(arguments + " --state " + folder.file("state.json")).code,
+            0);  // the charts of the bearings are in the state
 }
 
 /// The rows of a simulated recording with what --stops would tell in columns of their own.
@@ -184,14 +201,23 @@ std::string with_poses(const std::string& folder) {
 TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
   const TemporaryFolder folder;
   const std::string rec = folder.file("rec");
-  ASSERT_EQ(run("simulate " RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml -o " + rec + " --seed 3").code, 0);
-  ASSERT_EQ(run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json")).code, 0);
-  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec + " -o " + folder.file("a.csv") + " --json " + folder.file("a.json"));
+  ASSERT_EQ(
+      run("simulate " RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml -o " + rec + " --seed 3")
+          .code,
+      0);
+  ASSERT_EQ(
+      run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json"))
+          .code,
+      0);
+  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec + " -o " +
+                               folder.file("a.csv") + " --json " + folder.file("a.json"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("Landmark   A at ("));
-  const Calibration batch = load_calibration(folder.file("batch.json")), tracked = load_calibration(folder.file("a.json"));
+  const Calibration batch = load_calibration(folder.file("batch.json")),
+                    tracked = load_calibration(folder.file("a.json"));
   ASSERT_EQ(tracked.outcome, Outcome::converged) << tracked.reason;
-  for (Eigen::Index i = 0; i < 3; ++i)   // all ten stops are held: the same likelihood, solved from another start
+  for (Eigen::Index i = 0; i < 3;
+       ++i)  // all ten stops are held: the same likelihood, solved from another start
     EXPECT_NEAR(tracked.alpha[i], batch.alpha[i], 1e-3 * std::sqrt((*batch.alpha_covariance)(i, i)));
   EXPECT_EQ(tracked.landmarks.size(), batch.landmarks.size());
   const std::string corrected = slurp(folder.file("a.csv"));
@@ -202,7 +228,8 @@ TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
   const std::string whole = with_poses(rec);
   for (const std::size_t length : {whole.size() / 3, whole.size() * 2 / 3, whole.size()}) {
     folder.write("in.csv", whole.substr(0, length));
-    const RunResult part = run("track " + folder.file("in.csv") + " --every 40 -o " + folder.file("b.csv") + " --state " + folder.file("b.json"));
+    const RunResult part = run("track " + folder.file("in.csv") + " --every 40 -o " + folder.file("b.csv") +
+                               " --state " + folder.file("b.json"));
     ASSERT_EQ(part.code, 0) << part.err;
   }
   EXPECT_EQ(slurp(folder.file("b.csv")), corrected);
@@ -346,8 +373,11 @@ TEST(TrackCommand, RefusesLandmarksThatItCannotPlace) {
   EXPECT_THAT(run("track", header_line + "\n0,A,1.0,0.1\n").err, HasSubstr("x_m, y_m and heading_rad"));
   EXPECT_THAT(run("track", "stop,landmark,range_m,x_m,y_m,heading_rad\n").err, HasSubstr("bearing_rad"));
   const std::string poses = header_line + ",x_m,y_m,heading_rad\n";
-  const RunResult bad = run("track", poses + "0,A,1.0,0.1,0,0,0\n0,B,1.0,90,0,0,0\n1,A,1.1,0.1,,,\n1,A,1.1,0.1,1,0,0\n0,A,1.0,0.1,0,0,0\n,A,1.0,0.1,0,0,0\n");
-  EXPECT_EQ(bad.code, 1);   // two stops: nothing is determined
+  const RunResult bad = run(
+      "track",
+      poses +
+          "0,A,1.0,0.1,0,0,0\n0,B,1.0,90,0,0,0\n1,A,1.1,0.1,,,\n1,A,1.1,0.1,1,0,0\n0,A,1.0,0.1,0,0,0\n,A,1.0,0.1,0,0,0\n");
+  EXPECT_EQ(bad.code, 1);  // two stops: nothing is determined
   EXPECT_EQ(count_of(bad.out, "malformed"), 4);
   EXPECT_THAT(bad.err, HasSubstr("comes back after others"));
   EXPECT_THAT(bad.err, HasSubstr("degrees"));
@@ -363,34 +393,41 @@ TEST(TrackCommand, GoesOnFromItsStateAsIfNothingHadHappened) {
   const std::string whole = header + rows(0, 1500);
   folder.write("whole.csv", whole);
   const std::string arguments = " --order auto --forget 100 --every 100 ";
-  ASSERT_EQ(run("track " + folder.file("whole.csv") + arguments + "-o " + folder.file("a.csv") + " --state " + folder.file("a.json")).code, 0);
-  for (const std::size_t length : {whole.size() / 3, whole.size() / 2, whole.size()}) {   // cut within a line
+  ASSERT_EQ(run("track " + folder.file("whole.csv") + arguments + "-o " + folder.file("a.csv") + " --state " +
+                folder.file("a.json"))
+                .code,
+            0);
+  for (const std::size_t length : {whole.size() / 3, whole.size() / 2, whole.size()}) {  // cut within a line
     folder.write("part.csv", whole.substr(0, length));
-    const RunResult result =
-        run("track " + folder.file("part.csv") + arguments + "-o " + folder.file("b.csv") + " --state " + folder.file("b.json"));
+    const RunResult result = run("track " + folder.file("part.csv") + arguments + "-o " +
+                                 folder.file("b.csv") + " --state " + folder.file("b.json"));
     ASSERT_EQ(result.code, 0) << result.err;
   }
   EXPECT_EQ(slurp(folder.file("a.csv")), slurp(folder.file("b.csv")));
   EXPECT_EQ(run("track " + folder.file("part.csv") + " --order 3 --state " + folder.file("b.json")).code, 2);
   folder.write("part.csv", header);
-  EXPECT_EQ(run("track " + folder.file("part.csv") + arguments + " --state " + folder.file("b.json")).code, 2);
+  EXPECT_EQ(run("track " + folder.file("part.csv") + arguments + " --state " + folder.file("b.json")).code,
+            2);
 }
 
 TEST(TrackCommand, FollowsAGrowingFileThroughAKill) {
   const TemporaryFolder folder;
-  const std::string whole = header + rows(0, 900), out = folder.file("out.csv"), state = folder.file("state.json");
+  const std::string whole = header + rows(0, 900), out = folder.file("out.csv"),
+                    state = folder.file("state.json");
   folder.write("in.csv", "");
-  const auto append = [&](const std::string& text) { std::ofstream(folder.file("in.csv"), std::ios::app | std::ios::binary) << text; };
+  const auto append = [&](const std::string& text) {
+    std::ofstream(folder.file("in.csv"), std::ios::app | std::ios::binary) << text;
+  };
   const auto start = [&] {
     const pid_t child = ::fork();
     if (child == 0) {
-      ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "track", folder.file("in.csv").c_str(), "--follow", "--order", "1", "--every", "50", "-o",
-              out.c_str(), "--state", state.c_str(), nullptr);
+      ::execl(RANGECAL_BINARY, RANGECAL_BINARY, "track", folder.file("in.csv").c_str(), "--follow", "--order",
+              "1", "--every", "50", "-o", out.c_str(), "--state", state.c_str(), nullptr);
       ::_exit(99);
     }
     return child;
   };
-  const auto wait_for = [&](int lines) {   // until the saved state has come so far; a minute at most
+  const auto wait_for = [&](int lines) {  // until the saved state has come so far; a minute at most
     for (int i = 0; i < 1200; ++i) {
       if (count_of(slurp(state), fmt::format("\"rows\":{},", lines)) > 0) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -413,7 +450,7 @@ TEST(TrackCommand, FollowsAGrowingFileThroughAKill) {
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
   const std::string text = slurp(out);
   ASSERT_EQ(count_of(text, "\n"), 901);
-  std::istringstream given(whole), made(text);   // every reading once, in order
+  std::istringstream given(whole), made(text);  // every reading once, in order
   std::string a, b;
   std::getline(given, a);
   std::getline(made, b);

@@ -10,8 +10,8 @@ namespace rangecal {
 namespace {
 
 TEST(Names, OutcomesRoundTrip) {
-  for (const Outcome outcome : {Outcome::converged, Outcome::not_converged, Outcome::unbounded, Outcome::unobservable,
-                                Outcome::too_few_data, Outcome::failed}) {
+  for (const Outcome outcome : {Outcome::converged, Outcome::not_converged, Outcome::unbounded,
+                                Outcome::unobservable, Outcome::too_few_data, Outcome::failed}) {
     EXPECT_EQ(outcome_from_string(to_string(outcome)), outcome);
   }
   EXPECT_THROW(outcome_from_string("fine"), InputError);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/polynomial.hpp"
 
-#include <limits>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <limits>
 
 #include "rangecal/core/random.hpp"
 
@@ -76,7 +76,8 @@ TEST(Polynomial, RootsOfHigherDegree) {
   EXPECT_THAT(real_roots(coefficients({8.0, -6.0, 9.0, -6.0, 1.0}), -9, 9),
               ElementsAre(DoubleNear(2.0, 1e-12), DoubleNear(4.0, 1e-12)));
   // A double root comes once, to about the square root of machine precision.
-  EXPECT_THAT(real_roots(from_roots({1.0, 1.0, 3.0}), -9, 9), ElementsAre(DoubleNear(1.0, 1e-6), DoubleNear(3.0, 1e-12)));
+  EXPECT_THAT(real_roots(from_roots({1.0, 1.0, 3.0}), -9, 9),
+              ElementsAre(DoubleNear(1.0, 1e-6), DoubleNear(3.0, 1e-12)));
   // x^3 = 0 has the root 0, three times.
   EXPECT_THAT(real_roots(coefficients({0.0, 0.0, 0.0, 1.0}), -1, 1), ElementsAre(DoubleNear(0.0, 1e-5)));
 }

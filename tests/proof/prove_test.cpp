@@ -51,8 +51,10 @@ TEST(Classify, EveryClass) {
 
 TEST(Coverage, CountsIntervalsThatHaveATruth) {
   Diagnosis d = explained({"tilt"});
-  d.explanations[0].parameters = {{"tilt.angle_rad", 0.1, 0.01, 0.08, 0.12}, {"tilt.other", 1.0, 0.1, 0.8, 1.2}};
-  const Coverage held = coverage(d, {{"tilt.angle_rad", 0.09}}), missed = coverage(d, {{"tilt.angle_rad", 0.19}});
+  d.explanations[0].parameters = {{"tilt.angle_rad", 0.1, 0.01, 0.08, 0.12},
+                                  {"tilt.other", 1.0, 0.1, 0.8, 1.2}};
+  const Coverage held = coverage(d, {{"tilt.angle_rad", 0.09}}),
+                 missed = coverage(d, {{"tilt.angle_rad", 0.19}});
   EXPECT_EQ(std::make_pair(held.covered, held.intervals), std::make_pair(1, 1));
   EXPECT_EQ(held.outside, "");
   EXPECT_EQ(std::make_pair(missed.covered, missed.intervals), std::make_pair(0, 1));
@@ -73,7 +75,8 @@ TEST(Twins, ExactTwinsLeaveNothingAndStrangersDo) {
 }
 
 TEST(DrawCase, SameSeedSameWorldOtherSeedOther) {
-  const Case a = draw_case("pair", 7, 3, "line"), b = draw_case("pair", 7, 3, "line"), c = draw_case("pair", 8, 3, "line");
+  const Case a = draw_case("pair", 7, 3, "line"), b = draw_case("pair", 7, 3, "line"),
+             c = draw_case("pair", 8, 3, "line");
   EXPECT_EQ(a.truth, b.truth);
   EXPECT_EQ(a.sizes, b.sizes);
   EXPECT_EQ(record(a, a.planted).readings.range_m, record(b, b.planted).readings.range_m);

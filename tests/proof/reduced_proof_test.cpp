@@ -33,10 +33,10 @@ int fewest(int worlds, int hits, int measured) {
 
 struct Part {
   const char* row;
-  int option;              ///< FreshOptions::worlds; of clean worlds there are 10 / 3 as many
-  const char* line;        ///< what the table calls it; lines that begin so are added up
-  bool counts_alarms;      ///< the line's figure is the share of failures
-  int hits, measured;      ///< by `rangecal prove --fresh N --seed 77 --row ROW`, failures taken off
+  int option;          ///< FreshOptions::worlds; of clean worlds there are 10 / 3 as many
+  const char* line;    ///< what the table calls it; lines that begin so are added up
+  bool counts_alarms;  ///< the line's figure is the share of failures
+  int hits, measured;  ///< by `rangecal prove --fresh N --seed 77 --row ROW`, failures taken off
 };
 
 /// How a failing test calls it.
@@ -57,9 +57,10 @@ TEST_P(ReducedProof, StaysWithinTheMeasuredFigures) {
   options.rows = {part.row};
   options.oracle = false;
   options.seed = seed_from("ReducedProof.StaysWithinTheMeasuredFigures");
-  const FreshResult result = run_fresh(options, [](std::span<const Recording> recordings, const DiagnoseOptions& o) {
-    return diagnose(recordings, o);
-  });
+  const FreshResult result =
+      run_fresh(options, [](std::span<const Recording> recordings, const DiagnoseOptions& o) {
+        return diagnose(recordings, o);
+      });
   int worlds = 0, hits = 0;
   for (const Line& line : proof_lines(result.scores)) {
     if (!line.what.starts_with(part.line)) continue;
@@ -68,26 +69,28 @@ TEST_P(ReducedProof, StaysWithinTheMeasuredFigures) {
     hits += part.counts_alarms ? line.worlds - counted : counted;
   }
   ASSERT_EQ(worlds, static_cast<int>(result.scores.size()));
-  EXPECT_GE(hits, fewest(worlds, part.hits, part.measured)) << "of " << worlds << ", seed " << options.seed << "\n"
-                                                            << proof_text(result.scores, result.out_of_reach);
+  EXPECT_GE(hits, fewest(worlds, part.hits, part.measured))
+      << "of " << worlds << ", seed " << options.seed << "\n"
+      << proof_text(result.scores, result.out_of_reach);
 }
 
-INSTANTIATE_TEST_SUITE_P(Rows, ReducedProof, ::testing::Values(
-    // 20 clean worlds. Measured: 57 of 60 quiet (95 %); bound 14.
-    Part{"clean", 6, "clean, ", true, 57, 60},
-    // 16 worlds. Measured: 47 of 48 (98 %); bound 12.
-    Part{"lambda-100", 16, "lambda 100: right name or twin set", false, 47, 48},
-    // 10 worlds. Measured: 42 of 48 (88 %); bound 5.
-    Part{"noise-50", 10, "noise, tails", false, 42, 48},
-    // 8 worlds. Measured: 28 of 30 (93 %); bound 4.
-    Part{"absorbed", 8, "absorbed twins", false, 28, 30},
-    // 6 worlds. Measured: 27 of 30 (90 %); bound 2.
-    Part{"outside", 6, "outside the catalogue", false, 27, 30}
-    ), [](const auto& one) {
-      std::string name = one.param.row;
-      std::erase(name, '-');
-      return name;
-    });
+INSTANTIATE_TEST_SUITE_P(Rows, ReducedProof,
+                         ::testing::Values(
+                             // 20 clean worlds. Measured: 57 of 60 quiet (95 %); bound 14.
+                             Part{"clean", 6, "clean, ", true, 57, 60},
+                             // 16 worlds. Measured: 47 of 48 (98 %); bound 12.
+                             Part{"lambda-100", 16, "lambda 100: right name or twin set", false, 47, 48},
+                             // 10 worlds. Measured: 42 of 48 (88 %); bound 5.
+                             Part{"noise-50", 10, "noise, tails", false, 42, 48},
+                             // 8 worlds. Measured: 28 of 30 (93 %); bound 4.
+                             Part{"absorbed", 8, "absorbed twins", false, 28, 30},
+                             // 6 worlds. Measured: 27 of 30 (90 %); bound 2.
+                             Part{"outside", 6, "outside the catalogue", false, 27, 30}),
+                         [](const auto& one) {
+                           std::string name = one.param.row;
+                           std::erase(name, '-');
+                           return name;
+                         });
 
 }  // namespace
 }  // namespace rangecal::proof

@@ -29,7 +29,8 @@ inline void add_stop(Recording& recording, const Pose2& commanded, double sigma_
 }
 
 /// One reading of a recording made by hand: ten seconds a stop, one a repeat, rows counted as in a file.
-inline void add_reading(Recording& recording, int stop, int landmark, int repeat, double range_m, double bearing_rad) {
+inline void add_reading(Recording& recording, int stop, int landmark, int repeat, double range_m,
+                        double bearing_rad) {
   Readings& r = recording.readings;
   r.stop.push_back(stop), r.landmark.push_back(landmark), r.repeat.push_back(repeat);
   r.range_m.push_back(range_m);

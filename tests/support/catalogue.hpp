@@ -8,22 +8,66 @@
 namespace rangecal::test {
 
 /// The ids of the catalogue, as the diagnosis promises them to its users.
-inline const std::vector<std::string> catalogue{
-    "axial_depth", "range_offset", "arc_definition", "range_scale", "laser_pointing", "lens_distortion",
-    "pixel_locking",
-    "quantisation", "near_regime", "target_reflectance", "dark_target", "ambient_light", "mixed_pixels",
-    "tilt", "warmup_drift", "range_eccentricity", "landmark_shape", "cyclic_error", "landmark_radius",
-    "radius_scale", "bearing_offset", "bearing_drift", "beam_offset", "encoder_eccentricity",
-    "encoder_ellipticity", "bearing_scale", "bearing_quantisation", "sweep_motion", "settling",
-    "odometry_scale", "path_curvature", "heading_drift", "odometry_random_walk", "lever_arm", "wheel_slip",
-    "moved_landmark", "label_swap", "dropout", "noise_law", "cell_effect", "stop_effect",
-    "autocorrelated_noise", "heavy_tails", "reciprocal_noise"};
+inline const std::vector<std::string> catalogue{"axial_depth",
+                                                "range_offset",
+                                                "arc_definition",
+                                                "range_scale",
+                                                "laser_pointing",
+                                                "lens_distortion",
+                                                "pixel_locking",
+                                                "quantisation",
+                                                "near_regime",
+                                                "target_reflectance",
+                                                "dark_target",
+                                                "ambient_light",
+                                                "mixed_pixels",
+                                                "tilt",
+                                                "warmup_drift",
+                                                "range_eccentricity",
+                                                "landmark_shape",
+                                                "cyclic_error",
+                                                "landmark_radius",
+                                                "radius_scale",
+                                                "bearing_offset",
+                                                "bearing_drift",
+                                                "beam_offset",
+                                                "encoder_eccentricity",
+                                                "encoder_ellipticity",
+                                                "bearing_scale",
+                                                "bearing_quantisation",
+                                                "sweep_motion",
+                                                "settling",
+                                                "odometry_scale",
+                                                "path_curvature",
+                                                "heading_drift",
+                                                "odometry_random_walk",
+                                                "lever_arm",
+                                                "wheel_slip",
+                                                "moved_landmark",
+                                                "label_swap",
+                                                "dropout",
+                                                "noise_law",
+                                                "cell_effect",
+                                                "stop_effect",
+                                                "autocorrelated_noise",
+                                                "heavy_tails",
+                                                "reciprocal_noise"};
 
 /// The channels of the file format, and its covariates that are no column.
-inline const std::set<std::string> channels{
-    "range", "bearing", "stop", "range_noise", "bearing_noise", "range_dependence", "bearing_dependence",
-    "range_tail", "bearing_tail", "label", "detection", "grid"};
-inline const std::set<std::string> covariates{"range", "disparity", "sensor_bearing", "heading",  "time", "stop",
-                                              "repeat", "landmark", "radius", "constant", "any"};
+inline const std::set<std::string> channels{"range",
+                                            "bearing",
+                                            "stop",
+                                            "range_noise",
+                                            "bearing_noise",
+                                            "range_dependence",
+                                            "bearing_dependence",
+                                            "range_tail",
+                                            "bearing_tail",
+                                            "label",
+                                            "detection",
+                                            "grid"};
+inline const std::set<std::string> covariates{"range", "disparity", "sensor_bearing", "heading", "time",
+                                              "stop",  "repeat",    "landmark",       "radius",  "constant",
+                                              "any"};
 
 }  // namespace rangecal::test

@@ -18,7 +18,7 @@ struct SceneOptions {
   NoiseLaw law = NoiseLaw::f_squared;
   double sigma_e = 0.01, sigma_theta = 0.0087, sigma_s = 0.01, sigma_heading = 0.0;
   bool walk = false, places = false, turns = false;
-  bool shaped = false;  ///< covariances of their own, of the sigmas above
+  bool shaped = false;        ///< covariances of their own, of the sigmas above
   bool own_headings = false;  ///< of a walk: headings have errors of their own, which do not add up
 };
 
@@ -87,8 +87,8 @@ struct SceneVariants {
             {"walk_positions", walk_positions}};
   }
 
-  SceneOptions plain, headings, walk, walk_headings, walk_places, walk_positions, places, shapes, walk_shapes, plane_shapes,
-      polynomial, repeats, d_squared, f_cubed, constant;
+  SceneOptions plain, headings, walk, walk_headings, walk_places, walk_positions, places, shapes, walk_shapes,
+      plane_shapes, polynomial, repeats, d_squared, f_cubed, constant;
 };
 
 struct JointScene {

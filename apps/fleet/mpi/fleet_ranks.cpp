@@ -48,7 +48,8 @@ int run_fleet_ranks(FleetCommand& given, int rank, int size) {
   FleetJob& job = given.job;
   const auto unfit = complaint_of([&] {
     given.prepare();
-    if (!given.shard.empty() || !job.merge.empty()) throw InputError("--shard and --merge are for runs without mpirun");
+    if (!given.shard.empty() || !job.merge.empty())
+      throw InputError("--shard and --merge are for runs without mpirun");
   });
   if (!all_well(unfit, rank, size)) return bad_input;
 
@@ -64,7 +65,7 @@ int run_fleet_ranks(FleetCommand& given, int rank, int size) {
     part.csv.clear();
     part.shard = rank;
     part.shards = size;
-    part.threads = std::max(1, job.threads);   // the other ranks may stand on the same machine
+    part.threads = std::max(1, job.threads);  // the other ranks may stand on the same machine
     if (!all_well(complaint_of([&] { run_fleet(part); }), rank, size)) return bad_input;
     job.inputs.clear();
     for (int r = 0; r < size; ++r) job.merge.push_back(file_of(job.output, r, size));

@@ -82,7 +82,8 @@ void hand_out(const Study& study, StudyWork& work, const World& world) {
     int length = 0;
     MPI_Get_count(&status, MPI_CHAR, &length);
     text.resize(static_cast<std::size_t>(length));
-    MPI_Recv(text.data(), length, MPI_CHAR, status.MPI_SOURCE, status.MPI_TAG, MPI_COMM_WORLD, MPI_STATUS_IGNORE);
+    MPI_Recv(text.data(), length, MPI_CHAR, status.MPI_SOURCE, status.MPI_TAG, MPI_COMM_WORLD,
+             MPI_STATUS_IGNORE);
     std::optional<StudyUnit> next;
     try {
       if (status.MPI_TAG == answers) {
@@ -98,7 +99,8 @@ void hand_out(const Study& study, StudyWork& work, const World& world) {
       if (!failed) failed = std::current_exception();
       stop = true;
     }
-    const std::array<int, 2> numbers = next ? std::array<int, 2>{next->point, next->piece} : std::array<int, 2>{-1, -1};
+    const std::array<int, 2> numbers =
+        next ? std::array<int, 2>{next->point, next->piece} : std::array<int, 2>{-1, -1};
     active -= !next;
     MPI_Send(numbers.data(), 2, MPI_INT, status.MPI_SOURCE, unit_follows, MPI_COMM_WORLD);
   }
@@ -157,7 +159,7 @@ int run(StudyJob& job, const World& world) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::signal(SIGXFSZ, SIG_IGN);   // as in rangecal itself
+  std::signal(SIGXFSZ, SIG_IGN);  // as in rangecal itself
   int provided = 0;
   MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
   World world;
@@ -169,7 +171,7 @@ int main(int argc, char** argv) {
   declare_study(app, job);
   FleetCommand fleet;
   const CLI::App* fleets = declare_fleet(app, fleet);
-  FLAGS_minloglevel = google::GLOG_FATAL;   // Ceres logs through glog: nowhere
+  FLAGS_minloglevel = google::GLOG_FATAL;  // Ceres logs through glog: nowhere
   int code = bad_input;
   try {
     app.parse(argc, argv);

@@ -49,7 +49,8 @@ class Field {
     if (is_null()) return {};
     if (!value_.is_object()) fail("is not an object");
     std::vector<std::pair<std::string, Field>> members;
-    for (const auto& [key, value] : value_.items()) members.emplace_back(key, Field(value, file_, name_ + "." + key));
+    for (const auto& [key, value] : value_.items())
+      members.emplace_back(key, Field(value, file_, name_ + "." + key));
     return members;
   }
 
@@ -66,7 +67,8 @@ class Field {
   double number() const { return maybe_number().value_or(kNaN); }
   int whole() const {
     const double value = maybe_number().value_or(0.0);
-    if (value != std::floor(value) || std::abs(value) > std::numeric_limits<int>::max()) fail("is not a whole number");
+    if (value != std::floor(value) || std::abs(value) > std::numeric_limits<int>::max())
+      fail("is not a whole number");
     return static_cast<int>(value);
   }
   Eigen::VectorXd vector() const {
@@ -121,7 +123,8 @@ void read_noise(const Field& field, Calibration& calibration) {
   }
   const std::vector<Field> deviations = field.at("std").items();
   for (std::size_t i = 0; i < deviations.size(); ++i) {
-    if (static_cast<Eigen::Index>(i) >= calibration.noise.parameters.size()) deviations[i].fail("has no parameter");
+    if (static_cast<Eigen::Index>(i) >= calibration.noise.parameters.size())
+      deviations[i].fail("has no parameter");
     calibration.noise_estimates.push_back(
         {calibration.noise.parameters[static_cast<Eigen::Index>(i)], deviations[i].maybe_number()});
   }
@@ -135,14 +138,19 @@ void read_noise(const Field& field, Calibration& calibration) {
 
 void read_places(const Field& top, Calibration& calibration) {
   for (const Field& item : top.at("landmarks").items()) {
-    LandmarkEstimate landmark{item.at("recording").whole(), item.required("landmark").text(),
-                              {item.at("x_m").number(), item.at("y_m").number()}, std::nullopt};
-    if (const auto covariance = item.at("covariance").matrix(2)) landmark.covariance = Eigen::Matrix2d(*covariance);
+    LandmarkEstimate landmark{item.at("recording").whole(),
+                              item.required("landmark").text(),
+                              {item.at("x_m").number(), item.at("y_m").number()},
+                              std::nullopt};
+    if (const auto covariance = item.at("covariance").matrix(2))
+      landmark.covariance = Eigen::Matrix2d(*covariance);
     calibration.landmarks.push_back(std::move(landmark));
   }
   for (const Field& item : top.at("stops").items()) {
-    calibration.stops.push_back({item.at("recording").whole(), item.required("stop").text(),
-                                 {item.at("x_m").number(), item.at("y_m").number(), item.at("heading_rad").number()}});
+    calibration.stops.push_back(
+        {item.at("recording").whole(),
+         item.required("stop").text(),
+         {item.at("x_m").number(), item.at("y_m").number(), item.at("heading_rad").number()}});
   }
 }
 
@@ -175,7 +183,8 @@ Calibration read_calibration(const Field& top) {
   const Field alpha = top.required("alpha");
   calibration.alpha = alpha.vector();
   const Field order = top.at("order");
-  if (!order.is_null() && order.whole() != calibration.order()) order.fail("is not the number of alpha less one");
+  if (!order.is_null() && order.whole() != calibration.order())
+    order.fail("is not the number of alpha less one");
   calibration.alpha_covariance = top.at("covariance").matrix(calibration.alpha.size());
   calibration.covariance_reason = top.at("covariance_reason").text();
   const Field noise = top.required("noise");

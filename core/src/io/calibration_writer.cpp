@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-
 #include <nlohmann/json.hpp>
 
 #include "rangecal/core/calibration_io.hpp"
@@ -30,7 +29,8 @@ Json matrix(const std::optional<Matrix>& values) {
 }
 
 Json noise(const Calibration& calibration) {
-  Json object{{"law", to_string(calibration.noise.law)}, {"parameters", vector(calibration.noise.parameters)}};
+  Json object{{"law", to_string(calibration.noise.law)},
+              {"parameters", vector(calibration.noise.parameters)}};
   Json deviations = Json::array();
   for (const Estimate& estimate : calibration.noise_estimates) deviations.push_back(number(estimate.std_dev));
   object["std"] = deviations;

@@ -24,7 +24,8 @@ void read_stop_model(const YamlReader& node, Recording& recording) {
     recording.estimate_sigma_xy = !sigma.is_map() && !sigma.is_list() && sigma.text() == "estimate";
     if (!recording.estimate_sigma_xy) recording.sigma_xy_m = sigma.not_negative();
   }
-  if (node.has("sigma_heading_rad")) recording.sigma_heading_rad = node.at("sigma_heading_rad").not_negative();
+  if (node.has("sigma_heading_rad"))
+    recording.sigma_heading_rad = node.at("sigma_heading_rad").not_negative();
   if (node.has("error")) {
     const YamlReader error = node.at("error");
     if (error.text() == "random_walk") {
@@ -72,7 +73,8 @@ RecordingHeader read_header(const Files& files, Recording& recording) {
     landmarks.allow_only({"radius_m"});
     if (landmarks.has("radius_m")) header.landmark_radius_m = landmarks.at("radius_m").not_negative();
   }
-  if (top.has("extraction")) recording.extraction = top.at("extraction").texts();  // for people: of any fields
+  if (top.has("extraction"))
+    recording.extraction = top.at("extraction").texts();  // for people: of any fields
   if (top.has("known_distances")) {
     for (const YamlReader& item : top.at("known_distances").items()) header.taped.push_back(read_taped(item));
   }

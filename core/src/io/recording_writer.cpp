@@ -73,7 +73,8 @@ std::string header_text(const Recording& recording) {
         << (recording.estimate_sigma_xy ? "estimate" : text_of(recording.sigma_xy_m));
     out << YAML::Key << "sigma_heading_rad" << YAML::Value << text_of(recording.sigma_heading_rad);
     out << YAML::Key << "error" << YAML::Value
-        << (recording.stop_error == StopErrorModel::random_walk ? "random_walk" : "independent") << YAML::EndMap;
+        << (recording.stop_error == StopErrorModel::random_walk ? "random_walk" : "independent")
+        << YAML::EndMap;
     if (!recording.known_distances.empty()) {
       out << YAML::Key << "known_distances" << YAML::Value << YAML::BeginSeq;
       for (const KnownDistance& known : recording.known_distances) {
@@ -176,7 +177,9 @@ std::string pairs_text(const Recording& recording) {
   std::vector<std::string> fields;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     fields.clear();
-    if (batch) fields.push_back(pairs.batch[i] < 0 ? "" : pairs.batch_labels[static_cast<std::size_t>(pairs.batch[i])]);
+    if (batch)
+      fields.push_back(pairs.batch[i] < 0 ? ""
+                                          : pairs.batch_labels[static_cast<std::size_t>(pairs.batch[i])]);
     if (landmark) fields.push_back(recording.landmarks[static_cast<std::size_t>(pairs.landmark[i])].label);
     if (time) fields.push_back(text_of(pairs.time_s[i]));
     fields.push_back(text_of(pairs.true_m[i]));
@@ -226,7 +229,7 @@ void save_recording(const Recording& recording, const std::string& folder, const
   make_folder(folder);
   const WriteLock lock(io::path_in(folder, ""));
   std::vector<std::pair<std::string, std::string>> files;
-  std::vector<std::string> unused;   // of the format: load would take them for this recording's
+  std::vector<std::string> unused;  // of the format: load would take them for this recording's
   const auto put = [&](const char* name, bool wanted, std::string (*text)(const Recording&)) {
     if (wanted)
       files.emplace_back(name, text(recording));

@@ -49,13 +49,14 @@ ScanLog read_wide(const std::string& path, Lines lines, const WideColumns& colum
     if (columns.stop) scan.stop = std::string(fields[*columns.stop]);
     std::vector<double> ranges;
     for (std::size_t i = columns.first_range; i < fields.size(); ++i)
-      ranges.push_back(number_in(fields[i], true, path, row, "range " + std::to_string(i - columns.first_range)));
+      ranges.push_back(
+          number_in(fields[i], true, path, row, "range " + std::to_string(i - columns.first_range)));
     if (columns.count) {
       const double stated = number_in(fields[*columns.count], false, path, row, "n");
       if (stated != static_cast<double>(ranges.size()))
-        throw InputError(
-            path, row, "n",
-            "says " + std::string(fields[*columns.count]) + " beams, the line holds " + std::to_string(ranges.size()));
+        throw InputError(path, row, "n",
+                         "says " + std::string(fields[*columns.count]) + " beams, the line holds " +
+                             std::to_string(ranges.size()));
     }
     set_beams(scan, angle_min, increment, std::move(ranges), path);
     log.scans.push_back(std::move(scan));
@@ -86,8 +87,9 @@ ScanLog read_long(const std::string& path, const std::string& text) {
     const double at = table.finite(row, stamp), bearing = table.finite(row, angle);
     const std::string label = stop ? std::string(table.text(row, *stop)) : "";
     if (std::abs(bearing) > 4.0 * std::numbers::pi)
-      table.fail(row, angle,
-                 "'" + std::string(table.text(row, angle)) + "' is more than two turns: degrees, most likely");
+      table.fail(
+          row, angle,
+          "'" + std::string(table.text(row, angle)) + "' is more than two turns: degrees, most likely");
     if (log.scans.empty() || log.scans.back().stamp_s != at || log.scans.back().stop != label) {
       Scan scan;
       scan.stamp_s = at, scan.stop = label, scan.row = table.line(row);

@@ -55,7 +55,8 @@ std::vector<std::string_view> word_fields(std::string_view line) {
   return fields;
 }
 
-double number_in(std::string_view field, bool beam, const std::string& file, int row, const std::string& column) {
+double number_in(std::string_view field, bool beam, const std::string& file, int row,
+                 const std::string& column) {
   double value = 0.0;
   if (field.empty() && beam) return std::numeric_limits<double>::quiet_NaN();
   const auto [end, code] = std::from_chars(field.data(), field.data() + field.size(), value);
@@ -63,7 +64,8 @@ double number_in(std::string_view field, bool beam, const std::string& file, int
     const std::string shown(field.substr(0, 40));
     throw InputError(file, row, column, field.empty() ? "is empty" : "'" + shown + "' is not a number");
   }
-  if (!beam && !std::isfinite(value)) throw InputError(file, row, column, "'" + std::string(field) + "' is not finite");
+  if (!beam && !std::isfinite(value))
+    throw InputError(file, row, column, "'" + std::string(field) + "' is not finite");
   return value;
 }
 
@@ -81,17 +83,21 @@ bool looks_like_carmen(std::string_view text, const std::string& file) {
 }  // namespace
 }  // namespace io
 
-void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges, const std::string& file) {
+void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges,
+               const std::string& file) {
   const double turn = 2.0 * std::numbers::pi;
   if (increment == 0.0 || !std::isfinite(increment))
-    throw InputError(file, scan.row, "angle_increment", "the step from beam to beam must be a number other than 0");
+    throw InputError(file, scan.row, "angle_increment",
+                     "the step from beam to beam must be a number other than 0");
   const double swept = std::abs(increment) * static_cast<double>(ranges.size());
   if (std::abs(increment) >= 1.0 || swept > 2.0 * turn)
-    throw InputError(file, scan.row, "angle_increment",
-                     "beams sweep " + std::to_string(swept) + " rad: degrees, most likely; convert to radians");
+    throw InputError(
+        file, scan.row, "angle_increment",
+        "beams sweep " + std::to_string(swept) + " rad: degrees, most likely; convert to radians");
   const std::size_t count = ranges.size();
   scan.bearing_rad.resize(count);
-  for (std::size_t i = 0; i < count; ++i) scan.bearing_rad[i] = angle_min + static_cast<double>(i) * increment;
+  for (std::size_t i = 0; i < count; ++i)
+    scan.bearing_rad[i] = angle_min + static_cast<double>(i) * increment;
   scan.range_m = std::move(ranges);
   if (increment < 0.0) {
     std::reverse(scan.bearing_rad.begin(), scan.bearing_rad.end());
@@ -103,9 +109,11 @@ ScanLog read_scans(const std::string& path) {
   const std::string text = read_file(path);
   if (text.starts_with("#ROSBAG")) throw InputError(path, 0, "", "is a ROS 1 bag, not text");
   if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
-    throw InputError(path, 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
+    throw InputError(path,
+                     1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
                      "is not UTF-8 text");
-  ScanLog log = io::looks_like_carmen(text, path) ? io::read_carmen_log(path, text) : io::read_csv_scans(path, text);
+  ScanLog log =
+      io::looks_like_carmen(text, path) ? io::read_carmen_log(path, text) : io::read_csv_scans(path, text);
   if (log.scans.empty()) throw InputError(path, 0, "", "holds no scan");
   return log;
 }

@@ -28,7 +28,8 @@ std::vector<std::string_view> comma_fields(std::string_view line);
 std::vector<std::string_view> word_fields(std::string_view line);
 
 /// A field as a number; nan, inf and nothing (NaN) are accepted where `beam`. Throws InputError naming the place.
-double number_in(std::string_view field, bool beam, const std::string& file, int row, const std::string& column);
+double number_in(std::string_view field, bool beam, const std::string& file, int row,
+                 const std::string& column);
 
 ScanLog read_csv_scans(const std::string& path, const std::string& text);
 ScanLog read_carmen_log(const std::string& path, const std::string& text);

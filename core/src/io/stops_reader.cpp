@@ -10,7 +10,8 @@ namespace {
 
 constexpr std::size_t most_stops = 1'000'000;
 
-std::optional<double> optional_sigma(const CsvTable& table, std::size_t row, std::optional<std::size_t> column) {
+std::optional<double> optional_sigma(const CsvTable& table, std::size_t row,
+                                     std::optional<std::size_t> column) {
   if (!column || !table.number(row, *column)) return std::nullopt;
   const double sigma = table.finite(row, *column);
   if (sigma < 0.0) table.fail(row, *column, "is negative");
@@ -47,7 +48,8 @@ void take_covariance(const CsvTable& table, std::size_t row,
 
 std::vector<Stop> stops_of(const CsvTable& table, double sigma_heading_rad) {
   const std::size_t label = table.require("stop");
-  const std::size_t x = table.require("x_m"), y = table.require("y_m"), heading = table.require("heading_rad");
+  const std::size_t x = table.require("x_m"), y = table.require("y_m"),
+                    heading = table.require("heading_rad");
   const auto sigma_xy = table.optional("sigma_xy_m"), sigma_heading = table.optional("sigma_heading_rad");
   const auto place = table.optional("place");
   std::array<std::optional<std::size_t>, covariance_columns.size()> covariance;
@@ -59,7 +61,8 @@ std::vector<Stop> stops_of(const CsvTable& table, double sigma_heading_rad) {
   for (std::size_t row = 0; row < table.rows(); ++row) {
     Stop stop;
     stop.label = table.label(row, label);
-    if (stops.size() == most_stops) table.fail(row, label, "there are more than " + std::to_string(most_stops) + " stops");
+    if (stops.size() == most_stops)
+      table.fail(row, label, "there are more than " + std::to_string(most_stops) + " stops");
     if (index.find(stop.label)) table.fail(row, label, "stop '" + stop.label + "' is listed twice");
     stop.commanded.x_m = table.finite(row, x);
     stop.commanded.y_m = table.finite(row, y);

@@ -8,7 +8,8 @@ namespace {
 
 void read_true_stops(const CsvTable& table, const LabelIndex& stops, Recording& recording) {
   const std::size_t label = table.require("stop");
-  const std::size_t x = table.require("x_m"), y = table.require("y_m"), heading = table.require("heading_rad");
+  const std::size_t x = table.require("x_m"), y = table.require("y_m"),
+                    heading = table.require("heading_rad");
   recording.truth.stops.resize(recording.stops.size());
   for (std::size_t row = 0; row < table.rows(); ++row) {
     const std::string stop = table.label(row, label);
@@ -23,7 +24,8 @@ void read_true_stops(const CsvTable& table, const LabelIndex& stops, Recording& 
 
 // Where landmarks.csv says which landmarks there are, a truth for another one is a mistake; where it does not, the
 // landmark was just never observed.
-void read_true_landmarks(const CsvTable& table, bool listed, const LabelIndex& landmarks, Recording& recording) {
+void read_true_landmarks(const CsvTable& table, bool listed, const LabelIndex& landmarks,
+                         Recording& recording) {
   const std::size_t label = table.require("landmark");
   const std::size_t x = table.require("x_m"), y = table.require("y_m");
   recording.truth.landmarks.resize(recording.landmarks.size());

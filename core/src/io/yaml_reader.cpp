@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/yaml_reader.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -15,11 +15,14 @@
 namespace rangecal {
 namespace {
 
-constexpr std::size_t kLargestFile = 4u << 20;   // of empty list items: 2.8 GB of memory
+constexpr std::size_t kLargestFile = 4u << 20;  // of empty list items: 2.8 GB of memory
 
-std::string shortened(const std::string& text) { return text.size() <= 40 ? text : text.substr(0, 40) + "..."; }
+std::string shortened(const std::string& text) {
+  return text.size() <= 40 ? text : text.substr(0, 40) + "...";
+}
 
-[[noreturn]] void fail_at(const std::string& file, int line, const std::string& field, const std::string& what) {
+[[noreturn]] void fail_at(const std::string& file, int line, const std::string& field,
+                          const std::string& what) {
   throw InputError(file, line, "", field.empty() ? what : "field '" + field + "': " + what);
 }
 
@@ -30,7 +33,8 @@ YamlReader YamlReader::open(const std::string& path) { return parse(read_file(pa
 YamlReader YamlReader::parse(const std::string& text, const std::string& name) {
   if (text.size() > kLargestFile) throw InputError(name, 0, "", "is larger than 4 MB");
   if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
-    throw InputError(name, 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
+    throw InputError(name,
+                     1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",
                      "is not UTF-8 text");
   YAML::Node top;
   try {
@@ -83,7 +87,8 @@ std::vector<YamlReader> YamlReader::items() const {
   if (!node_.IsSequence()) fail("is not a list");
   std::vector<YamlReader> items;
   for (const auto& entry : node_) {
-    items.emplace_back(entry, file_, field_ + "[" + std::to_string(items.size()) + "]", entry.Mark().line + 1);
+    items.emplace_back(entry, file_, field_ + "[" + std::to_string(items.size()) + "]",
+                       entry.Mark().line + 1);
   }
   return items;
 }
@@ -96,20 +101,23 @@ std::string YamlReader::text() const {
 double YamlReader::number() const {
   double value = 0.0;
   if (!node_.IsScalar()) fail("is not a number");
-  if (!YAML::convert<double>::decode(node_, value)) fail(fmt::format("'{}' is not a number", shortened(node_.Scalar())));
+  if (!YAML::convert<double>::decode(node_, value))
+    fail(fmt::format("'{}' is not a number", shortened(node_.Scalar())));
   if (std::isnan(value)) fail("is not a number");
   return value;
 }
 
 double YamlReader::positive() const {
   const double value = number();
-  if (!(value > 0.0) || !std::isfinite(value)) fail(fmt::format("'{}' is not a positive number", shortened(node_.Scalar())));
+  if (!(value > 0.0) || !std::isfinite(value))
+    fail(fmt::format("'{}' is not a positive number", shortened(node_.Scalar())));
   return value;
 }
 
 double YamlReader::not_negative() const {
   const double value = number();
-  if (!(value >= 0.0) || !std::isfinite(value)) fail(fmt::format("'{}' is not a number of at least 0", shortened(node_.Scalar())));
+  if (!(value >= 0.0) || !std::isfinite(value))
+    fail(fmt::format("'{}' is not a number of at least 0", shortened(node_.Scalar())));
   return value;
 }
 

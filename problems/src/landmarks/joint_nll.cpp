@@ -68,8 +68,8 @@ JointNllParts joint_nll_parts(const JointProblem& problem, const JointState& sta
   }
   for (int k = 0; k < problem.stop_count(); ++k) parts.stops += stop_nll(problem, state, k);
   for (const KnownDistance& taped : problem.known_distances)
-    parts.taped += gaussian_nll((state.landmarks[taped.from] - state.landmarks[taped.to]).norm() - taped.distance_m,
-                                taped.sigma_m);
+    parts.taped += gaussian_nll(
+        (state.landmarks[taped.from] - state.landmarks[taped.to]).norm() - taped.distance_m, taped.sigma_m);
   return parts;
 }
 

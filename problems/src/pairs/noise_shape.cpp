@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/noise_shape.hpp"
 
+#include <fmt/format.h>
+
+#include <boost/math/special_functions/digamma.hpp>
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <boost/math/special_functions/digamma.hpp>
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -15,17 +15,21 @@ namespace rangecal {
 
 const char* to_string(NoiseShape shape) {
   switch (shape) {
-    case NoiseShape::gaussian: return "gaussian";
-    case NoiseShape::student_t: return "student-t";
-    case NoiseShape::contaminated: return "contaminated";
-    case NoiseShape::automatic: return "auto";
+    case NoiseShape::gaussian:
+      return "gaussian";
+    case NoiseShape::student_t:
+      return "student-t";
+    case NoiseShape::contaminated:
+      return "contaminated";
+    case NoiseShape::automatic:
+      return "auto";
   }
   return "unknown";
 }
 
 NoiseShape noise_shape_from_string(const std::string& text) {
-  for (const NoiseShape shape : {NoiseShape::gaussian, NoiseShape::student_t, NoiseShape::contaminated,
-                                 NoiseShape::automatic}) {
+  for (const NoiseShape shape :
+       {NoiseShape::gaussian, NoiseShape::student_t, NoiseShape::contaminated, NoiseShape::automatic}) {
     if (text == to_string(shape)) return shape;
   }
   throw InputError(fmt::format("noise shape '{}': use gaussian, student-t, contaminated or auto", text));
@@ -75,10 +79,13 @@ LogDensity log_density(const NoiseShapeParameters& shape, double z) { return Sha
 double standard_deviation(const NoiseShapeParameters& shape) {
   switch (shape.shape) {
     case NoiseShape::student_t:
-      return shape.nu > 2.0 ? std::sqrt(shape.nu / (shape.nu - 2.0)) : std::numeric_limits<double>::infinity();
+      return shape.nu > 2.0 ? std::sqrt(shape.nu / (shape.nu - 2.0))
+                            : std::numeric_limits<double>::infinity();
     case NoiseShape::contaminated:
-      return std::sqrt(1.0 - shape.outlier_share + shape.outlier_share * shape.outlier_scale * shape.outlier_scale);
-    default: return 1.0;
+      return std::sqrt(1.0 - shape.outlier_share +
+                       shape.outlier_share * shape.outlier_scale * shape.outlier_scale);
+    default:
+      return 1.0;
   }
 }
 

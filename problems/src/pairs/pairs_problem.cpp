@@ -73,13 +73,14 @@ Spread spread_at(const Noise& noise, double d, double f) {
 
 PairsProblem make_pairs_problem(std::span<const double> true_m, std::span<const double> reading_m) {
   if (true_m.size() != reading_m.size()) {
-    throw InputError(fmt::format("pairs: {} true distances but {} readings", true_m.size(), reading_m.size()));
+    throw InputError(
+        fmt::format("pairs: {} true distances but {} readings", true_m.size(), reading_m.size()));
   }
   PairsProblem problem;
   for (std::size_t i = 0; i < true_m.size(); ++i) {
     if (!std::isfinite(true_m[i]) || !std::isfinite(reading_m[i])) {
-      throw InputError(fmt::format("pairs: row {}: true_m {}, reading_m {} must be finite", i, true_m[i],
-                                   reading_m[i]));
+      throw InputError(
+          fmt::format("pairs: row {}: true_m {}, reading_m {} must be finite", i, true_m[i], reading_m[i]));
     }
   }
   problem.row_true_m.assign(true_m.begin(), true_m.end());
@@ -111,7 +112,8 @@ PairsProblem make_pairs_problem(std::span<const Recording> recordings) {
 
 PairsProblem pairs_as_rows(const PairsProblem& problem, std::span<const double> weights) {
   if (!weights.empty() && weights.size() != problem.row_true_m.size()) {
-    throw InputError(fmt::format("pairs: {} weights for {} readings", weights.size(), problem.row_true_m.size()));
+    throw InputError(
+        fmt::format("pairs: {} weights for {} readings", weights.size(), problem.row_true_m.size()));
   }
   PairsProblem rows;
   rows.row_true_m = rows.true_m = problem.row_true_m;
@@ -133,7 +135,8 @@ double pairs_nll(const PairsProblem& problem, const Eigen::VectorXd& alpha, cons
     const double s = noise.spread(d, f);
     if (!(s > 0.0)) return std::numeric_limits<double>::infinity();
     const double r = problem.mean_m[i] - f;
-    nll += problem.count[i] * std::log(s) + problem.weight[i] * (r * r + problem.mean_square[i]) / (2.0 * s * s);
+    nll +=
+        problem.count[i] * std::log(s) + problem.weight[i] * (r * r + problem.mean_square[i]) / (2.0 * s * s);
   }
   return nll;
 }

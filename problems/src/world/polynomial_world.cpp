@@ -30,7 +30,7 @@ Vector2d rotated(const Vector2d& v, double angle) {
 std::vector<Pose2> draw_stops(const Scene& scene, std::uint64_t seed) {
   Random random(seed_from("scene stops", {seed}));
   std::vector<Pose2> poses;
-  std::map<std::string, Vector2d> errors;   // of the places met so far
+  std::map<std::string, Vector2d> errors;  // of the places met so far
   for (std::size_t k = 0; k < scene.stops.size(); ++k) {
     const Stop& stop = scene.stops[k];
     // Drawn whether used or not, so that a stop's numbers do not depend on the other stops' places.
@@ -78,7 +78,8 @@ double path_distance(const std::vector<Stop>& stops, const Vector2d& point) {
 }
 
 // The scene's landmarks, then the random ones, R0, R1, ...
-void place_landmarks(const Scene& scene, std::uint64_t seed, Recording& recording, std::vector<Vector2d>& axes) {
+void place_landmarks(const Scene& scene, std::uint64_t seed, Recording& recording,
+                     std::vector<Vector2d>& axes) {
   recording.landmarks = scene.landmarks;
   axes = scene.positions;
   if (!scene.random_landmarks) return;
@@ -168,7 +169,8 @@ void simulate_pairs(const Scene& scene, std::uint64_t seed, Recording& recording
     for (int i = 0; i < batch.readings; ++i) filter.add(draw_reading(scene, batch.distance_m, random), 0.0);
     const auto index = static_cast<int>(pairs.batch_labels.size());
     filter.finish([&](int, double range_m, double) {
-      if (static_cast<int>(pairs.batch_labels.size()) == index) pairs.batch_labels.push_back(std::to_string(b));
+      if (static_cast<int>(pairs.batch_labels.size()) == index)
+        pairs.batch_labels.push_back(std::to_string(b));
       pairs.batch.push_back(index);
       pairs.true_m.push_back(batch.distance_m);
       pairs.reading_m.push_back(range_m);
@@ -188,7 +190,8 @@ void simulate_landmarks(const Scene& scene, std::uint64_t seed, Recording& recor
 
   Random tape(seed_from("scene tapes", {seed}));
   for (const SceneTape& wanted : scene.tapes) {
-    const Vector2d gap = axes[static_cast<std::size_t>(wanted.from)] - axes[static_cast<std::size_t>(wanted.to)];
+    const Vector2d gap =
+        axes[static_cast<std::size_t>(wanted.from)] - axes[static_cast<std::size_t>(wanted.to)];
     recording.known_distances.push_back(
         {wanted.from, wanted.to, tape.normal(gap.norm(), wanted.sigma_m), wanted.sigma_m});
   }

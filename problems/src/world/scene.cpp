@@ -73,11 +73,13 @@ void read_sensor(const YamlReader& node, Scene& scene) {
   scene.sensor.principle = node.has("principle") ? node.at("principle").text() : "polynomial";
   scene.alpha = coefficients(node.at("alpha"));
   read_noise(node.at("noise"), scene);
-  if (scene.kind == RecordingKind::landmarks) scene.sigma_theta_rad = node.at("sigma_theta_rad").not_negative();
+  if (scene.kind == RecordingKind::landmarks)
+    scene.sigma_theta_rad = node.at("sigma_theta_rad").not_negative();
   if (node.has("range_min_m")) scene.sensor.range_min_m = node.at("range_min_m").not_negative();
   if (node.has("range_max_m")) {
     scene.sensor.range_max_m = node.at("range_max_m").number();
-    if (!(scene.sensor.range_max_m > scene.sensor.range_min_m)) node.at("range_max_m").fail("is not above range_min_m");
+    if (!(scene.sensor.range_max_m > scene.sensor.range_min_m))
+      node.at("range_max_m").fail("is not above range_min_m");
   }
 }
 
@@ -97,7 +99,8 @@ void read_line(const YamlReader& node, Scene& scene) {
   for (int k = 0; k < count; ++k) {
     Stop stop;
     stop.label = std::to_string(k);
-    stop.commanded = {start.x() + k * step * std::cos(direction), start.y() + k * step * std::sin(direction), heading};
+    stop.commanded = {start.x() + k * step * std::cos(direction), start.y() + k * step * std::sin(direction),
+                      heading};
     scene.stops.push_back(std::move(stop));
   }
 }
@@ -162,7 +165,8 @@ void read_random_landmarks(const YamlReader& node, double radius_m, Scene& scene
   const auto [y_low, y_high] = interval(node.at("y_m"));
   random.box_min_m = {x_low, y_low};
   random.box_max_m = {x_high, y_high};
-  if (node.has("path_distance_min_m")) random.path_distance_min_m = node.at("path_distance_min_m").not_negative();
+  if (node.has("path_distance_min_m"))
+    random.path_distance_min_m = node.at("path_distance_min_m").not_negative();
   if (node.has("separation_min_m")) random.separation_min_m = node.at("separation_min_m").not_negative();
   random.radius_m = radius_m;
   scene.random_landmarks = random;
@@ -183,7 +187,8 @@ void read_landmarks(const YamlReader& node, Scene& scene) {
     landmark.radius_m = item.has("radius_m") ? item.at("radius_m").not_negative() : radius;
     if (item.has("reflectance")) landmark.reflectance = item.at("reflectance").not_negative();
     const Eigen::Vector2d position(coordinate(item.at("x_m")), coordinate(item.at("y_m")));
-    if (static_cast<double>(scene.stops.size()) * static_cast<double>(scene.landmarks.size() + 1) > most_readings)
+    if (static_cast<double>(scene.stops.size()) * static_cast<double>(scene.landmarks.size() + 1) >
+        most_readings)
       item.fail("with these stops there are more than 1e8 readings");
     for (const Stop& stop : scene.stops) {
       if ((position - Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() <= landmark.radius_m) {
@@ -220,7 +225,8 @@ void read_visibility(const YamlReader& node, Scene& scene) {
 void read_batches(const YamlReader& node, Scene& scene) {
   node.allow_only({"distances_m", "readings"});
   const int readings = node.at("readings").whole(1);
-  for (const YamlReader& item : node.at("distances_m").items()) scene.batches.push_back({item.positive(), readings});
+  for (const YamlReader& item : node.at("distances_m").items())
+    scene.batches.push_back({item.positive(), readings});
   if (scene.batches.empty()) node.at("distances_m").fail("holds no number");
 }
 
@@ -274,11 +280,13 @@ Recording unread_recording(const Scene& scene) {
 void check_size(const Scene& scene) {
   const int random = scene.random_landmarks ? scene.random_landmarks->count : 0;
   const auto stops = static_cast<double>(scene.stops.size());
-  double readings = stops * static_cast<double>(scene.landmarks.size() + static_cast<std::size_t>(random)) * scene.repeats;
+  double readings =
+      stops * static_cast<double>(scene.landmarks.size() + static_cast<std::size_t>(random)) * scene.repeats;
   for (const SceneBatch& batch : scene.batches) readings += batch.readings;
   if (stops > most_scene_stops) throw InputError("scene: more than a million stops");
   if (random > most_random) throw InputError("scene: more than 10000 random landmarks");
-  if (readings > most_readings) throw InputError(fmt::format("scene: {:.3g} readings are more than 1e8", readings));
+  if (readings > most_readings)
+    throw InputError(fmt::format("scene: {:.3g} readings are more than 1e8", readings));
 }
 
 Scene load_scene(const std::string& path) { return read_scene(YamlReader::open(path)); }

@@ -81,7 +81,8 @@ LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOption
   problem = make_joint_problem(recordings);
   const double scale = mean_range(problem);
   for (const Recording& recording : recordings)
-    if (recording.estimate_sigma_xy) default_sigma_s_m = std::clamp(recording.sigma_xy_m, 4e-4 * scale, 0.1 * scale);
+    if (recording.estimate_sigma_xy)
+      default_sigma_s_m = std::clamp(recording.sigma_xy_m, 4e-4 * scale, 0.1 * scale);
   if (options.noise_shape != NoiseShape::gaussian) rows = make_joint_problem(recordings, Grouping::rows);
   too_few = why_too_few(problem, options.order.value_or(1));
 }
@@ -246,11 +247,12 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
       tried.nll = fit.marginal_nll;
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
       warm = fit.state;
-      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * least_sigma_s_m()) warm.reset();
+      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * least_sigma_s_m())
+        warm.reset();
       if (rows) {
         const bool any = options.noise_shape == NoiseShape::automatic;
-        const RobustMarginalFit robust =
-            solve_marginal_robust(*rows, fit.state, any ? NoiseShape::student_t : options.noise_shape, marginal_options);
+        const RobustMarginalFit robust = solve_marginal_robust(
+            *rows, fit.state, any ? NoiseShape::student_t : options.noise_shape, marginal_options);
         tried.nll = robust.shapes.nll;
         tried.aic = is_usable(robust.fit.outcome) ? robust.shapes.aic : infinity;
       }

@@ -38,7 +38,8 @@ struct LandmarksJob {
   MarginalFit marginal(const JointState& seed, const JointFit* full) const;
   /// The REML criterion l_s + 1/2 log det A at the sigmas of `state`, alpha and landmarks at their optimum from there.
   double reml_at(const JointState& state) const;
-  MarginalFit marginal_by_joint(const JointState& seed, const JointFit* full, const MarginalOptions& options) const;
+  MarginalFit marginal_by_joint(const JointState& seed, const JointFit* full,
+                                const MarginalOptions& options) const;
   /// Order and noise law, by the AIC of the marginal NLL; every model tried goes to `models`.
   std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models) const;
 

@@ -59,7 +59,8 @@ class Run {
   void keep(const MarginalFit& fit) {
     if (fit.state.alpha.size() == 0 || !std::isfinite(fit.joint_nll)) return;
     best_state = fit.state;
-    if (best_state->sigma_s_m) best_state->sigma_s_m = std::max(*best_state->sigma_s_m, job_.least_sigma_s_m());
+    if (best_state->sigma_s_m)
+      best_state->sigma_s_m = std::max(*best_state->sigma_s_m, job_.least_sigma_s_m());
   }
 
   const LandmarksJob& job_;
@@ -138,7 +139,8 @@ void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
   std::string text;
   for (const auto& [shape, aic] : shapes.tried)
     text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(shape), aic - shapes.aic);
-  report.notes.push_back(fmt::format("noise shape by AIC: {} is kept ({})", to_string(shapes.range.shape), text));
+  report.notes.push_back(
+      fmt::format("noise shape by AIC: {} is kept ({})", to_string(shapes.range.shape), text));
 }
 
 }  // namespace

@@ -19,7 +19,8 @@ Calibration shaped_calibration(const LandmarksJob& job, Method method, const Rob
   if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, 1e-6);
   const RobustNll nll = robust_nll(*job.rows, state, robust.shapes.range, robust.shapes.bearing);
   if (!nll.ok) return result;
-  const int shapes = shape_parameter_count(robust.shapes.range.shape) + shape_parameter_count(robust.shapes.bearing.shape);
+  const int shapes =
+      shape_parameter_count(robust.shapes.range.shape) + shape_parameter_count(robust.shapes.bearing.shape);
   result.joint_nll = nll.joint;
   result.marginal_nll = nll.marginal;
   result.aic = 2.0 * (nll.marginal + job.parameters(state) + shapes);
@@ -41,7 +42,8 @@ std::string in_words(const ShapeEstimate& shape) {
     const auto found = shape.parameters.find(name);
     return found == shape.parameters.end() ? 0.0 : found->second;
   };
-  if (shape.family == to_string(NoiseShape::student_t)) return fmt::format("student-t with nu = {:.3g}", value("nu"));
+  if (shape.family == to_string(NoiseShape::student_t))
+    return fmt::format("student-t with nu = {:.3g}", value("nu"));
   if (value("outlier_share") < 1e-5) return shape.family + " without an outlier";
   return fmt::format("{}: {:.3g} % of the readings with {:.3g} times the spread", shape.family,
                      100.0 * value("outlier_share"), value("outlier_scale"));
@@ -69,9 +71,10 @@ void report_shapes(CalibrationReport& report) {
     }
   }
   if (!report.noise_shape.empty())
-    report.notes.push_back("noise is " + report.noise_shape +
-                           "; sigmas are its scales, and the closed forms, which know the gaussian only, have no "
-                           "NLL of it");
+    report.notes.push_back(
+        "noise is " + report.noise_shape +
+        "; sigmas are its scales, and the closed forms, which know the gaussian only, have no "
+        "NLL of it");
 }
 
 }  // namespace rangecal

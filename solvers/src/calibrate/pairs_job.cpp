@@ -80,8 +80,8 @@ Calibration with_shape(const PairsFit& fit) {
   return result;
 }
 
-Calibration by_method(Method method, const Recording& all, const PairsProblem& problem, const ClosedFormOptions& closed,
-                      const PairsOptions& options) {
+Calibration by_method(Method method, const Recording& all, const PairsProblem& problem,
+                      const ClosedFormOptions& closed, const PairsOptions& options) {
   switch (method) {
     case Method::closed_form:
       return closed_form_pairs(all, closed);

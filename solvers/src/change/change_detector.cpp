@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/change/change_detector.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -17,11 +17,16 @@ namespace {
 /// dz / db at a reading.
 double direction(ChangeKind kind, int wave, double f, double s, double bearing) {
   switch (kind) {
-    case ChangeKind::window: return 1.0 / s;
-    case ChangeKind::baseline: return f / s;
-    case ChangeKind::pointing: return f * f / s;
-    case ChangeKind::encoder: return (wave == 0 ? std::cos(bearing) : std::sin(bearing)) / s;
-    case ChangeKind::noise: break;
+    case ChangeKind::window:
+      return 1.0 / s;
+    case ChangeKind::baseline:
+      return f / s;
+    case ChangeKind::pointing:
+      return f * f / s;
+    case ChangeKind::encoder:
+      return (wave == 0 ? std::cos(bearing) : std::sin(bearing)) / s;
+    case ChangeKind::noise:
+      break;
   }
   return 0.0;
 }
@@ -53,61 +58,76 @@ double noise_limit(double run_length, double log_rho) {
 
 const char* to_string(ChangeKind kind) {
   switch (kind) {
-    case ChangeKind::window: return "window";
-    case ChangeKind::baseline: return "baseline";
-    case ChangeKind::pointing: return "pointing";
-    case ChangeKind::encoder: return "encoder";
-    case ChangeKind::noise: return "noise";
+    case ChangeKind::window:
+      return "window";
+    case ChangeKind::baseline:
+      return "baseline";
+    case ChangeKind::pointing:
+      return "pointing";
+    case ChangeKind::encoder:
+      return "encoder";
+    case ChangeKind::noise:
+      return "noise";
   }
   return "window";
 }
 
 void ChangeOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("ChangeOptions: " + what); };
-  if (!(run_length >= 100.0 && run_length <= 1e12)) refuse(fmt::format("run_length = {} is outside of 100 .. 1e12", run_length));
+  if (!(run_length >= 100.0 && run_length <= 1e12))
+    refuse(fmt::format("run_length = {} is outside of 100 .. 1e12", run_length));
   if (!(shift >= 0.01 && shift <= 5.0)) refuse(fmt::format("shift = {} is outside of 0.01 .. 5", shift));
-  if (!(noise_factor > 1.01 && noise_factor <= 10.0)) refuse(fmt::format("noise_factor = {} is outside of 1.01 .. 10", noise_factor));
+  if (!(noise_factor > 1.01 && noise_factor <= 10.0))
+    refuse(fmt::format("noise_factor = {} is outside of 1.01 .. 10", noise_factor));
   if (naming < 10 || naming > 1000000) refuse(fmt::format("naming = {} is outside of 10 .. 1000000", naming));
 }
 
 double cusum_limit(double run_length, double D) {
-  const auto log_length = [](double h) { return std::log(std::expm1(h) - h); };   // of (e^h - h - 1)
+  const auto log_length = [](double h) { return std::log(std::expm1(h) - h); };  // of (e^h - h - 1)
   double low = 1e-6, high = 100.0;
   const double wanted = std::log(run_length * D);
   for (int i = 0; i < 100; ++i) (log_length(0.5 * (low + high)) < wanted ? low : high) = 0.5 * (low + high);
   return std::max(0.1, 0.5 * (low + high) - 1.166 * std::sqrt(2.0 * D));
 }
 
-ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions& options) : reference_(reference), options_(options) {
+ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions& options)
+    : reference_(reference), options_(options) {
   options.check();
-  if (!is_usable(reference.outcome) || reference.alpha.size() == 0 || !(reference.range_max_m > reference.range_min_m))
+  if (!is_usable(reference.outcome) || reference.alpha.size() == 0 ||
+      !(reference.range_max_m > reference.range_min_m))
     throw InputError("ChangeDetector: the calibration has no curve");
   if (!reference.effects.empty()) throw InputError("ChangeDetector: the calibration holds effects");
   const auto add_chart = [&](ChangeKind kind, int wave) {
     double sum = 0.0;
     constexpr int points = 64;
     for (int i = 0; i < points; ++i) {
-      const double d = reference_.range_min_m + (i + 0.5) / points * (reference_.range_max_m - reference_.range_min_m);
+      const double d =
+          reference_.range_min_m + (i + 0.5) / points * (reference_.range_max_m - reference_.range_min_m);
       const double f = evaluate_polynomial(reference_.alpha, d), s = reference_.noise.spread(d, f);
-      if (!(s > 0.0)) throw InputError("ChangeDetector: the calibration's noise is not positive over its range");
+      if (!(s > 0.0))
+        throw InputError("ChangeDetector: the calibration's noise is not positive over its range");
       // a wave is as large in the mean over a turn as over bearings of 45 degrees
       sum += std::pow(direction(kind, wave, f, s, 0.25 * std::numbers::pi), 2) / points;
     }
     const double size = options_.shift / std::sqrt(sum);
     for (const double sign : {1.0, -1.0}) charts_.push_back({kind, wave, sign * size, 0.0});
   };
-  for (const ChangeKind kind : {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing}) add_chart(kind, 0);
+  for (const ChangeKind kind : {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing})
+    add_chart(kind, 0);
   if (options_.bearings)
     for (const int wave : {0, 1}) add_chart(ChangeKind::encoder, wave);
   const double log_rho = std::log(options_.noise_factor);
   for (const double sign : {1.0, -1.0}) charts_.push_back({ChangeKind::noise, 0, sign * log_rho, 0.0});
   const double each = options_.run_length * static_cast<double>(charts_.size());
   for (Chart& chart : charts_)
-    chart.limit = chart.kind == ChangeKind::noise ? noise_limit(each, chart.size) : cusum_limit(each, 0.5 * options_.shift * options_.shift);
+    chart.limit = chart.kind == ChangeKind::noise ? noise_limit(each, chart.size)
+                                                  : cusum_limit(each, 0.5 * options_.shift * options_.shift);
 }
 
 std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, double bearing_rad) {
-  if (!(reading_m > 0.0) || !std::isfinite(reading_m) || !std::isfinite(true_m) || !std::isfinite(bearing_rad)) return std::nullopt;
+  if (!(reading_m > 0.0) || !std::isfinite(reading_m) || !std::isfinite(true_m) ||
+      !std::isfinite(bearing_rad))
+    return std::nullopt;
   const double f = evaluate_polynomial(reference_.alpha, true_m), s = reference_.noise.spread(true_m, f);
   if (!(s > 0.0)) return std::nullopt;
   const double z = (reading_m - f) / s;
@@ -126,7 +146,8 @@ std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, 
       chart.value = 0.0;
       chart.since = readings_;
     }
-    if (chart.value > chart.limit && (!worst || chart.value - chart.limit > worst->value - worst->limit)) worst = &chart;
+    if (chart.value > chart.limit && (!worst || chart.value - chart.limit > worst->value - worst->limit))
+      worst = &chart;
   }
   if (naming_left_ > 0) {
     if (--naming_left_ > 0) return std::nullopt;
@@ -153,7 +174,7 @@ void ChangeDetector::name(ChangeAlarm& alarm) const {
   alarm.named = true;
   double best = -1.0;
   std::vector<double> gains;
-  for (std::size_t i = 0; i < charts_.size(); i += 2) {   // both signs have the same sums
+  for (std::size_t i = 0; i < charts_.size(); i += 2) {  // both signs have the same sums
     const Chart& chart = charts_[i];
     if (chart.kind == ChangeKind::encoder && chart.wave == 1) continue;
     double gain = 0.0, size = 0.0, std_dev = 0.0;
@@ -186,17 +207,20 @@ void ChangeDetector::name(ChangeAlarm& alarm) const {
 }
 
 std::vector<double> ChangeDetector::state() const {
-  std::vector<double> values{static_cast<double>(readings_), static_cast<double>(naming_left_), static_cast<double>(open_.reading),
-                             static_cast<double>(open_.since)};
+  std::vector<double> values{static_cast<double>(readings_), static_cast<double>(naming_left_),
+                             static_cast<double>(open_.reading), static_cast<double>(open_.since)};
   for (const Chart& chart : charts_)
-    for (const double value : {chart.value, chart.score, chart.information, static_cast<double>(chart.since)}) values.push_back(value);
+    for (const double value : {chart.value, chart.score, chart.information, static_cast<double>(chart.since)})
+      values.push_back(value);
   return values;
 }
 
 void ChangeDetector::restore(const std::vector<double>& state) {
-  if (state.size() != 4 + 4 * charts_.size()) throw InputError("ChangeDetector: the state is of other charts");
+  if (state.size() != 4 + 4 * charts_.size())
+    throw InputError("ChangeDetector: the state is of other charts");
   const auto count = [](double value) {
-    if (!(value >= 0.0 && value < 0x1p53)) throw InputError("ChangeDetector: the state counts what cannot be counted");
+    if (!(value >= 0.0 && value < 0x1p53))
+      throw InputError("ChangeDetector: the state counts what cannot be counted");
     return static_cast<std::int64_t>(value);
   };
   readings_ = count(state[0]);

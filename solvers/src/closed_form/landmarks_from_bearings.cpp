@@ -22,8 +22,8 @@ struct Sight {
   double R = 1.0, d = 0.0;              ///< repeats; measured distance to the axis [m]
   StopVariance of_stop;
   double own_sq = 0.0,
-         own_h_sq = 0.0;  ///< without what a random walk brought from earlier stops [m^2, rad^2]
-  double reading_variance = 0.0;        ///< var(d~) of the cell mean [m^2]
+         own_h_sq = 0.0;          ///< without what a random walk brought from earlier stops [m^2, rad^2]
+  double reading_variance = 0.0;  ///< var(d~) of the cell mean [m^2]
   int landmark = 0;
 };
 

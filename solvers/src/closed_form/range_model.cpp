@@ -185,7 +185,8 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   if (!fit.usable()) return model;
   model.alpha = fit.alpha;
   fit_noise(samples, landmark_covariance, options.noise_law, model);
-  if (with_covariance) model.alpha_covariance = alpha_covariance(samples, weights, landmark_covariance, fit.cofactor, model);
+  if (with_covariance)
+    model.alpha_covariance = alpha_covariance(samples, weights, landmark_covariance, fit.cofactor, model);
   return model;
 }
 

@@ -35,8 +35,10 @@ int index_of(const Items& items, const std::string& label) {
 }  // namespace
 
 std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& corrector, double reading_m,
-                                                       const ReadingSetting& setting, bool maximum_likelihood) {
-  if (const std::string why = why_unusable(reading_m); !why.empty()) return {{std::nullopt, std::nullopt, 0, why}};
+                                                       const ReadingSetting& setting,
+                                                       bool maximum_likelihood) {
+  if (const std::string why = why_unusable(reading_m); !why.empty())
+    return {{std::nullopt, std::nullopt, 0, why}};
   const Correction found = corrector.correct(reading_m, setting);
   std::vector<CorrectionRoot> roots = maximum_likelihood ? found.maximum_likelihood : found.least_squares;
   std::sort(roots.begin(), roots.end(), [](const CorrectionRoot& a, const CorrectionRoot& b) {
@@ -48,12 +50,13 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
   }
   std::vector<CorrectionCandidate> candidates;
   for (std::size_t i = 0; i < roots.size(); ++i)
-    candidates.push_back(candidate_of(roots[i], static_cast<int>(i + 1), roots.size() > 1 ? "ambiguous" : ""));
+    candidates.push_back(
+        candidate_of(roots[i], static_cast<int>(i + 1), roots.size() > 1 ? "ambiguous" : ""));
   return candidates;
 }
 
-ReadingSettings reading_settings(const Calibration& calibration, const CsvTable* table, const std::string& name,
-                                 std::size_t count) {
+ReadingSettings reading_settings(const Calibration& calibration, const CsvTable* table,
+                                 const std::string& name, std::size_t count) {
   std::vector<std::string> covariates;
   if (table && !calibration.effects.empty())
     for (std::size_t c = 0; c < table->columns().size(); ++c)
@@ -70,7 +73,8 @@ ReadingSettings reading_settings(const Calibration& calibration, const CsvTable*
   if (!table) return settings;
   double first_time = std::numeric_limits<double>::infinity();
   if (const auto time = column("time_s"))
-    for (std::size_t row = 0; row < table->rows(); ++row) first_time = std::min(first_time, table->finite(row, *time));
+    for (std::size_t row = 0; row < table->rows(); ++row)
+      first_time = std::min(first_time, table->finite(row, *time));
   for (std::size_t row = 0; row < count; ++row) {
     ReadingSetting& at = settings.of_reading[row];
     const auto number = [&](const char* of, double& to) {
@@ -81,7 +85,8 @@ ReadingSettings reading_settings(const Calibration& calibration, const CsvTable*
     number("radius_m", at.radius_m);
     number("time_s", at.time_s);
     at.time_s -= first_time;
-    if (const auto c = column("landmark")) at.landmark = index_of(calibration.landmarks, table->label(row, *c));
+    if (const auto c = column("landmark"))
+      at.landmark = index_of(calibration.landmarks, table->label(row, *c));
     if (const auto c = column("stop")) at.stop = index_of(calibration.stops, table->label(row, *c));
     if (at.stop >= 0 && !std::isfinite(at.heading_rad))
       at.heading_rad = calibration.stops[static_cast<std::size_t>(at.stop)].pose.heading_rad;
@@ -95,7 +100,8 @@ ReadingSettings reading_settings(const Calibration& calibration, const CsvTable*
 void require_curve(const Calibration& calibration, const std::string& name) {
   const bool open_curve = calibration.outcome == Outcome::unobservable && !calibration.alpha_covariance;
   if (!is_usable(calibration.outcome) || open_curve)
-    throw InputError(name + ": its outcome is " + to_string(calibration.outcome) + ", so it cannot correct readings");
+    throw InputError(name + ": its outcome is " + to_string(calibration.outcome) +
+                     ", so it cannot correct readings");
 }
 
 }  // namespace rangecal

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/correction/posterior.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <boost/math/quadrature/gauss.hpp>
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -54,7 +54,8 @@ struct Panel {
 /// Prior times likelihood of one reading.
 class Density {
  public:
-  Density(const EffectCorrector& corrector, double y, const ReadingSetting& setting, const DistancePrior& prior)
+  Density(const EffectCorrector& corrector, double y, const ReadingSetting& setting,
+          const DistancePrior& prior)
       : corrector_(corrector), y_(y), setting_(setting), prior_(prior) {}
 
   double mean(double d) const { return corrector_.at(d, setting_).mean_m; }
@@ -89,7 +90,7 @@ class Density {
 
 /// A zero of mean(d) = y between a and b, where it changes sign.
 double crossing(const Density& density, double a, double b, double at_a, double at_b) {
-  for (int step = 0; step < 100 && b - a > 1e-12 * b; ++step) {   // Illinois' rule
+  for (int step = 0; step < 100 && b - a > 1e-12 * b; ++step) {  // Illinois' rule
     const double x = std::clamp((a * at_b - b * at_a) / (at_b - at_a), a, b);
     const double at = density.mean(x) - density.y();
     if (at == 0.0) return x;
@@ -108,7 +109,8 @@ double crossing(const Density& density, double a, double b, double at_a, double 
 }
 
 /// Ends of the panels, ascending: fine wherever the density may be narrow.
-std::vector<double> breakpoints(const Density& density, const DistancePrior& prior, const std::vector<double>& turning_points) {
+std::vector<double> breakpoints(const Density& density, const DistancePrior& prior,
+                                const std::vector<double>& turning_points) {
   constexpr int coarse = 32;
   const double width = prior.high_m - prior.low_m;
   std::vector<double> ends;
@@ -134,8 +136,10 @@ std::vector<double> breakpoints(const Density& density, const DistancePrior& pri
     }
     before = at;
   }
-  for (const double d : turning_points) {   // |f''| / 2 delta^2 = s
-    const double bend = std::abs(density.mean(d + 1e3 * step) - 2.0 * density.mean(d) + density.mean(d - 1e3 * step)) / (1e6 * step * step);
+  for (const double d : turning_points) {  // |f''| / 2 delta^2 = s
+    const double bend =
+        std::abs(density.mean(d + 1e3 * step) - 2.0 * density.mean(d) + density.mean(d - 1e3 * step)) /
+        (1e6 * step * step);
     around(d, std::sqrt(2.0 * density.spread(d) / std::max(bend, 1e-6)));
   }
   for (const DistancePrior::Component& c : prior.components) {
@@ -146,7 +150,8 @@ std::vector<double> breakpoints(const Density& density, const DistancePrior& pri
   for (const double d : extra)
     if (d > prior.low_m && d < prior.high_m) ends.push_back(d);
   std::sort(ends.begin(), ends.end());
-  ends.erase(std::unique(ends.begin(), ends.end(), [&](double a, double b) { return b - a < 1e-12 * width; }), ends.end());
+  ends.erase(std::unique(ends.begin(), ends.end(), [&](double a, double b) { return b - a < 1e-12 * width; }),
+             ends.end());
   ends.back() = prior.high_m;
   return ends;
 }
@@ -154,7 +159,8 @@ std::vector<double> breakpoints(const Density& density, const DistancePrior& pri
 double integral(const Density& density, double shift, double from, double to) {
   const double centre = 0.5 * (from + to), half = 0.5 * (to - from);
   double sum = 0.0;
-  for (int i = 0; i < nodes; ++i) sum += rule.w[i] * std::exp(density.log_at(centre + half * rule.x[i]) - shift);
+  for (int i = 0; i < nodes; ++i)
+    sum += rule.w[i] * std::exp(density.log_at(centre + half * rule.x[i]) - shift);
   return sum * half;
 }
 
@@ -163,7 +169,8 @@ double quantile(const Density& density, double shift, const std::vector<Panel>& 
   std::size_t i = 0;
   while (i + 1 < panels.size() && mass > panels[i].mass) mass -= panels[i++].mass;
   double a = panels[i].from, b = panels[i].to, x = a + (b - a) * std::clamp(mass / panels[i].mass, 0.0, 1.0);
-  for (int step = 0; step < 60 && b - a > 1e-12 * b; ++step) {   // Newton's steps, bisection where they leave the bracket
+  for (int step = 0; step < 60 && b - a > 1e-12 * b;
+       ++step) {  // Newton's steps, bisection where they leave the bracket
     const double excess = integral(density, shift, panels[i].from, x) - mass;
     (excess < 0.0 ? a : b) = x;
     const double next = x - excess * std::exp(shift - density.log_at(x));
@@ -203,15 +210,17 @@ void DistancePrior::check() const {
     refuse(fmt::format("low_m = {}, high_m = {}: not 0 <= low < high", low_m, high_m));
   if (!(surprise >= 0.0 && surprise <= 1.0)) refuse(fmt::format("surprise = {} is no share", surprise));
   for (const Component& c : components) {
-    if (!std::isfinite(c.mean_m) || !(c.sigma_m >= 0.0) || !(c.half_width_m >= 0.0) || !(c.sigma_m + c.half_width_m > 0.0) ||
-        !std::isfinite(c.sigma_m + c.half_width_m))
-      refuse(fmt::format("a component of mean {} m, sigma {} m, half width {} m", c.mean_m, c.sigma_m, c.half_width_m));
-    if (!(c.weight >= 0.0 && c.weight <= 1.0 + 1e-12)) refuse(fmt::format("a component of weight {}", c.weight));
+    if (!std::isfinite(c.mean_m) || !(c.sigma_m >= 0.0) || !(c.half_width_m >= 0.0) ||
+        !(c.sigma_m + c.half_width_m > 0.0) || !std::isfinite(c.sigma_m + c.half_width_m))
+      refuse(fmt::format("a component of mean {} m, sigma {} m, half width {} m", c.mean_m, c.sigma_m,
+                         c.half_width_m));
+    if (!(c.weight >= 0.0 && c.weight <= 1.0 + 1e-12))
+      refuse(fmt::format("a component of weight {}", c.weight));
   }
 }
 
-DistancePosterior distance_posterior(const EffectCorrector& corrector, double reading_m, const ReadingSetting& setting,
-                                     const DistancePrior& given) {
+DistancePosterior distance_posterior(const EffectCorrector& corrector, double reading_m,
+                                     const ReadingSetting& setting, const DistancePrior& given) {
   if (!(reading_m > 0.0) || !std::isfinite(reading_m))
     throw InputError(fmt::format("distance_posterior: reading {} is not a positive number", reading_m));
   given.check();
@@ -220,7 +229,8 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
     prior.low_m = corrector.calibration().range_min_m;
     prior.high_m = corrector.calibration().range_max_m;
   }
-  if (!(prior.high_m > prior.low_m)) throw InputError("distance_posterior: the calibration's range_m is empty and the prior gives none");
+  if (!(prior.high_m > prior.low_m))
+    throw InputError("distance_posterior: the calibration's range_m is empty and the prior gives none");
   const std::vector<double> turning_points = corrector.turning_points(prior.low_m, prior.high_m);
   const Density density(corrector, reading_m, setting, prior);
   const std::vector<double> ends = breakpoints(density, prior, turning_points);
@@ -265,13 +275,15 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
     const Panel& p = panels[k / nodes];
     return 0.5 * (p.from + p.to) + 0.5 * (p.to - p.from) * rule.x[k % nodes];
   };
-  const double origin = node_at(best);   // moments about it: nothing cancels
+  const double origin = node_at(best);  // moments about it: nothing cancels
   std::vector<Sums> parts(turning_points.size() + 1);
   std::size_t part = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    while (part < turning_points.size() && panels[i].from >= turning_points[part] - 1e-12 * prior.high_m) ++part;
+    while (part < turning_points.size() && panels[i].from >= turning_points[part] - 1e-12 * prior.high_m)
+      ++part;
     for (int k = 0; k < nodes; ++k) {
-      const double w = rule.w[k] * 0.5 * (panels[i].to - panels[i].from) * std::exp(log_values[i * nodes + k] - shift);
+      const double w =
+          rule.w[k] * 0.5 * (panels[i].to - panels[i].from) * std::exp(log_values[i * nodes + k] - shift);
       panels[i].mass += w;
       parts[part].add(w, node_at(i * nodes + k) - origin);
     }
@@ -282,7 +294,9 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
     all.first += p.first;
     all.second += p.second;
   }
-  const auto deviation = [](const Sums& s) { return std::sqrt(std::max(0.0, s.second / s.mass - std::pow(s.first / s.mass, 2))); };
+  const auto deviation = [](const Sums& s) {
+    return std::sqrt(std::max(0.0, s.second / s.mass - std::pow(s.first / s.mass, 2)));
+  };
   result.mean_m = origin + all.first / all.mass;
   result.std_dev_m = deviation(all);
   result.log_evidence = shift + std::log(all.mass);
@@ -304,7 +318,8 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
 }
 
 DistancePrior moved(const DistancePosterior& before, const DistancePrior& prior, double reach_m) {
-  if (!(reach_m >= 0.0) || !std::isfinite(reach_m)) throw InputError(fmt::format("moved: reach_m = {} is not a length", reach_m));
+  if (!(reach_m >= 0.0) || !std::isfinite(reach_m))
+    throw InputError(fmt::format("moved: reach_m = {} is not a length", reach_m));
   DistancePrior next = prior;
   next.components.clear();
   double total = 0.0;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/correction/posterior.hpp"
@@ -39,8 +39,9 @@ bool close(const Row& guess, const Row& right, double tolerance) {
     return false;
   for (int i = 0; i < PosteriorTable::max_roots; ++i) {
     if (!(std::abs(guess.probability[i] - right.probability[i]) <= tolerance)) return false;
-    if (right.probability[i] > tolerance && !(std::abs(guess.root_m[i] - right.root_m[i]) <= width &&
-                                              std::abs(guess.root_std_dev_m[i] - right.root_std_dev_m[i]) <= width))
+    if (right.probability[i] > tolerance &&
+        !(std::abs(guess.root_m[i] - right.root_m[i]) <= width &&
+          std::abs(guess.root_std_dev_m[i] - right.root_std_dev_m[i]) <= width))
       return false;
   }
   return true;
@@ -54,24 +55,29 @@ Row no_row() {
 
 }  // namespace
 
-PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePrior& prior, int nodes, double tolerance)
+PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePrior& prior, int nodes,
+                               double tolerance)
     : calibration_(calibration), prior_(prior), corrector_(calibration_, {}) {
   if (!calibration.effects.empty()) throw InputError("PosteriorTable: the calibration holds effects");
-  if (nodes < 2 || nodes > 10000000) throw InputError(fmt::format("PosteriorTable: nodes = {} is outside of 2 .. 10000000", nodes));
+  if (nodes < 2 || nodes > 10000000)
+    throw InputError(fmt::format("PosteriorTable: nodes = {} is outside of 2 .. 10000000", nodes));
   prior_.check();
   if (prior_.high_m == 0.0) {
     prior_.low_m = calibration_.range_min_m;
     prior_.high_m = calibration_.range_max_m;
   }
-  if (!(prior_.high_m > prior_.low_m)) throw InputError("PosteriorTable: the calibration's range_m is empty and the prior gives none");
+  if (!(prior_.high_m > prior_.low_m))
+    throw InputError("PosteriorTable: the calibration's range_m is empty and the prior gives none");
   std::vector<double> ends = corrector_.turning_points(prior_.low_m, prior_.high_m);
   root_count_ = static_cast<int>(ends.size()) + 1;
-  if (root_count_ > max_roots) throw InputError(fmt::format("PosteriorTable: the curve has {} monotone parts, more than {}", root_count_, max_roots));
+  if (root_count_ > max_roots)
+    throw InputError(
+        fmt::format("PosteriorTable: the curve has {} monotone parts, more than {}", root_count_, max_roots));
   ends.push_back(prior_.low_m);
   ends.push_back(prior_.high_m);
   low_ = std::numeric_limits<double>::infinity();
   high_ = 0.0;
-  for (const double d : ends) {   // all readings that the prior makes likely
+  for (const double d : ends) {  // all readings that the prior makes likely
     const EffectCorrector::Expected expected = corrector_.at(d, {});
     low_ = std::min(low_, expected.mean_m - 5.0 * expected.spread_m);
     high_ = std::max(high_, expected.mean_m + 5.0 * expected.spread_m);
@@ -88,13 +94,16 @@ PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePri
   const std::vector<char> found = direct_;
   constexpr int beside = 2;
   for (int i = 0; i < static_cast<int>(found.size()); ++i)
-    for (int k = std::max(0, i - beside); found[i] && k <= std::min<int>(i + beside, static_cast<int>(found.size()) - 1); ++k) direct_[k] = 1;
+    for (int k = std::max(0, i - beside);
+         found[i] && k <= std::min<int>(i + beside, static_cast<int>(found.size()) - 1); ++k)
+      direct_[k] = 1;
 }
 
 Row PosteriorTable::exact(double reading_m) const {
   const DistancePosterior posterior = distance_posterior(corrector_, reading_m, {}, prior_);
   if (posterior.outcome != Outcome::converged) return no_row();
-  Row row{posterior.mode_m, posterior.mean_m, posterior.std_dev_m, posterior.low_m, posterior.high_m, {}, {}, {}};
+  Row row{
+      posterior.mode_m, posterior.mean_m, posterior.std_dev_m, posterior.low_m, posterior.high_m, {}, {}, {}};
   for (std::size_t i = 0; i < posterior.roots.size(); ++i) {
     row.probability[i] = posterior.roots[i].probability;
     // a root without probability has no mean: the middle of its part, so that nothing beside it is spoilt
@@ -116,7 +125,8 @@ Row PosteriorTable::operator()(double reading_m) const {
 }
 
 double PosteriorTable::exact_share() const {
-  return static_cast<double>(std::count(direct_.begin(), direct_.end(), 1)) / static_cast<double>(direct_.size());
+  return static_cast<double>(std::count(direct_.begin(), direct_.end(), 1)) /
+         static_cast<double>(direct_.size());
 }
 
 }  // namespace rangecal

@@ -21,7 +21,8 @@ std::optional<Eigen::MatrixXd> inverse_of(const Eigen::MatrixXd& information) {
 }
 
 JointSystem system_for(const JointProblem& problem, const JointState& state) {
-  return JointSystem(problem, static_cast<int>(state.alpha.size()), static_cast<int>(state.noise.parameters.size()));
+  return JointSystem(problem, static_cast<int>(state.alpha.size()),
+                     static_cast<int>(state.noise.parameters.size()));
 }
 
 }  // namespace
@@ -49,7 +50,8 @@ std::vector<Pose2> draw_stops(const JointProblem& problem, const JointState& sta
     if (prior.chained) {
       const StopPrior& before = problem.stops[k - 1];
       const Eigen::Vector2d step = commanded - Eigen::Vector2d(before.commanded.x_m, before.commanded.y_m);
-      const double turned = prior.turns_add_up ? stops[k - 1].heading_rad - before.commanded.heading_rad : 0.0;
+      const double turned =
+          prior.turns_add_up ? stops[k - 1].heading_rad - before.commanded.heading_rad : 0.0;
       const double frame = prior.turns_add_up ? stops[k - 1].heading_rad : 0.0;
       heading += turned;
       const Eigen::Vector2d from(stops[k - 1].x_m, stops[k - 1].y_m);
@@ -64,8 +66,8 @@ std::vector<Pose2> draw_stops(const JointProblem& problem, const JointState& sta
   return stops;
 }
 
-std::optional<Eigen::MatrixXd> hybrid_cramer_rao_bound(const JointProblem& problem, const JointState& state, int draws,
-                                                       std::uint64_t seed) {
+std::optional<Eigen::MatrixXd> hybrid_cramer_rao_bound(const JointProblem& problem, const JointState& state,
+                                                       int draws, std::uint64_t seed) {
   JointSystem mean = system_for(problem, state), draw = system_for(problem, state);
   mean.clear();
   JointState at = state;

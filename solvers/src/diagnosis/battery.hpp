@@ -24,7 +24,7 @@ struct Question {
   const Effect* effect = nullptr;  ///< of the catalogue, with its start; null for a shape of no effect
   Eigen::VectorXd start;
   std::optional<double> z;  ///< of a scalar test, before it is centred and scaled
-  double statistic = 0.0;  ///< chi-square with `dof` degrees of freedom under the null
+  double statistic = 0.0;   ///< chi-square with `dof` degrees of freedom under the null
   double size = 0.0;  ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
   /// Nats that a fit of the shape would gain, the spreads free; statistic / 2 for scalars.
   double gain = 0.0;

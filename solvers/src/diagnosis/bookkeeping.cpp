@@ -172,7 +172,8 @@ std::vector<std::pair<double, std::size_t>> readings_of_unseen(const Rows& rows)
   std::vector<char> seen(problem.stops.size() * landmarks, 0), landmark_seen(landmarks, 0),
       stop_sees(problem.stops.size(), 0);
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    const auto stop = static_cast<std::size_t>(cells.stop[i]), l = static_cast<std::size_t>(cells.landmark[i]);
+    const auto stop = static_cast<std::size_t>(cells.stop[i]),
+               l = static_cast<std::size_t>(cells.landmark[i]);
     seen[stop * landmarks + l] = landmark_seen[l] = stop_sees[stop] = 1;
   }
   std::vector<std::pair<std::size_t, std::size_t>> unseen;

@@ -25,7 +25,8 @@ std::vector<Eigen::Vector3d> stop_errors(const std::vector<StopPrior>& stops, Ra
     const Eigen::Vector3d drawn = stop_error(prior, prior.sigma_xy_m, {unit_x, unit_y, unit_heading});
     Eigen::Vector2d slip = drawn.head<2>();
     double turn = drawn.z();
-    if (prior.chained && prior.shape && prior.turns_add_up)  // a step's own covariance is in the frame of the stop before
+    if (prior.chained && prior.shape &&
+        prior.turns_add_up)  // a step's own covariance is in the frame of the stop before
       slip = Eigen::Rotation2Dd(stops[k - 1].commanded.heading_rad) * slip;
     Eigen::Vector2d error = slip;
     if (of_place.size() <= static_cast<std::size_t>(prior.place)) of_place.resize(prior.place + 1);

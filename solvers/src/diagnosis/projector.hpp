@@ -67,8 +67,8 @@ class Projector {
   /// Where the stops are estimated, less where the model means them to be: (dx, dy, dh).
   const std::vector<Eigen::Vector3d>& stop_errors() const { return stop_errors_; }
 
-  Eigen::VectorXd range_residual, bearing_residual;        ///< of the cell means [m], [rad]
-  Eigen::VectorXd range_information, bearing_information;  ///< W of the cell means
+  Eigen::VectorXd range_residual, bearing_residual;                ///< of the cell means [m], [rad]
+  Eigen::VectorXd range_information, bearing_information;          ///< W of the cell means
   Eigen::VectorXd row_range_information, row_bearing_information;  ///< of the white deviations
   Eigen::VectorXd row_range_residual, row_bearing_residual;        ///< white deviations from the cell means
 

@@ -87,8 +87,7 @@ void add_residual_bins(const Rows& rows, const SearchResult& found, const Fit* c
   if (result.location.empty()) return;
   const RowResiduals before = row_residuals(rows, found.baseline.model, found.baseline.state);
   const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : completed;
-  const RowResiduals after =
-      final_fit ? row_residuals(rows, final_fit->model, final_fit->state) : before;
+  const RowResiduals after = final_fit ? row_residuals(rows, final_fit->model, final_fit->state) : before;
   const CellGeometry geometry = cell_geometry(rows, found.baseline.state);
   for (Finding& finding : result.location) {
     const bool noise = finding.channel.find("_noise") != std::string::npos;

@@ -23,7 +23,7 @@ constexpr double trace_rate = 3e-4;
 /// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
 /// explain, two names are tried, and given where they gain so much more [nats].
 constexpr double soaking_share = 0.4, soaked_margin = 10.0;
-constexpr int largest_start = 3;         ///< single effects that pairs start from
+constexpr int largest_start = 3;  ///< single effects that pairs start from
 
 /// True if a name for errors of the stops may stand for two causes that move them.
 bool may_soak_up(const Candidate& name, const std::vector<Candidate>& others) {

@@ -18,9 +18,9 @@ struct SearchResult {
   Rates rates;
   double alarm_p = 1.0;  ///< corrected, of the baseline's battery
   Verdict verdict = Verdict::no_mismatch;
-  Candidate best;                        ///< the explanation, for `explained`
-  std::vector<Candidate> rivals;         ///< single-step alternatives the data do not reject, best first
-  std::vector<Question> shapes;          ///< baseline's findings, best first, one per (channel, covariate)
+  Candidate best;                 ///< the explanation, for `explained`
+  std::vector<Candidate> rivals;  ///< single-step alternatives the data do not reject, best first
+  std::vector<Question> shapes;   ///< baseline's findings, best first, one per (channel, covariate)
   /// For `unexplained`: `best` (with its rivals) accounts for all of its own channel, and something nameless is
   /// left in the other.
   bool partial = false;

@@ -191,7 +191,8 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     return whole_number(known.at(key), key, 0, static_cast<int>(r.landmarks.size()) - 1);
   };
   for (const Json& k : json.at("known_distances"))
-    r.known_distances.push_back({landmark_index(k, "from"), landmark_index(k, "to"), k.at("distance_m"), k.at("sigma_m")});
+    r.known_distances.push_back(
+        {landmark_index(k, "from"), landmark_index(k, "to"), k.at("distance_m"), k.at("sigma_m")});
   check_known(r.known_distances);
   const Json& readings = json.at("readings");
   std::vector<int> read;
@@ -203,8 +204,10 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     for (const double d : pairs.true_m)
       if (!(d > 0.0)) throw InputError("simulation: true_m holds a distance that is not positive");
     pairs.batch_labels = list_of<std::string>(readings, "batch_labels");
-    if (holds(readings, "batch")) pairs.batch = indices_of(readings, "batch", pairs.batch_labels.size(), count, true);
-    if (holds(readings, "landmark")) pairs.landmark = indices_of(readings, "landmark", r.landmarks.size(), count);
+    if (holds(readings, "batch"))
+      pairs.batch = indices_of(readings, "batch", pairs.batch_labels.size(), count, true);
+    if (holds(readings, "landmark"))
+      pairs.landmark = indices_of(readings, "landmark", r.landmarks.size(), count);
     pairs.time_s = column_of(readings, "time_s", count);
     pairs.bearing_rad = column_of(readings, "bearing_rad", count);
     pairs.reading_m.assign(count, 1.0);
@@ -212,10 +215,12 @@ void recording_from_json(const Json& json, SimulationModel& model) {
     count = readings.at("stop").size();
     r.readings.stop = indices_of(readings, "stop", r.stops.size(), count);
     r.readings.landmark = indices_of(readings, "landmark", r.landmarks.size(), count);
-    r.readings.repeat = indices_of(readings, "repeat", static_cast<std::size_t>(std::numeric_limits<int>::max()), count);
+    r.readings.repeat =
+        indices_of(readings, "repeat", static_cast<std::size_t>(std::numeric_limits<int>::max()), count);
     r.readings.time_s = column_of(readings, "time_s", count);
     read = r.readings.landmark;
-    if (readings.contains("landmark_read")) read = indices_of(readings, "landmark_read", r.landmarks.size(), count);
+    if (readings.contains("landmark_read"))
+      read = indices_of(readings, "landmark_read", r.landmarks.size(), count);
     r.readings.range_m.assign(count, 1.0);
     r.readings.bearing_rad.assign(count, 0.0);
   }
@@ -226,7 +231,8 @@ void recording_from_json(const Json& json, SimulationModel& model) {
   if (readings.contains("added")) {
     const Json& changes = readings.at("added");
     added = {column_of(changes, "range_m", count), column_of(changes, "bearing_rad", count),
-             column_of(changes, "range_log_variance", count), column_of(changes, "bearing_log_variance", count)};
+             column_of(changes, "range_log_variance", count),
+             column_of(changes, "bearing_log_variance", count)};
   }
   model.recordings.push_back(std::move(r));
   model.landmark_read.push_back(std::move(read));

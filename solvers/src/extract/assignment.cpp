@@ -52,7 +52,8 @@ std::vector<int> assign(const Eigen::MatrixXd& cost, double unassigned) {
     for (int j = 0; j < columns; ++j) full(i, j) = cost(i, j) < forbidden ? cost(i, j) : forbidden;
     for (int j = 0; j < rows; ++j) full(i, columns + j) = unassigned;
   }
-  std::vector<double> u(static_cast<std::size_t>(rows) + 1, 0.0), v(static_cast<std::size_t>(columns + rows) + 1, 0.0);
+  std::vector<double> u(static_cast<std::size_t>(rows) + 1, 0.0),
+      v(static_cast<std::size_t>(columns + rows) + 1, 0.0);
   std::vector<int> row_of(static_cast<std::size_t>(columns + rows) + 1, 0);
   for (int row = 1; row <= rows; ++row) augment(full, row, u, v, row_of);
   std::vector<int> column_of(static_cast<std::size_t>(rows), -1);

@@ -13,13 +13,15 @@ namespace {
 using namespace extract;
 
 constexpr int kPasses = 6;
-constexpr double kMapSd = 0.01;          ///< of a position in a given map [m]
-constexpr double kLandmarkFloor = 0.02;  ///< sightings of one landmark share errors: its position is never better [m]
+constexpr double kMapSd = 0.01;  ///< of a position in a given map [m]
+constexpr double kLandmarkFloor =
+    0.02;  ///< sightings of one landmark share errors: its position is never better [m]
 
 /// All sightings by stop, and what a pass over the stops makes of them.
 class Associator {
  public:
-  Associator(std::span<const Pose2> commanded, std::span<const Sighting> sightings, const AssociationOptions& options)
+  Associator(std::span<const Pose2> commanded, std::span<const Sighting> sightings,
+             const AssociationOptions& options)
       : commanded_(commanded), sightings_(sightings), options_(options), by_stop_(commanded.size()) {
     for (std::size_t i = 0; i < sightings.size(); ++i)
       by_stop_[static_cast<std::size_t>(sightings[i].stop)].push_back(i);
@@ -62,8 +64,8 @@ class Associator {
     out_.reason.assign(sightings_.size(), "");
     beliefs_.clear();
     for (std::size_t stop = 0; stop < commanded_.size(); ++stop) {
-      const PoseBelief prior = predicted(stop == 0 ? nullptr : &beliefs_.back(), commanded_[stop == 0 ? 0 : stop - 1],
-                                         commanded_[stop], options_);
+      const PoseBelief prior = predicted(stop == 0 ? nullptr : &beliefs_.back(),
+                                         commanded_[stop == 0 ? 0 : stop - 1], commanded_[stop], options_);
       const StopView view = view_of(stop);
       const StopMatch match = match_stop(prior, view, map_, options_);
       beliefs_.push_back(match.belief);
@@ -101,8 +103,8 @@ class Associator {
       if (information[j].isZero(0.0)) continue;
       renamed[j] = static_cast<int>(kept.size());
       const Eigen::Matrix2d covariance = information[j].inverse();
-      kept.push_back(
-          {covariance * moment[j], covariance + kLandmarkFloor * kLandmarkFloor * Eigen::Matrix2d::Identity()});
+      kept.push_back({covariance * moment[j],
+                      covariance + kLandmarkFloor * kLandmarkFloor * Eigen::Matrix2d::Identity()});
     }
     rename(renamed, std::move(kept));
   }
@@ -111,7 +113,8 @@ class Associator {
   void merge_landmarks() {
     std::vector<std::set<int>> seen_from(map_.size());
     for (std::size_t i = 0; i < sightings_.size(); ++i)
-      if (out_.landmark[i] >= 0) seen_from[static_cast<std::size_t>(out_.landmark[i])].insert(sightings_[i].stop);
+      if (out_.landmark[i] >= 0)
+        seen_from[static_cast<std::size_t>(out_.landmark[i])].insert(sightings_[i].stop);
     std::vector<int> renamed(map_.size());
     Map kept;
     std::vector<std::set<int>> kept_from;
@@ -142,7 +145,8 @@ class Associator {
 
   /// The quadratic that brings the raw distances to those of the map, and what is left, as the new slack.
   void bend_ranges() {
-    Eigen::Matrix3d information = Eigen::Vector3d(1e2, 1e2, 1e2).asDiagonal();  // shifts near 0 where little is seen
+    Eigen::Matrix3d information =
+        Eigen::Vector3d(1e2, 1e2, 1e2).asDiagonal();  // shifts near 0 where little is seen
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     std::vector<std::pair<Eigen::Vector3d, double>> rows;
     for (std::size_t i = 0; i < sightings_.size(); ++i) {
@@ -170,8 +174,10 @@ class Associator {
   void drop_rare() {
     std::vector<std::set<int>> seen_from(map_.size());
     for (std::size_t i = 0; i < sightings_.size(); ++i)
-      if (out_.landmark[i] >= 0) seen_from[static_cast<std::size_t>(out_.landmark[i])].insert(sightings_[i].stop);
-    const std::size_t least = std::min<std::size_t>(static_cast<std::size_t>(options_.stops_min), commanded_.size());
+      if (out_.landmark[i] >= 0)
+        seen_from[static_cast<std::size_t>(out_.landmark[i])].insert(sightings_[i].stop);
+    const std::size_t least =
+        std::min<std::size_t>(static_cast<std::size_t>(options_.stops_min), commanded_.size());
     for (std::size_t i = 0; i < sightings_.size(); ++i)
       if (out_.landmark[i] >= 0 && seen_from[static_cast<std::size_t>(out_.landmark[i])].size() < least)
         out_.reason[i] = "landmark seen from too few stops";
@@ -185,8 +191,8 @@ class Associator {
     rename(renamed, std::move(kept));
     for (std::size_t i = 0; i < sightings_.size(); ++i)
       if (out_.landmark[i] >= 0) out_.reason[i] = "";
-    out_.matched =
-        static_cast<int>(std::count_if(out_.landmark.begin(), out_.landmark.end(), [](int l) { return l >= 0; }));
+    out_.matched = static_cast<int>(
+        std::count_if(out_.landmark.begin(), out_.landmark.end(), [](int l) { return l >= 0; }));
   }
 
   std::span<const Pose2> commanded_;

@@ -23,7 +23,8 @@ Eigen::Vector2d seen_from(const Pose2& pose, const Eigen::Vector2d& landmark) {
 
 /// d(axis, bearing) / d(landmark); the pose's is its negative, and (0, -1) for the heading.
 Eigen::Matrix2d slope_at(const Pose2& pose, const Eigen::Vector2d& landmark) {
-  const double dx = landmark.x() - pose.x_m, dy = landmark.y() - pose.y_m, d2 = std::max(dx * dx + dy * dy, 1e-6);
+  const double dx = landmark.x() - pose.x_m, dy = landmark.y() - pose.y_m,
+               d2 = std::max(dx * dx + dy * dy, 1e-6);
   const double d = std::sqrt(d2);
   Eigen::Matrix2d slope;
   slope << dx / d, dy / d, -dy / d2, dx / d2;
@@ -67,17 +68,20 @@ Comparison compare(const PoseBelief& belief, const Eigen::Vector2d& measured, co
 }
 
 /// The belief corrected by all pairs at once, linearised anew three times (iterated extended Kalman filter).
-PoseBelief corrected(const PoseBelief& prior, const StopView& view, const std::vector<int>& pairs, const Map& map) {
+PoseBelief corrected(const PoseBelief& prior, const StopView& view, const std::vector<int>& pairs,
+                     const Map& map) {
   const Eigen::Matrix3d prior_information = prior.covariance.inverse();
   PoseBelief belief = prior;
   for (int round = 0; round < 3; ++round) {
     Eigen::Matrix3d information = prior_information;
     Eigen::Vector3d gradient =
-        prior_information * Eigen::Vector3d(prior.pose.x_m - belief.pose.x_m, prior.pose.y_m - belief.pose.y_m,
+        prior_information * Eigen::Vector3d(prior.pose.x_m - belief.pose.x_m,
+                                            prior.pose.y_m - belief.pose.y_m,
                                             wrap_angle(prior.pose.heading_rad - belief.pose.heading_rad));
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       if (pairs[i] < 0) continue;
-      const Comparison pair = compare(belief, view.measured[i], view.noise[i], map[static_cast<std::size_t>(pairs[i])]);
+      const Comparison pair =
+          compare(belief, view.measured[i], view.noise[i], map[static_cast<std::size_t>(pairs[i])]);
       const Eigen::Matrix2d weight = pair.noise.inverse();
       information += pair.by_pose.transpose() * weight * pair.by_pose;
       gradient += pair.by_pose.transpose() * weight * pair.innovation;
@@ -91,7 +95,8 @@ PoseBelief corrected(const PoseBelief& prior, const StopView& view, const std::v
 }
 
 Eigen::MatrixXd distances(const PoseBelief& belief, const StopView& view, const Map& map, double gate) {
-  Eigen::MatrixXd cost(static_cast<Eigen::Index>(view.measured.size()), static_cast<Eigen::Index>(map.size()));
+  Eigen::MatrixXd cost(static_cast<Eigen::Index>(view.measured.size()),
+                       static_cast<Eigen::Index>(map.size()));
   for (Eigen::Index i = 0; i < cost.rows(); ++i)
     for (Eigen::Index j = 0; j < cost.cols(); ++j) {
       const auto row = static_cast<std::size_t>(i), column = static_cast<std::size_t>(j);
@@ -103,7 +108,8 @@ Eigen::MatrixXd distances(const PoseBelief& belief, const StopView& view, const 
 
 }  // namespace
 
-StopMatch match_stop(const PoseBelief& prior, const StopView& view, const Map& map, const AssociationOptions& options) {
+StopMatch match_stop(const PoseBelief& prior, const StopView& view, const Map& map,
+                     const AssociationOptions& options) {
   StopMatch match;
   match.belief = prior;
   match.pairs.assign(view.measured.size(), -1);
@@ -138,7 +144,8 @@ StopMatch match_stop(const PoseBelief& prior, const StopView& view, const Map& m
   return match;
 }
 
-MapLandmark found_landmark(const PoseBelief& belief, const Eigen::Vector2d& measured, const Eigen::Matrix2d& noise) {
+MapLandmark found_landmark(const PoseBelief& belief, const Eigen::Vector2d& measured,
+                           const Eigen::Matrix2d& noise) {
   const double direction = belief.pose.heading_rad + measured(1);
   const Eigen::Vector2d along(std::cos(direction), std::sin(direction)), across(-along.y(), along.x());
   MapLandmark out;
@@ -147,7 +154,8 @@ MapLandmark found_landmark(const PoseBelief& belief, const Eigen::Vector2d& meas
   by_pose << Eigen::Matrix2d::Identity(), measured(0) * across;
   Eigen::Matrix2d by_reading;
   by_reading << along, measured(0) * across;
-  out.covariance = by_pose * belief.covariance * by_pose.transpose() + by_reading * noise * by_reading.transpose();
+  out.covariance =
+      by_pose * belief.covariance * by_pose.transpose() + by_reading * noise * by_reading.transpose();
   return out;
 }
 

@@ -46,8 +46,10 @@ struct StopMatch {
 PoseBelief predicted(const PoseBelief* before, const Pose2& commanded_before, const Pose2& commanded,
                      const AssociationOptions& options);
 /// Global nearest neighbour of one stop, the pose corrected and the pairs chosen again until they stay.
-StopMatch match_stop(const PoseBelief& prior, const StopView& view, const Map& map, const AssociationOptions& options);
+StopMatch match_stop(const PoseBelief& prior, const StopView& view, const Map& map,
+                     const AssociationOptions& options);
 /// The landmark that a sighting would be.
-MapLandmark found_landmark(const PoseBelief& belief, const Eigen::Vector2d& measured, const Eigen::Matrix2d& noise);
+MapLandmark found_landmark(const PoseBelief& belief, const Eigen::Vector2d& measured,
+                           const Eigen::Matrix2d& noise);
 
 }  // namespace rangecal::extract

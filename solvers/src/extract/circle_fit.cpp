@@ -37,10 +37,12 @@ Normal linearise(std::span<const Beam> beams, const Outline& outline, double sig
   for (const Beam& beam : beams) {
     const double psi = beam.bearing_rad - at.b, aside = axis * std::sin(psi);
     // A step may carry a beam over the edge; there the slope is that just inside.
-    const double depth = std::sqrt(std::max(at.radius * at.radius - aside * aside, 1e-2 * at.radius * at.radius));
+    const double depth =
+        std::sqrt(std::max(at.radius * at.radius - aside * aside, 1e-2 * at.radius * at.radius));
     const double residual = beam.range_m - (axis * std::cos(psi) - depth);
     const double by_axis = std::cos(psi) + aside * std::sin(psi) / depth;
-    const Eigen::Vector3d slope(by_axis, aside - aside * axis * std::cos(psi) / depth, by_axis - at.radius / depth);
+    const Eigen::Vector3d slope(by_axis, aside - aside * axis * std::cos(psi) / depth,
+                                by_axis - at.radius / depth);
     normal.information += weight * slope * slope.transpose();
     normal.gradient += weight * residual * slope;
     normal.chi_squared += weight * residual * residual;
@@ -82,7 +84,8 @@ bool minimise(std::span<const Beam> beams, const Outline& outline, double sigma,
 Outline outline_of(double miss_left_rad, double hit_left_rad, double hit_right_rad, double miss_right_rad) {
   const double left = 0.5 * (miss_left_rad + hit_left_rad), right = 0.5 * (hit_right_rad + miss_right_rad);
   const double gap_left = hit_left_rad - miss_left_rad, gap_right = miss_right_rad - hit_right_rad;
-  return {0.5 * (left + right), std::sqrt((gap_left * gap_left + gap_right * gap_right) / 48.0), 0.5 * (right - left)};
+  return {0.5 * (left + right), std::sqrt((gap_left * gap_left + gap_right * gap_right) / 48.0),
+          0.5 * (right - left)};
 }
 
 std::optional<double> range_on_circle(double axis_distance_m, double radius_m, double psi_rad) {
@@ -107,14 +110,15 @@ std::optional<CircleFit> fit_circle(std::span<const Beam> beams, const Outline& 
   for (int selection = 0; selection < kSelections; ++selection) {
     std::vector<Beam> chosen = inner_beams(beams, at, options.edge_cut);
     if (static_cast<int>(chosen.size()) < unknowns) return std::nullopt;
-    const bool same =
-        chosen.size() == inner.size() && !inner.empty() && chosen.front().bearing_rad == inner.front().bearing_rad;
+    const bool same = chosen.size() == inner.size() && !inner.empty() &&
+                      chosen.front().bearing_rad == inner.front().bearing_rad;
     if (same) break;
     inner = std::move(chosen);
     if (!minimise(inner, outline, options.sigma_m, unknowns, at)) return std::nullopt;
     if (at.radius > 2.0 * options.radius_max_m) return std::nullopt;
   }
-  if (!options.radius_m && (at.radius < options.radius_min_m || at.radius > options.radius_max_m)) return std::nullopt;
+  if (!options.radius_m && (at.radius < options.radius_min_m || at.radius > options.radius_max_m))
+    return std::nullopt;
 
   const Normal normal = linearise(inner, outline, options.sigma_m, at);
   const Eigen::MatrixXd covariance = normal.information.topLeftCorner(unknowns, unknowns).inverse();

@@ -15,7 +15,8 @@ namespace {
 constexpr double kGate = 25.0;      ///< squared, for one landmark from scan to scan
 constexpr int kNoiseDegrees = 200;  ///< of freedom, for a noise law from the circles
 constexpr int kBins = 8;
-constexpr double kScanSlackM = 0.005, kScanSlackRad = 0.002;  ///< the same landmark may move by this between scans
+constexpr double kScanSlackM = 0.005,
+                 kScanSlackRad = 0.002;  ///< the same landmark may move by this between scans
 
 double axis_of(const CircleFit& fit) { return fit.range_m + fit.radius_m; }
 
@@ -35,7 +36,8 @@ struct Growing {
   double distance(const CircleFit& fit) const {
     const double range_var = 2.0 * (square(fit.range_sd_m) + square(fit.radius_sd_m)) + square(kScanSlackM);
     const double bearing_var = 2.0 * square(fit.bearing_sd_rad) + square(kScanSlackRad);
-    return square(axis_of(fit) - axis_m) / range_var + square(wrap_angle(fit.bearing_rad - bearing_rad)) / bearing_var;
+    return square(axis_of(fit) - axis_m) / range_var +
+           square(wrap_angle(fit.bearing_rad - bearing_rad)) / bearing_var;
   }
 };
 
@@ -43,8 +45,8 @@ void place(const std::vector<std::size_t>& in_scan, const Cylinders& found, std:
   Eigen::MatrixXd cost(static_cast<Eigen::Index>(in_scan.size()), static_cast<Eigen::Index>(clusters.size()));
   for (Eigen::Index i = 0; i < cost.rows(); ++i)
     for (Eigen::Index j = 0; j < cost.cols(); ++j) {
-      const double distance =
-          clusters[static_cast<std::size_t>(j)].distance(found.list[in_scan[static_cast<std::size_t>(i)]].fit);
+      const double distance = clusters[static_cast<std::size_t>(j)].distance(
+          found.list[in_scan[static_cast<std::size_t>(i)]].fit);
       cost(i, j) = distance < kGate ? distance : std::numeric_limits<double>::infinity();
     }
   const std::vector<int> home = assign(cost, kGate);
@@ -66,13 +68,15 @@ Sighting sighting_of(const Growing& cluster, int stop, const Cylinders& found) {
     sighting.range_sd_m += (square(fit.range_sd_m) + square(fit.radius_sd_m)) / (n * n);
     sighting.bearing_sd_rad += square(fit.bearing_sd_rad) / (n * n);
   }
-  sighting.range_sd_m = std::sqrt(sighting.range_sd_m), sighting.bearing_sd_rad = std::sqrt(sighting.bearing_sd_rad);
+  sighting.range_sd_m = std::sqrt(sighting.range_sd_m),
+  sighting.bearing_sd_rad = std::sqrt(sighting.bearing_sd_rad);
   return sighting;
 }
 
 }  // namespace
 
-Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise, const ExtractOptions& options) {
+Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise,
+                         const ExtractOptions& options) {
   Cylinders found;
   for (std::size_t k = 0; k < groups.size(); ++k)
     for (std::size_t q = 0; q < groups[k].scans.size(); ++q)
@@ -129,7 +133,8 @@ std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const
     while (next < found.list.size() && found.list[next].stop == static_cast<int>(k)) {
       std::vector<std::size_t> in_scan;
       const int scan = found.list[next].scan;
-      while (next < found.list.size() && found.list[next].stop == static_cast<int>(k) && found.list[next].scan == scan)
+      while (next < found.list.size() && found.list[next].stop == static_cast<int>(k) &&
+             found.list[next].scan == scan)
         in_scan.push_back(next++);
       place(in_scan, found, clusters);
     }
@@ -165,15 +170,16 @@ std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Associa
         const double w = 1.0 / square(cylinder.fit.radius_sd_m);
         weight[j] += w, moment[j] += w * cylinder.fit.radius_m;
       }
-      for (std::size_t r = 0; known.size() > 1 && r < known.size(); ++r)  // one odd scan must not outvote the others
+      for (std::size_t r = 0; known.size() > 1 && r < known.size();
+           ++r)  // one odd scan must not outvote the others
         misfit[j][r] += std::min(radius_misfit(cylinder.segment, noise, options.cylinder, known[r]), 50.0);
     }
   }
   for (std::size_t j = 0; j < count; ++j) {
     if (weight[j] > 0.0) radii[j] = moment[j] / weight[j];
     if (known.size() > 1)
-      radii[j] =
-          known[static_cast<std::size_t>(std::min_element(misfit[j].begin(), misfit[j].end()) - misfit[j].begin())];
+      radii[j] = known[static_cast<std::size_t>(std::min_element(misfit[j].begin(), misfit[j].end()) -
+                                                misfit[j].begin())];
     if (!options.map.empty() && options.map[j].radius_m) radii[j] = *options.map[j].radius_m;
   }
   return radii;

@@ -22,7 +22,8 @@ struct Cylinders {
 };
 
 /// Segments and circles of all scans. Cost: linear in the beams.
-Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise, const ExtractOptions& options);
+Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise,
+                         const ExtractOptions& options);
 
 /// The noise law that the residuals of the circles state; nothing where they have fewer than 200 degrees of freedom.
 std::optional<ScanNoise> noise_of_fits(const Cylinders& found);

@@ -49,8 +49,8 @@ double reading_sd_of(const CircleFit& fit, ArcRule rule, double sigma) {
   return rule == ArcRule::smallest ? sigma : fit.range_sd_m;
 }
 
-void add_reading(Recording& recording, int stop, int landmark, int repeat, double time_s, const CircleFit& fit,
-                 ArcRule arc, double sigma) {
+void add_reading(Recording& recording, int stop, int landmark, int repeat, double time_s,
+                 const CircleFit& fit, ArcRule arc, double sigma) {
   Readings& readings = recording.readings;
   readings.stop.push_back(stop), readings.landmark.push_back(landmark), readings.repeat.push_back(repeat);
   readings.time_s.push_back(time_s);
@@ -95,8 +95,9 @@ std::vector<Sighting> sightings_of(const std::vector<Cluster>& clusters) {
 }
 
 /// Takes out the clusters of landmarks that are no cylinders; true if there were any.
-bool leave_out_doubtful(std::vector<Cluster>& clusters, const Association& association, const Cylinders& found,
-                        const ScanNoise& noise, const ExtractOptions& options, Tally& tally) {
+bool leave_out_doubtful(std::vector<Cluster>& clusters, const Association& association,
+                        const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options,
+                        Tally& tally) {
   const std::vector<double> radii = radii_of(clusters, association, found, noise, options);
   const auto doubts = doubts_about(clusters, association, radii, found, noise, options.cylinder);
   std::vector<Cluster> kept;
@@ -198,7 +199,8 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   for (const StopGroup& group : groups) poses.push_back(group.stop.commanded);
   const AssociationOptions matching = association_options(options);
   Association association = associate(poses, sightings_of(clusters), matching);
-  if (options.map.empty() && leave_out_doubtful(clusters, association, found, out.noise, options, out.cylinders))
+  if (options.map.empty() &&
+      leave_out_doubtful(clusters, association, found, out.noise, options, out.cylinders))
     association = associate(poses, sightings_of(clusters), matching);
   out.corrected_stops = association.stops;
   out.runs_clockwise =
@@ -222,9 +224,10 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
         ++out.cylinders["no circle of its landmark's radius"];
         continue;
       }
-      const Scan& scan = groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)];
-      add_reading(out.recording, cylinder.stop, index[j], cylinder.scan, scan.stamp_s - start, *fit, options.arc,
-                  out.noise.spread(fit->range_m));
+      const Scan& scan =
+          groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)];
+      add_reading(out.recording, cylinder.stop, index[j], cylinder.scan, scan.stamp_s - start, *fit,
+                  options.arc, out.noise.spread(fit->range_m));
       ++out.cylinders["used"];
     }
   }

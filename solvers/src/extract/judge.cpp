@@ -64,8 +64,8 @@ SegmentVerdict not_a_cylinder(const Segment& segment, const ScanNoise& noise, co
 
 /// The outline; where an end is hidden it says no more than that the axis is behind the hits.
 Outline outline(const Segment& segment) {
-  Outline out = outline_of(segment.miss_left_rad, segment.beams.front().bearing_rad, segment.beams.back().bearing_rad,
-                           segment.miss_right_rad);
+  Outline out = outline_of(segment.miss_left_rad, segment.beams.front().bearing_rad,
+                           segment.beams.back().bearing_rad, segment.miss_right_rad);
   if (segment.nearer_left || segment.nearer_right) out.centre_sd_rad = out.half_width_rad;
   return out;
 }
@@ -90,7 +90,8 @@ double misfit(const Segment& segment, const CircleFit& fit) {
 /// gaps, the slack of the raw range, 8 % if wider, and 18 % if narrower, because grazing beams get lost.
 int compare_width(const Segment& segment, const CircleFit& fit, const CylinderOptions& options) {
   const double seen = outline(segment).half_width_rad, axis = fit.range_m + fit.radius_m;
-  const double slack = options.range_slack_m + options.range_slack * fit.range_m, gaps = 0.4 * gaps_rad(segment);
+  const double slack = options.range_slack_m + options.range_slack * fit.range_m,
+               gaps = 0.4 * gaps_rad(segment);
   const double widest = 1.08 * std::asin(fit.radius_m / std::max(1.05 * fit.radius_m, axis - slack));
   const double narrowest = 0.82 * std::asin(fit.radius_m / (axis + slack));
   if (seen > widest + gaps) return 1;
@@ -113,7 +114,8 @@ std::optional<CircleFit> fit_once(const Segment& segment, double sigma, const Cy
 int drop_mixed(Segment& segment, const CircleFit& fit, double sigma) {
   int dropped = 0;
   const auto behind = [&](const Beam& beam) {
-    const auto arc = range_on_circle(fit.range_m + fit.radius_m, fit.radius_m, beam.bearing_rad - fit.bearing_rad);
+    const auto arc =
+        range_on_circle(fit.range_m + fit.radius_m, fit.radius_m, beam.bearing_rad - fit.bearing_rad);
     return beam.range_m > arc.value_or(fit.range_m + fit.radius_m) + 4.0 * sigma;
   };
   if (segment.beams.size() > 3 && behind(segment.beams.back())) {
@@ -141,13 +143,14 @@ std::optional<CircleFit> fit_cleaned(Segment segment, double sigma, const Cylind
   return fit;
 }
 
-SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
-                                 std::optional<double> radius) {
+SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise,
+                                 const CylinderOptions& options, std::optional<double> radius) {
   const double sigma = noise.spread(middle_range_m(segment.beams));
   SegmentVerdict finding;
   Segment cleaned;
   const auto fit = fit_cleaned(segment, sigma, options, radius, finding.mixed_pixels, &cleaned);
-  if (!fit) return not_a_cylinder(segment, noise, radius ? "no circle fits" : "no circle of the radii allowed fits");
+  if (!fit)
+    return not_a_cylinder(segment, noise, radius ? "no circle fits" : "no circle of the radii allowed fits");
   const int width = compare_width(cleaned, *fit, options);
   if (width > 0) return not_a_cylinder(segment, noise, "too wide");
   if (width < 0) return not_a_cylinder(segment, noise, "too narrow");
@@ -161,9 +164,11 @@ SegmentVerdict judge_with_radius(const Segment& segment, const ScanNoise& noise,
         options.edge_cut * fit->radius_m)
       inner.push_back(beam);
   const FlatFit flat = fit_flat(inner, tolerant);
-  const double advantage = 0.5 * ((relaxed - fit->degrees_of_freedom) - (flat.chi_squared - flat.degrees_of_freedom));
+  const double advantage =
+      0.5 * ((relaxed - fit->degrees_of_freedom) - (flat.chi_squared - flat.degrees_of_freedom));
   // A radius that is estimated takes its evidence from the curvature: there the line must lose.
-  if (advantage > (radius ? options.flat_nats : -options.flat_nats)) return not_a_cylinder(segment, noise, "flat");
+  if (advantage > (radius ? options.flat_nats : -options.flat_nats))
+    return not_a_cylinder(segment, noise, "flat");
   if (!radius && fit->radius_sd_m > 0.3 * fit->radius_m)
     return not_a_cylinder(segment, noise, "too few beams for a radius");
   finding.kind = FindingKind::cylinder;
@@ -178,7 +183,8 @@ SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, con
   if (static_cast<int>(segment.beams.size()) < options.beams_min)
     return not_a_cylinder(segment, noise, "too few beams");
   if (segment.view_ends) return not_a_cylinder(segment, noise, "cut by the field of view");
-  if (segment.nearer_left && segment.nearer_right) return not_a_cylinder(segment, noise, "seen through a gap");
+  if (segment.nearer_left && segment.nearer_right)
+    return not_a_cylinder(segment, noise, "seen through a gap");
   if (options.radii_m.empty()) return judge_with_radius(segment, noise, options, std::nullopt);
   SegmentVerdict best;
   double least = std::numeric_limits<double>::infinity();
@@ -192,13 +198,14 @@ SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, con
   return best;
 }
 
-double radius_misfit(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options, double radius_m) {
+double radius_misfit(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
+                     double radius_m) {
   const auto fit = refit_segment(segment, noise, options, radius_m);
   return fit ? misfit(segment, *fit) : std::numeric_limits<double>::infinity();
 }
 
-std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
-                                       double radius_m) {
+std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise,
+                                       const CylinderOptions& options, double radius_m) {
   int mixed = 0;
   return fit_cleaned(segment, noise.spread(middle_range_m(segment.beams)), options, radius_m, mixed, nullptr);
 }

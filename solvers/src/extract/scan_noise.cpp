@@ -49,7 +49,9 @@ double resolution_m(std::span<const Scan> scans) {
 
 }  // namespace
 
-double ScanNoise::spread(double range_m) const { return std::hypot(floor_m, quadratic_per_m * range_m * range_m); }
+double ScanNoise::spread(double range_m) const {
+  return std::hypot(floor_m, quadratic_per_m * range_m * range_m);
+}
 
 ScanNoise fit_scan_noise(std::span<const SpreadSample> samples, double floor_m) {
   if (samples.empty()) throw std::invalid_argument("fit_scan_noise: no sample");
@@ -62,7 +64,8 @@ ScanNoise fit_scan_noise(std::span<const SpreadSample> samples, double floor_m) 
   }
   const double determinant = s0 * s8 - s4 * s4;
   double a = v0 / s0, b = 0.0;
-  if (determinant > 1e-9 * s0 * s8) a = (s8 * v0 - s4 * v4) / determinant, b = (s0 * v4 - s4 * v0) / determinant;
+  if (determinant > 1e-9 * s0 * s8)
+    a = (s8 * v0 - s4 * v4) / determinant, b = (s0 * v4 - s4 * v0) / determinant;
   if (b < 0.0) a = v0 / s0, b = 0.0;
   if (a < 0.0) a = 0.0, b = v4 / s8;
   return {std::max(std::sqrt(a), floor_m), std::sqrt(b)};
@@ -74,7 +77,8 @@ ScanNoise estimate_scan_noise(std::span<const Scan> scans) {
   for (std::size_t k = 0; k < scans.size(); k += step) add_triples(scans[k], triples);
   if (triples.size() < 30)
     throw InputError("the scans hold too few neighbouring returns to estimate the noise from; state it");
-  std::sort(triples.begin(), triples.end(), [](const Triple& a, const Triple& b) { return a.range_m < b.range_m; });
+  std::sort(triples.begin(), triples.end(),
+            [](const Triple& a, const Triple& b) { return a.range_m < b.range_m; });
   const std::size_t bins = std::clamp<std::size_t>(triples.size() / 50, 1, 12);
   std::vector<SpreadSample> samples;
   for (std::size_t bin = 0; bin < bins; ++bin) {

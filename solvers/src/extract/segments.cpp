@@ -21,16 +21,19 @@ struct Ring {
 
 double median_step(const Scan& scan) {
   std::vector<double> steps;
-  for (std::size_t i = 1; i < scan.size(); ++i) steps.push_back(scan.bearing_rad[i] - scan.bearing_rad[i - 1]);
+  for (std::size_t i = 1; i < scan.size(); ++i)
+    steps.push_back(scan.bearing_rad[i] - scan.bearing_rad[i - 1]);
   if (steps.empty()) return 0.0;
   std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
   return steps[steps.size() / 2];
 }
 
 /// The range at `bearing` on the straight line through two beams, and its standard deviation; false behind the sensor.
-bool extrapolate(const Beam& far, const Beam& near, double bearing, const ScanNoise& noise, double& range, double& sd) {
+bool extrapolate(const Beam& far, const Beam& near, double bearing, const ScanNoise& noise, double& range,
+                 double& sd) {
   const double base = std::sin(near.bearing_rad - far.bearing_rad);
-  const double a = std::sin(bearing - far.bearing_rad) / base, b = -std::sin(bearing - near.bearing_rad) / base;
+  const double a = std::sin(bearing - far.bearing_rad) / base,
+               b = -std::sin(bearing - near.bearing_rad) / base;
   const double u = a / near.range_m + b / far.range_m;
   if (!(u > 0.0)) return false;
   range = 1.0 / u;

@@ -11,7 +11,8 @@
 namespace rangecal {
 namespace {
 
-constexpr double kJitter = 0.35;  ///< of a step between beams, by which their angles may wander from scan to scan
+constexpr double kJitter =
+    0.35;  ///< of a step between beams, by which their angles may wander from scan to scan
 constexpr double kLargestTurn = 0.0175;  ///< by which a scan as a whole may be turned [rad]
 constexpr int kTurns = 4;
 

@@ -45,7 +45,8 @@ Groups by_standing(const std::vector<ScanLog>& logs, const ScanNoise& noise, con
 }
 
 /// Poses for groups that have no stops file: the log's odometry, or the origin for a single stop.
-std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>& labels, const std::string& file) {
+std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>& labels,
+                            const std::string& file) {
   std::vector<Stop> stops;
   for (std::size_t k = 0; k < groups.size(); ++k) {
     Stop stop;

@@ -57,7 +57,8 @@ Step step_of(const UnitSummary& u, const VectorXd& mu, const MatrixXd& precision
   // (Sigma + Lambda^-1)^-1 = Lambda - Lambda V Lambda = Sigma^-1 V Lambda, the last without cancellation
   step.distance_sq = std::fmax(0.0, e.dot(precision * moved));
   const double log_det_sum = 2.0 * sum.matrixLLT().diagonal().array().log().sum();
-  const double log_det_information = 2.0 * MatrixXd(u.information.llt().matrixL()).diagonal().array().log().sum();
+  const double log_det_information =
+      2.0 * MatrixXd(u.information.llt().matrixL()).diagonal().array().log().sum();
   step.log_likelihood = -static_cast<double>(p) * half_log_two_pi -
                         0.5 * (step.distance_sq + log_det_Sigma + log_det_sum - log_det_information);
   return step;
@@ -101,8 +102,10 @@ VectorXd medians(const UnitStream& units, const VectorXd& low, const VectorXd& h
       total += 1.0;
       for (Eigen::Index i = 0; i < p; ++i) {
         const double at = (u.theta[i] - a[i]) / (b[i] - a[i]) * bins;
-        if (at < 0.0) below[i] += 1.0;
-        else if (at < bins) counts(i, static_cast<Eigen::Index>(at)) += 1.0;
+        if (at < 0.0)
+          below[i] += 1.0;
+        else if (at < bins)
+          counts(i, static_cast<Eigen::Index>(at)) += 1.0;
       }
     });
     for (Eigen::Index i = 0; i < p; ++i) {
@@ -120,9 +123,12 @@ VectorXd medians(const UnitStream& units, const VectorXd& low, const VectorXd& h
 }  // namespace
 
 void PopulationOptions::check() const {
-  if (max_iterations < 1) throw InputError(fmt::format("PopulationOptions: max_iterations = {} is below 1", max_iterations));
-  if (!(tolerance > 0.0)) throw InputError(fmt::format("PopulationOptions: tolerance = {} is not positive", tolerance));
-  if (!(outlier_rate >= 0.0 && outlier_rate < 1.0)) throw InputError(fmt::format("PopulationOptions: outlier_rate = {} is not in [0, 1)", outlier_rate));
+  if (max_iterations < 1)
+    throw InputError(fmt::format("PopulationOptions: max_iterations = {} is below 1", max_iterations));
+  if (!(tolerance > 0.0))
+    throw InputError(fmt::format("PopulationOptions: tolerance = {} is not positive", tolerance));
+  if (!(outlier_rate >= 0.0 && outlier_rate < 1.0))
+    throw InputError(fmt::format("PopulationOptions: outlier_rate = {} is not in [0, 1)", outlier_rate));
 }
 
 Population fit_population(const UnitStream& units, const PopulationOptions& options) {
@@ -132,9 +138,11 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   VectorXd low, high;
   units([&](const UnitSummary& u) {
     if (count == 0) low = high = u.theta;
-    if (u.theta.size() != low.size() || u.information.rows() != low.size() || u.information.cols() != low.size())
+    if (u.theta.size() != low.size() || u.information.rows() != low.size() ||
+        u.information.cols() != low.size())
       throw InputError("fit_population: units differ in their number of unknowns");
-    if (!u.theta.allFinite() || !u.information.allFinite()) throw InputError("fit_population: a unit is not finite");
+    if (!u.theta.allFinite() || !u.information.allFinite())
+      throw InputError("fit_population: a unit is not finite");
     low = low.cwiseMin(u.theta);
     high = high.cwiseMax(u.theta);
     ++count;
@@ -150,7 +158,8 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   const VectorXd slack = 1e-9 * (high - low).cwiseAbs() + VectorXd::Constant(p, 1e-12);
   Scale scale;
   scale.origin = medians(units, low - slack, high + slack, 0.5);
-  scale.unit = 0.5 * (medians(units, low - slack, high + slack, 0.8413) - medians(units, low - slack, high + slack, 0.1587));
+  scale.unit = 0.5 * (medians(units, low - slack, high + slack, 0.8413) -
+                      medians(units, low - slack, high + slack, 0.1587));
   scale.unit = scale.unit.cwiseMax(slack);
   VectorXd mu = VectorXd::Zero(p);
   MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p), V_mu = MatrixXd::Zero(p, p);
@@ -172,7 +181,8 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
     }
     result.units = pass.kept;
     result.left_out = pass.left_out;
-    result.log_likelihood = pass.log_likelihood - static_cast<double>(pass.kept) * scale.unit.array().log().sum();
+    result.log_likelihood =
+        pass.log_likelihood - static_cast<double>(pass.kept) * scale.unit.array().log().sum();
     const Eigen::LLT<MatrixXd> weight(0.5 * (pass.weight + pass.weight.transpose()));
     V_mu = weight.solve(MatrixXd::Identity(p, p));
     // Restricted: that of mu known, times the volume of what is not known of mu.
@@ -189,7 +199,8 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
     mu += shift;
     Sigma = pass.second / static_cast<double>(pass.kept) - shift * shift.transpose();
   }
-  if (result.outcome == Outcome::not_converged) result.reason = fmt::format("stopped after {} passes", options.max_iterations);
+  if (result.outcome == Outcome::not_converged)
+    result.reason = fmt::format("stopped after {} passes", options.max_iterations);
   result.mean = scale.origin + scale.unit.cwiseProduct(mu);
   result.covariance = scale.unit.asDiagonal() * Sigma * scale.unit.asDiagonal();
   result.mean_covariance = scale.unit.asDiagonal() * V_mu * scale.unit.asDiagonal();
@@ -205,7 +216,8 @@ MatrixXd Population::spread() const {
 
 UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
   const Eigen::Index p = population.mean.size();
-  if (unit.theta.size() != p) throw InputError(fmt::format("shrink: {} unknowns where the population has {}", unit.theta.size(), p));
+  if (unit.theta.size() != p)
+    throw InputError(fmt::format("shrink: {} unknowns where the population has {}", unit.theta.size(), p));
   const Scale scale{population.mean, population.covariance.diagonal().cwiseSqrt()};
   const VectorXd inverse = scale.unit.cwiseInverse();
   const MatrixXd Sigma = inverse.asDiagonal() * population.spread() * inverse.asDiagonal();
@@ -229,8 +241,9 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
 }
 
 std::optional<UnitSummary> summarise(const Calibration& calibration) {
-  if (calibration.outcome != Outcome::converged || !calibration.alpha_covariance || calibration.noise.parameters.size() != 1 ||
-      calibration.noise_estimates.size() != 1 || !calibration.noise_estimates[0].std_dev || !(calibration.noise.parameters[0] > 0.0))
+  if (calibration.outcome != Outcome::converged || !calibration.alpha_covariance ||
+      calibration.noise.parameters.size() != 1 || calibration.noise_estimates.size() != 1 ||
+      !calibration.noise_estimates[0].std_dev || !(calibration.noise.parameters[0] > 0.0))
     return std::nullopt;
   const Eigen::Index n = calibration.alpha.size();
   UnitSummary unit{VectorXd(n + 1), MatrixXd::Zero(n + 1, n + 1)};

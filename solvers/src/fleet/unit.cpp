@@ -51,41 +51,52 @@ MatrixXd matrix_of(const nlohmann::json& object, const char* field, Eigen::Index
 
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population) {
   const Eigen::Index p = population.mean.size(), n = p - 1;
-  if (!is_usable(population.outcome) || p < 2) throw InputError("calibrate_in_population: the population has no answer");
+  if (!is_usable(population.outcome) || p < 2)
+    throw InputError("calibrate_in_population: the population has no answer");
   MatrixXd prior = population.spread();
   if (population.mean_covariance.size() > 0) prior += population.mean_covariance;
   const VectorXd unit = prior.diagonal().cwiseSqrt();
   const MatrixXd correlation = unit.cwiseInverse().asDiagonal() * prior * unit.cwiseInverse().asDiagonal();
-  const MatrixXd precision = unit.cwiseInverse().asDiagonal() * correlation.llt().solve(MatrixXd::Identity(p, p)) * unit.cwiseInverse().asDiagonal();
+  const MatrixXd precision = unit.cwiseInverse().asDiagonal() *
+                             correlation.llt().solve(MatrixXd::Identity(p, p)) *
+                             unit.cwiseInverse().asDiagonal();
   Calibration result;
   result.method = Method::full;
   result.kind = RecordingKind::pairs;
   result.counts = problem.counts;
   result.range_min_m = population.range_min_m;
   result.range_max_m = population.range_max_m;
-  const pairs_ml::DenseNewton end = pairs_ml::minimise([&](const VectorXd& x) {
-    PairsDerivatives d = pairs_derivatives(problem, x.head(n), {population.law, VectorXd::Constant(1, std::exp(x[n]))});
-    const VectorXd e = x - population.mean, pull = precision * e;
-    d.nll += 0.5 * e.dot(pull);
-    d.gradient += pull;
-    d.hessian += precision;
-    d.information += precision;
-    return d;
-  }, population.mean);
+  const pairs_ml::DenseNewton end = pairs_ml::minimise(
+      [&](const VectorXd& x) {
+        PairsDerivatives d =
+            pairs_derivatives(problem, x.head(n), {population.law, VectorXd::Constant(1, std::exp(x[n]))});
+        const VectorXd e = x - population.mean, pull = precision * e;
+        d.nll += 0.5 * e.dot(pull);
+        d.gradient += pull;
+        d.hessian += precision;
+        d.information += precision;
+        return d;
+      },
+      population.mean);
   const VectorXd& x = end.x;
   result.outcome = end.outcome;
   result.iterations = end.iterations;
   result.alpha = x.head(n);
   result.noise = {population.law, VectorXd::Constant(1, std::exp(x[n]))};
   if (result.outcome != Outcome::converged) {
-    result.reason = end.outcome == Outcome::failed ? "the population's mean lies outside the model's domain at these distances"
-                                                   : "the Newton steps did not settle";
+    result.reason = end.outcome == Outcome::failed
+                        ? "the population's mean lies outside the model's domain at these distances"
+                        : "the Newton steps did not settle";
     return result;
   }
-  const MatrixXd covariance = unit.asDiagonal() * (unit.asDiagonal() * end.at.information * unit.asDiagonal()).llt().solve(MatrixXd::Identity(p, p)) * unit.asDiagonal();
+  const MatrixXd covariance =
+      unit.asDiagonal() *
+      (unit.asDiagonal() * end.at.information * unit.asDiagonal()).llt().solve(MatrixXd::Identity(p, p)) *
+      unit.asDiagonal();
   result.alpha_covariance = covariance.topLeftCorner(n, n);
   result.covariance_reason = "of the posterior, population included";
-  result.noise_estimates = {Estimate{result.noise.parameters[0], result.noise.parameters[0] * std::sqrt(covariance(n, n))}};
+  result.noise_estimates = {
+      Estimate{result.noise.parameters[0], result.noise.parameters[0] * std::sqrt(covariance(n, n))}};
   result.joint_nll = result.marginal_nll = pairs_nll(problem, result.alpha, result.noise);
   return result;
 }
@@ -94,7 +105,8 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   UnitMisfit misfit;
   const Pairs& pairs = recording.pairs;
   const std::size_t count = pairs.size();
-  if (recording.kind != RecordingKind::pairs || count < 100 || calibration.outcome != Outcome::converged) return misfit;
+  if (recording.kind != RecordingKind::pairs || count < 100 || calibration.outcome != Outcome::converged)
+    return misfit;
   double second = 0.0, fourth = 0.0, neighbours = 0.0, before = 0.0;
   for (std::size_t i = 0; i < count; ++i) {
     const double f = evaluate_polynomial(calibration.alpha, pairs.true_m[i]);
@@ -118,23 +130,25 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   misfit.shape_p = gain > 0.0 ? chi_squared_upper(gain, 2.0) : 1.0;
   for (int i = 0; i <= 20; ++i) {
     const double d = calibration.range_min_m + i / 20.0 * (calibration.range_max_m - calibration.range_min_m);
-    misfit.shape_m = std::max(misfit.shape_m, std::abs(evaluate_polynomial(fit.calibration.alpha, d) - evaluate_polynomial(calibration.alpha, d)));
+    misfit.shape_m = std::max(misfit.shape_m, std::abs(evaluate_polynomial(fit.calibration.alpha, d) -
+                                                       evaluate_polynomial(calibration.alpha, d)));
   }
   return misfit;
 }
 
 std::string population_to_json(const Population& population) {
-  nlohmann::ordered_json object{{"format", "rangecal-population/1"},
-                                {"outcome", to_string(population.outcome)},
-                                {"reason", population.reason},
-                                {"order", population.order},
-                                {"law", to_string(population.law)},
-                                {"range_m", {population.range_min_m, population.range_max_m}},
-                                {"units", population.units},
-                                {"left_out", population.left_out},
-                                {"log_likelihood", population.log_likelihood},
-                                {"iterations", population.iterations},
-                                {"mean", std::vector<double>(population.mean.begin(), population.mean.end())}};
+  nlohmann::ordered_json object{
+      {"format", "rangecal-population/1"},
+      {"outcome", to_string(population.outcome)},
+      {"reason", population.reason},
+      {"order", population.order},
+      {"law", to_string(population.law)},
+      {"range_m", {population.range_min_m, population.range_max_m}},
+      {"units", population.units},
+      {"left_out", population.left_out},
+      {"log_likelihood", population.log_likelihood},
+      {"iterations", population.iterations},
+      {"mean", std::vector<double>(population.mean.begin(), population.mean.end())}};
   object["covariance"] = rows_of(population.covariance);
   if (population.mean_covariance.size() > 0) object["mean_covariance"] = rows_of(population.mean_covariance);
   return object.dump(2) + "\n";
@@ -143,7 +157,8 @@ std::string population_to_json(const Population& population) {
 Population population_from_json(const std::string& text, const std::string& name) {
   try {
     const auto object = nlohmann::json::parse(text);
-    if (object.at("format") != "rangecal-population/1") throw InputError("field 'format' is not 'rangecal-population/1'");
+    if (object.at("format") != "rangecal-population/1")
+      throw InputError("field 'format' is not 'rangecal-population/1'");
     Population population;
     population.outcome = outcome_from_string(object.at("outcome").get<std::string>());
     population.reason = object.at("reason");

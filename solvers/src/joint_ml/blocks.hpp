@@ -20,8 +20,9 @@ struct Sight {
     t = Eigen::Vector2d(-n.y(), n.x());
     bearing = std::atan2(v.y(), v.x()) - pose.heading_rad;
   }
-  double axis_distance, d, bearing;  ///< |m - p| [m], surface distance [m], direction in the sensor frame [rad]
-  Eigen::Vector2d n, t;              ///< unit vector stop -> landmark, and across
+  double axis_distance, d,
+      bearing;           ///< |m - p| [m], surface distance [m], direction in the sensor frame [rad]
+  Eigen::Vector2d n, t;  ///< unit vector stop -> landmark, and across
 };
 
 /// The global that a column of a node's G stands for: alpha, sigmas, then the node's landmarks.

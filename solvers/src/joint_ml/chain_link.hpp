@@ -38,7 +38,8 @@ struct ChainLink {
     back = Eigen::Rotation2Dd(-from.heading_rad).toRotationMatrix();
     seen = back * step;
     residual = seen - Eigen::Rotation2Dd(-before.commanded.heading_rad) * commanded;
-    turn = wrap_angle(to.heading_rad - from.heading_rad - after.commanded.heading_rad + before.commanded.heading_rad);
+    turn = wrap_angle(to.heading_rad - from.heading_rad - after.commanded.heading_rad +
+                      before.commanded.heading_rad);
   }
 
   /// e = (r, t)
@@ -89,8 +90,8 @@ struct LinkCoordinates {
     node1 = layout.node_of_stop[stop];
     const JointLayout::Node &a = layout.nodes[node0], &b = layout.nodes[node1];
     const int h0 = a.heading[layout.slot_of_stop[stop - 1]], h1 = b.heading[layout.slot_of_stop[stop]];
-    coordinate = {a.free_position ? 0 : -1, a.free_position ? 1 : -1, h0, b.free_position ? 0 : -1,
-                  b.free_position ? 1 : -1, h1};
+    coordinate = {a.free_position ? 0 : -1, a.free_position ? 1 : -1, h0,
+                  b.free_position ? 0 : -1, b.free_position ? 1 : -1, h1};
   }
   int node_of(int i) const { return i < 3 ? node0 : node1; }
 

@@ -22,10 +22,12 @@ std::string name_of(const JointLayout& layout, int index) {
 }
 
 /// The direction in the user's parameters: its largest parts, in their own units.
-std::string name_direction(const Eigen::VectorXd& direction, const JointLayout& layout, const std::vector<int>& free) {
+std::string name_direction(const Eigen::VectorXd& direction, const JointLayout& layout,
+                           const std::vector<int>& free) {
   std::vector<int> order(direction.size());
   std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return std::abs(direction[a]) > std::abs(direction[b]); });
   const double largest = direction[order[0]];
   std::string text;
   for (std::size_t i = 0; i < order.size() && i < 4; ++i) {
@@ -58,8 +60,8 @@ bool invert(const Eigen::MatrixXd& matrix, Eigen::MatrixXd& inverse, Eigen::Vect
 
 }  // namespace
 
-void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layout, const std::vector<int>& free,
-                         JointFit& fit) {
+void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layout,
+                         const std::vector<int>& free, JointFit& fit) {
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   fit.covariance.reset();
   if (n == 0) {
@@ -91,7 +93,8 @@ void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layo
   }
   fit.covariance = Eigen::MatrixXd::Zero(layout.global_count, layout.global_count);
   for (Eigen::Index j = 0; j < n; ++j)
-    for (Eigen::Index i = 0; i < n; ++i) (*fit.covariance)(free[i], free[j]) = scale[i] * inverse(i, j) * scale[j];
+    for (Eigen::Index i = 0; i < n; ++i)
+      (*fit.covariance)(free[i], free[j]) = scale[i] * inverse(i, j) * scale[j];
 }
 
 }  // namespace rangecal

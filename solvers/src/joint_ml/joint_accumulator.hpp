@@ -42,7 +42,8 @@ struct JointSystem::Accumulator {
   std::vector<double> curve_gradient, curve_hessian;
   /// Per landmark: gradient x, y; Hessian xx, xy, yy; cross with the curve (x, y per parameter); with log sigma_theta.
   std::vector<double> landmark;
-  double nll = 0.0, bearing_gradient = 0.0, bearing_hessian = 0.0, sigma_s_gradient = 0.0, sigma_s_hessian = 0.0;
+  double nll = 0.0, bearing_gradient = 0.0, bearing_hessian = 0.0, sigma_s_gradient = 0.0,
+         sigma_s_hessian = 0.0;
 };
 
 /// What the elimination of one part of the nodes takes from the globals' blocks.
@@ -64,10 +65,11 @@ inline double bearing_error(double cosine, double sine, double vx, double vy) {
   const double across = sine * vx - cosine * vy, along = cosine * vx + sine * vy;
   if (!(std::abs(across) < 0.08 * along)) return std::atan2(across, along);
   const double t = across / along, t2 = t * t;  // the first term left out is t^17 / 17: 1e-19 t
-  return t * (1.0 +
-              t2 * (-1.0 / 3 +
-                    t2 * (1.0 / 5 +
-                          t2 * (-1.0 / 7 + t2 * (1.0 / 9 + t2 * (-1.0 / 11 + t2 * (1.0 / 13 - t2 * (1.0 / 15))))))));
+  return t *
+         (1.0 + t2 * (-1.0 / 3 +
+                      t2 * (1.0 / 5 +
+                            t2 * (-1.0 / 7 +
+                                  t2 * (1.0 / 9 + t2 * (-1.0 / 11 + t2 * (1.0 / 13 - t2 * (1.0 / 15))))))));
 }
 
 /// Nodes are cut into this many parts, whatever the number of threads, so that sums keep their bits.

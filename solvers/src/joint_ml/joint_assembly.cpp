@@ -115,8 +115,8 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
       const double d = D - c.radius_m[i];
       if (power_law) {
         const auto add_share = bent ? power_law_share<NA, true> : power_law_share<NA, false>;
-        if (!add_share(power, state.alpha.data(), na, tau, d, c, static_cast<std::size_t>(i), exact, product, share,
-                       sum.curve_gradient.data(), sum.curve_hessian.data()))
+        if (!add_share(power, state.alpha.data(), na, tau, d, c, static_cast<std::size_t>(i), exact, product,
+                       share, sum.curve_gradient.data(), sum.curve_hessian.data()))
           return infinity;
         if (!(product > 1e-100 && product < 1e100)) {
           log_sum += std::log(std::abs(product));
@@ -203,7 +203,8 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
     H[dim] += position[3];
     H[dim + 1] += position[4];
     for (int a = 0; a < m; ++a)
-      for (int e = 0; e < 2; ++e) G[dim * a + e] -= position_curve[2 * a + e];  // tau follows alpha in the columns too
+      for (int e = 0; e < 2; ++e)
+        G[dim * a + e] -= position_curve[2 * a + e];  // tau follows alpha in the columns too
     G[dim * bearing_column] -= position_bearing[0];
     G[dim * bearing_column + 1] -= position_bearing[1];
   }

@@ -57,7 +57,9 @@ double expected_information(const JointState& state, double d, const Cells& c, s
   }
   const double s = state.noise.spread(d, f);
   const int power = state.noise.power_of_f();
-  const double log_slope = state.noise.law == NoiseLaw::d_squared ? 2.0 / d : power > 0 ? power * slope / f : 0.0;
+  const double log_slope = state.noise.law == NoiseLaw::d_squared ? 2.0 / d
+                           : power > 0                            ? power * slope / f
+                                                                  : 0.0;
   if (!c.bend.empty()) slope += c.bend[i];
   return c.range_weight[i] * slope * slope / (s * s) + 2.0 * c.count[i] * log_slope * log_slope;
 }
@@ -133,7 +135,8 @@ Eigen::MatrixXd JointSystem::log_det_sigma_hessian(const JointState& state) cons
         }
     for (int m = 0; m < 3; ++m) {
       if (of_share[m] < 0) continue;
-      for (int row = 0; row < dim; ++row) result(of_share[m], of_share[m]) += 2.0 * scaled[m * square + row * dim + row];
+      for (int row = 0; row < dim; ++row)
+        result(of_share[m], of_share[m]) += 2.0 * scaled[m * square + row * dim + row];
       for (int o = 0; o < 3; ++o) {
         if (of_share[o] < 0) continue;
         double trace = 0.0;

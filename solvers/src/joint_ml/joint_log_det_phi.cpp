@@ -14,9 +14,16 @@ namespace {
 /// have the rows of U made as they are entered, over the globals that they touch; a chain has them over all of phi.
 class PhiCovariance {
  public:
-  PhiCovariance(const JointLayout& layout, const std::vector<double>& arena, const Eigen::MatrixXd& P, Eigen::MatrixXd chain_U)
-      : layout_(layout), arena_(arena), P_(P), chain_U_(std::move(chain_U)), na_(layout.alpha_count), alpha_alpha_(na_ * na_),
-        alpha_x_(na_), alpha_y_(na_) {
+  PhiCovariance(const JointLayout& layout, const std::vector<double>& arena, const Eigen::MatrixXd& P,
+                Eigen::MatrixXd chain_U)
+      : layout_(layout),
+        arena_(arena),
+        P_(P),
+        chain_U_(std::move(chain_U)),
+        na_(layout.alpha_count),
+        alpha_alpha_(na_ * na_),
+        alpha_x_(na_),
+        alpha_y_(na_) {
     for (int a = 0; a < na_; ++a)
       for (int b = 0; b < na_; ++b) alpha_alpha_[a * na_ + b] = P(a, b);
   }
@@ -57,7 +64,8 @@ class PhiCovariance {
     std::copy_n(py, na_, alpha_y_.data());
     c.alpha_x = alpha_x_.data();
     c.alpha_y = alpha_y_.data();
-    const double *q0 = Q_.data(), *q1 = q0 + columns_, *qh = q0 + static_cast<std::size_t>(std::max(heading, 0)) * columns_;
+    const double *q0 = Q_.data(), *q1 = q0 + columns_,
+                 *qh = q0 + static_cast<std::size_t>(std::max(heading, 0)) * columns_;
     if (moves_) {
       c.xx += 2.0 * q0[x] + UPU_[0];
       c.xy += q0[y] + q1[x] + UPU_[1];
@@ -84,7 +92,8 @@ class PhiCovariance {
   void set_columns(const JointLayout::Node& node) {
     const int before = columns_;
     columns_ = layout_.chained ? layout_.phi_count : na_ + 2 * static_cast<int>(node.landmarks.size());
-    if (!layout_.chained && (columns_ != before || !std::equal(seen_.begin(), seen_.end(), node.landmarks.begin()))) {
+    if (!layout_.chained &&
+        (columns_ != before || !std::equal(seen_.begin(), seen_.end(), node.landmarks.begin()))) {
       seen_.assign(node.landmarks.begin(), node.landmarks.end());
       gather([&](int i) {
         return i < na_ ? i : layout_.landmark_begin + 2 * seen_[(i - na_) / 2] + (i - na_) % 2;
@@ -95,7 +104,8 @@ class PhiCovariance {
     U_.resize(static_cast<std::size_t>(dim_) * columns_);
     if (layout_.chained) {
       for (int r = 0; r < dim_; ++r)
-        for (int i = 0; i < columns_; ++i) U_[r * columns_ + i] = chain_U_(static_cast<Eigen::Index>(node.coordinate) + r, i);
+        for (int i = 0; i < columns_; ++i)
+          U_[r * columns_ + i] = chain_U_(static_cast<Eigen::Index>(node.coordinate) + r, i);
       return;
     }
     const double *L = arena_.data() + node.block + dim_ * dim_, *G = L + dim_ * dim_;
@@ -126,7 +136,8 @@ class PhiCovariance {
 
 }  // namespace
 
-Eigen::VectorXd JointSystem::log_det_phi_gradient(const JointState& state, const Eigen::MatrixXd& phi_covariance) const {
+Eigen::VectorXd JointSystem::log_det_phi_gradient(const JointState& state,
+                                                  const Eigen::MatrixXd& phi_covariance) const {
   Eigen::MatrixXd U;
   if (layout_.chained) {
     U = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(layout_.coordinates), layout_.phi_count);

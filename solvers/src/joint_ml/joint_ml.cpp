@@ -18,10 +18,12 @@ constexpr double exact_below = 30.0, profile_from = 0.5, last_above = 1e-6;
 
 }  // namespace
 
-JointFit solve_joint_block(const JointProblem& problem, const JointState& start, const JointOptions& options) {
+JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
+                           const JointOptions& options) {
   JointFit fit;
   fit.state = start;
-  JointSystem system(problem, static_cast<int>(start.alpha.size()), static_cast<int>(start.noise.parameters.size()));
+  JointSystem system(problem, static_cast<int>(start.alpha.size()),
+                     static_cast<int>(start.noise.parameters.size()));
   const std::vector<int> free = free_globals(system.layout(), options.held);
   HessianKind kind = HessianKind::fisher;
   double nll = system.assemble(fit.state, kind);
@@ -80,12 +82,15 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
       if (decrement_sq < rounding) {  // nothing left to gain but rounding, if that is not the damping's doing
         reassemble(HessianKind::fisher);
         if (damping > 0.0) {
-          const auto undamped = system.eliminate() ? newton_step(system.schur(), system.reduced_gradient(), free) : std::nullopt;
+          const auto undamped = system.eliminate()
+                                    ? newton_step(system.schur(), system.reduced_gradient(), free)
+                                    : std::nullopt;
           if (!undamped) break;
           const double left = -(system.global_gradient().dot(*undamped) +
                                 system.stop_gradient().dot(system.back_substitute(*undamped, true)));
           fit.gradient_norm = std::sqrt(std::max(0.0, left));
-          if (!(left < std::max(rounding, last_above))) break;  // a kink, where a bearing is off by half a turn
+          if (!(left < std::max(rounding, last_above)))
+            break;  // a kink, where a bearing is off by half a turn
         }
         converged = true;
         break;
@@ -98,7 +103,8 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
   fit.joint_nll = nll;
   fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
   if (!converged)
-    fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations, fit.gradient_norm);
+    fit.reason = fmt::format("no optimum after {} iterations; gradient norm {:.1e}", fit.iterations,
+                             fit.gradient_norm);
   if (kind != HessianKind::fisher) reassemble(HessianKind::fisher);
   if (system.eliminate()) describe_covariance(system.schur(), system.layout(), free, fit);
   return fit;

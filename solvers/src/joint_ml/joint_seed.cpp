@@ -53,7 +53,8 @@ void seed_curve_and_noise(const JointProblem& problem, int order, JointState& st
     const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
     distance[i] = std::max(sight.d, nearest);
     turn[i] = wrap_angle(c.bearing_mean[i] - sight.bearing);
-    const double weight = std::sqrt(c.count[i]) / std::max(distance[i] * distance[i], near * near);  // R / d^4 (2016 eq. 21)
+    const double weight =
+        std::sqrt(c.count[i]) / std::max(distance[i] * distance[i], near * near);  // R / d^4 (2016 eq. 21)
     double power = weight;
     for (int a = 0; a <= order; ++a, power *= distance[i]) rows(i, a) = power;
     target[i] = weight * c.range_mean[i];
@@ -62,7 +63,8 @@ void seed_curve_and_noise(const JointProblem& problem, int order, JointState& st
 
   double range_sum = 0.0, turn_sum = 0.0;
   Noise unit = state.noise;
-  if (unit.law == NoiseLaw::polynomial) {  // beta = sigma (1, 0, (d / scale)^2) to begin with, positive everywhere
+  if (unit.law ==
+      NoiseLaw::polynomial) {  // beta = sigma (1, 0, (d / scale)^2) to begin with, positive everywhere
     unit.parameters = Eigen::VectorXd::Zero(std::max<Eigen::Index>(order + 1, state.noise.parameters.size()));
     unit.parameters[0] = 0.3;
     unit.parameters[unit.parameters.size() - 1] = 0.3 * std::pow(scale, 1 - unit.parameters.size());

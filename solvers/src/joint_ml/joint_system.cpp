@@ -2,7 +2,6 @@
 // Elimination of independent stops from the assembled blocks, and what follows from it.
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
-
 #include <algorithm>
 #include <cmath>
 
@@ -81,7 +80,8 @@ bool JointSystem::eliminate_node(const JointLayout::Node& node, double damping, 
   for (int i = 0; i < dim; i += 2) {
     const double* const w0 = W + i * stride;
     const double* const w1 = i + 1 < dim ? w0 + stride : sum.zeros.data();
-    for (int e = 0; e < columns; e += 2) add_outer_rows(w0, w1, e, static_cast<int>(stride), own + e * stride);
+    for (int e = 0; e < columns; e += 2)
+      add_outer_rows(w0, w1, e, static_cast<int>(stride), own + e * stride);
   }
   return true;
 }
@@ -90,9 +90,10 @@ bool JointSystem::eliminate_node(const JointLayout::Node& node, double damping, 
 void JointSystem::flush(Elimination& sum, std::span<const int> next) const {
   const int na = layout_.alpha_count, before = na + layout_.sigma_count();
   const auto global_of = [&](int column) {
-    return column < na       ? column
-           : column < before ? layout_.phi_count + column - na
-                             : layout_.landmark_begin + 2 * sum.landmarks[(column - before) / 2] + (column - before) % 2;
+    return column < na ? column
+           : column < before
+               ? layout_.phi_count + column - na
+               : layout_.landmark_begin + 2 * sum.landmarks[(column - before) / 2] + (column - before) % 2;
   };
   for (int e = 0; e < sum.columns; ++e) {
     const int from = global_of(e);

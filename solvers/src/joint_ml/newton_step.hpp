@@ -15,14 +15,17 @@ namespace rangecal {
 inline std::vector<int> free_globals(const JointLayout& layout, const Held& held) {
   std::vector<int> free;
   for (int i = 0; i < layout.global_count; ++i) {
-    const bool fixed = i < layout.landmark_begin ? held.alpha : i < layout.phi_count ? held.landmarks : held.sigmas;
+    const bool fixed = i < layout.landmark_begin ? held.alpha
+                       : i < layout.phi_count    ? held.landmarks
+                                                 : held.sigmas;
     if (!fixed) free.push_back(i);
   }
   return free;
 }
 
 /// -hessian^-1 gradient over the `free` indices, zero elsewhere. None if the hessian is not positive definite there.
-inline std::optional<Eigen::VectorXd> newton_step(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
+inline std::optional<Eigen::VectorXd> newton_step(const Eigen::MatrixXd& hessian,
+                                                  const Eigen::VectorXd& gradient,
                                                   const std::vector<int>& free) {
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   Eigen::VectorXd step = Eigen::VectorXd::Zero(gradient.size());
@@ -41,7 +44,8 @@ inline std::optional<Eigen::VectorXd> newton_step(const Eigen::MatrixXd& hessian
 }
 
 /// Shrinks a step so that no log-sigma moves by more than `limit`. Returns the factor.
-inline double limit_step(const JointLayout& layout, NoiseLaw law, Eigen::VectorXd& globals, double limit = 1.5) {
+inline double limit_step(const JointLayout& layout, NoiseLaw law, Eigen::VectorXd& globals,
+                         double limit = 1.5) {
   double largest = std::abs(globals[layout.sigma_theta]);
   if (law != NoiseLaw::polynomial) largest = std::max(largest, std::abs(globals[layout.tau_begin]));
   if (layout.sigma_s >= 0) largest = std::max(largest, std::abs(globals[layout.sigma_s]));
@@ -51,7 +55,7 @@ inline double limit_step(const JointLayout& layout, NoiseLaw law, Eigen::VectorX
 }
 
 /// Covariance of the free globals from a Hessian, or why there is none; names the weakest direction.
-void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layout, const std::vector<int>& free,
-                         JointFit& fit);
+void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layout,
+                         const std::vector<int>& free, JointFit& fit);
 
 }  // namespace rangecal

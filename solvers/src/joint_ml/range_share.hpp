@@ -21,8 +21,9 @@ struct RangeShare {
 /// curve. The logarithm of f of single readings goes into `product`. False outside of the domain. Bent: the cells have
 /// slopes of their own (Cells::bend).
 template <int NA, bool Bent>
-bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, double tau, double d, const Cells& c,
-                     std::size_t i, bool exact, double& product, RangeShare& share, double* gradient, double* hessian) {
+bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, double tau, double d,
+                     const Cells& c, std::size_t i, bool exact, double& product, RangeShare& share,
+                     double* gradient, double* hessian) {
   const int na = NA > 0 ? NA : alpha_count, m = na + 1;
   double power[max_curve], f = alpha[na - 1], slope = 0.0, bend = 0.0;
   for (int a = na - 1; a-- > 0;) {
@@ -68,8 +69,8 @@ bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, 
 }
 
 /// The same for any law by RangeTerm.
-inline bool general_share(RangeTerm<2>& term, const JointState& state, double d, const Cells& c, std::size_t i, bool exact,
-                   RangeShare& share, double* gradient, double* hessian) {
+inline bool general_share(RangeTerm<2>& term, const JointState& state, double d, const Cells& c,
+                          std::size_t i, bool exact, RangeShare& share, double* gradient, double* hessian) {
   if (!term.evaluate(d, c, i, state.alpha, state.noise)) return false;
   const int na = term.coefficients(), nt = term.noise_parameters(), m = na + nt;
   share.value = term.cost.value();

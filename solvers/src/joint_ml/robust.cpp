@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/joint_ml/robust.hpp"
 
-#include <boost/math/tools/minima.hpp>
-
 #include <algorithm>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <limits>
 
@@ -79,18 +78,20 @@ void renew_shape(const Channel& channel, NoiseShapeParameters& shape) {
     }
     const double n = static_cast<double>(channel.z.size());
     if (share > 0.0)
-      shape.outlier_scale = std::clamp(std::sqrt(square / share), NoiseShapeParameters::scale_min, NoiseShapeParameters::scale_max);
+      shape.outlier_scale = std::clamp(std::sqrt(square / share), NoiseShapeParameters::scale_min,
+                                       NoiseShapeParameters::scale_max);
     shape.outlier_share = std::clamp(share / n, 1e-6, 0.49);
   }
 }
 
 void require_rows(const JointProblem& rows) {
   for (double count : rows.cells.count)
-    if (count != 1.0) throw InputError("robust noise shapes need every reading as a cell of its own (Grouping::rows)");
+    if (count != 1.0)
+      throw InputError("robust noise shapes need every reading as a cell of its own (Grouping::rows)");
 }
 
-void set_weights(const Residuals& residuals, const NoiseShapeParameters& range, const NoiseShapeParameters& bearing,
-                 Cells& cells) {
+void set_weights(const Residuals& residuals, const NoiseShapeParameters& range,
+                 const NoiseShapeParameters& bearing, Cells& cells) {
   for (std::size_t i = 0; i < cells.size(); ++i) {
     cells.range_weight[i] = log_density(range, residuals.range.z[i]).weight;
     cells.bearing_weight[i] = log_density(bearing, residuals.bearing.z[i]).weight;
@@ -107,7 +108,8 @@ int free_count(const JointProblem& problem, const JointState& state, const Held&
 }
 
 template <typename Robust, typename Solve>
-Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape shape, int parameters, const Solve& solve) {
+Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape shape, int parameters,
+                 const Solve& solve) {
   Robust best;
   NoiseShapeParameters range, bearing;
   range.shape = bearing.shape = shape;
@@ -128,8 +130,8 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
     const bool usable = std::isfinite(fit.joint_nll) && fit.outcome != Outcome::failed;
     const Residuals residuals(rows, fit.state);
     const JointNllParts parts = joint_nll_parts(rows, fit.state);
-    const double nll = usable ? residuals.range.nll(range) + residuals.bearing.nll(bearing) + parts.stops + parts.taped +
-                                    laplace_part(fit)
+    const double nll = usable ? residuals.range.nll(range) + residuals.bearing.nll(bearing) + parts.stops +
+                                    parts.taped + laplace_part(fit)
                               : std::numeric_limits<double>::infinity();
     const bool gains = nll < last;
     if (gains || rounds == 0) {
@@ -138,7 +140,8 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
       best.shapes.bearing = bearing;
       best.shapes.nll = nll;
       if (best.fit.covariance)
-        *best.fit.covariance *= std::max(residuals.range.widening(range), residuals.bearing.widening(bearing));
+        *best.fit.covariance *=
+            std::max(residuals.range.widening(range), residuals.bearing.widening(bearing));
     }
     // EM creeps at its end: a thousandth of this is far below any standard deviation.
     if (!usable || shape == NoiseShape::gaussian || !(last - nll > 1e-7)) break;
@@ -158,7 +161,8 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
 }
 
 template <typename Robust, typename Solve>
-Robust robust(const JointProblem& rows, const JointState& start, NoiseShape shape, int parameters, const Solve& solve) {
+Robust robust(const JointProblem& rows, const JointState& start, NoiseShape shape, int parameters,
+              const Solve& solve) {
   require_rows(rows);
   // The Gaussian fit is the start of the others: all see the same basin.
   Robust best = one_shape<Robust>(rows, start, NoiseShape::gaussian, parameters, solve);
@@ -192,7 +196,8 @@ RobustJointFit solve_joint_robust(const JointProblem& rows, const JointState& st
 
 RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start, NoiseShape shape,
                                         const MarginalOptions& options) {
-  return robust<RobustMarginalFit>(rows, start, shape, free_count(rows, start, options.held, options.estimate_sigma_s),
+  return robust<RobustMarginalFit>(rows, start, shape,
+                                   free_count(rows, start, options.held, options.estimate_sigma_s),
                                    [&](const JointProblem& weighted, const JointState& at) {
                                      return solve_marginal(weighted, at, options);
                                    });

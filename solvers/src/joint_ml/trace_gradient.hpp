@@ -41,8 +41,11 @@ inline double link_trace(const JointProblem& problem, const JointState& state, i
 /// tau) the first and second derivative in d of dq/dparameter.
 struct ThirdOrder {
   ThirdOrder(const JointState& at, const Cells& cells)
-      : state(at), moved(at), na(static_cast<int>(at.alpha.size())),
-        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared), bent(!cells.bend.empty()),
+      : state(at),
+        moved(at),
+        na(static_cast<int>(at.alpha.size())),
+        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared),
+        bent(!cells.bend.empty()),
         law{at.noise.power_of_f(), 1.0 / (at.noise.parameters[0] * at.noise.parameters[0])} {}
 
   void evaluate(double d, const Cells& c, std::size_t i) {
@@ -143,20 +146,23 @@ struct ThirdOrder {
     }
     out.by_d = 2.0 * (g1_bend * m + 2.0 * g1_slope * m1 + g1 * m2) + g2_slope * w + g2 * w1;
     const double by_f = 2.0 * (g2_slope * m + g2 * m1) + g3 * w, by_slope = 2.0 * g2 * m;
-    for (int a = 0; a < na; ++a) out.by_curve[a] = by_f * power[a] + (a > 0 ? by_slope * a * power[a - 1] : 0.0);
+    for (int a = 0; a < na; ++a)
+      out.by_curve[a] = by_f * power[a] + (a > 0 ? by_slope * a * power[a - 1] : 0.0);
     out.by_curve[na] = 2.0 * (g1_tau_slope * m + g1_tau * m1) + g2_tau * w;
   }
 
   /// The same by central differences of E, for the laws whose derivatives are not written out: smooth, error of order
   /// 1e-10 in parts of it.
-  void differentiate_alpha_trace(double d, const Cells& c, std::size_t i, const double* n, const double* M, AlphaTrace& out) {
+  void differentiate_alpha_trace(double d, const Cells& c, std::size_t i, const double* n, const double* M,
+                                 AlphaTrace& out) {
     constexpr double part = 1e-5;
     const auto trace = [&](double at) {
       near.evaluate(at, c, i, moved.alpha, moved.noise);
       double sum = 0.0;
       for (int a = 0; a < na; ++a) {
         sum += 2.0 * near.by_alpha(a).first() * n[a];
-        for (int b = 0; b < na; ++b) sum += near.alpha_alpha * M[a * na + b] * near.power[a].value() * near.power[b].value();
+        for (int b = 0; b < na; ++b)
+          sum += near.alpha_alpha * M[a * na + b] * near.power[a].value() * near.power[b].value();
       }
       return sum;
     };
@@ -189,15 +195,17 @@ struct ThirdOrder {
   PowerLaw law;
   RangeTerm<3> general;
   RangeTerm<2> near;
-  double f1 = 0.0, f2 = 0.0, g1 = 0.0, g2 = 0.0, g3 = 0.0, g1_tau = 0.0, g2_tau = 0.0;  ///< of f in d, and of q in f
-  double g1_slope = 0.0, g1_bend = 0.0, g2_slope = 0.0, g1_tau_slope = 0.0;             ///< of these in d
+  double f1 = 0.0, f2 = 0.0, g1 = 0.0, g2 = 0.0, g3 = 0.0, g1_tau = 0.0,
+         g2_tau = 0.0;                                                       ///< of f in d, and of q in f
+  double g1_slope = 0.0, g1_bend = 0.0, g2_slope = 0.0, g1_tau_slope = 0.0;  ///< of these in d
   double q1 = 0.0, q2 = 0.0, q3 = 0.0;
   std::array<double, 2 * RangeTerm<3>::max_coefficients> first{}, second{};
 };
 
 /// What the taped distances between landmarks add.
 template <typename Covariance>
-void JointSystem::add_taped_trace(const JointState& state, const Covariance& covariance, Eigen::VectorXd& by_global) const {
+void JointSystem::add_taped_trace(const JointState& state, const Covariance& covariance,
+                                  Eigen::VectorXd& by_global) const {
   for (const KnownDistance& taped : problem_.known_distances) {
     const Eigen::Vector2d v = state.landmarks[taped.to] - state.landmarks[taped.from];
     const int a = layout_.landmark_begin + 2 * taped.from, b = layout_.landmark_begin + 2 * taped.to;
@@ -285,7 +293,8 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
           own[1] -= sy;
         }
         if (heading >= 0) own[heading] += 2.0 * w * inverse_sq * mixed;  // dr/dh = 1
-        by_global[layout_.sigma_theta] -= 2.0 * w * (inverse_sq * (tt + 2.0 * r * mixed) + of.hh + 2.0 * inverse * t_h);
+        by_global[layout_.sigma_theta] -=
+            2.0 * w * (inverse_sq * (tt + 2.0 * r * mixed) + of.hh + 2.0 * inverse * t_h);
       }
     }
   }

@@ -83,13 +83,13 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
   fit.evaluations = marginal.evaluations;
   fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
   for (int i : converged ? marginal.vanished() : std::vector<int>{})
-    fit.reason += fmt::format("{}{} is drawn to 0 and held: the errors of the stops explain all that it would",
-                              fit.reason.empty() ? "" : "; ", i == marginal.layout().sigma_theta ? "sigma_theta" : "sigma_e");
+    fit.reason += fmt::format(
+        "{}{} is drawn to 0 and held: the errors of the stops explain all that it would",
+        fit.reason.empty() ? "" : "; ", i == marginal.layout().sigma_theta ? "sigma_theta" : "sigma_e");
   if (!converged)
     fit.reason = fmt::format("no fixed point after {} iterations; gradient norm {:.1e}", fit.iterations,
                              fit.gradient_norm);
-  describe_covariance(marginal.hessian(fit.state), marginal.layout(),
-                      marginal.free_of(options.held), fit);
+  describe_covariance(marginal.hessian(fit.state), marginal.layout(), marginal.free_of(options.held), fit);
   return fit;
 }
 

@@ -75,7 +75,8 @@ class Marginal {
     std::vector<int> free = free_globals(layout(), held);
     if (options_.held_sigma)
       std::erase_if(free, [&](int i) {
-        return i >= layout().phi_count && (*options_.held_sigma == Sigma::theta ? i == layout().sigma_theta : i < layout().sigma_theta);
+        return i >= layout().phi_count &&
+               (*options_.held_sigma == Sigma::theta ? i == layout().sigma_theta : i < layout().sigma_theta);
       });
     return free;
   }
@@ -89,7 +90,8 @@ class Marginal {
   /// After value(state): Newton's method over the globals not held, the stops moving along. With `renewal` the slopes are
   /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
   /// below the tolerance and the slopes had settled.
-  bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal) {
+  bool minimise(JointState& state, const Held& held, double tolerance,
+                const std::optional<Renewal>& renewal) {
     std::vector<int> free = free_of(held);
     vanished_.clear();
     bool settled = !renewal || held.sigmas;
@@ -101,7 +103,8 @@ class Marginal {
       Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
       if (!settled) {
         if (++renewals > options_.max_outer) return false;
-        const bool near = gradient_norm < near_norm && iteration > 0, polish = near && (!polished_ || change > renewal->polish_above);
+        const bool near = gradient_norm < near_norm && iteration > 0,
+                   polish = near && (!polished_ || change > renewal->polish_above);
         const Eigen::VectorXd before = slopes_;
         const bool renewed = renew_slopes(state, held, gradient, polish);
         if (!renewed && near) return false;  // further off they stay as they were
@@ -128,7 +131,8 @@ class Marginal {
         return true;
       // A step back of nearly the same length: the curvature, which lacks what moves with the slopes and with the
       // log-determinant, is too small that way, by as much as the step went too far.
-      const double before = last_step.size() > 0 ? last_norm : 0.0, ratio = before > 0.0 ? gradient_norm / before : 0.0;
+      const double before = last_step.size() > 0 ? last_norm : 0.0,
+                   ratio = before > 0.0 ? gradient_norm / before : 0.0;
       if (ratio > 0.3 && -gradient.dot(last_step) < -0.5 * gradient_norm * before) *step /= 1.0 + ratio;
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
@@ -170,7 +174,8 @@ class Marginal {
   // A sigma that goes to 0 leaves slope and curvature in its logarithm that go to 0 alike: here a standard deviation of 10
   // of the logarithm and a thousandth of a nat to gain. It is held where it is.
   static constexpr double vanishing_gradient = 1e-3, vanishing_curvature = 1e-2;
-  static constexpr double near_norm = 0.1;  ///< Newton's decrement from which on phi-hat turns as it will at the optimum
+  static constexpr double near_norm =
+      0.1;  ///< Newton's decrement from which on phi-hat turns as it will at the optimum
 
   /// c = d(1/2 log det A)/dsigma along phi-hat(sigma), after value(state); `gradient`: that of l_s. A without the
   /// log-determinant's own part predicts the turn d phi-hat / dsigma only roughly: `polish` measures what it leaves of the
@@ -193,7 +198,8 @@ class Marginal {
         Eigen::VectorXd globals = Eigen::VectorXd::Zero(layout().global_count);
         globals.head(phis) = step_of(state, j) * turn.col(j);
         globals[phis + j] = step_of(state, j);
-        moved.push_back(step_state(problem_, layout(), state, globals, system_.back_substitute(globals, false)));
+        moved.push_back(
+            step_state(problem_, layout(), state, globals, system_.back_substitute(globals, false)));
       }
       for (Eigen::Index j = 0; j < ns; ++j) {
         if (!std::isfinite(value(moved[j]))) return false;

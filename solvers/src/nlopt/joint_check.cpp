@@ -12,17 +12,20 @@
 
 namespace rangecal {
 
-JointCheck check_joint(const JointProblem& problem, const JointState& seed, double reference_nll, NloptOptions options) {
+JointCheck check_joint(const JointProblem& problem, const JointState& seed, double reference_nll,
+                       NloptOptions options) {
   JointCheck check;
   check.state = seed;
-  JointSystem system(problem, static_cast<int>(seed.alpha.size()), static_cast<int>(seed.noise.parameters.size()));
+  JointSystem system(problem, static_cast<int>(seed.alpha.size()),
+                     static_cast<int>(seed.noise.parameters.size()));
   const JointLayout& layout = system.layout();
   const Eigen::Index globals = layout.global_count, stops = static_cast<Eigen::Index>(layout.coordinates);
   const Eigen::Index unknowns = globals + stops;
   check.reason = unbounded_channel(problem, {});
   if (!check.reason.empty()) return check;
   if (unknowns > max_check_unknowns) {
-    check.reason = fmt::format("{} unknowns are more than the {} that NLopt is tried on", unknowns, max_check_unknowns);
+    check.reason =
+        fmt::format("{} unknowns are more than the {} that NLopt is tried on", unknowns, max_check_unknowns);
     return check;
   }
   const auto state_at = [&](const Eigen::VectorXd& x) {

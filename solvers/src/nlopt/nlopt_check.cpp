@@ -1,25 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/nlopt/nlopt_check.hpp"
 
-#include <cmath>
-#include <stdexcept>
+#include <fmt/format.h>
 
 #include <Eigen/Cholesky>
-#include <fmt/format.h>
+#include <cmath>
 #include <nlopt.hpp>
+#include <stdexcept>
 
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
 namespace {
 
-constexpr double wall = 1e30;   // stands for an infinite objective, which NLopt's line searches cannot take
+constexpr double wall = 1e30;  // stands for an infinite objective, which NLopt's line searches cannot take
 
 struct Local {
   const NloptProblem* problem = nullptr;
   Eigen::VectorXd origin;
   Eigen::MatrixXd whitening;
-  double offset = 0.0;   // objective at the start: NLopt's tolerances then see differences, not a large constant
+  double offset =
+      0.0;  // objective at the start: NLopt's tolerances then see differences, not a large constant
   Eigen::VectorXd best_u;
   double best = 0.0;
   int evaluations = 0;
@@ -70,7 +71,7 @@ double run_local(const NloptProblem& problem, const Algorithm& algorithm, int bu
   optimiser.set_min_objective(local_objective, &local);
   optimiser.set_maxeval(budget);
   optimiser.set_ftol_abs(1e-13);
-  optimiser.set_xtol_abs(1e-10);   // in standard deviations
+  optimiser.set_xtol_abs(1e-10);  // in standard deviations
   std::vector<double> u(static_cast<std::size_t>(x.size()), 0.0);
   double reached = 0.0;
   try {
@@ -130,15 +131,17 @@ void check(const NloptProblem& problem) {
   const Eigen::Index size = problem.seed.size();
   if (!problem.objective || size == 0) throw InputError("nlopt_check: objective and seed must be given");
   if (problem.whitening.rows() != size || problem.whitening.cols() != size) {
-    throw InputError(fmt::format("nlopt_check: whitening is {} x {}, the seed has {}", problem.whitening.rows(),
-                                 problem.whitening.cols(), size));
+    throw InputError(fmt::format("nlopt_check: whitening is {} x {}, the seed has {}",
+                                 problem.whitening.rows(), problem.whitening.cols(), size));
   }
-  if (problem.lower.size() != problem.upper.size() || (problem.lower.size() != 0 && problem.lower.size() != size)) {
-    throw InputError(fmt::format("nlopt_check: {} lower and {} upper bounds for {} unknowns", problem.lower.size(),
-                                 problem.upper.size(), size));
+  if (problem.lower.size() != problem.upper.size() ||
+      (problem.lower.size() != 0 && problem.lower.size() != size)) {
+    throw InputError(fmt::format("nlopt_check: {} lower and {} upper bounds for {} unknowns",
+                                 problem.lower.size(), problem.upper.size(), size));
   }
   for (const int index : problem.global_indices) {
-    if (index < 0 || index >= size) throw InputError(fmt::format("nlopt_check: global index {} of {}", index, size));
+    if (index < 0 || index >= size)
+      throw InputError(fmt::format("nlopt_check: global index {} of {}", index, size));
   }
   if (!std::isfinite(problem.objective(problem.seed, nullptr))) {
     throw InputError("nlopt_check: the objective is not finite at the seed");
@@ -194,20 +197,24 @@ NloptCheck nlopt_check(const NloptProblem& problem, const NloptOptions& options)
     result.report = fmt::format("NLopt reached {:.9g} nats by {}", result.nll, result.algorithm);
     return result;
   }
-  const double gain = options.reference_nll - result.nll;   // > 0: NLopt went lower
+  const double gain = options.reference_nll - result.nll;  // > 0: NLopt went lower
   result.better_basin = gain > options.agreement;
   result.agrees = std::abs(gain) <= options.agreement;
   result.report = fmt::format("NLopt ({}) {} by {:.2g} nats{}", result.algorithm,
-                              result.agrees ? "agrees" : gain > 0.0 ? "is lower" : "is higher", std::abs(gain),
-                              result.better_basin ? ": a better basin was found" : "");
+                              result.agrees ? "agrees"
+                              : gain > 0.0  ? "is lower"
+                                            : "is higher",
+                              std::abs(gain), result.better_basin ? ": a better basin was found" : "");
   return result;
 }
 
 Eigen::MatrixXd whitening_from_information(const Eigen::MatrixXd& information) {
   const Eigen::VectorXd scale = information.diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
-  Eigen::MatrixXd correlation = scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
+  Eigen::MatrixXd correlation =
+      scale.cwiseInverse().asDiagonal() * information * scale.cwiseInverse().asDiagonal();
   double jitter = 0.0;
-  for (int attempt = 0; attempt <= 12; ++attempt, jitter = jitter == 0.0 ? 1e-12 : jitter * 10.0) {  // up to a tenth
+  for (int attempt = 0; attempt <= 12;
+       ++attempt, jitter = jitter == 0.0 ? 1e-12 : jitter * 10.0) {  // up to a tenth
     correlation.diagonal().array() += jitter;
     const Eigen::LLT<Eigen::MatrixXd> factor(correlation);
     if (factor.info() != Eigen::Success) continue;

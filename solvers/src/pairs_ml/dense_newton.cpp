@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "dense_newton.hpp"
 
-#include <cmath>
-
 #include <Eigen/Cholesky>
+#include <cmath>
 
 namespace rangecal::pairs_ml {
 
-DenseNewton minimise(const std::function<PairsDerivatives(const Eigen::VectorXd&)>& evaluate, Eigen::VectorXd x) {
+DenseNewton minimise(const std::function<PairsDerivatives(const Eigen::VectorXd&)>& evaluate,
+                     Eigen::VectorXd x) {
   DenseNewton result{std::move(x), {}};
   result.at = evaluate(result.x);
   if (!std::isfinite(result.at.nll)) result.outcome = Outcome::failed;
@@ -15,7 +15,8 @@ DenseNewton minimise(const std::function<PairsDerivatives(const Eigen::VectorXd&
     const PairsDerivatives& now = result.at;
     const Eigen::VectorXd scale = now.information.diagonal().cwiseSqrt().cwiseInverse();
     Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * now.hessian * scale.asDiagonal());
-    if (factor.info() != Eigen::Success) factor.compute(scale.asDiagonal() * now.information * scale.asDiagonal());
+    if (factor.info() != Eigen::Success)
+      factor.compute(scale.asDiagonal() * now.information * scale.asDiagonal());
     if (factor.info() != Eigen::Success) break;
     const Eigen::VectorXd step = -scale.cwiseProduct(factor.solve(scale.cwiseProduct(now.gradient)));
     const double decrement_sq = -step.dot(now.gradient), slack = 1e-12 * (1.0 + std::abs(now.nll));

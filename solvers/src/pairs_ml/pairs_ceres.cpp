@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/pairs_ml/pairs_ceres.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <vector>
-
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <ceres/cost_function.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 #include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
 
 #include "pairs_newton.hpp"
 #include "quiet_ceres.hpp"
@@ -25,17 +25,21 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 /// All cells as one block in u: (alpha, noise) = origin + M u, noise as log sigma or beta.
 class CellsCost : public ceres::CostFunction {
  public:
-  CellsCost(const PairsProblem& problem, NoiseLaw law, Eigen::VectorXd origin, Eigen::MatrixXd M, Eigen::Index n)
+  CellsCost(const PairsProblem& problem, NoiseLaw law, Eigen::VectorXd origin, Eigen::MatrixXd M,
+            Eigen::Index n)
       : origin_(std::move(origin)), M_(std::move(M)), n_(n) {
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      cells_.push_back({problem.true_m[i], problem.mean_m[i], problem.mean_square[i], problem.count[i], law, 0.0});
+      cells_.push_back(
+          {problem.true_m[i], problem.mean_m[i], problem.mean_square[i], problem.count[i], law, 0.0});
     }
     repeats_ = !problem.single;
     set_num_residuals(static_cast<int>(cells_.size()) * rows());
     mutable_parameter_block_sizes()->push_back(static_cast<int>(origin_.size()));
   }
 
-  Eigen::VectorXd at(const double* u) const { return origin_ + M_ * Eigen::Map<const Eigen::VectorXd>(u, M_.cols()); }
+  Eigen::VectorXd at(const double* u) const {
+    return origin_ + M_ * Eigen::Map<const Eigen::VectorXd>(u, M_.cols());
+  }
 
   /// Sets the floors below the spreads at u; false outside of the domain.
   bool anchor(const double* u) {
@@ -104,7 +108,7 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
   }
   const Eigen::Index n = order + 1, size = seed.size();
   Eigen::MatrixXd to_user = scaled.jacobian(seed);
-  if (law != NoiseLaw::polynomial) to_user(n, n) = 1.0;   // log sigma stays log sigma
+  if (law != NoiseLaw::polynomial) to_user(n, n) = 1.0;  // log sigma stays log sigma
   Eigen::VectorXd origin(size);
   const Noise seed_noise = scaled.noise(seed);
   origin.head(n) = scaled.alpha(seed);
@@ -112,7 +116,7 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
   if (law != NoiseLaw::polynomial) origin[n] = seed[n];
   const Eigen::MatrixXd W = Eigen::MatrixXd(information.matrixU()).inverse();
 
-  auto* cost = new CellsCost(problem, law, origin, to_user * W, n);   // owned by the program
+  auto* cost = new CellsCost(problem, law, origin, to_user * W, n);  // owned by the program
   Eigen::VectorXd u = Eigen::VectorXd::Zero(size);
   ceres::Problem program;
   program.AddResidualBlock(cost, nullptr, u.data());
@@ -153,7 +157,8 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
     result.nll = at.nll;
     // Ceres takes no step whose gain drowns in the rounding of the cost, 1e-16 N: a norm that no longer falls is there.
     const double floor = std::fmax(1e-6, std::sqrt(1e-14 * problem.readings()));
-    if (result.gradient_norm < 1e-8 || (result.gradient_norm < floor && result.gradient_norm > 0.5 * last_norm)) {
+    if (result.gradient_norm < 1e-8 ||
+        (result.gradient_norm < floor && result.gradient_norm > 0.5 * last_norm)) {
       result.outcome = Outcome::converged;
       break;
     }

@@ -68,10 +68,13 @@ struct Lanes {
 ///   E l_ff = R (P + 2 p^2 i^2) = R i^2 (g + 2 p^2),   E l_f,ls = 2 R p i
 /// `plain`: a full vector of cells of count and weight 1 and no mean square.
 template <KernelLaw law, int n, bool information, bool plain>
-RANGECAL_INLINE void add_cells(const KernelInput& in, const double* d_at, const double* mean_at, const double* mean_square_at,
-                               const double* count_at, const double* weight_at, Lanes<law, n, information>& lane) {
-  constexpr double p = law == KernelLaw::power1 ? 1.0 : law == KernelLaw::power2 ? 2.0
-                     : law == KernelLaw::power3 ? 3.0 : 0.0;
+RANGECAL_INLINE void add_cells(const KernelInput& in, const double* d_at, const double* mean_at,
+                               const double* mean_square_at, const double* count_at, const double* weight_at,
+                               Lanes<law, n, information>& lane) {
+  constexpr double p = law == KernelLaw::power1   ? 1.0
+                       : law == KernelLaw::power2 ? 2.0
+                       : law == KernelLaw::power3 ? 3.0
+                                                  : 0.0;
   const Vector d = *reinterpret_cast<const Loaded*>(d_at), mean = *reinterpret_cast<const Loaded*>(mean_at);
   Vector mean_square = {}, count = {}, weight = {};
   if constexpr (!plain) {
@@ -142,8 +145,10 @@ RANGECAL_INLINE void add_cells(const KernelInput& in, const double* d_at, const 
 
 template <KernelLaw law, int n, bool single, bool information>
 void kernel(const KernelInput& in, KernelSums& sums) {
-  constexpr double p = law == KernelLaw::power1 ? 1.0 : law == KernelLaw::power2 ? 2.0
-                     : law == KernelLaw::power3 ? 3.0 : 0.0;
+  constexpr double p = law == KernelLaw::power1   ? 1.0
+                       : law == KernelLaw::power2 ? 2.0
+                       : law == KernelLaw::power3 ? 3.0
+                                                  : 0.0;
   Lanes<law, n, information> lane[groups];
   std::size_t i = in.begin;
   // 32 factors near 1 stay within the exponents of a product; a block stays in the first-level cache for all groups.
@@ -156,8 +161,8 @@ void kernel(const KernelInput& in, KernelSums& sums) {
         if constexpr (single)
           add_cells<law, n, information, true>(in, in.d + at, in.mean + at, nullptr, nullptr, nullptr, sum);
         else
-          add_cells<law, n, information, false>(in, in.d + at, in.mean + at, in.mean_square + at, in.count + at,
-                                                in.weight + at, sum);
+          add_cells<law, n, information, false>(in, in.d + at, in.mean + at, in.mean_square + at,
+                                                in.count + at, in.weight + at, sum);
       }
       if constexpr (single && p > 0.0) sum.product.split();
       lane[group] = sum;
@@ -177,8 +182,8 @@ void kernel(const KernelInput& in, KernelSums& sums) {
     }
     for (int group = 0; group < groups; ++group) {
       const int at = group * width;
-      add_cells<law, n, information, false>(in, rest[0] + at, rest[1] + at, rest[2] + at, rest[3] + at, rest[4] + at,
-                                            lane[group]);
+      add_cells<law, n, information, false>(in, rest[0] + at, rest[1] + at, rest[2] + at, rest[3] + at,
+                                            rest[4] + at, lane[group]);
     }
   }
   if constexpr (single)
@@ -196,7 +201,8 @@ void kernel(const KernelInput& in, KernelSums& sums) {
   }
   for (int k = 0; k <= 2 * n; ++k) {
     reduce([&](int group) { return lane[group].hessian[k]; }, sums.hessian[k]);
-    if constexpr (information) reduce([&](int group) { return lane[group].expected[k]; }, sums.information[k]);
+    if constexpr (information)
+      reduce([&](int group) { return lane[group].expected[k]; }, sums.information[k]);
   }
   reduce([&](int group) { return lane[group].square; }, sums.square);
   reduce([&](int group) { return lane[group].log_f; }, sums.log_f);
@@ -218,11 +224,16 @@ KernelFunction pick(bool single, bool information) {
 template <KernelLaw law>
 KernelFunction pick(int order, bool single, bool information) {
   switch (order) {
-    case 0: return pick<law, 0>(single, information);
-    case 1: return pick<law, 1>(single, information);
-    case 2: return pick<law, 2>(single, information);
-    case 3: return pick<law, 3>(single, information);
-    default: return pick<law, 4>(single, information);
+    case 0:
+      return pick<law, 0>(single, information);
+    case 1:
+      return pick<law, 1>(single, information);
+    case 2:
+      return pick<law, 2>(single, information);
+    case 3:
+      return pick<law, 3>(single, information);
+    default:
+      return pick<law, 4>(single, information);
   }
 }
 
@@ -230,11 +241,16 @@ KernelFunction pick(int order, bool single, bool information) {
 
 KernelFunction select(KernelLaw law, int order, bool single, bool information) {
   switch (law) {
-    case KernelLaw::power0: return pick<KernelLaw::power0>(order, single, information);
-    case KernelLaw::power1: return pick<KernelLaw::power1>(order, single, information);
-    case KernelLaw::power2: return pick<KernelLaw::power2>(order, single, information);
-    case KernelLaw::power3: return pick<KernelLaw::power3>(order, single, information);
-    default: return pick<KernelLaw::d_squared>(order, single, information);
+    case KernelLaw::power0:
+      return pick<KernelLaw::power0>(order, single, information);
+    case KernelLaw::power1:
+      return pick<KernelLaw::power1>(order, single, information);
+    case KernelLaw::power2:
+      return pick<KernelLaw::power2>(order, single, information);
+    case KernelLaw::power3:
+      return pick<KernelLaw::power3>(order, single, information);
+    default:
+      return pick<KernelLaw::d_squared>(order, single, information);
   }
 }
 

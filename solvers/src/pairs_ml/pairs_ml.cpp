@@ -44,9 +44,11 @@ double lowest(const std::vector<double>& values) {
 
 /// True, with the outcome and its reason set, where the model's domain excludes the readings.
 bool outside_domain(const PairsProblem& problem, const PairsOptions& options, Calibration& calibration) {
-  const bool power = options.law == NoiseLaw::f || options.law == NoiseLaw::f_squared || options.law == NoiseLaw::f_cubed;
+  const bool power =
+      options.law == NoiseLaw::f || options.law == NoiseLaw::f_squared || options.law == NoiseLaw::f_cubed;
   if (options.law == NoiseLaw::d_squared && !(problem.true_m.front() > 0.0)) {
-    calibration.reason = fmt::format("noise law d2 needs distances above 0, got {} m", problem.true_m.front());
+    calibration.reason =
+        fmt::format("noise law d2 needs distances above 0, got {} m", problem.true_m.front());
   } else if (power && lowest(problem.mean_m) <= 0.0) {
     calibration.reason = fmt::format("noise law {} needs readings above 0", to_string(options.law));
   } else {
@@ -57,8 +59,9 @@ bool outside_domain(const PairsProblem& problem, const PairsOptions& options, Ca
 }
 
 std::string caution(const Calibration& calibration, const char* kind) {
-  return fmt::format("from the {} information at the estimate{}", kind,
-                     calibration.method == Method::full ? "; the noise is not corrected for the coefficients fitted" : "");
+  return fmt::format(
+      "from the {} information at the estimate{}", kind,
+      calibration.method == Method::full ? "; the noise is not corrected for the coefficients fitted" : "");
 }
 
 void set_nll(PairsFit& fit, double nll, int parameters) {
@@ -67,11 +70,12 @@ void set_nll(PairsFit& fit, double nll, int parameters) {
   fit.calibration.aic = 2.0 * (nll + parameters);
 }
 
-void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, const NewtonResult& gaussian, int order,
-                     const PairsOptions& options, Method method, const pairs_ml::NestedFit* nested, PairsFit& fit) {
+void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, const NewtonResult& gaussian,
+                     int order, const PairsOptions& options, Method method, const pairs_ml::NestedFit* nested,
+                     PairsFit& fit) {
   Calibration& calibration = fit.calibration;
-  pairs_ml::ShapeResult shaped =
-      pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law, options.noise_order, options.shape, nested);
+  pairs_ml::ShapeResult shaped = pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law,
+                                                     options.noise_order, options.shape, nested);
   fit.shape = shaped.shape;
   calibration.iterations = shaped.iterations;
   calibration.outcome = shaped.outcome;
@@ -98,8 +102,10 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
   set_nll(fit, nll, scaled.unknowns() + shape_parameter_count(options.shape));
   calibration.covariance_reason =
       shaped.covariance.size() > 0
-          ? caution(calibration, "observed") + (shaped.at_limit ? "; a shape parameter is held at its limit" : "")
-          : fmt::format("the {} likelihood has no regular second derivatives at the estimate", to_string(options.shape));
+          ? caution(calibration, "observed") +
+                (shaped.at_limit ? "; a shape parameter is held at its limit" : "")
+          : fmt::format("the {} likelihood has no regular second derivatives at the estimate",
+                        to_string(options.shape));
   pairs_ml::Matrix covariance;
   if (shaped.covariance.size() > 0) {
     const pairs_ml::Matrix J = scaled.jacobian(x);
@@ -142,9 +148,10 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
     if (fit.calibration.outcome == Outcome::converged) fit.calibration.outcome = Outcome::unobservable;
     const std::string where = distinct == 1 ? fmt::format("the one distance {:.6g} m", problem.true_m.front())
                                             : fmt::format("{} distinct distances", distinct);
-    fit.calibration.reason = fmt::format("{} cannot determine order {}: {} can be added to f unseen; order {} is given{}{}",
-                                         where, order, pairs_ml::name_direction(unseen), determined,
-                                         fit.calibration.reason.empty() ? "" : "; ", fit.calibration.reason);
+    fit.calibration.reason =
+        fmt::format("{} cannot determine order {}: {} can be added to f unseen; order {} is given{}{}", where,
+                    order, pairs_ml::name_direction(unseen), determined,
+                    fit.calibration.reason.empty() ? "" : "; ", fit.calibration.reason);
     fit.calibration.weakest_direction = pairs_ml::name_direction(unseen);
     fit.calibration.alpha_covariance.reset();
     for (Estimate& estimate : fit.calibration.noise_estimates) estimate.std_dev.reset();
@@ -156,7 +163,8 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   pairs_ml::Vector seed;
   NewtonResult best;
   if (scaled.quick_seed(seed)) {
-    best = pairs_ml::minimise(scaled, seed, scaled.unknowns(), options.max_iterations, options.gradient_tolerance);
+    best = pairs_ml::minimise(scaled, seed, scaled.unknowns(), options.max_iterations,
+                              options.gradient_tolerance);
   }
   if (best.outcome != Outcome::converged) seed = scaled.seed();
   if (best.outcome != Outcome::converged && scaled.perfect(seed)) {
@@ -167,7 +175,8 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
     return fit;
   }
   if (best.outcome != Outcome::converged) {
-    best = pairs_ml::minimise(scaled, seed, scaled.unknowns(), options.max_iterations, options.gradient_tolerance);
+    best = pairs_ml::minimise(scaled, seed, scaled.unknowns(), options.max_iterations,
+                              options.gradient_tolerance);
   }
   fit.gradient_norm = best.gradient_norm;
   if (best.outcome == Outcome::converged && options.shape != NoiseShape::gaussian) {
@@ -186,8 +195,8 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   }
   const bool perfect = scaled.perfect(best.x);
   if (!perfect && best.outcome != Outcome::converged) {
-    calibration.reason = fmt::format("stopped after {} iterations at a scaled gradient norm of {:.3g}", best.iterations,
-                                     best.gradient_norm);
+    calibration.reason = fmt::format("stopped after {} iterations at a scaled gradient norm of {:.3g}",
+                                     best.iterations, best.gradient_norm);
   }
   calibration.alpha = scaled.alpha(best.x);
   calibration.noise = scaled.noise(best.x);
@@ -216,10 +225,12 @@ PairsFit fit_shape_orders(const PairsProblem& problem, const PairsOptions& optio
   pairs_ml::NestedFit nested, best_start;
   for (int order = chained ? std::min(low, 1) : low; order <= high; ++order) {
     PairsFit fit = fit_order(problem, order, options, Method::full, chained ? &nested : nullptr);
-    if (is_usable(fit.calibration.outcome)) nested = {fit.calibration.alpha, fit.calibration.noise, fit.shape};
+    if (is_usable(fit.calibration.outcome))
+      nested = {fit.calibration.alpha, fit.calibration.noise, fit.shape};
     if (order < low) continue;
     const int parameters = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
-    scores.push_back(pairs_ml::score_order(order, fit.nll, parameters, problem.readings(), fit.calibration.outcome));
+    scores.push_back(
+        pairs_ml::score_order(order, fit.nll, parameters, problem.readings(), fit.calibration.outcome));
     // What no noise would leave to chance: no other model can be better, and no higher order is needed.
     const bool exact = fit.calibration.outcome == Outcome::unbounded &&
                        problem.size() >= static_cast<std::size_t>(order) + 3;
@@ -277,7 +288,8 @@ PairsFit fit_pairs(const PairsProblem& problem, const PairsOptions& options, Met
 void PairsOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("PairsOptions: " + what); };
   const auto between = [&](const char* field, int value, int low, int high) {
-    if (value < low || value > high) refuse(fmt::format("{} = {} is outside of {} .. {}", field, value, low, high));
+    if (value < low || value > high)
+      refuse(fmt::format("{} = {} is outside of {} .. {}", field, value, low, high));
   };
   if (order) between("order", *order, 0, 8);
   between("max_order", max_order, 1, 8);

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "pairs_newton.hpp"
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Cholesky>
 
 namespace rangecal::pairs_ml {
 namespace {
 
-constexpr double switch_norm = 1e-4;   // below this Newton decrement the next step lands on the optimum
+constexpr double switch_norm = 1e-4;  // below this Newton decrement the next step lands on the optimum
 
 double norm_in(const Matrix& metric, const Vector& gradient, int free) {
   const Eigen::LLT<Matrix> factor(metric.topLeftCorner(free, free));
@@ -61,7 +60,8 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
     if (pairs.log_sigma() && free == pairs.unknowns()) {
       // For fixed coefficients log sigma has its optimum at log(S / N) / 2, S the sum of squares in units of s, of
       // which Newton takes the first order: the rest is added. Of second order, so the speed near the optimum stays.
-      const double squares = 0.5 * at->hessian(free - 1, free - 1), readings = at->gradient[free - 1] + squares;
+      const double squares = 0.5 * at->hessian(free - 1, free - 1),
+                   readings = at->gradient[free - 1] + squares;
       if (squares > 0.0 && readings > 0.0) {
         step[free - 1] += 0.5 * std::log(squares / readings) - 0.5 * (1.0 - readings / squares);
       }

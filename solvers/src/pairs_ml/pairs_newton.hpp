@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
+#include <vector>
 
 #include "pairs_kernel.hpp"
 #include "rangecal/core/noise.hpp"
@@ -22,7 +21,7 @@ struct Evaluation {
   double nll = 0.0;
   bool valid = false;
   Vector gradient;
-  Matrix hessian, information;   ///< information only where asked for
+  Matrix hessian, information;  ///< information only where asked for
 };
 
 /// The likelihood in the scaled distance t = (d - center) / half_width: f = sum c_k t^k.
@@ -31,7 +30,7 @@ class ScaledPairs {
   ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, int noise_order, int parallel_from);
 
   int unknowns() const { return order_ + 1 + noise_count_; }
-  bool log_sigma() const { return law_ != NoiseLaw::polynomial; }   ///< the last unknown is log sigma
+  bool log_sigma() const { return law_ != NoiseLaw::polynomial; }  ///< the last unknown is log sigma
   int mean_unknowns() const { return order_ + 1; }
   void evaluate(const Vector& x, bool information, Evaluation& out) const;
   /// Least squares in one streaming pass, s as d^2; false where it cannot serve: take `seed` then.
@@ -60,17 +59,17 @@ class ScaledPairs {
   NoiseLaw law_;
   KernelLaw kernel_law_;
   double power_, center_, half_width_, typical_;
-  double log_constant_;              ///< sum over cells of what the likelihood adds whatever x is
-  PairsProblem scaled_;              ///< polynomial law only: the same cells over t
-  PairsProblem sample_;              ///< of many cells every k-th, for the seed; else empty
+  double log_constant_;  ///< sum over cells of what the likelihood adds whatever x is
+  PairsProblem scaled_;  ///< polynomial law only: the same cells over t
+  PairsProblem sample_;  ///< of many cells every k-th, for the seed; else empty
   int parallel_from_;
   mutable std::vector<KernelSums> chunks_;
 };
 
 struct NewtonResult {
   Vector x;
-  Evaluation at;                     ///< with information
-  double gradient_norm = 0.0;        ///< sqrt(g' I^-1 g) over the free unknowns
+  Evaluation at;               ///< with information
+  double gradient_norm = 0.0;  ///< sqrt(g' I^-1 g) over the free unknowns
   int iterations = 0;
   Outcome outcome = Outcome::failed;
 };

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "pairs_reml.hpp"
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Cholesky>
 
 namespace rangecal::pairs_ml {
 namespace {
@@ -56,7 +55,8 @@ NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int 
       Vector high = at.x, low = at.x;
       high[n + j] += step;
       low[n + j] -= step;
-      gradient[j] += (conditional(pairs, high).half_log_det - conditional(pairs, low).half_log_det) / (2.0 * step);
+      gradient[j] +=
+          (conditional(pairs, high).half_log_det - conditional(pairs, low).half_log_det) / (2.0 * step);
     }
     const Vector move = -factor.solve(gradient);
     const double norm = std::sqrt(std::fmax(0.0, -move.dot(gradient)));

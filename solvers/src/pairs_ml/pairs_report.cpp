@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "pairs_report.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <charconv>
 #include <cmath>
 #include <limits>
 #include <string>
 #include <system_error>
-
-#include <Eigen/Eigenvalues>
 
 namespace rangecal::pairs_ml {
 
@@ -16,7 +15,8 @@ std::string name_direction(const Eigen::VectorXd& direction) {
   std::string text;
   for (Eigen::Index i = 0; i < direction.size(); ++i) {
     if (std::abs(direction[i]) < 1e-4 * largest) continue;
-    char digits[32];  // to_chars takes a quarter of the time of a formatter, which a fit of few readings feels
+    char
+        digits[32];  // to_chars takes a quarter of the time of a formatter, which a fit of few readings feels
     const std::to_chars_result end =
         std::to_chars(digits, digits + sizeof digits, std::abs(direction[i]), std::chars_format::general, 3);
     text += direction[i] < 0.0 ? (text.empty() ? "-" : " - ") : (text.empty() ? "" : " + ");
@@ -27,7 +27,7 @@ std::string name_direction(const Eigen::VectorXd& direction) {
 
 std::string weakest_direction(const Matrix& alpha_covariance, double reference_m) {
   const Eigen::Index n = alpha_covariance.rows();
-  Vector in_metres(n);   // what one unit of alpha_i moves f by at the reference distance
+  Vector in_metres(n);  // what one unit of alpha_i moves f by at the reference distance
   for (Eigen::Index i = 0; i < n; ++i) in_metres[i] = i == 0 ? 1.0 : in_metres[i - 1] * reference_m;
   const Matrix metric = in_metres.asDiagonal() * alpha_covariance * in_metres.asDiagonal();
   // Its largest eigenvalue by power iteration; an eigenvalue decomposition where another one is close.
@@ -65,8 +65,8 @@ Eigen::VectorXd unseen_polynomial(const std::vector<double>& distances) {
 
 void set_covariance(Calibration& calibration, const Matrix& covariance, double reference_m) {
   const Eigen::Index n = calibration.alpha.size(), m = calibration.noise.parameters.size();
-  const bool usable = covariance.rows() == n + m && covariance.allFinite() &&
-                      (covariance.diagonal().array() > 0.0).all();
+  const bool usable =
+      covariance.rows() == n + m && covariance.allFinite() && (covariance.diagonal().array() > 0.0).all();
   calibration.noise_estimates.clear();
   for (Eigen::Index j = 0; j < m; ++j) {
     Estimate estimate{calibration.noise.parameters[j], std::nullopt};
@@ -75,7 +75,8 @@ void set_covariance(Calibration& calibration, const Matrix& covariance, double r
   }
   if (!usable) {
     calibration.alpha_covariance.reset();
-    if (calibration.covariance_reason.empty()) calibration.covariance_reason = "the information matrix is singular";
+    if (calibration.covariance_reason.empty())
+      calibration.covariance_reason = "the information matrix is singular";
     return;
   }
   calibration.alpha_covariance = covariance.topLeftCorner(n, n);

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "pairs_newton.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Where the search of the pairs' likelihood begins.
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
-
-#include <Eigen/Cholesky>
 
 #include "pairs_newton.hpp"
 
@@ -55,12 +54,13 @@ bool ScaledPairs::quick_seed(Vector& x) const {
   if (factor.info() != Eigen::Success) return false;
   const Vector c = factor.solve(b);
   const double square = sums.square - c.dot(b);
-  if (!c.allFinite() || !(square > 1e-9 * sums.square)) return false;   // cancelled: the plain way sees better
+  if (!c.allFinite() || !(square > 1e-9 * sums.square)) return false;  // cancelled: the plain way sees better
   x.resize(n + 1);
   x.head(n) = c;
   // sigma d^2 and sigma f^p agree at the middle reading.
   x[n] = 0.5 * std::log(square / sums.count);
-  if (power_ > 0.0) x[n] += 2.0 * std::log(problem_.true_m[problem_.size() / 2]) - power_ * std::log(typical_);
+  if (power_ > 0.0)
+    x[n] += 2.0 * std::log(problem_.true_m[problem_.size() / 2]) - power_ * std::log(typical_);
   if (sampled()) x = refine_on_sample(x);
   return true;
 }
@@ -96,7 +96,10 @@ Vector ScaledPairs::seed() const {
   if (!c.allFinite() || !sigma_sq(c, variance)) {
     // Where least squares leaves f > 0: a straight line, or a constant, through the mean reading.
     double y = 0.0, d = 0.0;
-    for (std::size_t i = 0; i < size; ++i) { y += problem_.mean_m[i]; d += problem_.true_m[i]; }
+    for (std::size_t i = 0; i < size; ++i) {
+      y += problem_.mean_m[i];
+      d += problem_.true_m[i];
+    }
     c = Vector::Zero(n);
     c[0] = y / static_cast<double>(size);
     if (n > 1 && d > 0.0 && problem_.true_m.front() > 0.0) {
@@ -129,7 +132,7 @@ Vector ScaledPairs::refine_on_sample(Vector x) const {
     if (!there.valid || !(there.nll <= at.nll)) break;
     const double decrement_sq = step.dot(at.gradient);
     x = trial;
-    if (decrement_sq < 1e-2) break;   // the sample itself is further off than that
+    if (decrement_sq < 1e-2) break;  // the sample itself is further off than that
     std::swap(at, there);
   }
   return x;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "pairs_shape.hpp"
-#include "quiet_ceres.hpp"
 
+#include <ceres/gradient_problem.h>
+#include <ceres/gradient_problem_solver.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <ceres/gradient_problem.h>
-#include <ceres/gradient_problem_solver.h>
-
+#include "quiet_ceres.hpp"
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal::pairs_ml {
@@ -44,7 +44,8 @@ class Whitened : public ceres::FirstOrderFunction {
 };
 
 /// Observed information by central differences of the exact gradient; step in units of `scale`.
-Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorXd& x, const Eigen::VectorXd& scale) {
+Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorXd& x,
+                                   const Eigen::VectorXd& scale) {
   const Eigen::Index size = x.size();
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd above, below;
@@ -53,7 +54,8 @@ Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorX
     Eigen::VectorXd high = x, low = x;
     high[j] += step;
     low[j] -= step;
-    if (!std::isfinite(pairs.evaluate(high, &above)) || !std::isfinite(pairs.evaluate(low, &below))) return {};
+    if (!std::isfinite(pairs.evaluate(high, &above)) || !std::isfinite(pairs.evaluate(low, &below)))
+      return {};
     hessian.col(j) = (above - below) / (2.0 * step);
   }
   return 0.5 * (hessian + hessian.transpose());
@@ -77,8 +79,8 @@ void scale_noise(Vector& x, int first, NoiseLaw law, double factor) {
 /// Least absolute deviations, in metres (relative_to constant) or parts of d^2 (d_squared), by reweighted least
 /// squares; the noise from the median deviation.
 /// Empty where f leaves the domain of the law.
-Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law, NoiseLaw relative_to,
-                      const Vector& gaussian) {
+Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law,
+                      NoiseLaw relative_to, const Vector& gaussian) {
   const int n = scaled.mean_unknowns();
   const std::size_t size = problem.row_true_m.size();
   PairsProblem rows = pairs_as_rows(problem);
@@ -106,16 +108,17 @@ Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, No
   Vector x = gaussian;
   x.head(n) = c;
   x.tail(x.size() - n).setZero();
-  if (law == NoiseLaw::polynomial) x[n] = 1.0;   // sigma = 1, or a constant spread of 1 m, to be scaled
+  if (law == NoiseLaw::polynomial) x[n] = 1.0;  // sigma = 1, or a constant spread of 1 m, to be scaled
   const Eigen::VectorXd alpha = scaled.alpha(x);
   const Noise unit = scaled.noise(x);
-  for (std::size_t i = 0; i < size; ++i) {   // now in units of the law's spread
+  for (std::size_t i = 0; i < size; ++i) {  // now in units of the law's spread
     const double f = evaluate_polynomial(alpha, problem.row_true_m[i]);
     deviation[i] = std::abs(problem.row_reading_m[i] - f);
     if (unit.power_of_f() > 0 && !(f > 0.0)) return {};
     deviation[i] /= unit.spread(problem.row_true_m[i], f);
   }
-  std::nth_element(deviation.begin(), deviation.begin() + static_cast<std::ptrdiff_t>(size / 2), deviation.end());
+  std::nth_element(deviation.begin(), deviation.begin() + static_cast<std::ptrdiff_t>(size / 2),
+                   deviation.end());
   scale_noise(x, n, law, 1.4826 * std::max(deviation[size / 2], 1e-12));
   return x;
 }
@@ -141,7 +144,8 @@ Eigen::VectorXd ShapePairs::internal(const Vector& x, const NoiseShapeParameters
   if (shape_ == NoiseShape::student_t) all[first] = std::log(shape.nu - NoiseShapeParameters::nu_min);
   if (shape_ == NoiseShape::contaminated) {
     all[first] = logit(std::clamp(2.0 * shape.outlier_share, 1e-4, 1.0 - 1e-4));
-    all[first + 1] = logit(std::clamp((shape.outlier_scale - NoiseShapeParameters::scale_min) / width, 1e-3, 0.999));
+    all[first + 1] =
+        logit(std::clamp((shape.outlier_scale - NoiseShapeParameters::scale_min) / width, 1e-3, 0.999));
   }
   return all;
 }
@@ -150,7 +154,8 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
   const double infinity = std::numeric_limits<double>::infinity();
   if (!x.allFinite()) return infinity;
   const NoiseShapeParameters shape = shape_at(x);
-  if (shape.shape == NoiseShape::student_t && (shape.nu > NoiseShapeParameters::nu_max || !(shape.nu > 1.0))) {
+  if (shape.shape == NoiseShape::student_t &&
+      (shape.nu > NoiseShapeParameters::nu_max || !(shape.nu > 1.0))) {
     return infinity;
   }
   const int n = scaled_.mean_unknowns(), first = scaled_.unknowns(), m = first - n;
@@ -170,7 +175,7 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
     const LogDensity density = density_at(z);
     nll += std::log(s) - density.value;
     if (!gradient) continue;
-    const double in_log_s = 1.0 + density.derivative * z;   // d/dlog s of log s - log g, dz/dlog s = -z
+    const double in_log_s = 1.0 + density.derivative * z;  // d/dlog s of log s - log g, dz/dlog s = -z
     const double in_f = density.derivative / s + (power > 0.0 ? in_log_s * power / f : 0.0);
     double power_of_d = 1.0;
     for (int j = 0; j < n; ++j, power_of_d *= d) in_user[j] += in_f * power_of_d;
@@ -182,7 +187,7 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
   if (!std::isfinite(nll)) return infinity;
   if (gradient) {
     Eigen::MatrixXd J = scaled_.jacobian(gaussian);
-    if (law_ != NoiseLaw::polynomial) J(n, n) = 1.0;   // the sums above are in log sigma already
+    if (law_ != NoiseLaw::polynomial) J(n, n) = 1.0;  // the sums above are in log sigma already
     gradient->resize(unknowns());
     gradient->head(first) = J.transpose() * in_user;
     if (shape_ == NoiseShape::student_t) (*gradient)[first] = in_shape[0] * (shape.nu - 1.0);
@@ -209,8 +214,8 @@ std::vector<double> ShapePairs::weights(const Eigen::VectorXd& x) const {
   return out;
 }
 
-ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian, NoiseLaw law,
-                      int noise_order, NoiseShape shape, const NestedFit* nested) {
+ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian,
+                      NoiseLaw law, int noise_order, NoiseShape shape, const NestedFit* nested) {
   const ShapePairs pairs(problem, scaled, law, shape);
   const int n = scaled.mean_unknowns(), first = scaled.unknowns(), order = n - 1;
   const auto weighted_step = [&](const std::vector<double>& weights, Vector& x) {
@@ -258,14 +263,15 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
       Evaluation information;
       robust.evaluate(all.head(first), true, information);
       Eigen::VectorXd scale = Eigen::VectorXd::Constant(all.size(), 3.0 / std::sqrt(problem.readings()));
-      for (int j = 0; j < first; ++j) scale[j] = 1.0 / std::sqrt(std::fmax(information.information(j, j), 1e-300));
+      for (int j = 0; j < first; ++j)
+        scale[j] = 1.0 / std::sqrt(std::fmax(information.information(j, j), 1e-300));
       hessian = difference_hessian(pairs, all, scale);
       Eigen::MatrixXd W = scale.asDiagonal();
       if (hessian.size() > 0) {
         const Eigen::LLT<Eigen::MatrixXd> factor(hessian);
         if (factor.info() == Eigen::Success) W = Eigen::MatrixXd(factor.matrixU()).inverse();
       }
-      auto* whitened = new Whitened(pairs, all, W);   // owned by the problem
+      auto* whitened = new Whitened(pairs, all, W);  // owned by the problem
       const ceres::GradientProblem program(whitened);
       ceres::GradientProblemSolver::Options options;
       options.line_search_direction_type = ceres::BFGS;

@@ -31,12 +31,12 @@ class ShapePairs {
 };
 
 struct ShapeResult {
-  Eigen::VectorXd x;                 ///< (x, shape), internal
+  Eigen::VectorXd x;  ///< (x, shape), internal
   NoiseShapeParameters shape;
   double nll = 0.0, gradient_norm = 0.0;
-  Eigen::MatrixXd covariance;        ///< of x without the shape, from the observed information; empty if singular
+  Eigen::MatrixXd covariance;  ///< of x without the shape, from the observed information; empty if singular
   std::vector<double> weights;
-  bool at_limit = false;             ///< a shape parameter ran to its limit and is held there in the covariance
+  bool at_limit = false;  ///< a shape parameter ran to its limit and is held there in the covariance
   int iterations = 0;
   Outcome outcome = Outcome::failed;
 };
@@ -50,7 +50,7 @@ struct NestedFit {
 
 /// Minimises it: expectation-maximisation with the streaming Gaussian solver as its maximisation, from the Gaussian
 /// optimum, from least absolute deviations and from `nested` (may be null); then BFGS in whitened coordinates.
-ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian, NoiseLaw law,
-                      int noise_order, NoiseShape shape, const NestedFit* nested);
+ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian,
+                      NoiseLaw law, int noise_order, NoiseShape shape, const NestedFit* nested);
 
 }  // namespace rangecal::pairs_ml

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Cholesky>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include "pairs_newton.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -14,7 +14,7 @@ namespace rangecal::pairs_ml {
 namespace {
 
 constexpr std::size_t chunk_cells = 8192;    // fixed, so that the sums do not depend on the threads
-constexpr std::size_t sample_cells = 16384;   // above 4 times as many, the seed comes from every k-th cell
+constexpr std::size_t sample_cells = 16384;  // above 4 times as many, the seed comes from every k-th cell
 
 /// Every k-th value, about sample_cells of them.
 std::vector<double> every_kth(const std::vector<double>& values) {
@@ -26,11 +26,16 @@ std::vector<double> every_kth(const std::vector<double>& values) {
 
 KernelLaw kernel_law(NoiseLaw law) {
   switch (law) {
-    case NoiseLaw::f: return KernelLaw::power1;
-    case NoiseLaw::f_squared: return KernelLaw::power2;
-    case NoiseLaw::f_cubed: return KernelLaw::power3;
-    case NoiseLaw::d_squared: return KernelLaw::d_squared;
-    default: return KernelLaw::power0;
+    case NoiseLaw::f:
+      return KernelLaw::power1;
+    case NoiseLaw::f_squared:
+      return KernelLaw::power2;
+    case NoiseLaw::f_cubed:
+      return KernelLaw::power3;
+    case NoiseLaw::d_squared:
+      return KernelLaw::d_squared;
+    default:
+      return KernelLaw::power0;
   }
 }
 
@@ -42,16 +47,18 @@ double power_of(NoiseLaw law) {
 
 Matrix shift_matrix(int order, double center, double half_width) {
   Matrix shift = Matrix::Zero(order + 1, order + 1);
-  Vector column = Vector::Zero(order + 1);   // ((d - center) / half_width)^k in powers of d
+  Vector column = Vector::Zero(order + 1);  // ((d - center) / half_width)^k in powers of d
   column[0] = 1.0;
   for (int k = 0; k <= order; ++k) {
     shift.col(k) = column;
-    for (int j = order; j >= 0; --j) column[j] = ((j > 0 ? column[j - 1] : 0.0) - center * column[j]) / half_width;
+    for (int j = order; j >= 0; --j)
+      column[j] = ((j > 0 ? column[j - 1] : 0.0) - center * column[j]) / half_width;
   }
   return shift;
 }
 
-ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, int noise_order, int parallel_from)
+ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, int noise_order,
+                         int parallel_from)
     : problem_(problem),
       order_(order),
       noise_count_(law == NoiseLaw::polynomial ? noise_order + 1 : 1),
@@ -67,7 +74,8 @@ ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, i
   log_constant_ = problem.readings() * half_log_two_pi;
   if (power_ > 0.0) log_constant_ += problem.readings() * power_ * std::log(typical_);
   if (law == NoiseLaw::d_squared) {
-    for (std::size_t i = 0; i < problem.size(); ++i) log_constant_ += problem.count[i] * 2.0 * std::log(problem.true_m[i]);
+    for (std::size_t i = 0; i < problem.size(); ++i)
+      log_constant_ += problem.count[i] * 2.0 * std::log(problem.true_m[i]);
   }
   if (!streams()) {
     scaled_ = problem;
@@ -89,7 +97,8 @@ ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, i
   }
 }
 
-KernelSums ScaledPairs::sum(const PairsProblem& problem, const Vector& x, bool information, KernelLaw law) const {
+KernelSums ScaledPairs::sum(const PairsProblem& problem, const Vector& x, bool information,
+                            KernelLaw law) const {
   KernelInput input;
   input.d = problem.true_m.data();
   input.mean = problem.mean_m.data();
@@ -116,7 +125,8 @@ KernelSums ScaledPairs::sum(const PairsProblem& problem, const Vector& x, bool i
     run_kernel(part, law, order_, problem.single, information, chunks_[chunk]);
   };
   if (size >= static_cast<std::size_t>(parallel_from_)) {
-    tbb::task_group_context own(tbb::task_group_context::isolated);  // whole, whatever becomes of what asked for it
+    tbb::task_group_context own(
+        tbb::task_group_context::isolated);  // whole, whatever becomes of what asked for it
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(0, chunks_.size(), 2),
         [&](const auto& range) {
@@ -208,10 +218,12 @@ Matrix ScaledPairs::jacobian(const Vector& x) const {
 
 Vector ScaledPairs::from_user(const Eigen::VectorXd& user_alpha, const Noise& user_noise) const {
   Vector x(unknowns());
-  x.head(order_ + 1) = shift_matrix(order_, center_, half_width_).triangularView<Eigen::Upper>().solve(user_alpha);
+  x.head(order_ + 1) =
+      shift_matrix(order_, center_, half_width_).triangularView<Eigen::Upper>().solve(user_alpha);
   if (law_ == NoiseLaw::polynomial) {
-    x.tail(noise_count_) =
-        shift_matrix(noise_count_ - 1, center_, half_width_).triangularView<Eigen::Upper>().solve(user_noise.parameters);
+    x.tail(noise_count_) = shift_matrix(noise_count_ - 1, center_, half_width_)
+                               .triangularView<Eigen::Upper>()
+                               .solve(user_noise.parameters);
   } else {
     x[order_ + 1] = std::log(user_noise.parameters[0]);
   }
@@ -233,7 +245,7 @@ bool ScaledPairs::perfect(const Vector& x) const {
     square += problem_.weight[i] * (r * r + problem_.mean_square[i]);
     scale += problem_.weight[i] * problem_.mean_m[i] * problem_.mean_m[i];
   }
-  return !(square > 1e-26 * scale);   // residuals of 1e-13 of the readings: rounding
+  return !(square > 1e-26 * scale);  // residuals of 1e-13 of the readings: rounding
 }
 
 }  // namespace rangecal::pairs_ml

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "plan/information.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Cholesky>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -15,7 +14,8 @@ namespace rangecal::plan {
 
 using diagnosis::Rows;
 
-Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool every_repeat, JointState& state) {
+Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool every_repeat,
+                   JointState& state) {
   const Scene& sketch = request.sketch;
   Recording recording = unread_recording(sketch);
   recording.stops = design.stops;
@@ -47,7 +47,8 @@ Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool ev
   }
   Rows rows = diagnosis::make_rows({&recording, 1});
   if (!every_repeat)
-    for (std::vector<double>* weights : {&rows.problem.cells.count, &rows.problem.cells.range_weight, &rows.problem.cells.bearing_weight})
+    for (std::vector<double>* weights :
+         {&rows.problem.cells.count, &rows.problem.cells.range_weight, &rows.problem.cells.bearing_weight})
       for (double& weight : *weights) weight = design.repeats;
   state = {};
   state.alpha = sketch.alpha;
@@ -62,14 +63,17 @@ std::vector<Nuisance> nuisances_of(const PlanRequest& request, const Rows& rows)
   std::vector<Nuisance> nuisances;
   for (const std::string& id : request.effects) {
     const Effect* effect = find_effect(id);
-    if (!effect) throw InputError("plan: '" + id + "' is no effect of the catalogue; 'rangecal effects' lists them");
+    if (!effect)
+      throw InputError("plan: '" + id + "' is no effect of the catalogue; 'rangecal effects' lists them");
     const std::vector<Eigen::VectorXd> grid = effect->start_grid(rows.context);
-    if (grid.empty()) throw InputError("plan: the effect '" + id + "' needs columns that a plan does not have");
+    if (grid.empty())
+      throw InputError("plan: the effect '" + id + "' needs columns that a plan does not have");
     Nuisance nuisance{{effect, grid[grid.size() / 2]}, {}};
     const auto& parameters = effect->info().parameters;
     for (std::size_t j = 0; j < parameters.size(); ++j) {
       if (parameters[j].discrete || !(parameters[j].typical > 0.0)) continue;
-      if (parameters[j].linear) nuisance.active.parameters[static_cast<Eigen::Index>(j)] = parameters[j].typical;
+      if (parameters[j].linear)
+        nuisance.active.parameters[static_cast<Eigen::Index>(j)] = parameters[j].typical;
       nuisance.indices.push_back(static_cast<int>(j));
     }
     if (nuisance.indices.empty()) throw InputError("plan: the effect '" + id + "' is not a matter of size");
@@ -78,7 +82,8 @@ std::vector<Nuisance> nuisances_of(const PlanRequest& request, const Rows& rows)
   return nuisances;
 }
 
-double criterion(const PlanRequest& request, const PlanDesign& design, const std::vector<Nuisance>& nuisances) {
+double criterion(const PlanRequest& request, const PlanDesign& design,
+                 const std::vector<Nuisance>& nuisances) {
   constexpr double none = std::numeric_limits<double>::infinity();
   JointState state;
   const Rows rows = expected_rows(request, design, false, state);
@@ -86,8 +91,9 @@ double criterion(const PlanRequest& request, const PlanDesign& design, const std
   for (const int l : rows.landmark) ++seen[static_cast<std::size_t>(l)];
   if (std::any_of(seen.begin(), seen.end(), [](int count) { return count < 3; })) return none;
   const auto [low, high] = std::minmax_element(rows.range_m.begin(), rows.range_m.end());
-  const double width = *high - *low;   // no extrapolation beyond a tenth of what is read
-  if (evaluate_polynomial(state.alpha, request.low_m) < *low - 0.1 * width || evaluate_polynomial(state.alpha, request.high_m) > *high + 0.1 * width)
+  const double width = *high - *low;  // no extrapolation beyond a tenth of what is read
+  if (evaluate_polynomial(state.alpha, request.low_m) < *low - 0.1 * width ||
+      evaluate_polynomial(state.alpha, request.high_m) > *high + 0.1 * width)
     return none;
   const diagnosis::Projector projector(rows, diagnosis::working_problem(rows, {}, state), state);
   const Eigen::Index n = state.alpha.size();
@@ -103,7 +109,7 @@ double criterion(const PlanRequest& request, const PlanDesign& design, const std
   if (!signatures.empty()) {
     const auto count = static_cast<Eigen::Index>(signatures.size());
     Eigen::MatrixXd M = Eigen::MatrixXd::Zero(count, count), A(n, count);
-    for (Eigen::Index a = 0; a < count; ++a) {   // per typical size
+    for (Eigen::Index a = 0; a < count; ++a) {  // per typical size
       const double scale = typical[static_cast<std::size_t>(a)];
       Eigen::VectorXd phi, stops;
       projector.absorbed(signatures[static_cast<std::size_t>(a)], phi, stops);
@@ -111,7 +117,8 @@ double criterion(const PlanRequest& request, const PlanDesign& design, const std
       const Eigen::VectorXd projected = projector.project(signatures[static_cast<std::size_t>(a)]);
       for (Eigen::Index b = 0; b <= a; ++b)
         M(a, b) = M(b, a) = scale * typical[static_cast<std::size_t>(b)] *
-                            projector.inner(signatures[static_cast<std::size_t>(b)], projected, signatures[static_cast<std::size_t>(a)]);
+                            projector.inner(signatures[static_cast<std::size_t>(b)], projected,
+                                            signatures[static_cast<std::size_t>(a)]);
     }
     M.diagonal().array() += 1.0;
     C += A * M.ldlt().solve(A.transpose());

@@ -10,7 +10,8 @@
 namespace rangecal::plan {
 
 /// The expected readings of a design; without `every_repeat` one row for each (stop, landmark), which weighs as many.
-diagnosis::Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool every_repeat, JointState& state);
+diagnosis::Rows expected_rows(const PlanRequest& request, const PlanDesign& design, bool every_repeat,
+                              JointState& state);
 
 /// The parameters of an effect that are nuisances, at the point where their derivatives are taken.
 struct Nuisance {
@@ -22,6 +23,7 @@ struct Nuisance {
 std::vector<Nuisance> nuisances_of(const PlanRequest& request, const diagnosis::Rows& rows);
 
 /// Largest standard deviation of a corrected distance [m]; infinity where the design determines no curve.
-double criterion(const PlanRequest& request, const PlanDesign& design, const std::vector<Nuisance>& nuisances);
+double criterion(const PlanRequest& request, const PlanDesign& design,
+                 const std::vector<Nuisance>& nuisances);
 
 }  // namespace rangecal::plan

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/plan/plan.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <fmt/format.h>
 
 #include "diagnosis/twins.hpp"
 #include "plan/information.hpp"
@@ -22,11 +22,14 @@ constexpr double alarm_rate = 0.02;
 
 struct Room {
   Vector2d low, high;
-  Vector2d at(double u, double v) const { return low + Vector2d(u * (high.x() - low.x()), v * (high.y() - low.y())); }
+  Vector2d at(double u, double v) const {
+    return low + Vector2d(u * (high.x() - low.x()), v * (high.y() - low.y()));
+  }
 };
 
 Room room_of(const Scene& sketch) {
-  if (sketch.random_landmarks) return {sketch.random_landmarks->box_min_m, sketch.random_landmarks->box_max_m};
+  if (sketch.random_landmarks)
+    return {sketch.random_landmarks->box_min_m, sketch.random_landmarks->box_max_m};
   Room room{Vector2d::Constant(1e300), Vector2d::Constant(-1e300)};
   const auto take = [&](const Vector2d& p) {
     room.low = room.low.cwiseMin(p);
@@ -42,8 +45,11 @@ Pose2 on_path(const std::string& path, const Room& room, double u) {
   const bool along_x = room.high.x() - room.low.x() >= room.high.y() - room.low.y();
   const auto place = [&](double a, double b) { return along_x ? room.at(a, b) : room.at(b, a); };
   const auto point = [&](double s) -> Vector2d {
-    if (path == "loop") return place(0.5 + 0.28 * std::cos(2.0 * std::numbers::pi * s), 0.5 + 0.28 * std::sin(2.0 * std::numbers::pi * s));
-    if (path == "two legs") return s < 0.5 ? place(0.15 + 1.2 * s, 0.35) : place(0.75, 0.35 + 0.9 * (s - 0.5));
+    if (path == "loop")
+      return place(0.5 + 0.28 * std::cos(2.0 * std::numbers::pi * s),
+                   0.5 + 0.28 * std::sin(2.0 * std::numbers::pi * s));
+    if (path == "two legs")
+      return s < 0.5 ? place(0.15 + 1.2 * s, 0.35) : place(0.75, 0.35 + 0.9 * (s - 0.5));
     if (path == "diagonal") return place(0.15 + 0.7 * s, 0.15 + 0.7 * s);
     return place(0.1 + 0.8 * s, 0.5);
   };
@@ -60,7 +66,8 @@ void lay_stops(const Room& room, int places, PlanDesign& design) {
       Stop stop;
       stop.label = fmt::format("{}", k * design.headings + t);
       stop.commanded = on_path(design.path, room, k / last);
-      stop.commanded.heading_rad = std::remainder(stop.commanded.heading_rad + 2.0 * std::numbers::pi * t / design.headings, 2.0 * std::numbers::pi);
+      stop.commanded.heading_rad = std::remainder(
+          stop.commanded.heading_rad + 2.0 * std::numbers::pi * t / design.headings, 2.0 * std::numbers::pi);
       if (design.headings > 1) stop.place = fmt::format("p{}", k);
       design.stops.push_back(stop);
     }
@@ -69,16 +76,18 @@ void lay_stops(const Room& room, int places, PlanDesign& design) {
 
 double minutes_of(const PlanDesign& design, const PlanCosts& costs) {
   const double places = design.places, turns = places * (design.headings - 1);
-  return (places * costs.place_s + turns * costs.turn_s + static_cast<double>(design.landmarks.size()) * costs.landmark_s +
-          places * design.headings * design.repeats * costs.scan_s) / 60.0;
+  return (places * costs.place_s + turns * costs.turn_s +
+          static_cast<double>(design.landmarks.size()) * costs.landmark_s +
+          places * design.headings * design.repeats * costs.scan_s) /
+         60.0;
 }
 
 class Planner {
  public:
   explicit Planner(const PlanRequest& request) : request_(request), room_(room_of(request.sketch)) {
     if (!((room_.high - room_.low).minCoeff() > 2.0 * margin_m))
-      throw InputError(fmt::format("plan: the sketch's room is {:.2f} by {:.2f} m, too small to plan in", room_.high.x() - room_.low.x(),
-                                   room_.high.y() - room_.low.y()));
+      throw InputError(fmt::format("plan: the sketch's room is {:.2f} by {:.2f} m, too small to plan in",
+                                   room_.high.x() - room_.low.x(), room_.high.y() - room_.low.y()));
   }
 
   Plan run() {
@@ -88,7 +97,8 @@ class Planner {
     const PlanDesign first = start("line", 1, 5);
     JointState state;
     const diagnosis::Rows rows = plan::expected_rows(request_, first, false, state);
-    if (rows.size() == 0) throw InputError("plan: no landmark in the room would be seen from a line through it");
+    if (rows.size() == 0)
+      throw InputError("plan: no landmark in the room would be seen from a line through it");
     nuisances_ = plan::nuisances_of(request_, rows);
     std::optional<PlanDesign> line, accurate_line;
     consider_sizes(first, line, accurate_line);
@@ -98,7 +108,7 @@ class Planner {
     for (const char* path : {"line", "diagonal", "two legs", "loop"})
       for (const int headings : {1, 2, 4})
         for (int landmarks = 3; landmarks <= request_.most_landmarks; ++landmarks)
-          for (const int places : {5, 12}) {   // what is best for few places need not be for many
+          for (const int places : {5, 12}) {  // what is best for few places need not be for many
             PlanDesign design = start(path, headings, landmarks);
             lay_stops(room_, places, design);
             exchange(design);
@@ -111,8 +121,10 @@ class Planner {
     } else if (accurate) {
       plan.outcome = Outcome::not_converged;
       plan.best = *accurate;
-      plan.reason = fmt::format("no design within {} places, {} landmarks and {} repeats reaches {:.2f} mm; the most accurate reaches {:.2f} mm",
-                                request_.most_places, request_.most_landmarks, request_.most_repeats, 1e3 * request_.accuracy_m, 1e3 * accurate->std_dev_m);
+      plan.reason = fmt::format(
+          "no design within {} places, {} landmarks and {} repeats reaches {:.2f} mm; the most accurate reaches {:.2f} mm",
+          request_.most_places, request_.most_landmarks, request_.most_repeats, 1e3 * request_.accuracy_m,
+          1e3 * accurate->std_dev_m);
     } else {
       plan.reason = "no design sees its landmarks at the distances asked for";
       return plan;
@@ -146,7 +158,8 @@ class Planner {
 
   bool free(const PlanDesign& design, std::size_t l, const Vector2d& at) const {
     for (const Stop& stop : design.stops)
-      if ((at - Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() < clearance_m + design.radius_m[l]) return false;
+      if ((at - Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() < clearance_m + design.radius_m[l])
+        return false;
     for (std::size_t other = 0; other < design.landmarks.size(); ++other)
       if (other != l && (at - design.landmarks[other]).norm() < separation_m) return false;
     return true;
@@ -176,7 +189,8 @@ class Planner {
   }
 
   /// All numbers of places and repeats: the fewest minutes that reach the accuracy, and the best accuracy at all.
-  void consider_sizes(const PlanDesign& pattern, std::optional<PlanDesign>& best, std::optional<PlanDesign>& accurate) {
+  void consider_sizes(const PlanDesign& pattern, std::optional<PlanDesign>& best,
+                      std::optional<PlanDesign>& accurate) {
     for (const int places : {4, 5, 6, 8, 10, 12, 16, 20, 28, 40}) {
       if (places > request_.most_places) continue;
       for (const int repeats : {1, 2, 5, 10, 20, 50}) {
@@ -185,7 +199,8 @@ class Planner {
         design.repeats = repeats;
         lay_stops(room_, places, design);
         bool clear = true;
-        for (std::size_t l = 0; l < design.landmarks.size(); ++l) clear = clear && free(design, l, design.landmarks[l]);
+        for (std::size_t l = 0; l < design.landmarks.size(); ++l)
+          clear = clear && free(design, l, design.landmarks[l]);
         design.minutes = minutes_of(design, request_.costs);
         if (!clear || (best && design.minutes >= best->minutes)) continue;
         design.std_dev_m = criterion(design);
@@ -206,17 +221,21 @@ class Planner {
 
 void PlanRequest::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("plan: " + what); };
-  if (sketch.kind != RecordingKind::landmarks) refuse("the sketch is of kind pairs: there is nothing to plan but how many readings");
+  if (sketch.kind != RecordingKind::landmarks)
+    refuse("the sketch is of kind pairs: there is nothing to plan but how many readings");
   if (sketch.noise.law == NoiseLaw::polynomial) refuse("the sketch's noise is polynomial; give a power law");
   if (!(sketch.sigma_theta_rad > 0.0)) refuse("the sketch's sigma_theta_rad is not positive");
-  if (!(accuracy_m > 0.0) || !std::isfinite(accuracy_m)) refuse(fmt::format("accuracy_m = {} is not a positive length", accuracy_m));
-  if (!(low_m > 0.0 && high_m > low_m && std::isfinite(high_m))) refuse(fmt::format("low_m = {}, high_m = {}: not 0 < low < high", low_m, high_m));
+  if (!(accuracy_m > 0.0) || !std::isfinite(accuracy_m))
+    refuse(fmt::format("accuracy_m = {} is not a positive length", accuracy_m));
+  if (!(low_m > 0.0 && high_m > low_m && std::isfinite(high_m)))
+    refuse(fmt::format("low_m = {}, high_m = {}: not 0 < low < high", low_m, high_m));
   if (radii_m.empty()) refuse("no radius of a landmark is given");
   for (const double radius : radii_m)
     if (!(radius >= 0.0 && radius < 1.0)) refuse(fmt::format("radius {} m is outside of 0 to 1", radius));
   for (const double cost : {costs.place_s, costs.turn_s, costs.landmark_s, costs.scan_s})
     if (!(cost >= 0.0) || !std::isfinite(cost)) refuse(fmt::format("a cost is {} s", cost));
-  if (most_places < 4 || most_landmarks < 3 || most_repeats < 1) refuse("fewer than 4 places, 3 landmarks or 1 repeat are allowed");
+  if (most_places < 4 || most_landmarks < 3 || most_repeats < 1)
+    refuse("fewer than 4 places, 3 landmarks or 1 repeat are allowed");
 }
 
 Plan plan_experiment(const PlanRequest& request) {
@@ -231,7 +250,8 @@ Scene planned_scene(const PlanRequest& request, const PlanDesign& design) {
   scene.tapes.clear();
   scene.landmarks.clear();
   scene.positions = design.landmarks;
-  for (std::size_t l = 0; l < design.landmarks.size(); ++l) scene.landmarks.push_back({fmt::format("L{}", l), design.radius_m[l], std::nullopt});
+  for (std::size_t l = 0; l < design.landmarks.size(); ++l)
+    scene.landmarks.push_back({fmt::format("L{}", l), design.radius_m[l], std::nullopt});
   scene.repeats = design.repeats;
   return scene;
 }
@@ -244,11 +264,13 @@ PlanDesign evaluate_design(const PlanRequest& request, PlanDesign design) {
   design.effects.clear();
   if (request.effects.empty()) return design;
   const diagnosis::Space space(rows, {}, state);
-  const double limit = diagnosis::detection_threshold(alarm_rate, static_cast<double>(request.effects.size()));
+  const double limit =
+      diagnosis::detection_threshold(alarm_rate, static_cast<double>(request.effects.size()));
   for (const std::string& id : request.effects) {
     const auto typical = diagnosis::typical_effect(space, *find_effect(id));
     if (!typical) continue;
-    PlanEffect effect{id, typical->noncentrality >= limit, typical->noncentrality, diagnosis::harm_of(space, *typical)};
+    PlanEffect effect{id, typical->noncentrality >= limit, typical->noncentrality,
+                      diagnosis::harm_of(space, *typical)};
     design.effects.push_back(effect);
   }
   return design;

@@ -18,8 +18,9 @@ struct RecursiveLandmarks::Answer {
   int order = 0, iterations = 0;
   JointState state;  ///< alpha of all coefficients, those above `order` 0; the stops held
   Eigen::Vector2d log_sigmas = Eigen::Vector2d::Zero();
-  double nll = 0.0;                           ///< l_s [nats]
-  std::optional<LandmarkSums> held;  ///< the stops held, expanded there but for the last step; none without sums
+  double nll = 0.0;  ///< l_s [nats]
+  std::optional<LandmarkSums>
+      held;  ///< the stops held, expanded there but for the last step; none without sums
   std::optional<Eigen::MatrixXd> covariance;  ///< of (alpha, landmarks, log sigma_e, log sigma_theta)
 };
 

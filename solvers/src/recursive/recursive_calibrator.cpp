@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <fmt/format.h>
 
 #include "rangecal/core/errors.hpp"
 #include "recursive/count_up.hpp"
@@ -21,11 +21,13 @@ constexpr double largest_log_weight = 30.0;
 void RecursiveOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("options of the stream: " + what); };
   if (!(range_min_m > 0.0 && range_max_m > range_min_m && range_max_m / range_min_m <= 1e12))
-    refuse(fmt::format("range_min_m = {}, range_max_m = {}: not 0 < min < max <= 1e12 min", range_min_m, range_max_m));
+    refuse(fmt::format("range_min_m = {}, range_max_m = {}: not 0 < min < max <= 1e12 min", range_min_m,
+                       range_max_m));
   if (order && (*order < 0 || *order > 8)) refuse(fmt::format("order = {} is outside of 0 .. 8", *order));
   if (max_order < 1 || max_order > 8) refuse(fmt::format("max_order = {} is outside of 1 .. 8", max_order));
   if (!(forget > 0.0)) refuse(fmt::format("forget = {} is not a positive time constant", forget));
-  if (noise_order < 0 || noise_order > 8) refuse(fmt::format("noise_order = {} is outside of 0 .. 8", noise_order));
+  if (noise_order < 0 || noise_order > 8)
+    refuse(fmt::format("noise_order = {} is outside of 0 .. 8", noise_order));
 }
 
 RecursiveCalibrator::RecursiveCalibrator(const RecursiveOptions& options)
@@ -40,12 +42,12 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   if (timed_ && *timed_ != timed)
     throw InputError("RecursiveCalibrator: some readings have a time and some have none");
   count_up(counts_.read);
-  const char* reason = std::isnan(reading_m) || std::isnan(true_m)        ? "missing"
+  const char* reason = std::isnan(reading_m) || std::isnan(true_m)           ? "missing"
                        : !std::isfinite(reading_m) || !std::isfinite(true_m) ? "not finite"
-                       : reading_m == 0.0                                 ? "zero"
-                       : reading_m < 0.0                                  ? "negative"
-                       : !moments_.holds(true_m)                          ? "true distance outside the range tracked"
-                                                                          : nullptr;
+                       : reading_m == 0.0                                    ? "zero"
+                       : reading_m < 0.0                                     ? "negative"
+                       : !moments_.holds(true_m) ? "true distance outside the range tracked"
+                                                 : nullptr;
   if (reason) {
     count_up(counts_.dropped[reason]);
     return false;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
-#include <cmath>
-#include <limits>
+#include <fmt/format.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "pairs_ml/dense_newton.hpp"
 #include "pairs_ml/pairs_report.hpp"
@@ -46,12 +46,14 @@ Calibration RecursiveCalibrator::approximate() const {
   const Eigen::Index columns = options_.columns();
   // Columns that the distances determine: a pivot that is not rounding beside its column.
   Eigen::Index determined = 0;
-  while (determined < columns &&
-         std::abs(triangle_(determined, determined)) > 1e-11 * triangle_.col(determined).head(determined + 1).norm())
+  while (determined < columns && std::abs(triangle_(determined, determined)) >
+                                     1e-11 * triangle_.col(determined).head(determined + 1).norm())
     ++determined;
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const double W = factor * sum_w_, spare = W > 0.0 ? factor * sum_w_sq_ / sum_w_ : 1.0;
-  const auto rss = [&](Eigen::Index order) { return factor * triangle_.col(columns).segment(order + 1, columns - order).squaredNorm(); };
+  const auto rss = [&](Eigen::Index order) {
+    return factor * triangle_.col(columns).segment(order + 1, columns - order).squaredNorm();
+  };
   const auto dof_of = [&](Eigen::Index order) { return W - spare * static_cast<double>(order + 1); };
   Eigen::Index order = options_.order.value_or(0);
   if (!options_.order) {
@@ -66,8 +68,9 @@ Calibration RecursiveCalibrator::approximate() const {
   }
   if (determined < order + 1 || !(dof_of(order) > 0.0)) {
     result.outcome = Outcome::too_few_data;
-    result.reason = fmt::format("{} readings that determine {} coefficients are too few for order {} and its noise",
-                                moments_.used, determined, order);
+    result.reason =
+        fmt::format("{} readings that determine {} coefficients are too few for order {} and its noise",
+                    moments_.used, determined, order);
     return result;
   }
   const Eigen::Index p = order + 1;
@@ -78,7 +81,8 @@ Calibration RecursiveCalibrator::approximate() const {
   const double dof = dof_of(order);
   const PairsProblem cells = moments_.cells(factor);
   const NoiseLaw law = options_.law == NoiseLaw::polynomial ? NoiseLaw::f_squared : options_.law;
-  const double variance = law == NoiseLaw::d_squared ? rss(order) / W : scaled_squares(cells, result.alpha, law) / dof;
+  const double variance =
+      law == NoiseLaw::d_squared ? rss(order) / W : scaled_squares(cells, result.alpha, law) / dof;
   const double sigma = std::sqrt(std::max(0.0, variance));
   result.noise = {law, VectorXd::Constant(1, sigma)};
   result.noise_estimates = {Estimate{sigma, sigma * std::sqrt(spare / (2.0 * dof))}};
@@ -101,7 +105,7 @@ Calibration RecursiveCalibrator::approximate() const {
 std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& alpha, Outcome& outcome) const {
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const PairsProblem cells = moments_.cells(factor);
-  if (options_.law == NoiseLaw::polynomial) {   // the polynomial that comes closest to the spread sigma f^2
+  if (options_.law == NoiseLaw::polynomial) {  // the polynomial that comes closest to the spread sigma f^2
     RecursiveCalibrator power(*this);
     power.options_.law = NoiseLaw::f_squared;
     const auto fit = power.maximise(order, nullptr);
@@ -115,7 +119,8 @@ std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& al
     VectorXd b = VectorXd::Zero(count);
     double square = 0.0, weights = 0.0;
     for (std::size_t i = 0; i < cells.size(); ++i) {
-      const double d = cells.true_m[i], s = fit->noise.spread(d, evaluate_polynomial(alpha, d)), w = std::abs(cells.count[i]);
+      const double d = cells.true_m[i], s = fit->noise.spread(d, evaluate_polynomial(alpha, d)),
+                   w = std::abs(cells.count[i]);
       const VectorXd phi = powers_of(d, count) / s;
       A += w * phi * phi.transpose();
       b += w * phi;
@@ -123,7 +128,9 @@ std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& al
       weights += w;
     }
     VectorXd beta = A.ldlt().solve(b);
-    const auto too_small = [&](double d) { return !(evaluate_polynomial(beta, d) > 0.1 * fit->noise.spread(d, evaluate_polynomial(alpha, d))); };
+    const auto too_small = [&](double d) {
+      return !(evaluate_polynomial(beta, d) > 0.1 * fit->noise.spread(d, evaluate_polynomial(alpha, d)));
+    };
     if (!beta.allFinite() || std::any_of(cells.true_m.begin(), cells.true_m.end(), too_small)) {
       beta = VectorXd::Zero(count);
       beta[0] = std::sqrt(square / weights);
@@ -173,9 +180,11 @@ std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibr
     if (!noise) return std::nullopt;
     x << alpha, logs ? VectorXd(noise->array().log()) : *noise;
   }
-  const auto noise_at = [&](const VectorXd& point) { return Noise{options_.law, logs ? VectorXd(point.tail(m).array().exp()) : VectorXd(point.tail(m))}; };
-  const pairs_ml::DenseNewton end =
-      pairs_ml::minimise([&](const VectorXd& point) { return pairs_derivatives(cells, point.head(n), noise_at(point)); }, x);
+  const auto noise_at = [&](const VectorXd& point) {
+    return Noise{options_.law, logs ? VectorXd(point.tail(m).array().exp()) : VectorXd(point.tail(m))};
+  };
+  const pairs_ml::DenseNewton end = pairs_ml::minimise(
+      [&](const VectorXd& point) { return pairs_derivatives(cells, point.head(n), noise_at(point)); }, x);
   if (end.outcome == Outcome::failed) return std::nullopt;
   x = end.x;
   const PairsDerivatives& now = end.at;
@@ -195,7 +204,8 @@ std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibr
   MatrixXd to_sigma = MatrixXd::Identity(n + m, n + m);
   if (logs) to_sigma(n, n) = result.noise.parameters[0];
   const MatrixXd inverse = to_sigma * now.information.llt().solve(MatrixXd::Identity(n + m, n + m));
-  result.covariance_reason = "from the expected information at the estimate; the noise is not corrected for the coefficients fitted";
+  result.covariance_reason =
+      "from the expected information at the estimate; the noise is not corrected for the coefficients fitted";
   pairs_ml::set_covariance(result, inverse * squared.information * inverse.transpose(), high_m_);
   return result;
 }
@@ -221,7 +231,8 @@ Calibration RecursiveCalibrator::full() {
   if (!best) {
     const Calibration why = approximate();
     result.outcome = why.outcome == Outcome::converged ? Outcome::failed : why.outcome;
-    result.reason = why.outcome == Outcome::converged ? "no start inside the model's domain was found" : why.reason;
+    result.reason =
+        why.outcome == Outcome::converged ? "no start inside the model's domain was found" : why.reason;
   }
   result.method = Method::full;
   result.kind = RecordingKind::pairs;

@@ -249,7 +249,8 @@ bool RecursiveLandmarks::sum_up_held() {
   } else if (found.outcome == Outcome::converged) {
     SigmaGrid grid;
     grid.centre = found.log_sigmas;
-    grid.half_width = std::clamp(6.0 * std::sqrt(found.covariance->diagonal().tail<2>().maxCoeff()), 0.3, 0.6);
+    grid.half_width =
+        std::clamp(6.0 * std::sqrt(found.covariance->diagonal().tail<2>().maxCoeff()), 0.3, 0.6);
     block = expand_stops(options_.random_walk ? with_first_exact(held_) : held_, found.state, grid,
                          phi_of(found.state));
   }

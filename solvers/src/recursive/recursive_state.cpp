@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-
 #include <nlohmann/json.hpp>
 
 #include "json_matrices.hpp"
@@ -39,7 +38,8 @@ std::string RecursiveCalibrator::to_json() const {
     state["triangle"].push_back(list(Eigen::VectorXd(triangle_.row(i).tail(size - i))));
   state["bins"] = Json::array();
   for (std::size_t b = 0; b < moments_.bins.size(); ++b)
-    if (moments_.bins[b].sums[0][0] != 0.0) state["bins"].push_back({{"bin", b}, {"sums", moments_.bins[b].sums}});
+    if (moments_.bins[b].sums[0][0] != 0.0)
+      state["bins"].push_back({{"bin", b}, {"sums", moments_.bins[b].sums}});
   return state.dump() + "\n";
 }
 
@@ -68,16 +68,19 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
     result.low_m_ = state.at("distances_m").at(0);
     result.high_m_ = state.at("distances_m").at(1);
     const auto last = state.at("last_alpha").get<std::vector<double>>();
-    if (last.size() > static_cast<std::size_t>(options.columns())) throw InputError("field 'last_alpha' is too long");
+    if (last.size() > static_cast<std::size_t>(options.columns()))
+      throw InputError("field 'last_alpha' is too long");
     result.last_alpha_ = Eigen::VectorXd::Map(last.data(), static_cast<Eigen::Index>(last.size()));
-    if (state.contains("last_noise")) {   // states of 0.1.0 have one sigma
+    if (state.contains("last_noise")) {  // states of 0.1.0 have one sigma
       const auto noise = state.at("last_noise").get<std::vector<double>>();
-      if (static_cast<int>(noise.size()) > options.noise_count()) throw InputError("field 'last_noise' is too long");
+      if (static_cast<int>(noise.size()) > options.noise_count())
+        throw InputError("field 'last_noise' is too long");
       result.last_noise_ = Eigen::VectorXd::Map(noise.data(), static_cast<Eigen::Index>(noise.size()));
     } else {
       result.last_noise_ = Eigen::VectorXd::Constant(1, state.at("last_sigma").get<double>());
     }
-    if (result.last_alpha_.size() > 0 && result.last_noise_.size() != options.noise_count()) throw InputError("field 'last_noise' is not whole");
+    if (result.last_alpha_.size() > 0 && result.last_noise_.size() != options.noise_count())
+      throw InputError("field 'last_noise' is not whole");
     const Json& counts = state.at("counts");
     result.counts_.read = whole(counts, "read");
     result.counts_.used = whole(counts, "used");

@@ -12,7 +12,8 @@ namespace {
 
 constexpr int hybrid_draws = 400;
 
-StudyBound from_covariance(const Study& study, const Scene& scene, const Eigen::MatrixXd& covariance, int landmarks) {
+StudyBound from_covariance(const Study& study, const Scene& scene, const Eigen::MatrixXd& covariance,
+                           int landmarks) {
   const auto coefficients = static_cast<int>(scene.alpha.size());
   StudyBound bound;
   bound.landmarks_sq = covariance.diagonal().segment(coefficients, 2 * landmarks).sum();
@@ -31,8 +32,8 @@ std::optional<StudyBound> pairs_bound(const Study& study, const StudyPoint& poin
   const PairsDerivatives at = pairs_derivatives(make_pairs_problem(d, y), scene.alpha, scene.noise);
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(at.information);
   if (ldlt.info() != Eigen::Success || !ldlt.isPositive() || !(ldlt.rcond() > 1e-14)) return std::nullopt;
-  return from_covariance(study, scene, ldlt.solve(Eigen::MatrixXd::Identity(at.information.rows(), at.information.cols())),
-                         0);
+  return from_covariance(
+      study, scene, ldlt.solve(Eigen::MatrixXd::Identity(at.information.rows(), at.information.cols())), 0);
 }
 
 }  // namespace
@@ -69,8 +70,9 @@ std::optional<StudyBound> study_bound(const Study& study, const StudyPoint& poin
   return from_covariance(study, point.scene, *covariance, truth.problem.landmark_count());
 }
 
-std::optional<StudyBound> placement_bound(const Study& study, const StudyPoint& point, const Recording& recording,
-                                          const JointProblem& problem, const std::vector<int>& seen) {
+std::optional<StudyBound> placement_bound(const Study& study, const StudyPoint& point,
+                                          const Recording& recording, const JointProblem& problem,
+                                          const std::vector<int>& seen) {
   JointState state;
   state.alpha = point.scene.alpha;
   state.noise = point.scene.noise;

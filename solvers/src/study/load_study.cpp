@@ -35,7 +35,7 @@ constexpr std::array<std::pair<StudyMeasure, const char*>, 13> measure_names{
      {StudyMeasure::time, "time"}}};
 
 constexpr int most_points = 1'000'000;
-constexpr std::size_t most_places = 50'000'000;   // stops, landmarks and batches of all points together
+constexpr std::size_t most_places = 50'000'000;  // stops, landmarks and batches of all points together
 
 /// Runs `read`; an InputError without a place gets that of `node`.
 template <typename Read>
@@ -206,7 +206,8 @@ void expand(const YamlReader& top, const std::string& base, Scenes& scenes, Stud
       });
     }
     places += point.scene.stops.size() + point.scene.landmarks.size() + point.scene.batches.size();
-    if (places > most_places) top.fail(fmt::format("the points have more than {} stops and landmarks", most_places));
+    if (places > most_places)
+      top.fail(fmt::format("the points have more than {} stops and landmarks", most_places));
     study.points.push_back(std::move(point));
   }
 }
@@ -253,7 +254,8 @@ Study load_study(const std::string& path) {
   const YamlReader top = YamlReader::open(path);
   if (top.at("format").text() != "rangecal-study/1")
     top.at("format").fail("'" + top.at("format").text().substr(0, 40) + "' is not rangecal-study/1");
-  top.allow_only({"format", "name", "scene", "grid", "repeats", "fit", "piece", "estimators", "measures", "curve_m"});
+  top.allow_only(
+      {"format", "name", "scene", "grid", "repeats", "fit", "piece", "estimators", "measures", "curve_m"});
   Study study;
   study.name = top.at("name").text();
   if (study.name.empty()) top.at("name").fail("is empty");
@@ -291,12 +293,13 @@ Study load_study(const std::string& path) {
 
   // All that the numbers depend on; the file's own text would make a comment another study.
   std::string all = study.name + "\n" + scenes.texts() +
-                    fmt::format("{} {} {} {}\n", study.piece, study.max_order, study.noise ? to_string(*study.noise) : "-",
-                                fmt::join(study.curve_m, " "));
+                    fmt::format("{} {} {} {}\n", study.piece, study.max_order,
+                                study.noise ? to_string(*study.noise) : "-", fmt::join(study.curve_m, " "));
   for (const StudyPoint& point : study.points) all += point.key + "\n";
   for (const StudyEstimator& e : study.estimators)
-    all += fmt::format("{} {} {} {} {} {} {}\n", e.label, to_string(e.method), e.noise_order, to_string(e.weights),
-                       static_cast<int>(e.divisor), e.order.value_or(-1), static_cast<int>(e.criterion));
+    all += fmt::format("{} {} {} {} {} {} {}\n", e.label, to_string(e.method), e.noise_order,
+                       to_string(e.weights), static_cast<int>(e.divisor), e.order.value_or(-1),
+                       static_cast<int>(e.criterion));
   for (const StudyMeasure measure : study.measures) all += std::string(to_string(measure)) + "\n";
   study.fingerprint = seed_from(all);
   return study;

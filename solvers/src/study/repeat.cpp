@@ -52,8 +52,9 @@ void add_mse(const TestReadings& test, const Eigen::VectorXd& alpha, bool relati
     exact_corrected += square(least_squares_distance(alpha, test.exact[i]));
   }
   const double ratio = raw / corrected, log = std::log10(ratio);
-  const double values[mse_slots] = {1.0,   raw,           raw * raw, corrected, corrected * corrected, raw * corrected,
-                                    ratio, ratio * ratio, log,       log * log, exact_raw,             exact_corrected};
+  const double values[mse_slots] = {
+      1.0,           raw, raw * raw, corrected, corrected * corrected, raw * corrected, ratio,
+      ratio * ratio, log, log * log, exact_raw, exact_corrected};
   for (int i = 0; i < mse_slots; ++i) sums[i] += values[i];
 }
 
@@ -66,8 +67,8 @@ void add_ratio(const std::optional<double>& estimate, double truth, double* sums
 }
 
 /// The curve's error at the study's distances, and whether the 95 % intervals hold it.
-void add_curve(const Study& study, const StudyPoint& point, const RepeatEstimate& found, const StudyLayout& layout,
-               double* sums) {
+void add_curve(const Study& study, const StudyPoint& point, const RepeatEstimate& found,
+               const StudyLayout& layout, double* sums) {
   double total = 0.0;
   for (int i = 0; i < layout.curve; ++i) {
     const double d = study.curve_m[i];
@@ -112,7 +113,8 @@ void add_estimate(const Study& study, const StudyPoint& point, const RepeatEstim
   sums[layout.outcome + static_cast<int>(found.outcome)] += 1.0;
   const std::vector<double>& scores = found.aic_by_order;
   const auto finite = [](double score) { return std::isfinite(score); };
-  if (!scores.empty() && std::all_of(scores.begin(), scores.end(), finite)) {  // only then are they comparable
+  if (!scores.empty() &&
+      std::all_of(scores.begin(), scores.end(), finite)) {  // only then are they comparable
     sums[layout.aic] += 1.0;
     for (std::size_t i = 0; i < scores.size(); ++i) sums[layout.aic + 2 + i] += scores[i];
   }
@@ -123,7 +125,8 @@ void add_estimate(const Study& study, const StudyPoint& point, const RepeatEstim
   add_curve(study, point, found, layout, sums);
   add_ratio(found.sigma_e, point.scene.noise.parameters[0], sums + layout.sigma_e);
   add_ratio(found.sigma_theta, point.scene.sigma_theta_rad, sums + layout.sigma_theta);
-  if (test) add_mse(*test, found.alpha, study.measures_any({StudyMeasure::normalised_mse}), sums + layout.mse);
+  if (test)
+    add_mse(*test, found.alpha, study.measures_any({StudyMeasure::normalised_mse}), sums + layout.mse);
 }
 
 void add_noise_order(const Recording& recording, const StudyEstimator& estimator, const StudyLayout& layout,
@@ -137,8 +140,8 @@ void add_noise_order(const Recording& recording, const StudyEstimator& estimator
 }
 
 /// The bound of this repeat's own placement, where landmarks are drawn anew.
-void add_bound(const Study& study, const StudyPoint& point, const Recording& recording, const JointProblem& problem,
-               const std::vector<int>& seen, double* sums) {
+void add_bound(const Study& study, const StudyPoint& point, const Recording& recording,
+               const JointProblem& problem, const std::vector<int>& seen, double* sums) {
   const auto bound = placement_bound(study, point, recording, problem, seen);
   if (!bound) return;
   sums[0] += 1.0;
@@ -184,7 +187,8 @@ void run_study_repeat(const Study& study, const StudyPoint& point, const StudyLa
     if (!pairs && found.answered()) add_landmarks(recording, landmarks->seen(), found, layout, row);
   }
   if (scene.random_landmarks && study.measures_any({StudyMeasure::rmse_over_bound}))
-    add_bound(study, point, recording, landmarks->problem(), landmarks->seen(), sums.numbers.data() + layout.bound);
+    add_bound(study, point, recording, landmarks->problem(), landmarks->seen(),
+              sums.numbers.data() + layout.bound);
 }
 
 }  // namespace rangecal

@@ -116,11 +116,10 @@ int LandmarkEstimates::selected_order(const RepeatModel& model) {
 
 RepeatEstimate LandmarkEstimates::closed(const StudyEstimator& estimator, const RepeatModel& model) const {
   const ClosedFormOptions options = closed_options(estimator, model);
-  RepeatEstimate result =
-      from_calibration(estimator.method == Method::closed_form
-                           ? closed_form_calibration(job_.problem, options)
-                           : approximate_joint_calibration(job_.problem, options),
-                       model.law);
+  RepeatEstimate result = from_calibration(estimator.method == Method::closed_form
+                                               ? closed_form_calibration(job_.problem, options)
+                                               : approximate_joint_calibration(job_.problem, options),
+                                           model.law);
   if (result.outcome == Outcome::converged && result.alpha.size() == 0) result.outcome = Outcome::failed;
   return result;
 }
@@ -151,7 +150,8 @@ RepeatEstimate LandmarkEstimates::estimate(const StudyEstimator& estimator, cons
 
 namespace {
 
-RepeatEstimate approximate_estimate(const Recording& recording, const StudyEstimator& estimator, const RepeatModel& model) {
+RepeatEstimate approximate_estimate(const Recording& recording, const StudyEstimator& estimator,
+                                    const RepeatModel& model) {
   ClosedFormOptions options = closed_options(estimator, model);
   std::vector<double> scores;
   if (!model.order) {
@@ -171,7 +171,8 @@ RepeatEstimate likelihood_estimate(const PairsProblem& problem, Method method, c
   options.order = model.order;
   options.max_order = model.max_order;
   options.law = model.law;
-  const PairsFit fit = method == Method::full ? full_pairs(problem, options) : marginal_pairs(problem, options);
+  const PairsFit fit =
+      method == Method::full ? full_pairs(problem, options) : marginal_pairs(problem, options);
   RepeatEstimate result = from_calibration(fit.calibration, model.law);
   if (!model.order)
     for (const OrderScore& score : fit.orders)

@@ -14,13 +14,13 @@ namespace rangecal {
 /// What one estimator makes of one simulated recording.
 struct RepeatEstimate {
   Outcome outcome = Outcome::failed;
-  Eigen::VectorXd alpha;                     ///< empty: no answer
-  std::vector<Eigen::Vector2d> landmarks;    ///< in the problem's order; empty for pairs
+  Eigen::VectorXd alpha;                   ///< empty: no answer
+  std::vector<Eigen::Vector2d> landmarks;  ///< in the problem's order; empty for pairs
   std::optional<double> sigma_e, sigma_theta;
   std::optional<Eigen::MatrixXd> alpha_covariance;
-  Eigen::VectorXd landmark_variance;         ///< 2 L; empty where there is none
-  std::vector<double> aic_by_order;          ///< from order 1; empty where the order is given
-  double shared_seconds = 0.0;               ///< of a solve that an earlier estimator made and this one needs
+  Eigen::VectorXd landmark_variance;  ///< 2 L; empty where there is none
+  std::vector<double> aic_by_order;   ///< from order 1; empty where the order is given
+  double shared_seconds = 0.0;        ///< of a solve that an earlier estimator made and this one needs
 
   bool answered() const { return outcome == Outcome::converged && alpha.size() > 0; }
 };

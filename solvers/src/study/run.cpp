@@ -22,7 +22,8 @@ StudySums run_study_unit(const Study& study, const StudyUnit& unit) {
   StudySums sums;
   sums.prepare(layout);
   const int first = unit.piece * study.piece, count = study_unit_repeats(study, unit);
-  for (int repeat = first; repeat < first + count; ++repeat) run_study_repeat(study, point, layout, repeat, sums);
+  for (int repeat = first; repeat < first + count; ++repeat)
+    run_study_repeat(study, point, layout, repeat, sums);
   return sums;
 }
 
@@ -53,7 +54,8 @@ void StudyWork::done(const StudyUnit& unit, StudySums sums) {
   const std::lock_guard lock(mutex_);
   if (options_.on_unit) options_.on_unit(unit, sums);
   ++done_;
-  if (options_.shards > 1) return;  // the others' units are missing: the points come when all shards are together
+  if (options_.shards > 1)
+    return;  // the others' units are missing: the points come when all shards are together
   open_[unit.point].early.emplace(unit.piece, std::move(sums));
   advance(unit.point);
 }
@@ -79,7 +81,8 @@ void StudyWork::advance(int point) {
   ++complete_;
   if (options_.on_point) {
     StudyPointResult result{point, std::move(open.sums), std::nullopt};
-    if (study_.measures_any({StudyMeasure::rmse_over_bound})) result.bound = study_bound(study_, study_.points[point]);
+    if (study_.measures_any({StudyMeasure::rmse_over_bound}))
+      result.bound = study_bound(study_, study_.points[point]);
     options_.on_point(result);
   }
   open_.erase(point);

@@ -44,8 +44,8 @@ int whole(const std::string& text, int at_least) {
 
 void need(const Scene& scene, RecordingKind kind) {
   if (scene.kind != kind)
-    throw InputError(fmt::format("belongs to a scene of kind {}",
-                                 kind == RecordingKind::pairs ? "pairs" : "landmarks"));
+    throw InputError(
+        fmt::format("belongs to a scene of kind {}", kind == RecordingKind::pairs ? "pairs" : "landmarks"));
 }
 
 void set_sigma_s(Scene& scene, const std::string& value) {
@@ -59,7 +59,8 @@ void set_landmarks(Scene& scene, const std::string& value) {
   const int count = whole(value, 1), listed = static_cast<int>(scene.landmarks.size());
   if (scene.random_landmarks) {
     if (count < listed + 1)
-      throw InputError(fmt::format("{} landmarks, of which {} are listed and one is random at least", count, listed));
+      throw InputError(
+          fmt::format("{} landmarks, of which {} are listed and one is random at least", count, listed));
     scene.random_landmarks->count = count - listed;
     return;
   }
@@ -124,7 +125,8 @@ const std::map<std::string, Setter>& setters() {
        [](Scene& s, const std::string& v) {
          need(s, RecordingKind::landmarks);
          const int count = whole(v, 2);
-         if (count > most_scene_stops) throw InputError(fmt::format("{} stops are more than a million", count));
+         if (count > most_scene_stops)
+           throw InputError(fmt::format("{} stops are more than a million", count));
          s = with_stops(std::move(s), count);
        }},
       {"readings", set_readings},

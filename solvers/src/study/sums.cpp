@@ -11,7 +11,8 @@ namespace rangecal {
 StudyLayout::StudyLayout(const Study& study, const StudyPoint& point)
     : curve(static_cast<int>(study.curve_m.size())), estimators(static_cast<int>(study.estimators.size())) {
   const Scene& scene = point.scene;
-  landmarks = static_cast<int>(scene.positions.size()) + (scene.random_landmarks ? scene.random_landmarks->count : 0);
+  landmarks =
+      static_cast<int>(scene.positions.size()) + (scene.random_landmarks ? scene.random_landmarks->count : 0);
   const auto next = [this](int count) {
     const int at = stride;
     stride += count;
@@ -59,7 +60,8 @@ double least_squares_distance(const Eigen::VectorXd& alpha, double y) {
   const Eigen::Index n = alpha.size() - 1;
   if (n == 1) {
     consider((y - alpha[0]) / alpha[1]);
-  } else if (n == 2) {  // without cancellation: q = -(b + sign(b) sqrt(b^2 - 4 a c)) / 2, roots q / a and c / q
+  } else if (n ==
+             2) {  // without cancellation: q = -(b + sign(b) sqrt(b^2 - 4 a c)) / 2, roots q / a and c / q
     const double a = alpha[2], b = alpha[1], c = alpha[0] - y, disc = b * b - 4.0 * a * c;
     if (disc >= 0.0) {
       const double q = -0.5 * (b + std::copysign(std::sqrt(disc), b));

@@ -72,8 +72,8 @@ class Columns {
   void for_parts(Use use) {
     const StudyLayout& l = layout_;
     if (!pairs())
-      use("landmark", l.landmark_error, l.landmark_square, 2 * l.landmarks, l.landmark_total, l.landmark_total_square,
-          l.landmarks);
+      use("landmark", l.landmark_error, l.landmark_square, 2 * l.landmarks, l.landmark_total,
+          l.landmark_total_square, l.landmarks);
     use("curve", l.curve_error, l.curve_square, l.curve, l.curve_total, l.curve_total_square, l.curve);
   }
 
@@ -84,7 +84,8 @@ class Columns {
   }
 
   void errors(StudyMeasure measure) {
-    for_parts([&](const std::string& part, int error, int square, int count, int total, int total_square, int per) {
+    for_parts([&](const std::string& part, int error, int square, int count, int total, int total_square,
+                  int per) {
       const auto bound = [=, this] { return std::sqrt(bound_sq(part == "landmark").value_or(NAN) / per); };
       switch (measure) {
         case StudyMeasure::bias:
@@ -124,9 +125,8 @@ class Columns {
     add(name + "_factor_se", [&] { return factor_error(); });
     add(name + "_ratio_mean", [&] { return mse(mse_ratio_sum); });
     add(name + "_ratio_geometric", [&] { return std::pow(10.0, mse(mse_log)); });
-    add(name + "_ratio_log10_std", [&] {
-      return std::sqrt(std::max(mse(mse_log_square) - mse(mse_log) * mse(mse_log), 0.0));
-    });
+    add(name + "_ratio_log10_std",
+        [&] { return std::sqrt(std::max(mse(mse_log_square) - mse(mse_log) * mse(mse_log), 0.0)); });
     add(name + "_factor_without_noise", [&] { return mse(mse_exact_raw) / mse(mse_exact_corrected); });
   }
 
@@ -145,9 +145,15 @@ class Columns {
       case StudyMeasure::bias:
       case StudyMeasure::variance:
       case StudyMeasure::rmse:
-      case StudyMeasure::rmse_over_bound: errors(measure); break;
-      case StudyMeasure::mse_ratio: mse_columns("mse"); break;
-      case StudyMeasure::normalised_mse: mse_columns("nmse"); break;
+      case StudyMeasure::rmse_over_bound:
+        errors(measure);
+        break;
+      case StudyMeasure::mse_ratio:
+        mse_columns("mse");
+        break;
+      case StudyMeasure::normalised_mse:
+        mse_columns("nmse");
+        break;
       case StudyMeasure::order:
         for (int n = 0; n <= study_.max_order; ++n)
           add(fmt::format("order_{}", n), [&] { return mean(l.order + n); });
@@ -159,7 +165,8 @@ class Columns {
         break;
       case StudyMeasure::noise_order:
         for (int s = 0; s < 4; ++s) add(fmt::format("h{}_best", s), [&] { return mean(l.power + s); });
-        for (int s = 0; s < 4; ++s) add(fmt::format("h{}_log_likelihood", s), [&] { return mean(l.power + 4 + s); });
+        for (int s = 0; s < 4; ++s)
+          add(fmt::format("h{}_log_likelihood", s), [&] { return mean(l.power + 4 + s); });
         break;
       case StudyMeasure::coverage:
         if (!pairs()) add("landmark_coverage95", [&] { return at(l.cover + 1) / at(l.cover); });
@@ -173,7 +180,8 @@ class Columns {
         for (int o = 0; o < study_outcomes; ++o)
           add(to_string(static_cast<Outcome>(o)), [&] { return at(l.outcome + o); });
         break;
-      case StudyMeasure::time: break;  // in the table of times
+      case StudyMeasure::time:
+        break;  // in the table of times
     }
   }
 

@@ -27,7 +27,8 @@ int main(int argc, char** argv) try {
     while (std::getline(fields, field, ',')) values.push_back(std::stod(field));
     sensor_msgs::LaserScan scan;
     scan.header.stamp = ros::Time(values.at(0) + 1.0);
-    scan.angle_min = static_cast<float>(values.at(1)), scan.angle_increment = static_cast<float>(values.at(2));
+    scan.angle_min = static_cast<float>(values.at(1)),
+    scan.angle_increment = static_cast<float>(values.at(2));
     scan.range_min = 0.05f, scan.range_max = 20.0f;
     scan.ranges.assign(values.begin() + 3, values.end());
     std_msgs::String other;

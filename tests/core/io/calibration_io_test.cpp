@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/calibration_io.hpp"
 
-#include <cmath>
-#include <limits>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
 
 #include "rangecal/core/errors.hpp"
 #include "support/temporary_folder.hpp"
@@ -72,7 +72,8 @@ void expect_same(const Calibration& a, const Calibration& b) {
   EXPECT_EQ(a.noise.law, b.noise.law);
   EXPECT_EQ(a.noise.parameters, b.noise.parameters);
   ASSERT_EQ(a.noise_estimates.size(), b.noise_estimates.size());
-  for (std::size_t i = 0; i < a.noise_estimates.size(); ++i) expect_same(a.noise_estimates[i], b.noise_estimates[i]);
+  for (std::size_t i = 0; i < a.noise_estimates.size(); ++i)
+    expect_same(a.noise_estimates[i], b.noise_estimates[i]);
   expect_same(a.sigma_theta_rad, b.sigma_theta_rad);
   expect_same(a.sigma_s_m, b.sigma_s_m);
   EXPECT_EQ(a.sigma_s_upper95_m, b.sigma_s_upper95_m);
@@ -113,7 +114,8 @@ TEST(CalibrationIo, OneAndSeveralReadBackAsWritten) {
   pairs.kind = RecordingKind::pairs;
   pairs.outcome = Outcome::too_few_data;
   pairs.reason = "three readings, four unknowns";
-  for (const auto& list : std::vector<std::vector<Calibration>>{{full_calibration()}, {full_calibration(), pairs}}) {
+  for (const auto& list :
+       std::vector<std::vector<Calibration>>{{full_calibration()}, {full_calibration(), pairs}}) {
     save_calibrations(list, path);
     const std::vector<Calibration> loaded = load_calibrations(path);
     ASSERT_EQ(loaded.size(), list.size());
@@ -166,7 +168,9 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
     return "no error";
   };
   const auto with = [&](const std::string& rest) {
-    return error("{\"format\": \"rangecal-calibration/1\", \"method\": \"full\", \"outcome\": \"converged\", " + rest + "}");
+    return error(
+        "{\"format\": \"rangecal-calibration/1\", \"method\": \"full\", \"outcome\": \"converged\", " + rest +
+        "}");
   };
   const std::string noise = "\"noise\": {\"law\": \"f2\", \"parameters\": [0.01]}";
   EXPECT_EQ(with("\"alpha\": [0, 1], " + noise), "no error");
@@ -176,10 +180,12 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
   EXPECT_EQ(error("{\"format\": \"x\"}"), "c.json: field 'format': is not rangecal-calibration/1");
   EXPECT_EQ(with(noise), "c.json: field 'alpha': is missing");
   EXPECT_EQ(with("\"alpha\": [0, \"one\"], " + noise), "c.json: field 'alpha[1]': is not a number");
-  EXPECT_EQ(with("\"alpha\": [0, null], " + noise), "c.json: field 'alpha': is not finite, yet the outcome is usable");
+  EXPECT_EQ(with("\"alpha\": [0, null], " + noise),
+            "c.json: field 'alpha': is not finite, yet the outcome is usable");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"order\": 2, " + noise),
             "c.json: field 'order': is not the number of alpha less one");
-  EXPECT_EQ(with("\"alpha\": [0, 1], \"covariance\": [[1, 0]], " + noise), "c.json: field 'covariance': is not 2 rows");
+  EXPECT_EQ(with("\"alpha\": [0, 1], \"covariance\": [[1, 0]], " + noise),
+            "c.json: field 'covariance': is not 2 rows");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"noise\": {\"law\": \"f9\", \"parameters\": [1]}"),
             "c.json: field 'noise.law': noise law is 'f9', not one of constant, f, f2, f3, d2, polynomial");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"noise\": {\"law\": \"f2\", \"parameters\": [1, 2]}"),

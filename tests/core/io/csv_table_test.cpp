@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/csv_table.hpp"
 
-#include <cmath>
-
 #include <gtest/gtest.h>
+
+#include <cmath>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
@@ -21,7 +21,10 @@ std::string error_of(const std::string& text) {
 }
 
 TEST(CsvTable, ReadsQuotesCrlfBomBlankLinesAndSpaces) {
-  const CsvTable table = CsvTable::parse("\xef\xbb\xbf" "a,\"b \"\"q\"\"\"\r\n 1 ,\"x,y\"\r\n\r\n2,\"two\nlines\"\r\n3,z", "t.csv");
+  const CsvTable table = CsvTable::parse(
+      "\xef\xbb\xbf"
+      "a,\"b \"\"q\"\"\"\r\n 1 ,\"x,y\"\r\n\r\n2,\"two\nlines\"\r\n3,z",
+      "t.csv");
   ASSERT_EQ(table.columns(), (std::vector<std::string>{"a", "b \"q\""}));
   ASSERT_EQ(table.rows(), 3u);
   EXPECT_EQ(table.number(0, 0), 1.0);
@@ -35,7 +38,8 @@ TEST(CsvTable, ReadsQuotesCrlfBomBlankLinesAndSpaces) {
 }
 
 TEST(CsvTable, Numbers) {
-  const CsvTable table = CsvTable::parse("v,w\n1e-3,0\n+2.5,0\n,0\nNA,0\nnan,0\n-inf,0\n1.2x,0\n1e999,0\n0x10,0\n+-1,0\n", "t.csv");
+  const CsvTable table = CsvTable::parse(
+      "v,w\n1e-3,0\n+2.5,0\n,0\nNA,0\nnan,0\n-inf,0\n1.2x,0\n1e999,0\n0x10,0\n+-1,0\n", "t.csv");
   EXPECT_EQ(table.number(0, 0), 1e-3);
   EXPECT_EQ(table.number(1, 0), 2.5);
   EXPECT_FALSE(table.number(2, 0).has_value());

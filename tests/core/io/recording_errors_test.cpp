@@ -34,7 +34,8 @@ TEST(RecordingErrors, EmptyOrHeaderOnly) {
   for (const std::string name : {"observations.csv", "stops.csv"}) {
     EXPECT_EQ(folder.error_with(name, ""), name + ": is empty: a header row is expected");
   }
-  EXPECT_EQ(folder.error_with("observations.csv", kObservations), "observations.csv: holds a header and no rows");
+  EXPECT_EQ(folder.error_with("observations.csv", kObservations),
+            "observations.csv: holds a header and no rows");
   EXPECT_EQ(folder.error_with("stops.csv", kStops), "stops.csv: holds a header and no rows");
   EXPECT_EQ(folder.error_with("recording.yaml", ""), "recording.yaml, row 1: is not a map of keys to values");
   RecordingFolder pairs;
@@ -44,7 +45,10 @@ TEST(RecordingErrors, EmptyOrHeaderOnly) {
 
 TEST(RecordingErrors, BinaryJunk) {
   const RecordingFolder folder;
-  const std::string junk("\x7f" "ELF\x02\x01\x00\x00\xff\xd8", 10);
+  const std::string junk(
+      "\x7f"
+      "ELF\x02\x01\x00\x00\xff\xd8",
+      10);
   EXPECT_EQ(folder.error_with("observations.csv", junk), "observations.csv, row 1: is not UTF-8 text");
   EXPECT_EQ(folder.error_with("stops.csv", junk), "stops.csv, row 1: is not UTF-8 text");
   EXPECT_EQ(folder.error_with("recording.yaml", junk).rfind("recording.yaml", 0), 0u);
@@ -81,9 +85,10 @@ TEST(RecordingErrors, MissingAndDoubledColumns) {
   RecordingFolder pairs;
   pairs.make_pairs("true,reading_m\n1,1\n");
   EXPECT_EQ(pairs.error(), "pairs.csv, row 1, column 'true_m': the column is missing; there is 'true'");
-  EXPECT_EQ(folder.error_with("stops.csv", "stop;x_m;y_m;heading_rad\n0;0;0;0\n"),
-            "stops.csv, row 1, column 'stop': the column is missing: the row is one field, 'stop;x_m;y_m;heading_rad'; columns "
-            "are separated by commas");
+  EXPECT_EQ(
+      folder.error_with("stops.csv", "stop;x_m;y_m;heading_rad\n0;0;0;0\n"),
+      "stops.csv, row 1, column 'stop': the column is missing: the row is one field, 'stop;x_m;y_m;heading_rad'; columns "
+      "are separated by commas");
   EXPECT_EQ(folder.error_with("stops.csv", "Stop,x_m,y_m,heading_rad\n0,0,0,0\n"),
             "stops.csv, row 1, column 'stop': the column is missing; there is 'Stop'");
 }
@@ -99,7 +104,9 @@ TEST(RecordingErrors, ColumnsThatWouldBeLeftOutUnsaid) {
   EXPECT_EQ(folder.error_with("stops.csv", "stop,x_m,y_m,heading_deg\n0,0,0,0\n"),
             "stops.csv, row 1, column 'heading_rad': the column is missing; there is 'heading_deg'");
   // Beside the column that is read another of its kind, or a note, is the user's own.
-  EXPECT_EQ(folder.error_with("landmarks.csv", "landmark,radius_m,radius_mm,note\nA,0.1,100,x\nB,0.1,100,y\n"), "no error");
+  EXPECT_EQ(
+      folder.error_with("landmarks.csv", "landmark,radius_m,radius_mm,note\nA,0.1,100,x\nB,0.1,100,y\n"),
+      "no error");
 }
 
 TEST(RecordingErrors, DuplicateAndUnknownStop) {
@@ -116,20 +123,23 @@ TEST(RecordingErrors, DuplicateAndUnknownStop) {
 
 TEST(RecordingErrors, UnknownLandmark) {
   const RecordingFolder folder;
-  EXPECT_EQ(folder.error_with("landmarks.csv", "landmark\nA\n"),
-            "observations.csv, row 3, column 'landmark': unknown landmark 'B': landmarks.csv does not list it");
+  EXPECT_EQ(
+      folder.error_with("landmarks.csv", "landmark\nA\n"),
+      "observations.csv, row 3, column 'landmark': unknown landmark 'B': landmarks.csv does not list it");
   EXPECT_EQ(folder.error_with("landmarks.csv", "landmark,radius_m\nA,0.1\nB,0.1\nA,0.1\n"),
             "landmarks.csv, row 4, column 'landmark': landmark 'A' is listed twice");
   EXPECT_EQ(folder.error_with("landmarks.csv", "landmark,radius_m\nA,-0.1\nB,0.1\n"),
             "landmarks.csv, row 2, column 'radius_m': is negative");
-  const std::string taped = "format: rangecal/1\nknown_distances:\n  - {from: A, to: Z, distance_m: 1, sigma_m: 0.01}\n";
+  const std::string taped =
+      "format: rangecal/1\nknown_distances:\n  - {from: A, to: Z, distance_m: 1, sigma_m: 0.01}\n";
   EXPECT_EQ(folder.error_with("recording.yaml", taped),
             "recording.yaml, row 3: field 'known_distances[0].to': unknown landmark 'Z'");
   // Where no landmarks.csv says what there is, a true landmark that was never seen is no mistake.
   EXPECT_EQ(folder.error_with("truth_landmarks.csv", "landmark,x_m,y_m\nZ,0,0\n"), "no error");
   folder.write("landmarks.csv", "landmark\nA\nB\n");
-  EXPECT_EQ(folder.error_with("truth_landmarks.csv", "landmark,x_m,y_m\nA,0,0\nZ,0,0\n"),
-            "truth_landmarks.csv, row 3, column 'landmark': unknown landmark 'Z': landmarks.csv does not list it");
+  EXPECT_EQ(
+      folder.error_with("truth_landmarks.csv", "landmark,x_m,y_m\nA,0,0\nZ,0,0\n"),
+      "truth_landmarks.csv, row 3, column 'landmark': unknown landmark 'Z': landmarks.csv does not list it");
 }
 
 TEST(RecordingErrors, DuplicateReading) {
@@ -154,12 +164,14 @@ TEST(RecordingErrors, HeaderFile) {
   const RecordingFolder folder;
   const auto error = [&](const std::string& yaml) { return folder.error_with("recording.yaml", yaml); };
   EXPECT_EQ(error("kind: pairs\n"), "recording.yaml, row 1: field 'format': is missing");
-  EXPECT_EQ(error("format: rangecal/2\n"), "recording.yaml, row 1: field 'format': 'rangecal/2' is not rangecal/1");
+  EXPECT_EQ(error("format: rangecal/2\n"),
+            "recording.yaml, row 1: field 'format': 'rangecal/2' is not rangecal/1");
   EXPECT_EQ(error("format: rangecal/1\nkind: scans\n"),
             "recording.yaml, row 2: field 'kind': 'scans' is neither landmarks nor pairs");
-  EXPECT_EQ(error("format: rangecal/1\nsensor:\n  range_max: 6\n"),
-            "recording.yaml, row 3: field 'sensor.range_max': unknown key; known here: name, principle, range_min_m, "
-            "range_max_m");
+  EXPECT_EQ(
+      error("format: rangecal/1\nsensor:\n  range_max: 6\n"),
+      "recording.yaml, row 3: field 'sensor.range_max': unknown key; known here: name, principle, range_min_m, "
+      "range_max_m");
   EXPECT_EQ(error("format: rangecal/1\nsensor: {range_min_m: 2, range_max_m: 1}\n"),
             "recording.yaml, row 2: field 'sensor.range_max_m': is not above range_min_m");
   EXPECT_EQ(error("format: rangecal/1\nstops: {sigma_xy_m: guess}\n"),

@@ -22,7 +22,8 @@ struct RecordingFolder : TemporaryFolder {
     write("observations.csv", "stop,landmark,repeat,range_m,bearing_rad\n0,A,0,1.0,0.5\n1,B,0,2.0,-0.5\n");
   }
   void make_pairs(const std::string& rows) {
-    write("recording.yaml", "format: rangecal/1\nkind: pairs\nsensor: {range_min_m: 0.2, range_max_m: 6.0}\n");
+    write("recording.yaml",
+          "format: rangecal/1\nkind: pairs\nsensor: {range_min_m: 0.2, range_max_m: 6.0}\n");
     write("pairs.csv", rows);
   }
   /// The message of loading it, with the folder's own path taken off.
@@ -32,7 +33,8 @@ struct RecordingFolder : TemporaryFolder {
     } catch (const InputError& caught) {
       std::string message = caught.what();
       const std::string prefix = path() + "/";
-      for (std::size_t at; (at = message.find(prefix)) != std::string::npos;) message.erase(at, prefix.size());
+      for (std::size_t at; (at = message.find(prefix)) != std::string::npos;)
+        message.erase(at, prefix.size());
       return message;
     }
     return "no error";

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/recording_io.hpp"
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "core/io/recording_folder.hpp"
 #include "rangecal/core/random.hpp"
@@ -25,7 +25,8 @@ const double kNaN = std::numeric_limits<double>::quiet_NaN();
 // Equal bit for bit, NaN to NaN.
 void expect_same(const std::vector<double>& a, const std::vector<double>& b) {
   ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(a[i] == b[i] || (std::isnan(a[i]) && std::isnan(b[i])));
+  for (std::size_t i = 0; i < a.size(); ++i)
+    EXPECT_TRUE(a[i] == b[i] || (std::isnan(a[i]) && std::isnan(b[i])));
 }
 
 void expect_same(const Covariates& a, const Covariates& b) {
@@ -109,7 +110,8 @@ void expect_same(const Recording& a, const Recording& b) {
 Recording random_landmarks_recording(std::uint64_t seed) {
   Random random(seed_from("random_landmarks_recording", {seed}));
   Recording recording;
-  recording.sensor = {"odd: \"name\", #1", "triangulation", 0.1, seed % 2 ? 7.3 : std::numeric_limits<double>::infinity()};
+  recording.sensor = {"odd: \"name\", #1", "triangulation", 0.1,
+                      seed % 2 ? 7.3 : std::numeric_limits<double>::infinity()};
   recording.estimate_sigma_xy = seed % 3 == 0;
   recording.sigma_xy_m = random.uniform();
   recording.sigma_heading_rad = random.uniform();
@@ -136,7 +138,8 @@ Recording random_landmarks_recording(std::uint64_t seed) {
     }
   }
   for (const char* label : {"A", "\xc3\x85ngstr\xc3\xb6m", "never seen"}) {
-    recording.landmarks.push_back({label, random.uniform(), random.index(2) ? std::optional(random.uniform()) : std::nullopt});
+    recording.landmarks.push_back(
+        {label, random.uniform(), random.index(2) ? std::optional(random.uniform()) : std::nullopt});
     recording.truth.landmarks.push_back(Eigen::Vector2d(random.normal(), random.normal()));
   }
   recording.known_distances = {{0, 2, 1.0 / 3.0, 1e-3}};
@@ -153,10 +156,11 @@ Recording random_landmarks_recording(std::uint64_t seed) {
     readings.covariates["temperature_c"].push_back(random.normal(20.0, 1e-7));
   }
   recording.counts.read = recording.counts.used = 40;
-  recording.extraction = {{"arc", "mean"},         {"radius", "[0.04, 0.12]"}, {"edge_cut", "0.9"},
-                          {"source", "run: #1.csv"}, {"odd", "[half a list"},    {"empty", ""},
-                          {"nothing", "null"},       {"mark", "~"},              {"two", "a\nline, \"b\""},
-                          {"key: {", " x "}};
+  recording.extraction = {{"arc", "mean"},           {"radius", "[0.04, 0.12]"},
+                          {"edge_cut", "0.9"},       {"source", "run: #1.csv"},
+                          {"odd", "[half a list"},   {"empty", ""},
+                          {"nothing", "null"},       {"mark", "~"},
+                          {"two", "a\nline, \"b\""}, {"key: {", " x "}};
   return recording;
 }
 
@@ -217,7 +221,8 @@ TEST(RecordingIo, PairsReadBackAsWrittenOverALandmarksRecording) {
 TEST(RecordingIo, ColumnsInAnyOrderCrlfBomAndCovariates) {
   RecordingFolder folder;
   folder.write("observations.csv",
-               "\xef\xbb\xbf" "temperature_c,bearing_rad,note,landmark,range_m,stop\r\n"
+               "\xef\xbb\xbf"
+               "temperature_c,bearing_rad,note,landmark,range_m,stop\r\n"
                "20.5,6.0,fine,A,1.5,0\r\n,0.1,\"so, so\",A,1.6,0\r\n21,0.2,,B,1.7,1\r\n");
   const Recording recording = load_recording(folder.path());
   EXPECT_THAT(recording.readings.range_m, ElementsAre(1.5, 1.6, 1.7));
@@ -225,7 +230,7 @@ TEST(RecordingIo, ColumnsInAnyOrderCrlfBomAndCovariates) {
   EXPECT_THAT(recording.readings.row, ElementsAre(2, 3, 4));
   EXPECT_NEAR(recording.readings.bearing_rad[0], 6.0 - 2.0 * std::numbers::pi, 1e-15);
   EXPECT_TRUE(recording.readings.time_s.empty());
-  ASSERT_EQ(recording.readings.covariates.size(), 1u);   // the text column `note` is kept out
+  ASSERT_EQ(recording.readings.covariates.size(), 1u);  // the text column `note` is kept out
   expect_same(recording.readings.covariates.at("temperature_c"), {20.5, kNaN, 21.0});
   EXPECT_EQ(recording.landmarks[0].radius_m, 0.1);
   EXPECT_EQ(recording.path, folder.path());
@@ -246,8 +251,9 @@ TEST(RecordingIo, TheNoteOfTheExtractionIsKept) {
                "format: rangecal/1\nextraction:\n  arc: smallest\n  radius:\n  - 0.04\n  - 0.12\n"
                "  by: {who: me, when: [1, 2]}\n  none:\n");
   const Recording recording = load_recording(folder.path());
-  EXPECT_THAT(recording.extraction, UnorderedElementsAre(Pair("arc", "smallest"), Pair("radius", "[0.04, 0.12]"),
-                                                         Pair("by", "{who: me, when: [1, 2]}"), Pair("none", "")));
+  EXPECT_THAT(recording.extraction,
+              UnorderedElementsAre(Pair("arc", "smallest"), Pair("radius", "[0.04, 0.12]"),
+                                   Pair("by", "{who: me, when: [1, 2]}"), Pair("none", "")));
   const TemporaryFolder copy;
   save_recording(recording, copy.path());
   EXPECT_EQ(load_recording(copy.path()).extraction, recording.extraction);
@@ -255,15 +261,17 @@ TEST(RecordingIo, TheNoteOfTheExtractionIsKept) {
 
 TEST(RecordingIo, UnusableReadingsAreDroppedAndCountedByReason) {
   RecordingFolder folder;
-  std::string rows = "stop,landmark,repeat,range_m,bearing_rad\n0,A,0,,0\n0,A,1,nan,0\n0,A,2,inf,0\n0,A,3,0,0\n"
-                     "0,A,4,-1,0\n0,A,5,1.0,\n0,A,6,1.0,nan\n0,A,7,1.0,0\n1,B,0,0.1,0\n1,A,0,6.5,0\n";
+  std::string rows =
+      "stop,landmark,repeat,range_m,bearing_rad\n0,A,0,,0\n0,A,1,nan,0\n0,A,2,inf,0\n0,A,3,0,0\n"
+      "0,A,4,-1,0\n0,A,5,1.0,\n0,A,6,1.0,nan\n0,A,7,1.0,0\n1,B,0,0.1,0\n1,A,0,6.5,0\n";
   folder.write("observations.csv", rows);
   const Recording recording = load_recording(folder.path());
   EXPECT_EQ(recording.counts.read, 10);
   EXPECT_EQ(recording.counts.used, 1);
-  EXPECT_THAT(recording.counts.dropped,
-              UnorderedElementsAre(Pair("missing", 2), Pair("not finite", 3), Pair("zero", 1), Pair("negative", 1),
-                                   Pair("below range_min_m", 1), Pair("above range_max_m", 1)));
+  EXPECT_THAT(
+      recording.counts.dropped,
+      UnorderedElementsAre(Pair("missing", 2), Pair("not finite", 3), Pair("zero", 1), Pair("negative", 1),
+                           Pair("below range_min_m", 1), Pair("above range_max_m", 1)));
   EXPECT_EQ(recording.counts.cells_left_out, 2);
   EXPECT_THAT(recording.readings.row, ElementsAre(9));
 }
@@ -285,12 +293,14 @@ TEST(RecordingIo, ACellCutByALimitIsLeftOutWhole) {
   const Counts counts = counts_of_cell(100, 2);
   EXPECT_EQ(counts.used, 1);
   EXPECT_EQ(counts.cells_left_out, 1);
-  EXPECT_THAT(counts.dropped, UnorderedElementsAre(Pair("above range_max_m", 2), Pair("cell cut by a limit", 98)));
+  EXPECT_THAT(counts.dropped,
+              UnorderedElementsAre(Pair("above range_max_m", 2), Pair("cell cut by a limit", 98)));
 }
 
 TEST(RecordingIo, ABatchCutByALimitIsLeftOutWhole) {
   RecordingFolder folder;
-  folder.make_pairs("batch,true_m,reading_m\nfar,6,5.9\nfar,6,6.1\nnear,1,1.0\nnear,1,1.1\n,3,6.1\n,3,3.0\n,,3.0\n");
+  folder.make_pairs(
+      "batch,true_m,reading_m\nfar,6,5.9\nfar,6,6.1\nnear,1,1.0\nnear,1,1.1\n,3,6.1\n,3,3.0\n,,3.0\n");
   const Recording recording = load_recording(folder.path());
   EXPECT_THAT(recording.pairs.batch_labels, ElementsAre("near"));
   EXPECT_THAT(recording.pairs.batch, ElementsAre(0, 0, -1));

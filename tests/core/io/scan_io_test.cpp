@@ -67,8 +67,10 @@ TEST(ScanCsv, OneBeamALine) {
 
 TEST(ScanCsv, ComplainsWithRowAndColumn) {
   const std::string head = "stamp,angle_min,angle_increment,n,ranges...\n";
-  EXPECT_THAT(complaint(head + "0,0,0.01,2,1,x\n"), AllOf(HasSubstr("row 2"), HasSubstr("range 1"), HasSubstr("'x'")));
-  EXPECT_THAT(complaint(head + "0,0,0.01,3,1,2\n"), AllOf(HasSubstr("row 2"), HasSubstr("'n'"), HasSubstr("2")));
+  EXPECT_THAT(complaint(head + "0,0,0.01,2,1,x\n"),
+              AllOf(HasSubstr("row 2"), HasSubstr("range 1"), HasSubstr("'x'")));
+  EXPECT_THAT(complaint(head + "0,0,0.01,3,1,2\n"),
+              AllOf(HasSubstr("row 2"), HasSubstr("'n'"), HasSubstr("2")));
   EXPECT_THAT(complaint(head + "0,0,0.01\n"), HasSubstr("no range"));
   EXPECT_THAT(complaint(head + "0,0,1,2,1,2\n"), HasSubstr("degrees"));
   EXPECT_THAT(complaint(head + "0,0,0,2,1,2\n"), HasSubstr("angle_increment"));

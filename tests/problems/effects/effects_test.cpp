@@ -56,9 +56,8 @@ Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p) {
            after[k].sigma_heading_rad - before[k].sigma_heading_rad, after[k].chained ? 1.0 : 0.0});
   }
   const Dependence dependence = effect.dependence(p.data());
-  all.insert(all.end(),
-             {dependence.range_cell_sigma_m, dependence.bearing_cell_sigma_rad, dependence.range_correlation,
-              dependence.bearing_correlation});
+  all.insert(all.end(), {dependence.range_cell_sigma_m, dependence.bearing_cell_sigma_rad,
+                         dependence.range_correlation, dependence.bearing_correlation});
   ReadingView<double> seen{};
   seen.d = 2.0;
   seen.radius = 0.1;

@@ -186,7 +186,8 @@ TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
 }
 
 TEST(EffectValues, DependenceAndTails) {
-  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, outliers[] = {0.03, 5.0}, edge[] = {0.002};
+  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, outliers[] = {0.03, 5.0},
+               edge[] = {0.002};
   EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0035721726,
               1e-10);
   EXPECT_EQ(find_effect("cell_effect")->dependence(sigma).range_cell_sigma_m, 0.005);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/pairs/pairs_problem.hpp"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <gtest/gtest.h>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
@@ -15,8 +15,8 @@
 namespace rangecal {
 namespace {
 
-const NoiseLaw laws[] = {NoiseLaw::constant,  NoiseLaw::f,         NoiseLaw::f_squared,
-                         NoiseLaw::f_cubed,   NoiseLaw::d_squared, NoiseLaw::polynomial};
+const NoiseLaw laws[] = {NoiseLaw::constant, NoiseLaw::f,         NoiseLaw::f_squared,
+                         NoiseLaw::f_cubed,  NoiseLaw::d_squared, NoiseLaw::polynomial};
 
 Noise make_noise(NoiseLaw law) {
   Noise noise;
@@ -55,9 +55,12 @@ double ridders(Function fn, double step) {
     double factor = 1.6 * 1.6;
     for (int k = 1; k <= i; ++k, factor *= 1.6 * 1.6) {
       table[i][k] = (table[i][k - 1] * factor - table[i - 1][k - 1]) / (factor - 1.0);
-      const double change = std::fmax(std::abs(table[i][k] - table[i][k - 1]),
-                                      std::abs(table[i][k] - table[i - 1][k - 1]));
-      if (change < error) { error = change; best = table[i][k]; }
+      const double change =
+          std::fmax(std::abs(table[i][k] - table[i][k - 1]), std::abs(table[i][k] - table[i - 1][k - 1]));
+      if (change < error) {
+        error = change;
+        best = table[i][k];
+      }
     }
   }
   return best;
@@ -69,8 +72,8 @@ TEST(PairsProblem, GroupsEqualDistances) {
   ASSERT_EQ(problem.size(), 2u);
   EXPECT_EQ(problem.true_m, (std::vector<double>{1.0, 2.0}));
   EXPECT_EQ(problem.count, (std::vector<double>{1.0, 2.0}));
-  EXPECT_DOUBLE_EQ(problem.mean_m[1], 2.1);           // (2.2 + 2.0) / 2
-  EXPECT_NEAR(problem.mean_square[1], 0.01, 1e-15);   // (0.1^2 + 0.1^2) / 2
+  EXPECT_DOUBLE_EQ(problem.mean_m[1], 2.1);          // (2.2 + 2.0) / 2
+  EXPECT_NEAR(problem.mean_square[1], 0.01, 1e-15);  // (0.1^2 + 0.1^2) / 2
   EXPECT_FALSE(problem.single);
   EXPECT_EQ(problem.readings(), 3.0);
 }
@@ -141,8 +144,8 @@ TEST(PairsDerivatives, AgreeWithRidders) {
     SCOPED_TRACE(to_string(law));
     const Noise noise = make_noise(law);
     Eigen::VectorXd theta(3 + noise.parameters.size());
-    theta << 0.04, 0.92, 0.045, (law == NoiseLaw::polynomial ? noise.parameters
-                                                             : Eigen::VectorXd(noise.parameters.array().log()));
+    theta << 0.04, 0.92, 0.045,
+        (law == NoiseLaw::polynomial ? noise.parameters : Eigen::VectorXd(noise.parameters.array().log()));
     const auto at = [&](const Eigen::VectorXd& x) {
       return pairs_derivatives(problem, x.head(3), noise_from(law, x.tail(x.size() - 3)));
     };
@@ -173,7 +176,8 @@ TEST(PairsDerivatives, InformationIsTheExpectedHessian) {
     const double f = alpha[0] + alpha[1] * d.back() + alpha[2] * d.back() * d.back();
     y.push_back(f + 0.03 * f * f * random.normal());
   }
-  const PairsDerivatives at = pairs_derivatives(make_pairs_problem(d, y), alpha, make_noise(NoiseLaw::f_squared));
+  const PairsDerivatives at =
+      pairs_derivatives(make_pairs_problem(d, y), alpha, make_noise(NoiseLaw::f_squared));
   for (Eigen::Index j = 0; j < 4; ++j) {
     for (Eigen::Index k = 0; k < 4; ++k) {
       EXPECT_NEAR(at.hessian(j, k), at.information(j, k),
@@ -186,7 +190,8 @@ TEST(PairsResidual, HandWorkedValue) {
   // f(2) = 2.5, s = 0.1 * 6.25 = 0.625, floor 0.3125, R = 4, mean 2.4, S = 0.2:
   // 2 * -0.1 / 0.625 = -0.32;  2 * 0.2 / 0.625 = 0.64;  sqrt(8 log 2) = 2.354820045.
   const PairsResidual cell{2.0, 2.4, 0.04, 4.0, NoiseLaw::f_squared, 0.3125};
-  const Eigen::VectorXd alpha = Eigen::Vector2d(0.5, 1.0), noise = Eigen::VectorXd::Constant(1, std::log(0.1));
+  const Eigen::VectorXd alpha = Eigen::Vector2d(0.5, 1.0),
+                        noise = Eigen::VectorXd::Constant(1, std::log(0.1));
   double r[3] = {NAN, NAN, NAN};
   ASSERT_TRUE(cell.evaluate(alpha, noise, r, nullptr, nullptr));
   EXPECT_NEAR(r[0], -0.32, 1e-14);
@@ -202,8 +207,8 @@ TEST(PairsResidual, CostIsTheNllAndJacobianAgreesWithRidders) {
   for (const NoiseLaw law : laws) {
     SCOPED_TRACE(to_string(law));
     const Noise noise = make_noise(law);
-    const Eigen::VectorXd p = law == NoiseLaw::polynomial ? noise.parameters
-                                                          : Eigen::VectorXd(noise.parameters.array().log());
+    const Eigen::VectorXd p =
+        law == NoiseLaw::polynomial ? noise.parameters : Eigen::VectorXd(noise.parameters.array().log());
     PairsResidual cell{1.7, 1.8, 0.002, 5.0, law, 0.0};
     cell.s_floor = cell.spread(alpha, p) * std::exp(-0.5);
     double r[3], in_alpha[9], in_noise[6];
@@ -218,7 +223,8 @@ TEST(PairsResidual, CostIsTheNllAndJacobianAgreesWithRidders) {
     one.mean_square = {cell.mean_square};
     one.row_true_m = one.row_reading_m = {1.7, 1.7, 1.7, 1.7, 1.7};
     const double constant = cell.count * (0.5 * std::log(2.0 * std::numbers::pi) + std::log(cell.s_floor));
-    EXPECT_NEAR(0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) + constant, pairs_nll(one, alpha, noise), 1e-12);
+    EXPECT_NEAR(0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) + constant, pairs_nll(one, alpha, noise),
+                1e-12);
 
     for (int row = 0; row < 3; ++row) {
       const auto value = [&](const Eigen::VectorXd& a, const Eigen::VectorXd& q) {
@@ -229,11 +235,11 @@ TEST(PairsResidual, CostIsTheNllAndJacobianAgreesWithRidders) {
       for (Eigen::Index j = 0; j < 3; ++j) {
         const double numeric =
             ridders([&](double h) { return value(alpha + h * Eigen::VectorXd::Unit(3, j), p); }, 0.01);
-        EXPECT_NEAR(in_alpha[row * 3 + j], numeric, 1e-7 * (1.0 + std::abs(numeric)));   // Ridders's own error
+        EXPECT_NEAR(in_alpha[row * 3 + j], numeric, 1e-7 * (1.0 + std::abs(numeric)));  // Ridders's own error
       }
       for (Eigen::Index j = 0; j < p.size(); ++j) {
-        const double numeric =
-            ridders([&](double h) { return value(alpha, p + h * Eigen::VectorXd::Unit(p.size(), j)); }, 0.002);
+        const double numeric = ridders(
+            [&](double h) { return value(alpha, p + h * Eigen::VectorXd::Unit(p.size(), j)); }, 0.002);
         EXPECT_NEAR(in_noise[row * p.size() + j], numeric, 1e-7 * (1.0 + std::abs(numeric)));
       }
     }
@@ -256,12 +262,24 @@ TEST(NoiseShape, DensitiesIntegrateToOneAndDerivativesAgree) {
       EXPECT_NEAR(log_density(shape, z).derivative, numeric, 1e-8);
       EXPECT_NEAR(log_density(shape, z).weight, -numeric / z, 1e-7);
       if (shape.shape == NoiseShape::student_t) {
-        const auto in_nu = [&](double h) { auto s = shape; s.nu += h; return log_density(s, z).value; };
+        const auto in_nu = [&](double h) {
+          auto s = shape;
+          s.nu += h;
+          return log_density(s, z).value;
+        };
         EXPECT_NEAR(log_density(shape, z).in_shape[0], ridders(in_nu, 0.1), 1e-8);
       }
       if (shape.shape == NoiseShape::contaminated) {
-        const auto in_p = [&](double h) { auto s = shape; s.outlier_share += h; return log_density(s, z).value; };
-        const auto in_k = [&](double h) { auto s = shape; s.outlier_scale += h; return log_density(s, z).value; };
+        const auto in_p = [&](double h) {
+          auto s = shape;
+          s.outlier_share += h;
+          return log_density(s, z).value;
+        };
+        const auto in_k = [&](double h) {
+          auto s = shape;
+          s.outlier_scale += h;
+          return log_density(s, z).value;
+        };
         EXPECT_NEAR(log_density(shape, z).in_shape[0], ridders(in_p, 0.02), 1e-7);
         EXPECT_NEAR(log_density(shape, z).in_shape[1], ridders(in_k, 0.2), 1e-8);
       }

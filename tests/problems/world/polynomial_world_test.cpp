@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/world/polynomial_world.hpp"
 
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
 #include <set>
-
-#include <Eigen/Geometry>
-#include <gtest/gtest.h>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -36,7 +36,8 @@ TEST(PolynomialWorld, ShippedRecordingsAreWhatTheirScenesGive) {
     save_recording(simulate(load_scene(kData + "scenes/" + name + ".yaml"), ++seed), folder.path());
     for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
       const std::string file = entry.path().filename().string();
-      EXPECT_EQ(read_file(entry.path().string()), read_file(kData + name + "/" + file)) << name << "/" << file;
+      EXPECT_EQ(read_file(entry.path().string()), read_file(kData + name + "/" + file))
+          << name << "/" << file;
     }
   }
 }
@@ -56,13 +57,15 @@ TEST(PolynomialWorld, SameSeedSameRecordingAndItReadsBack) {
 }
 
 TEST(PolynomialWorld, SettingsKeepTheirDistances) {
-  for (const auto& [name, low, high] : {std::tuple("2021-setting", 0.5, 4.0), std::tuple("field-layout", 0.2, 5.0)}) {
+  for (const auto& [name, low, high] :
+       {std::tuple("2021-setting", 0.5, 4.0), std::tuple("field-layout", 0.2, 5.0)}) {
     const Scene scene = load_scene(kData + "scenes/" + name + ".yaml");
     for (std::size_t l = 0; l < scene.landmarks.size(); ++l) {
-      EXPECT_GT(std::abs(scene.positions[l].y()), 0.4);   // the path's line is y = 0
+      EXPECT_GT(std::abs(scene.positions[l].y()), 0.4);  // the path's line is y = 0
       for (const Stop& stop : scene.stops) {
-        const double d = (scene.positions[l] - Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() -
-                         scene.landmarks[l].radius_m;
+        const double d =
+            (scene.positions[l] - Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm() -
+            scene.landmarks[l].radius_m;
         EXPECT_GE(d, low) << name;
         EXPECT_LE(d, high) << name;
       }
@@ -97,7 +100,7 @@ TEST(PolynomialWorld, ReadingsHaveTheSceneMoments) {
   expect_chi_square(range_sq, n);
   expect_centred(bearing, n);
   expect_chi_square(bearing_sq, n);
-  expect_centred(product, n);   // independent: the product has variance 1
+  expect_centred(product, n);  // independent: the product has variance 1
 }
 
 // Stop errors over many stops, whitened: independent ones, or a random walk's increments in the frame before.
@@ -114,7 +117,8 @@ void expect_stop_errors(StopErrorModel model) {
     stop.commanded = {0.3 * std::cos(0.01 * k), 0.2 * std::sin(0.02 * k), wrap_angle(0.01 * k)};
     scene.stops.push_back(stop);
   }
-  const Recording recording = simulate(scene, seed_from("expect_stop_errors", {model == StopErrorModel::random_walk}));
+  const Recording recording =
+      simulate(scene, seed_from("expect_stop_errors", {model == StopErrorModel::random_walk}));
   double sum = 0.0, squares = 0.0, heading = 0.0, heading_sq = 0.0;
   for (int k = 1; k < count; ++k) {
     const auto i = static_cast<std::size_t>(k);
@@ -170,7 +174,7 @@ TEST(PolynomialWorld, RandomLandmarksKeepAwayFromPathAndEachOther) {
     ASSERT_EQ(recording.landmarks.size(), 8u);
     for (std::size_t l = 0; l < 8; ++l) {
       EXPECT_EQ(recording.landmarks[l].label, "R" + std::to_string(l));
-      EXPECT_GE(std::abs(recording.truth.landmarks[l]->y()), 0.4);   // beyond the ends of the path, too
+      EXPECT_GE(std::abs(recording.truth.landmarks[l]->y()), 0.4);  // beyond the ends of the path, too
       for (std::size_t m = 0; m < l; ++m) {
         EXPECT_GE((*recording.truth.landmarks[l] - *recording.truth.landmarks[m]).norm(), 0.5);
       }

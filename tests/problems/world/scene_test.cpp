@@ -15,7 +15,8 @@ using test::TemporaryFolder;
 
 const std::string kSensor = "sensor: {alpha: [0, 1], noise: {law: f2, sigma: 0.01}, sigma_theta_rad: 0.01}\n";
 const std::string kStops = "stops: {line: {count: 3, step_m: 0.5}}\n";
-const std::string kLandmarks = "landmarks: {list: [{landmark: A, x_m: 1, y_m: 1}, {landmark: B, x_m: 2, y_m: 1}]}\n";
+const std::string kLandmarks =
+    "landmarks: {list: [{landmark: A, x_m: 1, y_m: 1}, {landmark: B, x_m: 2, y_m: 1}]}\n";
 const std::string kScene = "format: rangecal-scene/1\n" + kSensor + kStops + kLandmarks;
 
 std::string error_of(const std::string& text) {
@@ -31,22 +32,27 @@ std::string error_of(const std::string& text) {
 
 TEST(Scene, ErrorsNameTheField) {
   EXPECT_EQ(error_of(kScene), "no error");
-  EXPECT_EQ(error_of("format: rangecal/1\n"), "s.yaml, row 1: field 'format': 'rangecal/1' is not rangecal-scene/1");
+  EXPECT_EQ(error_of("format: rangecal/1\n"),
+            "s.yaml, row 1: field 'format': 'rangecal/1' is not rangecal-scene/1");
   EXPECT_EQ(error_of(kScene + "repeat: 3\n"),
             "s.yaml, row 5: field 'repeat': unknown key; known here: format, kind, sensor, stops, landmarks, "
             "known_distances, repeats, visibility");
   EXPECT_EQ(error_of(kScene + "repeats: 0\n"),
             "s.yaml, row 5: field 'repeats': '0' is not a whole number of at least 1");
-  EXPECT_EQ(error_of("format: rangecal-scene/1\n" + kSensor + kStops), "s.yaml, row 1: field 'landmarks': is missing");
-  EXPECT_EQ(error_of("format: rangecal-scene/1\n" + kSensor +
-                     "stops: {line: {count: 3, step_m: 0.5, direction_rad: 90}}\n" + kLandmarks),
-            "s.yaml, row 3: field 'stops.line.direction_rad': is beyond +-2 pi rad: degrees, most likely; convert to "
-            "radians");
+  EXPECT_EQ(error_of("format: rangecal-scene/1\n" + kSensor + kStops),
+            "s.yaml, row 1: field 'landmarks': is missing");
+  EXPECT_EQ(
+      error_of("format: rangecal-scene/1\n" + kSensor +
+               "stops: {line: {count: 3, step_m: 0.5, direction_rad: 90}}\n" + kLandmarks),
+      "s.yaml, row 3: field 'stops.line.direction_rad': is beyond +-2 pi rad: degrees, most likely; convert to "
+      "radians");
   EXPECT_EQ(error_of("format: rangecal-scene/1\n" + kSensor + kStops +
                      "landmarks:\n  radius_m: 0.2\n  list:\n    - {landmark: A, x_m: 0.1, y_m: 0}\n"),
             "s.yaml, row 7: field 'landmarks.list[0]': landmark 'A' covers stop '0'");
-  EXPECT_EQ(error_of("format: rangecal-scene/1\nsensor: {alpha: [0, 1], noise: {law: f9, sigma: 1}}\n" + kStops + kLandmarks),
-            "s.yaml, row 2: field 'sensor.noise.law': noise law is 'f9', not one of constant, f, f2, f3, d2, polynomial");
+  EXPECT_EQ(
+      error_of("format: rangecal-scene/1\nsensor: {alpha: [0, 1], noise: {law: f9, sigma: 1}}\n" + kStops +
+               kLandmarks),
+      "s.yaml, row 2: field 'sensor.noise.law': noise law is 'f9', not one of constant, f, f2, f3, d2, polynomial");
   EXPECT_EQ(error_of(kScene + "known_distances: [{from: A, to: C, sigma_m: 0.001}]\n"),
             "s.yaml, row 5: field 'known_distances[0].to': unknown landmark 'C'");
   EXPECT_THROW(load_scene("/nowhere.yaml"), InputError);
@@ -68,7 +74,7 @@ TEST(Scene, ListedStopsTapesAndDefaults) {
   EXPECT_EQ(scene.repeats, 1);
   const Recording recording = simulate(scene, 0);
   ASSERT_EQ(recording.known_distances.size(), 1u);
-  EXPECT_NEAR(recording.known_distances[0].distance_m, 1.0, 6 * 0.001);   // A to B is 1 m; six deviations
+  EXPECT_NEAR(recording.known_distances[0].distance_m, 1.0, 6 * 0.001);  // A to B is 1 m; six deviations
 }
 
 TEST(Scene, TheExamplesInItsDocumentationLoad) {

@@ -308,7 +308,7 @@ TEST(ResidualCheck, OneReadingFarOffIsEnough) {
   for (int i = 0; i < 1000; ++i) recording.pairs.row.push_back(i + 2);
   Calibration c;
   c.alpha = Eigen::Vector2d(0.0, 1.0);
-  c.noise.law = NoiseLaw::constant;  // sigma = 0.01 m
+  c.noise.law = NoiseLaw::constant;       // sigma = 0.01 m
   recording.pairs.reading_m[55] = 2.045;  // 4.5 sigma: 1000 x 6.8e-6, by chance in one recording of 150
   EXPECT_FALSE(check_residuals(std::span(&recording, 1), c).suspicious());
   recording.pairs.reading_m[55] = 2.05;  // 5 sigma: 1000 x 5.7e-7, in one of 1700

@@ -24,7 +24,8 @@ Calibration pairs_reference() {
 }
 
 /// A reading at a distance of the range, with the mean and spread changed.
-double read(Random& random, double d, double offset = 0.0, double scale = 1.0, double disparity = 0.0, double spread = 1.0) {
+double read(Random& random, double d, double offset = 0.0, double scale = 1.0, double disparity = 0.0,
+            double spread = 1.0) {
   const Calibration c = pairs_reference();
   const double f = evaluate_polynomial(c.alpha, d);
   return random.normal(scale * f + offset + disparity * f * f, spread * 0.01 * f * f);
@@ -51,7 +52,7 @@ TEST(ChangeDetector, OneChartHasTheRunLengthOfItsLimit) {
 TEST(ChangeDetector, RunLengthIsAtLeastAsStated) {
   ChangeOptions options;
   options.run_length = 2000.0;
-  options.naming = 10;   // no alarm is raised meanwhile
+  options.naming = 10;  // no alarm is raised meanwhile
   options.bearings = true;
   ChangeDetector detector(pairs_reference(), options);
   Random random(seed_from("run length"));
@@ -73,9 +74,12 @@ TEST(ChangeDetector, NamesWhatChangedWithItsSize) {
     ChangeKind kind;
     double offset, scale, disparity, spread, size;
   };
-  for (const Case& c : {Case{ChangeKind::window, 0.02, 1.0, 0.0, 1.0, 0.02}, Case{ChangeKind::baseline, 0.0, 1.03, 0.0, 1.0, 0.03},
-                        Case{ChangeKind::pointing, 0.0, 1.0, 0.01, 1.0, 0.01}, Case{ChangeKind::noise, 0.0, 1.0, 0.0, 2.0, std::log(2.0)},
-                        Case{ChangeKind::window, -0.02, 1.0, 0.0, 1.0, -0.02}, Case{ChangeKind::noise, 0.0, 1.0, 0.0, 0.5, -std::log(2.0)}}) {
+  for (const Case& c : {Case{ChangeKind::window, 0.02, 1.0, 0.0, 1.0, 0.02},
+                        Case{ChangeKind::baseline, 0.0, 1.03, 0.0, 1.0, 0.03},
+                        Case{ChangeKind::pointing, 0.0, 1.0, 0.01, 1.0, 0.01},
+                        Case{ChangeKind::noise, 0.0, 1.0, 0.0, 2.0, std::log(2.0)},
+                        Case{ChangeKind::window, -0.02, 1.0, 0.0, 1.0, -0.02},
+                        Case{ChangeKind::noise, 0.0, 1.0, 0.0, 0.5, -std::log(2.0)}}) {
     int named = 0, covered = 0, since = 0, found = 0;
     for (std::uint64_t repeat = 0; repeat < 60; ++repeat) {
       ChangeDetector detector(pairs_reference());

@@ -12,8 +12,8 @@
 namespace rangecal {
 namespace {
 
-using closed_form_tests::problem_of;
 using closed_form_tests::BearingScene;
+using closed_form_tests::problem_of;
 
 using Estimator = Calibration (*)(const JointProblem&, const ClosedFormOptions&);
 constexpr Estimator both[] = {closed_form_calibration, approximate_joint_calibration};
@@ -106,8 +106,10 @@ TEST(ClosedFormCalibration, PolynomialNoiseIsPositiveAndOfTheRightSize) {
 }
 
 TEST(ClosedFormCalibration, DegenerateRecordingsGetANamedOutcome) {
-  BearingScene two_stops{.landmarks = {{1.0, 2.0}, {2.5, -1.5}}, .stops = 2, .sigma_theta = 0.01, .sigma_e = 0.01};
-  BearingScene in_line{.landmarks = {{6.0, 0.0}, {7.0, 0.0}, {-2.0, 0.0}}, .sigma_theta = 0.01, .straight = true};
+  BearingScene two_stops{
+      .landmarks = {{1.0, 2.0}, {2.5, -1.5}}, .stops = 2, .sigma_theta = 0.01, .sigma_e = 0.01};
+  BearingScene in_line{
+      .landmarks = {{6.0, 0.0}, {7.0, 0.0}, {-2.0, 0.0}}, .sigma_theta = 0.01, .straight = true};
   in_line.sigma_s = 0.001;
   BearingScene nothing{.stops = 0};
   for (const Estimator method : both) {
@@ -150,9 +152,9 @@ TEST(ClosedFormCalibration, LandmarkInLineIsLeftOutAndNamed) {
 
 TEST(ClosedFormState, HasAllThatAnIterativeMethodNeeds) {
   BearingScene scene{.landmarks = {{7.0, 0.0}, {1.0, 2.0}, {3.0, -1.5}},
-              .sigma_theta = 0.01,
-              .sigma_s = 0.01,
-              .sigma_e = 0.01};
+                     .sigma_theta = 0.01,
+                     .sigma_s = 0.01,
+                     .sigma_e = 0.01};
   for (const int order : {0, 1, 2}) {
     const JointState state = closed_form_state(problem_of(scene), of_order(order));
     EXPECT_EQ(state.alpha.size(), order + 1);

@@ -12,8 +12,8 @@
 namespace rangecal {
 namespace {
 
-using closed_form_tests::problem_of;
 using closed_form_tests::BearingScene;
+using closed_form_tests::problem_of;
 
 constexpr BearingWeights all_weights[] = {BearingWeights::paper, BearingWeights::printed,
                                           BearingWeights::consistent};

@@ -33,7 +33,8 @@ TEST(Posterior, OfALineIsTheNormalHandWorked) {
   EXPECT_NEAR(flat.high_m, 2.0 + 1.959964 * 0.02, 1e-7);
   ASSERT_EQ(flat.roots.size(), 1u);
   EXPECT_NEAR(flat.roots[0].probability, 1.0, 1e-12);
-  EXPECT_NEAR(flat.log_evidence, std::log(1.0 / 3.5 / 0.5), 1e-8);   // integral of N over d is 1 / f', times 1 / (4 - 0.5)
+  EXPECT_NEAR(flat.log_evidence, std::log(1.0 / 3.5 / 0.5),
+              1e-8);  // integral of N over d is 1 / f', times 1 / (4 - 0.5)
   DistancePrior map;
   map.components = {{1.0, 2.03, 0.01, 0.0}};
   map.surprise = 0.0;
@@ -60,10 +61,11 @@ TEST(Posterior, IntegralsMatchABruteForceSum) {
     const EffectCorrector corrector(c, {});
     for (const double y : {1.0, 3.0, 3.9, 3.999, 4.05}) {
       const DistancePosterior posterior = distance_posterior(corrector, y, {});
-      double mass = 0, first = 0, near = 0, below = 0;   // midpoints of 2 million cells
+      double mass = 0, first = 0, near = 0, below = 0;  // midpoints of 2 million cells
       constexpr int cells = 2000000;
       for (int i = 0; i < cells; ++i) {
-        const double d = 0.5 + 6.5 * (i + 0.5) / cells, f = evaluate_polynomial(c.alpha, d), s = c.noise.spread(d, f);
+        const double d = 0.5 + 6.5 * (i + 0.5) / cells, f = evaluate_polynomial(c.alpha, d),
+                     s = c.noise.spread(d, f);
         const double w = std::exp(-0.5 * std::pow((y - f) / s, 2)) / s;
         mass += w;
         first += w * d;
@@ -72,7 +74,7 @@ TEST(Posterior, IntegralsMatchABruteForceSum) {
       }
       EXPECT_NEAR(posterior.mean_m, first / mass, 1e-6);
       EXPECT_NEAR(posterior.roots[0].probability, near / mass, 1e-6);
-      EXPECT_NEAR(below / mass, 0.025, 1e-4);   // one cell of the sum is up to 1e-5 of the mass
+      EXPECT_NEAR(below / mass, 0.025, 1e-4);  // one cell of the sum is up to 1e-5 of the mass
       EXPECT_NEAR(posterior.roots[0].probability + posterior.roots[1].probability, 1.0, 1e-12);
     }
   }
@@ -96,12 +98,14 @@ TEST(Posterior, StatesWhatHappensAsOftenAsItHappens) {
     for (int i = 0; i < count; ++i) {
       double d = random.uniform(0.5, 7.0);
       while (informed) {
-        d = random.uniform() < 0.5 ? random.normal(3.0, 0.4) : random.normal(5.5, 0.3) + random.uniform(-0.5, 0.5);
+        d = random.uniform() < 0.5 ? random.normal(3.0, 0.4)
+                                   : random.normal(5.5, 0.3) + random.uniform(-0.5, 0.5);
         if (d > 0.5 && d < 7.0) break;
       }
       const double y = random.normal(evaluate_polynomial(c.alpha, d), 0.03);
       if (!(y > 0.0)) continue;
-      const DistancePosterior posterior = distance_posterior(corrector, y, {}, informed ? map : DistancePrior{});
+      const DistancePosterior posterior =
+          distance_posterior(corrector, y, {}, informed ? map : DistancePrior{});
       held += posterior.low_m <= d && d <= posterior.high_m;
       const double p = posterior.roots[0].probability;
       stated += p;
@@ -133,7 +137,7 @@ TEST(Posterior, MotionTellsTheRootsApart) {
   }
   EXPECT_LT(alone_right, 0.3 * count);
   EXPECT_EQ(right, count);
-  EXPECT_GT(held, 0.85 * count);   // 145 correlated readings at 95 %: 4 standard deviations are 7 % and more
+  EXPECT_GT(held, 0.85 * count);  // 145 correlated readings at 95 %: 4 standard deviations are 7 % and more
   EXPECT_THROW(moved(posterior, {}, -1.0), InputError);
 }
 
@@ -148,11 +152,13 @@ TEST(Posterior, AWrongPredictionIsLeft) {
 TEST(Posterior, DegenerateAndHostile) {
   const Calibration c = turning();
   const EffectCorrector corrector(c, {});
-  const DistancePosterior beyond = distance_posterior(corrector, 9.0, {});   // 170 s above what f reaches
+  const DistancePosterior beyond = distance_posterior(corrector, 9.0, {});  // 170 s above what f reaches
   EXPECT_EQ(beyond.outcome, Outcome::failed);
-  EXPECT_NE(beyond.reason.find("standard deviations off at every distance"), std::string::npos) << beyond.reason;
+  EXPECT_NE(beyond.reason.find("standard deviations off at every distance"), std::string::npos)
+      << beyond.reason;
   EXPECT_TRUE(std::isnan(PosteriorTable(c, {}, 64)(9.0).mean_m));
-  for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) EXPECT_THROW(distance_posterior(corrector, bad, {}), InputError);
+  for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL})
+    EXPECT_THROW(distance_posterior(corrector, bad, {}), InputError);
   DistancePrior prior;
   prior.low_m = 3.0;
   prior.high_m = 2.0;
@@ -164,11 +170,12 @@ TEST(Posterior, DegenerateAndHostile) {
 
 TEST(Posterior, AReadingThatNoDistanceExplainsHasNone) {
   // Noise that grows with the distance makes a reading below all that the sensor reads least unlikely at the far end.
-  const Calibration c = calibration_of(Eigen::Vector2d(0.0, 1.0), NoiseLaw::f_squared, 0.002, 0.5, 5.0);   // s(0.5 m) = 0.5 mm
+  const Calibration c =
+      calibration_of(Eigen::Vector2d(0.0, 1.0), NoiseLaw::f_squared, 0.002, 0.5, 5.0);  // s(0.5 m) = 0.5 mm
   const EffectCorrector corrector(c, {});
-  EXPECT_EQ(distance_posterior(corrector, 0.4975, {}).outcome, Outcome::converged);   // 5 s
+  EXPECT_EQ(distance_posterior(corrector, 0.4975, {}).outcome, Outcome::converged);  // 5 s
   EXPECT_LT(distance_posterior(corrector, 0.4975, {}).high_m, 0.51);
-  EXPECT_EQ(distance_posterior(corrector, 0.45, {}).outcome, Outcome::failed);   // 100 s there, 91 s at 5 m
+  EXPECT_EQ(distance_posterior(corrector, 0.45, {}).outcome, Outcome::failed);  // 100 s there, 91 s at 5 m
   DistancePrior map;
   map.components = {{1.0, 0.45, 0.05, 0.0}};
   EXPECT_EQ(distance_posterior(corrector, 0.45, {}, map).outcome, Outcome::failed);
@@ -186,11 +193,12 @@ TEST(PosteriorTable, SaysWhatTheIntegralsSay) {
       const double y = random.uniform(0.5, 4.3);
       const PosteriorTable::Row row = table(y);
       const DistancePosterior exact = distance_posterior(corrector, y, {});
-      if (exact.outcome != Outcome::converged) {   // below what the sensor reads at the near end
+      if (exact.outcome != Outcome::converged) {  // below what the sensor reads at the near end
         EXPECT_TRUE(std::isnan(row.mean_m)) << y;
         continue;
       }
-      const double width = 2e-3 * exact.std_dev_m;   // the midpoint holds 1e-3; elsewhere in a cell little more
+      const double width =
+          2e-3 * exact.std_dev_m;  // the midpoint holds 1e-3; elsewhere in a cell little more
       EXPECT_NEAR(row.mean_m, exact.mean_m, width) << y;
       EXPECT_NEAR(row.mode_m, exact.mode_m, width) << y;
       EXPECT_NEAR(row.low_m, exact.low_m, width) << y;

@@ -69,7 +69,8 @@ TEST(Gaps, CellsThatAreMissingAltogetherCount) {
   EXPECT_NEAR(found.findings[0].size, 24.0 / 160.0, 1e-12);
   EXPECT_NEAR(found.findings[0].log_p, -std::log(1140.0), 1e-9);
   // Where stops see few landmarks anyway, what they do not see says nothing.
-  EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return (k + l) % 3 == 0 || (l == 1 && k < 3) ? 8 : 0; })));
+  EXPECT_FALSE(names_dropout(
+      rows_with_gaps([](int k, int l) { return (k + l) % 3 == 0 || (l == 1 && k < 3) ? 8 : 0; })));
 }
 
 TEST(Gaps, FarCellsThatLackMoreWhereAllLackSomeAreLeftAlone) {

@@ -28,7 +28,8 @@ Recording eccentric(std::uint64_t run) {
 
 Recording clean(std::uint64_t run) {
   Random random(seed_from("json test", {2}));
-  return world::simulate(world::vary(world::make_line_design(), random), seed_from("json test clean run", {run}));
+  return world::simulate(world::vary(world::make_line_design(), random),
+                         seed_from("json test clean run", {run}));
 }
 
 DiagnoseOptions quick() {
@@ -37,21 +38,25 @@ DiagnoseOptions quick() {
   return options;
 }
 
-Diagnosis of(const Recording& recording, const DiagnoseOptions& options = quick()) { return diagnose({&recording, 1}, options); }
+Diagnosis of(const Recording& recording, const DiagnoseOptions& options = quick()) {
+  return diagnose({&recording, 1}, options);
+}
 
 TEST(DiagnosisJson, HoldsTheFieldsOfTheSchema) {
   const Diagnosis d = of(eccentric(1), DiagnoseOptions{});
   const Json json = Json::parse(diagnosis_to_json(d));
   EXPECT_EQ(json.at("format"), "rangecal-diagnosis/1");
   EXPECT_EQ(json.at("verdict"), "explained");
-  for (const char* field : {"order", "nll", "heldout_nll", "parameters"}) EXPECT_TRUE(json.at("baseline").contains(field)) << field;
+  for (const char* field : {"order", "nll", "heldout_nll", "parameters"})
+    EXPECT_TRUE(json.at("baseline").contains(field)) << field;
   ASSERT_FALSE(json.at("location").empty());
-  for (const char* field : {"channel", "covariate", "shape", "where", "size", "p_value", "share", "residuals"})
+  for (const char* field :
+       {"channel", "covariate", "shape", "where", "size", "p_value", "share", "residuals"})
     EXPECT_TRUE(json.at("location")[0].contains(field)) << field;
   ASSERT_FALSE(json.at("explanations").empty());
   const Json& best = json.at("explanations")[0];
-  for (const char* field : {"effects", "probability", "parameters", "nll", "heldout_nll", "p_value", "indistinguishable_from",
-                            "separated_by", "physics"})
+  for (const char* field : {"effects", "probability", "parameters", "nll", "heldout_nll", "p_value",
+                            "indistinguishable_from", "separated_by", "physics"})
     EXPECT_TRUE(best.contains(field)) << field;
   EXPECT_EQ(best.at("effects"), Json({"range_eccentricity"}));
   const Json& amplitude = best.at("parameters").at("range_eccentricity.amplitude_m");
@@ -64,7 +69,8 @@ TEST(DiagnosisJson, HoldsTheFieldsOfTheSchema) {
   for (const char* field : {"effect", "typical", "detectable", "harm_m", "settled_by"})
     EXPECT_TRUE(json.at("unseen")[0].contains(field)) << field;
   ASSERT_FALSE(json.at("next_experiments").empty());
-  for (const char* field : {"change", "settles", "power"}) EXPECT_TRUE(json.at("next_experiments")[0].contains(field)) << field;
+  for (const char* field : {"change", "settles", "power"})
+    EXPECT_TRUE(json.at("next_experiments")[0].contains(field)) << field;
 }
 
 TEST(Probabilities, OfAllThatWasFittedAddUpToOneAtMost) {
@@ -169,7 +175,8 @@ TEST(Forced, WhatCannotBeFittedIsAnErrorOfOneLine) {
 TEST(AgainstSimulation, NamesWhatTheSimulationLacks) {
   const Recording recording = eccentric(1), with = eccentric(2);
   Random random(seed_from("json test", {1}));
-  const Recording without = world::simulate(world::vary(world::make_line_design(), random), seed_from("without", {1}));
+  const Recording without =
+      world::simulate(world::vary(world::make_line_design(), random), seed_from("without", {1}));
   EXPECT_EQ(diagnose_against({&recording, 1}, {&without, 1}, quick()).final_effects,
             std::vector<std::string>{"range_eccentricity"});
   const Diagnosis alike = diagnose_against({&recording, 1}, {&with, 1}, quick());

@@ -36,7 +36,8 @@ struct TableDesign {
       state.stops.push_back(stop.commanded);
       for (int l = 0; l < 5; ++l)
         for (int j = 0; j < 20; ++j) {
-          const Eigen::Vector2d line = state.landmarks[static_cast<std::size_t>(l)] - Eigen::Vector2d(0.3 * k, 0.0);
+          const Eigen::Vector2d line =
+              state.landmarks[static_cast<std::size_t>(l)] - Eigen::Vector2d(0.3 * k, 0.0);
           recording.readings.stop.push_back(k);
           recording.readings.landmark.push_back(l);
           recording.readings.repeat.push_back(j);
@@ -53,25 +54,31 @@ double visibility(const Space& space, const char* id) {
   return std::sqrt(typical_effect(space, *find_effect(id))->noncentrality);
 }
 
-double harm_mm(const Space& space, const char* id) { return 1e3 * harm_of(space, *typical_effect(space, *find_effect(id))); }
+double harm_mm(const Space& space, const char* id) {
+  return 1e3 * harm_of(space, *typical_effect(space, *find_effect(id)));
+}
 
 TEST(Outlook, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
-  for (const char* id : {"range_offset", "radius_scale", "arc_definition", "odometry_scale", "lever_arm", "range_scale", "laser_pointing"})
+  for (const char* id : {"range_offset", "radius_scale", "arc_definition", "odometry_scale", "lever_arm",
+                         "range_scale", "laser_pointing"})
     EXPECT_LT(visibility(space, id), 0.2) << id;
-  EXPECT_NEAR(harm_mm(space, "range_offset"), 5.0, 0.75);     // 5 mm
-  EXPECT_NEAR(harm_mm(space, "radius_scale"), 6.0, 0.9);      // 5 % of 12 cm
-  EXPECT_NEAR(harm_mm(space, "odometry_scale"), 26.0, 3.9);   // 1 % of the axis distances
-  EXPECT_NEAR(harm_mm(space, "arc_definition"), 24.0, 3.6);   // 0.2 of 12 cm; the table's 26 is 0.215 of it
-  EXPECT_LT(harm_mm(space, "range_scale") + harm_mm(space, "laser_pointing") + harm_mm(space, "lever_arm"), 0.1);
+  EXPECT_NEAR(harm_mm(space, "range_offset"), 5.0, 0.75);    // 5 mm
+  EXPECT_NEAR(harm_mm(space, "radius_scale"), 6.0, 0.9);     // 5 % of 12 cm
+  EXPECT_NEAR(harm_mm(space, "odometry_scale"), 26.0, 3.9);  // 1 % of the axis distances
+  EXPECT_NEAR(harm_mm(space, "arc_definition"), 24.0, 3.6);  // 0.2 of 12 cm; the table's 26 is 0.215 of it
+  EXPECT_LT(harm_mm(space, "range_scale") + harm_mm(space, "laser_pointing") + harm_mm(space, "lever_arm"),
+            0.1);
 }
 
 TEST(Outlook, VisibleEffectsShowAsInTheTable) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
-  EXPECT_NEAR(visibility(space, "bearing_offset"), 4.9, 0.74);  // a constant: does not depend on where the landmarks are
-  EXPECT_NEAR(visibility(space, "beam_offset"), 11.0, 5.5);     // these depend on the directions, which the table leaves open
+  EXPECT_NEAR(visibility(space, "bearing_offset"), 4.9,
+              0.74);  // a constant: does not depend on where the landmarks are
+  EXPECT_NEAR(visibility(space, "beam_offset"), 11.0,
+              5.5);  // these depend on the directions, which the table leaves open
   EXPECT_NEAR(visibility(space, "path_curvature"), 12.0, 6.0);
   EXPECT_NEAR(visibility(space, "bearing_scale"), 17.0, 8.5);
 }
@@ -82,7 +89,8 @@ TEST(Outlook, ExactTwinsComeOut) {
   const auto twins = find_twins(space, catalogue_of(space));
   const auto listed = [&](const char* a, const char* b) {
     return std::any_of(twins.begin(), twins.end(), [&](const auto& set) {
-      return std::find(set.begin(), set.end(), a) != set.end() && std::find(set.begin(), set.end(), b) != set.end();
+      return std::find(set.begin(), set.end(), a) != set.end() &&
+             std::find(set.begin(), set.end(), b) != set.end();
     });
   };
   EXPECT_TRUE(listed("range_offset", "alpha_0"));
@@ -118,11 +126,12 @@ TEST(Outlook, WhatTheRepeatsShowIsNoTwinOfAConstant) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
   for (const auto& set : find_twins(space, catalogue_of(space)))
-    EXPECT_FALSE(std::count(set.begin(), set.end(), "heading_zero") && std::count(set.begin(), set.end(), "settling"));
+    EXPECT_FALSE(std::count(set.begin(), set.end(), "heading_zero") &&
+                 std::count(set.begin(), set.end(), "settling"));
 }
 
 TEST(Outlook, ADropoutShowsBelowALimitNotAboveIt) {
-  const TableDesign design;   // to 3.4 m
+  const TableDesign design;  // to 3.4 m
   const Space space(design.rows, {}, design.state);
   const std::optional<TypicalEffect> typical = typical_effect(space, *find_effect("dropout"));
   ASSERT_TRUE(typical);

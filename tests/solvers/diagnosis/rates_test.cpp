@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/rates.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
-
-#include "diagnosis/rates.hpp"
 
 namespace rangecal::diagnosis {
 namespace {

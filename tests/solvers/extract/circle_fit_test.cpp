@@ -74,7 +74,8 @@ ChiSquared sample(bool free, const char* name) {
   ChiSquared out;
   for (int i = 0; i < 4000; ++i) {
     Random random(seed_from(name, {static_cast<std::uint64_t>(i)}));
-    const double range = random.uniform(0.4, free ? 1.2 : 3.0), radius = 0.12, sigma = 0.001 + 0.002 * range * range;
+    const double range = random.uniform(0.4, free ? 1.2 : 3.0), radius = 0.12,
+                 sigma = 0.001 + 0.002 * range * range;
     const double bearing = random.uniform(-1.0, 1.0);
     const Shot shot = shoot(range, bearing, radius, 0.0087, sigma, random);
     CircleFitOptions options;

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/extract/extract.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
@@ -67,7 +66,8 @@ class ChiSquare {
   }
   double std_error() const {
     double count = 0.0, square = 0.0;
-    for (const auto& [cell, its] : cells_) count += its.first, square += std::pow(its.second - mean() * its.first, 2);
+    for (const auto& [cell, its] : cells_)
+      count += its.first, square += std::pow(its.second - mean() * its.first, 2);
     return std::sqrt(square) / count;
   }
 
@@ -81,7 +81,8 @@ struct Score {
   ChiSquare range, bearing;
 };
 
-Score score(const World& world, const ScanScene& scene, const SimulatedScans& scans, const Extraction& extraction) {
+Score score(const World& world, const ScanScene& scene, const SimulatedScans& scans,
+            const Extraction& extraction) {
   const Recording& recording = extraction.recording;
   const int repeats = world.timing.repeats;
   std::vector<int> who(recording.landmarks.size(), -1);
@@ -93,8 +94,8 @@ Score score(const World& world, const ScanScene& scene, const SimulatedScans& sc
       const double off = std::hypot(at.x() - world.landmarks[l].x_m, at.y() - world.landmarks[l].y_m);
       if (off < best) best = off, who[j] = static_cast<int>(l);
     }
-    if (who[j] < 0 ||
-        std::abs(recording.landmarks[j].radius_m - world.landmarks[static_cast<std::size_t>(who[j])].radius_m) > 0.01)
+    if (who[j] < 0 || std::abs(recording.landmarks[j].radius_m -
+                               world.landmarks[static_cast<std::size_t>(who[j])].radius_m) > 0.01)
       ++out.wrong_radius;
   }
   std::set<std::array<int, 3>> named;
@@ -129,7 +130,8 @@ Score score(const World& world, const ScanScene& scene, const SimulatedScans& sc
       const auto hits = std::count(targets.begin(), targets.end(), l);
       const double axis = std::hypot(cylinder.x_m - pose.x_m, cylinder.y_m - pose.y_m);
       const double whole = 2.0 * std::asin(cylinder.radius_m / axis) / scene.step_rad;
-      if (hits < 4 || static_cast<double>(hits) < whole - 1.0) continue;  // visible: whole, four hits at least
+      if (hits < 4 || static_cast<double>(hits) < whole - 1.0)
+        continue;  // visible: whole, four hits at least
       ++out.visible;
       out.found += named.count({static_cast<int>(s) / repeats, static_cast<int>(s) % repeats, l}) > 0;
     }
@@ -139,15 +141,16 @@ Score score(const World& world, const ScanScene& scene, const SimulatedScans& sc
 void expect_good(const Score& score) {
   std::cout << fmt::format(
       "{} of {} visible cylinders found, {} of {} labels wrong; chi^2 per reading: range {:.3f} +- {:.3f}, bearing {:.3f} +- {:.3f}\n",
-      score.found, score.visible, score.wrong, score.readings, score.range.mean(), score.range.std_error(), score.bearing.mean(),
-      score.bearing.std_error());
+      score.found, score.visible, score.wrong, score.readings, score.range.mean(), score.range.std_error(),
+      score.bearing.mean(), score.bearing.std_error());
   EXPECT_GT(score.visible, 500);
   EXPECT_GT(score.found, 0.99 * score.visible);
   EXPECT_LT(score.wrong, 0.001 * score.readings + 0.5);
   EXPECT_EQ(score.wrong_radius, 0);
   for (const ChiSquare& chi : {score.range, score.bearing}) {
     EXPECT_LT(chi.std_error(), 0.1);
-    EXPECT_LT(std::abs(chi.mean() - 1.0), std::min(0.2, 3.0 * chi.std_error()));   // ten of these: one in 37 by chance
+    EXPECT_LT(std::abs(chi.mean() - 1.0),
+              std::min(0.2, 3.0 * chi.std_error()));  // ten of these: one in 37 by chance
   }
 }
 
@@ -160,10 +163,12 @@ class SyntheticScans : public ::testing::TestWithParam<Layout> {};
 
 TEST_P(SyntheticScans, AreDetectedLabelledAndMeasured) {
   const Layout& one = GetParam();
-  const World world = ideal(one.turning ? world::make_turning_design() : world::make_line_design(), one.speckle);
+  const World world =
+      ideal(one.turning ? world::make_turning_design() : world::make_line_design(), one.speckle);
   const ScanScene scene = room(one.step_rad);
   const SimulatedScans scans = simulate_scans(
-      world, scene, seed_from("SyntheticScans", {one.turning, static_cast<std::uint64_t>(1e4 * one.speckle)}));
+      world, scene,
+      seed_from("SyntheticScans", {one.turning, static_cast<std::uint64_t>(1e4 * one.speckle)}));
   const ExtractOptions options =
       options_for(world, one.turning ? std::vector<double>{0.04, 0.08, 0.12} : std::vector<double>{0.12});
   const Extraction extraction = extract_recording({scans.log}, world.robot.stops, options);
@@ -188,7 +193,8 @@ TEST(Extract, EstimatesRadiiOfItsOwn) {
   const Score result = score(world, scene, scans, extraction);
   EXPECT_EQ(result.wrong_radius, 0);
   EXPECT_LT(result.wrong, 0.001 * result.readings + 0.5);
-  EXPECT_GT(result.found, 0.75 * result.visible);  // a radius needs curvature that shows: the farthest are not taken
+  EXPECT_GT(result.found,
+            0.75 * result.visible);  // a radius needs curvature that shows: the farthest are not taken
 }
 
 TEST(Extract, SplitsALogWhereTheRobotStands) {
@@ -248,7 +254,8 @@ TEST(Extract, BoxesOfACylindersWidthAreNoCylinders) {
   }
   const SimulatedScans scans = simulate_scans(world, scene, seed_from("Extract.Boxes"));
   for (const double radius : {0.08, 0.1, 0.12}) {
-    const Extraction extraction = extract_recording({scans.log}, world.robot.stops, options_for(world, {radius}));
+    const Extraction extraction =
+        extract_recording({scans.log}, world.robot.stops, options_for(world, {radius}));
     EXPECT_TRUE(extraction.recording.landmarks.empty()) << radius;
   }
 }
@@ -305,7 +312,8 @@ TEST(Extract, ClockwiseBearingsAreNoticed) {
 
 // Landmarks in mirror pairs about the path, stops off by three standard deviations: a reflection would fit the ranges.
 TEST(Association, DoesNotTakeAMirroredArrangement) {
-  const std::vector<Eigen::Vector2d> map{{1.0, 0.8}, {1.0, -0.8}, {2.2, 1.1}, {2.2, -1.1}, {3.1, 0.7}, {3.1, -0.7}};
+  const std::vector<Eigen::Vector2d> map{{1.0, 0.8},  {1.0, -0.8}, {2.2, 1.1},
+                                         {2.2, -1.1}, {3.1, 0.7},  {3.1, -0.7}};
   Random random(seed_from("Association.Mirror"));
   std::vector<Pose2> commanded;
   std::vector<Sighting> sightings;
@@ -316,7 +324,8 @@ TEST(Association, DoesNotTakeAMirroredArrangement) {
     for (int l = 0; l < 6; ++l) {
       if (l % 2 == 1 && k < 6) continue;  // for half of the path one side alone is seen
       const Eigen::Vector2d v = map[static_cast<std::size_t>(l)] - Eigen::Vector2d(pose.x_m, pose.y_m);
-      sightings.push_back({k, 1.02 * v.norm(), wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad), 0.005, 0.005});
+      sightings.push_back(
+          {k, 1.02 * v.norm(), wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad), 0.005, 0.005});
       truth.push_back(l);
     }
   }

@@ -42,7 +42,8 @@ TEST(Roundness, KnowsCirclesFacesAndCorners) {
   const Roundness::Shape round = of(circle).shape();
   EXPECT_NEAR(round.bow, 1.0, 1e-9);
   EXPECT_NEAR(round.lean, 0.0, 1e-9);
-  EXPECT_EQ(of(circle).most_hits(), 23);  // |y| <= 0.9 R = 90 mm; the outermost beam passes at 2 sin(0.044) = 88 mm
+  EXPECT_EQ(of(circle).most_hits(),
+            23);  // |y| <= 0.9 R = 90 mm; the outermost beam passes at 2 sin(0.044) = 88 mm
 
   const Roundness::Shape flat = of([](double y) { return kNearest + 0.3 * y; }).shape();
   EXPECT_NEAR(flat.bow, 0.0, 1e-9);

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 const VectorXd mu{{0.05, 0.9, 0.05, std::log(0.02)}};
 MatrixXd root_of_Sigma() {
   MatrixXd root = VectorXd{{0.02, 0.03, 0.01, 0.2}}.asDiagonal();
-  root(1, 0) = -0.02;   // offset and slope go against each other
+  root(1, 0) = -0.02;  // offset and slope go against each other
   return root;
 }
 
@@ -96,7 +96,8 @@ TEST(Population, SmallFleetsHoldTheirIntervals) {
         units.push_back(summary_of(readings_of(truth.back(), 60, random)));
       }
       const Population population = fit_population(stream_of(units));
-      ASSERT_TRUE(population.outcome == Outcome::converged || population.outcome == Outcome::not_converged) << population.reason;
+      ASSERT_TRUE(population.outcome == Outcome::converged || population.outcome == Outcome::not_converged)
+          << population.reason;
       for (std::size_t i = 0; i < units.size(); ++i) {
         const UnitPosterior posterior = shrink(units[i], population);
         ++intervals;
@@ -152,11 +153,14 @@ TEST(Population, NoReadingsGiveThePopulationAndManyTheUnit) {
   Random random(seed_from("population many"));
   const Recording recording = readings_of(draw_unit(random), 20000, random);
   const PairsProblem problem = make_pairs_problem({&recording, 1});
-  const Calibration many = calibrate_in_population(problem, population), own = full_pairs(problem).calibration;
-  for (int i = 0; i < 3; ++i) EXPECT_NEAR(many.alpha[i], own.alpha[i], 0.2 * std::sqrt((*own.alpha_covariance)(i, i)));
+  const Calibration many = calibrate_in_population(problem, population),
+                    own = full_pairs(problem).calibration;
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(many.alpha[i], own.alpha[i], 0.2 * std::sqrt((*own.alpha_covariance)(i, i)));
   // shrink() is the same to the order of the quadratic approximation
   const UnitPosterior posterior = shrink(*summarise(own), population);
-  for (int i = 0; i < 3; ++i) EXPECT_NEAR(posterior.mean[i], many.alpha[i], 0.02 * std::sqrt((*own.alpha_covariance)(i, i)));
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(posterior.mean[i], many.alpha[i], 0.02 * std::sqrt((*own.alpha_covariance)(i, i)));
 }
 
 TEST(Population, OutlyingUnitsAreNamedAndDoNotMoveIt) {
@@ -164,7 +168,7 @@ TEST(Population, OutlyingUnitsAreNamedAndDoNotMoveIt) {
   std::vector<UnitSummary> clean;
   for (int i = 0; i < 300; ++i) clean.push_back({draw_unit(random), 1e8 * MatrixXd::Identity(4, 4)});
   std::vector<UnitSummary> mixed = clean;
-  for (int i = 0; i < 12; ++i) {   // 4 %: an offset ten deviations off
+  for (int i = 0; i < 12; ++i) {  // 4 %: an offset ten deviations off
     mixed.push_back({draw_unit(random), 1e8 * MatrixXd::Identity(4, 4)});
     mixed.back().theta[0] += 0.2;
   }
@@ -188,12 +192,14 @@ TEST(Population, MisfitSeesShapeTailsAndDependenceAtTheirRate) {
   int alarms = 0;
   for (int i = 0; i < 300; ++i) {
     const Recording recording = readings_of(mu, 400, random);
-    const UnitMisfit misfit = unit_misfit(recording, full_pairs(make_pairs_problem({&recording, 1})).calibration);
+    const UnitMisfit misfit =
+        unit_misfit(recording, full_pairs(make_pairs_problem({&recording, 1})).calibration);
     alarms += (misfit.shape_p < 0.01) + (misfit.tail_p < 0.01) + (misfit.dependence_p < 0.01);
   }
-  EXPECT_LT(alarms, 30);   // 9 expected of 900; kurtosis is skewed, which adds some
+  EXPECT_LT(alarms, 30);  // 9 expected of 900; kurtosis is skewed, which adds some
   Recording odd = readings_of(mu, 400, random);
-  for (std::size_t i = 0; i < odd.pairs.size(); ++i) odd.pairs.reading_m[i] += 0.05 * std::sin(3.0 * odd.pairs.true_m[i]);
+  for (std::size_t i = 0; i < odd.pairs.size(); ++i)
+    odd.pairs.reading_m[i] += 0.05 * std::sin(3.0 * odd.pairs.true_m[i]);
   EXPECT_LT(unit_misfit(odd, full_pairs(make_pairs_problem({&odd, 1})).calibration).shape_p, 1e-6);
   odd = readings_of(mu, 400, random);
   for (std::size_t i = 0; i < odd.pairs.size(); i += 20) odd.pairs.reading_m[i] *= 1.3;
@@ -208,7 +214,8 @@ TEST(Population, SaysWhenItCannot) {
   EXPECT_THROW(fit_population(stream_of(few)), InputError);
   Calibration none;
   EXPECT_FALSE(summarise(none));
-  const Population population = true_population(), back = population_from_json(population_to_json(population), "p");
+  const Population population = true_population(),
+                   back = population_from_json(population_to_json(population), "p");
   EXPECT_EQ(back.mean, population.mean);
   EXPECT_EQ(back.covariance, population.covariance);
   EXPECT_EQ(back.mean_covariance.size(), 0);

@@ -41,7 +41,8 @@ TEST_P(JointCeresTest, AgreesWithTheBlockSolver) {
       scene.problem.known_distances.push_back(
           {0, 1, (scene.truth.landmarks[0] - scene.truth.landmarks[1]).norm() + 0.003, 0.002});
     const JointState seed = position_seed(scene.problem, 2, GetParam().options.law);
-    const JointFit block = solve_joint_block(scene.problem, seed), ceres = solve_joint_ceres(scene.problem, seed);
+    const JointFit block = solve_joint_block(scene.problem, seed),
+                   ceres = solve_joint_ceres(scene.problem, seed);
     ASSERT_EQ(block.outcome, Outcome::converged) << block.reason;
     ASSERT_EQ(ceres.outcome, Outcome::converged) << ceres.reason;
     // Half the square of the remaining gradient norm, 5e-13, and the rounding of about 1e3 nats.
@@ -81,7 +82,8 @@ TEST(JointCeres, HonoursWhatIsHeld) {
 TEST(JointCeres, NamesTheSigmaThatCollapsesWhereNothingRepeatsAndTwoLandmarksAreSeen) {
   const testing::JointScene scene = make_scene("collapse", {.stops = 20, .landmarks = 2, .sigma_s = 0.05});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f_squared);
-  for (const JointFit& fit : {solve_joint_block(scene.problem, seed), solve_joint_ceres(scene.problem, seed)}) {
+  for (const JointFit& fit :
+       {solve_joint_block(scene.problem, seed), solve_joint_ceres(scene.problem, seed)}) {
     EXPECT_EQ(fit.outcome, Outcome::unbounded) << fit.reason;
     EXPECT_NE(fit.reason.find("sigma_"), std::string::npos) << fit.reason;
     EXPECT_FALSE(fit.covariance.has_value());

@@ -32,7 +32,8 @@ TEST(PositionSeed, StartsThoughACommandedStopStandsInsideALandmark) {
     ASSERT_TRUE(std::isfinite(joint_nll(problem, seed)));
     const JointFit fit = solve_joint_block(problem, seed), known = solve_joint_block(problem, scene.truth);
     EXPECT_EQ(fit.outcome, known.outcome);
-    EXPECT_NEAR(fit.joint_nll, known.joint_nll, 1e-6) << walk;  // nats; both stop at a Newton decrement far below
+    EXPECT_NEAR(fit.joint_nll, known.joint_nll, 1e-6)
+        << walk;  // nats; both stop at a Newton decrement far below
   }
 }
 

@@ -48,18 +48,21 @@ class JointSystemTest : public ::testing::TestWithParam<SystemCase> {
       scene.problem.sigma_s_shared.assign(scene.problem.stops.size(), 1);
       state.sigma_s_m = 0.015;
     }
-    if (GetParam().bent) {  // an effect's slope of up to 0.8 in every cell, about a distance a little beside its own
+    if (GetParam()
+            .bent) {  // an effect's slope of up to 0.8 in every cell, about a distance a little beside its own
       Cells& cells = scene.problem.cells;
       for (std::size_t i = 0; i < cells.size(); ++i) {
         const Pose2& pose = state.stops[cells.stop[i]];
-        const double d = (state.landmarks[cells.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm() - cells.radius_m[i];
+        const double d = (state.landmarks[cells.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm() -
+                         cells.radius_m[i];
         cells.bend.push_back(0.8 * std::sin(7.0 * d));
         cells.bend_at_m.push_back(d + 0.01 * std::cos(3.0 * d));
       }
     }
   }
   JointSystem make_system() const {
-    return JointSystem(scene.problem, 3, static_cast<int>(state.noise.parameters.size()), GetParam().sigma_s_free);
+    return JointSystem(scene.problem, 3, static_cast<int>(state.noise.parameters.size()),
+                       GetParam().sigma_s_free);
   }
   /// The state moved along coordinate i of (globals, stops).
   JointState moved(const JointLayout& layout, int i, double step) const {
@@ -94,7 +97,8 @@ TEST_P(JointSystemTest, GradientMatchesDifferences) {
   for (int i = 0; i < gradient.size(); ++i) {
     const double h = 1e-6;
     const double numeric =
-        (joint_nll(scene.problem, moved(layout, i, h)) - joint_nll(scene.problem, moved(layout, i, -h))) / (2 * h);
+        (joint_nll(scene.problem, moved(layout, i, h)) - joint_nll(scene.problem, moved(layout, i, -h))) /
+        (2 * h);
     // Rounding of the NLL (about 1e3) over the step: 1e3 * 1e-16 / 1e-6, and curvature^3 h^2.
     EXPECT_NEAR(gradient[i], numeric, 1e-5 * (1.0 + std::abs(gradient[i]))) << "coordinate " << i;
   }
@@ -118,10 +122,11 @@ TEST_P(JointSystemTest, SchurComplementAndStepMatchTheDenseHessian) {
   ASSERT_TRUE(system.eliminate());
   const int q = n - p;
   const Eigen::MatrixXd stops = dense.bottomRightCorner(q, q);
-  const Eigen::MatrixXd schur =
-      dense.topLeftCorner(p, p) - dense.topRightCorner(p, q) * stops.ldlt().solve(dense.bottomLeftCorner(q, p));
+  const Eigen::MatrixXd schur = dense.topLeftCorner(p, p) -
+                                dense.topRightCorner(p, q) * stops.ldlt().solve(dense.bottomLeftCorner(q, p));
   EXPECT_LT((system.schur() - schur).norm(), 1e-5 * schur.norm());
-  EXPECT_NEAR(system.log_det_stops(), stops.llt().matrixL().toDenseMatrix().diagonal().array().log().sum() * 2, 1e-5);
+  EXPECT_NEAR(system.log_det_stops(),
+              stops.llt().matrixL().toDenseMatrix().diagonal().array().log().sum() * 2, 1e-5);
   Eigen::VectorXd globals = Eigen::VectorXd::LinSpaced(p, -1e-3, 2e-3);
   const Eigen::VectorXd expected =
       -stops.ldlt().solve(system.stop_gradient() + dense.bottomLeftCorner(q, p) * globals);
@@ -148,7 +153,8 @@ TEST_P(JointSystemTest, FisherInformationIsTheExpectationOfTheHessian) {
     c.bearing_mean[i] = wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad);
     c.bearing_mean_square[i] = truth.sigma_theta_rad * truth.sigma_theta_rad;
   }
-  if (GetParam().sigma_s_free || GetParam().options.walk) return;  // the stops' errors are not at their expectation
+  if (GetParam().sigma_s_free || GetParam().options.walk)
+    return;  // the stops' errors are not at their expectation
   JointSystem exact = make_system(), fisher = make_system();
   exact.assemble(truth, HessianKind::exact);
   fisher.assemble(truth, HessianKind::fisher);
@@ -188,7 +194,8 @@ TEST_P(JointSystemTest, RestrictedGradientMatchesDifferences) {
   JointSystem system = make_system();
   ASSERT_NO_FATAL_FAILURE(settle(system));
   const JointLayout& layout = system.layout();
-  const Eigen::MatrixXd covariance = system.schur().topLeftCorner(layout.phi_count, layout.phi_count).inverse();
+  const Eigen::MatrixXd covariance =
+      system.schur().topLeftCorner(layout.phi_count, layout.phi_count).inverse();
   const Eigen::VectorXd gradient = system.log_det_phi_gradient(state, covariance);
   for (int i = 0; i < layout.global_count; ++i) {
     const double h = 1e-6;  // A is ill conditioned here: differences of a wider step bend

@@ -15,7 +15,8 @@ using testing::make_scene;
 
 /// One reading in ten says 30 standard deviations too much (an echo), one bearing in ten is off by 10 of its own.
 testing::JointScene with_outliers(std::uint64_t repeat) {
-  testing::JointScene scene = make_scene("outliers", {.stops = 16, .landmarks = 40, .law = NoiseLaw::f, .sigma_e = 0.02}, repeat);
+  testing::JointScene scene =
+      make_scene("outliers", {.stops = 16, .landmarks = 40, .law = NoiseLaw::f, .sigma_e = 0.02}, repeat);
   Random random(seed_from("outlier draws", {repeat}));
   Cells& c = scene.problem.cells;
   for (std::size_t i = 0; i < c.size(); ++i) {
@@ -62,7 +63,8 @@ TEST(Robust, ContaminatedFindsTheShareOfOutliers) {
 }
 
 TEST(Robust, AutomaticKeepsTheGaussianWhereNothingIsWrong) {
-  const testing::JointScene scene = make_scene("clean", {.stops = 30, .landmarks = 5, .law = NoiseLaw::f, .sigma_e = 0.02});
+  const testing::JointScene scene =
+      make_scene("clean", {.stops = 30, .landmarks = 5, .law = NoiseLaw::f, .sigma_e = 0.02});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
   const RobustJointFit fit = solve_joint_robust(scene.problem, seed, NoiseShape::automatic);
   EXPECT_EQ(fit.shapes.tried.size(), 3u);

@@ -4,11 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
 #include <numbers>
-
-#include <Eigen/Cholesky>
 
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "support/joint_scenes.hpp"
@@ -21,8 +20,9 @@ using testing::make_scene;
 const double log_two_pi = std::log(2.0 * std::numbers::pi);
 
 /// Readings of one stop at the origin, alpha = (0, 1), one reading per landmark.
-testing::JointScene one_stop(const std::vector<Eigen::Vector2d>& landmarks, double sigma_s, const std::vector<double>& range_errors,
-                        const std::vector<double>& bearing_errors) {
+testing::JointScene one_stop(const std::vector<Eigen::Vector2d>& landmarks, double sigma_s,
+                             const std::vector<double>& range_errors,
+                             const std::vector<double>& bearing_errors) {
   testing::JointScene scene;
   JointProblem& p = scene.problem;
   StopPrior prior;
@@ -69,7 +69,8 @@ TEST(LaplaceMarginal, IsExactForALinearGaussianStop) {
 }
 
 TEST(LaplaceMarginal, IsCloseToTheIntegralOverTheStop) {
-  testing::JointScene scene = one_stop({{1.5, 0.4}, {-0.8, 1.7}, {0.3, -2.2}}, 0.05, {0.03, -0.06, 0.02}, {0.01, -0.02, 0.03});
+  testing::JointScene scene =
+      one_stop({{1.5, 0.4}, {-0.8, 1.7}, {0.3, -2.2}}, 0.05, {0.03, -0.06, 0.02}, {0.01, -0.02, 0.03});
   scene.truth.noise.law = NoiseLaw::f_squared;
   for (double shrink : {1.0, 0.5, 0.25}) {
     scene.problem.stops[0].sigma_xy_m = 0.05 * shrink;
@@ -94,7 +95,8 @@ TEST(LaplaceMarginal, IsCloseToTheIntegralOverTheStop) {
 TEST(Marginal, VariancesLoseTheDegreesOfFreedomOfTheCurve) {
   // Exact stops, landmarks held, constant noise: ranges are a linear regression on three coefficients and bearings have
   // none, so REML gives sigma^2 = RSS / (N - 3) and sigma_theta^2 = RSS / N.
-  testing::JointScene scene = make_scene("reml", {.stops = 8, .landmarks = 4, .law = NoiseLaw::constant, .sigma_e = 0.05, .sigma_s = 0.0});
+  testing::JointScene scene = make_scene(
+      "reml", {.stops = 8, .landmarks = 4, .law = NoiseLaw::constant, .sigma_e = 0.05, .sigma_s = 0.0});
   MarginalOptions options;
   options.held.landmarks = true;
   const MarginalFit fit = solve_marginal(scene.problem, scene.truth, options);
@@ -142,7 +144,8 @@ TEST(Marginal, ASigmaOfTheStopsThatComesOutAtZeroHasAnUpperLimit) {
     scene.problem.sigma_s_shared.assign(scene.problem.stops.size(), 1);
     MarginalOptions options;
     options.estimate_sigma_s = true;
-    const MarginalFit fit = solve_marginal(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared), options);
+    const MarginalFit fit =
+        solve_marginal(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared), options);
     ASSERT_EQ(fit.outcome, Outcome::converged) << repeat << ": " << fit.reason;
     ASSERT_TRUE(fit.state.sigma_s_m.has_value());
     if (*fit.state.sigma_s_m > 0.0) {
@@ -159,7 +162,8 @@ TEST(Marginal, ASigmaOfTheStopsThatComesOutAtZeroHasAnUpperLimit) {
 }
 
 TEST(Marginal, ConvergesWhereTheJointLikelihoodHasNoMaximum) {
-  const testing::JointScene scene = make_scene("two landmarks", {.stops = 16, .landmarks = 2, .sigma_theta = 0.02, .sigma_s = 0.02});
+  const testing::JointScene scene =
+      make_scene("two landmarks", {.stops = 16, .landmarks = 2, .sigma_theta = 0.02, .sigma_s = 0.02});
   const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f_squared);
   const JointFit full = solve_joint_block(scene.problem, seed);
   EXPECT_EQ(full.outcome, Outcome::unbounded);
@@ -176,13 +180,16 @@ TEST(Marginal, ConvergesWhereTheJointLikelihoodHasNoMaximum) {
 
 /// The 2021 setting with repeats, as a recording.
 Recording repeated_recording() {
-  const testing::JointScene scene = make_scene("rows", {.stops = 12, .landmarks = 4, .law = NoiseLaw::f, .sigma_e = 0.03});
+  const testing::JointScene scene =
+      make_scene("rows", {.stops = 12, .landmarks = 4, .law = NoiseLaw::f, .sigma_e = 0.03});
   Random random(seed_from("rows draws", {}));
   Recording recording;
   recording.sigma_xy_m = 0.01;
   recording.stops.resize(scene.problem.stops.size());
-  for (std::size_t k = 0; k < recording.stops.size(); ++k) recording.stops[k].commanded = scene.problem.stops[k].commanded;
-  for (std::size_t l = 0; l < scene.truth.landmarks.size(); ++l) recording.landmarks.push_back({"m" + std::to_string(l), 0.12, {}});
+  for (std::size_t k = 0; k < recording.stops.size(); ++k)
+    recording.stops[k].commanded = scene.problem.stops[k].commanded;
+  for (std::size_t l = 0; l < scene.truth.landmarks.size(); ++l)
+    recording.landmarks.push_back({"m" + std::to_string(l), 0.12, {}});
   for (int repeat = 0; repeat < 4; ++repeat)
     for (std::size_t k = 0; k < recording.stops.size(); ++k)
       for (std::size_t l = 0; l < recording.landmarks.size(); ++l) {
@@ -206,12 +213,14 @@ TEST(Marginal, RowsAndCellsHaveTheSameOptimum) {
   const JointState seed = position_seed(cells, 2, NoiseLaw::f);
   JointOptions options;
   options.gradient_tolerance = 1e-9;
-  const JointFit full_cells = solve_joint_block(cells, seed, options), full_rows = solve_joint_block(rows, seed, options);
+  const JointFit full_cells = solve_joint_block(cells, seed, options),
+                 full_rows = solve_joint_block(rows, seed, options);
   ASSERT_EQ(full_cells.outcome, Outcome::converged);
   ASSERT_EQ(full_rows.outcome, Outcome::converged);
   EXPECT_NEAR(full_rows.joint_nll, full_cells.joint_nll, 1e-9 * std::abs(full_cells.joint_nll));
   EXPECT_LT((full_rows.state.alpha - full_cells.state.alpha).norm(), 1e-9 * full_cells.state.alpha.norm());
-  EXPECT_NEAR(full_rows.state.sigma_theta_rad, full_cells.state.sigma_theta_rad, 1e-9 * full_cells.state.sigma_theta_rad);
+  EXPECT_NEAR(full_rows.state.sigma_theta_rad, full_cells.state.sigma_theta_rad,
+              1e-9 * full_cells.state.sigma_theta_rad);
 
   MarginalOptions marginal;
   marginal.gradient_tolerance = 1e-9;
@@ -222,7 +231,8 @@ TEST(Marginal, RowsAndCellsHaveTheSameOptimum) {
   EXPECT_NEAR(by_rows.marginal_nll, by_cells.marginal_nll, 1e-9 * std::abs(by_cells.marginal_nll));
   EXPECT_LT((by_rows.state.alpha - by_cells.state.alpha).norm(), 1e-9 * by_cells.state.alpha.norm());
   for (std::size_t l = 0; l < by_cells.state.landmarks.size(); ++l)
-    EXPECT_LT((by_rows.state.landmarks[l] - by_cells.state.landmarks[l]).norm(), 1e-9 * by_cells.state.landmarks[l].norm());
+    EXPECT_LT((by_rows.state.landmarks[l] - by_cells.state.landmarks[l]).norm(),
+              1e-9 * by_cells.state.landmarks[l].norm());
   EXPECT_NEAR(by_rows.state.sigma_theta_rad, by_cells.state.sigma_theta_rad, 1e-9);
 }
 
@@ -270,8 +280,9 @@ TEST(Marginal, SaysWhereTheStopsExplainOneNoise) {
   // likelihood draws a sigma to 0. The answer says so; where there is none it says why.
   int drawn = 0;
   for (int repeat = 0; repeat < 20; ++repeat) {
-    const testing::JointScene scene = make_scene("drawn" + std::to_string(repeat),
-                                            {.stops = 20, .landmarks = 1, .law = NoiseLaw::f, .sigma_e = 0.05, .sigma_s = 0.2});
+    const testing::JointScene scene =
+        make_scene("drawn" + std::to_string(repeat),
+                   {.stops = 20, .landmarks = 1, .law = NoiseLaw::f, .sigma_e = 0.05, .sigma_s = 0.2});
     const MarginalFit fit = solve_marginal(scene.problem, scene.truth);
     if (fit.reason.find("is drawn to 0 and held") == std::string::npos) {
       EXPECT_EQ(fit.outcome == Outcome::converged, fit.reason.empty()) << repeat << " " << fit.reason;
@@ -279,7 +290,9 @@ TEST(Marginal, SaysWhereTheStopsExplainOneNoise) {
     }
     ++drawn;
     EXPECT_TRUE(is_usable(fit.outcome)) << repeat << " " << fit.reason;
-    EXPECT_LT(std::min(fit.state.noise.parameters[0] / 0.05, fit.state.sigma_theta_rad / scene.truth.sigma_theta_rad), 0.5);
+    EXPECT_LT(std::min(fit.state.noise.parameters[0] / 0.05,
+                       fit.state.sigma_theta_rad / scene.truth.sigma_theta_rad),
+              0.5);
   }
   EXPECT_GT(drawn, 0);
 }

@@ -15,7 +15,8 @@ constexpr double rise =
     0.5 * 3.841458820694124;  // half the 95 % point of chi-square with one degree of freedom
 
 TEST(ProfileInterval, EndsWhereTheCriterionHasRisenByHalfTheQuantile) {
-  const testing::JointScene scene = testing::make_scene("profile", {.stops = 20, .landmarks = 5, .sigma_s = 0.02});
+  const testing::JointScene scene =
+      testing::make_scene("profile", {.stops = 20, .landmarks = 5, .sigma_s = 0.02});
   const MarginalFit fit = solve_marginal(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared));
   ASSERT_EQ(fit.outcome, Outcome::converged);
   const double lowest = hard::marginal_at(scene.problem, fit.state).criterion;

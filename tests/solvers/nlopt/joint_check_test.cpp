@@ -50,7 +50,8 @@ TEST(JointCheck, SaysThatAPointIsNoOptimum) {
 
 TEST(JointCheck, IsNotDoneWhereThereIsNoMaximum) {
   const testing::JointScene scene = make_scene("collapse", {.stops = 20, .landmarks = 2, .sigma_s = 0.05});
-  const JointCheck check = check_joint(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared), 0.0);
+  const JointCheck check =
+      check_joint(scene.problem, position_seed(scene.problem, 2, NoiseLaw::f_squared), 0.0);
   EXPECT_FALSE(check.done);
   EXPECT_NE(check.reason.find("no maximum"), std::string::npos);
 }

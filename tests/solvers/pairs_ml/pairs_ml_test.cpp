@@ -27,8 +27,10 @@ PairsProblem simulate(std::uint64_t seed, int rows, double sigma = 0.02, int dis
   Random random(seed);
   std::vector<double> d, y;
   for (int i = 0; i < rows; ++i) {
-    d.push_back(distances > 0 ? 0.5 + 4.0 * static_cast<double>(random.index(static_cast<std::uint64_t>(distances))) / distances
-                              : random.uniform(0.2, 5.0));
+    d.push_back(distances > 0
+                    ? 0.5 + 4.0 * static_cast<double>(random.index(static_cast<std::uint64_t>(distances))) /
+                                distances
+                    : random.uniform(0.2, 5.0));
     const double f = evaluate_polynomial(true_alpha, d.back());
     y.push_back(f + sigma * f * f * random.normal());
   }
@@ -51,8 +53,8 @@ TEST(FullPairs, AgreesWithSciPyAndR) {
   // The exact NLL in (alpha, log sigma), law f^2, with analytic gradient, from alpha = (0.05, 0.9, 0.06),
   // sigma = 0.03. SciPy 1.10.1: minimize(nll, x0, jac=grad, hess=hess, method='trust-exact',
   // options={'gtol': 1e-12}); largest gradient entry at the end 1.8e-8.
-  const double scipy[5] = {0.050227802542800445, 0.8886732335063259, 0.05729935676417259, 0.019711064574525546,
-                           -178.45733601084578};
+  const double scipy[5] = {0.050227802542800445, 0.8886732335063259, 0.05729935676417259,
+                           0.019711064574525546, -178.45733601084578};
   // R 4.2.2: optim(x, nll, gr, method = "BFGS", control = list(reltol = 1e-15)) over the orthonormal columns of
   // qr.Q(qr(cbind(1, d, d^2))), restarted six times; alpha by qr.solve.
   const double r[5] = {0.0502278022456215, 0.8886732337306994, 0.0572993567252590, 0.0197110645822593,
@@ -61,7 +63,8 @@ TEST(FullPairs, AgreesWithSciPyAndR) {
   ASSERT_EQ(fit.calibration.outcome, Outcome::converged);
   EXPECT_LT(fit.gradient_norm, 1e-8);
   for (const double* reference : {scipy, r}) {
-    for (int k = 0; k < 3; ++k) EXPECT_NEAR(fit.calibration.alpha[k], reference[k], 1e-6 * std::abs(reference[k]));
+    for (int k = 0; k < 3; ++k)
+      EXPECT_NEAR(fit.calibration.alpha[k], reference[k], 1e-6 * std::abs(reference[k]));
     EXPECT_NEAR(fit.calibration.noise.parameters[0], reference[3], 1e-6 * reference[3]);
     EXPECT_NEAR(fit.nll, reference[4], 1e-6);
   }
@@ -69,11 +72,13 @@ TEST(FullPairs, AgreesWithSciPyAndR) {
 
 TEST(FullPairs, EveryLawReachesItsOptimum) {
   for (std::uint64_t instance = 0; instance < 20; ++instance) {
-    const PairsProblem problem = simulate(seed_from("FullPairs.EveryLaw", {instance}), 150, 0.03, instance % 2 ? 25 : 0);
+    const PairsProblem problem =
+        simulate(seed_from("FullPairs.EveryLaw", {instance}), 150, 0.03, instance % 2 ? 25 : 0);
     for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed,
                                NoiseLaw::d_squared, NoiseLaw::polynomial}) {
       for (int order = 0; order <= 5; ++order) {
-        SCOPED_TRACE(std::string(to_string(law)) + " order " + std::to_string(order) + " case " + std::to_string(instance));
+        SCOPED_TRACE(std::string(to_string(law)) + " order " + std::to_string(order) + " case " +
+                     std::to_string(instance));
         PairsOptions options;
         options.law = law;
         options.order = order;
@@ -85,8 +90,9 @@ TEST(FullPairs, EveryLawReachesItsOptimum) {
         }
         ASSERT_EQ(fit.calibration.outcome, Outcome::converged) << fit.calibration.reason;
         EXPECT_LT(fit.gradient_norm, 1e-6);
-        EXPECT_NEAR(fit.nll, pairs_nll(problem, fit.calibration.alpha, fit.calibration.noise),
-                    1e-9 * (1.0 + std::abs(fit.nll)));   // streaming and plain sum, rounding of some hundred terms
+        EXPECT_NEAR(
+            fit.nll, pairs_nll(problem, fit.calibration.alpha, fit.calibration.noise),
+            1e-9 * (1.0 + std::abs(fit.nll)));  // streaming and plain sum, rounding of some hundred terms
         EXPECT_EQ(fit.calibration.joint_nll, fit.calibration.marginal_nll);
       }
     }
@@ -119,7 +125,8 @@ TEST(FullPairs, SameBitsForAnyNumberOfThreads) {
 
 TEST(FullPairs, CeresReachesTheSameOptimum) {
   for (std::uint64_t instance = 0; instance < 10; ++instance) {
-    const PairsProblem problem = simulate(seed_from("FullPairs.Ceres", {instance}), 200, 0.05, instance % 2 ? 30 : 0);
+    const PairsProblem problem =
+        simulate(seed_from("FullPairs.Ceres", {instance}), 200, 0.05, instance % 2 ? 30 : 0);
     for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::d_squared}) {
       SCOPED_TRACE(std::string(to_string(law)) + " case " + std::to_string(instance));
       PairsOptions options;
@@ -148,7 +155,9 @@ TEST(FullPairs, NloptFindsNothingBetter) {
     };
     check.seed = Eigen::Vector4d(0.0, 1.0, 0.0, std::log(0.1));
     check.whitening = whitening_from_information(
-        pairs_derivatives(problem, check.seed.head(3), Noise{NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.1)}).information);
+        pairs_derivatives(problem, check.seed.head(3),
+                          Noise{NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.1)})
+            .information);
     check.lower = Eigen::Vector4d(-0.5, 0.3, -0.2, -10.0);
     check.upper = Eigen::Vector4d(0.5, 1.6, 0.3, 1.0);
     check.global_indices = {0, 1, 2};
@@ -164,7 +173,7 @@ TEST(FullPairs, DegenerateDataGetNamedOutcomes) {
   const PairsFit one = full_pairs(make_pairs_problem(same, readings));
   EXPECT_EQ(one.calibration.outcome, Outcome::unobservable);
   EXPECT_NE(one.calibration.reason.find("the one distance 2 m"), std::string::npos) << one.calibration.reason;
-  EXPECT_EQ(one.calibration.weakest_direction, "-2 alpha_0 + 1 alpha_1");   // f + c (d - 2) fits alike
+  EXPECT_EQ(one.calibration.weakest_direction, "-2 alpha_0 + 1 alpha_1");  // f + c (d - 2) fits alike
   EXPECT_FALSE(one.calibration.alpha_covariance.has_value());
   ASSERT_EQ(one.calibration.order(), 0);
 
@@ -212,7 +221,7 @@ TEST(FullPairs, OrderByAic) {
   options.order.reset();
   const PairsFit fit = full_pairs(simulate(seed_from("FullPairs.OrderByAic"), 2000), options);
   ASSERT_EQ(fit.orders.size(), 4u);
-  EXPECT_GE(fit.calibration.order(), 2);   // order 1 misses 0.0584 d^2 by many standard deviations
+  EXPECT_GE(fit.calibration.order(), 2);  // order 1 misses 0.0584 d^2 by many standard deviations
   const OrderScore& score = fit.orders[1];
   EXPECT_DOUBLE_EQ(score.aic, 2.0 * (score.nll + 4.0));
   EXPECT_NEAR(score.aicc, score.aic + 2.0 * 4.0 * 5.0 / 1995.0, 1e-9);
@@ -255,7 +264,8 @@ TEST(MarginalPairs, NoiseIsUnbiasedAndCovarianceHolds) {
     }
   }
   EXPECT_LT(full_ratio, 0.95);
-  EXPECT_NEAR(marginal_ratio, 1.0, 0.03);   // variance: twice the relative spread of sigma, about 2.3 standard errors
+  EXPECT_NEAR(marginal_ratio, 1.0,
+              0.03);  // variance: twice the relative spread of sigma, about 2.3 standard errors
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(z_sq[k], 21.0 / 19.0, 0.23) << distances[k];
 }
 
@@ -266,7 +276,10 @@ TEST(FullPairs, ShapesAreRecovered) {
     d.push_back(random.uniform(0.2, 5.0));
     const double f = evaluate_polynomial(true_alpha, d.back()), s = 0.005 * f * f;
     double chi = 0.0;
-    for (int k = 0; k < 4; ++k) { const double u = random.normal(); chi += u * u; }
+    for (int k = 0; k < 4; ++k) {
+      const double u = random.normal();
+      chi += u * u;
+    }
     y_t.push_back(f + s * random.normal() / std::sqrt(chi / 4.0));
     y_mix.push_back(f + s * random.normal() * (random.uniform() < 0.15 ? 12.0 : 1.0));
     y_normal.push_back(f + s * random.normal());
@@ -278,12 +291,12 @@ TEST(FullPairs, ShapesAreRecovered) {
     const PairsFit t = fit_pairs(make_pairs_problem(d, y_t), options);
     ASSERT_EQ(t.calibration.outcome, Outcome::converged) << t.calibration.reason;
     EXPECT_EQ(t.shape.shape, NoiseShape::student_t);
-    EXPECT_NEAR(t.shape.nu, 4.0, 1.2);   // standard deviation about 0.3
+    EXPECT_NEAR(t.shape.nu, 4.0, 1.2);  // standard deviation about 0.3
     EXPECT_NEAR(t.calibration.noise.parameters[0], 0.005, 0.0004);
     const PairsFit mixed = fit_pairs(make_pairs_problem(d, y_mix), options);
     ASSERT_EQ(mixed.calibration.outcome, Outcome::converged) << mixed.calibration.reason;
     EXPECT_EQ(mixed.shape.shape, NoiseShape::contaminated);
-    EXPECT_NEAR(mixed.shape.outlier_share, 0.15, 0.03);   // 4 standard deviations
+    EXPECT_NEAR(mixed.shape.outlier_share, 0.15, 0.03);  // 4 standard deviations
     EXPECT_NEAR(mixed.shape.outlier_scale, 12.0, 2.0);
     EXPECT_NEAR(mixed.calibration.noise.parameters[0], 0.005, 0.0004);
     ASSERT_TRUE(mixed.calibration.alpha_covariance.has_value());
@@ -328,10 +341,13 @@ TEST(FullPairs, RealRecordingsConverge) {
       options.shape = shape;
       const PairsFit full = full_pairs(problem, options), marginal = marginal_pairs(problem, options);
       EXPECT_EQ(full.calibration.outcome, Outcome::converged) << name << ": " << full.calibration.reason;
-      EXPECT_EQ(marginal.calibration.outcome, Outcome::converged) << name << ": " << marginal.calibration.reason;
+      EXPECT_EQ(marginal.calibration.outcome, Outcome::converged)
+          << name << ": " << marginal.calibration.reason;
       EXPECT_LE(full.nll, marginal.nll + 1e-6);
-      for (std::size_t k = 1; k < full.orders.size(); ++k) {   // nested models: no order is worse than the one below
-        EXPECT_LE(full.orders[k].nll, full.orders[k - 1].nll + 1e-6) << name << " order " << full.orders[k].order;
+      for (std::size_t k = 1; k < full.orders.size();
+           ++k) {  // nested models: no order is worse than the one below
+        EXPECT_LE(full.orders[k].nll, full.orders[k - 1].nll + 1e-6)
+            << name << " order " << full.orders[k].order;
       }
     }
   }

@@ -17,7 +17,7 @@ namespace {
 
 /// The sensor of the 2021 setting in a room of 6 by 5 m.
 PlanRequest request_of(double accuracy_m) {
-  PlanRequest request;   // few landmarks, so that the search is short
+  PlanRequest request;  // few landmarks, so that the search is short
   Scene& s = request.sketch;
   s.alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584);
   s.noise = {NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.01)};
@@ -36,7 +36,8 @@ double largest(const PlanRequest& request, const Eigen::MatrixXd& C) {
   for (int i = 0; i <= 8; ++i) {
     const double d = request.low_m + (request.high_m - request.low_m) * i / 8.0;
     const Eigen::Vector3d phi(1.0, d, d * d);
-    value = std::max(value, std::sqrt(phi.dot(C.topLeftCorner(3, 3) * phi)) / evaluate_derivative(request.sketch.alpha, d));
+    value = std::max(value, std::sqrt(phi.dot(C.topLeftCorner(3, 3) * phi)) /
+                                evaluate_derivative(request.sketch.alpha, d));
   }
   return value;
 }
@@ -53,8 +54,11 @@ TEST(Plan, ReachesTheAccuracyInNoMoreTimeThanTheLine) {
     }
     // by hand: places 30 s, turns 10 s, landmarks 60 s, scans 0.2 s
     const PlanDesign& d = plan.best;
-    EXPECT_NEAR(d.minutes, (30.0 * d.places + 10.0 * d.places * (d.headings - 1) + 60.0 * static_cast<double>(d.landmarks.size()) +
-                            0.2 * d.places * d.headings * d.repeats) / 60.0, 1e-9);
+    EXPECT_NEAR(d.minutes,
+                (30.0 * d.places + 10.0 * d.places * (d.headings - 1) +
+                 60.0 * static_cast<double>(d.landmarks.size()) + 0.2 * d.places * d.headings * d.repeats) /
+                    60.0,
+                1e-9);
     for (const Stop& stop : d.stops)
       for (const Eigen::Vector2d& m : d.landmarks)
         EXPECT_GE((m - Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m)).norm(), 0.4);
@@ -97,14 +101,16 @@ TEST(Plan, CalibrationsOfThePlanAreAsAccurateAsSaid) {
     if (count == 0)
       for (double d = request.low_m; d <= request.high_m; d += 0.4375) {
         const Eigen::Vector3d phi(1.0, d, d * d);
-        const double value = std::sqrt(phi.dot(*c.alpha_covariance * phi)) / evaluate_derivative(request.sketch.alpha, d);
+        const double value =
+            std::sqrt(phi.dot(*c.alpha_covariance * phi)) / evaluate_derivative(request.sketch.alpha, d);
         if (value > worst) {
           worst = value;
           worst_d = d;
         }
       }
     const Eigen::VectorXd delta = c.alpha - request.sketch.alpha;
-    sum += std::pow(evaluate_polynomial(delta, worst_d) / evaluate_derivative(request.sketch.alpha, worst_d), 2);
+    sum +=
+        std::pow(evaluate_polynomial(delta, worst_d) / evaluate_derivative(request.sketch.alpha, worst_d), 2);
     ++count;
   }
   ASSERT_GE(count, 115);
@@ -126,7 +132,8 @@ TEST(Plan, EffectsCostAccuracyAndAreSaidToShowOrNot) {
   PlanDesign many = plain;
   many.repeats *= 20;
   many = evaluate_design(request, many);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_GE(many.effects[i].noncentrality, with.effects[i].noncentrality * 0.999);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_GE(many.effects[i].noncentrality, with.effects[i].noncentrality * 0.999);
   const Plan plan = plan_experiment(request);
   EXPECT_EQ(plan.outcome == Outcome::converged, plan.best.std_dev_m <= request.accuracy_m);
 }
@@ -139,7 +146,7 @@ TEST(Plan, SaysWhatItCannotReach) {
   EXPECT_FALSE(plan.reason.empty());
   PlanRequest far = request_of(0.01);
   far.low_m = 8.0;
-  far.high_m = 9.5;   // the room has no such distances
+  far.high_m = 9.5;  // the room has no such distances
   EXPECT_EQ(plan_experiment(far).outcome, Outcome::failed);
   PlanRequest bad = request_of(0.01);
   bad.effects = {"no_such_effect"};
@@ -147,7 +154,7 @@ TEST(Plan, SaysWhatItCannotReach) {
   bad = request_of(-1.0);
   EXPECT_THROW(plan_experiment(bad), InputError);
   bad = request_of(0.01);
-  bad.sketch.random_landmarks.reset();   // no room at all
+  bad.sketch.random_landmarks.reset();  // no room at all
   EXPECT_THROW(plan_experiment(bad), InputError);
   bad = request_of(0.01);
   bad.radii_m.clear();

@@ -19,7 +19,8 @@ struct Stream {
 };
 
 /// y ~ N(f, (0.02 f^2)^2) at distances of 0.3 to 5 m; f the curve of the 2016 paper.
-Stream draw(std::uint64_t repeat, int count, const Eigen::VectorXd& alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584)) {
+Stream draw(std::uint64_t repeat, int count,
+            const Eigen::VectorXd& alpha = Eigen::Vector3d(0.0525, 0.8838, 0.0584)) {
   Random random(seed_from("recursive", {repeat}));
   Stream stream;
   for (int i = 0; i < count; ++i) {
@@ -58,11 +59,13 @@ TEST(RecursiveCalibrator, ApproximateIsTheBatchAnswer) {
         closed.noise_law = law;
         const Calibration batch = approximate_pairs(recording_of(stream), closed);
         ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
-        for (int i = 0; i <= order; ++i) EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 1e-8) << count << " order " << order;
+        for (int i = 0; i <= order; ++i)
+          EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 1e-8) << count << " order " << order;
         EXPECT_NEAR(ours.noise.parameters[0], batch.noise.parameters[0], 1e-8);
         EXPECT_NEAR(*ours.noise_estimates[0].std_dev, *batch.noise_estimates[0].std_dev, 1e-8);
         // interpolated over a bin, 1e-6 where few readings let f bend strongly
-        EXPECT_LT((*ours.alpha_covariance - *batch.alpha_covariance).norm(), 1e-5 * batch.alpha_covariance->norm());
+        EXPECT_LT((*ours.alpha_covariance - *batch.alpha_covariance).norm(),
+                  1e-5 * batch.alpha_covariance->norm());
       }
     }
   }
@@ -70,7 +73,8 @@ TEST(RecursiveCalibrator, ApproximateIsTheBatchAnswer) {
 
 TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDeviation) {
   for (const int count : {30, 500, 50000}) {
-    for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed, NoiseLaw::d_squared}) {
+    for (const NoiseLaw law :
+         {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed, NoiseLaw::d_squared}) {
       const Stream stream = draw(7, count);
       RecursiveOptions options;
       options.law = law;
@@ -78,7 +82,7 @@ TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDev
       Calibration ours;
       for (std::size_t i = 0; i < stream.d.size(); ++i) {
         tracked.add(stream.d[i], stream.y[i]);
-        if (i % 1000 == 20) tracked.full();   // estimates on the way change nothing
+        if (i % 1000 == 20) tracked.full();  // estimates on the way change nothing
       }
       ours = tracked.full();
       PairsOptions pairs;
@@ -89,8 +93,10 @@ TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDev
         const double std_dev = std::sqrt((*batch.calibration.alpha_covariance)(i, i));
         EXPECT_NEAR(ours.alpha[i], batch.calibration.alpha[i], 0.01 * std_dev) << to_string(law) << count;
       }
-      EXPECT_NEAR(ours.noise.parameters[0], batch.calibration.noise.parameters[0], 0.01 * *batch.calibration.noise_estimates[0].std_dev);
-      EXPECT_LT((*ours.alpha_covariance - *batch.calibration.alpha_covariance).norm(), 1e-5 * batch.calibration.alpha_covariance->norm());
+      EXPECT_NEAR(ours.noise.parameters[0], batch.calibration.noise.parameters[0],
+                  0.01 * *batch.calibration.noise_estimates[0].std_dev);
+      EXPECT_LT((*ours.alpha_covariance - *batch.calibration.alpha_covariance).norm(),
+                1e-5 * batch.calibration.alpha_covariance->norm());
       EXPECT_NEAR(*ours.joint_nll, batch.nll, 1e-8 * std::abs(batch.nll) + 1e-4);
     }
   }
@@ -109,7 +115,8 @@ TEST(RecursiveCalibrator, PolynomialNoiseIsTheBatchAnswerWithinOneHundredthOfIts
       std::vector<double> d, y;
       for (int i = 0; i < count; ++i) {
         d.push_back(random.uniform(0.3, 5.0));
-        y.push_back(random.normal(evaluate_polynomial(alpha, d.back()), noise_order == 0 ? 0.01 : 0.004 + 0.006 * d.back()));
+        y.push_back(random.normal(evaluate_polynomial(alpha, d.back()),
+                                  noise_order == 0 ? 0.01 : 0.004 + 0.006 * d.back()));
         tracked.add(d.back(), y.back());
         if (i % 70 == 30) tracked.full();
         if (i == 100) tracked = RecursiveCalibrator::from_json(tracked.to_json(), "state");
@@ -122,7 +129,9 @@ TEST(RecursiveCalibrator, PolynomialNoiseIsTheBatchAnswerWithinOneHundredthOfIts
       ASSERT_EQ(batch.outcome, Outcome::converged) << batch.reason;
       ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason << noise_order;
       ASSERT_EQ(ours.noise.parameters.size(), noise_order + 1);
-      for (int i = 0; i < 3; ++i) EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 0.01 * std::sqrt((*batch.alpha_covariance)(i, i))) << noise_order << " " << count;
+      for (int i = 0; i < 3; ++i)
+        EXPECT_NEAR(ours.alpha[i], batch.alpha[i], 0.01 * std::sqrt((*batch.alpha_covariance)(i, i)))
+            << noise_order << " " << count;
       for (int j = 0; j <= noise_order; ++j) {
         const double std_dev = *batch.noise_estimates[static_cast<std::size_t>(j)].std_dev;
         EXPECT_NEAR(ours.noise.parameters[j], batch.noise.parameters[j], 0.01 * std_dev);
@@ -177,7 +186,7 @@ TEST(RecursiveCalibrator, FollowsADriftThatTheStateWithoutForgettingAverages) {
   RecursiveCalibrator all(options);
   options.forget = 200.0;
   RecursiveCalibrator recent(options);
-  for (int i = 0; i < 10000; ++i) {   // the offset creeps from 0 to 0.1 m, 2 mm in 200 readings
+  for (int i = 0; i < 10000; ++i) {  // the offset creeps from 0 to 0.1 m, 2 mm in 200 readings
     const double d = random.uniform(0.5, 4.0), y = 1e-5 * i + d + random.normal(0.0, 0.01);
     all.add(d, y);
     recent.add(d, y);
@@ -235,10 +244,11 @@ TEST(RecursiveCalibrator, HostileInput) {
   EXPECT_EQ(tracked.counts().read, 6);
   EXPECT_EQ(tracked.approximate().outcome, Outcome::too_few_data);
   EXPECT_EQ(tracked.full().outcome, Outcome::too_few_data);
-  for (int i = 0; i < 10; ++i) tracked.add(1.0 + i % 2, 1.1 + i % 2 + 0.01 * i);   // two distances, three coefficients
+  for (int i = 0; i < 10; ++i)
+    tracked.add(1.0 + i % 2, 1.1 + i % 2 + 0.01 * i);  // two distances, three coefficients
   EXPECT_EQ(tracked.approximate().outcome, Outcome::too_few_data);
   EXPECT_FALSE(is_usable(tracked.full().outcome));
-  EXPECT_THROW(tracked.add(1.0, 1.0, 5.0), InputError);   // a time where the others have none
+  EXPECT_THROW(tracked.add(1.0, 1.0, 5.0), InputError);  // a time where the others have none
   RecursiveCalibrator perfect;
   for (int i = 1; i < 10; ++i) perfect.add(0.3 * i, 0.3 * i);
   EXPECT_FALSE(is_usable(perfect.full().outcome));

@@ -16,8 +16,8 @@ namespace {
 
 Study study_of(const std::string& rest, const std::string& scene = "studies/scenes/2021.yaml") {
   const test::TemporaryFolder folder;
-  folder.write("study.yaml", "format: rangecal-study/1\nname: run_test\nscene: " + std::string(RANGECAL_SOURCE_DIR) +
-                                 "/notebooks_data/" + scene + "\n" + rest);
+  folder.write("study.yaml", "format: rangecal-study/1\nname: run_test\nscene: " +
+                                 std::string(RANGECAL_SOURCE_DIR) + "/notebooks_data/" + scene + "\n" + rest);
   return load_study(folder.file("study.yaml"));
 }
 
@@ -35,17 +35,18 @@ TEST(LeastSquaresDistance, HandWorked) {
     std::copy(alpha.begin(), alpha.end(), a.data());
     return least_squares_distance(a, y);
   };
-  EXPECT_NEAR(distance({1.0, 0.5}, 2.0), 2.0, 1e-15);          // 1 + 0.5 d = 2
-  EXPECT_NEAR(distance({0.0, 0.0, 1.0}, 4.0), 2.0, 1e-15);     // d^2 = 4, the root -2 is no distance
-  EXPECT_NEAR(distance({0.0, 2.0, -1.0}, 2.0), 1.0, 1e-9);     // 2 d - d^2 reaches 1 at d = 1 and never 2
-  EXPECT_NEAR(distance({0.0, 0.0, 0.0, 1.0}, 8.0), 2.0, 1e-9); // d^3 = 8
-  EXPECT_NEAR(distance({6.0, -5.0, 1.0}, 0.0), 2.0, 1e-12);    // roots 2 and 3: 2 is nearer to the reading 0
-  EXPECT_NEAR(distance({1.0, 1.0}, 0.5), 0.0, 1e-15);          // nothing below f(0) = 1
+  EXPECT_NEAR(distance({1.0, 0.5}, 2.0), 2.0, 1e-15);           // 1 + 0.5 d = 2
+  EXPECT_NEAR(distance({0.0, 0.0, 1.0}, 4.0), 2.0, 1e-15);      // d^2 = 4, the root -2 is no distance
+  EXPECT_NEAR(distance({0.0, 2.0, -1.0}, 2.0), 1.0, 1e-9);      // 2 d - d^2 reaches 1 at d = 1 and never 2
+  EXPECT_NEAR(distance({0.0, 0.0, 0.0, 1.0}, 8.0), 2.0, 1e-9);  // d^3 = 8
+  EXPECT_NEAR(distance({6.0, -5.0, 1.0}, 0.0), 2.0, 1e-12);     // roots 2 and 3: 2 is nearer to the reading 0
+  EXPECT_NEAR(distance({1.0, 1.0}, 0.5), 0.0, 1e-15);           // nothing below f(0) = 1
 }
 
 TEST(RunStudy, AgreesWithTheDefinitionOfItsColumns) {
-  const Study study = study_of("repeats: 30\npiece: 7\nestimators: [closed-form]\n"
-                               "measures: [bias, variance, rmse]\ngrid: [{parameter: landmarks, values: [3]}]\n");
+  const Study study = study_of(
+      "repeats: 30\npiece: 7\nestimators: [closed-form]\n"
+      "measures: [bias, variance, rmse]\ngrid: [{parameter: landmarks, values: [3]}]\n");
   const std::vector<StudyPointResult> results = run_study(study, 2);
   ASSERT_EQ(results.size(), 1u);
   EXPECT_EQ(results[0].sums.repeats, 30);
@@ -59,7 +60,8 @@ TEST(RunStudy, AgreesWithTheDefinitionOfItsColumns) {
     options.noise_law = NoiseLaw::f;
     const Calibration found = closed_form_calibration(make_joint_problem({&recording, 1}), options);
     ASSERT_EQ(found.outcome, Outcome::converged) << r;
-    for (int l = 0; l < 3; ++l) errors.row(r).segment<2>(2 * l) = found.landmarks[l].position_m - scene.positions[l];
+    for (int l = 0; l < 3; ++l)
+      errors.row(r).segment<2>(2 * l) = found.landmarks[l].position_m - scene.positions[l];
   }
   const Eigen::RowVectorXd mean = errors.colwise().mean();
   const double bias = std::sqrt(mean.squaredNorm() / 3.0), rmse = std::sqrt(errors.squaredNorm() / 90.0),
@@ -71,9 +73,10 @@ TEST(RunStudy, AgreesWithTheDefinitionOfItsColumns) {
 }
 
 TEST(RunStudy, SameBitsForAnyThreads) {
-  const Study study = study_of("repeats: 23\npiece: 3\nestimators: [approximate, full, marginal]\n"
-                               "measures: [rmse, mse_ratio, coverage, failures]\n"
-                               "grid: [{parameter: landmarks, values: [5]}, {parameter: sigma_s_m, values: [0.01, 0.1]}]\n");
+  const Study study = study_of(
+      "repeats: 23\npiece: 3\nestimators: [approximate, full, marginal]\n"
+      "measures: [rmse, mse_ratio, coverage, failures]\n"
+      "grid: [{parameter: landmarks, values: [5]}, {parameter: sigma_s_m, values: [0.01, 0.1]}]\n");
   const std::vector<StudyPointResult> one = run_study(study, 1), four = run_study(study, 4);
   for (std::size_t p = 0; p < one.size(); ++p) {
     EXPECT_EQ(one[p].sums.numbers, four[p].sums.numbers) << p;
@@ -84,21 +87,24 @@ TEST(RunStudy, SameBitsForAnyThreads) {
 /// 300 repeats: a share of 0.95 has a standard error of 0.0126 per interval, less for the mean of ten; an RMSE over the
 /// bound one of 0.02 to 0.04. Both within five of these.
 TEST(RunStudy, MarginalReachesTheBoundAndCovers) {
-  const Study study = study_of("repeats: 300\nestimators: [full, marginal]\n"
-                               "measures: [rmse_over_bound, coverage, sigmas, failures]\n"
-                               "grid: [{parameter: landmarks, values: [5]}]\n");
+  const Study study = study_of(
+      "repeats: 300\nestimators: [full, marginal]\n"
+      "measures: [rmse_over_bound, coverage, sigmas, failures]\n"
+      "grid: [{parameter: landmarks, values: [5]}]\n");
   const StudyPointResult result = run_study(study)[0];
   EXPECT_EQ(value(study, result, 1, "converged"), 300.0);
   EXPECT_NEAR(value(study, result, 1, "landmark_rmse_over_bound"), 1.0, 0.1);
   EXPECT_NEAR(value(study, result, 1, "curve_rmse_over_bound"), 1.0, 0.2);
   EXPECT_NEAR(value(study, result, 1, "landmark_coverage95"), 0.95, 0.03);
   EXPECT_NEAR(value(study, result, 1, "curve_coverage95"), 0.95, 0.06);
-  EXPECT_LT(value(study, result, 0, "sigma_theta_over_true"), value(study, result, 1, "sigma_theta_over_true"));
+  EXPECT_LT(value(study, result, 0, "sigma_theta_over_true"),
+            value(study, result, 1, "sigma_theta_over_true"));
 }
 
 TEST(RunStudy, FullDoesNotExistForTwoLandmarks) {
-  const Study study = study_of("repeats: 10\nestimators: [full, marginal]\nmeasures: [rmse, failures]\n"
-                               "grid: [{parameter: landmarks, values: [2]}]\n");
+  const Study study = study_of(
+      "repeats: 10\nestimators: [full, marginal]\nmeasures: [rmse, failures]\n"
+      "grid: [{parameter: landmarks, values: [2]}]\n");
   const StudyPointResult result = run_study(study)[0];
   EXPECT_EQ(value(study, result, 0, "unbounded"), 10.0);
   EXPECT_EQ(value(study, result, 0, "answers"), 0.0);
@@ -107,14 +113,16 @@ TEST(RunStudy, FullDoesNotExistForTwoLandmarks) {
 }
 
 TEST(RunStudy, PairsNoiseOrderAndFactor) {
-  const Study study = study_of("repeats: 40\nestimators: [noise-order, full]\n"
-                               "measures: [noise_order, normalised_mse, rmse_over_bound]\n",
-                               "scenes/pairs-2016.yaml");
+  const Study study = study_of(
+      "repeats: 40\nestimators: [noise-order, full]\n"
+      "measures: [noise_order, normalised_mse, rmse_over_bound]\n",
+      "scenes/pairs-2016.yaml");
   const StudyPointResult result = run_study(study)[0];
   EXPECT_EQ(value(study, result, 0, "h2_best"), 1.0);  // 12 batches of 50: another power never wins
   EXPECT_NEAR(value(study, result, 1, "curve_rmse_over_bound"), 1.0, 0.35);  // three coefficients, 40 repeats
   const double factor = value(study, result, 1, "nmse_factor");
-  EXPECT_NEAR(factor, value(study, result, 1, "nmse_before") / value(study, result, 1, "nmse_after"), 1e-12 * factor);
+  EXPECT_NEAR(factor, value(study, result, 1, "nmse_before") / value(study, result, 1, "nmse_after"),
+              1e-12 * factor);
 }
 
 }  // namespace

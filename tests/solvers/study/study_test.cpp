@@ -45,7 +45,8 @@ class StudyFile : public ::testing::Test {
 TEST_F(StudyFile, GridHoldsEveryCombinationTheLastFastest) {
   const Study study = load(kHead +
                            "grid:\n  - {parameter: sigma_s_m, values: [0.010, 2e-2]}\n"
-                           "  - {parameter: landmarks, values: [1, 3, 2]}\n" + kTail);
+                           "  - {parameter: landmarks, values: [1, 3, 2]}\n" +
+                           kTail);
   ASSERT_EQ(study.points.size(), 6u);
   EXPECT_EQ(study.points[0].key, "sigma_s_m=0.01,landmarks=1");
   EXPECT_EQ(study.points[1].key, "sigma_s_m=0.01,landmarks=3");
@@ -74,11 +75,12 @@ TEST_F(StudyFile, FingerprintSeesTheScenesAndNotTheRepeats) {
 }
 
 TEST_F(StudyFile, EstimatorsCarryTheirOptions) {
-  const Study study = load(kHead +
-                           "fit: {order: 3, noise: f2}\n"
-                           "estimators:\n  - marginal\n  - {method: closed-form, weights: paper}\n"
-                           "  - {method: closed-form, order: auto, criterion: thirds}\n  - {method: full, label: mine}\n"
-                           "measures: [rmse]\n");
+  const Study study =
+      load(kHead +
+           "fit: {order: 3, noise: f2}\n"
+           "estimators:\n  - marginal\n  - {method: closed-form, weights: paper}\n"
+           "  - {method: closed-form, order: auto, criterion: thirds}\n  - {method: full, label: mine}\n"
+           "measures: [rmse]\n");
   ASSERT_EQ(study.estimators.size(), 4u);
   EXPECT_EQ(study.estimators[0].label, "marginal");
   EXPECT_EQ(study.estimators[0].order, 3);

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/outcome.hpp"
@@ -36,10 +35,10 @@ struct ShapeEstimate {
 };
 
 struct LandmarkEstimate {
-  int recording = 0;                  ///< which recording of the job
+  int recording = 0;  ///< which recording of the job
   std::string label;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
-  std::optional<Eigen::Matrix2d> covariance;   ///< [m^2]
+  std::optional<Eigen::Matrix2d> covariance;  ///< [m^2]
 };
 
 struct StopEstimate {
@@ -54,30 +53,31 @@ struct Calibration {
   Method method = Method::marginal;
   RecordingKind kind = RecordingKind::landmarks;
   Outcome outcome = Outcome::failed;
-  std::string reason;                 ///< in words; empty when converged and nothing needs saying
+  std::string reason;  ///< in words; empty when converged and nothing needs saying
 
-  Eigen::VectorXd alpha;              ///< order + 1 coefficients of f; alpha_i in m^(1-i)
+  Eigen::VectorXd alpha;  ///< order + 1 coefficients of f; alpha_i in m^(1-i)
   std::optional<Eigen::MatrixXd> alpha_covariance;
-  std::string covariance_reason;      ///< why there is no covariance, or a caution about it
+  std::string covariance_reason;  ///< why there is no covariance, or a caution about it
   Noise noise;
-  std::vector<Estimate> noise_estimates;   ///< one per noise parameter
-  std::map<std::string, ShapeEstimate> noise_shapes;   ///< of "range" and "bearing"; none: Gaussian
+  std::vector<Estimate> noise_estimates;              ///< one per noise parameter
+  std::map<std::string, ShapeEstimate> noise_shapes;  ///< of "range" and "bearing"; none: Gaussian
   std::optional<Estimate> sigma_theta_rad;
-  std::optional<Estimate> sigma_s_m;       ///< only where it was estimated
-  std::optional<double> sigma_s_upper95_m; ///< one-sided 95 % limit from the profile where the estimate is 0
-  double range_min_m = 0.0, range_max_m = 0.0;   ///< distances over which it was fitted
+  std::optional<Estimate> sigma_s_m;        ///< only where it was estimated
+  std::optional<double> sigma_s_upper95_m;  ///< one-sided 95 % limit from the profile where the estimate is 0
+  double range_min_m = 0.0, range_max_m = 0.0;  ///< distances over which it was fitted
 
-  std::map<std::string, std::map<std::string, double>> effects;   ///< id -> parameter -> value, for `correct`
+  std::map<std::string, std::map<std::string, double>> effects;  ///< id -> parameter -> value, for `correct`
   std::vector<LandmarkEstimate> landmarks;
   std::vector<StopEstimate> stops;
   Counts counts;
 
-  std::optional<double> joint_nll;    ///< at this method's best stops [nats], constants included
-  std::optional<double> marginal_nll; ///< stops integrated out by Laplace's method [nats]; for pairs the plain NLL
-  std::optional<double> aic;          ///< 2 (marginal NLL + alpha, noise and landmark parameters)
-  std::string weakest_direction;      ///< in the user's parameters
+  std::optional<double> joint_nll;  ///< at this method's best stops [nats], constants included
+  std::optional<double>
+      marginal_nll;           ///< stops integrated out by Laplace's method [nats]; for pairs the plain NLL
+  std::optional<double> aic;  ///< 2 (marginal NLL + alpha, noise and landmark parameters)
+  std::string weakest_direction;  ///< in the user's parameters
   int iterations = 0;
-  double seconds = 0.0;               ///< wall time of the solve, filled in by the caller that timed it
+  double seconds = 0.0;  ///< wall time of the solve, filled in by the caller that timed it
 
   int order() const { return static_cast<int>(alpha.size()) - 1; }
 };

@@ -22,10 +22,10 @@ class CsvTable {
   const std::string& file() const { return file_; }
   const std::vector<std::string>& columns() const { return columns_; }
   std::size_t rows() const { return lines_.size(); }
-  int line(std::size_t row) const { return lines_[row]; }   ///< line in the file of row 0, 1, ...
+  int line(std::size_t row) const { return lines_[row]; }  ///< line in the file of row 0, 1, ...
 
   std::optional<std::size_t> find(std::string_view column) const;
-  std::size_t require(std::string_view column) const;       ///< throws if there is no such column
+  std::size_t require(std::string_view column) const;  ///< throws if there is no such column
   /// A column that may be left out; throws where another one has its name but for capitals or the unit
   /// (radius_mm for radius_m), which would be left out unsaid.
   std::optional<std::size_t> optional(std::string_view column) const;
@@ -48,8 +48,8 @@ class CsvTable {
   friend struct CsvBuilder;
   std::string file_;
   std::vector<std::string> columns_;
-  std::string fields_;              ///< all fields end to end, row by row
-  std::vector<std::size_t> ends_;   ///< end of each field in fields_
+  std::string fields_;             ///< all fields end to end, row by row
+  std::vector<std::size_t> ends_;  ///< end of each field in fields_
   std::vector<int> lines_;
 };
 

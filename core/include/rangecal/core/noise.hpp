@@ -8,12 +8,12 @@ namespace rangecal {
 
 /// How the standard deviation s [m] of a range reading depends on the true distance d [m] through f = f(d).
 enum class NoiseLaw {
-  constant,    ///< s = sigma                    (H0 of Alhashimi 2016, eq. 10)
-  f,           ///< s = sigma |f|                (H1)
-  f_squared,   ///< s = sigma f^2                (H2, the triangulation law, 2016 eq. 1)
-  f_cubed,     ///< s = sigma |f|^3              (H3)
-  d_squared,   ///< s = sigma d^2                (2016 eq. 21)
-  polynomial   ///< s = sum_i beta_i d^i         (2021 eq. 3, 4)
+  constant,   ///< s = sigma                    (H0 of Alhashimi 2016, eq. 10)
+  f,          ///< s = sigma |f|                (H1)
+  f_squared,  ///< s = sigma f^2                (H2, the triangulation law, 2016 eq. 1)
+  f_cubed,    ///< s = sigma |f|^3              (H3)
+  d_squared,  ///< s = sigma d^2                (2016 eq. 21)
+  polynomial  ///< s = sum_i beta_i d^i         (2021 eq. 3, 4)
 };
 
 /// "constant", "f", "f2", "f3", "d2", "polynomial".

@@ -14,7 +14,8 @@ namespace rangecal {
 inline std::pair<double, double> wilson(double hits, double trials) {
   if (!(trials > 0.0)) return {0.0, 1.0};
   const double n = trials, p = hits / n, z_sq = z95 * z95;
-  const double middle = p + z_sq / (2.0 * n), half = z95 * std::sqrt(p * (1.0 - p) / n + z_sq / (4.0 * n * n));
+  const double middle = p + z_sq / (2.0 * n),
+               half = z95 * std::sqrt(p * (1.0 - p) / n + z_sq / (4.0 * n * n));
   return {(middle - half) / (1.0 + z_sq / n), (middle + half) / (1.0 + z_sq / n)};
 }
 

@@ -17,11 +17,11 @@ class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
 
-  double uniform();                                  ///< uniform in [0, 1), 53 bits
+  double uniform();  ///< uniform in [0, 1), 53 bits
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
-  double normal();                                   ///< N(0, 1), by the polar method
+  double normal();  ///< N(0, 1), by the polar method
   double normal(double mean, double sigma) { return mean + sigma * normal(); }
-  std::uint64_t index(std::uint64_t size);           ///< uniform in 0 .. size-1
+  std::uint64_t index(std::uint64_t size);  ///< uniform in 0 .. size-1
   std::uint64_t bits() { return engine_(); }
 
  private:

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 namespace rangecal {
 
@@ -31,11 +30,11 @@ struct Pose2 {
 
 /// One stop: where the robot was commanded to be (or odometry said it was) and how far it may be from there.
 struct Stop {
-  std::string label;                  ///< the column `stop`
+  std::string label;  ///< the column `stop`
   Pose2 commanded;
-  std::optional<double> sigma_xy_m;   ///< own column; otherwise the recording's
+  std::optional<double> sigma_xy_m;  ///< own column; otherwise the recording's
   std::optional<double> sigma_heading_rad;
-  std::string place;                  ///< stops with the same non-empty place share one position error
+  std::string place;  ///< stops with the same non-empty place share one position error
   /// In place of both sigmas: covariance of the error in (x, y, heading) [m^2, m rad, rad^2], in the world's frame; along
   /// a random walk that of the step to this stop, in the frame of the stop before.
   std::optional<Eigen::Matrix3d> covariance;
@@ -49,7 +48,7 @@ struct Landmark {
 
 /// A taped distance from landmark to landmark, axis to axis [m].
 struct KnownDistance {
-  int from = 0, to = 0;               ///< indices into Recording::landmarks
+  int from = 0, to = 0;  ///< indices into Recording::landmarks
   double distance_m = 0.0, sigma_m = 0.0;
 };
 
@@ -58,11 +57,11 @@ using Covariates = std::map<std::string, std::vector<double>>;
 
 /// Readings of kind `landmarks`, structure of arrays, in the order of the file. Only usable readings are held.
 struct Readings {
-  std::vector<int> stop, landmark;    ///< indices into Recording::stops, ::landmarks
-  std::vector<int> repeat;            ///< as in the file, or counted within (stop, landmark) in file order
-  std::vector<double> time_s;         ///< empty if the file has no such column
+  std::vector<int> stop, landmark;  ///< indices into Recording::stops, ::landmarks
+  std::vector<int> repeat;          ///< as in the file, or counted within (stop, landmark) in file order
+  std::vector<double> time_s;       ///< empty if the file has no such column
   std::vector<double> range_m, bearing_rad;
-  std::vector<int> row;               ///< line in observations.csv (header = 1)
+  std::vector<int> row;  ///< line in observations.csv (header = 1)
   Covariates covariates;
 
   std::size_t size() const { return range_m.size(); }
@@ -71,11 +70,11 @@ struct Readings {
 /// Readings of kind `pairs`, structure of arrays, in the order of the file.
 struct Pairs {
   std::vector<double> true_m, reading_m;
-  std::vector<int> batch;             ///< index of the batch, -1 for none; empty if the file has no such column
+  std::vector<int> batch;  ///< index of the batch, -1 for none; empty if the file has no such column
   std::vector<std::string> batch_labels;
-  std::vector<int> landmark;          ///< index into Recording::landmarks; empty if the file has no such column
+  std::vector<int> landmark;  ///< index into Recording::landmarks; empty if the file has no such column
   std::vector<double> time_s, bearing_rad;  ///< empty if the file has no such column
-  std::vector<int> row;               ///< line in pairs.csv (header = 1)
+  std::vector<int> row;                     ///< line in pairs.csv (header = 1)
   Covariates covariates;
 
   std::size_t size() const { return reading_m.size(); }
@@ -84,33 +83,33 @@ struct Pairs {
 /// What was read and what could not be used, and why. Nothing is dropped silently.
 struct Counts {
   int read = 0, used = 0;
-  std::map<std::string, int> dropped;      ///< reason -> readings: "missing", "not finite", "zero", "negative",
-                                           ///< "below range_min_m", "above range_max_m", "cell cut by a limit"
-  int cells_left_out = 0;                  ///< cells of which more than 1 % was lost at a limit of the sensor
+  std::map<std::string, int> dropped;  ///< reason -> readings: "missing", "not finite", "zero", "negative",
+                                       ///< "below range_min_m", "above range_max_m", "cell cut by a limit"
+  int cells_left_out = 0;              ///< cells of which more than 1 % was lost at a limit of the sensor
 };
 
 /// Ground truth, where a recording has any. Never read by an estimator, only by scoring.
 struct Truth {
-  std::vector<std::optional<Pose2>> stops;                  ///< per stop of the recording
-  std::vector<std::optional<Eigen::Vector2d>> landmarks;    ///< per landmark of the recording
+  std::vector<std::optional<Pose2>> stops;                ///< per stop of the recording
+  std::vector<std::optional<Eigen::Vector2d>> landmarks;  ///< per landmark of the recording
 };
 
 /// A recording in memory. Landmarks are ordered by first appearance in landmarks.csv, then in the observations.
 struct Recording {
-  std::string path;                   ///< folder it was read from; empty if made in memory
+  std::string path;  ///< folder it was read from; empty if made in memory
   RecordingKind kind = RecordingKind::landmarks;
   Sensor sensor;
 
-  double sigma_xy_m = 0.01;           ///< default of the stops; ignored where estimate_sigma_xy
-  bool estimate_sigma_xy = false;     ///< `sigma_xy_m: estimate`
-  double sigma_heading_rad = 0.0;     ///< 0: headings are exact
+  double sigma_xy_m = 0.01;        ///< default of the stops; ignored where estimate_sigma_xy
+  bool estimate_sigma_xy = false;  ///< `sigma_xy_m: estimate`
+  double sigma_heading_rad = 0.0;  ///< 0: headings are exact
   StopErrorModel stop_error = StopErrorModel::independent;
   std::vector<Stop> stops;
   std::vector<Landmark> landmarks;
   std::vector<KnownDistance> known_distances;
 
-  Readings readings;                  ///< kind landmarks
-  Pairs pairs;                        ///< kind pairs
+  Readings readings;  ///< kind landmarks
+  Pairs pairs;        ///< kind pairs
   Counts counts;
   Truth truth;
 

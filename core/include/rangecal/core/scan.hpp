@@ -26,9 +26,9 @@ struct Scan {
 
 /// The scans of one file, in the order of the file.
 struct ScanLog {
-  std::string path, format;       ///< format in words: "CSV, one scan a line", "CARMEN log", ...
+  std::string path, format;  ///< format in words: "CSV, one scan a line", "CARMEN log", ...
   std::vector<Scan> scans;
-  int lines_skipped = 0;          ///< messages of other kinds
+  int lines_skipped = 0;  ///< messages of other kinds
 };
 
 }  // namespace rangecal

@@ -21,6 +21,7 @@ ScanLog read_scans(const std::string& path);
 
 /// Adds beams from `angle_min` in steps of `increment` to the scan; a negative increment is turned round.
 /// Throws InputError for a step that is 0, not finite, or so large that the beams lap a full circle twice.
-void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges, const std::string& file);
+void set_beams(Scan& scan, double angle_min, double increment, std::vector<double> ranges,
+               const std::string& file);
 
 }  // namespace rangecal

@@ -17,8 +17,8 @@ namespace rangecal {
 std::vector<Stop> stops_of(const CsvTable& table, double sigma_heading_rad = 0.0);
 
 /// The columns of a stop's covariance over (x, y, heading).
-inline constexpr std::array<const char*, 6> covariance_columns = {"cov_xx_m2",   "cov_xy_m2",    "cov_yy_m2",
-                                                                  "cov_hh_rad2", "cov_xh_m_rad", "cov_yh_m_rad"};
+inline constexpr std::array<const char*, 6> covariance_columns = {
+    "cov_xx_m2", "cov_xy_m2", "cov_yy_m2", "cov_hh_rad2", "cov_xh_m_rad", "cov_yh_m_rad"};
 using CovarianceEntries = std::array<std::optional<double>, 6>;
 
 /// A covariance made of entries in the order of `covariance_columns`, or what is wrong with which of them.

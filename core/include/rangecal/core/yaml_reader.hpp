@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <yaml-cpp/yaml.h>
+
 #include <initializer_list>
 #include <map>
 #include <string>
 #include <vector>
-
-#include <yaml-cpp/yaml.h>
 
 namespace rangecal {
 
@@ -23,8 +23,8 @@ class YamlReader {
   /// Throws naming the first key that is not among `keys`, or stands twice. The node must be a map.
   void allow_only(std::initializer_list<const char*> keys) const;
   bool has(const char* key) const;
-  YamlReader at(const char* key) const;           ///< throws if the key is missing
-  std::vector<YamlReader> items() const;          ///< the node must be a list
+  YamlReader at(const char* key) const;   ///< throws if the key is missing
+  std::vector<YamlReader> items() const;  ///< the node must be a list
 
   bool is_map() const { return node_.IsMap(); }
   bool is_list() const { return node_.IsSequence(); }
@@ -33,12 +33,13 @@ class YamlReader {
   int line() const { return line_; }
 
   std::string text() const;
-  double number() const;                          ///< finite, or .inf where the caller allows it
-  double positive() const;                        ///< finite and > 0
-  double not_negative() const;                    ///< finite and >= 0
-  int whole(int at_least) const;                  ///< whole number of at least `at_least`
-  std::vector<double> numbers() const;            ///< a list of finite numbers
-  std::map<std::string, std::string> texts() const;  ///< a map of any fields; what is no text as YAML on one line
+  double number() const;                ///< finite, or .inf where the caller allows it
+  double positive() const;              ///< finite and > 0
+  double not_negative() const;          ///< finite and >= 0
+  int whole(int at_least) const;        ///< whole number of at least `at_least`
+  std::vector<double> numbers() const;  ///< a list of finite numbers
+  std::map<std::string, std::string> texts()
+      const;  ///< a map of any fields; what is no text as YAML on one line
   [[noreturn]] void fail(const std::string& what) const;
 
  private:

@@ -8,10 +8,10 @@ namespace rangecal {
 /// The density of the standardised error z = (y - f(d)) / s(d), dimensionless. s is the standard deviation of y for
 /// the Gaussian, the scale for the others.
 enum class NoiseShape {
-  gaussian,       ///< N(0, 1)
-  student_t,      ///< Student's t with nu > 1 degrees of freedom, scale 1
-  contaminated,   ///< (1 - p) N(0, 1) + p N(0, k^2), 0 < p < 1/2, 3 <= k <= 30
-  automatic       ///< the one with the lowest AIC
+  gaussian,      ///< N(0, 1)
+  student_t,     ///< Student's t with nu > 1 degrees of freedom, scale 1
+  contaminated,  ///< (1 - p) N(0, 1) + p N(0, k^2), 0 < p < 1/2, 3 <= k <= 30
+  automatic      ///< the one with the lowest AIC
 };
 
 /// "gaussian", "student-t", "contaminated", "auto".
@@ -22,9 +22,9 @@ NoiseShape noise_shape_from_string(const std::string& text);
 /// A shape with its parameters; only those of the shape are read.
 struct NoiseShapeParameters {
   NoiseShape shape = NoiseShape::gaussian;
-  double nu = 4.0;             ///< Student-t
-  double outlier_share = 0.1;  ///< p
-  double outlier_scale = 10.0; ///< k
+  double nu = 4.0;              ///< Student-t
+  double outlier_share = 0.1;   ///< p
+  double outlier_scale = 10.0;  ///< k
 
   static constexpr double nu_min = 1.0, nu_max = 200.0;
   static constexpr double scale_min = 3.0, scale_max = 30.0;
@@ -36,8 +36,8 @@ int shape_parameter_count(NoiseShape shape);
 /// log density of z [nats], with its first derivative in z. Throws InputError for `automatic`.
 struct LogDensity {
   double value = 0.0, derivative = 0.0;
-  double weight = 1.0;   ///< -derivative / z: the robust weight of z^2 in the equivalent Gaussian
-  double in_shape[2] = {0.0, 0.0};   ///< derivatives in the shape's parameters: nu, or p and k
+  double weight = 1.0;              ///< -derivative / z: the robust weight of z^2 in the equivalent Gaussian
+  double in_shape[2] = {0.0, 0.0};  ///< derivatives in the shape's parameters: nu, or p and k
 };
 LogDensity log_density(const NoiseShapeParameters& shape, double z);
 

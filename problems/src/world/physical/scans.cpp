@@ -35,7 +35,8 @@ class Caster {
  public:
   Caster(const World& world, const ScanScene& scene, const Pose2& pose, double time_s)
       : world_(world), scene_(scene), pose_(pose), time_s_(time_s) {
-    for (const Cylinder& cylinder : world.landmarks) surfaces_.push_back(surface_in_sensor(cylinder, pose, time_s));
+    for (const Cylinder& cylinder : world.landmarks)
+      surfaces_.push_back(surface_in_sensor(cylinder, pose, time_s));
   }
 
   Hit cast(double bearing) const {

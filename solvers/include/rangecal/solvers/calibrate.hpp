@@ -26,7 +26,8 @@ struct CalibrateOptions {
   int max_order = 4;              ///< of that search
   std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same
   JointSolver solver = JointSolver::ceres;
-  NoiseShape noise_shape = NoiseShape::gaussian;        ///< of full and marginal; the closed forms know the Gaussian only
+  NoiseShape noise_shape =
+      NoiseShape::gaussian;  ///< of full and marginal; the closed forms know the Gaussian only
   BearingWeights weights = BearingWeights::consistent;  ///< of the closed form's lines of sight
   bool check = false;  ///< minimise the full likelihood a second time with NLopt
   std::optional<Calibration>

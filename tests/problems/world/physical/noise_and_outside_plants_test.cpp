@@ -183,7 +183,8 @@ TEST(Plants, TableNamesTheCatalogueAndItsPlaces) {
     for (const std::string& name : info.covariates) EXPECT_EQ(covariates.count(name), 1u) << info.id << name;
   }
   for (const std::string& id : rangecal::test::catalogue) {
-    const bool of_cameras = id == "axial_depth";  // the simulated sensors measure distance, none depth along an axis
+    const bool of_cameras =
+        id == "axial_depth";  // the simulated sensors measure distance, none depth along an axis
     EXPECT_EQ(ids.count(id), of_cameras ? 0u : 1u) << id;
   }
 }

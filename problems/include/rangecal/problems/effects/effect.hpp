@@ -25,23 +25,23 @@ enum class EffectKind {
 
 /// One parameter of an effect. Its full name is `effect.name`, the name ending in the unit.
 struct EffectParameter {
-  std::string name;          ///< "amplitude_m"
-  double typical = 0.0;      ///< typical size; also the scale of the half-normal prior of the evidence
+  std::string name;              ///< "amplitude_m"
+  double typical = 0.0;          ///< typical size; also the scale of the half-normal prior of the evidence
   double low = 0.0, high = 0.0;  ///< bounds set by physics
-  bool linear = true;        ///< the change is linear in it and vanishes with it: starts at 0, no grid
-  bool discrete = false;     ///< chosen from the start grid, never moved (a landmark, a stop, a change point)
+  bool linear = true;            ///< the change is linear in it and vanishes with it: starts at 0, no grid
+  bool discrete = false;  ///< chosen from the start grid, never moved (a landmark, a stop, a change point)
 };
 
 struct EffectInfo {
-  std::string id;            ///< "range_eccentricity"
+  std::string id;  ///< "range_eccentricity"
   EffectKind kind = EffectKind::mean;
-  std::string channel;       ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
-  std::string covariate;     ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
-  std::string physics;       ///< one sentence a person can act on
-  std::string formula;       ///< with symbols and units
-  std::string source;        ///< where the formula comes from
-  std::string visible_by;    ///< the design that makes it visible (a change of physics.md section 3)
-  std::string settled_by;    ///< what to record next to tell it from its twins
+  std::string channel;     ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
+  std::string covariate;   ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
+  std::string physics;     ///< one sentence a person can act on
+  std::string formula;     ///< with symbols and units
+  std::string source;      ///< where the formula comes from
+  std::string visible_by;  ///< the design that makes it visible (a change of physics.md section 3)
+  std::string settled_by;  ///< what to record next to tell it from its twins
   std::vector<EffectParameter> parameters;
 };
 
@@ -51,34 +51,34 @@ struct EffectContext {
   int stop_count = 0, landmark_count = 0;
   std::vector<std::string> landmark_labels;
   std::vector<double> landmark_radius_m;
-  std::vector<Pose2> commanded;            ///< per stop
-  std::vector<double> path_m;              ///< per stop: path length driven so far, 0 at the first
-  std::vector<double> stop_time_s;         ///< per stop: time of its first reading, 0 at the start; empty: no times
-  double duration_s = 0.0;                 ///< last time minus first
-  double stay_s = 0.0;                     ///< longest time between two readings of one stop; 0 without times
-  double range_min_m = 0.0, range_max_m = 0.0;   ///< of the true distances, as fitted
-  double largest_cell = 1.0;               ///< most repeats of one (stop, landmark)
-  double headings = 0.0;                   ///< spread of the stops' headings [rad]
+  std::vector<Pose2> commanded;     ///< per stop
+  std::vector<double> path_m;       ///< per stop: path length driven so far, 0 at the first
+  std::vector<double> stop_time_s;  ///< per stop: time of its first reading, 0 at the start; empty: no times
+  double duration_s = 0.0;          ///< last time minus first
+  double stay_s = 0.0;              ///< longest time between two readings of one stop; 0 without times
+  double range_min_m = 0.0, range_max_m = 0.0;  ///< of the true distances, as fitted
+  double largest_cell = 1.0;                    ///< most repeats of one (stop, landmark)
+  double headings = 0.0;                        ///< spread of the stops' headings [rad]
   bool several_radii = false;
-  double largest_bearing_rad = 3.14159265358979;   ///< largest |direction in the sensor frame| of any reading
-  std::vector<std::string> covariates;     ///< names of the covariate columns
+  double largest_bearing_rad = 3.14159265358979;  ///< largest |direction in the sensor frame| of any reading
+  std::vector<std::string> covariates;            ///< names of the covariate columns
 };
 
 /// One reading as its effects see it; geometry under the current estimate.
 template <typename T>
 struct ReadingView {
-  T d;                        ///< true distance to the surface [m]
-  T axis_distance;            ///< to the axis [m]
-  T bearing;                  ///< predicted direction in the sensor frame [rad], (-pi, pi]
-  T f, slope;                 ///< f(d) [m], f'(d)
-  T curvature;                ///< f''(d) [1/m]
-  T spread;                   ///< standard deviation of the reading [m]
-  double radius = 0.0;        ///< of the landmark [m]
-  double heading = 0.0;       ///< of the stop, commanded [rad]
-  double time_s = 0.0;        ///< since the first reading; 0 without times
-  double time = 0.0;          ///< the same scaled to 0 .. 1 over the recording
+  T d;                   ///< true distance to the surface [m]
+  T axis_distance;       ///< to the axis [m]
+  T bearing;             ///< predicted direction in the sensor frame [rad], (-pi, pi]
+  T f, slope;            ///< f(d) [m], f'(d)
+  T curvature;           ///< f''(d) [1/m]
+  T spread;              ///< standard deviation of the reading [m]
+  double radius = 0.0;   ///< of the landmark [m]
+  double heading = 0.0;  ///< of the stop, commanded [rad]
+  double time_s = 0.0;   ///< since the first reading; 0 without times
+  double time = 0.0;     ///< the same scaled to 0 .. 1 over the recording
   int stop = 0, landmark = 0, repeat = 0;
-  const double* covariate = nullptr;       ///< values by EffectContext::covariates; NaN where empty
+  const double* covariate = nullptr;  ///< values by EffectContext::covariates; NaN where empty
   const EffectContext* context = nullptr;
 
   /// Change of the reading when the distance before the curve changes by `delta` [m]: f(d + delta) - f(d).
@@ -96,9 +96,9 @@ struct ReadingChange {
 
 /// How the readings of one cell (repeats, in order of time) hang together.
 struct Dependence {
-  double range_cell_sigma_m = 0.0;         ///< error shared by all repeats of a cell
+  double range_cell_sigma_m = 0.0;  ///< error shared by all repeats of a cell
   double bearing_cell_sigma_rad = 0.0;
-  double range_correlation = 0.0;          ///< AR(1) from repeat to repeat
+  double range_correlation = 0.0;  ///< AR(1) from repeat to repeat
   double bearing_correlation = 0.0;
 };
 

@@ -112,7 +112,8 @@ struct StopPriorResidual {
   StopBlock stop;
   Pose2 commanded;
   bool position = false, heading = false;
-  Eigen::Matrix3d root = Eigen::Matrix3d::Zero();  ///< R [1/m, 1/rad]; zero rows where there is no such residual
+  Eigen::Matrix3d root =
+      Eigen::Matrix3d::Zero();  ///< R [1/m, 1/rad]; zero rows where there is no such residual
 };
 
 }  // namespace rangecal

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Geometry>
 #include <optional>
 #include <span>
 #include <vector>
-
-#include <Eigen/Geometry>
 
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/recording.hpp"
@@ -25,8 +24,8 @@ struct Cells {
   std::vector<double> range_mean_square;  ///< S^2: weighted mean square deviation about range_mean [m^2]
   std::vector<double> bearing_mean;       ///< mean bearing, unwrapped about the cell's first reading [rad]
   std::vector<double> bearing_mean_square;
-  std::vector<double> radius_m;           ///< of the cell's landmark
-  std::vector<int> stop_begin;            ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
+  std::vector<double> radius_m;  ///< of the cell's landmark
+  std::vector<int> stop_begin;   ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
   /// Effects that change with distance leave b (d - d_0) on top of f(d): b [-] and d_0 [m]; both empty for none.
   std::vector<double> bend, bend_at_m;
 
@@ -40,12 +39,12 @@ struct JointProblem {
   Cells cells;
   std::vector<StopPrior> stops;
   int place_count = 0;
-  std::vector<double> landmark_radius_m;       ///< one per landmark; its size is the number of landmarks
+  std::vector<double> landmark_radius_m;  ///< one per landmark; its size is the number of landmarks
   std::vector<int> landmark_recording;
   std::vector<KnownDistance> known_distances;  ///< over the joint landmark indices
-  bool estimate_sigma_s = false;               ///< sigma_xy of the stops without one of their own is a parameter
-  std::vector<char> sigma_s_shared;            ///< per stop: it takes part in that parameter
-  double readings = 0.0;                       ///< N, the sum of the counts
+  bool estimate_sigma_s = false;     ///< sigma_xy of the stops without one of their own is a parameter
+  std::vector<char> sigma_s_shared;  ///< per stop: it takes part in that parameter
+  double readings = 0.0;             ///< N, the sum of the counts
 
   int stop_count() const { return static_cast<int>(stops.size()); }
   int landmark_count() const { return static_cast<int>(landmark_radius_m.size()); }
@@ -62,12 +61,12 @@ JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping 
 
 /// A point in the space of all unknowns of the 2021 problem.
 struct JointState {
-  Eigen::VectorXd alpha;                    ///< f(d) = sum alpha_i d^i
+  Eigen::VectorXd alpha;  ///< f(d) = sum alpha_i d^i
   Noise noise;
   double sigma_theta_rad = 0.02;
-  std::optional<double> sigma_s_m;          ///< where it is a parameter: replaces sigma_xy of the shared stops
-  std::vector<Pose2> stops;                 ///< true poses, one per stop
-  std::vector<Eigen::Vector2d> landmarks;   ///< axes [m]
+  std::optional<double> sigma_s_m;         ///< where it is a parameter: replaces sigma_xy of the shared stops
+  std::vector<Pose2> stops;                ///< true poses, one per stop
+  std::vector<Eigen::Vector2d> landmarks;  ///< axes [m]
 };
 
 /// Mean of the cells' readings, 1 where there are none [m]: the length that what is small or large is told by, so that no

@@ -13,8 +13,8 @@ namespace rangecal {
 /// A cell with a bend reads y = f + g + s e, g = b (d - d_0) its own: the cost is one of f and g, with e = y_bar - f - g.
 /// Source:   Alhashimi 2016 eq. 17, 18, for cells; see range_term.hpp.
 struct PowerLaw {
-  int power = 0;            ///< p
-  double precision = 1.0;   ///< 1 / sigma^2
+  int power = 0;           ///< p
+  double precision = 1.0;  ///< 1 / sigma^2
 };
 
 struct PowerLawTerm {

@@ -31,7 +31,8 @@ class RangeTerm {
 
   /// One of `cells` at distance d. alpha: `order + 1` coefficients. noise.parameters: sigma or beta. False if d, f or
   /// s leaves the model's domain.
-  bool evaluate(double d, const Cells& cells, std::size_t cell, const Eigen::VectorXd& alpha, const Noise& noise) {
+  bool evaluate(double d, const Cells& cells, std::size_t cell, const Eigen::VectorXd& alpha,
+                const Noise& noise) {
     const double count = cells.count[cell], weight = cells.range_weight[cell];
     const double bend = cells.bend.empty() ? 0.0 : cells.bend[cell];
     coefficients_ = static_cast<int>(alpha.size());
@@ -114,8 +115,8 @@ class RangeTerm {
   /// dlambda/dtau_j at the cell's d.
   double tau_slope(int j) const { return polynomial_law_ ? power[j].value() * inverse_s_.value() : 1.0; }
 
-  Taylor<N> cost;                               ///< q as a series in d
-  std::array<Taylor<N>, max_coefficients> power; ///< d^i as a series in d
+  Taylor<N> cost;                                 ///< q as a series in d
+  std::array<Taylor<N>, max_coefficients> power;  ///< d^i as a series in d
   /// d2q/dalpha_i dalpha_j = alpha_alpha d^(i+j); dalpha_i dtau_j: alpha_tau d^i tau_slope(j); dtau_i dtau_j likewise.
   double alpha_alpha = 0.0, alpha_tau = 0.0, tau_tau = 0.0;
   double fisher_d_d = 0.0, fisher_d_alpha = 0.0, fisher_d_tau = 0.0;

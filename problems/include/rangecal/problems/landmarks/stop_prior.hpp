@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <memory>
-
 #include <Eigen/Core>
+#include <memory>
 
 #include "rangecal/core/recording.hpp"
 
@@ -18,11 +17,11 @@ namespace rangecal {
 /// eq. 8, where C = sigma_s^2 I; the rest is ours.
 struct StopPrior {
   Pose2 commanded;
-  double sigma_xy_m = 0.0;          ///< 0: the position is exact
-  double sigma_heading_rad = 0.0;   ///< 0: the heading is exact
-  int place = 0;                    ///< stops of one place share one position error; places are numbered in order
-  bool opens_place = true;          ///< the first stop of its place: the one whose position error has the prior
-  bool chained = false;             ///< random walk: the error adds to that of the stop before
+  double sigma_xy_m = 0.0;         ///< 0: the position is exact
+  double sigma_heading_rad = 0.0;  ///< 0: the heading is exact
+  int place = 0;            ///< stops of one place share one position error; places are numbered in order
+  bool opens_place = true;  ///< the first stop of its place: the one whose position error has the prior
+  bool chained = false;     ///< random walk: the error adds to that of the stop before
   /// Of a random walk: errors of the heading add up too, and a step is seen in the frame of the stop before. False: positions
   /// alone add up, in the world's frame, and every heading has an error of its own.
   bool turns_add_up = true;
@@ -46,8 +45,8 @@ struct StopInformation {
   Eigen::Matrix3d root() const;
 
   bool position, heading;
-  Eigen::Matrix3d W;         ///< C^-1; zero in the rows and columns of what has no prior
-  double log_scale = 0.0;    ///< 1/2 log det C + k/2 log 2 pi over the k coordinates
+  Eigen::Matrix3d W;       ///< C^-1; zero in the rows and columns of what has no prior
+  double log_scale = 0.0;  ///< 1/2 log det C + k/2 log 2 pi over the k coordinates
 };
 
 /// An error of this law from three of N(0, 1): C^(1/2) u. All coordinates, whether the stop opens its place or not.

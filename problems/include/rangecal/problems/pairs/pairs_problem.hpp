@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/recording.hpp"
@@ -18,18 +17,18 @@ namespace rangecal {
 /// Readings of one true distance share mean and variance, so count, mean and mean square deviation say all that
 /// the Gaussian likelihood can know. Structure of arrays, ascending in distance.
 struct PairsProblem {
-  std::vector<double> true_m;         ///< d of the cell [m], all different
-  std::vector<double> count;          ///< R, the number of readings: the weight of log s
-  std::vector<double> weight;         ///< weight of the squares: R, or the sum of robust weights
-  std::vector<double> mean_m;         ///< weighted mean of y [m]
-  std::vector<double> mean_square;    ///< weighted mean square deviation about mean_m [m^2]
-  bool single = true;                 ///< every cell is one reading of weight one
+  std::vector<double> true_m;       ///< d of the cell [m], all different
+  std::vector<double> count;        ///< R, the number of readings: the weight of log s
+  std::vector<double> weight;       ///< weight of the squares: R, or the sum of robust weights
+  std::vector<double> mean_m;       ///< weighted mean of y [m]
+  std::vector<double> mean_square;  ///< weighted mean square deviation about mean_m [m^2]
+  bool single = true;               ///< every cell is one reading of weight one
 
-  std::vector<double> row_true_m;     ///< the readings themselves, ascending in distance: what a likelihood that
+  std::vector<double> row_true_m;  ///< the readings themselves, ascending in distance: what a likelihood that
   std::vector<double> row_reading_m;  ///< is not Gaussian needs
   Counts counts;                      ///< summed over the recordings
 
-  std::size_t size() const { return true_m.size(); }            ///< cells
+  std::size_t size() const { return true_m.size(); }  ///< cells
   double readings() const { return static_cast<double>(row_true_m.size()); }
 };
 
@@ -57,9 +56,10 @@ double pairs_nll(const PairsProblem& problem, const Eigen::VectorXd& alpha, cons
 struct PairsDerivatives {
   double nll = 0.0;
   Eigen::VectorXd gradient;
-  Eigen::MatrixXd hessian;       ///< observed information: second derivatives of nll
-  Eigen::MatrixXd information;   ///< expected information: sum R (f_j f_k + 2 s_j s_k) / s^2
+  Eigen::MatrixXd hessian;      ///< observed information: second derivatives of nll
+  Eigen::MatrixXd information;  ///< expected information: sum R (f_j f_k + 2 s_j s_k) / s^2
 };
-PairsDerivatives pairs_derivatives(const PairsProblem& problem, const Eigen::VectorXd& alpha, const Noise& noise);
+PairsDerivatives pairs_derivatives(const PairsProblem& problem, const Eigen::VectorXd& alpha,
+                                   const Noise& noise);
 
 }  // namespace rangecal

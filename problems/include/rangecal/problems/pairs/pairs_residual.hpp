@@ -20,7 +20,7 @@ namespace rangecal {
 struct PairsResidual {
   double d = 0.0, mean_m = 0.0, mean_square = 0.0, count = 1.0;
   NoiseLaw law = NoiseLaw::f_squared;
-  double s_floor = 0.0;   ///< [m]
+  double s_floor = 0.0;  ///< [m]
 
   /// Spread [m] at alpha and the noise parameters (log sigma or beta); not positive outside of the model's domain.
   double spread(const Eigen::Ref<const Eigen::VectorXd>& alpha,

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <limits>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/recording.hpp"
@@ -17,8 +16,8 @@ namespace rangecal {
 struct RandomLandmarks {
   int count = 0;
   Eigen::Vector2d box_min_m = Eigen::Vector2d::Zero(), box_max_m = Eigen::Vector2d::Zero();
-  double path_distance_min_m = 0.4;   ///< from the polyline through the stops, its two ends extended
-  double separation_min_m = 0.2;      ///< axis to axis
+  double path_distance_min_m = 0.4;  ///< from the polyline through the stops, its two ends extended
+  double separation_min_m = 0.2;     ///< axis to axis
   double radius_m = 0.0;
 };
 
@@ -38,23 +37,23 @@ struct SceneTape {
 struct Scene {
   RecordingKind kind = RecordingKind::landmarks;
 
-  Sensor sensor;                      ///< name, principle, and the range outside which it reports nothing
-  Eigen::VectorXd alpha;              ///< f(d) = sum alpha_i d^i; alpha_i in m^(1-i)
-  Noise noise;                        ///< s(d) [m]
-  double sigma_theta_rad = 0.0;       ///< of a bearing
+  Sensor sensor;                 ///< name, principle, and the range outside which it reports nothing
+  Eigen::VectorXd alpha;         ///< f(d) = sum alpha_i d^i; alpha_i in m^(1-i)
+  Noise noise;                   ///< s(d) [m]
+  double sigma_theta_rad = 0.0;  ///< of a bearing
 
   double sigma_xy_m = 0.01, sigma_heading_rad = 0.0;
   StopErrorModel stop_error = StopErrorModel::independent;
-  std::vector<Stop> stops;            ///< commanded poses
-  std::vector<Landmark> landmarks;    ///< explicit ones, with their axes in `positions`
+  std::vector<Stop> stops;          ///< commanded poses
+  std::vector<Landmark> landmarks;  ///< explicit ones, with their axes in `positions`
   std::vector<Eigen::Vector2d> positions;
   std::optional<RandomLandmarks> random_landmarks;
   std::vector<SceneTape> tapes;
-  int repeats = 1;                    ///< readings of each visible (stop, landmark)
-  double visible_min_m = 0.0;         ///< true distances at which a landmark is seen
+  int repeats = 1;             ///< readings of each visible (stop, landmark)
+  double visible_min_m = 0.0;  ///< true distances at which a landmark is seen
   double visible_max_m = std::numeric_limits<double>::infinity();
 
-  std::vector<SceneBatch> batches;    ///< kind pairs
+  std::vector<SceneBatch> batches;  ///< kind pairs
 };
 
 /// A recording of the scene before anything is read: kind, sensor, and how far stops may be from their places.

@@ -13,34 +13,35 @@ namespace rangecal {
 /// What can change in a sensor, as a direction g of the standardised error z = (y - f(d)) / s(d) per unit of its size b:
 /// z ~ N(b g, 1) after the change.
 enum class ChangeKind {
-  window,     ///< an offset b [m], as a new window or zero: g = 1 / s
-  baseline,   ///< the baseline or the focal length by the share b: y f-fold, g = f / s
-  pointing,   ///< the laser's or the camera's angle, an offset of the disparity b [1/m]: g = f^2 / s
-  encoder,    ///< once a turn, b_c cos + b_s sin of the bearing [m]: g = cos / s, sin / s; where readings have a bearing
-  noise       ///< the spread, by the factor exp(b): variance e^(2b)
+  window,    ///< an offset b [m], as a new window or zero: g = 1 / s
+  baseline,  ///< the baseline or the focal length by the share b: y f-fold, g = f / s
+  pointing,  ///< the laser's or the camera's angle, an offset of the disparity b [1/m]: g = f^2 / s
+  encoder,  ///< once a turn, b_c cos + b_s sin of the bearing [m]: g = cos / s, sin / s; where readings have a bearing
+  noise  ///< the spread, by the factor exp(b): variance e^(2b)
 };
 /// "window", "baseline", "pointing", "encoder", "noise".
 const char* to_string(ChangeKind kind);
 
 struct ChangeOptions {
-  double run_length = 100000.0;   ///< readings between two alarms where nothing changes, all charts together
-  double shift = 0.5;             ///< size looked for, as the RMS of b g over the distances fitted: standard deviations of a
-                                  ///< reading. Smaller sizes are found, too, only later
-  double noise_factor = 1.5;      ///< of the spread, looked for upwards and downwards
-  bool bearings = false;          ///< readings come with a bearing: the encoder is watched
-  int naming = 300;               ///< readings after an alarm by which the change is named
+  double run_length = 100000.0;  ///< readings between two alarms where nothing changes, all charts together
+  double shift =
+      0.5;  ///< size looked for, as the RMS of b g over the distances fitted: standard deviations of a
+            ///< reading. Smaller sizes are found, too, only later
+  double noise_factor = 1.5;  ///< of the spread, looked for upwards and downwards
+  bool bearings = false;      ///< readings come with a bearing: the encoder is watched
+  int naming = 300;           ///< readings after an alarm by which the change is named
 
   void check() const;
 };
 
 /// Raised twice: at once, and when it has a name.
 struct ChangeAlarm {
-  std::int64_t reading = 0;       ///< number of the reading at which it was raised; the first is 1
-  std::int64_t since = 0;         ///< reading after which the change is placed: where the chart was last at 0
-  bool named = false;             ///< what follows is known
+  std::int64_t reading = 0;  ///< number of the reading at which it was raised; the first is 1
+  std::int64_t since = 0;    ///< reading after which the change is placed: where the chart was last at 0
+  bool named = false;        ///< what follows is known
   ChangeKind kind = ChangeKind::window;
-  double probability = 0.0;       ///< of this kind among all, equal before
-  double size = 0.0, std_dev = 0.0;   ///< b by maximum likelihood, in the unit of its kind
+  double probability = 0.0;          ///< of this kind among all, equal before
+  double size = 0.0, std_dev = 0.0;  ///< b by maximum likelihood, in the unit of its kind
 };
 
 /// Watches a calibration for a change, reading by reading, by likelihood-ratio CUSUMs (Page 1954, Biometrika 41, 100;
@@ -74,15 +75,15 @@ class ChangeDetector {
   std::int64_t readings() const { return readings_; }
   /// The charts' present values and counters, to be handed to `restore` of a detector made alike.
   std::vector<double> state() const;
-  void restore(const std::vector<double>& state);   ///< throws InputError for a state of another length
+  void restore(const std::vector<double>& state);  ///< throws InputError for a state of another length
 
  private:
   struct Chart {
     ChangeKind kind;
-    int wave = 0;             ///< encoder: 0 cos, 1 sin
-    double size, limit;       ///< b, h
-    double value = 0.0;       ///< S
-    double score = 0.0, information = 0.0;   ///< while naming: sum g z, sum g^2; noise: sum z^2, count
+    int wave = 0;                           ///< encoder: 0 cos, 1 sin
+    double size, limit;                     ///< b, h
+    double value = 0.0;                     ///< S
+    double score = 0.0, information = 0.0;  ///< while naming: sum g z, sum g^2; noise: sum z^2, count
     std::int64_t since = 0;
   };
   void start_again();
@@ -92,7 +93,7 @@ class ChangeDetector {
   ChangeOptions options_;
   std::vector<Chart> charts_;
   std::int64_t readings_ = 0;
-  std::int64_t naming_left_ = 0;   ///< readings until the open alarm is named; 0: none is open
+  std::int64_t naming_left_ = 0;  ///< readings until the open alarm is named; 0: none is open
   ChangeAlarm open_;
 };
 

@@ -13,18 +13,20 @@ namespace rangecal {
 
 /// One distance that a reading may stand for, as `rangecal correct` lists it.
 struct CorrectionCandidate {
-  std::optional<double> distance_m;   ///< none where the reading cannot be used or nothing is near
-  std::optional<double> std_dev_m;    ///< noise of the reading and uncertainty of f together, where there is one
-  int candidate = 0;                  ///< 1 is the most likely; 0 where there is no distance
-  std::string flag;                   ///< "ok"; "ambiguous", "extrapolated", "turning_point" joined by "+";
-                                      ///< "out_of_range" (the nearest distance); "missing", "not_finite", "zero",
-                                      ///< "negative"
+  std::optional<double> distance_m;  ///< none where the reading cannot be used or nothing is near
+  std::optional<double>
+      std_dev_m;      ///< noise of the reading and uncertainty of f together, where there is one
+  int candidate = 0;  ///< 1 is the most likely; 0 where there is no distance
+  std::string flag;   ///< "ok"; "ambiguous", "extrapolated", "turning_point" joined by "+";
+                      ///< "out_of_range" (the nearest distance); "missing", "not_finite", "zero",
+                      ///< "negative"
 };
 
 /// Every distance that explains the reading, most likely first; always at least one line. `maximum_likelihood`: minima
 /// of the reading's NLL instead of roots of f(d) = y. Cost: one correction.
 std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& corrector, double reading_m,
-                                                       const ReadingSetting& setting, bool maximum_likelihood);
+                                                       const ReadingSetting& setting,
+                                                       bool maximum_likelihood);
 
 /// The effects of a calibration, which must outlive this, and what they need to know about each reading.
 struct ReadingSettings {
@@ -35,8 +37,8 @@ struct ReadingSettings {
 /// Settings of `count` readings from the rows of a table; `table` may be null where the readings come alone. Times
 /// count from the table's first; a stop that the calibration knows stands for its heading. Throws InputError naming the
 /// column that an effect of the calibration needs and `name` lacks. Cost: linear in the readings.
-ReadingSettings reading_settings(const Calibration& calibration, const CsvTable* table, const std::string& name,
-                                 std::size_t count);
+ReadingSettings reading_settings(const Calibration& calibration, const CsvTable* table,
+                                 const std::string& name, std::size_t count);
 
 /// Throws InputError, naming `name`, where the calibration's outcome leaves no curve to correct by.
 void require_curve(const Calibration& calibration, const std::string& name);

@@ -16,8 +16,8 @@ struct ReadingSetting {
   double heading_rad = std::numeric_limits<double>::quiet_NaN();  ///< of the stop
   double time_s = std::numeric_limits<double>::quiet_NaN();       ///< since the first reading
   double radius_m = std::numeric_limits<double>::quiet_NaN();     ///< of the landmark
-  int landmark = -1, stop = -1, repeat = 0;   ///< landmark, stop: indices into the calibration's lists
-  std::vector<double> covariates;             ///< by the names given to EffectCorrector
+  int landmark = -1, stop = -1, repeat = 0;  ///< landmark, stop: indices into the calibration's lists
+  std::vector<double> covariates;            ///< by the names given to EffectCorrector
 };
 
 /// Undoes the effects of a calibration: with delta r and v what the effects do to mean and log variance of a reading,
@@ -36,7 +36,8 @@ class EffectCorrector {
   std::vector<Need> needs() const;
 
   /// Every distance that explains the reading. Cost: some ten corrections.
-  Correction correct(double reading_m, const ReadingSetting& setting, const CorrectionOptions& options = {}) const;
+  Correction correct(double reading_m, const ReadingSetting& setting,
+                     const CorrectionOptions& options = {}) const;
 
   /// What a reading of the distance d [m] is expected to be: its mean f(d) + delta r, and its standard deviation
   /// sqrt(s^2 e^v + phi^T cov(alpha) phi), both in metres.

@@ -12,12 +12,12 @@ namespace rangecal {
 /// What is known about a distance before its reading [m]. Without components: uniform over [low, high]. With components:
 /// their mixture, cut to [low, high], of which the share `surprise` is uniform, so that a wrong prediction can be left.
 struct DistancePrior {
-  double low_m = 0.0, high_m = 0.0;   ///< both 0: the distances over which the calibration was fitted
+  double low_m = 0.0, high_m = 0.0;  ///< both 0: the distances over which the calibration was fitted
   /// The density of N(mean, sigma^2) + U(-half_width, half_width).
   struct Component {
     double weight = 1.0, mean_m = 0.0, sigma_m = 0.0, half_width_m = 0.0;
   };
-  std::vector<Component> components;   ///< weights sum to 1
+  std::vector<Component> components;  ///< weights sum to 1
   double surprise = 1e-6;
 
   /// Throws InputError naming the bad field and its value.
@@ -26,9 +26,9 @@ struct DistancePrior {
 
 /// A part of the distances over which f is monotone: what one root of f(d) = y stands for.
 struct PosteriorRoot {
-  double probability = 0.0;             ///< that the true distance lies in [from, to]
-  double mean_m = 0.0, std_dev_m = 0.0; ///< given that it does; 0 probability: NaN
-  double from_m = 0.0, to_m = 0.0;      ///< ends: turning points of f, and the ends of the prior
+  double probability = 0.0;              ///< that the true distance lies in [from, to]
+  double mean_m = 0.0, std_dev_m = 0.0;  ///< given that it does; 0 probability: NaN
+  double from_m = 0.0, to_m = 0.0;       ///< ends: turning points of f, and the ends of the prior
 };
 
 struct DistancePosterior {
@@ -37,9 +37,9 @@ struct DistancePosterior {
   Outcome outcome = Outcome::failed;
   std::string reason;
   double mode_m = 0.0, mean_m = 0.0, std_dev_m = 0.0;
-  double low_m = 0.0, high_m = 0.0;    ///< 95 % interval: 2.5 % of the probability below, 2.5 % above
-  std::vector<PosteriorRoot> roots;    ///< ascending in distance
-  double log_evidence = 0.0;           ///< log of the integral of prior times likelihood [nats]
+  double low_m = 0.0, high_m = 0.0;  ///< 95 % interval: 2.5 % of the probability below, 2.5 % above
+  std::vector<PosteriorRoot> roots;  ///< ascending in distance
+  double log_evidence = 0.0;         ///< log of the integral of prior times likelihood [nats]
 };
 
 /// Which distance is behind a reading y, the question that 2016 section 5.2.2 leaves open, by Bayes' rule:
@@ -53,8 +53,8 @@ struct DistancePosterior {
 /// Integrals by 16-point Gauss-Legendre rules between the ends, turning points, crossings of f = y, and multiples of the
 /// widths there; relative error about 1e-8. Throws InputError for a reading that is not finite and positive and a bad
 /// prior. Cost: some 1000 evaluations of the likelihood, 50 us.
-DistancePosterior distance_posterior(const EffectCorrector& corrector, double reading_m, const ReadingSetting& setting,
-                                     const DistancePrior& prior = {});
+DistancePosterior distance_posterior(const EffectCorrector& corrector, double reading_m,
+                                     const ReadingSetting& setting, const DistancePrior& prior = {});
 
 /// The prior of the next distance where this was the posterior and the sensor moves at most `reach_m` along the beam
 /// until then: one component per root, widened. The normal in each is the one approximation.
@@ -72,7 +72,8 @@ class PosteriorTable {
     double probability[max_roots], root_m[max_roots], root_std_dev_m[max_roots];
   };
   /// Throws InputError as distance_posterior, and for a curve with more than 4 monotone parts. Cost: 2 `nodes` posteriors.
-  PosteriorTable(const Calibration& calibration, const DistancePrior& prior = {}, int nodes = 8192, double tolerance = 1e-3);
+  PosteriorTable(const Calibration& calibration, const DistancePrior& prior = {}, int nodes = 8192,
+                 double tolerance = 1e-3);
 
   PosteriorTable(const PosteriorTable&) = delete;
   PosteriorTable& operator=(const PosteriorTable&) = delete;
@@ -82,7 +83,7 @@ class PosteriorTable {
   Row operator()(double reading_m) const;
 
   int root_count() const { return root_count_; }
-  double exact_share() const;   ///< of the table's cells
+  double exact_share() const;  ///< of the table's cells
   double low_reading_m() const { return low_; }
   double high_reading_m() const { return high_; }
 

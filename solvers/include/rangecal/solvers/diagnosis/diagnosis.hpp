@@ -20,26 +20,26 @@ const char* to_string(Verdict verdict);
 
 /// Binned residual against the located covariate, before and after the model was completed.
 struct BinnedResidual {
-  double at = 0.0;        ///< centre of the bin, in the covariate's unit
-  double before = 0.0, after = 0.0;   ///< mean residual [m] or [rad], or log variance ratio
-  double std_dev = 0.0;   ///< of the mean
+  double at = 0.0;                   ///< centre of the bin, in the covariate's unit
+  double before = 0.0, after = 0.0;  ///< mean residual [m] or [rad], or log variance ratio
+  double std_dev = 0.0;              ///< of the mean
   int readings = 0;
 };
 
 /// One place where the seed model and the recording differ.
 struct Finding {
-  std::string channel, covariate, shape;   ///< as docs/formats.md names them
-  std::optional<double> from, to;          ///< interval of the covariate, where it is one
-  std::string group;                       ///< label of the landmark or stop, where it is a group
-  double size = 0.0;                       ///< [m], [rad], or change of log variance
+  std::string channel, covariate, shape;  ///< as docs/formats.md names them
+  std::optional<double> from, to;         ///< interval of the covariate, where it is one
+  std::string group;                      ///< label of the landmark or stop, where it is a group
+  double size = 0.0;                      ///< [m], [rad], or change of log variance
   std::string unit;
-  double p_value = 1.0;                    ///< corrected for everything that was looked at
-  double share = 0.0;                      ///< of the excess misfit
+  double p_value = 1.0;  ///< corrected for everything that was looked at
+  double share = 0.0;    ///< of the excess misfit
   std::vector<BinnedResidual> residuals;
 };
 
 struct EffectEstimate {
-  std::string name;                        ///< "range_eccentricity.amplitude_m"
+  std::string name;  ///< "range_eccentricity.amplitude_m"
   double estimate = 0.0, std_dev = 0.0, low95 = 0.0, high95 = 0.0;
 };
 
@@ -50,15 +50,15 @@ struct Explanation {
   double nll = 0.0;
   std::optional<double> heldout_nll;
   double p_value = 1.0;
-  std::vector<std::vector<std::string>> indistinguishable_from;   ///< at most three sets
+  std::vector<std::vector<std::string>> indistinguishable_from;  ///< at most three sets
   std::string separated_by, physics;
 };
 
 struct Unseen {
   std::string effect;
   std::map<std::string, double> typical;
-  std::optional<double> detectable;        ///< in the unit of the first typical parameter; none if none would show
-  double harm_m = 0.0;                     ///< RMS error in corrected range at the typical size
+  std::optional<double> detectable;  ///< in the unit of the first typical parameter; none if none would show
+  double harm_m = 0.0;               ///< RMS error in corrected range at the typical size
   std::string settled_by;
 };
 
@@ -78,28 +78,29 @@ struct FitSummary {
 
 struct Diagnosis {
   Verdict verdict = Verdict::no_mismatch;
-  std::string sentence;                    ///< the verdict in one sentence a person can act on
-  Calibration baseline, corrected;         ///< `corrected` carries the effects
+  std::string sentence;             ///< the verdict in one sentence a person can act on
+  Calibration baseline, corrected;  ///< `corrected` carries the effects
   FitSummary before, after;
-  double alarm_p_value = 1.0;              ///< smallest corrected p-value of the whole battery
+  double alarm_p_value = 1.0;  ///< smallest corrected p-value of the whole battery
   std::vector<Finding> location;
   std::vector<Explanation> explanations;
   std::vector<std::string> final_effects;  ///< empty for no_mismatch, {"generic"} for unexplained
   std::vector<std::vector<std::string>> twins;
   std::vector<Unseen> unseen;
   std::vector<NextExperiment> next_experiments;
-  std::vector<std::string> notes;          ///< what could not be modelled and which column or repetition it would take
-  SimulationModel simulation;              ///< the final model with the recordings' layout: `simulate --from`
+  std::vector<std::string>
+      notes;                   ///< what could not be modelled and which column or repetition it would take
+  SimulationModel simulation;  ///< the final model with the recordings' layout: `simulate --from`
 };
 
 struct DiagnoseOptions {
-  double alarm_rate = 0.02;                ///< of the whole battery on a recording of the seed model
-  double naming_gap_nats = 3.0;            ///< a rival within this many nats is a twin, not a loser
-  int null_draws = 600;                    ///< simulations of the battery under the fitted model
+  double alarm_rate = 0.02;      ///< of the whole battery on a recording of the seed model
+  double naming_gap_nats = 3.0;  ///< a rival within this many nats is a twin, not a loser
+  int null_draws = 600;          ///< simulations of the battery under the fitted model
   bool held_out = true, unseen = true, next_experiments = true;
-  std::optional<Calibration> simulation;   ///< alpha and noise are held at this calibration;
-                                           ///< one with effects is simulated, as diagnose_against
-  std::optional<std::vector<std::string>> force;   ///< fit exactly these effects, whatever the battery says
+  std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
+                                                  ///< one with effects is simulated, as diagnose_against
+  std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 

@@ -12,15 +12,15 @@ namespace rangecal {
 
 /// Readings' changes of a smooth model without a name, one entry per reading in the order of the recording.
 struct AddedChange {
-  std::vector<double> range_m, bearing_rad, range_log_variance, bearing_log_variance;   ///< all empty: none
+  std::vector<double> range_m, bearing_rad, range_log_variance, bearing_log_variance;  ///< all empty: none
 };
 
 /// The model a diagnosis stands by, with everything it takes to simulate its recordings again.
 struct SimulationModel {
-  std::vector<Recording> recordings;             ///< who is read when, from where, with which covariates
-  std::vector<std::vector<int>> landmark_read;   ///< per recording and reading: the landmark behind the label
-  Calibration calibration;                       ///< curve, noise, landmarks, effects with their parameters
-  std::vector<AddedChange> added;                ///< per recording
+  std::vector<Recording> recordings;            ///< who is read when, from where, with which covariates
+  std::vector<std::vector<int>> landmark_read;  ///< per recording and reading: the landmark behind the label
+  Calibration calibration;                      ///< curve, noise, landmarks, effects with their parameters
+  std::vector<AddedChange> added;               ///< per recording
 };
 
 /// New recordings of the model: stops drawn from their prior, moved by the effects; readings from the curve, the noise

@@ -19,12 +19,13 @@ struct Sighting {
 struct AssociationOptions {
   StopErrorModel error = StopErrorModel::independent;
   double sigma_xy_m = 0.03, sigma_heading_rad = 0.02;  ///< of a stop, or of one step of a random walk
-  double range_slack_m = 0.03, range_slack = 0.05;     ///< raw ranges are uncalibrated: off by this, plus this share
+  double range_slack_m = 0.03,
+         range_slack = 0.05;  ///< raw ranges are uncalibrated: off by this, plus this share
   double bearing_slack_rad = 0.01;
-  double bearing_offset_rad = 0.0;   ///< added to bearings for the matching alone: mount of the sensor
-  double gate = 13.8;                ///< squared Mahalanobis distance, two degrees of freedom: 0.1 %
-  double margin = 9.0;               ///< a second landmark within this of the first makes the sighting ambiguous
-  int stops_min = 2;                 ///< stops from which a landmark must be seen
+  double bearing_offset_rad = 0.0;  ///< added to bearings for the matching alone: mount of the sensor
+  double gate = 13.8;               ///< squared Mahalanobis distance, two degrees of freedom: 0.1 %
+  double margin = 9.0;  ///< a second landmark within this of the first makes the sighting ambiguous
+  int stops_min = 2;    ///< stops from which a landmark must be seen
   std::vector<Eigen::Vector2d> map;  ///< known positions; empty: found from the sightings
 };
 

@@ -23,13 +23,13 @@ Outline outline_of(double miss_left_rad, double hit_left_rad, double hit_right_r
 struct CircleFitOptions {
   std::optional<double> radius_m = std::nullopt;  ///< known radius; estimated where there is none
   double sigma_m = 0.01;                          ///< standard deviation of one beam's range at this distance
-  double edge_cut = 0.9;                          ///< beams that pass the axis at more than this share of R are dropped
+  double edge_cut = 0.9;  ///< beams that pass the axis at more than this share of R are dropped
   double radius_min_m = 0.005, radius_max_m = 0.5;  ///< where it is estimated
 };
 
 /// A cylinder seen in one scan.
 struct CircleFit {
-  double range_m = 0.0, bearing_rad = 0.0, radius_m = 0.0;           ///< nearest point of the arc; axis; radius
+  double range_m = 0.0, bearing_rad = 0.0, radius_m = 0.0;  ///< nearest point of the arc; axis; radius
   double range_sd_m = 0.0, bearing_sd_rad = 0.0, radius_sd_m = 0.0;  ///< radius_sd_m is 0 where it is known
   double mean_m = 0.0, mean_sd_m = 0.0;                              ///< mean of the readings used
   double smallest_m = 0.0;                                           ///< smallest of them

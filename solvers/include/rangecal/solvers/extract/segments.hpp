@@ -17,18 +17,23 @@ using Tally = std::map<std::string, long>;
 
 /// What is looked for.
 struct CylinderOptions {
-  std::vector<double> radii_m{0.12};  ///< known radii, one for all landmarks or several kinds; empty: estimated
-  double radius_min_m = 0.02, radius_max_m = 0.2;                                   ///< where they are estimated [m]
-  double range_min_m = 0.0, range_max_m = std::numeric_limits<double>::infinity();  ///< readings outside are no hits
-  int beams_min = 4;                                                                ///< hits that a cylinder must have
-  double edge_cut = 0.9;          ///< hits that pass the axis at more than this share of R are not fitted
-  double jump_sigmas = 5.0;       ///< range jump that ends a segment, in sigmas of the two beams, beyond its slope
-  double shape_tolerance = 0.05;  ///< how far the outline may be from round, as a share of R (raw readings bend it)
-  double range_slack_m = 0.03, range_slack = 0.05;  ///< raw ranges may be off by this, plus this share: width test
+  std::vector<double> radii_m{
+      0.12};  ///< known radii, one for all landmarks or several kinds; empty: estimated
+  double radius_min_m = 0.02, radius_max_m = 0.2;  ///< where they are estimated [m]
+  double range_min_m = 0.0,
+         range_max_m = std::numeric_limits<double>::infinity();  ///< readings outside are no hits
+  int beams_min = 4;                                             ///< hits that a cylinder must have
+  double edge_cut = 0.9;     ///< hits that pass the axis at more than this share of R are not fitted
+  double jump_sigmas = 5.0;  ///< range jump that ends a segment, in sigmas of the two beams, beyond its slope
+  double shape_tolerance =
+      0.05;  ///< how far the outline may be from round, as a share of R (raw readings bend it)
+  double range_slack_m = 0.03,
+         range_slack = 0.05;  ///< raw ranges may be off by this, plus this share: width test
   double flat_nats = 4.5;     ///< log likelihood by which a straight line has to win to make a segment flat
   double fit_p_value = 1e-4;  ///< a circle fit is refused below this p-value
   int hits_min = 5;           ///< hits inside the edges that a landmark must have in one scan at least
-  double round_sigmas = 4.0;  ///< by which a landmark's bow must differ from that of a straight face (see Roundness)
+  double round_sigmas =
+      4.0;  ///< by which a landmark's bow must differ from that of a straight face (see Roundness)
   double round_slack = 0.35;  ///< how far bow and lean may be from 1 and 0, beyond as many sigmas
 
   double largest_m() const;  ///< the largest radius looked for
@@ -46,7 +51,8 @@ struct Segment {
 ///   |r_b - r_a| > k sqrt(sigma_a^2 + sigma_b^2) + min(R, sqrt(2 R r gap)),
 /// more than noise and the steepest step on a cylinder of the largest radius R, unless both beams lie on one straight
 /// line with the two beams beyond (a wall seen askew). Beams without return are counted in `beams`.
-std::vector<Segment> split_scan(const Scan& scan, const ScanNoise& noise, const CylinderOptions& options, Tally& beams);
+std::vector<Segment> split_scan(const Scan& scan, const ScanNoise& noise, const CylinderOptions& options,
+                                Tally& beams);
 
 enum class FindingKind { cylinder, wall, clutter };
 
@@ -65,11 +71,12 @@ struct SegmentVerdict {
 SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options);
 
 /// The circle of a segment with the radius known, by the same rules, without judging it.
-std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
-                                       double radius_m);
+std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise,
+                                       const CylinderOptions& options, double radius_m);
 
 /// How badly a cylinder of this radius explains the segment: chi-squared beyond its degrees of freedom, plus the
 /// squared difference of the angular width in its standard deviations. Infinite where no circle fits. Compares radii.
-double radius_misfit(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options, double radius_m);
+double radius_misfit(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
+                     double radius_m);
 
 }  // namespace rangecal

@@ -11,10 +11,11 @@ namespace rangecal {
 
 /// How a log is split into stops.
 struct StandOptions {
-  int scans_min = 5;          ///< scans that a stand must have; shorter ones count as moving
-  double still_sigmas = 1.5;  ///< median |change of a beam| in its sigmas above which something moved (noise: 0.67)
-  double move_m = 0.005;      ///< odometry: the robot stands below this and
-  double turn_rad = 0.005;    ///< this, from the first scan of the stand
+  int scans_min = 5;  ///< scans that a stand must have; shorter ones count as moving
+  double still_sigmas =
+      1.5;  ///< median |change of a beam| in its sigmas above which something moved (noise: 0.67)
+  double move_m = 0.005;    ///< odometry: the robot stands below this and
+  double turn_rad = 0.005;  ///< this, from the first scan of the stand
 };
 
 /// Index ranges of the scans at which the robot stands, in the order of time. Scan k belongs to the stand of scan k - 1

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
-
-#include <Eigen/Core>
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
@@ -35,17 +34,17 @@ struct UnitSummary {
 };
 
 struct Population {
-  Outcome outcome = Outcome::failed;   ///< converged; too_few_data; not_converged
+  Outcome outcome = Outcome::failed;  ///< converged; too_few_data; not_converged
   std::string reason;
   int order = 2;
   NoiseLaw law = NoiseLaw::f_squared;
-  double range_min_m = 0.0, range_max_m = 0.0;   ///< distances that the units were seen at
-  Eigen::VectorXd mean;         ///< mu
-  Eigen::MatrixXd covariance;   ///< Sigma
-  Eigen::MatrixXd mean_covariance;  ///< V_mu; empty: mu is exact
-  double log_likelihood = 0.0;  ///< marginal [nats], of the units kept
+  double range_min_m = 0.0, range_max_m = 0.0;  ///< distances that the units were seen at
+  Eigen::VectorXd mean;                         ///< mu
+  Eigen::MatrixXd covariance;                   ///< Sigma
+  Eigen::MatrixXd mean_covariance;              ///< V_mu; empty: mu is exact
+  double log_likelihood = 0.0;                  ///< marginal [nats], of the units kept
   int iterations = 0;
-  std::int64_t units = 0, left_out = 0;   ///< kept; outlying, of no influence on mu and Sigma
+  std::int64_t units = 0, left_out = 0;  ///< kept; outlying, of no influence on mu and Sigma
 
   /// Sigma as posteriors use it. The inverse of T = Sigma + Lambda^-1, as N units estimate it, is too large by
   /// w = (N - 1) / (N - p - 2) on average, p = size(mu), which would draw the units of a small fleet too close (Efron and
@@ -57,8 +56,9 @@ struct Population {
 using UnitStream = std::function<void(const std::function<void(const UnitSummary&)>&)>;
 
 struct PopulationOptions {
-  int max_iterations = 3000;    ///< passes over the units
-  double tolerance = 1e-3;      ///< on the gain of log likelihood in a pass [nats]; a scatter of 0 is reached slowly
+  int max_iterations = 3000;  ///< passes over the units
+  double tolerance =
+      1e-3;  ///< on the gain of log likelihood in a pass [nats]; a scatter of 0 is reached slowly
   /// Units whose distance from the rest has a p-value below this over their number are left out, until none is.
   double outlier_rate = 0.01;
 
@@ -71,11 +71,12 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
 
 /// A unit before the background of its population.
 struct UnitPosterior {
-  Eigen::VectorXd mean;         ///< m_u
-  Eigen::MatrixXd covariance;   ///< V_u + (1 - K_u) V_mu (1 - K_u)^T
-  double distance_sq = 0.0;     ///< (theta^ - mu)^T (Sigma + Lambda^-1)^-1 (theta^ - mu): chi^2 with size(theta) degrees of freedom
-  double p_value = 1.0;         ///< of it, for this unit alone
-  Eigen::VectorXd z;            ///< (theta^ - mu)_i over its standard deviation under the population
+  Eigen::VectorXd mean;        ///< m_u
+  Eigen::MatrixXd covariance;  ///< V_u + (1 - K_u) V_mu (1 - K_u)^T
+  double distance_sq =
+      0.0;  ///< (theta^ - mu)^T (Sigma + Lambda^-1)^-1 (theta^ - mu): chi^2 with size(theta) degrees of freedom
+  double p_value = 1.0;  ///< of it, for this unit alone
+  Eigen::VectorXd z;     ///< (theta^ - mu)_i over its standard deviation under the population
 };
 UnitPosterior shrink(const UnitSummary& unit, const Population& population);
 
@@ -92,10 +93,10 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
 /// What a unit's residuals z = (y - f) / s show that its curve does not hold, for readings in their order; p-values of each
 /// alone, two-sided, 1 where there are too few readings.
 struct UnitMisfit {
-  double shape_p = 1.0;        ///< two orders more fit better: likelihood ratio, chi^2 with 2 degrees of freedom
-  double tail_p = 1.0;         ///< excess kurtosis k of z: k sqrt(N / 24) is N(0, 1)
-  double dependence_p = 1.0;   ///< correlation r of neighbours: r sqrt(N) is N(0, 1)
-  double shape_m = 0.0;        ///< largest change of f by the two orders [m]
+  double shape_p = 1.0;  ///< two orders more fit better: likelihood ratio, chi^2 with 2 degrees of freedom
+  double tail_p = 1.0;   ///< excess kurtosis k of z: k sqrt(N / 24) is N(0, 1)
+  double dependence_p = 1.0;  ///< correlation r of neighbours: r sqrt(N) is N(0, 1)
+  double shape_m = 0.0;       ///< largest change of f by the two orders [m]
   double kurtosis = 0.0, correlation = 0.0;
 };
 UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibration);

@@ -11,8 +11,8 @@ namespace rangecal {
 
 /// Which of the globals stay where they are.
 struct Held {
-  bool alpha = false;      ///< the polynomial f
-  bool sigmas = false;     ///< noise, sigma_theta and sigma_s
+  bool alpha = false;   ///< the polynomial f
+  bool sigmas = false;  ///< noise, sigma_theta and sigma_s
   bool landmarks = false;
 };
 
@@ -27,9 +27,9 @@ struct JointFit {
   JointState state;
   Outcome outcome = Outcome::failed;
   std::string reason;
-  double start_nll = 0.0;        ///< joint NLL of the start [nats]
-  double joint_nll = 0.0;        ///< at `state` [nats]
-  double gradient_norm = 0.0;    ///< sqrt(g^T H^-1 g) at the last evaluation
+  double start_nll = 0.0;      ///< joint NLL of the start [nats]
+  double joint_nll = 0.0;      ///< at `state` [nats]
+  double gradient_norm = 0.0;  ///< sqrt(g^T H^-1 g) at the last evaluation
   int iterations = 0, evaluations = 0;
   /// Covariance of the globals (layout of JointLayout), stops marginalised; absent where rank-deficient.
   std::optional<Eigen::MatrixXd> covariance;
@@ -41,7 +41,8 @@ struct JointFit {
 /// method whose stops are eliminated node by node (Schur complement): Fisher scoring far away, exact second
 /// derivatives near the optimum. sigma_s must be given. Ends as `unbounded`, naming the sigma, where the likelihood
 /// has no maximum. Cost: linear in the cells per iteration.
-JointFit solve_joint_block(const JointProblem& problem, const JointState& start, const JointOptions& options = {});
+JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
+                           const JointOptions& options = {});
 
 /// A start from the readings alone: each landmark at the mean of stop + (y + radius) (cos, sin) over its cells (no
 /// geometry ruins it), alpha by least squares weighted with 1/d^4, sigmas from the residuals; stops as commanded.

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
@@ -25,7 +24,7 @@ struct JointLayout {
   JointLayout(JointLayout&&) noexcept = default;
 
   int alpha_count = 0, landmark_begin = 0, tau_begin = 0, tau_count = 0, sigma_theta = 0, sigma_s = -1;
-  int phi_count = 0;    ///< alpha and landmarks
+  int phi_count = 0;  ///< alpha and landmarks
   int global_count = 0;
   int sigma_count() const { return global_count - phi_count; }
 
@@ -48,8 +47,8 @@ struct JointLayout {
     return node.first_cell >= 0 ? cell - node.first_cell : slot_of_cell_[cell];
   }
   std::size_t arena = 0;
-  int coordinates = 0;                          ///< all stop coordinates
-  bool chained = false;                         ///< any node is coupled to its predecessor
+  int coordinates = 0;   ///< all stop coordinates
+  bool chained = false;  ///< any node is coupled to its predecessor
 
  private:
   void describe_nodes(const JointProblem& problem);
@@ -127,8 +126,10 @@ class JointSystem {
   template <int NA>
   double assemble_node(const JointState& state, HessianKind kind, int node, Accumulator& sum);
   template <int NA>
-  void assemble_part(const JointState& state, HessianKind kind, std::size_t begin, std::size_t end, Accumulator& sum);
-  double assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node, Accumulator& sum);
+  void assemble_part(const JointState& state, HessianKind kind, std::size_t begin, std::size_t end,
+                     Accumulator& sum);
+  double assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node,
+                         Accumulator& sum);
   void collect(const std::vector<Accumulator>& parts);
   double assemble_chain_links(const JointState& state, HessianKind kind);
   double assemble_taped(const JointState& state, HessianKind kind);
@@ -140,7 +141,8 @@ class JointSystem {
   template <typename Covariance>
   Eigen::VectorXd trace_gradient(const JointState& state, Covariance& covariance) const;
   template <typename Covariance>
-  void add_taped_trace(const JointState& state, const Covariance& covariance, Eigen::VectorXd& by_global) const;
+  void add_taped_trace(const JointState& state, const Covariance& covariance,
+                       Eigen::VectorXd& by_global) const;
   const double* inverse_of_node(const JointLayout::Node& node) const {
     return inverse_diagonal_.data() + inverse_begin_[&node - layout_.nodes.data()];
   }
@@ -153,12 +155,12 @@ class JointSystem {
   double nll_ = 0.0, log_det_stops_ = 0.0;
   Eigen::VectorXd gradient_, stop_gradient_, reduced_gradient_;
   Eigen::MatrixXd hessian_, schur_;
-  std::vector<double> arena_;                       ///< per node: H, factor of H, G
-  std::vector<double> bearing_direction_;           ///< per cell: cos, sin of the mean bearing
-  std::vector<Accumulator> sums_;                   ///< work space of assemble, one per part
-  std::vector<Elimination> eliminations_;           ///< work space of eliminate
-  std::vector<Eigen::MatrixXd> link_;               ///< chained: coupling block H_{k,k-1}
-  std::vector<Eigen::MatrixXd> chain_coupling_;     ///< chained: G after elimination, dense over the globals
+  std::vector<double> arena_;                    ///< per node: H, factor of H, G
+  std::vector<double> bearing_direction_;        ///< per cell: cos, sin of the mean bearing
+  std::vector<Accumulator> sums_;                ///< work space of assemble, one per part
+  std::vector<Elimination> eliminations_;        ///< work space of eliminate
+  std::vector<Eigen::MatrixXd> link_;            ///< chained: coupling block H_{k,k-1}
+  std::vector<Eigen::MatrixXd> chain_coupling_;  ///< chained: G after elimination, dense over the globals
   std::vector<Eigen::VectorXd> chain_gradient_;
   mutable std::vector<double> inverse_diagonal_;    ///< blocks of H_ss^-1
   mutable std::vector<std::size_t> inverse_begin_;  ///< where each node's begins

@@ -12,9 +12,9 @@ namespace rangecal {
 /// What robust noise shapes add to a fit. Ranges and bearings have shape parameters of their own, of one family.
 struct RobustShapes {
   NoiseShapeParameters range, bearing;
-  double nll = 0.0;            ///< of the shapes delivered: joint for `full`, Laplace's for `marginal` [nats]
-  double aic = 0.0;            ///< 2 (nll + parameters: globals not held and shapes)
-  int rounds = 0;              ///< of expectation and maximisation
+  double nll = 0.0;  ///< of the shapes delivered: joint for `full`, Laplace's for `marginal` [nats]
+  double aic = 0.0;  ///< 2 (nll + parameters: globals not held and shapes)
+  int rounds = 0;    ///< of expectation and maximisation
   std::vector<std::pair<NoiseShape, double>> tried;  ///< AIC of each shape tried
 };
 struct RobustJointFit {

@@ -10,10 +10,10 @@ namespace rangecal {
 /// The stops at their conditional optimum, and Laplace's approximation of the likelihood with the stops integrated
 /// out, at given alpha, noise and landmarks.
 struct LaplaceValue {
-  JointState state;              ///< the given state with its stops at their optimum
-  bool ok = false;               ///< false: no positive definite optimum was found
-  double joint_nll = 0.0;        ///< [nats]
-  double marginal_nll = 0.0;     ///< joint + 1/2 log det H_ss - (dim / 2) log(2 pi) [nats]
+  JointState state;           ///< the given state with its stops at their optimum
+  bool ok = false;            ///< false: no positive definite optimum was found
+  double joint_nll = 0.0;     ///< [nats]
+  double marginal_nll = 0.0;  ///< joint + 1/2 log det H_ss - (dim / 2) log(2 pi) [nats]
 };
 
 /// Minimises the joint NLL over the stops alone, then applies Laplace's method (equations.md, `marginal`): l_s(phi;
@@ -24,18 +24,19 @@ LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& sta
 enum class Sigma { noise, theta, stops };
 
 struct MarginalOptions {
-  int max_iterations = 100;           ///< Newton iterations
-  int max_outer = 80;                 ///< updates of the REML slopes
+  int max_iterations = 100;  ///< Newton iterations
+  int max_outer = 80;        ///< updates of the REML slopes
   double gradient_tolerance = 1e-7;
-  bool estimate_sigma_s = false;      ///< sigma_s of the shared stops is a parameter
+  bool estimate_sigma_s = false;  ///< sigma_s of the shared stops is a parameter
   Held held;
-  std::optional<Sigma> held_sigma;    ///< noise or theta: this one alone stays where it is
+  std::optional<Sigma> held_sigma;  ///< noise or theta: this one alone stays where it is
 };
 
 /// Result of `marginal`; JointFit's covariance and weakest direction are those of the marginal likelihood.
 struct MarginalFit : JointFit {
-  double marginal_nll = 0.0;                 ///< l_s at the estimate [nats]
-  std::optional<double> sigma_s_upper95_m;   ///< where sigma_s is estimated at 0: one-sided 95 % limit (profile)
+  double marginal_nll = 0.0;  ///< l_s at the estimate [nats]
+  std::optional<double>
+      sigma_s_upper95_m;  ///< where sigma_s is estimated at 0: one-sided 95 % limit (profile)
 };
 
 /// `marginal`: phi = (alpha, landmarks) minimise l_s; sigma = (noise, sigma_theta, sigma_s where asked) minimise
@@ -50,6 +51,7 @@ struct MarginalFit : JointFit {
 /// smaller by the number of readings per stop, is left out of A (not of the gradient). gradient_norm is that of all
 /// globals not held, at the estimate.
 /// Cost: linear in the cells per evaluation; 10 to 15 evaluations, twenty times as many with sigma_s free.
-MarginalFit solve_marginal(const JointProblem& problem, const JointState& start, const MarginalOptions& options = {});
+MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
+                           const MarginalOptions& options = {});
 
 }  // namespace rangecal

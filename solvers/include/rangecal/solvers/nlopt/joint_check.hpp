@@ -9,10 +9,10 @@
 namespace rangecal {
 
 struct JointCheck {
-  bool done = false;      ///< false: not tried, for `reason`
+  bool done = false;  ///< false: not tried, for `reason`
   std::string reason;
-  NloptCheck result;      ///< its x counts from the seed: globals, then stop coordinates, in JointLayout's order
-  JointState state;       ///< the best point
+  NloptCheck result;  ///< its x counts from the seed: globals, then stop coordinates, in JointLayout's order
+  JointState state;   ///< the best point
 };
 
 /// Minimises the joint NLL over all unknowns (alpha, noise, sigma_theta, stops, landmarks) a second time, by NLopt from

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <functional>
 #include <limits>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 namespace rangecal {
 
@@ -18,29 +17,30 @@ using Objective = std::function<double(const Eigen::VectorXd& x, Eigen::VectorXd
 struct NloptProblem {
   Objective objective;
   Eigen::VectorXd seed;
-  Eigen::MatrixXd whitening;          ///< d x / d u, square: L^-T with L L' the expected information at the seed
-  Eigen::VectorXd lower, upper;       ///< bounds of x for the global search; empty: no global search
-  std::vector<int> global_indices;    ///< which x the global search moves (alpha, say); the rest is as in the best local
-  Objective global_objective;         ///< optional: takes the moved coordinates alone, the rest profiled out
+  Eigen::MatrixXd whitening;     ///< d x / d u, square: L^-T with L L' the expected information at the seed
+  Eigen::VectorXd lower, upper;  ///< bounds of x for the global search; empty: no global search
+  std::vector<int>
+      global_indices;  ///< which x the global search moves (alpha, say); the rest is as in the best local
+  Objective global_objective;  ///< optional: takes the moved coordinates alone, the rest profiled out
 };
 
 struct NloptOptions {
-  double reference_nll = std::numeric_limits<double>::quiet_NaN();   ///< of the solver under check; NaN: none
-  double agreement = 1e-6;            ///< [nats]
+  double reference_nll = std::numeric_limits<double>::quiet_NaN();  ///< of the solver under check; NaN: none
+  double agreement = 1e-6;                                          ///< [nats]
   int local_evaluations = 20000;
   int global_evaluations = 2000;
 };
 
 struct NloptCheck {
-  Eigen::VectorXd x;                  ///< best of all
+  Eigen::VectorXd x;  ///< best of all
   double nll = std::numeric_limits<double>::infinity();
-  double local_nll = std::numeric_limits<double>::infinity();    ///< from the seed
-  double global_nll = std::numeric_limits<double>::infinity();   ///< of the global search, polished
-  std::string algorithm;              ///< the local one that went lowest
+  double local_nll = std::numeric_limits<double>::infinity();   ///< from the seed
+  double global_nll = std::numeric_limits<double>::infinity();  ///< of the global search, polished
+  std::string algorithm;                                        ///< the local one that went lowest
   int evaluations = 0;
-  bool agrees = false;                ///< |nll - reference| within the agreement
-  bool better_basin = false;          ///< a point lower than the reference by more than the agreement was found
-  std::string report;                 ///< one sentence
+  bool agrees = false;        ///< |nll - reference| within the agreement
+  bool better_basin = false;  ///< a point lower than the reference by more than the agreement was found
+  std::string report;         ///< one sentence
 };
 
 /// Minimises by LD_LBFGS, LD_TNEWTON_PRECOND_RESTART and LD_SLSQP from the seed, each polished by the other two until

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <string>
-
 #include <Eigen/Core>
+#include <string>
 
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/outcome.hpp"
@@ -14,10 +13,10 @@ namespace rangecal {
 struct PairsCeresResult {
   Eigen::VectorXd alpha;
   Noise noise;
-  double nll = 0.0;              ///< pairs_nll at the estimate [nats]
-  double gradient_norm = 0.0;    ///< sqrt(g' I^-1 g), dimensionless
-  int anchorings = 0;            ///< how often the floors were set
-  int iterations = 0;            ///< Ceres iterations over all of them
+  double nll = 0.0;            ///< pairs_nll at the estimate [nats]
+  double gradient_norm = 0.0;  ///< sqrt(g' I^-1 g), dimensionless
+  int anchorings = 0;          ///< how often the floors were set
+  int iterations = 0;          ///< Ceres iterations over all of them
   Outcome outcome = Outcome::failed;
   std::string reason;
 };

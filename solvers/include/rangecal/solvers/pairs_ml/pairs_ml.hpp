@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/problems/noise_shape.hpp"
@@ -14,10 +13,10 @@
 namespace rangecal {
 
 struct PairsOptions {
-  std::optional<int> order = 2;      ///< of f; nullopt: 1 .. max_order, the lowest AIC
-  int max_order = 4;                 ///< of the search by AIC
+  std::optional<int> order = 2;  ///< of f; nullopt: 1 .. max_order, the lowest AIC
+  int max_order = 4;             ///< of the search by AIC
   NoiseLaw law = NoiseLaw::f_squared;
-  int noise_order = 1;               ///< of the noise polynomial, law `polynomial` only
+  int noise_order = 1;  ///< of the noise polynomial, law `polynomial` only
   NoiseShape shape = NoiseShape::gaussian;
   int max_iterations = 100;
   double gradient_tolerance = 1e-8;  ///< on the gradient norm in Fisher-scaled units, sqrt(g' I^-1 g)
@@ -36,12 +35,12 @@ struct OrderScore {
 };
 
 struct PairsFit {
-  Calibration calibration;            ///< covariances from the expected information at the estimate
-  NoiseShapeParameters shape;         ///< for shapes other than the Gaussian, noise holds the scale
-  double nll = 0.0;                   ///< plain NLL at the estimate [nats], of the shape delivered
-  double gradient_norm = 0.0;         ///< sqrt(g' I^-1 g) at the estimate of `full`, dimensionless
-  std::vector<OrderScore> orders;     ///< one per order tried, ascending, of the shape delivered
-  std::vector<std::pair<NoiseShape, double>> shapes;   ///< AIC of every shape tried, at its best order
+  Calibration calibration;         ///< covariances from the expected information at the estimate
+  NoiseShapeParameters shape;      ///< for shapes other than the Gaussian, noise holds the scale
+  double nll = 0.0;                ///< plain NLL at the estimate [nats], of the shape delivered
+  double gradient_norm = 0.0;      ///< sqrt(g' I^-1 g) at the estimate of `full`, dimensionless
+  std::vector<OrderScore> orders;  ///< one per order tried, ascending, of the shape delivered
+  std::vector<std::pair<NoiseShape, double>> shapes;  ///< AIC of every shape tried, at its best order
 };
 
 /// Exact maximum likelihood of the 2016 problem (Alhashimi 2016, eq. 17-20): alpha and noise together minimise

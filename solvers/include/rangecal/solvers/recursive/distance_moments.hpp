@@ -31,7 +31,7 @@ class DistanceMoments {
   bool holds(double d) const { return d >= low_ && d <= high_; }
   /// Precondition: holds(d). Cost: 40 multiplications.
   void add(double d, double y, double weight);
-  void scale(double factor);   ///< of every weight
+  void scale(double factor);  ///< of every weight
 
   /// The cells, weights multiplied by `factor`, without the constants of the NLL. With `squared`, cells that count by
   /// the squares of the weights instead: for the information alone.

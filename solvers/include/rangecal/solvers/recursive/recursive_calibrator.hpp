@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -8,19 +9,18 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/solvers/recursive/distance_moments.hpp"
 
 namespace rangecal {
 
 struct RecursiveOptions {
-  double range_min_m = 0.05, range_max_m = 50.0;   ///< true distances taken; others are counted as dropped
-  std::optional<int> order = 2;                    ///< of f; nullopt: the lowest AIC of 1 .. max_order at each estimate
-  int max_order = 4;                               ///< of that search
-  NoiseLaw law = NoiseLaw::f_squared;              ///< of the full likelihood; the approximate one has f_squared for polynomial
-  int noise_order = 1;                             ///< of the noise polynomial, law `polynomial` only
+  double range_min_m = 0.05, range_max_m = 50.0;  ///< true distances taken; others are counted as dropped
+  std::optional<int> order = 2;  ///< of f; nullopt: the lowest AIC of 1 .. max_order at each estimate
+  int max_order = 4;             ///< of that search
+  NoiseLaw law =
+      NoiseLaw::f_squared;  ///< of the full likelihood; the approximate one has f_squared for polynomial
+  int noise_order = 1;      ///< of the noise polynomial, law `polynomial` only
   /// Time constant: a reading counts by w = exp(-age / forget). Age in seconds where the readings have times, else in
   /// readings; infinite: nothing is forgotten.
   double forget = std::numeric_limits<double>::infinity();
@@ -65,7 +65,7 @@ class RecursiveCalibrator {
   const RecursiveOptions& options() const { return options_; }
   const Counts& counts() const { return counts_; }
   std::int64_t used() const { return moments_.used; }
-  double effective_readings() const;   ///< (sum w)^2 / sum w^2
+  double effective_readings() const;  ///< (sum w)^2 / sum w^2
 
   /// `rangecal-recursive/1`: the whole state as JSON; doubles survive bit by bit.
   std::string to_json() const;
@@ -79,13 +79,13 @@ class RecursiveCalibrator {
 
   RecursiveOptions options_;
   DistanceMoments moments_;
-  Eigen::MatrixXd triangle_;          ///< S, columns() + 1 square, with the row to be taken as its last
-  double origin_ = 0.0, now_ = 0.0;   ///< weight 1 at time `origin`; the latest time
+  Eigen::MatrixXd triangle_;         ///< S, columns() + 1 square, with the row to be taken as its last
+  double origin_ = 0.0, now_ = 0.0;  ///< weight 1 at time `origin`; the latest time
   double sum_w_ = 0.0, sum_w_sq_ = 0.0;
-  double low_m_ = 0.0, high_m_ = 0.0; ///< smallest and largest d taken
+  double low_m_ = 0.0, high_m_ = 0.0;  ///< smallest and largest d taken
   std::optional<bool> timed_;
   Counts counts_;
-  Eigen::VectorXd last_alpha_;        ///< start of the next solve
+  Eigen::VectorXd last_alpha_;  ///< start of the next solve
   Eigen::VectorXd last_noise_;
 };
 

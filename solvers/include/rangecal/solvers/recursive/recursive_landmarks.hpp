@@ -125,7 +125,7 @@ class RecursiveLandmarks {
   Calibration calibration_of(const Answer& answer) const;
 
   RecursiveLandmarksOptions options_;
-  JointProblem held_;  ///< the stops held; their cells carry the repeats
+  JointProblem held_;      ///< the stops held; their cells carry the repeats
   bool anchored_ = false;  ///< the first of them is the last one summed up: its readings are in the sums
   Eigen::Matrix3d walked_ = Eigen::Matrix3d::Zero();  ///< random walk: covariance of the latest stop's pose,
   Eigen::Matrix3d first_covariance_ = Eigen::Matrix3d::Zero();  ///< of the first stop's

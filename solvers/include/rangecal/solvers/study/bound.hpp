@@ -34,7 +34,8 @@ std::optional<StudyBound> study_bound(const Study& study, const StudyPoint& poin
 
 /// The bound of one repeat's placement of landmarks, at the commanded stops. `seen`: the recording's landmark behind
 /// each landmark of the problem.
-std::optional<StudyBound> placement_bound(const Study& study, const StudyPoint& point, const Recording& recording,
-                                          const JointProblem& problem, const std::vector<int>& seen);
+std::optional<StudyBound> placement_bound(const Study& study, const StudyPoint& point,
+                                          const Recording& recording, const JointProblem& problem,
+                                          const std::vector<int>& seen);
 
 }  // namespace rangecal

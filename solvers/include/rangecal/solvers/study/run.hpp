@@ -19,8 +19,9 @@ struct StudyUnit {
   int point = 0, piece = 0;
   bool operator==(const StudyUnit&) const = default;
 };
-int study_pieces(const Study& study);                              ///< of every point
-int study_unit_repeats(const Study& study, const StudyUnit& unit); ///< Study::piece, or what is left for the last one
+int study_pieces(const Study& study);  ///< of every point
+int study_unit_repeats(const Study& study,
+                       const StudyUnit& unit);  ///< Study::piece, or what is left for the last one
 
 /// The sums of one unit. Any thread or process may run any unit. Throws InputError where the scene cannot be
 /// simulated.
@@ -34,8 +35,8 @@ struct StudyPointResult {
 };
 
 struct StudyOptions {
-  int threads = 0;                ///< 0: all cores
-  int shard = 0, shards = 1;      ///< runs the units whose running number leaves `shard` on division by `shards`
+  int threads = 0;            ///< 0: all cores
+  int shard = 0, shards = 1;  ///< runs the units whose running number leaves `shard` on division by `shards`
   /// Sums from an earlier run; none for a unit still to do. Asked once per unit when its turn to be added comes.
   std::function<std::optional<StudySums>(const StudyUnit&)> recall;
   std::function<bool(const StudyUnit&)> is_known;  ///< whether `recall` has it
@@ -51,10 +52,10 @@ class StudyWork {
  public:
   StudyWork(const Study& study, StudyOptions options);
 
-  std::optional<StudyUnit> next();                     ///< none: all are handed out
+  std::optional<StudyUnit> next();  ///< none: all are handed out
   void done(const StudyUnit& unit, StudySums sums);
-  long units_to_do() const { return to_do_; }          ///< that were not known at the start
-  long units_done() const { return done_; }            ///< of these
+  long units_to_do() const { return to_do_; }  ///< that were not known at the start
+  long units_done() const { return done_; }    ///< of these
   int points_complete() const { return complete_; }
 
  private:

@@ -37,11 +37,11 @@ const char* to_string(StudyMeasure measure);
 struct StudyEstimator {
   std::string label;
   Method method = Method::closed_form;
-  bool noise_order = false;                              ///< not a calibration: the power of the noise (pairs)
-  BearingWeights weights = BearingWeights::consistent;   ///< closed-form
+  bool noise_order = false;                             ///< not a calibration: the power of the noise (pairs)
+  BearingWeights weights = BearingWeights::consistent;  ///< closed-form
   DifferenceDivisor divisor = DifferenceDivisor::unbiased;  ///< noise-order
-  std::optional<int> order;                              ///< of f; absent: selected
-  OrderCriterion criterion = OrderCriterion::aic;        ///< of that selection; others than AIC: closed-form only
+  std::optional<int> order;                                 ///< of f; absent: selected
+  OrderCriterion criterion = OrderCriterion::aic;  ///< of that selection; others than AIC: closed-form only
 };
 
 /// One axis of the grid: a parameter of the scene and the values that it takes, numbers in their shortest text.
@@ -55,22 +55,22 @@ struct StudyPoint {
   std::vector<std::string> values;  ///< one per parameter
   std::string key;                  ///< "sigma_theta_deg=2,sigma_s_m=0.01"
   Scene scene;
-  std::optional<int> order;         ///< of f, where `fit_order` is a parameter
+  std::optional<int> order;  ///< of f, where `fit_order` is a parameter
 };
 
 /// A Monte-Carlo study: a scene, a grid over its parameters, repeats, estimators, measures.
 struct Study {
   std::string name;
   std::vector<StudyParameter> grid;
-  std::vector<StudyPoint> points;    ///< every combination; the last parameter varies fastest
-  int repeats = 0;                   ///< of every point
-  int piece = 20;                    ///< repeats that are run, written down and lost together
-  int max_order = 4;                 ///< highest order tried where it is selected
-  std::optional<NoiseLaw> noise;     ///< law fitted; absent: the scene's
+  std::vector<StudyPoint> points;  ///< every combination; the last parameter varies fastest
+  int repeats = 0;                 ///< of every point
+  int piece = 20;                  ///< repeats that are run, written down and lost together
+  int max_order = 4;               ///< highest order tried where it is selected
+  std::optional<NoiseLaw> noise;   ///< law fitted; absent: the scene's
   std::vector<StudyEstimator> estimators;
   std::vector<StudyMeasure> measures;
-  std::vector<double> curve_m;       ///< distances at which the curve is measured
-  std::uint64_t fingerprint = 0;     ///< of all that the numbers depend on, except `repeats`
+  std::vector<double> curve_m;    ///< distances at which the curve is measured
+  std::uint64_t fingerprint = 0;  ///< of all that the numbers depend on, except `repeats`
 
   bool measures_any(std::initializer_list<StudyMeasure> wanted) const;
 };

@@ -14,7 +14,8 @@ namespace rangecal {
 std::vector<std::string> study_columns(const Study& study);
 
 /// The values of one (point, estimator) under study_columns, from the column after `estimator` on.
-std::vector<std::optional<double>> study_values(const Study& study, const StudyPointResult& result, int estimator);
+std::vector<std::optional<double>> study_values(const Study& study, const StudyPointResult& result,
+                                                int estimator);
 
 /// Header, and the rows of one point, as CSV lines. Numbers in the shortest text that reads back to the same bits.
 std::string study_csv_header(const Study& study);

@@ -19,11 +19,11 @@ struct OpticalSensor {
   double focal_mm = 14.4, baseline_mm = 50.0;                  ///< true f, s
   double nominal_focal_mm = 14.4, nominal_baseline_mm = 50.0;  ///< what the firmware believes
   double nominal_fs_mm_sq() const { return nominal_focal_mm * nominal_baseline_mm; }
-  double laser_angle_rad = 0.0;                                ///< psi, laser leaning towards the camera axis
-  double detector_shift_mm = 0.0;                              ///< detector moved along x
-  double range_zero_m = 0.0;                                   ///< added by the firmware
-  double pitch_mm = 0.006;                                     ///< pixel pitch p
-  double k1_per_mm2 = 0.0;                                     ///< lens: x -> x (1 + k1 x^2)
+  double laser_angle_rad = 0.0;    ///< psi, laser leaning towards the camera axis
+  double detector_shift_mm = 0.0;  ///< detector moved along x
+  double range_zero_m = 0.0;       ///< added by the firmware
+  double pitch_mm = 0.006;         ///< pixel pitch p
+  double k1_per_mm2 = 0.0;         ///< lens: x -> x (1 + k1 x^2)
   double spot_sigma_px =
       0.0;  ///< Gaussian spot whose centroid is taken from pixel sums; 0: continuous detector
   double centroid_step_px = 0.0;     ///< the centroid is rounded to this step
