@@ -86,6 +86,11 @@ mutants:
 	$(MAKE) build PRESET=dev BUILD=build/dev
 	tests/mutation/mutate.py build/dev --jobs $(JOBS)
 
+# Every C++ file laid out by .clang-format.
+.PHONY: format
+format:
+	git ls-files '*.cpp' '*.hpp' | xargs clang-format-14 -i
+
 # clang-tidy-14 by .clang-tidy, which reads files one by one.
 tidy: packages
 	cmake --preset dev -B build/tidy -DRANGECAL_PRECOMPILE=OFF -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
