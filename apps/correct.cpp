@@ -79,7 +79,9 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   auto column = rows.find("reading_m");
   if (!column) column = rows.find("range_m");
   if (!column)
-    throw InputError(name, 1, "", "there is no column reading_m or range_m, and the first line is no number");
+    throw InputError(name, 1, "",
+                     "there is no column reading_m or range_m, and the first line is no number; columns are "
+                     "separated by commas");
   while (rows.next()) readings.push_back(rows.number(*column).value_or(std::nan("")));
   return readings;
 }
@@ -151,7 +153,7 @@ class Posteriors {
       time = table_->finite(i, *time_);
       if (before_) prior = moved(*before_, base_, speed_ * (time - last_time_));
     }
-    if (!(reading > 0.0) || !std::isfinite(reading)) {
+    if (!(reading > 0.0) || !std::isfinite(reading) || !settings_.of_reading[i].complete) {
       const CorrectionCandidate why =
           correction_candidates(settings_.corrector, reading, settings_.of_reading[i], false).front();
       fmt::print("{},,,,{},,,,,\n", field, why.flag);
@@ -172,7 +174,8 @@ class Posteriors {
       last_time_ = time;
     }
     std::vector<PosteriorRoot> roots = posterior.roots;
-    print(field, std::move(roots), posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m);
+    print(field, std::move(roots), posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m,
+          posterior.against_prior);
   }
 
  private:
@@ -181,7 +184,10 @@ class Posteriors {
     DistancePrior prior = base_;
     const double mean = table_->number(i, map_->first).value_or(std::nan("")),
                  sigma = table_->number(i, map_->second).value_or(std::nan(""));
-    if (!std::isfinite(mean) || !std::isfinite(sigma)) return prior;
+    if (std::isfinite(mean) != std::isfinite(sigma))
+      table_->fail(i, std::isfinite(mean) ? map_->second : map_->first,
+                   "is missing beside the other of the two");
+    if (!std::isfinite(mean)) return prior;
     if (!(sigma > 0.0)) table_->fail(i, map_->second, "is not positive");
     prior.components = {{1.0, mean, sigma, 0.0}};
     return prior;
@@ -196,14 +202,14 @@ class Posteriors {
 
   /// A line for each root, the most probable first.
   static void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean,
-                    double low, double high) {
+                    double low, double high, bool against_prior = false) {
     std::sort(roots.begin(), roots.end(),
               [](const auto& a, const auto& b) { return a.probability > b.probability; });
     std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
+    const char* flag = against_prior ? "against_prior" : roots.size() > 1 ? "ambiguous" : "ok";
     for (std::size_t k = 0; k < roots.size(); ++k)
       fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m,
-                 roots[k].std_dev_m, k + 1, roots.size() > 1 ? "ambiguous" : "ok", roots[k].probability, mode,
-                 mean, low, high);
+                 roots[k].std_dev_m, k + 1, flag, roots[k].probability, mode, mean, low, high);
   }
 
   const ReadingSettings& settings_;
@@ -282,11 +288,13 @@ void add_correct(CLI::App& app, Action& chosen) {
       "candidate (1 is\n"
       "the most likely; every distance that explains the reading is listed), flag: ok, or ambiguous, "
       "extrapolated\n"
-      "(outside the distances fitted), turning_point, out_of_range (nearest distance given), or why there is "
-      "none:\n"
+      "(outside the distances fitted), turning_point, out_of_range (nearest distance given, a tenth of the range\n"
+      "fitted beyond its end at most), against_prior (a distance that the map or the motion does not allow), or why\n"
+      "there is none:\n"
       "missing, zero, negative, not_finite.\n"
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
-      "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is named.\n"
+      "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is named, and a row\n"
+      "without its value flagged.\n"
       "With --prior each candidate is a part of the curve, distance_m and std_m are those of the posterior on it, and more\n"
       "columns follow: probability (that the distance lies on this part), mode_m, mean_m, low95_m, high95_m (of the whole).\n"
       "\n"

@@ -100,9 +100,9 @@ struct PlanCommand {
     if (!scene.empty() && plan.best.places > 0) write_file(scene, scene_file(request, plan.best));
     if (!line_scene.empty() && plan.line) write_file(line_scene, scene_file(request, *plan.line));
     fmt::print("{}", page(plan));
-    if (!line_scene.empty() && !plan.line)
-      fmt::print(stderr, "rangecal: {} is not written: there is no such line\n", line_scene);
-    return plan.outcome == Outcome::converged ? done : not_delivered;
+    const bool no_line = !line_scene.empty() && !plan.line;
+    if (no_line) fmt::print(stderr, "rangecal: {} is not written: there is no such line\n", line_scene);
+    return plan.outcome == Outcome::converged && !no_line ? done : not_delivered;
   }
 
   std::string page(const Plan& plan) const {

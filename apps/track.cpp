@@ -11,6 +11,7 @@
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/solvers/calibrate/doubts.hpp"
 #include "text.hpp"
 #include "track/tracking.hpp"
 
@@ -116,6 +117,7 @@ struct TrackCommand {
                           with_std(landmark.position_m.x(), std_dev(0)),
                           with_std(landmark.position_m.y(), std_dev(1)));
     }
+    for (const std::string& doubt : doubts({}, c)) text += "Note       " + wrapped(doubt, 11) + "\n";
     return text;
   }
 };

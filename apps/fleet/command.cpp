@@ -55,6 +55,10 @@ std::string FleetCommand::page(const FleetResult& r) const {
   if (r.by_population > 0)
     text += fmt::format("\nFew readings {} too few of their own, calibrated with the population\n",
                         r.by_population == 1 ? "1 unit has" : fmt::format("{} units have", r.by_population));
+  if (const std::int64_t rest = r.units - r.fitted - r.unreadable - r.by_population; rest > 0)
+    text += fmt::format(
+        "\nNo answer    {}; ask: sqlite3 {} 'SELECT name, outcome, reason FROM units WHERE theta IS NULL'\n",
+        rest, job.output);
   text += fmt::format("\nOdd units    {}", r.odd);
   return text +
          (r.odd > 0 ? fmt::format("; ask: sqlite3 {} 'SELECT * FROM oddities ORDER BY p_value'\n", job.output)

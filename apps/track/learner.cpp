@@ -81,8 +81,14 @@ class LandmarksLearner : public Learner {
     if (!std::isnan(row.radius_m)) reading.radius_m = row.radius_m;
     if (std::abs(row.bearing_rad) > 2.0 * std::numbers::pi)
       throw InputError("bearing_rad is beyond 2 pi: degrees, most likely");
-    const bool usable = calibrator_.add(reading);
     alarm_.reset();
+    if (known_ && (reading.range_m > known_->sensor.range_max_m ||
+                   (reading.range_m > 0.0 && reading.range_m < known_->sensor.range_min_m))) {
+      const bool above = reading.range_m > known_->sensor.range_max_m;
+      calibrator_.drop(above ? "above range_max_m" : "below range_min_m");
+      return true;
+    }
+    const bool usable = calibrator_.add(reading);
     if (usable && watch_) alarm_ = watch_->add(with_accuracy(reading));
     return true;
   }
@@ -197,6 +203,8 @@ class LandmarksLearner : public Learner {
     }
     stop.label = row.stop;
     if (!row.place.empty()) stop.place = row.place;
+    if (std::abs(row.pose[2]) > 2.0 * std::numbers::pi)
+      throw InputError("heading_rad is beyond 2 pi: degrees, most likely");
     if (!std::isnan(row.pose[0])) stop.commanded = {row.pose[0], row.pose[1], row.pose[2]};
     if (stops_.empty() &&
         !(std::isfinite(row.pose[0]) && std::isfinite(row.pose[1]) && std::isfinite(row.pose[2])))

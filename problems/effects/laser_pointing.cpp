@@ -28,7 +28,7 @@ class LaserPointing final : public Effect {
         .source = "physics catalogue R4 (derived from d = f s / x)",
         .visible_by = "nothing more than a curve of order 2: it is alpha_2",
         .settled_by = "not needed: alpha_2 takes it up; if it moves in time see warmup_drift",
-        .parameters = {{.name = "curvature_per_m", .typical = 0.002, .low = -0.02, .high = 0.02}}};
+        .parameters = {{.name = "curvature_per_m", .typical = 0.002, .low = -0.5, .high = 0.5}}};
     return value;
   }
 

@@ -27,7 +27,7 @@ class RangeOffset final : public Effect {
         .source = "physics catalogue R1 (derived)",
         .visible_by = "nothing in the recording itself: alpha_0 takes it up exactly, in every design",
         .settled_by = "measure the landmarks with a calliper, or read a flat board at a taped distance",
-        .parameters = {{.name = "offset_m", .typical = 0.005, .low = -0.05, .high = 0.05}}};
+        .parameters = {{.name = "offset_m", .typical = 0.005, .low = -2.0, .high = 2.0}}};
     return value;
   }
 

@@ -30,7 +30,7 @@ class RangeScale final : public Effect {
         .visible_by = "tape one distance between two landmarks",
         .settled_by = "tape one distance between two landmarks, or the length of the path",
         .parameters = {
-            {.name = "scale", .typical = 0.0015, .low = -0.05, .high = 0.05},
+            {.name = "scale", .typical = 0.0015, .low = -0.9, .high = 0.9},
             {.name = "form", .typical = 1.0, .low = 0.0, .high = 1.0, .linear = false, .discrete = true}}};
     return value;
   }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // N6. The noise enters before the reciprocal: on the spot's place x = f s / d.
 //
-//   cv = sigma_x / x = c d [-], c [1/m],   delta r = cv^2 d = c^2 d^3     [m], skewness about 6 cv
+//   cv = sigma_x / x = c f [-], c [1/m],   delta r = cv^2 f = c^2 f^3     [m], skewness about 6 cv
+//     f the reading without noise [m]
 //
 // The likelihood is exact: x = 1 / y is Gaussian, so c is the sensor's own noise and no parameter of its own.
 // reading() gives the shift of the mean, for signatures: second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: physics
@@ -22,7 +23,7 @@ class ReciprocalNoise final : public Effect {
         .physics =
             "Far readings are skewed to the far side and too long on average: the noise sits on the spot's "
             "place, before the division.",
-        .formula = "cv = c d [-], c [1/m]: delta r = cv^2 d [m], skewness about 6 cv",
+        .formula = "cv = c f [-], c [1/m], f the reading without noise [m]: delta r = cv^2 f [m], skewness about 6 cv",
         .source = "physics catalogue N6 (derived: second moment of 1 / (1 + e))",
         .visible_by = "many repeats at far ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop: skewness grows with distance",
@@ -40,8 +41,8 @@ class ReciprocalNoise final : public Effect {
   bool noise_before_reciprocal() const override { return true; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    const double cv = p[0] * at.d;
-    return {.range = cv * cv * at.d};
+    const double cv = p[0] * at.f;
+    return {.range = cv * cv * at.f};
   }
 };
 

@@ -30,7 +30,7 @@ class StopEffect final : public Effect {
         .kind = EffectKind::dependence,
         .channel = "stop",
         .covariate = "stop",
-        .physics = "The stops scatter more than stated: all landmarks of a stop share an error.",
+        .physics = "The stops scatter otherwise than stated, mostly more: all landmarks of a stop share an error.",
         .formula = "sigma_xy exp(g) [m], sqrt(sigma_heading^2 + sigma_phi^2) [rad] per stop",
         .source = "physics catalogue N3 (derived)",
         .visible_by = "several landmarks at each stop",

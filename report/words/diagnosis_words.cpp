@@ -147,8 +147,8 @@ namespace {
 
 /// "value +- standard deviation"; what is not told from zero by its upper limit, and a lopsided interval by both.
 std::string estimate_in_words(const EffectEstimate& e, double factor) {
-  if (!(e.std_dev > 0.0) || !std::isfinite(e.high95))
-    return with_std(factor * e.estimate, factor * e.std_dev);
+  if (!(e.std_dev > 0.0)) return with_std(factor * e.estimate, std::nullopt);
+  if (!std::isfinite(e.high95)) return with_std(factor * e.estimate, factor * e.std_dev);
   const double above = e.high95 - e.estimate, below = e.estimate - e.low95;
   if (e.low95 == 0.0 && e.estimate < 0.5 * e.std_dev)
     return fmt::format("below {:.2g} (95 %)", factor * e.high95);

@@ -83,8 +83,9 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
                      "or tape one "
                      "distance between two landmarks (known_distances in recording.yaml)";
     case Outcome::unbounded:
-      return pairs ? "record real readings; to try a simulation out, give its readings noise"
-                   : "use --method marginal, or record several repeats at each stop";
+      return pairs || c.method == Method::marginal
+                 ? "record real readings; to try a simulation out, give its readings noise"
+                 : "use --method marginal, or record several repeats at each stop";
     case Outcome::not_converged:
     case Outcome::failed:
       return "try --order 1 and --noise f2, and look for swapped labels or wrong units in the recording";

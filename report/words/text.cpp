@@ -80,8 +80,8 @@ std::string describe(const Counts& counts) {
     if (count > 0) dropped += fmt::format("{}{} {}", dropped.empty() ? "" : ", ", count, reason);
   text += dropped.empty() ? "; none dropped" : "; dropped: " + dropped;
   if (counts.cells_left_out > 0)
-    text += fmt::format("; {} (stop, landmark) cells left out whole, since a limit of the sensor cut them",
-                        counts.cells_left_out);
+    text +=
+        fmt::format("; {} cells left out whole, since a limit of the sensor cut them", counts.cells_left_out);
   return text;
 }
 

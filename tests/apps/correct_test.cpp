@@ -212,5 +212,35 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
   EXPECT_GE(compared, exact.size());
 }
 
+TEST_F(CorrectCommand, AnEmptyFieldThatAnEffectNeedsIsNotTakenForZero) {
+  Calibration calibration = line();
+  calibration.effects["range_eccentricity"] = {{"cosine_m", 0.02}, {"sine_m", 0.0}};
+  const std::string json = save(calibration);
+  const RunResult result = run("correct " + json, "range_m,bearing_rad\n1.1,\n1.1,nan\n1.1,0\n");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_EQ(count_of(result.out, ",,,,missing\n") + count_of(result.out, ",,,missing\n"), 2) << result.out;
+  EXPECT_EQ(count_of(result.out, ",ok"), 1) << result.out;
+  const RunResult degrees = run("correct " + json, "range_m,bearing_rad\n1.1,0.5\n1.1,90\n");
+  EXPECT_EQ(degrees.code, 2);
+  EXPECT_THAT(degrees.err, HasSubstr("row 3, column 'bearing_rad'"));
+  EXPECT_THAT(degrees.err, HasSubstr("radians"));
+}
+
+TEST_F(CorrectCommand, ADistanceThatThePriorDoesNotAllowIsFlagged) {
+  const std::string json = save(line());
+  folder.write("motion.csv", "reading_m,time_s\n0.6,0\n0.61,1\n1.6,2\n");  // 1, 1.02 and 3 m
+  const RunResult motion =
+      run("correct " + json + " " + folder.file("motion.csv") + " --prior motion --speed 0.1");
+  ASSERT_EQ(motion.code, 0) << motion.err;
+  EXPECT_EQ(count_of(motion.out, ",ok,"), 2) << motion.out;
+  EXPECT_THAT(motion.out, HasSubstr("1.6,3.0"));
+  EXPECT_EQ(count_of(motion.out, ",against_prior,"), 1) << motion.out;
+  // f ends at 2.1 m, s = 1 cm: five standard deviations beyond, no distance explains the reading
+  EXPECT_THAT(run("correct " + json + " --prior uniform", "2.15\n").out, HasSubstr("2.15,,,,out_of_range"));
+  const RunResult half = run("correct " + json + " --prior map", "reading_m,prior_m,prior_sigma_m\n1.1,2,\n");
+  EXPECT_EQ(half.code, 2);
+  EXPECT_THAT(half.err, HasSubstr("prior_sigma_m"));
+}
+
 }  // namespace
 }  // namespace rangecal::test

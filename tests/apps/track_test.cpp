@@ -367,6 +367,24 @@ TEST(TrackCommand, NamesTheBatchCommandThatEstimatesTheStops) {
   EXPECT_EQ(run("calibrate " + rec + " --method marginal").code, 0);
 }
 
+TEST(TrackCommand, TakesNoReadingBeyondTheSensorOfTheRecordingNamed) {
+  const TemporaryFolder folder;
+  const std::string field = shipped("field-layout");
+  std::string rows = slurp(field + "/observations.csv");
+  const std::size_t begin = rows.find('\n', 20000) + 1, end = rows.find('\n', begin);
+  std::string far = rows.substr(begin, end - begin);  // stop, landmark, repeat, range, bearing
+  std::size_t comma = 0;
+  for (int i = 0; i < 3; ++i) comma = far.find(',', comma) + 1;
+  far.replace(comma, far.find(',', comma) - comma, "65.535");
+  rows.replace(begin, end - begin, far);
+  folder.write("stream.csv", rows);
+  const RunResult result =
+      run("track " + folder.file("stream.csv") + " --stops " + field + " -o " + folder.file("out.csv"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("1 above range_max_m"));
+  EXPECT_THAT(result.out, HasSubstr("499 used"));
+}
+
 TEST(TrackCommand, RefusesLandmarksThatItCannotPlace) {
   const TemporaryFolder folder;
   const std::string header_line = "stop,landmark,range_m,bearing_rad";

@@ -92,6 +92,17 @@ TEST(Usage, TooFewReadingsAreNoBadInput) {
   folder.write("pairs.csv", "true_m,reading_m\n1,1.01\n2,2.02\n");
   for (const char* command : {"calibrate ", "diagnose "})
     EXPECT_EQ(run(command + folder.path()).code, 1) << command;
+  const TemporaryFolder landmarks;  // every reading in millimetres, beyond what the sensor reads
+  std::filesystem::copy(
+      shipped("field-layout"), landmarks.path(),
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  landmarks.write("observations.csv",
+                  "stop,landmark,repeat,range_m,bearing_rad\n0,A,0,704,1\n0,B,0,1678,-0.3\n1,A,0,712,1.4\n");
+  for (const char* command : {"calibrate ", "diagnose "}) {
+    const RunResult result = run(command + landmarks.path());
+    EXPECT_EQ(result.code, 1) << command << result.err;
+    EXPECT_THAT(result.out + result.err, HasSubstr("3 of 3 readings lie above range_max_m")) << command;
+  }
 }
 
 TEST(Usage, DistancesInMillimetresAreAskedAbout) {

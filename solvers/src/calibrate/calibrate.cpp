@@ -3,9 +3,11 @@
 
 #include <fmt/core.h>
 
+#include <utility>
+
 #include "calibrate/landmarks_job.hpp"
-#include "calibrate/unit_doubt.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/calibrate/doubts.hpp"
 
 namespace rangecal {
 
@@ -53,8 +55,8 @@ CalibrationReport calibrate_report(std::span<const Recording> recordings, const 
     calibrate_pairs(recordings, options, report);
   else
     calibrate_landmarks(recordings, options, report);
-  const std::string doubt = report.calibrations.empty() ? "" : unit_doubt(report.calibrations.back());
-  if (!doubt.empty()) report.notes.push_back(doubt);
+  for (std::string& doubt : doubts(recordings, report.calibrations.back()))
+    report.notes.push_back(std::move(doubt));
   return report;
 }
 

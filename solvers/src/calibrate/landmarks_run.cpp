@@ -6,6 +6,7 @@
 
 #include "calibrate/noise_shapes.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/nlopt/joint_check.hpp"
 
 namespace rangecal {
@@ -163,6 +164,13 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   }
   if (job.problem.landmark_count() < 3)
     report.notes.push_back("fewer than 3 landmarks: a moved landmark or a wrong label would go unnoticed");
+  const int lowest = options.order.value_or(1);
+  if (const auto exact =
+          order_without_noise(job.problem, lowest, options.order.value_or(options.max_order))) {
+    for (Method method : methods)
+      report.calibrations.push_back(named(job, method, Outcome::unbounded, without_noise(*exact)));
+    return;
+  }
   const auto [order, law] = job.choose_model(report.models);
   Run run(job, order, law);
   for (Method method : methods) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "rangecal/core/errors.hpp"
 
@@ -37,7 +38,7 @@ int index_of(const Items& items, const std::string& label) {
 std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& corrector, double reading_m,
                                                        const ReadingSetting& setting,
                                                        bool maximum_likelihood) {
-  if (const std::string why = why_unusable(reading_m); !why.empty())
+  if (const std::string why = setting.complete ? why_unusable(reading_m) : "missing"; !why.empty())
     return {{std::nullopt, std::nullopt, 0, why}};
   const Correction found = corrector.correct(reading_m, setting);
   std::vector<CorrectionRoot> roots = maximum_likelihood ? found.maximum_likelihood : found.least_squares;
@@ -49,9 +50,9 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
     return {{std::nullopt, std::nullopt, 0, "out_of_range"}};
   }
   std::vector<CorrectionCandidate> candidates;
+  const char* flag = found.least_squares.empty() ? "out_of_range" : roots.size() > 1 ? "ambiguous" : "";
   for (std::size_t i = 0; i < roots.size(); ++i)
-    candidates.push_back(
-        candidate_of(roots[i], static_cast<int>(i + 1), roots.size() > 1 ? "ambiguous" : ""));
+    candidates.push_back(candidate_of(roots[i], static_cast<int>(i + 1), flag));
   return candidates;
 }
 
@@ -91,6 +92,15 @@ ReadingSettings reading_settings(const Calibration& calibration, const CsvTable*
     if (at.stop >= 0 && !std::isfinite(at.heading_rad))
       at.heading_rad = calibration.stops[static_cast<std::size_t>(at.stop)].pose.heading_rad;
     if (const auto c = column("repeat")) at.repeat = static_cast<int>(table->number(row, *c).value_or(0.0));
+    for (const EffectCorrector::Need& need : settings.corrector.needs()) {
+      const auto c = column(need.column.c_str());
+      if (!c || need.column == "landmark" || need.column == "stop") continue;
+      const double value = table->number(row, *c).value_or(std::nan(""));
+      const bool heading = need.column == "heading_rad";
+      if ((heading || need.column == "bearing_rad") && std::abs(value) > 2.0 * std::numbers::pi)
+        table->fail(row, *c, "is beyond 2 pi: radians are needed");
+      at.complete = at.complete && (std::isfinite(value) || (heading && std::isfinite(at.heading_rad)));
+    }
     for (const std::string& covariate : covariates)
       at.covariates.push_back(table->number(row, *table->find(covariate)).value_or(std::nan("")));
   }

@@ -18,7 +18,7 @@ namespace {
 
 constexpr int nodes = 16;
 /// Standard deviations from which on no distance explains a reading: noise does that twice in 10^9 readings.
-constexpr double farthest_off = 6.0;
+constexpr double farthest_off = 4.0;
 
 /// Nodes in [-1, 1] and weights of the rule, in the order of the nodes.
 struct Rule {
@@ -71,6 +71,11 @@ class Density {
     const EffectCorrector::Expected expected = corrector_.at(d, setting_);
     return expected.spread_m > 0.0 ? std::abs(y_ - expected.mean_m) / expected.spread_m
                                    : std::numeric_limits<double>::infinity();
+  }
+  /// At d the prior's components give less than the share that is left for surprises.
+  bool is_surprise(double d) const {
+    return !prior_.components.empty() &&
+           log_prior(d) < std::log(2.0 * prior_.surprise / (prior_.high_m - prior_.low_m));
   }
   double log_prior(double d) const {
     const double uniform = 1.0 / (prior_.high_m - prior_.low_m);
@@ -313,6 +318,7 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
   result.high_m = quantile(density, shift, panels, 0.975 * all.mass);
   result.mode_m = mode_near(density, best == 0 ? prior.low_m : node_at(best - 1),
                             best + 1 == log_values.size() ? prior.high_m : node_at(best + 1));
+  result.against_prior = density.is_surprise(result.mode_m);
   result.outcome = Outcome::converged;
   return result;
 }

@@ -75,7 +75,6 @@ std::optional<NoiseLaw> law_within_cells(const Rows& rows) {
 }  // namespace
 
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options) {
-  if (rows.size() < 8) throw NoAnswerError("fewer than 8 usable readings: nothing can be diagnosed");
   Fit best;
   if (options.simulation) {
     const Calibration& given = *options.simulation;

@@ -106,6 +106,7 @@ void Battery::remove_model_directions(const Model& model) {
       Eigen::VectorXd projected = projector_.project(x);
       const double information = projector_.inner(x, projected, x);
       if (information < 1e-9 * raw) continue;
+      x.limit_drift(information);
       const double scale = 1.0 / std::sqrt(information);
       x.scale(scale);
       active_.push_back(x);
@@ -123,8 +124,8 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
   std::vector<Signature> kept;
   std::vector<Eigen::VectorXd> kept_projected;
   const int n = projector_.cells();
-  Signature fitted{
-      Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), {}, {}};  // what a fit takes from the residuals
+  Signature fitted;  // what a fit takes from the residuals
+  fitted.range = fitted.bearing = Eigen::VectorXd::Zero(n);
   for (Signature& x : block) {
     const double raw = projector_.raw_information(x);
     if (!(raw > 0.0)) continue;
@@ -135,6 +136,7 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
     Eigen::VectorXd projected = projector_.project(x);
     const double information = projector_.inner(x, projected, x);
     if (information < 1e-5 * raw) continue;  // the calibration absorbs it
+    x.limit_drift(information);
     const double scale = 1.0 / std::sqrt(information);
     projected *= scale;
     x.scale(scale);
@@ -211,7 +213,7 @@ Battery::Asked Battery::asked_of_rows(Question question, const std::vector<Shape
     for (int c = 0; c < rows_.cell_count; ++c)
       changes[c] = shape.moved[rows_.cell_begin[c]] - shape.at[rows_.cell_begin[c]];
     Signature& x = block.back();
-    x.drift = bearing ? projector_.drift(x, unchanged, changes) : projector_.drift(x, changes, unchanged);
+    projector_.set_drift(bearing ? unchanged : changes, bearing ? changes : unchanged, x);
   }
   return asked_of_mean(std::move(question), std::move(block));
 }

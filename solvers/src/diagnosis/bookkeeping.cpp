@@ -37,6 +37,7 @@ Question question(const char* channel, const char* covariate, const char* shape,
 
 void correct_labels(Recording& recording, Bookkeeping& found) {
   Readings& r = recording.readings;
+  if (r.size() == 0) return;
   const int landmarks = static_cast<int>(recording.landmarks.size());
   std::vector<Eigen::Vector2d> at(r.size());
   std::vector<std::vector<double>> xs(landmarks), ys(landmarks);
@@ -113,20 +114,22 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
     std::vector<double> v(values.begin() + rows.cell_begin[c], values.begin() + rows.cell_begin[c + 1]);
     if (v.size() < 5) continue;
     std::sort(v.begin(), v.end());
-    double smallest = 1e9, mean = 0.0, square = 0.0;
+    double smallest = 1e9, smallest_inverse = 1e9, mean = 0.0, square = 0.0;
     for (std::size_t i = 1; i < v.size(); ++i) {
       all += 1.0;
       const double gap = v[i] - v[i - 1];
-      if (gap < 1e-7 * (1.0 + std::abs(v[i])))
+      if (gap < 1e-7 * (1.0 + std::abs(v[i]))) {
         same += 1.0;
-      else
-        smallest = std::min(smallest, gap);
+        continue;
+      }
+      smallest = std::min(smallest, gap);
+      smallest_inverse = std::min(smallest_inverse, gap / std::abs(v[i] * v[i - 1]));  // of 1/r
     }
     for (double x : v) mean += x / static_cast<double>(v.size());
     for (double x : v) square += (x - mean) * (x - mean) / static_cast<double>(v.size());
     if (smallest < 1e8) {
       steps.push_back(smallest);
-      inverse_steps.push_back(smallest / (mean * mean));
+      inverse_steps.push_back(smallest_inverse);
       if (square > 0.0) ratios.push_back(smallest / std::sqrt(square));
     }
   }

@@ -9,7 +9,6 @@
 #include <numeric>
 #include <string_view>
 
-#include "calibrate/unit_doubt.hpp"
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
@@ -18,6 +17,7 @@
 #include "diagnosis/search.hpp"
 #include "diagnosis/simulation_compare.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -102,6 +102,18 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
   return simulate(model, seed_from("simulated_by", {}));
 }
 
+/// Throws NoAnswerError where nothing can be tested: too few readings, or readings without noise.
+void require_testable(const diagnosis::Rows& rows, std::span<const Recording> recordings) {
+  constexpr int highest = 4;
+  if (rows.size() < 8) {
+    const std::string doubt = limit_doubt(recordings);
+    throw NoAnswerError("fewer than 8 usable readings: nothing can be diagnosed" +
+                        (doubt.empty() ? "" : "; " + doubt));
+  }
+  const std::optional<int> order = rows.pairs ? std::nullopt : order_without_noise(rows.problem, 1, highest);
+  if (order) throw NoAnswerError(without_noise(*order));
+}
+
 /// Range residuals far too long in the tails for a normal law.
 bool outliers_stand_out(const diagnosis::Battery& battery) {
   return std::any_of(battery.questions.begin(), battery.questions.end(), [](const diagnosis::Question& q) {
@@ -121,6 +133,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
   Bookkeeping known = correct_labels(corrected);
   Rows rows = make_rows(corrected);
+  require_testable(rows, recordings);
   if (options.simulation) rows.alpha_prior = alpha_prior_of(*options.simulation);
   const Bookkeeping gaps = find_grids_and_gaps(rows);
   known.model.insert(known.model.end(), gaps.model.begin(), gaps.model.end());
@@ -165,7 +178,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   Diagnosis result = assemble_report(rows, recordings, found);
   for (Explanation& e : result.explanations)
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
-  if (const std::string doubt = unit_doubt(result.corrected); !doubt.empty()) result.notes.push_back(doubt);
+  for (std::string& doubt : doubts(recordings, result.corrected)) result.notes.push_back(std::move(doubt));
   const std::optional<GenericModel> generic = add_generic(rows, found, result);
   const Fit* curve = generic ? &generic->fit : nullptr;
   // What is shown as the completed model: where no curve stands for what a partial name leaves, the name's
@@ -185,6 +198,14 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   if (options.force && result.sentence.starts_with(found_by_search))
     result.sentence = fmt::format("Fitted as asked: {} The seed model's residuals have p = {:.2g}.",
                                   result.sentence.substr(found_by_search.size()), result.alarm_p_value);
+  if (curve) {  // no name to correct by, but the noise is that of the completed model
+    const Calibration completed = calibration_of(rows, recordings, *curve);
+    result.corrected.alpha = completed.alpha;
+    result.corrected.alpha_covariance = completed.alpha_covariance;
+    result.corrected.noise = completed.noise;
+    result.corrected.noise_estimates = completed.noise_estimates;
+    result.corrected.sigma_theta_rad = completed.sigma_theta_rad;
+  }
   if (options.simulation && result.verdict == Verdict::no_mismatch)
     result.sentence = "No mismatch: the simulation accounts for this recording within its noise.";
   if (options.progress) options.progress("done", 1.0);

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -162,6 +163,8 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
         estimate.low95 = own->low;
         estimate.high95 = own->high;
       }
+      if (estimate.std_dev == 0.0)  // chosen from a list, or read off the values: its error is not known
+        estimate.std_dev = estimate.low95 = estimate.high95 = std::numeric_limits<double>::quiet_NaN();
       estimates.push_back(estimate);
     }
   }

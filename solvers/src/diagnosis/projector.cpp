@@ -33,15 +33,27 @@ void Signature::scale(double factor) {
   range_rows *= factor;
   bearing_rows *= factor;
   drift *= factor;
+  follows *= factor;
 }
 
 void Signature::take_out(double share, const Signature& other) {
   range -= share * other.range;
   bearing -= share * other.bearing;
   drift -= share * other.drift;
+  turns = turns || other.turns;
+  if (follows.size() == 0)
+    follows = -share * other.follows;
+  else if (other.follows.size() > 0)
+    follows -= share * other.follows;
   if (!within() || !other.within()) return;
   range_rows -= share * other.range_rows;
   bearing_rows -= share * other.bearing_rows;
+}
+
+void Signature::limit_drift(double information) {
+  constexpr double most = 0.2;  // standard deviations of the score
+  if (follows.size() == 0 || follows.cwiseAbs2().maxCoeff() <= most * most * information) return;
+  turns = true;
 }
 
 Projector::Projector(const Rows& rows, const WorkingProblem& working, const JointState& state)
@@ -101,14 +113,20 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   // Effects that change fast with distance leave the calibration a little off its optimum when the readings
   // are corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
   Eigen::VectorXd pull = -system_.global_gradient();
+  const auto settle = [&](Eigen::VectorXd& range, Eigen::VectorXd& bearing) {
+    pull.tail(pull.size() - phi).setZero();
+    const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
+    const Eigen::VectorXd step = phi_factor_ * (pull - system_.couple(settled));
+    const Signature moved = of_calibration(step, settled + system_.back_substitute(step, false));
+    range -= moved.range;
+    if (!rows.pairs) bearing -= moved.bearing;
+  };
+  plain_range_ = range_residual;
+  plain_bearing_ = bearing_residual;
+  settle(plain_range_, plain_bearing_);
   if (!rows.pairs && c.bend.empty())
     pull -= expect_scores();  // a fast bend has no second derivative to go by
-  pull.tail(pull.size() - phi).setZero();
-  const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
-  const Eigen::VectorXd step = phi_factor_ * (pull - system_.couple(settled));
-  const Signature moved = of_calibration(step, settled + system_.back_substitute(step, false));
-  range_residual -= moved.range;
-  if (!rows.pairs) bearing_residual -= moved.bearing;
+  settle(range_residual, bearing_residual);
 }
 
 Projector::Pulls Projector::pulls(const Signature& x) const {
@@ -178,9 +196,10 @@ double Projector::inner(const Signature& x, const Eigen::VectorXd& projected_y, 
 }
 
 double Projector::score(const Signature& x) const {
-  double sum = x.range.cwiseProduct(range_information).dot(range_residual) +
-               x.bearing.cwiseProduct(bearing_information).dot(bearing_residual);
-  if (!moved_.empty())
+  const bool plain = x.turns || moved_.empty();
+  double sum = x.range.cwiseProduct(range_information).dot(plain ? plain_range_ : range_residual) +
+               x.bearing.cwiseProduct(bearing_information).dot(plain ? plain_bearing_ : bearing_residual);
+  if (!plain)
     sum -= x.range.cwiseProduct(range_information).dot(expected_.range) +
            x.bearing.cwiseProduct(bearing_information).dot(expected_.bearing) + x.drift;
   if (x.within())

@@ -15,11 +15,16 @@ namespace rangecal::diagnosis {
 struct Signature {
   Eigen::VectorXd range, bearing;
   Eigen::VectorXd range_rows, bearing_rows;
-  double drift = 0.0;  ///< of its score, what follows the errors of the stops
+  double drift = 0.0;       ///< of its score, what follows the errors of the stops
+  Eigen::VectorXd follows;  ///< the cells' parts of it; empty: none
+  bool turns = false;       ///< turns over within the error of a stop: no expectation is known of its score
   bool within() const { return range_rows.size() > 0; }
   void scale(double factor);
   /// Less `share` of the other; of the rows' deviations only where both have them.
   void take_out(double share, const Signature& other);
+  /// It turns, too, where one cell alone moves a score of this information too far to be taken to first
+  /// order: beside a kink, or where two of a block's shapes nearly cancel.
+  void limit_drift(double information);
 };
 
 /// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely,
@@ -37,7 +42,8 @@ class Projector {
   Eigen::VectorXd project(const Signature& x) const;
   /// x^T P y given P y (and the rows' deviations of both).
   double inner(const Signature& x, const Eigen::VectorXd& projected_y, const Signature& y) const;
-  /// x^T W r for the residuals of the working problem at `state`, less its expectation.
+  /// x^T W r for the residuals of the working problem at `state`, less its expectation. Where that is not
+  /// known none is taken off, nor off the calibration's own scores, of which x may be made up nearly whole.
   double score(const Signature& x) const;
   /// x^T W x: the information before projection.
   double raw_information(const Signature& x) const;
@@ -61,8 +67,9 @@ class Projector {
   /// null where all stops are exact.
   const CellGeometry* moved(bool by_bearing) const { return moved_.empty() ? nullptr : &moved_[by_bearing]; }
   /// What follows the stops in the score of x, which changes by `range` and `bearing` where cells are moved
-  /// by theirs. 0 where x turns over within the error of a stop: its slope averages out, and would be noise.
-  double drift(const Signature& x, const Eigen::VectorXd& range, const Eigen::VectorXd& bearing) const;
+  /// by theirs. None where x turns over within the error of a stop: its slope averages out, and would be
+  /// noise.
+  void set_drift(const Eigen::VectorXd& range, const Eigen::VectorXd& bearing, Signature& x) const;
 
   /// Where the stops are estimated, less where the model means them to be: (dx, dy, dh).
   const std::vector<Eigen::Vector3d>& stop_errors() const { return stop_errors_; }
@@ -87,7 +94,8 @@ class Projector {
   JointSystem system_;
   Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
   std::vector<Eigen::Vector3d> stop_errors_;
-  Signature expected_;  ///< m: the residuals that are expected
+  Signature expected_;                           ///< m: the residuals that are expected
+  Eigen::VectorXd plain_range_, plain_bearing_;  ///< residuals at the optimum of F itself, no expectation off
   std::vector<CellGeometry> moved_;
   double step_ = 1.0;
   std::vector<Eigen::Vector2d> curving_;  ///< sum over cells of W H C J^T, by stop

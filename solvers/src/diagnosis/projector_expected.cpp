@@ -95,11 +95,11 @@ Eigen::VectorXd Projector::expect_scores() {
   return of_globals;
 }
 
-double Projector::drift(const Signature& x, const Eigen::VectorXd& range,
-                        const Eigen::VectorXd& bearing) const {
+void Projector::set_drift(const Eigen::VectorXd& range, const Eigen::VectorXd& bearing, Signature& x) const {
   constexpr double most_noise = 0.05;  // variance that the slopes' own spread may add to the score's
-  const Eigen::VectorXd of_cells = (range + bearing) / step_;
-  return of_cells.squaredNorm() > most_noise * raw_information(x) ? 0.0 : of_cells.sum();
+  x.follows = (range + bearing) / step_;
+  x.turns = x.follows.squaredNorm() > most_noise * raw_information(x);
+  x.drift = x.follows.sum();
 }
 
 }  // namespace rangecal::diagnosis

@@ -280,6 +280,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     for (const FreeParameter& p : fit.free)
       if (p.acts == FreeParameter::Acts::numeric) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
 
+  bool searched = numeric > 0;  // since `detail` was told
   double damping = 1.0;
   for (int iteration = 0; iteration < options.max_iterations && n > 0; ++iteration) {
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
@@ -309,11 +310,16 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
         fit.state = state;
         fit.nll = value;
         detail = trial_detail;
+        searched = false;
         damping = std::min(1.0, 2.5 * damping);
         break;
       }
     }
     if (!accepted) break;
+  }
+  if (searched) {
+    JointState state = fit.state;
+    calibrate_under(rows, fit.model, state, options, &detail);
   }
   const int alphas = static_cast<int>(fit.state.alpha.size());
   if (detail.covariance) {

@@ -95,12 +95,13 @@ void ScalarTests::ask_rows(const std::string& channel, const Eigen::VectorXd& ro
 }
 
 void ScalarTests::ask_stops(const Eigen::VectorXd& shifts, std::vector<ScalarTest>& tests) const {
-  double excess = 0.0, variance = 0.0, product = 0.0, product_variance = 0.0;
+  double squares = 0.0, shares = 0.0, variance = 0.0, product = 0.0, product_variance = 0.0;
   Eigen::Vector2d before = Eigen::Vector2d::Zero();
   double before_share = 0.0;
   for (const Node& node : nodes_) {
     const Eigen::Vector2d error = node.unit * shifts.segment<2>(node.coordinate);
-    excess += 0.5 * (error.squaredNorm() - 2.0 * node.share);
+    squares += 0.5 * error.squaredNorm();
+    shares += node.share;
     variance += node.share * node.share;
     if (before_share > 0.0) {
       product += error.dot(before);
@@ -110,9 +111,11 @@ void ScalarTests::ask_stops(const Eigen::VectorXd& shifts, std::vector<ScalarTes
     before_share = node.share;
   }
   if (!(variance > fewest_stops)) return;
-  // Degrees of freedom 2 variance: the cube root makes the sum of squares normal (Wilson and Hilferty 1931).
-  const double ratio = std::max(1e-9, 1.0 + excess / variance), k = 2.0 / (9.0 * 2.0 * variance);
-  tests.push_back({"stop", "stop", "spread", (std::cbrt(ratio) - 1.0 + k) / std::sqrt(k), excess / variance});
+  // The sum of squares has the mean and variance of a scaled chi-square's with 2 shares^2 / variance degrees of
+  // freedom (Satterthwaite 1946), and its cube root is normal (Wilson and Hilferty 1931).
+  const double k = variance / (9.0 * shares * shares), excess = (squares - shares) / variance;
+  tests.push_back({"stop", "stop", "spread", (std::cbrt(squares / shares) - 1.0 + k) / std::sqrt(k),
+                   std::max(-1.0, excess)});
   if (product_variance > fewest_stops)
     tests.push_back(
         {"stop", "stop", "lag 1", product / std::sqrt(product_variance), product / product_variance});

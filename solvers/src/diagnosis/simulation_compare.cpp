@@ -188,26 +188,29 @@ void compare_noise(const Calibration& simulation, const Calibration& own, Diagno
 
 namespace {
 
-/// The simulations' own fit of the seed model, and whether it is all there is in them.
-struct SimulationFit {
+/// The seed model fitted to recordings.
+struct SeedFit {
   Rows rows;
   Fit fit;
   Calibration calibration;
-  bool clean = false;
 };
 
-SimulationFit fit_simulation(std::span<const Recording> simulation, const DiagnoseOptions& options) {
-  SimulationFit s;
-  s.rows = make_rows(simulation);
+SeedFit seed_fit(std::span<const Recording> recordings, const DiagnoseOptions& options) {
+  SeedFit s;
+  s.rows = make_rows(recordings);
   RefitOptions refit_options;
   DiagnoseOptions own = options;
   own.simulation.reset();
   s.fit = fit_baseline(s.rows, own, refit_options);
-  s.calibration = calibration_of(s.rows, simulation, s.fit);
+  s.calibration = calibration_of(s.rows, recordings, s.fit);
+  return s;
+}
+
+/// The seed model is all there is in them.
+bool is_clean(const SeedFit& s, const DiagnoseOptions& options) {
   Battery battery(s.rows, {}, s.fit.state);
   battery.calibrate(options.null_draws, 1);
-  s.clean = battery.alarm_p() >= options.alarm_rate && find_grids_and_gaps(s.rows).model.empty();
-  return s;
+  return battery.alarm_p() >= options.alarm_rate && find_grids_and_gaps(s.rows).model.empty();
 }
 
 void check_labels(std::span<const Recording> recordings, std::span<const Recording> simulation) {
@@ -236,26 +239,13 @@ void acquit(Diagnosis& result, const std::string& note) {
 
 constexpr double confirm_rate = 0.01;  ///< of the one question whether a finding is in both
 
-/// Spread of the recording's noise, from that of its difference from a simulation and the simulation's own.
-Estimate without_simulation(const Estimate& difference, const Estimate& simulation) {
-  const double own =
-      std::sqrt(std::max(0.0, difference.value * difference.value - simulation.value * simulation.value));
-  if (!(own > 0.0) || !difference.std_dev) return {own, std::nullopt};
-  return {own, std::hypot(difference.value * *difference.std_dev,
-                          simulation.value * simulation.std_dev.value_or(0.0)) /
-                   own};
-}
-
-/// The recordings' noise level against the simulation's, from the noise of their difference.
-void compare_noise_of_difference(const Calibration& simulation, Diagnosis& result) {
-  Calibration own = result.corrected;
-  if (own.noise_estimates.size() == 1 && simulation.noise_estimates.size() == 1)
-    own.noise_estimates[0] = without_simulation(own.noise_estimates[0], simulation.noise_estimates[0]);
-  if (own.sigma_theta_rad && simulation.sigma_theta_rad)
-    own.sigma_theta_rad = without_simulation(*own.sigma_theta_rad, *simulation.sigma_theta_rad);
-  const Verdict before = result.verdict;
-  compare_noise(simulation, own, result);
-  if (result.verdict != before) result.sentence = verdict_sentence(result);
+/// The recordings' noise level against the simulation's where nothing else is amiss, each by the seed model:
+/// what both share inflates both alike.
+void compare_noise_levels(std::span<const Recording> recordings, const Calibration& simulation,
+                          const DiagnoseOptions& options, Diagnosis& result) {
+  if (result.verdict != Verdict::no_mismatch) return;
+  compare_noise(simulation, seed_fit(recordings, options).calibration, result);
+  if (result.verdict != Verdict::no_mismatch) result.sentence = verdict_sentence(result);
 }
 
 /// ln p of the effects' gain, fitted to one recording whatever the battery says; none where they cannot be
@@ -322,7 +312,8 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
                            const DiagnoseOptions& options) {
   using namespace diagnosis;
   check_labels(recordings, simulation);
-  const SimulationFit fitted = fit_simulation(simulation, options);
+  const SeedFit fitted = seed_fit(simulation, options);
+  const bool clean = is_clean(fitted, options);
   std::vector<Recording> differences;
   int first_stop = 0, first_landmark = 0;
   if (recordings.size() == simulation.size())
@@ -345,9 +336,9 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
   of_difference.simulation->noise.parameters *= std::numbers::sqrt2;
   of_difference.simulation->sigma_theta_rad.reset();
 
-  if (fitted.clean || !match) {
+  if (clean || !match) {
     Diagnosis result = diagnose(recordings, against);
-    if (!fitted.clean)
+    if (!clean)
       result.notes.insert(result.notes.begin(),
                           "the simulation departs from the seed model itself, and its layout is not the "
                           "recording's: what both share may be named");
@@ -376,7 +367,7 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
   }
 
   Diagnosis result = diagnose_difference(recordings, simulation, differences, of_difference, options);
-  if (!options.force) compare_noise_of_difference(fitted.calibration, result);
+  if (!options.force) compare_noise_levels(recordings, fitted.calibration, options, result);
   return result;
 }
 

@@ -226,7 +226,7 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
       if (of_range) range_changes[c] -= range;
       if (of_bearing) bearing_changes[c] -= bearing;
     }
-    x.drift = projector.drift(x, range_changes, bearing_changes);
+    projector.set_drift(range_changes, bearing_changes, x);
   }
   if (active.effect->acts_on_stops()) {
     // The path as it is estimated: what scales or turns the path and all landmarks with it is absorbed along

@@ -261,6 +261,9 @@ PairsFit fit_pairs(const PairsProblem& problem, const PairsOptions& options, Met
     PairsFit fit = empty_fit(problem, method);
     fit.calibration.outcome = Outcome::too_few_data;
     fit.calibration.reason = "no readings";
+    for (const auto& [why, count] : problem.counts.dropped)
+      fit.calibration.reason =
+          fmt::format("none of {} readings can be used, {} are {}", problem.counts.read, count, why);
     return fit;
   }
   if (options.shape != NoiseShape::automatic) return fit_shape_orders(problem, options, method);

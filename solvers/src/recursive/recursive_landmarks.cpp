@@ -173,7 +173,6 @@ std::size_t RecursiveLandmarks::cell_of(int landmark) {
 }
 
 bool RecursiveLandmarks::add(const LandmarkReading& reading) {
-  count_up(counts_.read);
   const double range = reading.range_m, bearing = reading.bearing_rad;
   const char* reason = std::isnan(range) || std::isnan(bearing)           ? "missing"
                        : !std::isfinite(range) || !std::isfinite(bearing) ? "not finite"
@@ -181,9 +180,10 @@ bool RecursiveLandmarks::add(const LandmarkReading& reading) {
                        : range < 0.0                                      ? "negative"
                                                                           : nullptr;
   if (reason) {
-    count_up(counts_.dropped[reason]);
+    drop(reason);
     return false;
   }
+  count_up(counts_.read);
   if (!(reading.radius_m >= 0.0 && std::isfinite(reading.radius_m)))
     throw InputError("landmark '" + reading.landmark + "': its radius is negative or not finite");
   if (held_labels_.empty() || held_labels_.back() != reading.stop.label) open_stop(reading.stop);
@@ -203,6 +203,11 @@ bool RecursiveLandmarks::add(const LandmarkReading& reading) {
   ++used_;
   count_up(counts_.used);
   return true;
+}
+
+void RecursiveLandmarks::drop(const std::string& reason) {
+  count_up(counts_.read);
+  count_up(counts_.dropped[reason]);
 }
 
 RecursiveBearings::Line RecursiveLandmarks::line_of(std::size_t cell) const {

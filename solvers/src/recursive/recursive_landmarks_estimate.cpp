@@ -179,7 +179,10 @@ RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(int order) const {
   MarginalFit fit;
   for (const JointOptions& joint_options : {JointOptions{}, with_sigmas_held}) {
     const JointFit joint = solve_joint_block(held_, *start, joint_options);
-    if (joint.outcome != Outcome::converged) continue;
+    if (joint.outcome != Outcome::converged) {
+      if (fit.reason.empty()) fit.reason = joint.reason;
+      continue;
+    }
     fit = solve_marginal(held_, joint.state, {});
     if (fit.outcome == Outcome::converged) break;
   }

@@ -91,8 +91,8 @@ std::string statement_of(const LeaningFit& fit) {
   if (!fit.tilt_seen)
     return fit.tilt.high95 < largest_tilt_rad
                ? fmt::format(
-                     "The plane is level to {:.1f} degrees (95 %). In a level plane no design sees a "
-                     "cylinder's lean, and none does harm.",
+                     "The plane is level to {:.1f} degrees (95 %). A cylinder's lean is seen, and does harm, "
+                     "in a tilted plane only.",
                      fit.tilt.high95 * degrees)
                : "This design does not see a tilt of the plane: it passes for a change of the curve. So no "
                  "cylinder's lean is seen either. "

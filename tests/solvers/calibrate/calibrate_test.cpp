@@ -7,10 +7,12 @@
 #include <cmath>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate/residual_check.hpp"
 #include "rangecal/solvers/calibrate/truth_score.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "support/paper_scene.hpp"
 
 namespace rangecal {
@@ -67,6 +69,26 @@ TEST(Calibrate, StopsInMillimetresAreAskedAbout) {
   const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
   ASSERT_EQ(report.notes.size(), 1u);
   EXPECT_THAT(report.notes[0], HasSubstr("stops (or taped distances) are in another unit"));
+}
+
+TEST(Calibrate, ReadingsWithoutNoiseAreCalledThat) {
+  Scene scene = scene_with(10, around, 3);
+  Recording recording = simulate(scene, seed_from("exact"));
+  for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+    const Pose2& pose = recording.stops[static_cast<std::size_t>(recording.readings.stop[i])].commanded;
+    const Eigen::Vector2d away = around[static_cast<std::size_t>(recording.readings.landmark[i])] -
+                                 Eigen::Vector2d(pose.x_m, pose.y_m);
+    recording.readings.range_m[i] = evaluate_polynomial(scene.alpha, away.norm());
+    recording.readings.bearing_rad[i] = std::atan2(away.y(), away.x()) - pose.heading_rad;
+  }
+  const CalibrationReport report = calibrate_report(std::span(&recording, 1));
+  for (const Calibration& c : report.calibrations) {
+    EXPECT_EQ(c.outcome, Outcome::unbounded) << to_string(c.method);
+    EXPECT_THAT(c.reason, HasSubstr("order 2"));
+  }
+  ASSERT_EQ(report.notes.size(), 2u);  // ranges, bearings
+  EXPECT_THAT(report.notes[1], HasSubstr("every bearing"));
+  EXPECT_THROW(diagnose(std::span(&recording, 1)), NoAnswerError);
 }
 
 TEST(Calibrate, OrderAndLawAreChosenByAic) {

@@ -5,14 +5,17 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
 #include "diagnosis/working.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "support/add_reading.hpp"
+#include "support/paper_scene.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -190,6 +193,37 @@ TEST(ExpectedScores, OfHundredsOfStopsRaiseNoAlarm) {
     alarms += diagnose(recordings, options).verdict != Verdict::no_mismatch;
   }
   EXPECT_LE(alarms, 1);
+}
+
+/// Twenty stops on a circle, turning as they go, five cylinders around, one reading each.
+Recording circle(std::uint64_t seed) {
+  rangecal::Scene scene = rangecal::testing::paper_scene();
+  scene.alpha = Eigen::Vector3d(0.05, 0.9, 0.05);
+  scene.noise.parameters[0] = 0.008;
+  scene.sensor.range_min_m = 0.1;
+  scene.sensor.range_max_m = 10.0;
+  scene.sigma_xy_m = 0.01;
+  const auto rounded = [](double x) { return std::round(1e4 * x) / 1e4; };
+  for (int k = 0; k < 20; ++k) {
+    const double t = 2.0 * std::numbers::pi * k / 20.0;
+    rangecal::testing::add_stop(scene, {rounded(1.5 + 1.2 * std::cos(t)), rounded(1.2 * std::sin(t)),
+                                        rounded(std::fmod(3.0 * t, 2.0 * std::numbers::pi))});
+  }
+  for (const auto& [x, y] : {std::pair{0.3, 2.1}, {2.6, 2.4}, {3.4, -1.9}, {-0.6, -1.8}, {1.4, -2.6}}) {
+    scene.landmarks.push_back({std::string(1, static_cast<char>('A' + scene.landmarks.size())), 0.1, {}});
+    scene.positions.emplace_back(x, y);
+  }
+  scene.repeats = 1;
+  return simulate(scene, seed);
+}
+
+TEST(ExpectedScores, AreLeftAloneWhereAShapeTurnsOver) {
+  // Seed 161 alarmed with p = 7e-73: near_regime below a limit that few cells reach, whose expectation was
+  // dropped while that of the calibration's own scores, which nearly make it up, was not.
+  const Recording recording = circle(161);
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  EXPECT_GT(diagnose(std::span(&recording, 1), options).alarm_p_value, 1e-3);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@ struct ReadingSetting {
   double radius_m = std::numeric_limits<double>::quiet_NaN();     ///< of the landmark
   int landmark = -1, stop = -1, repeat = 0;  ///< landmark, stop: indices into the calibration's lists
   std::vector<double> covariates;            ///< by the names given to EffectCorrector
+  bool complete = true;  ///< false: a field is empty that an effect of the calibration needs
 };
 
 /// Undoes the effects of a calibration: with delta r and v what the effects do to mean and log variance of a reading,

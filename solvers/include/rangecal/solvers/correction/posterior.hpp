@@ -32,7 +32,7 @@ struct PosteriorRoot {
 };
 
 struct DistancePosterior {
-  /// converged; failed: no distance of [low, high] lets the reading lie within 6 standard deviations of what
+  /// converged; failed: no distance of [low, high] lets the reading lie within 4 standard deviations of what
   /// is read there
   Outcome outcome = Outcome::failed;
   std::string reason;
@@ -40,6 +40,7 @@ struct DistancePosterior {
   double low_m = 0.0, high_m = 0.0;  ///< 95 % interval: 2.5 % of the probability below, 2.5 % above
   std::vector<PosteriorRoot> roots;  ///< ascending in distance
   double log_evidence = 0.0;         ///< log of the integral of prior times likelihood [nats]
+  bool against_prior = false;  ///< the mode stands on the share that is left for surprises, not on what was expected
 };
 
 /// Which distance is behind a reading y, the question that 2016 section 5.2.2 leaves open, by Bayes' rule:

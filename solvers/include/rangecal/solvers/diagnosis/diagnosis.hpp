@@ -40,6 +40,7 @@ struct Finding {
 
 struct EffectEstimate {
   std::string name;  ///< "range_eccentricity.amplitude_m"
+  /// NaN beside the estimate where it was chosen from a list, or read off the values
   double estimate = 0.0, std_dev = 0.0, low95 = 0.0, high95 = 0.0;
 };
 

@@ -89,6 +89,9 @@ class RecursiveLandmarks {
   /// `consistent`.
   std::vector<LandmarkFromBearings> from_bearings() const;
 
+  /// Counts a reading that the caller has a reason not to use.
+  void drop(const std::string& reason);
+
   const RecursiveLandmarksOptions& options() const { return options_; }
   const Counts& counts() const { return counts_; }
   std::int64_t used() const { return used_; }    ///< readings
