@@ -173,8 +173,9 @@ TEST(Posterior, AReadingThatNoDistanceExplainsHasNone) {
   const Calibration c =
       calibration_of(Eigen::Vector2d(0.0, 1.0), NoiseLaw::f_squared, 0.002, 0.5, 5.0);  // s(0.5 m) = 0.5 mm
   const EffectCorrector corrector(c, {});
-  EXPECT_EQ(distance_posterior(corrector, 0.4975, {}).outcome, Outcome::converged);  // 5 s
-  EXPECT_LT(distance_posterior(corrector, 0.4975, {}).high_m, 0.51);
+  EXPECT_EQ(distance_posterior(corrector, 0.4985, {}).outcome, Outcome::converged);  // 3 s
+  EXPECT_LT(distance_posterior(corrector, 0.4985, {}).high_m, 0.51);
+  EXPECT_EQ(distance_posterior(corrector, 0.4975, {}).outcome, Outcome::failed);  // 5 s
   EXPECT_EQ(distance_posterior(corrector, 0.45, {}).outcome, Outcome::failed);  // 100 s there, 91 s at 5 m
   DistancePrior map;
   map.components = {{1.0, 0.45, 0.05, 0.0}};
