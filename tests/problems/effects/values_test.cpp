@@ -85,7 +85,7 @@ std::vector<Case> cases() {
       {"dropout", {3.0}, {}},  // 45 standard deviations away
       // u = log(2.1 / 1.5) = 0.3364722366: 2 * 0.3364722366 + 0.1132135660
       {"noise_law", {2.0, 1.0}, {.range_log_variance = 0.7861580392}},
-      {"reciprocal_noise", {0.02}, {.range = 0.0032}},  // cv = 0.04: 0.0016 * 2
+      {"reciprocal_noise", {0.02}, {.range = 0.0037044}},  // cv = 0.02 * 2.1 = 0.042: 0.001764 * 2.1
       // n = (0, 1), t = (-1, 0): x = 0.01, 0.009 + 0.05 * 0.0001; -0.02 / 2.12
       {"moved_landmark", {0.02, 0.01, 1.0, 2.0}, {.range = 0.009005, .bearing = -0.02 / 2.12}},
       {"moved_landmark", {0.02, 0.01, 1.0, 4.0}, {}},  // before the move
