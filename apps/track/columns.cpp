@@ -68,7 +68,8 @@ Columns columns_of(const std::string& header, const std::string& file, long line
   }
   if (columns.reading < 0)
     throw InputError(file, line, "",
-                     "there is no column reading_m or range_m, and the first line is no number");
+                     "there is no column reading_m or range_m, and the first line is no number; columns are "
+                     "separated by commas");
   if (columns.truth >= 0)
     columns.stop = columns.landmark = -1;  // known distances: pairs, whatever else there is
   if (columns.landmarks() && columns.bearing < 0)
