@@ -198,6 +198,16 @@ std::string with_poses(const std::string& folder) {
   return text;
 }
 
+/// Calibrates REC at once, to batch.json, and as its readings come, to a.json: what tracking said.
+RunResult calibrated_and_tracked(const std::string& rec, const TemporaryFolder& folder) {
+  EXPECT_EQ(
+      run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json"))
+          .code,
+      0);
+  return run("track " + rec + "/observations.csv --stops " + rec + " -o " + folder.file("a.csv") +
+             " --json " + folder.file("a.json"));
+}
+
 TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
   const TemporaryFolder folder;
   const std::string rec = folder.file("rec");
@@ -205,12 +215,7 @@ TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
       run("simulate " RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml -o " + rec + " --seed 3")
           .code,
       0);
-  ASSERT_EQ(
-      run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json"))
-          .code,
-      0);
-  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec + " -o " +
-                               folder.file("a.csv") + " --json " + folder.file("a.json"));
+  const RunResult result = calibrated_and_tracked(rec, folder);
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("Landmark   A at ("));
   const Calibration batch = load_calibration(folder.file("batch.json")),
@@ -253,12 +258,7 @@ TEST(TrackCommand, FollowsARandomWalk) {
   while (std::getline(all, line))
     if (!line.starts_with("40,") && !line.starts_with("41,") && !line.starts_with("42,")) read += line + "\n";
   folder.write("rec/observations.csv", read);
-  ASSERT_EQ(
-      run("calibrate " + rec + " --method marginal --order 2 --noise f2 --json " + folder.file("batch.json"))
-          .code,
-      0);
-  const RunResult result = run("track " + rec + "/observations.csv --stops " + rec + " -o " +
-                               folder.file("a.csv") + " --json " + folder.file("a.json"));
+  const RunResult result = calibrated_and_tracked(rec, folder);
   ASSERT_EQ(result.code, 0) << result.err;
   const Calibration batch = load_calibration(folder.file("batch.json")),
                     tracked = load_calibration(folder.file("a.json"));

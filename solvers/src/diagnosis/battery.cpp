@@ -106,7 +106,7 @@ void Battery::remove_model_directions(const Model& model) {
       Eigen::VectorXd projected = projector_.project(x);
       const double information = projector_.inner(x, projected, x);
       if (information < 1e-9 * raw) continue;
-      x.limit_drift(information);
+      x.see_whether_it_turns(information);
       const double scale = 1.0 / std::sqrt(information);
       x.scale(scale);
       active_.push_back(x);
@@ -136,7 +136,7 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
     Eigen::VectorXd projected = projector_.project(x);
     const double information = projector_.inner(x, projected, x);
     if (information < 1e-5 * raw) continue;  // the calibration absorbs it
-    x.limit_drift(information);
+    x.see_whether_it_turns(information);
     const double scale = 1.0 / std::sqrt(information);
     projected *= scale;
     x.scale(scale);

@@ -50,10 +50,9 @@ void Signature::take_out(double share, const Signature& other) {
   bearing_rows -= share * other.bearing_rows;
 }
 
-void Signature::limit_drift(double information) {
+void Signature::see_whether_it_turns(double information) {
   constexpr double most = 0.2;  // standard deviations of the score
-  if (follows.size() == 0 || follows.cwiseAbs2().maxCoeff() <= most * most * information) return;
-  turns = true;
+  turns = turns || (follows.size() > 0 && follows.cwiseAbs2().maxCoeff() > most * most * information);
 }
 
 Projector::Projector(const Rows& rows, const WorkingProblem& working, const JointState& state)

@@ -24,7 +24,7 @@ struct Signature {
   void take_out(double share, const Signature& other);
   /// It turns, too, where one cell alone moves a score of this information too far to be taken to first
   /// order: beside a kink, or where two of a block's shapes nearly cancel.
-  void limit_drift(double information);
+  void see_whether_it_turns(double information);
 };
 
 /// Projects signatures onto the complement of what the calibration can absorb: alpha and landmarks freely,
