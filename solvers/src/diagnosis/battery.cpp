@@ -39,7 +39,7 @@ double mixture_to_normal(double z, double share, double wide) {
 
 }  // namespace
 
-Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known)
+Battery::Battery(Unasked, const Rows& rows, const Model& model, const JointState& state, const Rates& known)
     : rates(known),
       rows_(rows),
       state_(state),
@@ -48,12 +48,23 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state, 
   changes_ = row_changes(rows, projector_.geometry(), model);
   score_rows(model);
   remove_model_directions(model);
+  fill_variance_units();
+}
+
+Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known)
+    : Battery(Unasked{}, rows, model, state, known) {
   ask_variances();
   ask_means();
   ask_periods();
   ask_catalogue();
   ask_between_cells();
   ask_scalars();
+}
+
+Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,
+                 const Effect& effect)
+    : Battery(Unasked{}, rows, model, state, known) {
+  for (Asked& asked : asked_of_effect(effect)) add(std::move(asked));
 }
 
 void Battery::score_rows(const Model& model) {

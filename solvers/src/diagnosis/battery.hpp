@@ -37,6 +37,9 @@ class Battery {
  public:
   /// `known`: the rates of the recording's first battery, for all that follow it.
   Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known = {});
+  /// Asks about one effect of the catalogue alone, at every point of its start grid in turn.
+  Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,
+          const Effect& effect);
 
   std::vector<Question> questions;
   Rates rates;  ///< what the questions' p-values are worth together; `calibrate` finds it
@@ -71,6 +74,9 @@ class Battery {
     Eigen::VectorXd at, moved;
   };
   class Values;
+  struct Unasked {};
+  /// Has its questions still to ask.
+  Battery(Unasked, const Rows& rows, const Model& model, const JointState& state, const Rates& known);
   Asked asked_of_rows(Question question, const std::vector<Shape>& shapes, bool bearing) const;
   double fitted_gain(const Question& question, const Signature& fitted) const;
   Asked asked_of_mean(Question about, std::vector<Signature> block) const;
@@ -87,6 +93,7 @@ class Battery {
                             const std::vector<Eigen::VectorXd>& bearing, std::vector<Asked>& asked) const;
   void ask_means();
   void ask_catalogue();
+  void fill_variance_units();
   void ask_variances();
   void ask_between_cells();
   void ask_scalars();

@@ -36,11 +36,10 @@ void Battery::ask_variance_of_rows(const Question& question, const std::vector<E
   }
 }
 
-void Battery::ask_variances() {
+/// Units: within a cell R - 1 degrees of freedom; between, what the calibration leaves of one.
+void Battery::fill_variance_units() {
   const int cells = rows_.cell_count;
   const Cells& c = working_.problem.cells;
-  const CellGeometry& g = projector_.geometry();
-  // Units: within a cell R - 1 degrees of freedom; between, what the calibration leaves of one.
   const double parameters = static_cast<double>(projector_.system().layout().alpha_count);
   const auto fill = [&](VarianceUnits& units, bool bearing) {
     units.square.resize(2 * cells);
@@ -74,7 +73,11 @@ void Battery::ask_variances() {
   };
   fill(range_units, false);
   if (!rows_.pairs) fill(bearing_units, true);
+}
 
+void Battery::ask_variances() {
+  const int cells = rows_.cell_count;
+  const CellGeometry& g = projector_.geometry();
   for (bool of_bearing : {false, true}) {
     if (of_bearing && rows_.pairs) continue;
     const std::string channel = of_bearing ? "bearing_noise" : "range_noise";

@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 
+#include "diagnosis/chosen_anew.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/outlook.hpp"
@@ -90,8 +91,10 @@ std::vector<char> elsewhere(const Rows& rows, const std::vector<char>& part) {
   return away;
 }
 
+/// `rates`: of the recording's battery, where the training parts choose again what was chosen from a grid, and
+/// groups of blocks are predicted too.
 HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
-                const Fit& full, const RefitOptions& options, bool by_parts = true) {
+                const Fit& full, const RefitOptions& options, const Rates* rates) {
   std::vector<HeldOut> of_fold(fold_count);
   const bool chained = is_chained(rows, full);
   in_parallel(
@@ -103,7 +106,8 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
         const Rows rest = without_cells(rows, out);
-        const Fit fit = fit_part(rest, full, options);
+        Fit fit = fit_part(rest, full, options);
+        if (fit.ok && rates) fit = chosen_anew(rest, std::move(fit), *rates, options);
         if (!fit.ok) {
           held.ok = false;
           return;
@@ -115,7 +119,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         const double alone = value(rest);
         // Cells that are never left out belong to the training part of every fold.
         held.nll = value(rows) - alone;
-        for (int part = 0; by_parts && part < parts_of_fold; ++part) {
+        for (int part = 0; rates && part < parts_of_fold; ++part) {
           std::vector<char> ours(folds.size());
           for (std::size_t c = 0; c < folds.size(); ++c)
             ours[c] = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
@@ -166,8 +170,9 @@ void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
     return;
   const std::vector<int> blocks = blocks_of(rows, BlockKind::stops);
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
-  const HeldOut of_spread = predict(rows, blocks, folds, spread->fit, options, false);
-  const HeldOut of_other = predict(rows, blocks, folds, other->fit, options, false);
+  // Choices stay as they are: the evidence has paid their price.
+  const HeldOut of_spread = predict(rows, blocks, folds, spread->fit, options, nullptr);
+  const HeldOut of_other = predict(rows, blocks, folds, other->fit, options, nullptr);
   if (!of_spread.ok || !of_other.ok) return;
   for (Candidate& c : candidates)
     if (spreads_stops(c)) c.evidence += of_other.nll - of_spread.nll;
@@ -210,8 +215,8 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   in_parallel(
       final_fit ? 2 : 1,
       [&](std::size_t which) {
-        (which == 0 ? before : after) =
-            predict(rows, blocks, folds, which == 0 ? found.baseline : *final_fit, refit_options);
+        (which == 0 ? before : after) = predict(rows, blocks, folds, which == 0 ? found.baseline : *final_fit,
+                                                refit_options, &found.rates);
       },
       jobs_at_once(rows.size()));
   if (!before.ok) return;
