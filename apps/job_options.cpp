@@ -4,10 +4,12 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <charconv>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "summary.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -88,6 +90,12 @@ CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOpt
   };
   CalibrationReport report = calibrate_report(recordings, options);
   for (Calibration& calibration : report.calibrations) calibration.seconds = seconds[calibration.method];
+  const std::vector<Calibration>& all = report.calibrations;
+  const bool too_few = std::all_of(all.begin(), all.end(),
+                                   [](const Calibration& c) { return c.outcome == Outcome::too_few_data; });
+  if (too_few)
+    throw InputError(fmt::format("{}: {}: {}; {}", recordings[0].path, to_string(Outcome::too_few_data),
+                                 all[0].reason, too_few_advice(all[0].kind)));
   return report;
 }
 

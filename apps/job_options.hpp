@@ -23,7 +23,8 @@ struct JobOptions {
   CalibrateOptions parsed() const;
 };
 
-/// Runs a job with progress on stderr where that is a terminal, and fills in each method's seconds.
+/// Runs a job with progress on stderr where that is a terminal, and fills in each method's seconds. Throws InputError
+/// where the recordings are too few for every method.
 CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOptions options);
 
 std::vector<Recording> load_recordings(const std::vector<std::string>& folders);

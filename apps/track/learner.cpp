@@ -145,6 +145,8 @@ class LandmarksLearner : public Learner {
     options.sigma_xy_m = job.sigma_xy_m;
     options.sigma_heading_rad = job.sigma_heading_rad;
     options.random_walk = job.random_walk || (known && known->stop_error == StopErrorModel::random_walk);
+    // A walk that is summed up early is known too little for what comes after: most are shorter than this.
+    if (options.random_walk) options.block = 64;
     if (options.random_walk && std::isfinite(options.forget))
       throw InputError(
           "--forget cannot be had along a random walk: the first stop alone tells where the landmarks are");

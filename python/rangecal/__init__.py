@@ -35,14 +35,16 @@ _docs.attach()
 for _cls in (Calibration, CurveChange, Diagnosis, Effect, Recording, Residuals):
     _cls.__module__ = __name__
 
-_attach(Recording, __init__=_recording.init, columns=_recording.columns, to_frame=_recording.to_frame,
-        stops_to_frame=_recording.stops_to_frame, describe=_recording.describe, plot=_plots.recording,
-        _repr_html_=_html.recording, __repr__=_repr_of("Recording", _recording.describe))
-_attach(Calibration, models=(), notes=(), check=None, _origin=None, report=_results.report_calibration, to_frame=_results.calibration_to_frame,
+_attach(Recording, _maker="", __init__=_recording.init, save=_recording.save, columns=_recording.columns,
+        to_frame=_recording.to_frame, stops_to_frame=_recording.stops_to_frame, describe=_recording.describe, plot=_plots.recording,
+        _repr_html_=_html.recording, __repr__=_repr_of("Recording", lambda r: r.describe() if _native.is_made(r) else "not made"))
+_attach(Calibration, models=(), notes=(), check=None, _origin=None, f=_results.f, f_std=_results.f_std, noise=_results.noise,
+        save=_results.save_calibration, report=_results.report_calibration, to_frame=_results.calibration_to_frame,
         models_to_frame=_results.models_to_frame, landmarks_to_frame=_results.landmarks_to_frame, stops_to_frame=_results.stops_to_frame,
         plot=_plots.calibration, plot_scene=_plots.scene, _repr_html_=_html.calibration,
         __repr__=_repr_of("Calibration", lambda c: f"{c.method}, order {c.order}, noise {c.noise_law}, {c.outcome}"))
-_attach(Diagnosis, _recordings=(), report=_results.report_diagnosis, to_frame=_results.diagnosis_to_frame, plot=_plots.diagnosis, _repr_html_=_html.diagnosis,
+_attach(Diagnosis, _recordings=(), save=_results.save_diagnosis, simulate_all=_results.simulate_all,
+        report=_results.report_diagnosis, to_frame=_results.diagnosis_to_frame, plot=_plots.diagnosis, _repr_html_=_html.diagnosis,
         __repr__=_repr_of("Diagnosis", lambda d: f"{d.verdict}, {' + '.join(d.final_effects) or 'nothing to add'}"))
 _attach(Residuals, to_frame=_results.residuals_to_frame, plot=_plots.residuals, _repr_html_=_html.residuals,
         __repr__=_repr_of("Residuals", lambda r: f"{len(r)} readings"))

@@ -2,12 +2,18 @@
 """The functions of the package. Each checks and shapes its arguments and calls the C++ library."""
 import json
 import os
+from collections.abc import Mapping
 
 import numpy as np
 
-from . import _native
+from . import _native, _take
 from ._native import Calibration, Diagnosis, Recording
+from ._recording import columns_of, is_table, made_by
 from ._results import Comparison, Corrected, Study
+
+_COLUMNS = ("bearing_rad", "heading_rad", "time_s", "radius_m", "landmark", "stop", "repeat")   # docs/diagnosis.md
+_COVARIATES = ("range", "disparity", "sensor_bearing", "heading", "time", "stop", "repeat", "landmark",
+               "radius")   # docs/formats.md
 
 
 def load(path):
@@ -28,7 +34,7 @@ def load(path):
     InputError
         Naming file, row and column of what cannot be used.
     """
-    path = os.fspath(path)
+    path = _take.path("path", path)
     if os.path.isfile(path):
         return _native.load_calibration(path)
     return _native.load_recording(path)
@@ -58,7 +64,7 @@ def calibrate(recordings, method="marginal", *, order="auto", noise="auto", nois
         Of the closed form's lines of sight.
     check : bool
         Solve the full likelihood a second time with NLopt.
-    start : Calibration, optional
+    start : Calibration or path, optional
         Refine this calibration: start from its curve, noise and landmarks.
     progress : callable, optional
         ``progress(stage, fraction)``, told what begins.
@@ -74,7 +80,7 @@ def calibrate(recordings, method="marginal", *, order="auto", noise="auto", nois
     InputError
         For an option or a recording that cannot be used.
     """
-    comparison = _calibrate(recordings, [method], order, noise, noise_shape, solver, weights, check, start, progress)
+    comparison = _calibrate(recordings, [str(method)], order, noise, noise_shape, solver, weights, check, start, progress)
     return comparison.calibrations[0]
 
 
@@ -82,26 +88,26 @@ def compare(recordings, *, methods=("closed-form", "approximate", "full", "margi
             noise_shape="gaussian", solver="ceres", weights="consistent", check=False, progress=None):
     """Calibrate by several methods side by side, with errors against ground truth where there is any.
 
-    Parameters are those of `calibrate`; `methods` are the methods wanted, in their order. Order and noise law are
-    chosen once and shared by all methods.
+    Parameters are those of `calibrate`; `methods` are the methods wanted, in their order, or one alone. Order and noise
+    law are chosen once and shared by all methods.
 
     Returns
     -------
     Comparison
         ``calibrations`` and ``scores`` by method; ``to_frame()`` is the table that ``rangecal compare`` prints.
     """
-    return _calibrate(recordings, list(methods), order, noise, noise_shape, solver, weights, check, None, progress)
+    return _calibrate(recordings, _take.texts(methods), order, noise, noise_shape, solver, weights, check, None, progress)
 
 
 def _calibrate(recordings, methods, order, noise, noise_shape, solver, weights, check, start, progress):
-    if isinstance(order, str):
-        if order != "auto":
-            raise _native.InputError(f"order is '{order}', not a whole number, nor auto")
-        order = None
-    recordings = _recordings(recordings)
+    def unless_auto(take, value):
+        return None if value is None or isinstance(value, str) and value == "auto" else take(value)
+
+    recordings = _take.recordings("recordings", recordings)
     return Comparison(_native.calibrate_job(
-        recordings, methods, order, None if noise == "auto" else noise, noise_shape, solver, weights, check, start,
-        progress), recordings)
+        recordings, methods, unless_auto(lambda o: _take.whole("order", o), order), unless_auto(str, noise),
+        str(noise_shape), str(solver), str(weights), _take.flag("check", check),
+        None if start is None else _take.calibration("start", start), _take.progress(progress)), recordings)
 
 
 def correct(calibration, readings, *, roots="ls", **columns):
@@ -109,14 +115,15 @@ def correct(calibration, readings, *, roots="ls", **columns):
 
     Parameters
     ----------
-    calibration : Calibration
-    readings : float, array_like (n,), pandas.DataFrame or Recording
-        Raw readings [m]; of a table the column ``reading_m`` or ``range_m``.
+    calibration : Calibration or path
+    readings : float, array_like (n,), table or Recording
+        Raw readings [m]; of a table (pandas.DataFrame, dict, structured array) the column ``reading_m`` or ``range_m``.
     roots : {"ls", "ml"}
         ``"ls"``: distances where f(d) is the reading; ``"ml"``: the most likely distances.
-    **columns : array_like (n,)
-        What the effects of the calibration depend on, by the names of the file format: ``bearing_rad``, ``time_s``,
-        ``landmark``, ``stop``, ... Taken from `readings` where that is a table or a recording.
+    **columns : array_like (n,), or one value for all readings
+        What the effects of the calibration depend on: ``bearing_rad``, ``heading_rad``, ``time_s``, ``radius_m``,
+        ``landmark``, ``stop``, ``repeat``, or a covariate that one of them needs (``temperature_c``). Taken from
+        `readings` where that is a table or a recording; None: not given.
 
     Returns
     -------
@@ -127,25 +134,29 @@ def correct(calibration, readings, *, roots="ls", **columns):
     Raises
     ------
     InputError
-        Where the calibration has no curve, or a column that one of its effects needs is missing.
+        Where the calibration has no curve, a column that one of its effects needs is missing, or one is given that is
+        not known or not as long as the readings.
     """
+    calibration = _take.calibration("calibration", calibration)
     table = {}
     if isinstance(readings, Recording):
-        table = readings.columns()
-        values = readings.range_m
-    elif hasattr(readings, "columns"):
-        name = "reading_m" if "reading_m" in readings.columns else "range_m"
-        if name not in readings.columns:
+        table, readings = readings.columns(), readings.range_m
+    elif is_table(readings):
+        table = columns_of("readings", readings)
+        name = "reading_m" if "reading_m" in table else "range_m"
+        if name not in table:
             raise _native.InputError("readings: there is no column reading_m or range_m")
-        values = readings[name].to_numpy(dtype=float)
-        table = {str(column): readings[column].to_numpy() for column in readings.columns}
-    else:
-        values = np.atleast_1d(np.asarray(readings, dtype=float))
-        if values.ndim != 1:
-            raise _native.InputError("readings are not one-dimensional")
-    table.update({name: np.asarray(column) for name, column in columns.items()})
-    found = _native.correct_readings(calibration, values, table, roots)
-    return Corrected(np.asarray(values, dtype=float), found)
+        readings = table[name]
+    values = np.atleast_1d(_take.numbers("readings", readings))
+    if values.ndim != 1:
+        raise _native.InputError("readings are not one-dimensional")
+    if columns:
+        known = list(dict.fromkeys(("roots", *_COLUMNS, *_native.columns_needed(calibration))))
+        for name in columns:
+            _take.known("correct: the keyword", name, known)
+        table.update({name: _take.column(name, column, len(values)) for name, column in columns.items()
+                      if column is not None})
+    return Corrected(values, _native.correct_readings(calibration, values, table, str(roots)))
 
 
 def simulate(scene, seed=1, *, calibration=None, effects=None):
@@ -159,7 +170,7 @@ def simulate(scene, seed=1, *, calibration=None, effects=None):
         `calibration`.
     seed : int
         The same seed gives the same recording.
-    calibration : Calibration, optional
+    calibration : Calibration or path, optional
         Curve, noise, landmarks and effects, for recordings as `scene`.
     effects : dict of dict, optional
         Catalogued effects to add, by id and parameter: ``{"range_offset": {"offset_m": 0.02}}``. `effects()` lists
@@ -169,23 +180,29 @@ def simulate(scene, seed=1, *, calibration=None, effects=None):
     -------
     Recording, or list of Recording where the model has several
     """
-    effects = effects or {}
+    effects = _take.effects(effects)
     if isinstance(scene, Diagnosis):
         if effects or calibration is not None:
             raise _native.InputError("a diagnosis is simulated with its own calibration and effects")
         drawn = scene.simulate_all(seed)
         return drawn[0] if len(drawn) == 1 else drawn
-    if isinstance(scene, Recording) or isinstance(scene, (list, tuple)):
+    seed = _take.seed(seed)
+    if isinstance(scene, (Recording, list, tuple)):
         if calibration is None:
             raise _native.InputError("simulating a recording's layout takes a calibration")
-        drawn = _native.simulate_layout(_recordings(scene), calibration, effects, seed)
+        drawn = _native.simulate_layout(_take.recordings("scene", scene), _take.calibration("calibration", calibration),
+                                        effects, seed)
+        drawn = [made_by("rangecal simulate", recording) for recording in drawn]
         return drawn[0] if len(drawn) == 1 else drawn
     if calibration is not None:
         raise _native.InputError("a scene has a sensor of its own; give recordings to simulate a calibration")
-    if isinstance(scene, dict):
-        text = json.dumps({"format": "rangecal-scene/1", **scene}, ensure_ascii=False, default=_plain)
-        return _native.simulate_scene_text(text, seed, effects)
-    return _native.simulate_scene_file(os.fspath(scene), seed, effects)
+    if isinstance(scene, Mapping):
+        text = json.dumps({"format": "rangecal-scene/1", **scene}, ensure_ascii=False, default=_take.plain)
+        drawn = _native.simulate_scene_text(text, seed, effects)
+    else:
+        path = _take.path("scene", scene, "a path, a dictionary, a Diagnosis or recordings")
+        drawn = _native.simulate_scene_file(path, seed, effects)
+    return made_by("rangecal simulate", drawn)
 
 
 def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_out=True, unseen=True,
@@ -199,7 +216,7 @@ def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_o
         What is held against the recordings; without it the seed model fitted to them.
     alarm_rate : float
         False alarms per recording of the seed model, all questions together.
-    force : list of str, optional
+    force : list of str, or one, optional
         Fit exactly these effects, whatever the residuals say.
     held_out, unseen, next_experiments : bool
         Parts that can be left out to save time.
@@ -221,10 +238,12 @@ def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_o
     if isinstance(simulation, Calibration):
         calibration = simulation
     elif simulation is not None:
-        other = _recordings(simulation)
-    recordings = _recordings(recordings)
-    diagnosis = _native.diagnose_job(recordings, calibration, other, alarm_rate, force, held_out, unseen,
-                                     next_experiments, progress)
+        other = _take.recordings("simulation", simulation)
+    recordings = _take.recordings("recordings", recordings)
+    diagnosis = _native.diagnose_job(
+        recordings, calibration, other, _take.number("alarm_rate", alarm_rate),
+        None if force is None else _take.texts(force), _take.flag("held_out", held_out), _take.flag("unseen", unseen),
+        _take.flag("next_experiments", next_experiments), _take.progress(progress))
     diagnosis._recordings = recordings
     return diagnosis
 
@@ -235,18 +254,28 @@ def residuals(recordings, calibration, along=()):
     Parameters
     ----------
     recordings : Recording, path, or list of these
-    calibration : Calibration
+    calibration : Calibration or path
         With its effects, and stops where it has them; else the commanded ones stand in.
-    along : list of str
-        Covariates wanted beside the residuals: ``range``, ``sensor_bearing``, ``heading``, ``time``, ``repeat``,
-        ``radius``, ..., or a column of the recording.
+    along : list of str, or one
+        Covariates wanted beside the residuals: ``range``, ``disparity`` (1 / true distance), ``sensor_bearing``,
+        ``heading``, ``time``, ``stop``, ``repeat``, ``landmark``, ``radius``, or a column of the recording.
 
     Returns
     -------
     Residuals
         One entry per reading, ordered by recording, stop, landmark and time.
+
+    Raises
+    ------
+    InputError
+        For a covariate that is not known, a calibration without a curve or without a place for a landmark that was read.
     """
-    return _native.residuals_job(_recordings(recordings), calibration, list(along))
+    recordings, along = _take.recordings("recordings", recordings), _take.texts(along)
+    found = _native.residuals_job(recordings, _take.calibration("calibration", calibration), along)
+    known = list(dict.fromkeys((*_COVARIATES, *found.along, *(name for r in recordings for name in r.covariates))))
+    for name in along:   # one that the recordings lack is left out
+        _take.known("along: the covariate", name, known)
+    return found
 
 
 def study(path, *, repeats=None, threads=0, progress=None):
@@ -274,7 +303,9 @@ def study(path, *, repeats=None, threads=0, progress=None):
     InputError
         Naming file, row and field of what cannot be used.
     """
-    return Study(*_native.study_job(os.fspath(path), repeats, threads, progress))
+    return Study(*_native.study_job(
+        _take.path("path", path), None if repeats is None else _take.whole("repeats", repeats, 1),
+        _take.whole("threads", threads), _take.progress(progress)))
 
 
 def effects():
@@ -293,26 +324,12 @@ def compare_curves(before, after):
 
     Parameters
     ----------
-    before, after : Calibration
+    before, after : Calibration or path
 
     Returns
     -------
     CurveChange
         Largest and RMS change over the range of `after` [m], and the p-value of no change.
     """
-    return _native.compare_curves(before, after)
-
-
-def _recordings(recordings):
-    if isinstance(recordings, (Recording, str, os.PathLike)):
-        recordings = [recordings]
-    return [r if isinstance(r, Recording) else _native.load_recording(os.fspath(r)) for r in recordings]
-
-
-def _plain(value):
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{type(value).__name__} has no place in a scene")
+    return _native.compare_curves(_take.calibration("before", before), _take.calibration("after", after))
 

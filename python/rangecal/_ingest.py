@@ -5,8 +5,10 @@ import math
 import os
 import tempfile
 
-from . import _native
-from ._recording import _columns
+import numpy as np
+
+from . import _native, _take
+from ._recording import columns_of, made_by
 from ._results import Extraction
 
 
@@ -65,22 +67,22 @@ def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", 
     InputError
         With the message of the command line.
     """
-    radii = None if radius_m is None else ",".join(repr(float(r)) for r in _list(radius_m))
-    words = _words(radius=radii, arc=arc, beams_min=beams_min, edge_cut=edge_cut, support=support, split=split,
-                   scans_min=scans_min, sigma_xy=sigma_xy_m, sigma_heading=sigma_heading_rad, error=stop_error,
-                   noise=None if noise is None else ",".join(repr(float(x)) for x in noise), range_min=range_min_m,
-                   range_max=None if math.isinf(range_max_m) else range_max_m, bearing_offset=bearing_offset_rad,
+    words = _words(radius=_listed("radius_m", radius_m), arc=arc, beams_min=beams_min, edge_cut=edge_cut,
+                   support=support, split=split, scans_min=scans_min, sigma_xy=sigma_xy_m,
+                   sigma_heading=sigma_heading_rad, error=stop_error, noise=_listed("noise", noise),
+                   range_min=range_min_m, range_max=None if range_max_m == math.inf else range_max_m,
+                   bearing_offset=bearing_offset_rad,
                    sensor=name or None, principle=principle or None, topic=topic or None)
-    if clockwise:
+    if _take.flag("clockwise", clockwise):
         words.append("--clockwise")
     with tempfile.TemporaryDirectory() as folder:
-        for option, table in (("--stops", stops), ("--map", landmarks)):
+        for option, name, table in (("--stops", "stops", stops), ("--map", "landmarks", landmarks)):
             if table is not None:
-                words.append(f"{option}={_file(table, folder, option[2:] + '.csv')}")
+                words.append(f"{option}={_file(name, table, folder)}")
         paths = scans if isinstance(scans, (list, tuple)) else [scans]
-        files = [_file(one, folder, f"scans{i or ''}.csv") for i, one in enumerate(paths)]
+        files = [_file(f"scans{i or ''}", one, folder) for i, one in enumerate(paths)]
         recording, facts, text = _native.extract_job([*words, "--", *files])
-    return Extraction(recording, json.loads(facts), text)
+    return Extraction(made_by("rangecal extract", recording), json.loads(facts), text)
 
 
 def import_lego(path, *, poses="odometry", track_m=0.150, radius_m=None, arc="nearest"):
@@ -153,21 +155,22 @@ def import_dataset(name, path, **options):
     InputError
         With the message of the command line.
     """
-    return _native.import_job(name, [*_words(**options), "--", os.fspath(path)])[0]
+    words = [*_words(**options), "--", _take.path("path", path)]
+    return made_by("rangecal import", _native.import_job(str(name), words)[0])
 
 
-def _list(values):
-    return values if isinstance(values, (list, tuple)) else [values]
+def _listed(name, values):
+    return None if values is None else ",".join(map(repr, np.ravel(_take.numbers(name, values)).tolist()))
 
 
 def _words(**options):
     return [f"--{name.replace('_', '-')}={value}" for name, value in options.items() if value is not None]
 
 
-def _file(table, folder, name):
+def _file(name, table, folder):
     if isinstance(table, (str, os.PathLike)):
-        return os.fspath(table)
-    path = os.path.join(folder, name)
+        return _take.path(name, table)
+    path = os.path.join(folder, name + ".csv")
     with open(path, "w", encoding="utf-8") as file:
-        file.write(_native.csv_text(_columns(table), name))
+        file.write(_native.csv_text(columns_of(name, table), name))
     return path

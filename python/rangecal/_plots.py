@@ -2,7 +2,8 @@
 """Pictures of recordings and results, by matplotlib. Lengths in metres, small ones in millimetres."""
 import numpy as np
 
-from ._native import radius95, z95
+from . import _take
+from ._native import InputError, radius95, z95
 
 
 def _axes(ax, **size):
@@ -109,10 +110,12 @@ def residuals(self, along="range", channel="range", bins=20, ax=None):
     bins : int
         Of equally many readings each.
     """
-    ax = _axes(ax)
     known = {"range": self.distance_m, **self.along}
     if along not in known:
-        raise ValueError(f"along is '{along}'; at hand are {', '.join(known)} (see residuals(..., along=[...]))")
+        raise InputError(f"along is '{along}'; at hand are {', '.join(known)} (see residuals(..., along=[...]))")
+    _take.choice("channel", channel, ("range", "bearing"))
+    bins = _take.whole("bins", bins, 1)
+    ax = _axes(ax)
     x = np.asarray(known[along])
     y, unit = (1e3 * self.range_residual_m, "mm") if channel == "range" else \
         (np.degrees(self.bearing_residual_rad), "deg")

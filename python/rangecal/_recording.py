@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Making a recording from arrays or data frames, and showing it as one."""
 import json
+from collections.abc import Mapping
 
 import numpy as np
 
-from . import _native
+from . import _native, _take
 
-_native_init = _native.Recording.__init__
+_native_init, _native_save = _native.Recording.__init__, _native.Recording.save
 
 
 def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sensor=None, sigma_xy_m=0.01,
@@ -53,6 +54,8 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
     if pairs is not None:
         if observations is not None or stops is not None:
             raise _native.InputError("a recording has either pairs, or observations and stops")
+        if true_stops is not None or true_landmarks is not None:
+            raise _native.InputError("the truth of pairs is their column true_m: they take no true_stops, nor true_landmarks")
         header["kind"] = "pairs"
         tables = {"pairs.csv": pairs, "landmarks.csv": landmarks}
     else:
@@ -64,19 +67,57 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
                   "truth_stops.csv": true_stops, "truth_landmarks.csv": true_landmarks}
     header["landmarks"] = {"radius_m": radius_m}
     if extraction:
-        header["extraction"] = dict(extraction)
+        header["extraction"] = extraction
     if known_distances:
-        header["known_distances"] = list(known_distances)
-    _native_init(self, json.dumps(header, ensure_ascii=False, default=float),
-                 {name: _columns(table) for name, table in tables.items() if table is not None})
+        header["known_distances"] = known_distances
+    _native_init(self, json.dumps(header, ensure_ascii=False, default=_take.plain),
+                 {name: columns_of(name, table) for name, table in tables.items() if table is not None})
 
 
-def _columns(table):
-    if hasattr(table, "columns") and hasattr(table, "loc"):
-        return {str(name): _series(table[name]) for name in table.columns}
-    if isinstance(table, np.ndarray) and table.dtype.names:
-        return {name: table[name] for name in table.dtype.names}
-    return {str(name): np.asarray(column) for name, column in dict(table).items()}
+def save(self, folder, *, overwrite=False):
+    """Write it as a folder that `load` and the command line read.
+
+    Parameters
+    ----------
+    folder : str or os.PathLike
+        Made if missing. A recording that is in it already is replaced where a program made it: simulated, extracted or
+        imported.
+    overwrite : bool
+        Replace a measured one too.
+
+    Raises
+    ------
+    InputError
+        Where the folder holds a recording that no program made, or cannot be written.
+    """
+    _native_save(self, _take.path("folder", folder), self._maker, _take.flag("overwrite", overwrite))
+
+
+def made_by(maker, recording):
+    """The recording, which says from now on that a program made it, so that what is saved of it may be replaced."""
+    recording._maker = maker
+    return recording
+
+
+def is_table(value):
+    return isinstance(value, Mapping) or _is_frame(value) or bool(getattr(getattr(value, "dtype", None), "names", None))
+
+
+def _is_frame(value):
+    return hasattr(value, "columns") and hasattr(value, "loc")
+
+
+def columns_of(name, table):
+    """The columns of a table by name. `name` is the table's, for errors."""
+    if not is_table(table):
+        raise TypeError(f"{name}: {_take.shown(table)} is no table: a dictionary of columns, a structured array or a "
+                        "pandas.DataFrame")
+    if not _is_frame(table):
+        names = table if isinstance(table, Mapping) else table.dtype.names
+        return {str(column): _take.unmasked(table[column]) for column in names}
+    if not table.columns.is_unique:
+        raise _native.InputError(f"{name}: several columns have one name")
+    return {str(column): _series(table[column]) for column in table.columns}
 
 
 def _series(series):

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Results as tables: what the C++ classes show of themselves as data frames, and the corrected readings."""
 import html
-import os
 
 import numpy as np
 
-from . import _native
+from . import _native, _take
+from ._recording import made_by
+
+_f, _f_std, _noise = _native.Calibration.f, _native.Calibration.f_std, _native.Calibration.noise
+_save_calibration, _save_diagnosis = _native.Calibration.save, _native.Diagnosis.save
+_simulate_all = _native.Diagnosis.simulate_all
 
 
 class Corrected:
@@ -131,7 +135,7 @@ class Comparison:
         InputError
             Where the file cannot be written, or this build has no charting library.
         """
-        _native.report_comparison(self._job, self._recordings, os.fspath(path))
+        _native.report_comparison(self._job, self._recordings, _take.path("path", path))
 
 
 class Study:
@@ -171,7 +175,7 @@ class Study:
 
     def report(self, path):
         """Write the report of ``rangecal study --report``: one HTML file that needs no network."""
-        _native.report_study(self.name, self.results_csv, os.fspath(path))
+        _native.report_study(self.name, self.results_csv, _take.path("path", path))
 
 
 class Extraction:
@@ -213,6 +217,36 @@ class Extraction:
         return pandas.DataFrame(self._landmarks, columns=["landmark", "radius_m", "x_m", "y_m", "stops", "readings"])
 
 
+def f(self, distance_m):
+    """Mean reading f(d) [m] at true distances [m] of any shape; NaN without a curve."""
+    return _f(self, _take.numbers("distance_m", distance_m))
+
+
+def f_std(self, distance_m):
+    """Standard deviation of f(d) [m], same shape; NaN without a covariance."""
+    return _f_std(self, _take.numbers("distance_m", distance_m))
+
+
+def noise(self, distance_m):
+    """Standard deviation s(d) of one reading [m], same shape."""
+    return _noise(self, _take.numbers("distance_m", distance_m))
+
+
+def save_calibration(self, path):
+    """Write the file that `load` and `rangecal correct` read."""
+    _save_calibration(self, _take.path("path", path))
+
+
+def save_diagnosis(self, path):
+    """Write it as `rangecal diagnose --json` does."""
+    _save_diagnosis(self, _take.path("path", path))
+
+
+def simulate_all(self, seed):
+    """The recordings drawn anew from the final model; the same seed gives the same."""
+    return [made_by("rangecal simulate", recording) for recording in _simulate_all(self, _take.seed(seed))]
+
+
 def report_calibration(self, path):
     """Write the report of ``rangecal calibrate --report``: one HTML file that needs no network.
 
@@ -228,7 +262,7 @@ def report_calibration(self, path):
     """
     if self._origin is None:
         raise _native.InputError("a report shows the recordings too: it takes a calibration made by calibrate or compare")
-    _native.report_calibration(*self._origin, os.fspath(path))
+    _native.report_calibration(*self._origin, _take.path("path", path))
 
 
 def report_diagnosis(self, path):
@@ -243,7 +277,7 @@ def report_diagnosis(self, path):
     InputError
         Where the file cannot be written, or this build has no charting library.
     """
-    _native.report_diagnosis(self, self._recordings, os.fspath(path))
+    _native.report_diagnosis(self, self._recordings, _take.path("path", path))
 
 
 def models_to_frame(self):

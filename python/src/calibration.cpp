@@ -9,6 +9,7 @@
 #include "arrays.hpp"
 #include "module.hpp"
 #include "rangecal/core/calibration_io.hpp"
+#include "rangecal/core/files.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
 
 namespace rangecal::python {
@@ -134,19 +135,21 @@ void bind_calibration(py::module_& module) {
       .def_readonly("weakest_direction", &Calibration::weakest_direction)
       .def_readonly("iterations", &Calibration::iterations)
       .def_readonly("seconds", &Calibration::seconds)
-      .def("f", along_curve([](const CurvePoint& p) { return p.reading_m; }), py::arg("distance_m"),
-           "Mean reading f(d) [m] at true distances [m] of any shape; NaN without a curve.")
+      .def("f", along_curve([](const CurvePoint& p) { return p.reading_m; }), py::arg("distance_m"))
       .def("f_std", along_curve([](const CurvePoint& p) { return p.std_dev_m.value_or(nan); }),
-           py::arg("distance_m"), "Standard deviation of f(d) [m], same shape; NaN without a covariance.")
-      .def("noise", along_curve([](const CurvePoint& p) { return p.noise_m; }), py::arg("distance_m"),
-           "Standard deviation s(d) of one reading [m], same shape.")
+           py::arg("distance_m"))
+      .def("noise", along_curve([](const CurvePoint& p) { return p.noise_m; }), py::arg("distance_m"))
       .def("to_dict", &to_dict, "The calibration as the dictionary of its file, rangecal-calibration/1.")
       .def(
           "to_json", [](const Calibration& c) { return calibrations_to_json({c}); },
           "The text of its file, rangecal-calibration/1.")
       .def(
-          "save", [](const Calibration& c, const std::string& path) { save_calibrations({c}, path); },
-          py::arg("path"), "Write the file that `load` and `rangecal correct` read.")
+          "save",
+          [](const Calibration& c, const std::string& path) {
+            require_writable(path);
+            save_calibrations({c}, path);
+          },
+          py::arg("path"))
       .def(picklable<Calibration>());
 
   py::class_<CurveChange>(module, "CurveChange")

@@ -41,7 +41,7 @@ struct Column {
 std::string text_of(const py::handle& item) {
   if (item.is_none()) return {};
   if (py::isinstance<py::float_>(item) && std::isnan(item.cast<double>())) return {};
-  return py::str(item).cast<std::string>();
+  return py::str(item);
 }
 
 Column column_of(const std::string& table, const std::string& name, const py::handle& values) {

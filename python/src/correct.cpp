@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <utility>
 #include <vector>
 
 #include "columns.hpp"
@@ -40,6 +42,9 @@ py::dict correct_readings(const std::shared_ptr<Calibration>& calibration,
       [calibration, values, text, likelihood](const StageHook& hook) {
         std::optional<CsvTable> table;
         if (!text.empty()) table = CsvTable::parse(text, "readings");
+        if (table && table->rows() != values.size())
+          throw InputError(fmt::format("readings: {} of them, where their columns have {} entries",
+                                       values.size(), table->rows()));
         const ReadingSettings settings =
             reading_settings(*calibration, table ? &*table : nullptr, "readings", values.size());
         Candidates all;
@@ -67,11 +72,21 @@ py::dict correct_readings(const std::shared_ptr<Calibration>& calibration,
   return result;
 }
 
+/// Columns that the effects of a calibration depend on.
+std::vector<std::string> columns_needed(const Calibration& calibration) {
+  require_curve(calibration, "the calibration");
+  std::vector<std::string> columns;
+  for (EffectCorrector::Need& need : EffectCorrector(calibration, {}).needs())
+    columns.push_back(std::move(need.column));
+  return columns;
+}
+
 }  // namespace
 
 void bind_correct(py::module_& module) {
-  module.def("correct_readings", &correct_readings, py::arg("calibration"), py::arg("readings"),
+  module.def("correct_readings", &correct_readings, py::arg("calibration").none(false), py::arg("readings"),
              py::arg("columns"), py::arg("roots"));
+  module.def("columns_needed", &columns_needed, py::arg("calibration"));
 }
 
 }  // namespace rangecal::python

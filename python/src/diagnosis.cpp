@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
+#include <fmt/format.h>
 #include <pybind11/stl.h>
 
 #include "archive_fields.hpp"
@@ -16,7 +17,8 @@ namespace {
 DiagnoseOptions options_from(double alarm_rate, const std::optional<std::vector<std::string>>& force,
                              bool held_out, bool unseen, bool next_experiments,
                              const std::shared_ptr<Calibration>& simulation) {
-  if (!(alarm_rate > 0.0 && alarm_rate < 1.0)) throw InputError("alarm_rate is not between 0 and 1");
+  if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
+    throw InputError(fmt::format("alarm_rate is {}, not between 0 and 1", alarm_rate));
   DiagnoseOptions options;
   options.alarm_rate = alarm_rate;
   options.force = force;
@@ -157,10 +159,13 @@ void bind_diagnosis(py::module_& module) {
       .def("to_dict", to_dict, "The diagnosis as the dictionary of its file, rangecal-diagnosis/1.")
       .def("to_json", &diagnosis_to_json, "The text of its file, rangecal-diagnosis/1.")
       .def(
-          "save", [](const Diagnosis& d, const std::string& path) { write_file(path, diagnosis_to_json(d)); },
-          py::arg("path"), "Write it as `rangecal diagnose --json` does.")
-      .def("simulate_all", &simulate_again, py::arg("seed"),
-           "The recordings drawn anew from the final model; the same seed gives the same.")
+          "save",
+          [](const Diagnosis& d, const std::string& path) {
+            require_writable(path);
+            write_file(path, diagnosis_to_json(d));
+          },
+          py::arg("path"))
+      .def("simulate_all", &simulate_again, py::arg("seed"))
       .def(picklable<Diagnosis>());
 
   module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),

@@ -16,6 +16,8 @@ namespace rangecal::python {
 
 Recordings::Recordings(std::vector<std::shared_ptr<const Recording>> recordings) {
   if (recordings.empty()) throw InputError("no recording is given");
+  for (const auto& recording : recordings)
+    if (!recording) throw py::type_error("None is not a Recording");
   if (recordings.size() == 1) {
     one_ = recordings.front();
     return;
@@ -96,6 +98,11 @@ py::dict counts(const Counts& c) {
   return dict;
 }
 
+/// False for what a debugger shows of a constructor that threw: there is no memory behind it to look at.
+bool is_made(const py::handle& self) {
+  return reinterpret_cast<py::detail::instance*>(self.ptr())->get_value_and_holder().holder_constructed();
+}
+
 std::shared_ptr<Recording> parse(const std::string& header, const py::dict& tables) {
   std::map<std::string, std::string> files{{"recording.yaml", header}};
   for (const auto& [name, columns] : tables) {
@@ -115,7 +122,7 @@ void bind_recording(py::module_& module) {
       .def_readonly("range_max_m", &Sensor::range_max_m)
       .def(picklable<Sensor>());
 
-  py::class_<Recording, std::shared_ptr<Recording>>(module, "Recording")
+  py::class_<Recording, std::shared_ptr<Recording>>(module, "Recording", py::dynamic_attr())
       .def(py::init(&parse), py::arg("header"), py::arg("tables"))
       .def_readonly("path", &Recording::path)
       .def_property_readonly("kind", [](const Recording& r) { return is_pairs(r) ? "pairs" : "landmarks"; })
@@ -170,12 +177,16 @@ void bind_recording(py::module_& module) {
       .def_property_readonly("covariates", &covariates)
       .def(
           "save",
-          [](const Recording& recording, const std::string& folder) { save_recording(recording, folder); },
-          py::arg("folder"), py::call_guard<py::gil_scoped_release>(),
-          "Write it as a folder that `load` and the command line read.")
+          [](const Recording& recording, const std::string& folder, const std::string& maker,
+             bool overwrite) {
+            if (!overwrite) require_replaceable(folder);
+            save_recording(recording, folder, maker);
+          },
+          py::arg("folder"), py::arg("maker"), py::arg("overwrite"), py::call_guard<py::gil_scoped_release>())
       .def("__len__", [](const Recording& r) { return is_pairs(r) ? r.pairs.size() : r.readings.size(); })
       .def(picklable<Recording>());
 
+  module.def("is_made", &is_made, py::arg("recording").none(false));
   module.def(
       "load_recording",
       [](const std::string& folder) {

@@ -16,6 +16,7 @@ namespace {
 /// Writes the page that `make` makes, on a thread that Ctrl-C leaves.
 void write_page(const std::string& path, const std::function<std::string()>& make) {
   report::require_available();
+  require_writable(path);
   write_file(path, run_interruptible<std::string>([make](const StageHook&) { return make(); }, py::none()));
 }
 
@@ -64,13 +65,15 @@ void report_study(const std::string& name, const std::string& results_csv, const
 }  // namespace
 
 void bind_report(py::module_& module) {
-  module.def("report_calibration", &report_calibration);
-  module.def("report_comparison", &report_comparison);
-  module.def("report_diagnosis", &report_diagnosis);
+  const auto job = py::arg("job").none(false);
+  const py::arg index("index"), recordings("recordings"), path("path");
+  module.def("report_calibration", &report_calibration, job, index, recordings, path);
+  module.def("report_comparison", &report_comparison, job, recordings, path);
+  module.def("report_diagnosis", &report_diagnosis, py::arg("diagnosis").none(false), recordings, path);
   module.def("report_study", &report_study);
   module.def("diagnosis_summary", &report::diagnosis_summary);
-  module.def("calibration_summary", &calibration_summary);
-  module.def("comparison_summary", &comparison_summary);
+  module.def("calibration_summary", &calibration_summary, job, index, recordings);
+  module.def("comparison_summary", &comparison_summary, job, recordings);
 }
 
 }  // namespace rangecal::python

@@ -52,7 +52,8 @@ void bind_residuals(py::module_& module) {
                              })
       .def("__len__", [](const ModelResiduals& r) { return r.readings.size(); })
       .def(picklable<ModelResiduals>());
-  module.def("residuals_job", &residuals_of, py::arg("recordings"), py::arg("calibration"), py::arg("along"));
+  module.def("residuals_job", &residuals_of, py::arg("recordings"), py::arg("calibration").none(false),
+             py::arg("along"));
 }
 
 }  // namespace rangecal::python

@@ -74,9 +74,7 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
   const bool pairs = c.kind == RecordingKind::pairs;
   switch (c.outcome) {
     case Outcome::too_few_data:
-      return pairs ? "record readings at more distances, several at each"
-                   : "record from at least 3 separate places, with 3 or more landmarks in view of each, "
-                     "repeats at each";
+      return too_few_advice(c.kind);
     case Outcome::unobservable:
       return pairs ? "record at more distances, or ask for a lower --order"
                    : "spread the landmarks to both sides of the path and over the distances you care about, "
@@ -160,6 +158,12 @@ std::string least_certain(const Calibration& c) {
 }
 
 }  // namespace
+
+std::string too_few_advice(RecordingKind kind) {
+  return kind == RecordingKind::pairs
+             ? "record readings at more distances, several at each"
+             : "record from at least 3 separate places, with 3 or more landmarks in view of each, repeats at each";
+}
 
 std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Calibration& c,
                                        std::span<const Recording> recordings, const std::string& json) {

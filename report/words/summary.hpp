@@ -23,6 +23,9 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
 std::string summary_page(const CalibrationReport& report, const Calibration& calibration,
                          std::span<const Recording> recordings, const std::string& json);
 
+/// What to record where there is too little for any answer.
+std::string too_few_advice(RecordingKind kind);
+
 /// What `--from` found: how f moved, in millimetres over the range, and whether that is more than chance.
 std::string change_page(const Calibration& before, const Calibration& after);
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
@@ -152,17 +153,20 @@ TEST(CalibrateCommand, TwoPlacesAreTooFew) {
       rows += std::string(stop) + "," + rest + "\n";
   folder.write("observations.csv", rows);
   const std::string json = folder.file("cal.json");
-  const RunResult result = run("calibrate " + folder.path() + " --json " + json);
-  EXPECT_EQ(result.code, 1) << result.err;
-  EXPECT_THAT(result.out, HasSubstr("TOO FEW DATA"));
-  EXPECT_THAT(result.out, HasSubstr("at least 3 separate places"));
-  const std::vector<Calibration> written = load_calibrations(json);
-  ASSERT_EQ(written.size(), 1u);
-  EXPECT_EQ(written[0].outcome, Outcome::too_few_data);
-  EXPECT_EQ(written[0].alpha.size(), 0);
-  const RunResult corrected = run("correct " + json, "1.0\n");
-  EXPECT_EQ(corrected.code, 2);
-  EXPECT_THAT(corrected.err, HasSubstr("too_few_data"));
+  for (const char* method : {"marginal", "closed-form", "all"}) {
+    const RunResult result = run("calibrate " + folder.path() + " --method " + method + " --json " + json);
+    EXPECT_EQ(result.code, 2) << method;
+    EXPECT_EQ(result.out, "");
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_THAT(result.err, HasSubstr(folder.path() + ": too_few_data: 2 place(s) to stand"));
+    EXPECT_THAT(result.err, HasSubstr("at least 3 separate places"));
+    EXPECT_FALSE(std::filesystem::exists(json));
+  }
+  EXPECT_EQ(run("compare " + folder.path()).code, 2);
+  const RunResult diagnosis = run("diagnose " + folder.path() + " --json " + json);
+  EXPECT_EQ(diagnosis.code, 2);
+  EXPECT_THAT(diagnosis.err, HasSubstr("too_few_data: 2 place(s) to stand"));
+  EXPECT_FALSE(std::filesystem::exists(json));
 }
 
 TEST(CalibrateCommand, NoFileIsLeftAfterAnError) {

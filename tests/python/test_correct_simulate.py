@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import io
+import json
 
 import numpy as np
 import pandas
@@ -36,6 +37,20 @@ def test_one_number_a_table_and_a_recording(calibration, field):
     assert list(missing.flag) == ["missing", "not_finite"] and np.all(np.isnan(missing.distance_m))
     with pytest.raises(rangecal.InputError, match="no column reading_m or range_m"):
         rangecal.correct(calibration, pandas.DataFrame({"x": [1.0]}))
+    columns = {"reading_m": np.array([1.234, 2.5]), "x": np.array(["a", "b"])}
+    plain = rangecal.correct(calibration, columns["reading_m"]).distance_m
+    for same in (columns, pandas.DataFrame(columns), pandas.DataFrame(columns).to_records()):
+        np.testing.assert_array_equal(rangecal.correct(calibration, same).distance_m, plain)
+
+
+def test_a_path_stands_for_what_is_in_it(calibration, field, tmp_path):
+    path = tmp_path / "cal.json"
+    calibration.save(path)
+    np.testing.assert_array_equal(rangecal.correct(path, [1.2]).distance_m,
+                                  rangecal.correct(calibration, [1.2]).distance_m)
+    np.testing.assert_array_equal(rangecal.residuals(field, str(path)).range_residual_m,
+                                  rangecal.residuals(field, calibration).range_residual_m)
+    assert rangecal.compare_curves(path, calibration).largest_m == 0.0
 
 
 def test_effects_are_undone_and_their_columns_asked_for(diagnosis, eccentric):
@@ -51,6 +66,38 @@ def test_effects_are_undone_and_their_columns_asked_for(diagnosis, eccentric):
     plain = rangecal.correct(diagnosis.baseline, eccentric.range_m)
     near = d < 2.0   # where noise of 10 mm at 1 m does not hide 28 mm of eccentricity
     assert np.std((undone.distance_m - d)[near]) < 0.8 * np.std((plain.distance_m - d)[near])
+
+
+def test_keywords_of_correct_are_known_and_as_long_as_the_readings(calibration, diagnosis):
+    completed = diagnosis.corrected   # by an eccentricity, which needs bearings
+    for wrong, message in (({"root": "ml"}, r"'root' is not known \(did you mean 'roots'\?\)"),
+                           ({"bearing": [0.1, 0.2]}, "did you mean 'bearing_rad'"),
+                           ({"prior": "uniform", "limits": [1.0]}, "'prior' is not known; known here: roots, bearing_rad"),
+                           ({"temperature_c": 20.0}, "'temperature_c' is not known"),   # no effect of theirs needs it
+                           ({"bearing_rad": [0.1]}, "bearing_rad has 1 entries, where there are 2 readings"),
+                           ({"bearing_rad": [0.1, 0.2, 0.3]}, "bearing_rad has 3 entries, where there are 2 readings"),
+                           ({"bearing_rad": [[0.1, 0.2]]}, "bearing_rad is not one-dimensional"),
+                           ({"time_s": [[0.1], [0.2, 0.3]]}, "time_s is not one-dimensional")):
+        for one in (calibration, completed):
+            with pytest.raises(rangecal.InputError, match=message):
+                rangecal.correct(one, [1.2, 1.3], **wrong)
+    one = rangecal.correct(completed, [1.2, 1.3], bearing_rad=0.1, stop=None)   # None: not given
+    both = rangecal.correct(completed, [1.2, 1.3], bearing_rad=[0.1, 0.1])
+    np.testing.assert_array_equal(one.distance_m, both.distance_m)
+    # From a table come the columns that are not given by name.
+    table = rangecal.correct(completed, {"reading_m": [1.2, 1.3], "bearing_rad": [2.0, 2.0], "x": [0, 0]}, bearing_rad=0.1)
+    np.testing.assert_array_equal(table.distance_m, both.distance_m)
+
+
+def test_covariates_of_effects_are_known_to_correct(calibration, tmp_path):
+    by_temperature = {"range_scale": {"scale": 0.01, "form": 1.0}}
+    (tmp_path / "cal.json").write_text(json.dumps({**calibration.to_dict(), "effects": by_temperature}))
+    warm = rangecal.load(tmp_path / "cal.json")
+    with pytest.raises(rangecal.InputError, match="temperature_c.*range_scale"):
+        rangecal.correct(warm, [1.2])
+    same = rangecal.correct(warm, [1.2], temperature_c=20.0)   # the temperature at which nothing is scaled
+    np.testing.assert_allclose(same.distance_m, rangecal.correct(calibration, [1.2]).distance_m, rtol=1e-9)
+    assert rangecal.correct(warm, [1.2], temperature_c=40.0).distance_m < same.distance_m   # reads longer when warm
 
 
 def test_simulate_is_that_of_the_program(source, command, tmp_path):

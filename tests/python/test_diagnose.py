@@ -73,6 +73,21 @@ def test_residuals(diagnosis, eccentric):
     np.testing.assert_allclose(before.reading_m - f, before.range_residual_m, atol=1e-12)
 
 
+def test_residuals_along_what_is_known(field, pairs, calibration):
+    one, several = rangecal.residuals(field, calibration, "range"), rangecal.residuals(field, calibration, ["range"])
+    assert list(one.along) == ["range"] and one.to_frame().equals(several.to_frame())
+    np.testing.assert_array_equal(one.along["range"], one.distance_m)
+    for wrong, message in ((["range", "foo"], "covariate 'foo' is not known; known here: range, disparity"),
+                           ("sensor_baring", "did you mean 'sensor_bearing'"), (None, "'None'"), (5, "'5'")):
+        with pytest.raises(rangecal.InputError, match=message):
+            rangecal.residuals(field, calibration, wrong)
+    every = ("range", "disparity", "sensor_bearing", "heading", "time", "stop", "repeat", "landmark", "radius")
+    assert set(rangecal.residuals(field, calibration, every).along) == set(every)   # as the message has them
+    warm = rangecal.Recording(pairs={"true_m": [1.0, 2.0], "reading_m": [1.0, 2.0], "temperature_c": [20.0, 21.0]})
+    found = rangecal.residuals(warm, rangecal.calibrate(pairs, order=1, noise="constant"), "temperature_c")
+    np.testing.assert_array_equal(found.along["temperature_c"], [20.0, 21.0])
+
+
 def test_catalogue():
     effects = rangecal.effects()
     assert [e.id for e in effects] == sorted(e.id for e in effects)
@@ -81,7 +96,7 @@ def test_catalogue():
 
 
 def test_wrong_options(field):
-    with pytest.raises(rangecal.InputError, match="alarm_rate"):
+    with pytest.raises(rangecal.InputError, match="alarm_rate is 2, not between 0 and 1"):
         rangecal.diagnose(field, alarm_rate=2.0)
     with pytest.raises(rangecal.InputError, match="ghost"):
         rangecal.diagnose(field, force=["ghost"])

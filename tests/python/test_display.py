@@ -21,6 +21,10 @@ def test_every_plot_draws_marks(field, pairs, calibration, diagnosis, eccentric)
         ax.figure.canvas.draw()
     with pytest.raises(ValueError, match="along is 'moon'"):
         residuals.plot("moon")
+    with pytest.raises(rangecal.InputError, match="channel is 'moon', not range or bearing"):
+        residuals.plot(channel="moon")
+    with pytest.raises(rangecal.InputError, match="bins is 0"):
+        residuals.plot(bins=0)
 
 
 def test_axes_are_taken(calibration):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import gc
+import pickle
 
 import numpy as np
 import pandas
@@ -79,11 +80,63 @@ def test_saved_and_loaded(field, tmp_path):
     np.testing.assert_array_equal(again.true_landmarks, field.true_landmarks)
 
 
+@pytest.fixture
+def measured(tmp_path):
+    """A folder that no program made."""
+    folder = tmp_path / "measured"
+    folder.mkdir()
+    (folder / "recording.yaml").write_text("format: rangecal/1\nkind: pairs\n")
+    (folder / "pairs.csv").write_text("true_m,reading_m\n1,1.01\n")
+    return folder
+
+
+def test_a_measured_recording_is_not_replaced(source, measured, tmp_path):
+    simulated = rangecal.simulate(source / "notebooks_data/scenes/pairs-2016.yaml", 1)
+    with pytest.raises(rangecal.InputError, match="measured: holds a recording that is not a simulated .* would be lost"):
+        simulated.save(measured)
+    with pytest.raises(rangecal.InputError, match="overwrite is 'no'"):
+        simulated.save(measured, overwrite="no")
+    assert (measured / "pairs.csv").read_text() == "true_m,reading_m\n1,1.01\n"
+    simulated.save(measured, overwrite=True)
+    assert len(rangecal.load(measured)) == len(simulated) > 1
+
+
+def test_what_a_program_made_is_replaced(source, calibration, field, tmp_path):
+    scene, folder = source / "notebooks_data/scenes/pairs-2016.yaml", tmp_path / "sim"
+    for made in (rangecal.simulate(scene, 1), pickle.loads(pickle.dumps(rangecal.simulate(scene, 2))),
+                 rangecal.simulate(field, 3, calibration=calibration), rangecal.simulate(scene, 4)):
+        made.save(folder)
+        assert (folder / "recording.yaml").read_text().startswith("# made by rangecal simulate\n")
+        np.testing.assert_array_equal(rangecal.load(folder).range_m, made.range_m)
+    mine = rangecal.Recording(pairs={"true_m": [1.0], "reading_m": [1.0]})
+    mine.save(folder)
+    with pytest.raises(rangecal.InputError, match="would be lost"):   # of tables nobody knows who made them
+        mine.save(folder)
+
+
+def test_results_do_not_replace_measurements(measured, calibration, diagnosis):
+    for result in (calibration, diagnosis):
+        with pytest.raises(rangecal.InputError, match="pairs.csv: is a table of a recording, and would be lost"):
+            result.save(measured / "pairs.csv")
+    assert (measured / "pairs.csv").read_text() == "true_m,reading_m\n1,1.01\n"
+
+
+def test_a_constructor_that_threw_can_be_shown():
+    assert repr(rangecal.Recording.__new__(rangecal.Recording)) == "<rangecal.Recording: not made>"
+
+
+def test_masked_values_are_missing():
+    hidden = np.ma.masked_array([1.0, 2.0, 3.0], mask=[False, True, False])
+    recording = rangecal.Recording(pairs={"true_m": [1.0, 2.0, 3.0], "reading_m": hidden})
+    np.testing.assert_array_equal(recording.range_m, [1.0, 3.0])
+
+
 @pytest.mark.parametrize("change, message", [
     ({"bearing_rad": [100.0, 0.0]}, "observations.csv, row 2, column 'bearing_rad': '100' is beyond"),
     ({"stop": ["a", "c"]}, "observations.csv, row 3, column 'stop': unknown stop 'c'"),
     ({"range_m": [1.0]}, "observations.csv, column 'range_m': has 1 entries, where 'stop' has 2"),
     ({"range_m": [[1.0], [2.0]]}, "observations.csv, column 'range_m': is not one-dimensional"),
+    ({"range_m": [[1.0], [2.0, 3.0]]}, "observations.csv, column 'range_m': is not one-dimensional"),
 ])
 def test_wrong_tables_say_where(change, message):
     observations = {"stop": ["a", "a"], "landmark": ["L", "M"], "range_m": [1.0, 2.0], "bearing_rad": [0.0, 0.1]}
@@ -100,3 +153,9 @@ def test_input_errors_are_value_errors_with_the_message_of_the_program(source, t
         rangecal.Recording()
     with pytest.raises(rangecal.InputError, match="either pairs, or"):
         rangecal.Recording({}, {}, pairs={})
+    with pytest.raises(rangecal.InputError, match="take no true_stops"):
+        rangecal.Recording(pairs={"true_m": [1.0], "reading_m": [1.0]}, true_landmarks={"landmark": ["A"]})
+    with pytest.raises(rangecal.InputError, match="several columns have one name"):
+        rangecal.Recording(pairs=pandas.DataFrame([[1.0, 1.0, 2.0]], columns=["true_m", "reading_m", "reading_m"]))
+    with pytest.raises(ValueError, match="surrogates not allowed"):
+        rangecal.Recording(pairs={"true_m": [1.0], "reading_m": [1.0], "batch": ["\udcff"]})

@@ -28,9 +28,13 @@ Json matrix(const std::optional<Matrix>& values) {
   return rows;
 }
 
+/// Without a curve there is no noise about it, and no range over which it was fitted.
+bool is_empty(const Calibration& calibration) { return calibration.alpha.size() == 0; }
+
 Json noise(const Calibration& calibration) {
   Json object{{"law", to_string(calibration.noise.law)},
-              {"parameters", vector(calibration.noise.parameters)}};
+              {"parameters",
+               is_empty(calibration) ? Json::array({nullptr}) : Json(vector(calibration.noise.parameters))}};
   Json deviations = Json::array();
   for (const Estimate& estimate : calibration.noise_estimates) deviations.push_back(number(estimate.std_dev));
   object["std"] = deviations;
@@ -61,7 +65,9 @@ Json to_json(const Calibration& calibration) {
   put_estimate(object, "sigma_theta_rad", calibration.sigma_theta_rad);
   put_estimate(object, "sigma_s_m", calibration.sigma_s_m);
   object["sigma_s_upper95_m"] = number(calibration.sigma_s_upper95_m);
-  object["range_m"] = Json::array({number(calibration.range_min_m), number(calibration.range_max_m)});
+  object["range_m"] = is_empty(calibration)
+                          ? Json::array({nullptr, nullptr})
+                          : Json::array({number(calibration.range_min_m), number(calibration.range_max_m)});
   object["effects"] = Json::object();
   for (const auto& [effect, parameters] : calibration.effects) {
     object["effects"][effect] = Json::object();

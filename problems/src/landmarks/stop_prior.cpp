@@ -72,4 +72,17 @@ Eigen::Vector3d stop_error(const StopPrior& prior, double sigma_xy_m, const Eige
   return D.cwiseProduct(prior.shape->llt().matrixL() * unit);
 }
 
+void share_places(const std::vector<StopPrior>& priors, std::vector<Pose2>& stops) {
+  std::vector<std::size_t> opener;
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    const auto place = static_cast<std::size_t>(priors[k].place);
+    if (opener.size() <= place) opener.resize(place + 1, k);
+    if (priors[k].opens_place) opener[place] = k;
+    const std::size_t first = opener[place];
+    if (first == k) continue;
+    stops[k].x_m = stops[first].x_m + priors[k].commanded.x_m - priors[first].commanded.x_m;
+    stops[k].y_m = stops[first].y_m + priors[k].commanded.y_m - priors[first].commanded.y_m;
+  }
+}
+
 }  // namespace rangecal

@@ -8,10 +8,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 
+#include "calibrate/too_few.hpp"
 #include "calibrate/walk_seed.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/seen_landmarks.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_ceres.hpp"
@@ -22,61 +23,17 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// The recording without the landmarks that no reading sees: nothing can be said about them.
-Recording without_unseen(const Recording& whole, std::vector<std::string>& unseen) {
-  std::vector<int> renumbered(whole.landmarks.size(), -1);
-  for (int l : whole.readings.landmark) renumbered[l] = 0;
-  if (std::find(renumbered.begin(), renumbered.end(), -1) == renumbered.end()) return whole;
-  Recording seen = whole;
-  seen.landmarks.clear();
-  seen.truth.landmarks.clear();
-  for (std::size_t l = 0; l < whole.landmarks.size(); ++l) {
-    if (renumbered[l] < 0) {
-      unseen.push_back(whole.landmarks[l].label);
-      continue;
-    }
-    renumbered[l] = static_cast<int>(seen.landmarks.size());
-    seen.landmarks.push_back(whole.landmarks[l]);
-  }
-  for (int& l : seen.readings.landmark) l = renumbered[l];
-  seen.known_distances.clear();
-  for (KnownDistance taped : whole.known_distances) {
-    taped.from = renumbered[taped.from];
-    taped.to = renumbered[taped.to];
-    if (taped.from >= 0 && taped.to >= 0) seen.known_distances.push_back(taped);
-  }
-  return seen;
-}
-
-std::optional<std::string> why_too_few(const JointProblem& problem, int order) {
-  std::set<int> places;
-  for (int stop : problem.cells.stop) places.insert(problem.stops[stop].place);
-  if (problem.readings < 1.0) return "no usable reading";
-  if (places.size() < 3)
-    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3",
-                       places.size());
-  const double unknowns = order + 1 + 2.0 * problem.landmark_count();
-  if (2.0 * static_cast<double>(problem.cells.size()) < unknowns + 2.0)
-    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks",
-                       problem.cells.size(), unknowns);
-  if (static_cast<int>(problem.cells.size()) < order + 2)
-    return fmt::format("{} distances for a curve of order {}", problem.cells.size(), order);
-  return std::nullopt;
-}
-
 }  // namespace
 
 LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOptions& wanted,
                            CalibrationReport& report)
-    : options(wanted) {
-  std::vector<std::string> unseen;
-  for (const Recording& recording : all) {
-    recordings.push_back(without_unseen(recording, unseen));
+    : recordings(with_seen_landmarks(all)), options(wanted) {
+  for (const Recording& recording : recordings) {
     add_counts(recording.counts, counts);
-    for (const Landmark& landmark : recordings.back().landmarks) landmark_labels.push_back(landmark.label);
+    for (const Landmark& landmark : recording.landmarks) landmark_labels.push_back(landmark.label);
     for (const Stop& stop : recording.stops) stop_labels.push_back(stop.label);
   }
-  if (!unseen.empty())
+  if (const std::vector<std::string> unseen = unseen_landmarks(all); !unseen.empty())
     report.notes.push_back(fmt::format("left out, never seen: landmark {}", fmt::join(unseen, ", ")));
   problem = make_joint_problem(recordings);
   const double scale = mean_range(problem);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <string>
+#include <vector>
 
 #include "change/landmark_filter.hpp"
 #include "joint_ml/seed_from.hpp"
@@ -29,6 +30,17 @@ JointState walk_seed(const JointProblem& problem, int order, NoiseLaw law) {
     const Eigen::Vector3d pose = filter.x.segment<3>(filter.pose());
     state.stops.push_back({pose[0], pose[1], pose[2]});
   }
+  // A place is known best from its last stop.
+  std::vector<std::size_t> opener(static_cast<std::size_t>(problem.place_count), 0);
+  for (std::size_t k = 0; k < state.stops.size(); ++k) {
+    const StopPrior& prior = problem.stops[k];
+    std::size_t& first = opener[static_cast<std::size_t>(prior.place)];
+    if (prior.opens_place) first = k;
+    const Pose2 &own = prior.commanded, &opened = problem.stops[first].commanded;
+    state.stops[first].x_m = state.stops[k].x_m + opened.x_m - own.x_m;
+    state.stops[first].y_m = state.stops[k].y_m + opened.y_m - own.y_m;
+  }
+  share_places(problem.stops, state.stops);
   state.landmarks.assign(problem.landmark_radius_m.size(), Eigen::Vector2d::Zero());
   for (std::size_t l = 0; l < filter.labels.size(); ++l)
     state.landmarks[std::stoul(filter.labels[l])] =

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "closed_form/curve_covariance.hpp"
 #include "closed_form/landmark_map.hpp"
 #include "rangecal/core/polynomial.hpp"
 
@@ -33,6 +34,19 @@ double invert_near(const Eigen::VectorXd& alpha, double y, double d) {
   return best;
 }
 
+/// Of a cell in the equations of a sweep. `axis`: distance to the landmark's axis [m].
+CellWeights sweep_weights(const RangeSample& s, const StopVariance& stop, const Vector2d& across, double axis,
+                          const SweepNoise& noise) {
+  CellWeights weights;
+  weights.curve = weight_of(s, RangeWeighting::d_squared);
+  weights.across = 1.0 / (stop.off_line(across, axis) + (noise.sigma_theta_sq / s.R + 1e-18) * axis * axis);
+  const double slope = evaluate_derivative(noise.model.alpha, s.d);
+  if (std::abs(slope) < 1e-3) return weights;  // the range says nothing about the distance here
+  const double spread = noise.model.noise.spread(s.d, evaluate_polynomial(noise.model.alpha, s.d)) / slope;
+  weights.along = 1.0 / (stop.along(s.u) + spread * spread / s.R + 1e-18 * axis * axis);
+  return weights;
+}
+
 /// Moves every used landmark; returns the largest move in standard deviations.
 double sweep_landmarks(const JointProblem& problem, const std::vector<StopVariance>& stops,
                        const std::vector<RangeSample>& samples, const SweepNoise& noise, LandmarkMap& map) {
@@ -46,17 +60,13 @@ double sweep_landmarks(const JointProblem& problem, const std::vector<StopVarian
     const Vector2d across(std::sin(phi), -std::cos(phi));
     const Vector2d from =
         commanded_position(problem, k) - map.position[s.landmark];  // relative to the present position
-    const double across_variance =
-        stops[k].off_line(across, axis) + (noise.sigma_theta_sq / s.R + 1e-18) * axis * axis;
-    A[s.landmark] += across * across.transpose() / across_variance;
-    b[s.landmark] += across * across.dot(from) / across_variance;
-    const double slope = evaluate_derivative(noise.model.alpha, s.d);
-    if (std::abs(slope) < 1e-3) continue;  // the range says nothing about the distance here
-    const double spread = noise.model.noise.spread(s.d, evaluate_polynomial(noise.model.alpha, s.d)) / slope;
-    const double along_variance = stops[k].along(s.u) + spread * spread / s.R + 1e-18 * axis * axis;
+    const CellWeights weights = sweep_weights(s, stops[k], across, axis, noise);
+    A[s.landmark] += weights.across * across * across.transpose();
+    b[s.landmark] += weights.across * across * across.dot(from);
+    if (!(weights.along > 0.0)) continue;
     const double range = invert_near(noise.model.alpha, s.y, s.d) + cells.radius_m[s.cell];
-    A[s.landmark] += s.u * s.u.transpose() / along_variance;
-    b[s.landmark] += s.u * (s.u.dot(from) + range) / along_variance;
+    A[s.landmark] += weights.along * s.u * s.u.transpose();
+    b[s.landmark] += weights.along * s.u * (s.u.dot(from) + range);
   }
   double largest = 0.0;
   for (std::size_t l = 0; l < A.size(); ++l) {
@@ -104,7 +114,7 @@ Calibration approximate_joint_calibration(const JointProblem& problem, const Clo
   Calibration result;
   result.method = Method::approximate;
   result.covariance_reason =
-      "that of the last step: landmarks and curve are fitted to the same ranges, unseen by it";
+      "first order, at the commanded stops; the bend that errors in the distances put into f is not in it";
   if (const auto why = hopeless(problem)) {
     result.outcome = Outcome::too_few_data;
     result.reason = *why;
@@ -124,7 +134,7 @@ Calibration approximate_joint_calibration(const JointProblem& problem, const Clo
   result.outcome = Outcome::not_converged;
   for (result.iterations = 0; result.iterations < options.max_sweeps;) {
     samples = samples_at(problem, map, stops);
-    model = fit_range_model(samples, RangeWeighting::d_squared, map.covariance, order, options, false);
+    model = fit_range_model(samples, RangeWeighting::d_squared, map.covariance, order, options);
     if (!is_usable(model.outcome) || !model.f_positive) break;
     order = static_cast<int>(model.alpha.size()) - 1;  // chosen once, then kept
     if (!options.bearings.sigma_theta_rad) {
@@ -148,8 +158,17 @@ Calibration approximate_joint_calibration(const JointProblem& problem, const Clo
     samples = samples_at(problem, map, stops);
     model = fit_range_model(samples, RangeWeighting::d_squared, map.covariance, order, options);
   }
-  fill_calibration(problem, map, model, samples, result);
   fill_sigma_theta(problem, map, stops, options, result);
+  if (is_usable(model.outcome) && model.f_positive) {
+    std::vector<CellWeights> weights;
+    for (const RangeSample& s : samples)
+      weights.push_back(sweep_weights(s, stops[s.stop], {s.u.y(), -s.u.x()},
+                                      s.d + problem.cells.radius_m[s.cell],
+                                      {sigma_theta * sigma_theta, model}));
+    model.alpha_covariance =
+        curve_covariance(problem, samples, weights, model, sigma_theta, options.bearings.sigma_s_m);
+  }
+  fill_calibration(problem, map, model, samples, result);
   if (is_usable(model.outcome) && !model.f_positive) result.outcome = Outcome::failed;
   if (result.outcome == Outcome::not_converged)
     append_reason(result.reason, "landmarks still move by " + std::to_string(move) +

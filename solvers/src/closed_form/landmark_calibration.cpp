@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "closed_form/curve_covariance.hpp"
 #include "closed_form/landmark_map.hpp"
 
 namespace rangecal {
@@ -29,10 +30,18 @@ Calibration closed_form_calibration(const JointProblem& problem, const ClosedFor
   if (found.outcome == Outcome::unobservable) result.weakest_direction = found.reason;
   const std::vector<StopVariance> stops = stop_variances(problem, options.bearings.sigma_s_m);
   const std::vector<RangeSample> samples = samples_at(problem, map, stops);
-  const RangeModel model =
+  RangeModel model =
       fit_range_model(samples, RangeWeighting::ordinary, map.covariance, options.order, options);
-  fill_calibration(problem, map, model, samples, result);
   fill_sigma_theta(problem, map, stops, options, result);
+  if (is_usable(model.outcome)) {
+    std::vector<CellWeights> weights;
+    for (const RangeSample& s : samples)
+      weights.push_back({weight_of(s, RangeWeighting::ordinary), found.cell_weights[s.cell], 0.0});
+    const double sigma_theta = result.sigma_theta_rad ? result.sigma_theta_rad->value : found.sigma_theta_rad;
+    model.alpha_covariance =
+        curve_covariance(problem, samples, weights, model, sigma_theta, options.bearings.sigma_s_m);
+  }
+  fill_calibration(problem, map, model, samples, result);
   return result;
 }
 

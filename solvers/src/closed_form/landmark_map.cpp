@@ -37,7 +37,8 @@ std::vector<RangeSample> samples_at(const JointProblem& problem, const LandmarkM
     const double d = v.norm() - cells.radius_m[c];
     if (!(d > 0.0)) continue;  // a stop inside the landmark: the position is not that good
     samples.push_back({d, cells.range_mean[c], cells.count[c], cells.range_mean_square[c],
-                       stops[cells.stop[c]].along(v.normalized()), l, static_cast<int>(c), v.normalized()});
+                       stops[cells.stop[c]].along(v.normalized()), l, static_cast<int>(c), cells.stop[c],
+                       v.normalized()});
   }
   return samples;
 }
@@ -52,11 +53,13 @@ std::optional<Estimate> sigma_theta_at(const JointProblem& problem, const Landma
                                        const std::vector<StopVariance>& stops) {
   const Cells& cells = problem.cells;
   std::vector<MomentTerm> terms;
-  double within = 0.0, dof = 0.0;
+  std::vector<int> stop_of;
+  double within = 0.0, dof = 0.0, dof_within = 0.0;
   for (std::size_t c = 0; c < cells.size(); ++c) {
     const int l = cells.landmark[c], k = cells.stop[c];
     within += cells.count[c] * cells.bearing_mean_square[c];
     dof += cells.count[c] - 1.0;
+    dof_within += cells.count[c] - 1.0;
     if (!map.used[l]) continue;
     const Vector2d v = map.position[l] - commanded_position(problem, k);
     const double phi = problem.stops[k].commanded.heading_rad + cells.bearing_mean[c];
@@ -64,12 +67,20 @@ std::optional<Estimate> sigma_theta_at(const JointProblem& problem, const Landma
                                     std::cos(phi) * v.x() + std::sin(phi) * v.y());
     terms.push_back({angle * angle, 1.0 / cells.count[c],
                      stops[k].off_line({std::sin(phi), -std::cos(phi)}, v.norm()) / v.squaredNorm()});
+    stop_of.push_back(k);
     dof += 1.0;
   }
   for (const char used : map.used) dof -= used ? 2.0 : 0.0;
   const double variance = variance_from_moments(terms, within, dof);
   if (!(variance > 0.0)) return std::nullopt;
-  return Estimate{std::sqrt(variance), std::sqrt(variance / (2.0 * dof))};
+  // Cells of a stop see one error of it from all sides: half of their squared correlation, on average.
+  double shared = 0.0;
+  for (std::size_t i = 0; i < terms.size(); ++i)
+    for (std::size_t j = i + 1; j < terms.size() && stop_of[j] == stop_of[i]; ++j)
+      shared += 0.5 * terms[i].other / (variance * terms[i].scale + terms[i].other) * terms[j].other /
+                (variance * terms[j].scale + terms[j].other);
+  return Estimate{std::sqrt(variance), std_dev_from_moments(terms, shared, dof_within, dof, variance) /
+                                           (2.0 * std::sqrt(variance))};
 }
 
 LandmarkMap map_from(const JointProblem& problem, const LandmarksFromBearings& found) {
@@ -106,7 +117,8 @@ void fill_calibration(const JointProblem& problem, const LandmarkMap& map, const
   }
   append_reason(result.reason, model.note);
   result.alpha = model.alpha;
-  result.alpha_covariance = model.alpha_covariance;
+  if (model.alpha_covariance.size() > 0 && model.alpha_covariance.allFinite())
+    result.alpha_covariance = model.alpha_covariance;
   result.noise = model.noise;
   result.noise_estimates = model.noise_estimates;
   const auto by_distance = [](const RangeSample& a, const RangeSample& b) { return a.d < b.d; };

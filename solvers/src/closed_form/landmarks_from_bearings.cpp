@@ -212,6 +212,7 @@ LandmarksFromBearings landmarks_from_bearings(const JointProblem& problem, const
     solve_all();
   }
   result.sigma_theta_rad = std::sqrt(sigma_theta_sq);
+  for (const Sight& s : sights) result.cell_weights.push_back(weight_of(s, options.weights, sigma_theta_sq));
 
   int found = 0;
   for (std::size_t l = 0; l < result.landmarks.size(); ++l) {

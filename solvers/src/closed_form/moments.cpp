@@ -38,4 +38,12 @@ double variance_from_moments(const std::vector<MomentTerm>& terms, double within
   return x;
 }
 
+double std_dev_from_moments(const std::vector<MomentTerm>& terms, double shared, double dof_within,
+                            double dof, double x) {
+  double slope = dof_within / x;
+  for (const MomentTerm& t : terms) slope += t.scale / (x * t.scale + t.other);
+  const double all = dof_within + static_cast<double>(terms.size());
+  return std::sqrt(2.0 * dof + 4.0 * shared) / (slope * dof / all);
+}
+
 }  // namespace rangecal

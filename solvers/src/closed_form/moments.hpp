@@ -18,4 +18,11 @@ struct MomentTerm {
 /// freedom.)
 double variance_from_moments(const std::vector<MomentTerm>& terms, double within, double dof);
 
+/// Standard deviation of that root: the left side has variance 2 dof + 4 `shared` where every term has its
+/// expectation, `shared` the sum over pairs of terms of their squared correlation, and falls by
+///   dof_within / x + sum_i scale_i / (x scale_i + other_i)
+/// per unit of x, parameters that were fitted along taking their share of both.
+double std_dev_from_moments(const std::vector<MomentTerm>& terms, double shared, double dof_within,
+                            double dof, double x);
+
 }  // namespace rangecal

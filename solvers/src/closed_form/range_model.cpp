@@ -64,6 +64,22 @@ BetaFit fit_beta(const std::vector<RangeSample>& samples, const VectorXd& alpha)
   return {VectorXd::Zero(1), MatrixXd::Zero(1, 1)};  // all residuals are 0
 }
 
+/// Pairs of cells of one stop see the same error of it: sum over pairs of the squared correlation of their
+/// residuals, the stops' variance taken along each line of sight.
+double shared_by_stop(const std::vector<RangeSample>& samples, const RangeModel& model,
+                      const std::vector<MomentTerm>& terms, double variance) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const auto of = [&](std::size_t k) {
+      return evaluate_derivative(model.alpha, samples[k].d) * std::sqrt(samples[k].d_variance) /
+             std::sqrt(variance * terms[k].scale + terms[k].other);
+    };
+    for (std::size_t j = i + 1; j < samples.size() && samples[j].stop == samples[i].stop; ++j)
+      sum += std::pow(of(i) * of(j) * samples[i].u.dot(samples[j].u), 2);
+  }
+  return sum;
+}
+
 void fit_noise(const std::vector<RangeSample>& samples,
                const std::vector<Eigen::Matrix2d>& landmark_covariance, NoiseLaw law, RangeModel& model) {
   BetaFit beta;
@@ -77,7 +93,7 @@ void fit_noise(const std::vector<RangeSample>& samples,
     widest = std::max(widest, shape.spread(s.d, evaluate_polynomial(model.alpha, s.d)));
   std::vector<MomentTerm> terms;
   terms.reserve(samples.size());
-  double within = 0.0, bare = 0.0, dof = -static_cast<double>(model.alpha.size());
+  double within = 0.0, bare = 0.0, dof_within = 0.0, dof = -static_cast<double>(model.alpha.size());
   for (const RangeSample& s : samples) {
     const double f = evaluate_polynomial(model.alpha, s.d), slope = evaluate_derivative(model.alpha, s.d);
     const double g = std::max(shape.spread(s.d, f), 1e-12 * widest), r = s.y - f;
@@ -85,6 +101,7 @@ void fit_noise(const std::vector<RangeSample>& samples,
     bare += r * r / (g * g / s.R);
     if (!(f > 0.0)) model.f_positive = false;
     within += s.R * s.mean_square / (g * g);
+    dof_within += s.R - 1.0;
     dof += s.R;
   }
   if (!model.f_positive) model.note = "f is not positive at every distance of the data";
@@ -92,7 +109,8 @@ void fit_noise(const std::vector<RangeSample>& samples,
   // As if stops and landmarks were exact.
   const double whole = dof > 0.0 && std::isfinite(within + bare) ? (within + bare) / dof : 0.0;
   // Below a ten-thousandth of the residuals nothing is left that the stops do not explain.
-  if (variance < 1e-4 * whole) {
+  const bool untold = variance < 1e-4 * whole;
+  if (untold) {
     variance = whole;
     if (!model.note.empty()) model.note += "; ";
     model.note +=
@@ -105,48 +123,43 @@ void fit_noise(const std::vector<RangeSample>& samples,
     Estimate estimate{model.noise.parameters(i), std::nullopt};
     if (law == NoiseLaw::polynomial)
       estimate.std_dev = sigma * std::sqrt(beta.covariance(i, i));
-    else if (dof > 0.0)
-      estimate.std_dev = sigma / std::sqrt(2.0 * dof);
+    else if (dof > 0.0 && !untold)
+      estimate.std_dev = std_dev_from_moments(terms, shared_by_stop(samples, model, terms, variance),
+                                              dof_within, dof, variance) /
+                         (2.0 * sigma);
     model.noise_estimates.push_back(estimate);
   }
 }
 
-/// G V G^T + sum_l B_l C_l B_l^T with alpha = G y: V the variances of the means given the landmarks, B_l =
-/// the response of alpha to landmark l.
+/// G V G^T with alpha = G y, V the variances of the means: distances are exact.
 MatrixXd alpha_covariance(const std::vector<RangeSample>& samples, const std::vector<double>& weights,
-                          const std::vector<Eigen::Matrix2d>& landmark_covariance, const MatrixXd& cofactor,
-                          const RangeModel& model) {
+                          const MatrixXd& cofactor, const RangeModel& model) {
   const Eigen::Index p = model.alpha.size();
   MatrixXd covariance = MatrixXd::Zero(p, p);
-  std::vector<MatrixXd> response(landmark_covariance.size(), MatrixXd::Zero(p, 2));
-  VectorXd phi(p), G(p);
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const RangeSample& s = samples[k];
-    double power = 1.0;
-    for (Eigen::Index i = 0; i < p; ++i, power *= s.d) phi(i) = power;
-    G.noalias() = cofactor * phi;
-    G *= weights[k];
-    const double f = evaluate_polynomial(model.alpha, s.d), slope = evaluate_derivative(model.alpha, s.d);
-    const double spread = model.noise.spread(s.d, f);
-    covariance.noalias() += (spread * spread / s.R + slope * slope * s.d_variance) * G * G.transpose();
-    if (!response.empty()) response[s.landmark].noalias() += slope * G * s.u.transpose();
+    const VectorXd G = weights[k] * (cofactor * powers_of(s.d, p));
+    const double spread = model.noise.spread(s.d, evaluate_polynomial(model.alpha, s.d));
+    covariance.noalias() += spread * spread / s.R * G * G.transpose();
   }
-  for (std::size_t l = 0; l < response.size(); ++l)
-    covariance += response[l] * landmark_covariance[l] * response[l].transpose();
   return covariance;
 }
 
 }  // namespace
 
+double weight_of(const RangeSample& sample, RangeWeighting weighting) {
+  return weighting == RangeWeighting::ordinary ? sample.R : sample.R * std::pow(sample.d, -4);
+}
+
 RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighting weighting,
                            const std::vector<Eigen::Matrix2d>& landmark_covariance, std::optional<int> order,
-                           const ClosedFormOptions& options, bool with_covariance) {
+                           const ClosedFormOptions& options) {
   std::vector<double> d, y, weights;
   double mean = 0.0, uncertainty = 0.0;
   for (const RangeSample& s : samples) {
     d.push_back(s.d);
     y.push_back(s.y);
-    weights.push_back(weighting == RangeWeighting::ordinary ? s.R : s.R * std::pow(s.d, -4));
+    weights.push_back(weight_of(s, weighting));
     mean += s.d;
     uncertainty += distance_variance(s, landmark_covariance);
   }
@@ -185,8 +198,8 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   if (!fit.usable()) return model;
   model.alpha = fit.alpha;
   fit_noise(samples, landmark_covariance, options.noise_law, model);
-  if (with_covariance)
-    model.alpha_covariance = alpha_covariance(samples, weights, landmark_covariance, fit.cofactor, model);
+  if (landmark_covariance.empty())
+    model.alpha_covariance = alpha_covariance(samples, weights, fit.cofactor, model);
   return model;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "correction/search.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -171,6 +172,14 @@ std::vector<CorrectionRoot> roots_at(const Curve& curve, double y, std::vector<d
   return roots;
 }
 
+Curve curve_of(const Calibration& c, const SearchedRange& range) {
+  Curve curve{c, range.low, range.high, {}};
+  if (c.alpha.size() > 1) curve.turning_points = real_roots(derivative(c.alpha), curve.low, curve.high);
+  return curve;
+}
+
+}  // namespace
+
 int most_likely(const std::vector<CorrectionRoot>& roots) {
   int best = -1;
   for (int i = 0; i < static_cast<int>(roots.size()); ++i) {
@@ -179,7 +188,9 @@ int most_likely(const std::vector<CorrectionRoot>& roots) {
   return best;
 }
 
-Curve curve_of(const Calibration& c, const CorrectionOptions& options) {
+SearchedRange searched_range(const Calibration& c, double reading_m, const CorrectionOptions& options) {
+  if (!(reading_m > 0.0) || !std::isfinite(reading_m))
+    throw InputError("correct: reading " + std::to_string(reading_m) + " is not a positive number");
   if (c.alpha.size() == 0) throw InputError("correct: the calibration has no alpha");
   if (c.noise.parameters.size() == 0) throw InputError("correct: the calibration has no noise parameters");
   if (!(c.range_min_m >= 0.0 && c.range_max_m > c.range_min_m && std::isfinite(c.range_max_m)))
@@ -187,17 +198,11 @@ Curve curve_of(const Calibration& c, const CorrectionOptions& options) {
   if (!(options.extension >= 0.0))
     throw InputError("correct: extension = " + std::to_string(options.extension) + " is negative");
   const double width = c.range_max_m - c.range_min_m, extra = options.extension * width;
-  Curve curve{c, std::max(c.range_min_m - extra, 1e-6 * width), c.range_max_m + extra, {}};
-  if (c.alpha.size() > 1) curve.turning_points = real_roots(derivative(c.alpha), curve.low, curve.high);
-  return curve;
+  return {std::max(c.range_min_m - extra, 1e-6 * width), c.range_max_m + extra};
 }
 
-}  // namespace
-
 Correction correct(const Calibration& calibration, double reading_m, const CorrectionOptions& options) {
-  if (!(reading_m > 0.0) || !std::isfinite(reading_m))
-    throw InputError("correct: reading " + std::to_string(reading_m) + " is not a positive number");
-  const Curve curve = curve_of(calibration, options);
+  const Curve curve = curve_of(calibration, searched_range(calibration, reading_m, options));
   const double y = reading_m;
   Correction result;
   const std::vector<double> least_squares = invert(curve, y);

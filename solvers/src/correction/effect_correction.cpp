@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/correction/effect_correction.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <boost/math/tools/minima.hpp>
+#include <boost/math/tools/toms748_solve.hpp>
 #include <cmath>
 #include <functional>
+#include <limits>
+#include <optional>
 
+#include "correction/stretches.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 namespace {
@@ -77,16 +85,21 @@ ReadingChange<double> EffectCorrector::change(double d, const ReadingSetting& se
   return sum;
 }
 
+double EffectCorrector::curve_variance(double d) const {
+  if (!calibration_.alpha_covariance) return 0.0;
+  const Eigen::MatrixXd& covariance = *calibration_.alpha_covariance;
+  double curve = 0.0;  // phi^T C phi, as two of Horner's rules
+  for (Eigen::Index i = covariance.rows(); i-- > 0;) {
+    double row = 0.0;
+    for (Eigen::Index j = covariance.cols(); j-- > 0;) row = row * d + covariance(i, j);
+    curve = curve * d + row;
+  }
+  return curve;
+}
+
 EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {
   const double f = evaluate_polynomial(calibration_.alpha, d), s = calibration_.noise.spread(d, f);
-  double curve = 0.0;
-  if (const auto& covariance = calibration_.alpha_covariance) {  // phi^T C phi, as two of Horner's rules
-    for (Eigen::Index i = covariance->rows(); i-- > 0;) {
-      double row = 0.0;
-      for (Eigen::Index j = covariance->cols(); j-- > 0;) row = row * d + (*covariance)(i, j);
-      curve = curve * d + row;
-    }
-  }
+  const double curve = curve_variance(d);
   if (active_.empty()) return {f, std::sqrt(s * s + curve)};
   const ReadingChange<double> own = change(d, setting);
   return {f + own.range, std::sqrt(s * s * std::exp(own.range_log_variance) + curve)};
@@ -99,6 +112,23 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m)
   for (Eigen::Index i = 1; i < alpha.size(); ++i) slope[i - 1] = static_cast<double>(i) * alpha[i];
   std::vector<double> points = real_roots(slope, low_m, high_m);
   std::erase_if(points, [&](double d) { return d <= low_m || d >= high_m; });
+  return points;
+}
+
+std::vector<double> EffectCorrector::turning_points(double low_m, double high_m, double reading_m,
+                                                    const ReadingSetting& setting) const {
+  std::vector<double> points = turning_points(low_m, high_m);
+  if (active_.empty()) return points;
+  const double reach = 12.0 * calibration_.noise.spread(reading_m, reading_m);
+  const std::vector<Stretch> stretches =
+      stretches_near(mean_reading(setting), {low_m, high_m}, reading_m, reach);
+  std::erase_if(points, [&](double d) {  // there the effects say where the mean turns
+    return std::any_of(stretches.begin(), stretches.end(),
+                       [d](const Stretch& s) { return d >= s.from && d <= s.to; });
+  });
+  for (const Stretch& stretch : stretches)
+    if (stretch.ends != Stretch::End::window) points.push_back(stretch.to);
+  std::sort(points.begin(), points.end());
   return points;
 }
 
@@ -163,60 +193,99 @@ std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
   return needs;
 }
 
+MeanReading EffectCorrector::mean_reading(const ReadingSetting& setting) const {
+  MeanReading mean{calibration_.alpha, {}, {}};
+  for (const Active& active : active_) {
+    const double* p = active.parameters.data();
+    mean.changes.push_back(
+        [this, &active, &setting, p](double d) { return active.effect->reading(view(d, setting), p).range; });
+    if (const double jump = active.effect->switching_distance(p); std::isfinite(jump))
+      mean.jumps.push_back(jump);
+  }
+  return mean;
+}
+
+CorrectionRoot EffectCorrector::root_at(double d, double reading_m, const ReadingSetting& setting,
+                                        double h) const {
+  CorrectionRoot root;
+  root.distance_m = d;
+  root.extrapolated = d < calibration_.range_min_m || d > calibration_.range_max_m;
+  const double f = evaluate_polynomial(calibration_.alpha, d);
+  const ReadingChange<double> own = change(d, setting);
+  const double s = calibration_.noise.spread(d, f) * std::exp(0.5 * own.range_log_variance);
+  const double z = (reading_m - f - own.range) / s;
+  root.log_likelihood =
+      s > 0.0 ? -std::log(s) - 0.5 * z * z - half_log_two_pi : std::numeric_limits<double>::infinity();
+  const double slope = std::abs(evaluate_derivative(calibration_.alpha, d) +
+                                (change(d + h, setting).range - change(d - h, setting).range) / (2.0 * h));
+  if (!(slope > 0.0)) return root;
+  root.std_dev_m = s / slope;
+  if (calibration_.alpha_covariance) root.std_dev_total_m = std::sqrt(s * s + curve_variance(d)) / slope;
+  return root;
+}
+
 Correction EffectCorrector::correct(double reading_m, const ReadingSetting& setting,
                                     const CorrectionOptions& options) const {
-  Correction plain = rangecal::correct(calibration_, reading_m, options);
-  if (active_.empty()) return plain;
-  const auto settle = [&](const CorrectionRoot& start, bool maximum_likelihood) {
-    CorrectionRoot root = start;
-    for (int iteration = 0; iteration < 50; ++iteration) {
-      const double y = reading_m - change(root.distance_m, setting).range;
-      if (!(y > 0.0)) break;
-      const Correction moved = rangecal::correct(calibration_, y, options);
-      const std::vector<CorrectionRoot>& roots =
-          maximum_likelihood ? moved.maximum_likelihood : moved.least_squares;
-      CorrectionRoot next;
-      if (!roots.empty())
-        next = *std::min_element(
-            roots.begin(), roots.end(), [&](const CorrectionRoot& a, const CorrectionRoot& b) {
-              return std::abs(a.distance_m - root.distance_m) < std::abs(b.distance_m - root.distance_m);
-            });
-      else if (moved.nearest)
-        next = *moved.nearest;
-      else
-        break;
-      const double step = std::abs(next.distance_m - root.distance_m);
-      root = next;
-      if (step < 1e-10) break;
-    }
-    const double factor = std::exp(0.5 * change(root.distance_m, setting).range_log_variance);
-    if (root.std_dev_m) {
-      const double own = *root.std_dev_m;
-      if (root.std_dev_total_m)
-        root.std_dev_total_m = std::sqrt(std::max(
-            0.0, *root.std_dev_total_m * *root.std_dev_total_m + (factor * factor - 1.0) * own * own));
-      root.std_dev_m = factor * own;
-    }
-    return root;
+  if (active_.empty()) return rangecal::correct(calibration_, reading_m, options);
+  const SearchedRange range = searched_range(calibration_, reading_m, options);
+  const MeanReading mean = mean_reading(setting);
+  const double y = reading_m, h = 1e-7 * range.width();
+  constexpr double far = 8.0;  // standard deviations
+  const double spread = calibration_.noise.spread(y, y);
+  const std::vector<Stretch> stretches = stretches_near(mean, range, y, far * spread);
+  const auto root = [&](double d) { return root_at(d, y, setting, h); };
+  const auto nll = [&](double d) { return -root(d).log_likelihood; };
+
+  Correction result;
+  std::optional<double> nearest;
+  double least = std::numeric_limits<double>::infinity();
+  const auto consider = [&](double d, double at) {
+    if (!(std::abs(at - y) < least)) return;
+    least = std::abs(at - y);
+    nearest = d;
   };
-  Correction result = plain;
-  for (CorrectionRoot& root : result.least_squares) root = settle(root, false);
-  for (CorrectionRoot& root : result.maximum_likelihood) root = settle(root, true);
-  if (result.least_squares.empty() &&
-      result.nearest) {  // the effect may have moved the reading beyond what f reaches
-    const CorrectionRoot settled = settle(*result.nearest, false);
-    const double misfit = evaluate_polynomial(calibration_.alpha, settled.distance_m) +
-                          change(settled.distance_m, setting).range - reading_m;
-    if (std::abs(misfit) < 1e-8) {
-      result.least_squares = {settled};
-      result.best_least_squares = 0;
-      result.nearest.reset();
-      result.outcome = Outcome::converged;
-      result.reason.clear();
-    } else {
-      result.nearest = settled;
+  const auto add = [&](std::vector<CorrectionRoot>& roots, CorrectionRoot next) {
+    if (roots.empty() || next.distance_m - roots.back().distance_m > 1e-9 * range.width())
+      roots.push_back(std::move(next));
+  };
+  for (const Stretch& stretch : stretches) {
+    consider(stretch.from, stretch.at_from);
+    consider(stretch.to, stretch.at_to);
+    const double from = stretch.at_from - y, to = stretch.at_to - y;
+    if (from * to <= 0.0) {
+      std::uintmax_t steps = 100;
+      const auto [a, b] = boost::math::tools::toms748_solve(
+          [&](double d) { return mean.at(d) - y; }, stretch.from, stretch.to, from, to,
+          boost::math::tools::eps_tolerance<double>(50), steps);
+      const CorrectionRoot found = root(0.5 * (a + b));
+      add(result.least_squares, found);
+      const double wide = found.std_dev_m ? far * *found.std_dev_m : stretch.to - stretch.from;
+      const double low = std::max(stretch.from, found.distance_m - wide);
+      const double high = std::min(stretch.to, found.distance_m + wide);
+      if (spread > 0.0)
+        add(result.maximum_likelihood, root(boost::math::tools::brent_find_minima(nll, low, high, 40).first));
+    } else if (stretch.ends == Stretch::End::turn && std::abs(to) < std::abs(from) && spread > 0.0) {
+      CorrectionRoot turning = root(stretch.to);  // g comes nearest here, and turns back
+      turning.turning_point = true;
+      turning.std_dev_m.reset();
+      turning.std_dev_total_m.reset();
+      add(result.maximum_likelihood, turning);
     }
   }
+  result.best_least_squares = most_likely(result.least_squares);
+  result.best_maximum_likelihood = most_likely(result.maximum_likelihood);
+  if (!result.least_squares.empty()) {
+    result.outcome = Outcome::converged;
+    return result;
+  }
+  if (stretches.empty())
+    for (const double d : {range.low, range.high}) consider(d, mean.at(d));
+  for (const double d : turning_points(range.low, range.high)) consider(d, mean.at(d));
+  if (nearest) result.nearest = root(*nearest);
+  result.reason =
+      fmt::format("no distance between {} and {} m is read as {} m, effects counted; the nearest is given",
+                  range.low, range.high, y);
+  result.outcome = result.maximum_likelihood.empty() ? Outcome::failed : Outcome::converged;
   return result;
 }
 

@@ -236,7 +236,8 @@ DistancePosterior distance_posterior(const EffectCorrector& corrector, double re
   }
   if (!(prior.high_m > prior.low_m))
     throw InputError("distance_posterior: the calibration's range_m is empty and the prior gives none");
-  const std::vector<double> turning_points = corrector.turning_points(prior.low_m, prior.high_m);
+  const std::vector<double> turning_points =
+      corrector.turning_points(prior.low_m, prior.high_m, reading_m, setting);
   const Density density(corrector, reading_m, setting, prior);
   const std::vector<double> ends = breakpoints(density, prior, turning_points);
 

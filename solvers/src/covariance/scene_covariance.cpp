@@ -2,6 +2,7 @@
 #include "rangecal/solvers/covariance/scene_covariance.hpp"
 
 #include <Eigen/Cholesky>
+#include <cmath>
 
 #include "diagnosis/calibrated.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
@@ -39,8 +40,7 @@ SceneCovariance scene_covariance(std::span<const Recording> recordings, const Ca
                      static_cast<int>(fit.state.noise.parameters.size()));
   JointState state = fit.state;
   if (problem.estimate_sigma_s && !(state.sigma_s_m.value_or(0.0) > 0.0)) return result;
-  system.assemble(state, HessianKind::fisher);
-  if (!system.eliminate()) return result;
+  if (!std::isfinite(system.assemble(state, HessianKind::fisher)) || !system.eliminate()) return result;
   const std::optional<Eigen::MatrixXd> globals = inverse_of_known(system.schur());
   if (!globals) return result;
   const JointLayout& layout = system.layout();

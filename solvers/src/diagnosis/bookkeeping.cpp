@@ -203,6 +203,8 @@ std::vector<std::pair<double, std::size_t>> readings_of_unseen(const Rows& rows)
 
 Gaps gaps_of(const Rows& rows) {
   constexpr double enough = 12.5;  // nats
+  // Close to the limit that the sensor states readings are missing by that limit, and cells were left out for it.
+  constexpr double close = 0.85;
   Gaps gaps;
   if (rows.pairs || rows.context.largest_cell < 3) return gaps;
   const std::vector<int>& stop = rows.problem.cells.stop;
@@ -218,9 +220,12 @@ Gaps gaps_of(const Rows& rows) {
     double reading, missing, full;
   };
   std::vector<Cell> cells;
+  const auto add = [&](double reading, double missing, double all) {
+    if (missing == 0.0 || reading < close * rows.range_max_m) cells.push_back({reading, missing, all});
+  };
   for (int c = 0; c < rows.cell_count; ++c)
-    cells.push_back({rows.problem.cells.range_mean[c], full[stop[c]] - count_of(c), full[stop[c]]});
-  for (const auto& [reading, k] : readings_of_unseen(rows)) cells.push_back({reading, full[k], full[k]});
+    add(rows.problem.cells.range_mean[c], full[stop[c]] - count_of(c), full[stop[c]]);
+  for (const auto& [reading, k] : readings_of_unseen(rows)) add(reading, full[k], full[k]);
   unsigned with_gaps = 0;
   for (const Cell& cell : cells) {
     gaps.missing += cell.missing;

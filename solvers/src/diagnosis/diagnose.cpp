@@ -9,13 +9,16 @@
 #include <numeric>
 #include <string_view>
 
+#include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/outlook.hpp"
+#include "diagnosis/prepared.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/report.hpp"
 #include "diagnosis/residual_bins.hpp"
 #include "diagnosis/search.hpp"
 #include "diagnosis/simulation_compare.hpp"
+#include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
@@ -102,7 +105,8 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
   return simulate(model, seed_from("simulated_by", {}));
 }
 
-/// Throws NoAnswerError where nothing can be tested: too few readings, or readings without noise.
+/// Throws where nothing can be tested: InputError for too few places or cells, NoAnswerError for too few
+/// readings, or readings without noise.
 void require_testable(const diagnosis::Rows& rows, std::span<const Recording> recordings) {
   constexpr int highest = 4;
   if (rows.size() < 8) {
@@ -110,6 +114,9 @@ void require_testable(const diagnosis::Rows& rows, std::span<const Recording> re
     throw NoAnswerError("fewer than 8 usable readings: nothing can be diagnosed" +
                         (doubt.empty() ? "" : "; " + doubt));
   }
+  if (!rows.pairs)
+    if (const auto why = why_too_few(rows.problem, 1))
+      throw InputError(recordings[0].path + ": " + to_string(Outcome::too_few_data) + ": " + *why);
   const std::optional<int> order = rows.pairs ? std::nullopt : order_without_noise(rows.problem, 1, highest);
   if (order) throw NoAnswerError(without_noise(*order));
 }
@@ -125,6 +132,11 @@ bool outliers_stand_out(const diagnosis::Battery& battery) {
 
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
+  if (std::optional<Prepared> ready = prepared(recordings)) {
+    Diagnosis result = diagnose(ready->recordings, options);
+    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+    return result;
+  }
   if (options.simulation && !options.simulation->effects.empty()) {
     DiagnoseOptions against = options;
     against.simulation.reset();

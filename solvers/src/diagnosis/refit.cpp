@@ -133,22 +133,14 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
 /// Coordinates that are not free follow the model's commanded poses: exact ones, and those of stops that
 /// share the position error of the stop that opened their place.
 void follow_commanded(const std::vector<StopPrior>& priors, std::vector<Pose2>& stops) {
-  std::vector<int> opener;
   for (std::size_t k = 0; k < stops.size(); ++k) {
     const StopPrior& prior = priors[k];
     if (prior.sigma_heading_rad == 0.0) stops[k].heading_rad = prior.commanded.heading_rad;
-    if (prior.opens_place) {
-      if (opener.size() <= static_cast<std::size_t>(prior.place)) opener.resize(prior.place + 1, -1);
-      opener[prior.place] = static_cast<int>(k);
-      if (prior.sigma_xy_m > 0.0) continue;
-      stops[k].x_m = prior.commanded.x_m;
-      stops[k].y_m = prior.commanded.y_m;
-    } else {
-      const int first = opener[prior.place];
-      stops[k].x_m = stops[first].x_m + prior.commanded.x_m - priors[first].commanded.x_m;
-      stops[k].y_m = stops[first].y_m + prior.commanded.y_m - priors[first].commanded.y_m;
-    }
+    if (!prior.opens_place || prior.sigma_xy_m > 0.0) continue;
+    stops[k].x_m = prior.commanded.x_m;
+    stops[k].y_m = prior.commanded.y_m;
   }
+  share_places(priors, stops);
 }
 
 }  // namespace
@@ -321,6 +313,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     JointState state = fit.state;
     calibrate_under(rows, fit.model, state, options, &detail);
   }
+  fit.outcome = detail.outcome;
   const int alphas = static_cast<int>(fit.state.alpha.size());
   if (detail.covariance) {
     fit.alpha_covariance = detail.covariance->topLeftCorner(alphas, alphas);

@@ -25,7 +25,8 @@ struct Fit {
   Model model;
   JointState state;
   bool ok = false;
-  double nll = 0.0;  ///< l_s of the readings themselves [nats]
+  Outcome outcome = Outcome::failed;  ///< of the calibration at the fit's parameters
+  double nll = 0.0;                   ///< l_s of the readings themselves [nats]
   std::vector<FreeParameter> free;
   Eigen::MatrixXd covariance;  ///< of the free parameters, calibration marginalised
   /// Of the free parameters, by the profile of the likelihood; none where the covariance gives them, empty

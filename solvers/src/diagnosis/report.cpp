@@ -151,12 +151,13 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   Calibration c;
   c.method = Method::marginal;
   c.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
-  c.outcome = Outcome::converged;
+  c.outcome = fit.outcome;
   c.alpha = fit.state.alpha;
   if (fit.alpha_covariance.size() > 0) c.alpha_covariance = fit.alpha_covariance;
   c.noise = fit.state.noise;
-  c.noise_estimates = {{fit.state.noise.parameters[0], fit.noise_std * fit.state.noise.parameters[0]}};
-  if (!rows.pairs) c.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, fit.sigma_theta_std};
+  const auto known = [](double std_dev) { return std_dev > 0.0 ? std::optional(std_dev) : std::nullopt; };
+  c.noise_estimates = {{fit.state.noise.parameters[0], known(fit.noise_std * fit.state.noise.parameters[0])}};
+  if (!rows.pairs) c.sigma_theta_rad = Estimate{fit.state.sigma_theta_rad, known(fit.sigma_theta_std)};
   const CellGeometry g = cell_geometry(rows, fit.state);
   c.range_min_m = *std::min_element(g.d.begin(), g.d.end());
   c.range_max_m = *std::max_element(g.d.begin(), g.d.end());

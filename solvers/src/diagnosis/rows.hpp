@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -33,7 +34,8 @@ struct Rows {
   EffectContext context;
   JointProblem problem;  ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
-  std::optional<AlphaPrior> alpha_prior;  ///< none: alpha is free
+  double range_max_m = std::numeric_limits<double>::infinity();  ///< of the sensor, as stated
+  std::optional<AlphaPrior> alpha_prior;                         ///< none: alpha is free
   double nll_offset = 0.0;  ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
 
   std::size_t size() const { return range_m.size(); }

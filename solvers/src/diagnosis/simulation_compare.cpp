@@ -10,6 +10,7 @@
 #include <set>
 #include <tuple>
 
+#include "diagnosis/prepared.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -311,6 +312,13 @@ Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<c
 Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
                            const DiagnoseOptions& options) {
   using namespace diagnosis;
+  if (std::optional<Prepared> ready = prepared(recordings)) {
+    Diagnosis result = diagnose_against(ready->recordings, simulation, options);
+    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+    return result;
+  }
+  if (const std::optional<Prepared> ready = prepared(simulation))
+    return diagnose_against(recordings, ready->recordings, options);
   check_labels(recordings, simulation);
   const SeedFit fitted = seed_fit(simulation, options);
   const bool clean = is_clean(fitted, options);

@@ -234,8 +234,10 @@ class Program : public ceres::IterationCallback {
 
 }  // namespace
 
-JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
+JointFit solve_joint_ceres(const JointProblem& problem, const JointState& given,
                            const JointOptions& options) {
+  JointState start = given;
+  share_places(problem.stops, start.stops);
   JointFit fit;
   fit.state = start;
   JointSystem system(problem, static_cast<int>(start.alpha.size()),

@@ -22,6 +22,7 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
                            const JointOptions& options) {
   JointFit fit;
   fit.state = start;
+  share_places(problem.stops, fit.state.stops);
   JointSystem system(problem, static_cast<int>(start.alpha.size()),
                      static_cast<int>(start.noise.parameters.size()));
   const std::vector<int> free = free_globals(system.layout(), options.held);

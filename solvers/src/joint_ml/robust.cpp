@@ -47,7 +47,7 @@ struct Residuals {
     for (std::size_t i = 0; i < c.size(); ++i) {
       const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
       const double f = evaluate_polynomial(state.alpha, sight.d), s = state.noise.spread(sight.d, f);
-      range.z.push_back((c.range_mean[i] - f) / s);
+      range.z.push_back((c.range_mean[i] - f - c.bent(i, sight.d)) / s);
       range.log_spread += std::log(s);
       bearing.z.push_back(wrap_angle(c.bearing_mean[i] - sight.bearing) / state.sigma_theta_rad);
     }

@@ -19,14 +19,21 @@ std::optional<double> upper_limit(RemlProfile& profile, double none) {
   const double rise = 0.5 * z95_one_sided * z95_one_sided, floor = profile(none);
   double low = 10.0 * none, high = 100.0 * none;
   const double highest = 1e7 * none;
-  while (high < highest && profile(high) - floor < rise) {
+  const auto risen = [&](double sigma_s) -> std::optional<bool> {
+    const double value = profile(sigma_s);
+    return std::isfinite(value) ? std::optional(value - floor >= rise) : std::nullopt;  // no solve, no limit
+  };
+  std::optional<bool> beyond;
+  while (high < highest && (beyond = risen(high)) && !*beyond) {
     low = high;
     high *= 2.0;
   }
-  if (high >= highest) return std::nullopt;
+  if (high >= highest || !beyond) return std::nullopt;
   for (int step = 0; step < 12; ++step) {
     const double middle = std::sqrt(low * high);
-    (profile(middle) - floor < rise ? low : high) = middle;
+    beyond = risen(middle);
+    if (!beyond) return std::nullopt;
+    (*beyond ? high : low) = middle;
   }
   return std::sqrt(low * high);
 }
@@ -49,11 +56,12 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
                            const MarginalOptions& options) {
   MarginalFit fit;
   fit.state = start;
+  share_places(problem.stops, fit.state.stops);
   if (options.estimate_sigma_s && !fit.state.sigma_s_m) fit.state.sigma_s_m = 8e-3 * mean_range(problem);
   MarginalOptions without = options;
   without.estimate_sigma_s = false;
   RemlProfile profile(problem, fit.state, without, Sigma::stops);
-  Marginal marginal(problem, start, options);
+  Marginal marginal(problem, fit.state, options);
   const double start_value = marginal.value(fit.state);
   fit.start_nll = marginal.joint_nll;
   if (!std::isfinite(start_value)) {

@@ -10,7 +10,8 @@ namespace {
 
 struct Conditional {
   Vector x;
-  double half_log_det = 0.0, value = std::numeric_limits<double>::infinity();
+  double half_log_det = std::numeric_limits<double>::quiet_NaN(),
+         value = std::numeric_limits<double>::infinity();
   Evaluation at;
 };
 
@@ -23,6 +24,7 @@ Conditional conditional(const ScaledPairs& pairs, const Vector& x) {
   const Eigen::LLT<Matrix> factor(inner.at.hessian.topLeftCorner(n, n));
   if (factor.info() != Eigen::Success) return out;
   out.x = inner.x;
+  out.half_log_det = 0.0;
   for (int j = 0; j < n; ++j) out.half_log_det += std::log(factor.matrixLLT()(j, j));
   out.value = inner.at.nll + out.half_log_det;
   out.at = std::move(inner.at);
@@ -45,7 +47,10 @@ NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int 
     const Matrix cross = I.topRightCorner(n, m);
     const Matrix metric = I.bottomRightCorner(m, m) - cross.transpose() * mean_factor.solve(cross);
     const Eigen::LLT<Matrix> factor(metric);
-    if (factor.info() != Eigen::Success) break;
+    if (factor.info() != Eigen::Success) {
+      result.outcome = Outcome::not_converged;
+      break;
+    }
     // Central differences of the log-determinant along the path of the coefficients, a tenth of a standard
     // deviation wide: an error of order 1e-3 of a term that is itself 1/N of the noise parameter's spread.
     Vector gradient = at.at.gradient.tail(m);
@@ -57,6 +62,10 @@ NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int 
       low[n + j] -= step;
       gradient[j] +=
           (conditional(pairs, high).half_log_det - conditional(pairs, low).half_log_det) / (2.0 * step);
+    }
+    if (!gradient.allFinite()) {  // beside it the coefficients have no optimum
+      result.outcome = Outcome::not_converged;
+      break;
     }
     const Vector move = -factor.solve(gradient);
     const double norm = std::sqrt(std::fmax(0.0, -move.dot(gradient)));

@@ -314,8 +314,9 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
         best.covariance = part.inverse().topLeftCorner(first, first);
       }
     }
-    best.outcome = norm < 1e-3 || hessian.size() == 0 || best.covariance.size() == 0 ? Outcome::converged
-                                                                                     : Outcome::not_converged;
+    // At a kink the gradient stays; a step was taken all the same.
+    const bool kink = std::isfinite(norm) && (hessian.size() == 0 || best.covariance.size() == 0);
+    best.outcome = norm < 1e-3 || kink ? Outcome::converged : Outcome::not_converged;
   }
   if (std::isfinite(best.nll)) {
     best.shape = pairs.shape_at(best.x);

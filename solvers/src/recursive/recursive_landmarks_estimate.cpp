@@ -290,6 +290,9 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     if (!fit.ok) {
       answer.outcome = Outcome::unobservable;
       answer.reason = "curve and landmarks are not determined by the readings";
+      if (options_.random_walk)
+        answer.reason =
+            "what was summed up of the walk says too little where it has gone since; calibrate it as a whole";
       return answer;
     }
     const VectorXd step = fit.phi - phi_of(answer.state);

@@ -13,6 +13,7 @@
 #include "diagnosis/report.hpp"
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/seen_landmarks.hpp"
 #include "tilt/leaning_effect.hpp"
 
 namespace rangecal {
@@ -122,6 +123,7 @@ LeaningFit fit_leaning(std::span<const Recording> recordings, const LeaningOptio
   for (const Recording& recording : recordings)
     if (recording.kind == RecordingKind::pairs)
       throw InputError(recording.path + ": holds pairs; a tilted plane needs readings of landmarks");
+  if (!unseen_landmarks(recordings).empty()) return fit_leaning(with_seen_landmarks(recordings), options);
   LeaningFit result;
   CalibrateOptions calibrate_options = options.calibrate;
   calibrate_options.methods = {Method::marginal};

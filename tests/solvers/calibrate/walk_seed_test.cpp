@@ -4,11 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
+#include "rangecal/core/angles.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
+#include "support/add_reading.hpp"
 #include "support/paper_scene.hpp"
 
 namespace rangecal {
@@ -50,6 +53,58 @@ TEST(WalkSeed, CalibrateIsNotLedAstrayByDrift) {
     EXPECT_LT(*found.marginal_nll, at_truth.marginal_nll) << repeat;
   }
   EXPECT_GE(judged, 4);
+}
+
+/// Eight places, four headings at each, steps of half a metre that are off by 2 cm each, headings exact.
+Recording turning_walk(std::uint64_t seed) {
+  const Eigen::Vector3d alpha(0.05, 0.9, 0.05);
+  const std::vector<Eigen::Vector2d> axes{{2.7, -0.4}, {0.6, 1.5}, {-1.2, 0.6}, {-1.7, -0.7}, {0.9, -2.5}};
+  Random random(seed_from("turning walk", {seed}));
+  Recording recording;
+  recording.path = "made";
+  recording.kind = RecordingKind::landmarks;
+  recording.stop_error = StopErrorModel::random_walk;
+  testing::add_landmarks(recording, axes.size());
+  Eigen::Vector2d error = Eigen::Vector2d::Zero();
+  for (int place = 0; place < 8; ++place) {
+    error += 0.02 * Eigen::Vector2d(random.normal(), random.normal());
+    for (int turn = 0; turn < 4; ++turn) {
+      const Pose2 meant{-1.5 + 0.5 * place, 0.1 * place, 0.5 * std::numbers::pi * turn};
+      testing::add_stop(recording, meant, 0.02, 0.0);
+      recording.stops.back().place = std::to_string(place);
+      const Eigen::Vector2d at = Eigen::Vector2d(meant.x_m, meant.y_m) + error;
+      for (int j = 0; j < 3; ++j)
+        for (std::size_t l = 0; l < axes.size(); ++l) {
+          const Eigen::Vector2d v = axes[l] - at;
+          const double d = v.norm(), f = alpha.dot(Eigen::Vector3d(1.0, d, d * d));
+          testing::add_reading(
+              recording, 4 * place + turn, static_cast<int>(l), j, f + 0.008 * f * f * random.normal(),
+              wrap_angle(std::atan2(v.y(), v.x()) - meant.heading_rad + 0.01 * random.normal()));
+        }
+    }
+  }
+  return recording;
+}
+
+TEST(WalkSeed, StopsOfAPlaceStandOnOneSpot) {
+  // Seeds that put them apart ended apart, hundreds of nats too high: intervals of alpha_1 held 78 %. Those of
+  // 40 recordings hold 38 +- 1.4; fewer than 33 do in one case of 2000.
+  int held = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const Recording r = turning_walk(seed);
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    options.order = 2;
+    options.noise = NoiseLaw::f_squared;
+    const Calibration c = calibrate({&r, 1}, options)[0];
+    ASSERT_EQ(c.outcome, Outcome::converged) << seed << ": " << c.reason;
+    held += std::abs(c.alpha[1] - 0.9) < 1.96 * std::sqrt((*c.alpha_covariance)(1, 1));
+    for (std::size_t k = 1; k < c.stops.size(); ++k) {
+      if (r.stops[k].place != r.stops[k - 1].place) continue;
+      EXPECT_NEAR(c.stops[k].pose.x_m, c.stops[k - 1].pose.x_m, 1e-12);
+    }
+  }
+  EXPECT_GE(held, 33);
 }
 
 }  // namespace

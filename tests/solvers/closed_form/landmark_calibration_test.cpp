@@ -78,18 +78,48 @@ TEST(ApproximateJointCalibration, ConvergesOnRandomScenesAndImprovesOnTheClosedF
   EXPECT_LT(approximate, 0.5 * closed);  // ranges add what bearings of 2 degrees do not know: measured 0.33
 }
 
-TEST(ClosedFormCalibration, CovarianceIsOfTheRightSize) {
+/// Mean square of f's error at d over the variance stated, 200 repeats.
+double square_over_variance(const BearingScene& scene, Estimator method, double d) {
   const int repeats = 200;
+  const Eigen::Vector3d phi(1.0, d, d * d);
   double square = 0.0;
   for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
-    BearingScene scene{.stops = 40, .sigma_theta = 0.005, .sigma_s = 0.003, .sigma_e = 0.01};
-    const Calibration c =
-        closed_form_calibration(problem_of(scene, seed_from("Covariance", {repeat})), of_order(2));
-    const Eigen::Vector3d phi(1.0, 2.0, 4.0);
+    const Calibration c = method(problem_of(scene, seed_from("Covariance", {repeat})), of_order(2));
     const double error = phi.dot(c.alpha - scene.alpha);
     square += error * error / phi.dot(*c.alpha_covariance * phi) / repeats;
   }
-  EXPECT_NEAR(square, 1.0, 0.45);  // four of sqrt(2/200) is 0.4; the rest for the terms left out
+  return square;
+}
+
+TEST(ClosedFormCalibration, CovarianceIsOfTheRightSize) {
+  // Readings tell; stops tell, whose errors move all cells of a stop; and those that go on to all later stops:
+  // taken for new in every cell the last two came out at 2 to 5. Four of sqrt(2 / 200) is 0.4; the rest is for
+  // the bends left out.
+  const BearingScene readings{.stops = 40, .sigma_theta = 0.005, .sigma_s = 0.003, .sigma_e = 0.01};
+  const BearingScene stops{.stops = 20, .sigma_theta = 0.005, .sigma_s = 0.02, .sigma_e = 0.003};
+  const BearingScene walk{
+      .stops = 20, .sigma_theta = 0.005, .sigma_s = 0.002, .sigma_e = 0.003, .walk = true};
+  for (const BearingScene& scene : {readings, stops, walk})
+    for (const Estimator method : both)
+      for (const double d : {1.0, 2.0, 3.0})
+        EXPECT_NEAR(square_over_variance(scene, method, d), 1.0, 0.45)
+            << scene.sigma_s << (method == closed_form_calibration ? " closed form " : " approximate ") << d;
+}
+
+TEST(ClosedFormCalibration, StatesWhatIsKnownOfTheNoiseBesideTheStops) {
+  const int repeats = 200;
+  const BearingScene scene{.stops = 40, .sigma_theta = 0.01, .sigma_s = 0.01, .sigma_e = 0.01};
+  double mean = 0.0, square = 0.0, stated = 0.0;
+  for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
+    const Calibration c =
+        closed_form_calibration(problem_of(scene, seed_from("SigmaStated", {repeat})), of_order(2));
+    const Estimate& sigma = c.noise_estimates.at(0);
+    ASSERT_TRUE(sigma.std_dev) << c.reason;
+    mean += sigma.value / repeats;
+    square += sigma.value * sigma.value / repeats;
+    stated += *sigma.std_dev * *sigma.std_dev / repeats;
+  }
+  EXPECT_NEAR((square - mean * mean) / stated, 1.0, 0.5);
 }
 
 TEST(ClosedFormCalibration, PolynomialNoiseIsPositiveAndOfTheRightSize) {

@@ -19,12 +19,15 @@ struct BearingScene {
   double radius = 0.12, sigma_theta = 0.0, sigma_s = 0.0, sigma_e = 0.0;  ///< noise sigma_e f^2
   Eigen::VectorXd alpha{{0.0525, 0.8838, 0.0584}};
   bool straight = false;
+  bool walk = false;  ///< the errors of the stops add up
 };
 
 inline Recording record(const BearingScene& scene, std::uint64_t seed) {
   Random random(seed);
   Recording recording;
   recording.sigma_xy_m = scene.sigma_s;
+  if (scene.walk) recording.stop_error = StopErrorModel::random_walk;
+  Eigen::Vector2d error = Eigen::Vector2d::Zero();
   for (std::size_t l = 0; l < scene.landmarks.size(); ++l) {
     Landmark landmark;
     landmark.label = std::string(1, static_cast<char>('A' + l));
@@ -37,8 +40,10 @@ inline Recording record(const BearingScene& scene, std::uint64_t seed) {
     const double x = 4.5 * k / std::max(scene.stops - 1, 1);
     stop.commanded = {x, scene.straight ? 0.0 : 0.4 * std::sin(x), scene.straight ? 0.0 : 0.3 * std::cos(x)};
     recording.stops.push_back(stop);
-    const Eigen::Vector2d at(stop.commanded.x_m + scene.sigma_s * random.normal(),
-                             stop.commanded.y_m + scene.sigma_s * random.normal());
+    if (!scene.walk) error.setZero();
+    error.x() += scene.sigma_s * random.normal();
+    error.y() += scene.sigma_s * random.normal();
+    const Eigen::Vector2d at = Eigen::Vector2d(stop.commanded.x_m, stop.commanded.y_m) + error;
     for (std::size_t l = 0; l < scene.landmarks.size(); ++l) {
       const Eigen::Vector2d v = scene.landmarks[l] - at;
       const double f = evaluate_polynomial(scene.alpha, v.norm() - scene.radius);

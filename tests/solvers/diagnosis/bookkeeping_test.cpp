@@ -59,6 +59,14 @@ TEST(Gaps, BeyondADistanceAreDropout) {
   EXPECT_NEAR(found.findings[0].log_p, -std::log(1140.0), 1e-9);
 }
 
+TEST(Gaps, CloseToTheSensorsStatedLimitAreItsOwn) {
+  // The reader drops what lies beyond range_max_m; what is left of the cells there is no dropout of the physics.
+  Rows rows = rows_with_gaps([](int k, int l) { return (l == 1 && k < 2) || (l == 0 && k == 9) ? 5 : 0; });
+  EXPECT_TRUE(names_dropout(rows));
+  rows.range_max_m = 6.0;
+  EXPECT_FALSE(names_dropout(rows));
+}
+
 TEST(Gaps, CellsThatAreMissingAltogetherCount) {
   // The same three cells without a single reading: where they would lie follows from the others.
   const auto far = [](int k, int l) { return (l == 1 && k < 2) || (l == 0 && k == 9) ? 8 : 0; };

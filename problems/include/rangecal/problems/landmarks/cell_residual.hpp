@@ -50,7 +50,7 @@ struct StopBlock {
 /// between any two evaluations. With lambda_floor = lambda - 1/2 the second residual is sqrt(R), and J^T J
 /// has the Fisher information as its expectation: the trust-region solver of a least-squares library then
 /// does Fisher scoring. What depends on sigma_theta alone is in BearingSpreadResidual.
-/// Source: the joint likelihood (docs/equations.md); the pair of residuals is our derivation.
+/// Source: the joint likelihood (docs/equations.md, "The two likelihoods"); the pair of residuals is our derivation.
 ///
 /// Parameter blocks: the curve's, the stop's (where there is one), the landmark's (x, y) [m]. Few and small:
 /// a solver of sparse least squares takes every row as dense over its blocks.

@@ -5,7 +5,7 @@
 
 namespace rangecal {
 
-/// The joint negative log-likelihood of all unknowns (docs/equations.md, "joint likelihood"), constants included:
+/// The joint negative log-likelihood of all unknowns (docs/equations.md, "The two likelihoods"), constants included:
 ///
 ///   -log p = sum_range   [ log s_i + (y_i - f(d_i))^2 / (2 s_i^2) + log(2 pi)/2 ]
 ///          + sum_bearing [ log sigma_theta + wrap(b_i - theta_i)^2 / (2 sigma_theta^2) + log(2 pi)/2 ]

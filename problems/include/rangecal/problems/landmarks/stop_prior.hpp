@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <vector>
 
 #include "rangecal/core/recording.hpp"
 
@@ -48,6 +49,10 @@ struct StopInformation {
   Eigen::Matrix3d W;       ///< C^-1; zero in the rows and columns of what has no prior
   double log_scale = 0.0;  ///< 1/2 log det C + k/2 log 2 pi over the k coordinates
 };
+
+/// Stops of one place share its position error: where the one that opens it stands says where the others do, as far from it
+/// as commanded. `stops`: one per prior.
+void share_places(const std::vector<StopPrior>& priors, std::vector<Pose2>& stops);
 
 /// An error of this law from three of N(0, 1): C^(1/2) u. All coordinates, whether the stop opens its place or not.
 Eigen::Vector3d stop_error(const StopPrior& prior, double sigma_xy_m, const Eigen::Vector3d& unit);

@@ -16,7 +16,7 @@ namespace rangecal {
 /// f = sum_i alpha_i d^i [m]; s the noise law at d [m], noise parameters as log sigma (power laws, d_squared) or
 /// beta (polynomial). This keeps the log-determinant in a least-squares program as long as s > s_floor; with
 /// s_floor = s(current) e^(-1/2) the Gauss-Newton matrix has the Fisher information as its expectation.
-/// Derivation: docs/equations.md, "2016".
+/// The likelihood: docs/equations.md, "The two likelihoods".
 struct PairsResidual {
   double d = 0.0, mean_m = 0.0, mean_square = 0.0, count = 1.0;
   NoiseLaw law = NoiseLaw::f_squared;

@@ -37,8 +37,9 @@ struct ClosedFormOptions {
 ///
 /// Landmarks that their bearings do not determine are left out (outcome unobservable, the reason names
 /// landmark and direction) and have no covariance; their position is then the one from
-/// landmarks_from_positions. The covariance of alpha counts noise, stops and landmarks to first order; not
-/// that errors in d bend the curve. Cannot work (too_few_data, alpha empty): fewer than 3 places to stand, no
+/// landmarks_from_positions. The covariance of alpha counts noise, stops and landmarks to first order, one error
+/// of a stop moving all its cells and landmarks (solvers/src/closed_form/curve_covariance.hpp); not that errors
+/// in d bend the curve. Cannot work (too_few_data, alpha empty): fewer than 3 places to stand, no
 /// landmark determined, distances that do not differ by more than they are uncertain (order >= 1), fewer
 /// cells than coefficients + 1. Calibration::landmarks has one entry per landmark of the problem, labels
 /// empty. Cost: linear in the cells.
@@ -53,8 +54,8 @@ Calibration closed_form_calibration(const JointProblem& problem, const ClosedFor
 /// outwards, sweep by sweep. Positions are extrapolated after every second sweep (SQUAREM), which keeps the
 /// fixed point. Ends as not_converged after max_sweeps, as failed where f stops being positive over the data.
 /// Starts from the closed form, or from landmarks_from_positions where bearings do not determine one. The
-/// covariance is that of the last step, with the landmarks' covariance added: it does not see that landmarks
-/// and curve are fitted to the same ranges. Noise law and fields as closed_form_calibration.
+/// covariance of alpha is that of the fixed point, as closed_form_calibration's; those of the landmarks are of the
+/// last step, the curve held. Noise law and fields as closed_form_calibration.
 Calibration approximate_joint_calibration(const JointProblem& problem, const ClosedFormOptions& options = {});
 
 /// A start for the iterative methods, not an estimate: stops as commanded, landmarks of the closed form (from

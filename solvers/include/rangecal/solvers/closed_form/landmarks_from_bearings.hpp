@@ -47,6 +47,7 @@ struct LandmarksFromBearings {
   std::vector<LandmarkFromBearings> landmarks;  ///< one per landmark of the problem
   double sigma_theta_rad = 0.0;                 ///< used in the weights and covariances
   bool sigma_theta_estimated = false;
+  std::vector<double> cell_weights;  ///< W, of every cell's line of sight; of one landmark up to a factor
 };
 
 /// Landmark axes from bearings seen from the commanded stops (2021 eq. 18-25). With the world direction

@@ -21,9 +21,15 @@ struct ReadingSetting {
   bool complete = true;  ///< false: a field is empty that an effect of the calibration needs
 };
 
+struct MeanReading;
+
 /// Undoes the effects of a calibration: with delta r and v what the effects do to mean and log variance of a reading,
-///   f(d) = y - delta r(d, setting)      solved by iteration from d of f(d) = y,
-/// for every root. Standard deviations are those of `correct`, the reading's own noise scaled by exp(v / 2).
+///   g(d) = f(d) + delta r(d, setting),   s(d) the noise law's spread times exp(v / 2),
+/// the distances are the roots of g(d) = y and the minima of log s + (y - g)^2 / (2 s^2). An effect may fold g, so that
+/// a reading has several roots where f has one, or none: all those between the turning points of g are found
+/// (solvers/src/correction/stretches.hpp). Standard deviations are s / |g'| and sqrt(s^2 + phi^T cov(alpha) phi) / |g'|.
+///
+/// The calibration must outlive this.
 class EffectCorrector {
  public:
   /// Throws InputError for an effect or parameter that is in no catalogue. `covariates`: names of the columns at hand.
@@ -36,7 +42,8 @@ class EffectCorrector {
   };
   std::vector<Need> needs() const;
 
-  /// Every distance that explains the reading. Cost: some ten corrections.
+  /// Every distance that explains the reading. Throws InputError as rangecal::correct. Cost: some thousand changes, 30
+  /// us for one effect.
   Correction correct(double reading_m, const ReadingSetting& setting,
                      const CorrectionOptions& options = {}) const;
 
@@ -48,6 +55,9 @@ class EffectCorrector {
   Expected at(double d, const ReadingSetting& setting) const;
   /// f'(d) = 0 inside (low, high), ascending.
   std::vector<double> turning_points(double low_m, double high_m) const;
+  /// g'(d) = 0 or a jump of g inside (low, high), ascending; f'(d) = 0 where g is far from the reading.
+  std::vector<double> turning_points(double low_m, double high_m, double reading_m,
+                                     const ReadingSetting& setting) const;
   const Calibration& calibration() const { return calibration_; }
 
  private:
@@ -57,6 +67,10 @@ class EffectCorrector {
   };
   ReadingView<double> view(double d, const ReadingSetting& setting) const;
   ReadingChange<double> change(double d, const ReadingSetting& setting) const;
+  MeanReading mean_reading(const ReadingSetting& setting) const;
+  /// `h`: step of the slope [m].
+  CorrectionRoot root_at(double d, double reading_m, const ReadingSetting& setting, double h) const;
+  double curve_variance(double d) const;  ///< phi^T cov(alpha) phi [m^2]
 
   const Calibration& calibration_;
   EffectContext context_;

@@ -16,7 +16,7 @@ struct LaplaceValue {
   double marginal_nll = 0.0;  ///< joint + 1/2 log det H_ss - (dim / 2) log(2 pi) [nats]
 };
 
-/// Minimises the joint NLL over the stops alone, then applies Laplace's method (equations.md, `marginal`): l_s(phi;
+/// Minimises the joint NLL over the stops alone, then applies Laplace's method (docs/equations.md, "The two likelihoods"): l_s(phi;
 /// sigma) = min over stops + 1/2 log det H_ss, H_ss the exact Hessian at that optimum, constants included.
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state);
 

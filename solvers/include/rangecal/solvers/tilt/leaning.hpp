@@ -54,8 +54,9 @@ struct LeaningFit {
   Outcome outcome = Outcome::failed;
   std::string reason;
   EffectEstimate tilt, axis;  ///< [rad]; of the model that is stood by
-  bool tilt_seen = false;     ///< its 95 % interval does not hold 0 and ends within the bound of 10 degrees
-  bool leans_seen = false;    ///< leans are in the answer
+  bool tilt_seen =
+      false;  ///< its 95 % interval does not hold 0 and ends below 15 degrees, half as much again as is searched
+  bool leans_seen = false;                  ///< leans are in the answer
   double tilt_gain = 0.0, lean_gain = 0.0;  ///< nats
   double lean_p_value = 1.0;                ///< of as large a gain where every cylinder is plumb
   std::vector<LeanEstimate> leans;          ///< empty where the plane is not seen to be tilted

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/solvers/correction/effect_correction.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "rangecal/core/random.hpp"
+
+namespace rangecal {
+namespace {
+
+/// f(d) = d between 0.3 and 5 m, a spread of 1 mm everywhere, and one effect.
+Calibration straight(const std::string& effect, const std::map<std::string, double>& parameters) {
+  Calibration c;
+  c.kind = RecordingKind::pairs;
+  c.outcome = Outcome::converged;
+  c.alpha = Eigen::Vector3d(0.0, 1.0, 0.0);
+  c.noise.law = NoiseLaw::constant;
+  c.noise.parameters = Eigen::VectorXd::Constant(1, 0.001);
+  c.range_min_m = 0.3;
+  c.range_max_m = 5.0;
+  c.effects[effect] = parameters;
+  return c;
+}
+
+std::vector<double> distances(const std::vector<CorrectionRoot>& roots) {
+  std::vector<double> d;
+  for (const CorrectionRoot& root : roots) d.push_back(root.distance_m);
+  return d;
+}
+
+/// Where g passes y, on a grid of 20 um.
+std::vector<double> passes(const std::function<double(double)>& g, double y) {
+  constexpr double step = 2e-5;
+  std::vector<double> at;
+  for (double d = 0.01; d < 5.46; d += step)
+    if ((g(d) - y < 0.0) != (g(d + step) - y < 0.0)) at.push_back(d + 0.5 * step);
+  return at;
+}
+
+TEST(EffectCorrector, AJumpGivesTwoDistancesOrNone) {
+  // 30 mm more below 1 m: 1.005 m is read at 0.975 m and at 1.005 m. 30 mm less: nothing is read as 0.98 m.
+  const Calibration more = straight("near_regime", {{"offset_m", 0.03}, {"slope", 0.0}, {"limit_m", 1.0}});
+  const Correction both = EffectCorrector(more, {}).correct(1.005, {});
+  ASSERT_EQ(both.least_squares.size(), 2u);
+  EXPECT_NEAR(both.least_squares[0].distance_m, 0.975, 1e-9);
+  EXPECT_NEAR(both.least_squares[1].distance_m, 1.005, 1e-9);
+  const Calibration less = straight("near_regime", {{"offset_m", -0.03}, {"slope", 0.0}, {"limit_m", 1.0}});
+  const Correction none = EffectCorrector(less, {}).correct(0.98, {});
+  EXPECT_TRUE(none.least_squares.empty());
+  ASSERT_TRUE(none.nearest);
+  EXPECT_NEAR(none.nearest->distance_m, 1.0, 1e-6);  // read as 0.97 m on the one side, as 1 m on the other
+}
+
+TEST(EffectCorrector, FindsEveryDistanceWhereTheEffectFoldsTheCurve) {
+  // Pixel locking folds f where 2 pi a > 1, a in pixels; the cyclic error where amplitude times wavenumber > 1.
+  const double k = 2.0 * std::numbers::pi * 120.0;
+  Random random(seed_from("EffectCorrector.Folds"));
+  std::size_t most = 0;
+  for (const double a : {0.1, 0.2, 0.3}) {
+    const double per_m = a / 120.0;
+    const Calibration c =
+        straight("pixel_locking", {{"cosine_per_m", 0.0}, {"sine_per_m", per_m}, {"wavenumber_m", k}});
+    const EffectCorrector corrector(c, {});
+    const auto g = [&](double d) { return d + per_m * d * d * std::sin(k / d); };
+    for (int i = 0; i < 40; ++i) {
+      const double y = random.uniform(0.6, 4.5);
+      const std::vector<double> found = distances(corrector.correct(y, {}).least_squares);
+      const std::vector<double> there = passes(g, y);
+      ASSERT_EQ(found.size(), there.size()) << a << " px, " << y << " m";
+      for (std::size_t r = 0; r < found.size(); ++r) {
+        EXPECT_NEAR(found[r], there[r], 1e-4);
+        EXPECT_NEAR(g(found[r]), y, 1e-11);
+      }
+      most = std::max(most, found.size());
+    }
+  }
+  EXPECT_GE(most, 3u);
+  const Calibration c =
+      straight("cyclic_error", {{"cosine_m", 0.0}, {"sine_m", 0.05}, {"wavenumber_per_m", 140.0}});
+  const auto g = [](double d) { return d + 0.05 * std::sin(140.0 * d); };
+  for (int i = 0; i < 20; ++i) {
+    const double y = random.uniform(0.6, 4.5);
+    EXPECT_EQ(EffectCorrector(c, {}).correct(y, {}).least_squares.size(), passes(g, y).size()) << y;
+  }
+}
+
+TEST(EffectCorrector, StandardDeviationsFollowTheSlopeOfTheEffectToo) {
+  // A scale of -0.6 leaves f' = 0.4: 1 mm of the reading is 2.5 mm of distance, and f(2.5 m) = 1 m.
+  const Calibration scaled = straight("range_scale", {{"scale", -0.6}, {"form", 0.0}});
+  const Correction c = EffectCorrector(scaled, {}).correct(1.0, {});
+  ASSERT_EQ(c.least_squares.size(), 1u);
+  EXPECT_NEAR(c.least_squares[0].distance_m, 2.5, 1e-9);
+  EXPECT_NEAR(*c.least_squares[0].std_dev_m, 0.0025, 1e-9);
+}
+
+TEST(EffectCorrector, MostLikelyDistancesAreMinimaOfTheNegativeLogLikelihood) {
+  const double k = 20.0;
+  Calibration c = straight("cyclic_error", {{"cosine_m", 0.0}, {"sine_m", 0.03}, {"wavenumber_per_m", k}});
+  c.noise.law = NoiseLaw::f_squared;
+  c.noise.parameters[0] = 0.02;
+  const EffectCorrector corrector(c, {});
+  const auto nll = [&](double y, double d) {
+    const double s = 0.02 * d * d, z = (y - d - 0.03 * std::sin(k * d)) / s;
+    return std::log(s) + 0.5 * z * z;
+  };
+  for (const double y : {0.9, 1.7, 3.1}) {
+    const Correction found = corrector.correct(y, {});
+    ASSERT_FALSE(found.maximum_likelihood.empty());
+    for (const CorrectionRoot& root : found.maximum_likelihood) {
+      const double d = root.distance_m;
+      EXPECT_LT(nll(y, d), nll(y, d - 1e-4));
+      EXPECT_LT(nll(y, d), nll(y, d + 1e-4));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace rangecal
