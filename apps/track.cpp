@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
-#include <algorithm>
+#include <csignal>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -39,22 +40,58 @@ struct TrackCommand {
     }
     if (forget != 0.0) job.options.forget = forget;
     job.options.check();
-    if (job.input != "-")
-      for (const std::string& path : {job.output, json, job.changes, job.state}) {
-        std::error_code ignored;
-        if (!path.empty() && std::filesystem::equivalent(path, job.input, ignored))
-          throw InputError(path, 0, "", "is the stream itself, and would be lost: name another file");
-      }
+    keep_inputs();
+    require_writable({job.output, json, job.changes, job.state});
     const Tracked tracked = track(job);
     if (!json.empty() && tracked.calibration) save_calibrations({*tracked.calibration}, json);
     if (!job.output.empty()) fmt::print("{}", page(tracked));
     if (job.watch > 0.0) fmt::print(job.output.empty() ? stderr : stdout, "{}", changes(tracked));
     for (const std::string& note : tracked.notes) fmt::print(stderr, "rangecal: {}\n", note);
+    const std::vector<std::string> broken = faults(tracked);
+    for (const std::string& fault : broken) fmt::print(stderr, "rangecal: {}\n", fault);
+    if (tracked.stopped_by != 0 && !job.follow) {
+      std::fflush(stdout);  // and end as if it had not been caught, which is what a shell or make looks for
+      std::signal(tracked.stopped_by, SIG_DFL);
+      std::raise(tracked.stopped_by);
+    }
+    if (!broken.empty()) return not_delivered;
     if (!job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome))) return done;
     if (job.output.empty())
       fmt::print(stderr, "rangecal: no calibration: {}\n",
                  tracked.calibration ? tracked.calibration->reason : what_lacks(tracked));
     return not_delivered;
+  }
+
+  /// Throws InputError for a result that would take the place of what is read.
+  void keep_inputs() const {
+    const auto is = [](const std::string& path, const std::string& input) {
+      std::error_code ignored;
+      return std::filesystem::is_regular_file(path, ignored) &&
+             std::filesystem::equivalent(path, input, ignored);
+    };
+    for (const std::string& path : {job.output, json, job.changes, job.state})
+      if (is(path, job.input == "-" ? "/dev/stdin" : job.input))
+        throw InputError(path, 0, "", "is the stream itself, and would be lost: name another file");
+    for (const std::string& path : {job.output, job.changes, job.state})
+      if (is(path, job.from))
+        throw InputError(path, 0, "", "is the calibration of --from, and would be lost: name another file");
+  }
+
+  /// Why what came out is not what was asked for.
+  std::vector<std::string> faults(const Tracked& tracked) const {
+    const std::string name = job.input == "-" ? "stdin" : job.input;
+    std::vector<std::string> faults;
+    if (!tracked.lost.empty())
+      faults.push_back(
+          fmt::format("{}: {}; the stream ends after {} rows", name, tracked.lost, tracked.rows));
+    if (2 * tracked.malformed > tracked.rows)
+      faults.push_back(fmt::format("{}: {} of {} rows were not understood: what the others say is no answer",
+                                   name, tracked.malformed, tracked.rows));
+    if (tracked.stopped_by != 0 && !job.follow)
+      faults.push_back(fmt::format("{}: stopped by {} after {} rows{}", name,
+                                   tracked.stopped_by == SIGINT ? "SIGINT" : "SIGTERM", tracked.rows,
+                                   job.state.empty() ? "" : "; the same command goes on from there"));
+    return faults;
   }
 
   /// Why a stream taught nothing.
@@ -201,7 +238,12 @@ void add_track(CLI::App& app, Action& chosen) {
       "(disparity), noise, and\n"
       "with a column bearing_rad encoder (once a turn). For readings of landmarks --from is a calibration "
       "made of landmarks.\n"
-      "Exit code 1 where the stream did not determine a calibration and --from gives none.\n"
+      "A resumed run compares what was read of FILE and --stops before, and refuses another one. Stopped "
+      "before the end of the\n"
+      "stream it keeps what it has and ends by the signal; with --follow that is the end.\n"
+      "Exit code 1 where the stream did not determine a calibration and --from gives none, where more than "
+      "half of the rows were\n"
+      "not understood, and where a file that is followed is cut back or replaced.\n"
       "\n"
       "Examples:\n"
       "  rangecal track notebooks_data/pairs-2016/pairs.csv -o distances.csv --json cal.json\n"
@@ -210,7 +252,12 @@ void add_track(CLI::App& app, Action& chosen) {
       "distances.csv\n"
       "  rangecal track today.csv --from cal.json --watch 100000 -o distances.csv\n"
       "  rangecal track log.csv --follow --state track.json -o distances.csv");
-  command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
+  command->callback([command, state, &chosen] {
+    for (const char* option :
+         {"--range", "--stops", "--sigma-xy", "--sigma-heading", "--random-walk", "--radius"})
+      if (command->count(option) > 0) state->job.given.push_back(option);
+    chosen = [state] { return state->run(); };
+  });
 }
 
 }  // namespace rangecal::app

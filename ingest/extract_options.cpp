@@ -55,7 +55,7 @@ std::vector<double> radii_from(const std::string& text) {
 std::vector<MappedLandmark> map_from(const std::string& path) {
   const CsvTable table = CsvTable::read(path);
   const std::size_t label = table.require("landmark"), x = table.require("x_m"), y = table.require("y_m");
-  const auto radius = table.find("radius_m");
+  const auto radius = table.optional("radius_m");
   std::vector<MappedLandmark> map;
   for (std::size_t row = 0; row < table.rows(); ++row) {
     MappedLandmark landmark{

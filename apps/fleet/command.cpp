@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "numbers.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
 #include "shard.hpp"
 #include "text.hpp"
 
@@ -23,6 +24,7 @@ void FleetCommand::prepare() {
   job.shards = part.count;
   if (job.inputs.empty() && job.merge.empty())
     throw InputError("fleet: neither recordings nor --merge are given");
+  require_writable({job.output, job.csv});
 }
 
 int FleetCommand::deliver(const FleetResult& result) const {
@@ -32,8 +34,12 @@ int FleetCommand::deliver(const FleetResult& result) const {
 }
 
 std::string FleetCommand::page(const FleetResult& r) const {
-  std::string text = fmt::format("Units        {} in {}: {} fitted, {} unreadable, {} were there already\n",
-                                 r.units, job.output, r.fitted, r.unreadable, r.resumed);
+  const std::int64_t unsolved = r.units - r.fitted - r.unreadable - r.few;
+  std::string text = fmt::format(
+      "Units        {} in {}: {} fitted, {} unreadable, {} with too few readings{}; {} were there already{}\n",
+      r.units, job.output, r.fitted, r.unreadable, r.few,
+      unsolved > 0 ? fmt::format(", {} without a solution", unsolved) : "", r.resumed,
+      r.refitted > 0 ? fmt::format(", {} changed and fitted anew", r.refitted) : "");
   if (r.partial)
     return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n",
                               job.shard + 1, job.shards);
@@ -99,7 +105,8 @@ CLI::App* declare_fleet(CLI::App& app, FleetCommand& given) {
       "Each sensor has its own curve and noise; over the fleet they scatter about a mean. The scatter is estimated, each sensor's\n"
       "answer is drawn towards the mean by as much as its own readings leave open, and a sensor with a handful of readings is\n"
       "calibrated all the same. Tables: units, posteriors, oddities, population, meta (population as JSON).\n"
-      "A unit that cannot be read has its reason in units.reason; the others go on.\n"
+      "A unit that cannot be read has its reason in units.reason; the others go on. In a further run over the file, units whose\n"
+      "recordings changed are fitted anew, those whose recordings are gone stay.\n"
       "\n"
       "Examples:\n"
       "  rangecal fleet sensors/ -o fleet.db --csv fleet.csv\n"

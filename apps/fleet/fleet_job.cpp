@@ -10,6 +10,8 @@
 #include <memory>
 
 #include "fleet/database.hpp"
+#include "fleet/fingerprint.hpp"
+#include "fleet/inputs.hpp"
 #include "fleet/units.hpp"
 #include "fleet/whole_fleet.hpp"
 #include "rangecal/core/errors.hpp"
@@ -32,17 +34,18 @@ std::string columns(int order, const char* pattern) {
 class Fleet {
  public:
   explicit Fleet(const FleetJob& job) : job_(job), database_(job.output) {
+    holds_fleet(database_, "main", job.output);
     database_.execute("PRAGMA journal_mode = DELETE; PRAGMA synchronous = NORMAL");
     const int n = job.order;
     database_.execute("BEGIN IMMEDIATE");
     database_.execute(
         "CREATE TABLE IF NOT EXISTS meta(key TEXT PRIMARY KEY, value TEXT) WITHOUT ROWID;"
-        "CREATE TABLE IF NOT EXISTS inputs(name TEXT PRIMARY KEY) WITHOUT ROWID;"
+        "CREATE TABLE IF NOT EXISTS inputs(name TEXT PRIMARY KEY, identity TEXT) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS units(name TEXT PRIMARY KEY, kind TEXT, outcome TEXT, reason TEXT, readings INTEGER, used INTEGER,"
         " range_min_m REAL, range_max_m REAL, " +
         columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_std REAL, nll REAL, shape_p REAL, shape_m REAL, tail_p REAL, kurtosis REAL, dependence_p REAL,"
-        " correlation REAL, theta BLOB, information BLOB) WITHOUT ROWID;"
+        " correlation REAL, theta BLOB, information BLOB, stamp INTEGER, contents INTEGER) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " +
         columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_relative_std REAL, distance_sq REAL, p_value REAL) WITHOUT ROWID;"
@@ -51,23 +54,41 @@ class Fleet {
     same("order", std::to_string(job.order));
     same("law", to_string(job.law));
     same("shard", fmt::format("{}/{}", job.shard + 1, job.shards));
+    identify_inputs(database_);
     database_.execute("COMMIT");
   }
 
   /// Takes in what the job names. Throws InputError before anything is fitted.
   void take_inputs() {
-    take_names();
-    for (const std::string& file : job_.merge) merge(file);
+    database_.execute("BEGIN");
+    take_recordings(database_, job_.inputs);
+    database_.execute("COMMIT");
+    for (const std::string& file : job_.merge) merge_fleet(database_, file);
+    database_.execute("BEGIN");
+    identify_inputs(database_);
+    database_.execute("COMMIT");
   }
 
   FleetResult run() {
     FleetResult result;
     result.resumed = database_.count("SELECT count(*) FROM units");
     database_.execute("DELETE FROM units WHERE readings IS NULL");  // a file that was missing may be back
+    const Changes changes = forget_changed(database_);
+    result.refitted = changes.changed;
+    result.resumed -= changes.changed;
+    if (changes.gone > 0)
+      result.notes.push_back(
+          fmt::format("{} {} gone from where {} read: what was found stands",
+                      changes.gone == 1
+                          ? changes.first_gone
+                          : fmt::format("{} units, {} the first of them,", changes.gone, changes.first_gone),
+                      changes.gone == 1 ? "is" : "are", changes.gone == 1 ? "it was" : "they were"));
     fit_units();
     result.units = database_.count("SELECT count(*) FROM units");
     result.fitted = database_.count("SELECT count(*) FROM units WHERE theta IS NOT NULL");
     result.unreadable = database_.count("SELECT count(*) FROM units WHERE readings IS NULL");
+    result.few = database_.count(fmt::format("SELECT count(*) FROM units WHERE theta IS NULL AND used < {}",
+                                             readings_for_own_fit(job_.order)));
     result.partial = job_.shards > 1;
     if (result.partial) return result;
     fit_whole(database_, job_, result);
@@ -85,46 +106,6 @@ class Fleet {
     }
   }
 
-  void take_names() {
-    Statement insert = database_.prepare("INSERT OR IGNORE INTO inputs VALUES(?)");
-    database_.execute("BEGIN");
-    for (const std::string& given : job_.inputs) {
-      const fs::path path = fs::path(given).lexically_normal();
-      std::error_code error;
-      if (!fs::is_directory(path, error))
-        throw InputError(given, 0, "", "is no folder of a recording or of recordings");
-      if (file_exists((path / "recording.yaml").string())) {
-        insert.bind(1, path.string()).run();
-        continue;
-      }
-      std::int64_t found = 0;
-      for (const fs::directory_entry& entry : fs::directory_iterator(path))
-        if (entry.is_directory(error) && file_exists((entry.path() / "recording.yaml").string())) {
-          insert.bind(1, entry.path().lexically_normal().string()).run();
-          ++found;
-        }
-      if (found == 0) throw InputError(given, 0, "", "holds no recording");
-    }
-    database_.execute("COMMIT");
-  }
-
-  void merge(const std::string& file) {
-    if (!file_exists(file)) throw InputError(file, 0, "", "no such file");
-    database_.prepare("ATTACH ? AS other").bind(1, file).run();
-    {
-      Statement format = database_.prepare(
-          "SELECT count(*) FROM other.sqlite_master WHERE name IN ('meta', 'inputs', 'units')");
-      format.step();
-      if (format.integer(0) != 3) throw InputError(file, 0, "", "is no file of 'rangecal fleet'");
-      Statement other = database_.prepare(
-          "SELECT count(*) FROM other.meta a JOIN main.meta b USING(key) WHERE key IN ('format', 'order', 'law') AND a.value = b.value");
-      other.step();
-      if (other.integer(0) != 3) throw InputError(file, 0, "", "was made with another order or noise law");
-    }
-    database_.execute(
-        "BEGIN; INSERT OR IGNORE INTO inputs SELECT name FROM other.inputs; INSERT OR IGNORE INTO units SELECT * FROM other.units; COMMIT; DETACH other");
-  }
-
   void fit_units() {
     std::int64_t done = 0;
     const std::int64_t all = database_.count("SELECT count(*) FROM inputs");
@@ -132,9 +113,10 @@ class Fleet {
     std::int64_t index = -1;
     while (true) {
       std::vector<Unit> units;
+      std::vector<std::string> places;
       {
         Statement names = database_.prepare(
-            "SELECT inputs.name, units.name IS NOT NULL FROM inputs LEFT JOIN units USING(name) WHERE inputs.name > ? ORDER BY inputs.name");
+            "SELECT inputs.name, units.name IS NOT NULL, identity FROM inputs LEFT JOIN units USING(name) WHERE inputs.name > ? ORDER BY inputs.name");
         names.bind(1, after);
         while (units.size() < chunk && names.step()) {
           after = names.text(0);
@@ -142,11 +124,13 @@ class Fleet {
           if (index % job_.shards != job_.shard || names.integer(1) != 0) continue;
           units.emplace_back();
           units.back().name = after;
+          places.push_back(names.text(2));
         }
       }
       if (units.empty()) break;
-      tbb::parallel_for(std::size_t{0}, units.size(),
-                        [&](std::size_t i) { units[i] = fit_unit(units[i].name, job_); });
+      tbb::parallel_for(std::size_t{0}, units.size(), [&](std::size_t i) {
+        units[i] = fit_unit(units[i].name, place_of(units[i].name, places[i]), job_);
+      });
       database_.execute("BEGIN");
       for (const Unit& unit : units) insert(unit);
       database_.execute("COMMIT");
@@ -160,7 +144,7 @@ class Fleet {
     const int n = job_.order;
     if (!insert_) {
       std::string marks = "?";
-      for (int i = 1; i < 19 + 2 * (n + 1); ++i) marks += ", ?";
+      for (int i = 1; i < 21 + 2 * (n + 1); ++i) marks += ", ?";
       insert_.reset(new Statement(database_.prepare("INSERT INTO units VALUES(" + marks + ")")));
     }
     const Calibration& c = unit.calibration;
@@ -195,6 +179,8 @@ class Fleet {
       put(value);
     put(unit.summary ? unit.summary->theta : VectorXd());
     put(unit.summary ? VectorXd(unit.summary->information.reshaped()) : VectorXd());
+    put(unit.fingerprint.stamp);
+    put(unit.fingerprint.contents);
     insert_->run();
   }
 

@@ -23,13 +23,15 @@ struct FleetJob {
 };
 
 struct FleetResult {
-  std::int64_t units = 0, fitted = 0, by_population = 0, unreadable = 0, resumed = 0, odd = 0;
+  std::int64_t units = 0, fitted = 0, unreadable = 0, few = 0;  ///< few: too few readings to be fitted alone
+  std::int64_t resumed = 0, refitted = 0;  ///< there already; there, but their files changed
+  std::int64_t by_population = 0, odd = 0;
   bool partial = false;  ///< one shard of several: no population yet
   Population population;
   std::vector<std::string> notes;  ///< units that were read once and are gone now
 };
 
-/// Fits every unit not yet in the file, the population, each unit's posterior, and the oddities, all in `output`. Every
+/// Fits every unit not yet in the file or changed since, the population, each unit's posterior, and the oddities, all in `output`. Every
 /// stage is one or many transactions: a killed run goes on where the last one ended, to the same rows, and tries the units
 /// again that could not be read. Throws InputError for inputs that are none, before `output` is made, and where another run
 /// is writing it.

@@ -10,17 +10,13 @@
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
 namespace rangecal::app {
-namespace {
 
-constexpr int readings_per_unknown = 10;  // below, the likelihood of a unit is not taken for a normal one
-
-}  // namespace
-
-Unit fit_unit(const std::string& name, const FleetJob& job) {
+Unit fit_unit(const std::string& name, const std::string& place, const FleetJob& job) {
   Unit unit;
   unit.name = name;
+  unit.fingerprint = {stamp_of(place), contents_of(place)};  // before the reading: a change meanwhile is one
   try {
-    const Recording recording = load_recording(name);
+    const Recording recording = load_recording(place);
     if (recording.kind == RecordingKind::pairs) {
       PairsOptions options;
       options.order = job.order;
@@ -35,8 +31,9 @@ Unit fit_unit(const std::string& name, const FleetJob& job) {
       unit.calibration = calibrate({&recording, 1}, options).front();
     }
     unit.summary = summarise(unit.calibration);
-    const int few = readings_per_unknown * (job.order + 2);
-    if (unit.calibration.order() != job.order || unit.calibration.counts.used < few) unit.summary.reset();
+    if (unit.calibration.order() != job.order ||
+        unit.calibration.counts.used < readings_for_own_fit(job.order))
+      unit.summary.reset();
   } catch (const InputError& error) {
     unit.calibration.outcome = Outcome::failed;
     unit.calibration.reason = error.what();

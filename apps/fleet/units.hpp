@@ -5,6 +5,7 @@
 #include <string>
 
 #include "fleet/database.hpp"
+#include "fleet/fingerprint.hpp"
 #include "fleet/fleet_job.hpp"
 
 namespace rangecal::app {
@@ -15,10 +16,14 @@ struct Unit {
   Calibration calibration;
   UnitMisfit misfit;
   std::optional<UnitSummary> summary;
+  Fingerprint fingerprint;
 };
 
+/// Below so many the likelihood of a unit is not taken for a normal one.
+constexpr int readings_for_own_fit(int order) { return 10 * (order + 2); }
+
 /// Reads and fits one recording; what cannot be read is a failed outcome with its reason.
-Unit fit_unit(const std::string& name, const FleetJob& job);
+Unit fit_unit(const std::string& name, const std::string& place, const FleetJob& job);
 
 /// The units joined with their posteriors, as CSV.
 void write_csv(Database& database, const std::string& path);

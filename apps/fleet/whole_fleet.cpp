@@ -4,14 +4,17 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <optional>
 
+#include "fleet/fingerprint.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "rangecal/solvers/fleet/judgement.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
 namespace rangecal::app {
@@ -37,7 +40,7 @@ void put_population(Database& database, const Population& population) {
         .run();
 }
 
-void put_posteriors(Database& database, const FleetJob& job, FleetResult& result) {
+void put_posteriors(Database& database, const FleetJob& job, const FleetJudge& judge, FleetResult& result) {
   const Population& population = result.population;
   const int n = job.order;
   std::string marks = "?";
@@ -45,10 +48,12 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
   Statement posterior = database.prepare("INSERT INTO posteriors VALUES(" + marks + ")");
   Statement odd = database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, '')");
   Statement rows = database.prepare(
-      "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information FROM units ORDER BY name");
+      "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information, identity"
+      " FROM units LEFT JOIN inputs USING(name) ORDER BY name");
   const double limit =
       job.alarm_rate /
       (4.0 * static_cast<double>(std::max<std::int64_t>(result.units, 1)));  // four questions a unit
+  std::size_t index = 0;
   while (rows.step()) {
     const std::string name = rows.text(0);
     VectorXd mean, deviation;
@@ -60,18 +65,19 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
       const UnitPosterior shrunk = shrink(summary, population);
       mean = shrunk.mean;
       deviation = shrunk.covariance.diagonal().cwiseSqrt();
-      distance = shrunk.distance_sq;
-      p_value = shrunk.p_value;
+      const UnitJudgement judged = judge(summary, index++);
+      distance = judged.distance_sq;
+      p_value = judged.p_value;
       if (p_value < limit) {  // the population says nothing of a unit that is none of it
         source = "own readings, unlike the others";
         mean = summary.theta;
         deviation = summary.information.inverse().diagonal().cwiseSqrt();
         Eigen::Index worst = 0;
-        shrunk.z.cwiseAbs().maxCoeff(&worst);
+        judged.t.cwiseAbs().maxCoeff(&worst);
         odd.bind(1, name)
             .bind(2, "unlike the others: " +
                          (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
-            .bind(3, shrunk.z[worst])
+            .bind(3, judged.t[worst])
             .bind(4, std::string("standard deviations"))
             .bind(5, p_value)
             .run();
@@ -92,7 +98,7 @@ void put_posteriors(Database& database, const FleetJob& job, FleetResult& result
     } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {  // too few readings alone
       std::optional<Recording> recording;
       try {
-        recording = load_recording(name);
+        recording = load_recording(place_of(name, rows.text(11)));
       } catch (const InputError& error) {  // it was there when its readings were counted
         result.notes.push_back(name + " is left out: " + error.what());
         continue;
@@ -134,21 +140,22 @@ void name_oddities(Database& database, const FleetJob& job, FleetResult& result)
   typical.range_min_m = population.range_min_m;
   typical.range_max_m = population.range_max_m;
   result.odd = database.count("SELECT count(DISTINCT name) FROM oddities");
-  std::vector<std::string> names;
+  std::vector<std::string> names, places;
   std::vector<char> unlike;
   {
     Statement worst = database.prepare(
-        "SELECT name, max(what LIKE 'unlike%') FROM oddities GROUP BY name ORDER BY min(p_value), name LIMIT ?");
+        "SELECT name, max(what LIKE 'unlike%'), identity FROM oddities LEFT JOIN inputs USING(name) GROUP BY name ORDER BY min(p_value), name LIMIT ?");
     worst.bind(1, std::int64_t{job.diagnoses});
     while (worst.step()) {
       names.push_back(worst.text(0));
       unlike.push_back(worst.integer(1) != 0);
+      places.push_back(place_of(names.back(), worst.text(2)));
     }
   }
   std::vector<std::string> sentences(names.size());
   tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) {
     try {
-      const Recording recording = load_recording(names[i]);
+      const Recording recording = load_recording(places[i]);
       DiagnoseOptions options;
       options.held_out = options.unseen = options.next_experiments = false;
       if (unlike[i] && recording.kind == RecordingKind::pairs) options.simulation = typical;
@@ -191,7 +198,7 @@ void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
   database.prepare("INSERT INTO meta VALUES('population', ?)").bind(1, population_to_json(population)).run();
   if (is_usable(population.outcome)) {
     put_population(database, population);
-    put_posteriors(database, job, result);
+    put_posteriors(database, job, FleetJudge(stream, population), result);
   }
   database.execute("COMMIT");
   if (is_usable(population.outcome)) name_oddities(database, job, result);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "track/columns.hpp"
 
-#include <utility>
+#include <algorithm>
 
+#include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
-#include "rangecal/core/utf8.hpp"
 #include "track/line_source.hpp"
 
 namespace rangecal::app {
@@ -37,44 +37,44 @@ void for_numbers(const Columns& c, StreamRow& row, Do&& each) {
 }  // namespace
 
 Columns columns_of(const std::string& header, const std::string& file, long line) {
-  if (first_bad_byte(header) != std::string::npos) throw InputError(file, line, "", "is not UTF-8 text");
-  const auto fields = csv_fields(header);
-  if (!fields) throw InputError(file, line, "", "a quote is left open");
-  Columns columns;
-  columns.reading = -1;
-  columns.count = fields->size();
-  const std::pair<const char*, int*> known[] = {{"true_m", &columns.truth},
-                                                {"time_s", &columns.time},
-                                                {"bearing_rad", &columns.bearing},
-                                                {"stop", &columns.stop},
-                                                {"landmark", &columns.landmark},
-                                                {"place", &columns.place},
-                                                {"x_m", &columns.pose[0]},
-                                                {"y_m", &columns.pose[1]},
-                                                {"heading_rad", &columns.pose[2]},
-                                                {"sigma_xy_m", &columns.sigma_xy},
-                                                {"sigma_heading_rad", &columns.sigma_heading},
-                                                {"radius_m", &columns.radius}};
-  for (std::size_t i = 0; i < fields->size(); ++i) {
-    std::string field = (*fields)[i];
-    if (i == 0 && field.starts_with("\xEF\xBB\xBF")) field.erase(0, 3);
-    field = trimmed(field);
-    const int at = static_cast<int>(i);
-    if (field == "reading_m" || (field == "range_m" && columns.reading < 0)) columns.reading = at;
-    for (const auto& [name, column] : known)
-      if (field == name) *column = at;
-    for (std::size_t k = 0; k < columns.covariance.size(); ++k)
-      if (field == covariance_columns[k]) columns.covariance[k] = at;
-  }
-  if (columns.reading < 0)
+  const CsvTable table = CsvTable::parse(header, file);
+  const auto at = [&](const char* name) {
+    const auto found = table.optional(name);
+    return found ? static_cast<int>(*found) : -1;
+  };
+  Columns c;
+  c.count = table.columns().size();
+  c.reading = at("reading_m");
+  if (c.reading < 0) c.reading = at("range_m");
+  if (c.reading < 0)
     throw InputError(file, line, "",
                      "there is no column reading_m or range_m, and the first line is no number; columns are "
                      "separated by commas");
-  if (columns.truth >= 0)
-    columns.stop = columns.landmark = -1;  // known distances: pairs, whatever else there is
-  if (columns.landmarks() && columns.bearing < 0)
-    throw InputError(file, line, "bearing_rad", "is missing: readings of landmarks need it");
-  return columns;
+  c.truth = at("true_m");
+  c.time = at("time_s");
+  c.bearing = at("bearing_rad");
+  if (c.truth >= 0) return c;  // known distances: pairs, whatever else there is
+  c.stop = at("stop");
+  c.landmark = at("landmark");
+  if (!c.landmarks()) return c;
+  c.place = at("place");
+  c.pose = {at("x_m"), at("y_m"), at("heading_rad")};
+  c.sigma_xy = at("sigma_xy_m");
+  c.sigma_heading = at("sigma_heading_rad");
+  c.radius = at("radius_m");
+  for (std::size_t k = 0; k < c.covariance.size(); ++k) c.covariance[k] = at(covariance_columns[k]);
+  if (c.bearing < 0) throw InputError(file, line, "bearing_rad", "is missing: readings of landmarks need it");
+  return c;
+}
+
+bool names_columns(const std::string& line) {
+  if (line.find('_') == std::string::npos) return false;  // most rows: no time is lost on them
+  const auto fields = csv_fields(line);
+  return fields && std::any_of(fields->begin(), fields->end(), [](const std::string& field) {
+           const std::string name = trimmed(field);
+           return name == "reading_m" || name == "range_m" || name == "true_m" || name == "time_s" ||
+                  name == "bearing_rad";
+         });
 }
 
 BadField read_row(const Columns& columns, const std::vector<std::string>& fields, StreamRow& row) {

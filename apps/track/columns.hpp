@@ -22,12 +22,17 @@ struct Columns {
 
   /// Readings of landmarks in unknown places, not pairs.
   bool landmarks() const { return stop >= 0 && landmark >= 0; }
+  bool operator==(const Columns&) const = default;
 };
 
 /// From the header: reading_m or range_m, true_m, time_s, bearing_rad; or range_m, bearing_rad, stop,
 /// landmark and what is known of them. Throws InputError naming file and line where no column holds the
-/// reading.
+/// reading, one is named twice, or has such a name but for capitals or the unit (time_ms): left alone, it would
+/// change what the others mean.
 Columns columns_of(const std::string& header, const std::string& file, long line);
+
+/// True for a line that is a header, as a program writes it again when it starts again.
+bool names_columns(const std::string& line);
 
 /// One row of a stream; NaN and empty where there is nothing.
 struct StreamRow {

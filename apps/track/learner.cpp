@@ -10,6 +10,8 @@
 #include <unordered_map>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_numbers.hpp"
+#include "rangecal/core/random.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/change/landmark_change_detector.hpp"
@@ -22,7 +24,8 @@ using Json = nlohmann::ordered_json;
 
 class PairsLearner : public Learner {
  public:
-  explicit PairsLearner(const TrackJob& job) : job_(job), calibrator_(job.options) {}
+  PairsLearner(const TrackJob& job, const Columns& columns)
+      : job_(job), timed_(columns.time >= 0), calibrator_(job.options) {}
 
   bool take(const StreamRow& row) override {
     if (!std::isfinite(row.true_m)) return false;
@@ -30,7 +33,12 @@ class PairsLearner : public Learner {
     return true;
   }
   Calibration estimate() override {
-    return job_.approximate ? calibrator_.approximate() : calibrator_.full();
+    Calibration answer = job_.approximate ? calibrator_.approximate() : calibrator_.full();
+    const double count = calibrator_.effective_readings();
+    if (!is_usable(answer.outcome) && count < 0.5 * static_cast<double>(used()))  // all of them might do
+      answer.reason += fmt::format("; with --forget {} ({}) they count as {:.3g}", job_.options.forget,
+                                   timed_ ? "seconds of time_s" : "readings", count);
+    return answer;
   }
   const Counts& counts() const override { return calibrator_.counts(); }
   std::int64_t used() const override { return calibrator_.used(); }
@@ -48,6 +56,7 @@ class PairsLearner : public Learner {
 
  private:
   const TrackJob& job_;
+  bool timed_;
   RecursiveCalibrator calibrator_;
 };
 
@@ -61,7 +70,7 @@ class LandmarksLearner : public Learner {
       throw InputError(
           "--noise polynomial is for pairs; readings of landmarks have constant, f, f2, f3 or d2");
     if (known_) {
-      know_stops(*known_);
+      know_stops();
     } else if (*std::min_element(columns.pose.begin(), columns.pose.end()) < 0) {
       throw InputError(
           "the stream has no columns x_m, y_m and heading_rad of the stops, and --stops names no recording");
@@ -76,9 +85,7 @@ class LandmarksLearner : public Learner {
     reading.bearing_rad = row.bearing_rad;
     reading.stop = stop_of(row);
     if (calibrator_.options().random_walk && known_) pass_to(row.stop);
-    const auto radius = radius_.find(row.landmark);
-    reading.radius_m = radius == radius_.end() ? default_radius_m_ : radius->second;
-    if (!std::isnan(row.radius_m)) reading.radius_m = row.radius_m;
+    reading.radius_m = std::isnan(row.radius_m) ? radius_of(row.landmark) : row.radius_m;
     if (std::abs(row.bearing_rad) > 2.0 * std::numbers::pi)
       throw InputError("bearing_rad is beyond 2 pi: degrees, most likely");
     alarm_.reset();
@@ -122,6 +129,19 @@ class LandmarksLearner : public Learner {
           path +
           ": was made with another --order, --noise, --forget, --sigma-xy, --sigma-heading or --random-walk");
   }
+  Json stops_used() const override {
+    if (!known_) return nullptr;
+    std::string text = fmt::format("{} {}", known_->sensor.range_min_m, known_->sensor.range_max_m);
+    for (const std::string& label : calibrator_.landmarks())
+      text += fmt::format("\n{} {}", label, radius_of(label));
+    return {{"count", used_stops_}, {"fingerprint", fmt::format("{:016x}", seed_from(text, {of_stops_}))}};
+  }
+  bool same_stops(const Json& saved) override {
+    const auto count = whole_number<std::int64_t>(saved.at("count"), "stops.count");
+    if (!known_ || count > static_cast<std::int64_t>(known_->stops.size())) return false;
+    use_stops(static_cast<std::size_t>(count));
+    return stops_used() == saved;
+  }
 
  private:
   static std::optional<Recording> recording_of(const TrackJob& job) {
@@ -160,18 +180,35 @@ class LandmarksLearner : public Learner {
     return options;
   }
 
-  /// Poses, accuracies and radii by label.
-  void know_stops(const Recording& recording) {
-    for (std::size_t k = 0; k < recording.stops.size(); ++k) {
-      Stop stop = recording.stops[k];
+  /// Accuracies, places in the order and radii by label.
+  void know_stops() {
+    for (std::size_t k = 0; k < known_->stops.size(); ++k) {
+      Stop& stop = known_->stops[k];
       if (!stop.covariance) {
-        stop.sigma_xy_m = sigma_xy_of(recording, stop);
-        stop.sigma_heading_rad = sigma_heading_of(recording, stop);
+        stop.sigma_xy_m = sigma_xy_of(*known_, stop);
+        stop.sigma_heading_rad = sigma_heading_of(*known_, stop);
       }
       number_[stop.label] = k;
-      stops_[stop.label] = stop;
     }
-    for (const Landmark& landmark : recording.landmarks) radius_[landmark.label] = landmark.radius_m;
+    for (const Landmark& landmark : known_->landmarks) radius_[landmark.label] = landmark.radius_m;
+  }
+
+  double radius_of(const std::string& landmark) const {
+    const auto radius = radius_.find(landmark);
+    return radius == radius_.end() ? default_radius_m_ : radius->second;
+  }
+
+  /// The first stops of the recording count; those behind them may still change, as it grows with the drive.
+  void use_stops(std::size_t count) {
+    for (; used_stops_ < count; ++used_stops_) {
+      const Stop& stop = known_->stops[used_stops_];
+      std::string text = fmt::format("{}\n{}\n{} {} {} {} {}", stop.label, stop.place, stop.commanded.x_m,
+                                     stop.commanded.y_m, stop.commanded.heading_rad,
+                                     stop.sigma_xy_m.value_or(-1.0), stop.sigma_heading_rad.value_or(-1.0));
+      if (stop.covariance)
+        for (const auto& entry : covariance_entries(*stop.covariance)) text += fmt::format(" {}", *entry);
+      of_stops_ = seed_from(text, {of_stops_});
+    }
   }
 
   /// The steps to stops from which nothing was read count too, in the order of the recording.
@@ -183,7 +220,7 @@ class LandmarksLearner : public Learner {
       throw InputError("stop '" + label + "' comes after stop '" + last + "', which " + known_->path +
                        " lists after it: a random walk goes in its order");
     for (std::size_t k = begin; k < next; ++k) {
-      const Stop& stop = stops_.at(known_->stops[k].label);
+      const Stop& stop = known_->stops[k];
       calibrator_.pass(stop);
       if (watch_) watch_->pass(stop);
     }
@@ -196,20 +233,20 @@ class LandmarksLearner : public Learner {
     return reading;
   }
 
-  Stop stop_of(const StreamRow& row) const {
+  Stop stop_of(const StreamRow& row) {
     Stop stop;
-    if (!stops_.empty()) {
-      const auto known = stops_.find(row.stop);
-      if (known == stops_.end()) throw InputError("stop '" + row.stop + "' is not in " + known_->path);
-      stop = known->second;
+    if (known_) {
+      const auto number = number_.find(row.stop);
+      if (number == number_.end()) throw InputError("stop '" + row.stop + "' is not in " + known_->path);
+      stop = known_->stops[number->second];
+      use_stops(number->second + 1);
     }
     stop.label = row.stop;
     if (!row.place.empty()) stop.place = row.place;
     if (std::abs(row.pose[2]) > 2.0 * std::numbers::pi)
       throw InputError("heading_rad is beyond 2 pi: degrees, most likely");
     if (!std::isnan(row.pose[0])) stop.commanded = {row.pose[0], row.pose[1], row.pose[2]};
-    if (stops_.empty() &&
-        !(std::isfinite(row.pose[0]) && std::isfinite(row.pose[1]) && std::isfinite(row.pose[2])))
+    if (!known_ && !(std::isfinite(row.pose[0]) && std::isfinite(row.pose[1]) && std::isfinite(row.pose[2])))
       throw InputError("the stop has no pose");
     if (!std::isnan(row.sigma_xy_m) || !std::isnan(row.sigma_heading_rad)) stop.covariance.reset();
     if (!std::isnan(row.sigma_xy_m)) stop.sigma_xy_m = row.sigma_xy_m;
@@ -229,11 +266,22 @@ class LandmarksLearner : public Learner {
   RecursiveLandmarks calibrator_;
   std::optional<LandmarkChangeDetector> watch_;
   std::optional<ChangeAlarm> alarm_;
-  std::unordered_map<std::string, Stop> stops_;
   std::unordered_map<std::string, std::size_t> number_;  ///< of a stop in the recording
+  std::size_t used_stops_ = 0;
+  std::uint64_t of_stops_ = 0;  ///< fingerprint of those
   std::unordered_map<std::string, double> radius_;
   double default_radius_m_;
 };
+
+/// What keeps an option from a stream of these columns; null: nothing.
+const char* misplaced(const std::string& option, const Columns& columns) {
+  const bool of_pairs = option == "--range";
+  if (of_pairs != columns.landmarks()) return nullptr;
+  if (of_pairs) return " limits true distances, which a stream of landmarks in unknown places does not have";
+  return columns.truth >= 0
+             ? " is for landmarks in unknown places, and the stream has true_m: its rows are pairs"
+             : " is for readings of landmarks, and the stream has no columns stop and landmark";
+}
 
 }  // namespace
 
@@ -241,10 +289,10 @@ void Learner::watch(const Calibration&, const ChangeOptions&) {}
 void Learner::restore_watch(const std::string&) {}
 
 std::unique_ptr<Learner> make_learner(const TrackJob& job, const Columns& columns) {
+  for (const std::string& option : job.given)
+    if (const char* why = misplaced(option, columns)) throw InputError(option + why);
   if (columns.landmarks()) return std::make_unique<LandmarksLearner>(job, columns);
-  if (!job.stops.empty())
-    throw InputError("--stops is for readings of landmarks; the stream has no columns stop and landmark");
-  return std::make_unique<PairsLearner>(job);
+  return std::make_unique<PairsLearner>(job, columns);
 }
 
 }  // namespace rangecal::app

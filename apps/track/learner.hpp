@@ -35,9 +35,13 @@ class Learner {
   virtual void restore_watch(const std::string& state);
   /// Takes the state saved before. Throws InputError naming `path` where it was made with other options.
   virtual void restore(const nlohmann::ordered_json& state, const std::string& path) = 0;
+  /// What of --stops was used so far, to tell by whether the recording is the same; null without one.
+  virtual nlohmann::ordered_json stops_used() const { return nullptr; }
+  /// Of a learner restored: false where the recording is otherwise in what was used.
+  virtual bool same_stops(const nlohmann::ordered_json&) { return true; }
 };
 
-/// For the stream's columns. Throws InputError where the job asks for what these cannot have.
+/// For the stream's columns. Throws InputError where the job asks for what these cannot have: no option is ignored.
 std::unique_ptr<Learner> make_learner(const TrackJob& job, const Columns& columns);
 
 }  // namespace rangecal::app

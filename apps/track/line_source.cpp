@@ -2,6 +2,7 @@
 #include "track/line_source.hpp"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -11,6 +12,7 @@
 #include <cstring>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/random.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -19,7 +21,7 @@ constexpr std::size_t longest_line = std::size_t{4} << 20;
 
 }  // namespace
 
-LineSource::LineSource(const std::string& path, std::int64_t offset) : path_(path) {
+LineSource::LineSource(const std::string& path) : path_(path) {
   if (path == "-") {
     file_ = STDIN_FILENO;
     path_ = "stdin";
@@ -30,14 +32,7 @@ LineSource::LineSource(const std::string& path, std::int64_t offset) : path_(pat
   if (file_ < 0 || ::fstat(file_, &status) != 0)
     throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
   if (S_ISDIR(status.st_mode)) throw InputError(path, 0, "", "is a folder, not a file");
-  if (S_ISREG(status.st_mode)) {
-    if (status.st_size < offset)
-      throw InputError(
-          path, 0, "",
-          "is shorter than the " + std::to_string(offset) + " bytes that the state has taken from it");
-    ::lseek(file_, offset, SEEK_SET);
-    offset_ = offset;
-  }
+  file_is_regular_ = S_ISREG(status.st_mode);
 }
 
 LineSource::~LineSource() {
@@ -50,6 +45,7 @@ LineSource::Status LineSource::next(std::string& line) {
     const std::size_t end = buffer_.find('\n', searched);
     if (end != std::string::npos) {
       line.assign(buffer_, begin_, end - begin_);
+      taken_ = seed_from(line, {taken_});
       if (!line.empty() && line.back() == '\r') line.pop_back();
       offset_ += static_cast<std::int64_t>(end + 1 - begin_);
       begin_ = end + 1;
@@ -70,9 +66,25 @@ LineSource::Status LineSource::next(std::string& line) {
 
 std::string LineSource::rest() {
   std::string line = buffer_.substr(begin_);
+  taken_ = seed_from(line, {taken_});
   offset_ += static_cast<std::int64_t>(line.size());
   begin_ = buffer_.size();
   return line;
+}
+
+std::string LineSource::fingerprint() const { return fmt::format("{:016x}", taken_); }
+
+std::string LineSource::lost() const {
+  struct stat open {
+  }, named{};
+  if (!file_is_regular_ || ::fstat(file_, &open) != 0) return "";
+  const std::int64_t read = offset_ + static_cast<std::int64_t>(buffer_.size() - begin_);
+  if (open.st_size < read)
+    return fmt::format("was cut back to {} bytes after {} had been read", open.st_size, read);
+  // One that is only gone may still be written to.
+  if (::stat(path_.c_str(), &named) != 0 || (named.st_ino == open.st_ino && named.st_dev == open.st_dev))
+    return "";
+  return "was replaced by another file";
 }
 
 std::optional<std::vector<std::string>> csv_fields(std::string_view line) {

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "track/saved_calibration.hpp"
 
+#include <fmt/format.h>
+
+#include <array>
 #include <vector>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/random.hpp"
 
 namespace rangecal::app {
 
@@ -39,6 +43,19 @@ Calibration calibration_in(const Json& json) {
   c.range_min_m = json.at("range_m").at(0);
   c.range_max_m = json.at("range_m").at(1);
   return c;
+}
+
+std::string fingerprint_of(const Calibration& c) {
+  std::string text = to_string(c.noise.law);
+  const auto add = [&](const auto& values) {
+    for (const double value : values) text += fmt::format(" {}", value);
+  };
+  add(c.alpha);
+  add(c.noise.parameters);
+  add(std::array{c.range_min_m, c.range_max_m});
+  if (c.alpha_covariance) add(c.alpha_covariance->reshaped());
+  if (c.sigma_theta_rad) add(std::array{c.sigma_theta_rad->value});
+  return fmt::format("{:016x}", seed_from(text));
 }
 
 }  // namespace rangecal::app

@@ -23,6 +23,7 @@ struct TrackJob {
   bool random_walk = false;  ///< the stops' errors are those of the steps and add up
   int every = 1000;
   RecursiveOptions options;
+  std::vector<std::string> given;  ///< the options on the command line that one kind of stream alone has
 };
 
 struct Tracked {
@@ -33,11 +34,14 @@ struct Tracked {
   bool timed = false, landmarks = false;
   std::vector<ChangeAlarm> changes;  ///< named, and one that is still open
   std::vector<std::string> notes;
+  std::string lost;    ///< what happened to the file that was followed; empty: nothing
+  int stopped_by = 0;  ///< the signal, 0: none
 };
 
 /// Runs a stream to its end, or to SIGINT or SIGTERM. The state is saved every `every` rows and at the end, the output
-/// flushed before it; on the next run output beyond the saved length is cut off and the file read on from the saved place.
-/// Throws InputError for a stream without a column of readings and a state that does not fit.
+/// flushed before it; on the next run output beyond the saved length is cut off and the file, after what was read of it was
+/// compared, read on from the saved place.
+/// Throws InputError for a stream without a column of readings and a state that does not fit, or is of another stream.
 Tracked track(const TrackJob& job);
 
 }  // namespace rangecal::app

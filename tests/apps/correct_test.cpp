@@ -204,6 +204,7 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
     ++compared;
     const std::vector<double>& right = found->second;
     ASSERT_EQ(numbers.size(), right.size());
+    if (right.size() < 10) return;  // no distance: the fields behind the flag are empty
     for (const std::size_t i : {1u, 2u, 6u, 7u, 8u, 9u})  // spread of the whole: (high - low) / 3.92
       EXPECT_NEAR(numbers[i], right[i], 1.5e-3 * (right[9] - right[8]) / 3.9 + 2e-6)
           << name << " column " << i;

@@ -96,6 +96,8 @@ TEST(ExtractCommand, WrongInputLeavesNothingBehind) {
   refused(folder.file("none.csv"), "no such file");
   refused(folder.file("stops.csv"), "no file of scans");
   refused(scans + " --stops " + folder.file("scans.csv"), "row 2");
+  folder.write("map.csv", "landmark,x_m,y_m,radius_mm\nA,1,1,120\n");
+  refused(scans + " --map " + folder.file("map.csv"), "column 'radius_mm': is not read; 'radius_m' is");
 }
 
 // A room without a cylinder: walls and clutter are called so, whatever radius is looked for; no recording is made, exit

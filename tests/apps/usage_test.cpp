@@ -85,13 +85,13 @@ TEST(Usage, WrongUsageIsOneLineAndCodeTwo) {
   expect_bad_input("track x.csv --sigma-heading -1", {"--sigma-heading: Value -1 is not a number from 0 up"});
 }
 
-TEST(Usage, TooFewReadingsAreNoBadInput) {
+TEST(Usage, TooFewReadingsAreRefused) {
   const TemporaryFolder folder;
   folder.write("recording.yaml",
                "format: rangecal/1\nkind: pairs\nsensor: {name: s, range_min_m: 0.1, range_max_m: 10}\n");
   folder.write("pairs.csv", "true_m,reading_m\n1,1.01\n2,2.02\n");
   for (const char* command : {"calibrate ", "diagnose "})
-    EXPECT_EQ(run(command + folder.path()).code, 1) << command;
+    EXPECT_EQ(run(command + folder.path()).code, 2) << command;
   const TemporaryFolder landmarks;  // every reading in millimetres, beyond what the sensor reads
   std::filesystem::copy(
       shipped("field-layout"), landmarks.path(),
@@ -100,8 +100,8 @@ TEST(Usage, TooFewReadingsAreNoBadInput) {
                   "stop,landmark,repeat,range_m,bearing_rad\n0,A,0,704,1\n0,B,0,1678,-0.3\n1,A,0,712,1.4\n");
   for (const char* command : {"calibrate ", "diagnose "}) {
     const RunResult result = run(command + landmarks.path());
-    EXPECT_EQ(result.code, 1) << command << result.err;
-    EXPECT_THAT(result.out + result.err, HasSubstr("3 of 3 readings lie above range_max_m")) << command;
+    EXPECT_EQ(result.code, 2) << command << result.err;
+    EXPECT_THAT(result.err, HasSubstr("3 of 3 readings lie above range_max_m")) << command;
   }
 }
 

@@ -73,8 +73,8 @@ namespace {
 std::string stem_of(std::string_view name) {
   std::string stem(name);
   for (char& c : stem) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  for (const std::string_view unit :
-       {"_m", "_mm", "_cm", "_km", "_in", "_ft", "_rad", "_deg", "_degrees", "_mrad"})
+  for (const std::string_view unit : {"_m", "_mm", "_cm", "_km", "_in", "_ft", "_rad", "_deg", "_degrees",
+                                      "_mrad", "_s", "_ms", "_us", "_ns", "_min", "_h"})
     if (stem.size() > unit.size() && stem.ends_with(unit)) return stem.substr(0, stem.size() - unit.size());
   return stem;
 }

@@ -105,14 +105,15 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
   return simulate(model, seed_from("simulated_by", {}));
 }
 
-/// Throws where nothing can be tested: InputError for too few places or cells, NoAnswerError for too few
-/// readings, or readings without noise.
+/// Throws where nothing can be tested: InputError for too few readings, places or cells, NoAnswerError for
+/// readings without noise.
 void require_testable(const diagnosis::Rows& rows, std::span<const Recording> recordings) {
   constexpr int highest = 4;
   if (rows.size() < 8) {
     const std::string doubt = limit_doubt(recordings);
-    throw NoAnswerError("fewer than 8 usable readings: nothing can be diagnosed" +
-                        (doubt.empty() ? "" : "; " + doubt));
+    throw InputError(recordings[0].path + ": " + to_string(Outcome::too_few_data) +
+                     ": fewer than 8 usable readings: nothing can be diagnosed" +
+                     (doubt.empty() ? "" : "; " + doubt));
   }
   if (!rows.pairs)
     if (const auto why = why_too_few(rows.problem, 1))

@@ -5,23 +5,19 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/special_functions/beta.hpp>
 #include <cmath>
 #include <limits>
 
-#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/solvers/fleet/judgement.hpp"
 
 namespace rangecal {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-double chi_squared_p(double statistic, double degrees_of_freedom) {
-  if (!(statistic >= 0.0)) return 1.0;
-  return chi_squared_upper(statistic, degrees_of_freedom);
-}
 
 /// theta in units of its spread over the population: EM then sees numbers near one.
 struct Scale {
@@ -65,16 +61,20 @@ Step step_of(const UnitSummary& u, const VectorXd& mu, const MatrixXd& precision
 }
 
 Pass pass_over(const UnitStream& units, const Scale& scale, const VectorXd& mu, const MatrixXd& Sigma,
-               const MatrixXd& V_mu, double distance_limit) {
+               const MatrixXd& V_mu, double limit, const std::vector<bool>& odd,
+               std::vector<bool>& outlying) {
   const Eigen::Index p = mu.size();
   const Eigen::LLT<MatrixXd> factor(Sigma);
   const MatrixXd precision = factor.solve(MatrixXd::Identity(p, p));
   const double log_det = 2.0 * factor.matrixLLT().diagonal().array().log().sum();
   Pass pass{VectorXd::Zero(p), MatrixXd::Zero(p, p), MatrixXd::Zero(p, p)};
+  std::size_t index = 0;
   units([&](const UnitSummary& raw) {
     const UnitSummary unit = scale.in(raw);
     const Step step = step_of(unit, mu, precision, log_det);
-    if (step.distance_sq > distance_limit) {
+    const std::size_t at = index++;
+    outlying[at] = odd[at] || step.distance_sq > limit;
+    if (outlying[at]) {
       ++pass.left_out;
       return;
     }
@@ -120,6 +120,30 @@ VectorXd medians(const UnitStream& units, const VectorXd& low, const VectorXd& h
   return 0.5 * (a + b);
 }
 
+/// Distance_sq of a unit left out that has the p-value q beside n others: (n - 1) (1 + 1/n) (1/x - 1), x ~ Beta((n - p) / 2,
+/// p / 2) by Hotelling's T^2; chi^2 with p degrees of freedom where n is large.
+double distance_limit(double q, double n, double p) {
+  if (!(q > 0.0) || n <= p) return std::numeric_limits<double>::infinity();
+  return (n - 1.0 / n) * (1.0 / boost::math::ibeta_inv(0.5 * (n - p), 0.5 * p, q) - 1.0);
+}
+
+/// Marks the units kept whose p-value is below `rate`; false where there is none, or too few would stay.
+bool mark_odd(const UnitStream& units, const Population& population, double rate, std::vector<bool>& odd) {
+  const FleetJudge judge(units, population);
+  std::vector<bool> marked = odd;
+  std::size_t index = 0;
+  std::int64_t more = 0;
+  units([&](const UnitSummary& unit) {
+    const std::size_t at = index++;
+    if (population.outlying[at] || !(judge(unit, at).p_value < rate)) return;
+    marked[at] = true;
+    ++more;
+  });
+  if (more == 0 || population.units - more < population.mean.size() + 2) return false;
+  odd = std::move(marked);
+  return true;
+}
+
 }  // namespace
 
 void PopulationOptions::check() const {
@@ -150,7 +174,9 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   const Eigen::Index p = low.size();
   if (count < p + 2) {
     result.outcome = Outcome::too_few_data;
-    result.reason = fmt::format("{} units are too few for a population of {} unknowns", count, p);
+    result.reason = count == 0
+                        ? "no unit has readings enough of its own"
+                        : fmt::format("{} units are too few for a population of {} unknowns", count, p);
     return result;
   }
   result.order = static_cast<int>(p) - 2;
@@ -163,17 +189,22 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
   scale.unit = scale.unit.cwiseMax(slack);
   VectorXd mu = VectorXd::Zero(p);
   MatrixXd Sigma = 4.0 * MatrixXd::Identity(p, p), V_mu = MatrixXd::Zero(p, p);
-  const double limit = options.outlier_rate > 0.0
-                           ? chi_squared_upper_quantile(options.outlier_rate / static_cast<double>(count),
-                                                        static_cast<double>(p))
-                           : std::numeric_limits<double>::infinity();
+  const double rate = options.outlier_rate / static_cast<double>(count);
+  const double limit = distance_limit(rate, static_cast<double>(count - 1), static_cast<double>(p));
+  std::vector<bool> odd(static_cast<std::size_t>(count), false);
+  result.outlying = odd;
   result.outcome = Outcome::not_converged;
   constexpr int enough = 4;  // passes in a row: what is not known of mu comes in a pass late
   int quiet = 0;
   double before = -std::numeric_limits<double>::infinity();
   std::int64_t kept_before = -1;
+  const auto keep = [&] {
+    result.mean = scale.origin + scale.unit.cwiseProduct(mu);
+    result.covariance = scale.unit.asDiagonal() * Sigma * scale.unit.asDiagonal();
+    result.mean_covariance = scale.unit.asDiagonal() * V_mu * scale.unit.asDiagonal();
+  };
   for (result.iterations = 1; result.iterations <= options.max_iterations; ++result.iterations) {
-    const Pass pass = pass_over(units, scale, mu, Sigma, V_mu, limit);
+    const Pass pass = pass_over(units, scale, mu, Sigma, V_mu, limit, odd, result.outlying);
     if (pass.kept < p + 2) {
       result.outcome = Outcome::failed;
       result.reason = "hardly any two units are alike";
@@ -188,10 +219,14 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
     // Restricted: that of mu known, times the volume of what is not known of mu.
     const double restricted = pass.log_likelihood - weight.matrixLLT().diagonal().array().log().sum();
     quiet = pass.kept == kept_before && restricted - before < options.tolerance ? quiet + 1 : 0;
-    const bool settled = quiet == enough;
-    if (settled) {
-      result.outcome = Outcome::converged;
-      break;
+    if (quiet == enough) {
+      keep();
+      if (!mark_odd(units, result, rate, odd)) {
+        result.outcome = Outcome::converged;
+        return result;
+      }
+      quiet = 0;
+      continue;
     }
     before = restricted;
     kept_before = pass.kept;
@@ -199,11 +234,8 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
     mu += shift;
     Sigma = pass.second / static_cast<double>(pass.kept) - shift * shift.transpose();
   }
-  if (result.outcome == Outcome::not_converged)
-    result.reason = fmt::format("stopped after {} passes", options.max_iterations);
-  result.mean = scale.origin + scale.unit.cwiseProduct(mu);
-  result.covariance = scale.unit.asDiagonal() * Sigma * scale.unit.asDiagonal();
-  result.mean_covariance = scale.unit.asDiagonal() * V_mu * scale.unit.asDiagonal();
+  result.reason = fmt::format("stopped after {} passes", options.max_iterations);
+  keep();
   return result;
 }
 
@@ -233,10 +265,6 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
     V += pull * inverse.asDiagonal() * population.mean_covariance * inverse.asDiagonal() * pull.transpose();
   }
   result.covariance = scale.unit.asDiagonal() * V * scale.unit.asDiagonal();
-  result.distance_sq = step.distance_sq;
-  result.p_value = chi_squared_p(step.distance_sq, static_cast<double>(p));
-  const MatrixXd spread = Sigma + scaled.information.llt().solve(MatrixXd::Identity(p, p));
-  result.z = scaled.theta.cwiseQuotient(spread.diagonal().cwiseSqrt());
   return result;
 }
 

@@ -21,6 +21,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr int highest_order = 8;  // of f in the test of its shape
+
 double two_sided(double z) { return std::erfc(std::abs(z) / std::sqrt(2.0)); }
 
 std::vector<std::vector<double>> rows_of(const MatrixXd& matrix) {
@@ -121,13 +123,15 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   misfit.correlation = neighbours / second;
   misfit.tail_p = two_sided(misfit.kurtosis * std::sqrt(N / 24.0));
   misfit.dependence_p = two_sided(misfit.correlation * std::sqrt(N));
+  const int more = std::min(2, highest_order - calibration.order());
+  if (more < 1) return misfit;
   PairsOptions wider;
-  wider.order = std::min(calibration.order() + 2, 8);
+  wider.order = calibration.order() + more;
   wider.law = calibration.noise.law;
   const PairsFit fit = full_pairs(make_pairs_problem({&recording, 1}), wider);
   if (fit.calibration.outcome != Outcome::converged || !calibration.joint_nll) return misfit;
   const double gain = 2.0 * (*calibration.joint_nll - fit.nll);
-  misfit.shape_p = gain > 0.0 ? chi_squared_upper(gain, 2.0) : 1.0;
+  misfit.shape_p = gain > 0.0 ? chi_squared_upper(gain, more) : 1.0;
   for (int i = 0; i <= 20; ++i) {
     const double d = calibration.range_min_m + i / 20.0 * (calibration.range_max_m - calibration.range_min_m);
     misfit.shape_m = std::max(misfit.shape_m, std::abs(evaluate_polynomial(fit.calibration.alpha, d) -

@@ -89,13 +89,13 @@ Recording turning_walk(std::uint64_t seed) {
 TEST(WalkSeed, StopsOfAPlaceStandOnOneSpot) {
   // Seeds that put them apart ended apart, hundreds of nats too high: intervals of alpha_1 held 78 %. Those of
   // 40 recordings hold 38 +- 1.4; fewer than 33 do in one case of 2000.
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
   int held = 0;
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     const Recording r = turning_walk(seed);
-    CalibrateOptions options;
-    options.methods = {Method::marginal};
-    options.order = 2;
-    options.noise = NoiseLaw::f_squared;
     const Calibration c = calibrate({&r, 1}, options)[0];
     ASSERT_EQ(c.outcome, Outcome::converged) << seed << ": " << c.reason;
     held += std::abs(c.alpha[1] - 0.9) < 1.96 * std::sqrt((*c.alpha_covariance)(1, 1));

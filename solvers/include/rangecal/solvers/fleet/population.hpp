@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
@@ -45,6 +46,7 @@ struct Population {
   double log_likelihood = 0.0;                  ///< marginal [nats], of the units kept
   int iterations = 0;
   std::int64_t units = 0, left_out = 0;  ///< kept; outlying, of no influence on mu and Sigma
+  std::vector<bool> outlying;            ///< which ones, in the order of the stream
 
   /// Sigma as posteriors use it. The inverse of T = Sigma + Lambda^-1, as N units estimate it, is too large by
   /// w = (N - 1) / (N - p - 2) on average, p = size(mu), which would draw the units of a small fleet too close (Efron and
@@ -59,13 +61,14 @@ struct PopulationOptions {
   int max_iterations = 3000;  ///< passes over the units
   double tolerance =
       1e-3;  ///< on the gain of log likelihood in a pass [nats]; a scatter of 0 is reached slowly
-  /// Units whose distance from the rest has a p-value below this over their number are left out, until none is.
+  /// Units whose p-value beside the rest (FleetJudge) is below this over their number are left out, until none is or too few
+  /// would stay.
   double outlier_rate = 0.01;
 
   void check() const;
 };
 
-/// Memory does not depend on the number of units; the same bits whatever made the stream. too_few_data: fewer units than
+/// Memory: two bits for each unit; the same bits whatever made the stream. too_few_data: fewer units than
 /// unknowns of theta + 2. Cost: some 2 us per unit and pass, 20 to 500 passes.
 Population fit_population(const UnitStream& units, const PopulationOptions& options = {});
 
@@ -73,10 +76,6 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
 struct UnitPosterior {
   Eigen::VectorXd mean;        ///< m_u
   Eigen::MatrixXd covariance;  ///< V_u + (1 - K_u) V_mu (1 - K_u)^T
-  double distance_sq =
-      0.0;  ///< (theta^ - mu)^T (Sigma + Lambda^-1)^-1 (theta^ - mu): chi^2 with size(theta) degrees of freedom
-  double p_value = 1.0;  ///< of it, for this unit alone
-  Eigen::VectorXd z;     ///< (theta^ - mu)_i over its standard deviation under the population
 };
 UnitPosterior shrink(const UnitSummary& unit, const Population& population);
 
@@ -93,8 +92,9 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
 /// What a unit's residuals z = (y - f) / s show that its curve does not hold, for readings in their order; p-values of each
 /// alone, two-sided, 1 where there are too few readings.
 struct UnitMisfit {
-  double shape_p = 1.0;  ///< two orders more fit better: likelihood ratio, chi^2 with 2 degrees of freedom
-  double tail_p = 1.0;   ///< excess kurtosis k of z: k sqrt(N / 24) is N(0, 1)
+  double shape_p =
+      1.0;  ///< two orders more, up to 8, fit better: likelihood ratio, chi^2 with as many degrees of freedom
+  double tail_p = 1.0;        ///< excess kurtosis k of z: k sqrt(N / 24) is N(0, 1)
   double dependence_p = 1.0;  ///< correlation r of neighbours: r sqrt(N) is N(0, 1)
   double shape_m = 0.0;       ///< largest change of f by the two orders [m]
   double kurtosis = 0.0, correlation = 0.0;

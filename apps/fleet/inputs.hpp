@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "fleet/database.hpp"
+
+namespace rangecal::app {
+
+// The table `inputs`: each sensor once, by its folder's identity, under the name that it was first given.
+
+/// Whether `schema` holds the tables of a fleet; throws InputError naming `file` where it holds others.
+bool holds_fleet(Database& database, const std::string& schema, const std::string& file);
+
+/// Adds the columns that files of earlier versions have not, and looks up where their units are, or where they have moved to
+/// under the same name. Of two names of one folder the first stays.
+void identify_inputs(Database& database);
+
+/// Adds recordings, and those in folders of recordings. Throws InputError for what is neither.
+void take_recordings(Database& database, const std::vector<std::string>& given);
+
+/// Takes in the units of another file of the same order and noise law; of a unit in both that differs, the other's row.
+void merge_fleet(Database& database, const std::string& file);
+
+struct Changes {
+  std::int64_t changed = 0, gone = 0;
+  std::string first_gone;
+};
+/// Forgets the rows of units whose files are no longer what they were when fitted, for them to be fitted anew. A unit that is
+/// gone keeps its row: its readings were taken, and a merged shard may have been fitted on another computer.
+Changes forget_changed(Database& database);
+
+}  // namespace rangecal::app

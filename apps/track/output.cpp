@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "track/output.hpp"
+
+#include <fmt/core.h>
+
+#include <filesystem>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal::app {
+
+void TrackOutput::open(std::int64_t bytes) {
+  const bool resumed = bytes > 0;
+  if (!path_.empty()) {
+    if (resumed) {
+      std::error_code error;
+      const auto size = std::filesystem::file_size(path_, error);
+      if (error || static_cast<std::int64_t>(size) < bytes) fail("is missing or shorter than the state says");
+      std::filesystem::resize_file(path_, static_cast<std::uintmax_t>(bytes));
+    }
+    out_ = std::fopen(path_.c_str(), resumed ? "ab" : "wb");
+    if (!out_) fail("cannot be written");
+    closer_.reset(out_);
+  }
+  bytes_ = bytes;
+  if (!resumed || path_.empty()) print("reading_m,distance_m,std_m,flag\n");
+}
+
+void TrackOutput::print(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), out_) != text.size()) fail("cannot be written");
+  bytes_ += static_cast<std::int64_t>(text.size());
+}
+
+void TrackOutput::flush() {
+  if (std::fflush(out_) != 0) fail("cannot be written");
+}
+
+void TrackOutput::fail(const char* what) const {
+  throw InputError(path_.empty() ? "stdout" : path_, 0, "", what);
+}
+
+std::string table_of(const std::vector<ChangeAlarm>& changes, bool of_landmarks) {
+  std::string text = of_landmarks ? "reading,since_reading,kind,probability,size,std\n"
+                                  : "pair,since_pair,kind,probability,size,std\n";
+  for (const ChangeAlarm& c : changes)
+    text += c.named ? fmt::format("{},{},{},{:.4f},{:.6g},{:.2g}\n", c.reading, c.since, to_string(c.kind),
+                                  c.probability, c.size, c.std_dev)
+                    : fmt::format("{},{},,,,\n", c.reading, c.since);
+  return text;
+}
+
+}  // namespace rangecal::app
