@@ -55,7 +55,7 @@ struct TrackCommand {
       std::raise(tracked.stopped_by);
     }
     if (!broken.empty()) return not_delivered;
-    if (!job.from.empty() || (tracked.calibration && is_usable(tracked.calibration->outcome))) return done;
+    if (!job.from.empty() || (tracked.calibration && has_answer(*tracked.calibration))) return done;
     if (job.output.empty())
       fmt::print(stderr, "rangecal: no calibration: {}\n",
                  tracked.calibration ? tracked.calibration->reason : what_lacks(tracked));
