@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <string>
-#include <vector>
 
 #include "change/landmark_filter.hpp"
 #include "joint_ml/seed_from.hpp"
@@ -30,15 +29,11 @@ JointState walk_seed(const JointProblem& problem, int order, NoiseLaw law) {
     const Eigen::Vector3d pose = filter.x.segment<3>(filter.pose());
     state.stops.push_back({pose[0], pose[1], pose[2]});
   }
-  // A place is known best from its last stop.
-  std::vector<std::size_t> opener(static_cast<std::size_t>(problem.place_count), 0);
-  for (std::size_t k = 0; k < state.stops.size(); ++k) {
-    const StopPrior& prior = problem.stops[k];
-    std::size_t& first = opener[static_cast<std::size_t>(prior.place)];
-    if (prior.opens_place) first = k;
-    const Pose2 &own = prior.commanded, &opened = problem.stops[first].commanded;
-    state.stops[first].x_m = state.stops[k].x_m + opened.x_m - own.x_m;
-    state.stops[first].y_m = state.stops[k].y_m + opened.y_m - own.y_m;
+  for (std::size_t k = state.stops.size(); k-- > 1;) {  // a place is known best from its last stop
+    const StopPrior &own = problem.stops[k], &before = problem.stops[k - 1];
+    if (own.place != before.place) continue;
+    state.stops[k - 1].x_m = state.stops[k].x_m + before.commanded.x_m - own.commanded.x_m;
+    state.stops[k - 1].y_m = state.stops[k].y_m + before.commanded.y_m - own.commanded.y_m;
   }
   share_places(problem.stops, state.stops);
   state.landmarks.assign(problem.landmark_radius_m.size(), Eigen::Vector2d::Zero());

@@ -129,9 +129,21 @@ bool contains(const Model& model, const Effect* effect) {
   return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
 }
 
+std::vector<Height> peaks_of(const std::vector<Height>& heights) {
+  std::vector<Height> peaks;
+  for (std::size_t i = 0; i < heights.size(); ++i) {
+    const bool rises = i == 0 || heights[i].first >= heights[i - 1].first;
+    const bool falls = i + 1 == heights.size() || heights[i].first > heights[i + 1].first;
+    if (rises && falls) peaks.push_back(heights[i]);
+  }
+  std::stable_sort(peaks.begin(), peaks.end(),
+                   [](const Height& a, const Height& b) { return a.first > b.first; });
+  return peaks;
+}
+
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
   std::map<std::string, Proposal> best;
-  std::map<std::string, std::vector<std::pair<double, Eigen::VectorXd>>> peaks;
+  std::map<std::string, std::vector<Height>> peaks;  // in the order of the grid
   for (const Question& q : battery.questions) {
     if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
     Proposal& p = best[q.effect->info().id];
@@ -167,16 +179,9 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
     if (std::none_of(parameters.begin(), parameters.end(),
                      [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
       continue;
-    auto& heights = peaks[id];  // in the order of the grid
-    std::vector<std::pair<double, Eigen::VectorXd>> local;
-    for (std::size_t i = 0; i < heights.size(); ++i) {
-      const bool rises = i == 0 || heights[i].first >= heights[i - 1].first;
-      const bool falls = i + 1 == heights.size() || heights[i].first > heights[i + 1].first;
-      if (rises && falls && heights[i].first > 0.6 * p.promised - 2.0 && heights[i].second != p.start)
-        local.push_back(heights[i]);
-    }
-    std::sort(local.begin(), local.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
-    for (std::size_t i = 0; i < local.size() && i < 3; ++i) p.others.push_back(local[i].second);
+    for (const auto& [height, start] : peaks_of(peaks[id]))
+      if (p.others.size() < 3 && height > 0.6 * p.promised - 2.0 && start != p.start)
+        p.others.push_back(start);
   }
   std::vector<Proposal> order;
   for (auto& [id, p] : best)

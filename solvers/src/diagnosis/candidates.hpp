@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/battery.hpp"
@@ -41,6 +42,11 @@ std::vector<std::string> ids_of(const Model& model);
 
 /// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
+
+/// A start of a grid, and the nats that its score promises.
+using Height = std::pair<double, Eigen::VectorXd>;
+/// The local maxima of heights in the order of their grid, highest first.
+std::vector<Height> peaks_of(const std::vector<Height>& heights);
 
 /// The most nats that a proposal can be believed to bring.
 double credible_gain(const Proposal& proposal);

@@ -6,6 +6,7 @@
 
 #include "diagnosis/battery.hpp"
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/candidates.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -21,22 +22,6 @@ bool was_chosen(const Rows& rows, const Effect& effect) {
          effect.start_grid(rows.context).size() > 1;
 }
 
-/// The starts at which the scores are highest along the grid, highest first.
-std::vector<Eigen::VectorXd> highest_starts(const std::vector<Question>& asked) {
-  std::vector<const Question*> peaks;
-  for (std::size_t i = 0; i < asked.size(); ++i) {
-    const bool rises = i == 0 || asked[i].gain >= asked[i - 1].gain;
-    const bool falls = i + 1 == asked.size() || asked[i].gain > asked[i + 1].gain;
-    if (rises && falls) peaks.push_back(&asked[i]);
-  }
-  std::stable_sort(peaks.begin(), peaks.end(),
-                   [](const Question* a, const Question* b) { return a->gain > b->gain; });
-  peaks.resize(std::min(peaks.size(), most_peaks));
-  std::vector<Eigen::VectorXd> starts;
-  for (const Question* peak : peaks) starts.push_back(peak->start);
-  return starts;
-}
-
 }  // namespace
 
 Fit chosen_anew(const Rows& part, Fit fitted, const Rates& rates, const RefitOptions& options) {
@@ -50,7 +35,11 @@ Fit chosen_anew(const Rows& part, Fit fitted, const Rates& rates, const RefitOpt
     const Fit without = refit(part, others, fitted.state, held);
     if (!without.ok) continue;
     const Battery battery(part, without.model, without.state, rates, effect);
-    for (Eigen::VectorXd& start : highest_starts(battery.questions)) {
+    std::vector<Height> heights;
+    for (const Question& q : battery.questions) heights.emplace_back(q.gain, q.start);
+    heights = peaks_of(heights);
+    heights.resize(std::min(heights.size(), most_peaks));
+    for (auto& [height, start] : heights) {
       Model model = without.model;
       model.insert(model.begin() + static_cast<std::ptrdiff_t>(e), {&effect, std::move(start)});
       Fit trial = refit(part, model, without.state, held);

@@ -25,8 +25,8 @@ constexpr int parts_of_fold = 8;  ///< groups of blocks whose predictions give t
 
 struct HeldOut {
   double nll = 0.0;
-  std::vector<double> parts;    ///< predictive NLL of groups of blocks, each given the rest alone
-  bool ok = true, any = false;  ///< any: something was left out
+  std::vector<double> parts;  ///< predictive NLL of groups of blocks, each given the rest alone
+  bool ok = true;
 };
 
 /// Parameters of dependence and tails, which have no score: one parabola through three values of l_s, the
@@ -105,7 +105,6 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         std::vector<char> out(folds.size());
         for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
-        held.any = true;
         const Rows rest = without_cells(rows, out);
         Fit fit = fit_part(rest, full, options);
         if (fit.ok && rates) fit = chosen_anew(rest, std::move(fit), *rates, options);
@@ -142,9 +141,8 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
     all.nll += held.nll;
     all.parts.insert(all.parts.end(), held.parts.begin(), held.parts.end());
     all.ok = all.ok && held.ok;
-    all.any = all.any || held.any;
   }
-  all.ok = all.ok && all.any;
+  all.ok = all.ok && std::any_of(folds.begin(), folds.end(), [](int f) { return f >= 0; });
   return all;
 }
 

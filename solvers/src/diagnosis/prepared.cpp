@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <tuple>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "rangecal/core/errors.hpp"
@@ -22,30 +21,27 @@ namespace {
 double correlation_within(const std::vector<int>& group, const std::vector<double>& reading,
                           const std::vector<double>& covariate) {
   constexpr double fewest = 20.0;  // degrees of freedom
-  struct Sums {
-    double count = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0;
+  struct Sums {                    ///< taken from the group's first row
+    double first_x, first_y, count = 0.0, x = 0.0, y = 0.0, xx = 0.0, yy = 0.0, xy = 0.0;
   };
   std::map<int, Sums> groups;
-  std::map<int, std::pair<double, double>> origin;  // the sums are taken from the group's first row
   for (std::size_t i = 0; i < reading.size(); ++i) {
     if (!std::isfinite(covariate[i])) continue;
-    const auto [first, opened] = origin.try_emplace(group[i], reading[i], covariate[i]);
-    const double x = reading[i] - first->second.first, y = covariate[i] - first->second.second;
-    Sums& s = groups[group[i]];
-    s = {s.count + 1.0, s.x + x, s.y + y, s.xx + x * x, s.yy + y * y, s.xy + x * y};
+    Sums& s = groups.try_emplace(group[i], Sums{reading[i], covariate[i]}).first->second;
+    const double x = reading[i] - s.first_x, y = covariate[i] - s.first_y;
+    s.count += 1.0;
+    s.x += x, s.y += y;
+    s.xx += x * x, s.yy += y * y, s.xy += x * y;
   }
-  double dof = 0.0, xx = 0.0, yy = 0.0, xy = 0.0;
+  double dof = 0.0, correlation = 0.0;
   for (const auto& [number, s] : groups) {
     // Each group in units of its own spreads: noise grows with distance, and so may the covariate's.
-    const double own_xx = s.xx - s.x * s.x / s.count, own_yy = s.yy - s.y * s.y / s.count;
-    if (!(own_xx > 0.0 && own_yy > 0.0)) continue;
-    const double unit = (s.count - 1.0) / std::sqrt(own_xx * own_yy);
+    const double xx = s.xx - s.x * s.x / s.count, yy = s.yy - s.y * s.y / s.count;
+    if (!(xx > 0.0 && yy > 0.0)) continue;
     dof += s.count - 1.0;
-    xx += s.count - 1.0;
-    yy += s.count - 1.0;
-    xy += unit * (s.xy - s.x * s.y / s.count);
+    correlation += (s.count - 1.0) * (s.xy - s.x * s.y / s.count) / std::sqrt(xx * yy);
   }
-  return dof < fewest ? 0.0 : xy / std::sqrt(xx * yy);
+  return dof < fewest ? 0.0 : correlation / dof;
 }
 
 /// Names of the covariates that follow the reading's own error.
@@ -54,6 +50,8 @@ std::vector<std::string> derived_covariates(const Recording& recording) {
   const bool pairs = recording.kind == RecordingKind::pairs;
   const Readings& r = recording.readings;
   const Pairs& p = recording.pairs;
+  const Covariates& covariates = pairs ? p.covariates : r.covariates;
+  if (covariates.empty()) return {};
   std::vector<int> group;
   if (pairs) {
     std::map<double, int> distances;
@@ -64,7 +62,7 @@ std::vector<std::string> derived_covariates(const Recording& recording) {
     for (std::size_t i = 0; i < r.size(); ++i) group.push_back(r.stop[i] * landmarks + r.landmark[i]);
   }
   std::vector<std::string> names;
-  for (const auto& [name, values] : pairs ? p.covariates : r.covariates)
+  for (const auto& [name, values] : covariates)
     if (std::abs(correlation_within(group, pairs ? p.reading_m : r.range_m, values)) > follows)
       names.push_back(name);
   return names;

@@ -13,6 +13,7 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "solvers/fleet/unit_readings.hpp"
 
 namespace rangecal {
 namespace {
@@ -162,14 +163,7 @@ TEST(FleetJudge, FaultlessUnitsHaveTheirShareOfEachPValue) {
 }
 
 Recording readings_at(const VectorXd& theta, int count, Random& random) {
-  Recording recording;
-  recording.kind = RecordingKind::pairs;
-  for (int i = 0; i < count; ++i) {
-    const double d = random.uniform(0.5, 5.0), f = evaluate_polynomial(VectorXd(theta.head(3)), d);
-    recording.pairs.true_m.push_back(d);
-    recording.pairs.reading_m.push_back(random.normal(f, std::exp(theta[3]) * f * f));
-  }
-  return recording;
+  return testing::unit_readings(theta, 0.5, count, random);
 }
 
 TEST(FleetJudge, OneOddUnitOfTwelveDoesNotHideInItsOwnScatter) {

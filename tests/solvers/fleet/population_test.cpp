@@ -14,6 +14,7 @@
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/fleet/judgement.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "solvers/fleet/unit_readings.hpp"
 
 namespace rangecal {
 namespace {
@@ -33,14 +34,7 @@ VectorXd draw_unit(Random& random) {
 }
 
 Recording readings_of(const VectorXd& theta, int count, Random& random) {
-  Recording recording;
-  recording.kind = RecordingKind::pairs;
-  for (int i = 0; i < count; ++i) {
-    const double d = random.uniform(0.3, 5.0), f = evaluate_polynomial(VectorXd(theta.head(3)), d);
-    recording.pairs.true_m.push_back(d);
-    recording.pairs.reading_m.push_back(random.normal(f, std::exp(theta[3]) * f * f));
-  }
-  return recording;
+  return testing::unit_readings(theta, 0.3, count, random);
 }
 
 UnitSummary summary_of(const Recording& recording) {
