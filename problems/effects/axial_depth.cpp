@@ -5,7 +5,7 @@
 //   ranging by h gives z. With a share kappa of that left uncorrected the curve sees d (1 - kappa (1 - cos(b - b0))):
 //   delta r = f(d - kappa d (1 - cos(b - b0))) - f(d)     [m], b direction in the sensor frame, b0 that of the axis [rad]
 //
-// Acts on d, before the curve. kappa = 1: depth itself; kappa = 0: distance. Only for sensors that look one way.
+// Acts on d, before the curve, so the spread goes along: at 60 degrees off the axis it is that of half the distance. kappa = 1: depth itself; kappa = 0: distance. Only for sensors that look one way.
 // Source: derived from the pinhole projection, found on the camera recordings of docs/real-data.md.
 #include <cmath>
 
@@ -19,6 +19,7 @@ class AxialDepth final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "axial_depth",
+        .number = "C1",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "sensor_bearing",
@@ -47,7 +48,8 @@ class AxialDepth final : public Effect {
   }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    return {.range = at.before_curve(-p[0] * at.d * (1.0 - std::cos(at.bearing - p[1])))};
+    const double change = at.before_curve(-p[0] * at.d * (1.0 - std::cos(at.bearing - p[1])));
+    return {.range = change, .range_log_variance = at.spread_along(change)};
   }
 };
 

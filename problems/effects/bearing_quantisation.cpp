@@ -4,7 +4,7 @@
 //   standard deviation  Delta / sqrt(24)     [rad]
 //     shared by the repeats of a (stop, landmark): it does not average out
 //
-// Source: physics catalogue B5 (derived: mean of two edges, each off by a uniform +-Delta / 2).
+// Source: docs/effects.md B5 (derived: mean of two edges, each off by a uniform +-Delta / 2).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -18,12 +18,13 @@ class BearingQuantisation final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "bearing_quantisation",
+        .number = "B5",
         .kind = EffectKind::grid,
         .channel = "grid",
         .covariate = "sensor_bearing",
         .physics = "Bearings sit on the grid of the beams: they repeat within a stop and do not average out.",
         .formula = "cell standard deviation Delta / sqrt(24) [rad], Delta beam spacing [rad]",
-        .source = "physics catalogue B5 (derived: variance Delta^2 / 24)",
+        .source = "derived: variance Delta^2 / 24",
         .visible_by = "several sweeps at each stop",
         .settled_by =
             "rotate the sensor by a fraction of the beam spacing and repeat, or use larger landmarks",
@@ -38,6 +39,10 @@ class BearingQuantisation final : public Effect {
 
   std::string missing(const EffectContext& context) const override {
     return either(lacks_stops(context, 1), lacks_repeats(context, 2));
+  }
+
+  GridSteps grid_steps(const ReadingView<double>&, const double* p) const override {
+    return {.bearing_rad = p[0]};
   }
 
   Dependence dependence(const double* p) const override {

@@ -6,7 +6,7 @@
 //     q step of 1/r [1/m] (q = p q_px / (f s)), u least unit of the output [m]
 //
 // f the reading that the curve predicts. Adds to the log variance of range log(1 + (f^4 q^2 + u^2) / (12
-// s^2)); the grid itself is read off the values. Source: physics catalogue R7 (variance of a uniform
+// s^2)); the grid itself is read off the values. Source: docs/effects.md R7 (variance of a uniform
 // rounding error).
 #include <cmath>
 
@@ -21,6 +21,7 @@ class Quantisation final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "quantisation",
+        .number = "R7",
         .kind = EffectKind::grid,
         .channel = "grid",
         .covariate = "range",
@@ -30,7 +31,7 @@ class Quantisation final : public Effect {
         .formula =
             "steps f^2 q [m] and u [m], q step of 1/r [1/m], u output unit [m]; variance + (f^4 q^2 + u^2) / "
             "12",
-        .source = "physics catalogue R7 (derived: uniform rounding error)",
+        .source = "derived: uniform rounding error",
         .visible_by = "200 sweeps at one near, one middle and one far stop",
         .settled_by = "count the distinct values of 200 sweeps at one stop",
         .parameters = {
@@ -44,6 +45,10 @@ class Quantisation final : public Effect {
     for (double step : even_ratios(5e-5, 0.02, 12)) grid.push_back(point({step, 0.0}));
     for (double step : {0.001, 0.002, 0.005, 0.01, 0.02}) grid.push_back(point({0.0, step}));
     return grid;
+  }
+
+  GridSteps grid_steps(const ReadingView<double>& at, const double* p) const override {
+    return {.range_m = std::hypot(at.f * at.f * p[0], p[1])};
   }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {

@@ -45,8 +45,7 @@ EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std
         throw InputError("the calibration's effect " + id + " lacks its parameter " + info[j].name);
       p[static_cast<Eigen::Index>(j)] = value->second;
     }
-    // A change of the skew alone, or a grid that the noise holds already, shifts no reading.
-    if (effect->noise_before_reciprocal() || effect->info().kind == EffectKind::grid) continue;
+    if (effect->noise_before_reciprocal()) continue;  // a change of the skew alone
     active_.push_back({effect, p});
   }
 }
@@ -64,6 +63,7 @@ ReadingView<double> EffectCorrector::view(double d, const ReadingSetting& settin
   for (Eigen::Index i = 2; i < calibration_.alpha.size(); ++i, power *= d)
     at.curvature += static_cast<double>(i * (i - 1)) * calibration_.alpha[i] * power;
   at.spread = calibration_.noise.spread(d, at.f);
+  at.spread_power = calibration_.noise.power_of_f();
   at.heading = known(setting.heading_rad, 0.0);
   at.time_s = known(setting.time_s, 0.0);
   at.stop = setting.stop;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calibrate/walk_seed.hpp"
+#include "diagnosis/grids.hpp"
 #include "diagnosis/search.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
@@ -46,35 +47,10 @@ JointState start_of(const Rows& rows, int order, NoiseLaw law) {
   return state;
 }
 
-/// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law
-/// unless another is better by more than three nats. Empty where there are too few repeats. The mean reading
-/// stands for f.
-std::optional<NoiseLaw> law_within_cells(const Rows& rows) {
-  const Cells& c = rows.problem.cells;
-  double total = 0.0;
-  for (double count : c.count) total += count - 1.0;
-  if (total < 50.0 || rows.pairs) return std::nullopt;
-  std::optional<NoiseLaw> best;
-  double best_nll = 0.0;
-  for (int power : {2, 1, 0, 3}) {
-    double logs = 0.0, square = 0.0;
-    for (std::size_t i = 0; i < c.size(); ++i) {
-      const double f = std::max(c.range_mean[i], 1e-3);
-      logs += (c.count[i] - 1.0) * power * std::log(f);
-      square += c.count[i] * c.range_mean_square[i] / std::pow(f, 2 * power);
-    }
-    const double nll = logs + 0.5 * total * std::log(std::max(square, 1e-300));
-    if (best && !(nll < best_nll - 3.0)) continue;
-    best_nll = nll;
-    constexpr NoiseLaw by_power[] = {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
-    best = by_power[power];
-  }
-  return best;
-}
-
 }  // namespace
 
-Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options) {
+Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options,
+                 const Model& grids) {
   Fit best;
   if (options.simulation) {
     const Calibration& given = *options.simulation;
@@ -90,7 +66,7 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
   // One distance less than would leave nothing to judge by, but for two, which show a line and no more.
   const int order = distances == 2 ? 1 : std::clamp(distances - 2, 0, 2);
   std::vector<NoiseLaw> laws = {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant, NoiseLaw::f_cubed};
-  if (const std::optional<NoiseLaw> law = law_within_cells(rows)) laws = {*law};
+  if (const std::optional<Noise> noise = noise_within_cells(rows, grids)) laws = {noise->law};
   // The triangulation law first; another only where it is better by more than three nats.
   for (NoiseLaw law : laws) {
     JointState state = start_of(rows, order, law);

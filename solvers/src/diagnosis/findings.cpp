@@ -6,16 +6,13 @@
 
 namespace rangecal::diagnosis {
 
-bool has_grid(const Bookkeeping& known) {
-  return std::any_of(known.model.begin(), known.model.end(),
-                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::grid; });
-}
-
 bool on_grid(const Bookkeeping& known, const Question& q) {
   const auto suffix = q.channel.find('_');
-  if (suffix == std::string::npos) return false;
+  const bool asks_the_grid = q.channel == "grid";  // whether its variance is there, which the model says
+  if (suffix == std::string::npos && !asks_the_grid) return false;
+  const std::string of = asks_the_grid ? q.covariate : q.channel.substr(0, suffix);
   return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
-    return f.channel == "grid" && (f.covariate == "range") == (q.channel.substr(0, suffix) == "range");
+    return f.channel == "grid" && (f.covariate == "range") == (of == "range");
   });
 }
 

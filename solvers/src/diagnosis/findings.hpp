@@ -8,10 +8,7 @@
 
 namespace rangecal::diagnosis {
 
-/// True where bookkeeping found readings that sit on a grid.
-bool has_grid(const Bookkeeping& known);
-
-/// A question about dependence, tails or spread of a channel whose values sit on a grid.
+/// A question about dependence, tails or spread of a channel whose values sit on a grid, or about that grid.
 bool on_grid(const Bookkeeping& known, const Question& q);
 
 /// What a battery found, by penalised gain, at most five, one per (channel, covariate).

@@ -40,7 +40,7 @@ class Sides {
 
 /// The alternation of taking effects out of the readings at a state and solving for the state: twice, the
 /// second time with the effects at the new geometry (and the tails' new weights); where they change fast with
-/// distance, until the value stays.
+/// distance, or hold a grid's part of the noise, until the value stays.
 ///
 ///   Rounds rounds(model);
 ///   do { working = rounds.begin(rows, model, state);  ... solve: state, value ... }
@@ -48,7 +48,10 @@ class Sides {
 class Rounds {
  public:
   explicit Rounds(const Model& model, bool places_stay = false)
-      : left_(model.empty() ? 1 : 2), jumps_(Sides::matter(model)), places_stay_(places_stay) {}
+      : left_(model.empty() ? 1 : 2),
+        jumps_(Sides::matter(model)),
+        rounded_(has_grid(model)),
+        places_stay_(places_stay) {}
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
   /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: go round
   /// again.
@@ -60,7 +63,7 @@ class Rounds {
 
  private:
   int left_, done_ = 0;
-  bool jumps_, places_stay_, bends_ = false;
+  bool jumps_, rounded_, places_stay_, bends_ = false;
   double before_ = 0.0;
   Sides sides_;
 };

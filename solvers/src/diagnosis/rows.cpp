@@ -189,6 +189,8 @@ Rows make_rows(std::span<const Recording> recordings) {
 CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
   const Cells& c = rows.problem.cells;
   CellGeometry g;
+  g.spread_power = state.noise.power_of_f();
+  g.sigma_theta_rad = state.sigma_theta_rad;
   const std::size_t cells = c.size();
   for (auto* column : {&g.d, &g.axis_distance, &g.bearing, &g.f, &g.slope, &g.curvature, &g.spread})
     column->resize(cells);
@@ -225,6 +227,7 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
   view.slope = g.slope[c];
   view.curvature = g.curvature[c];
   view.spread = g.spread[c];
+  view.spread_power = g.spread_power;
   view.radius = rows.radius_m[i];
   view.heading = rows.heading_rad[i];
   view.time_s = rows.time_s[i];

@@ -46,6 +46,8 @@ Rows make_rows(std::span<const Recording> recordings);
 /// Geometry and model of every cell under a state.
 struct CellGeometry {
   std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;
+  int spread_power = 0;               ///< of the noise law in f
+  double sigma_theta_rad = 0.0;       ///< of every bearing
   std::vector<Eigen::Vector2d> n, t;  ///< unit vector stop -> landmark, and across (world frame)
 };
 CellGeometry cell_geometry(const Rows& rows, const JointState& state);

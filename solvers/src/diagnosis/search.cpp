@@ -9,6 +9,7 @@
 #include "diagnosis/combinations.hpp"
 #include "diagnosis/findings.hpp"
 #include "diagnosis/forced.hpp"
+#include "diagnosis/grids.hpp"
 #include "diagnosis/held_out.hpp"
 #include "diagnosis/partial.hpp"
 #include "diagnosis/rules.hpp"
@@ -48,6 +49,15 @@ void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }
 
+/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter. The solves
+/// come back to it by small steps only where the grid holds most of that.
+JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state) {
+  if (!has_grid(known.model)) return state;
+  const std::optional<Noise> noise = noise_within_cells(rows, known.model);
+  if (noise && noise->law == state.noise.law) state.noise = *noise;
+  return state;
+}
+
 }  // namespace
 
 SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
@@ -57,7 +67,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   SearchResult result;
   RefitOptions refit_options;
   report("fitting the seed model", 0.0);
-  result.baseline = fit_baseline(rows, options, refit_options);
+  result.baseline = fit_baseline(rows, options, refit_options, known.model);
   report("scanning the residuals", 0.1);
   result.first = std::make_unique<Battery>(rows, Model{}, result.baseline.state);
   result.first->calibrate(options.null_draws, 1);
@@ -77,7 +87,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state, result.rates);
     // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and
     // a further name needs overwhelming evidence.
-    const double rate = has_grid(known) ? 1e-5 : clean_rate;
+    const double rate = has_grid(known.model) ? 1e-5 : clean_rate;
     for (const Question& q : battery->questions)
       if (!on_grid(known, q) && battery->corrected(q) < rate) return false;
     // In its own channel and covariate a free curve must find nothing more.
@@ -95,7 +105,8 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
   const Battery* root_battery = result.first.get();
   std::unique_ptr<Battery> known_battery;
   if (!known.model.empty()) {
-    root.fit = refit(rows, known.model, result.baseline.state, refit_options);
+    root.fit =
+        refit(rows, known.model, start_beside_grids(rows, known, result.baseline.state), refit_options);
     root.gain = result.baseline.nll - root.fit.nll;
     if (!root.fit.ok) root.fit = result.baseline;
     if (clean(root, known_battery)) {

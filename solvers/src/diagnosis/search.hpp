@@ -36,6 +36,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
 /// Fits the seed model by marginal ML: order 2 (less where the distances do not carry it), the noise law of
 /// highest marginal likelihood with the triangulation law preferred within 3 nats.
-Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options);
+Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options,
+                 const Model& grids = {});
 
 }  // namespace rangecal::diagnosis

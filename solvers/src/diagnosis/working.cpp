@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/grids.hpp"
 #include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
@@ -66,7 +67,24 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, const Rows& r
   constant += 0.5 * std::log1p(shared);
 }
 
+/// What grids add to the variance of each reading by itself; what repeats share is their cell's.
+void add_rounding(const Rows& rows, const CellGeometry& geometry, const Model& model, RowChanges& changes) {
+  const CellRounding rounding = cell_rounding(rows, geometry, model);
+  for (Eigen::Index i = 0; !rounding.range.empty() && i < changes.range.size(); ++i) {
+    const auto c = static_cast<std::size_t>(rows.cell[i]);
+    changes.range_log_variance[i] += std::log1p(rounding.range[c].own / std::pow(geometry.spread[c], 2));
+    if (!rows.pairs)
+      changes.bearing_log_variance[i] +=
+          std::log1p(rounding.bearing[c].own / std::pow(geometry.sigma_theta_rad, 2));
+  }
+}
+
 }  // namespace
+
+bool has_grid(const Model& model) {
+  return std::any_of(model.begin(), model.end(),
+                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::grid; });
+}
 
 Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
                                std::size_t row) {
@@ -95,6 +113,7 @@ RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Mod
       changes.bearing_log_variance[i] += change.bearing_log_variance;
     }
   }
+  if (has_grid(model)) add_rounding(rows, geometry, model, changes);
   return changes;
 }
 
@@ -118,8 +137,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   Dependence dependence;
   bool reciprocal = false;
   for (const ActiveEffect& active : model) {
-    if (active.effect->info().kind == EffectKind::grid)
-      continue;  // the spread as estimated holds its variance
+    if (active.effect->info().kind == EffectKind::grid) continue;  // by cell, from its spread
     const Dependence own = active.effect->dependence(active.parameters.data());
     dependence.range_cell_sigma_m = std::hypot(dependence.range_cell_sigma_m, own.range_cell_sigma_m);
     dependence.bearing_cell_sigma_rad =
@@ -156,10 +174,15 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     return Whitening{(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
   };
   working.range_whitening = whitening(range_m, dependence.range_correlation);
+  const CellRounding rounding = cell_rounding(rows, geometry, model);
+  const auto shared = [](double sigma, const std::vector<RoundingVariance>& grid, int cell) {
+    return sigma * sigma + (grid.empty() ? 0.0 : grid[static_cast<std::size_t>(cell)].shared);
+  };
   CellsAndRows range = split(rows, working.range, working.range_whitening);
   working.constant += working.range_whitening.log_jacobian(rows);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
-    const double ratio = std::pow(dependence.range_cell_sigma_m / geometry.spread[cell], 2);
+    const double ratio = shared(dependence.range_cell_sigma_m, rounding.range, cell) /
+                         (geometry.spread[cell] * geometry.spread[cell]);
     c.range_mean[cell] = range.means[cell];
     set_weight(range, cell, ratio, rows, c.range_weight[cell], c.range_mean_square[cell], working.constant);
   }
@@ -168,8 +191,9 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   working.bearing_whitening = whitening(bearing_m, dependence.bearing_correlation);
   CellsAndRows bearing = split(rows, working.bearing, working.bearing_whitening);
   working.constant += working.bearing_whitening.log_jacobian(rows);
-  const double ratio = std::pow(dependence.bearing_cell_sigma_rad / state.sigma_theta_rad, 2);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
+    const double ratio = shared(dependence.bearing_cell_sigma_rad, rounding.bearing, cell) /
+                         (state.sigma_theta_rad * state.sigma_theta_rad);
     c.bearing_mean[cell] = wrap_angle(geometry.bearing[cell] + bearing.means[cell]);
     set_weight(bearing, cell, ratio, rows, c.bearing_weight[cell], c.bearing_mean_square[cell],
                working.constant);

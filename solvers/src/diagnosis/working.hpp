@@ -17,6 +17,9 @@ struct ActiveEffect {
 };
 using Model = std::vector<ActiveEffect>;
 
+/// True if some effect of the model is a grid that the values sit on.
+bool has_grid(const Model& model);
+
 /// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new
 /// state.
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);

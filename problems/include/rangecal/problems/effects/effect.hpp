@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <string>
@@ -33,14 +34,15 @@ struct EffectParameter {
 };
 
 struct EffectInfo {
-  std::string id;  ///< "range_eccentricity"
+  std::string id;           ///< "range_eccentricity"
+  std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
   EffectKind kind = EffectKind::mean;
   std::string channel;     ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
   std::string covariate;   ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
   std::string physics;     ///< one sentence a person can act on
   std::string formula;     ///< with symbols and units
   std::string source;      ///< where the formula comes from
-  std::string visible_by;  ///< the design that makes it visible (a change of physics.md section 3)
+  std::string visible_by;  ///< the design that makes it visible (a change of the experiment)
   std::string settled_by;  ///< what to record next to tell it from its twins
   std::vector<EffectParameter> parameters;
 };
@@ -73,6 +75,7 @@ struct ReadingView {
   T f, slope;            ///< f(d) [m], f'(d)
   T curvature;           ///< f''(d) [1/m]
   T spread;              ///< standard deviation of the reading [m]
+  int spread_power = 0;  ///< p of the noise law s = sigma |f|^p
   double radius = 0.0;   ///< of the landmark [m]
   double heading = 0.0;  ///< of the stop, commanded [rad]
   double time_s = 0.0;   ///< since the first reading; 0 without times
@@ -83,6 +86,13 @@ struct ReadingView {
 
   /// Change of the reading when the distance before the curve changes by `delta` [m]: f(d + delta) - f(d).
   T before_curve(const T& delta) const { return delta * (slope + 0.5 * curvature * delta); }
+  /// Change of log s^2 when the reading changes by `change` [m] before the curve, so that the spread goes along:
+  /// 2 p log((f + change) / f), down to a tenth of f. Centimetres do not need it; halved distances do.
+  T spread_along(const T& change) const {
+    using std::log;
+    const T ratio = 1.0 + change / f;
+    return 2.0 * spread_power * log(ratio > 0.1 ? ratio : T(0.1));
+  }
 };
 
 /// What an effect adds to a reading.
@@ -100,6 +110,11 @@ struct Dependence {
   double bearing_cell_sigma_rad = 0.0;
   double range_correlation = 0.0;  ///< AR(1) from repeat to repeat
   double bearing_correlation = 0.0;
+};
+
+/// Steps of the grid that the values sit on; 0: no grid.
+struct GridSteps {
+  double range_m = 0.0, bearing_rad = 0.0;
 };
 
 /// A share of readings has an extra error of that standard deviation [m]: a contaminated normal law.
@@ -131,6 +146,8 @@ class Effect {
   virtual std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const;
   /// Tail: which share of such readings misses, and by how much more than the spread.
   virtual Contamination contamination(const ReadingView<double>&, const double* /*p*/) const { return {}; }
+  /// Grid: its steps where a reading lies.
+  virtual GridSteps grid_steps(const ReadingView<double>&, const double* /*p*/) const { return {}; }
   /// True if the noise of range is Gaussian in 1/r instead of r (before the reciprocal); reading() is then not used.
   virtual bool noise_before_reciprocal() const { return false; }
   /// Distance [m] at which reading() jumps under p; NaN if it does nowhere. On which side of it a reading near it lies
