@@ -124,6 +124,12 @@ o2-o3: build
 prove: build
 	$(BUILD)/apps/rangecal prove notebooks_data/concealed -o build/answers.json
 
+# docs/effects.md: the catalogue of effects in full.
+.PHONY: catalogue
+catalogue: build
+	$(BUILD)/apps/rangecal effects --markdown > build/effects.md
+	mv build/effects.md docs/effects.md
+
 # docs/gallery.md: what each effect of the catalogue leaves behind when it is left out.
 .PHONY: gallery
 gallery: build

@@ -5,7 +5,7 @@
 //     b direction in the sensor frame [rad], b_c centre and w half-width of the sector [rad], c [1/m]
 //
 // c = -(B / (S + B)) (x_win - x) / (f s): the background pulls the centroid to the middle x_win of its
-// window; v >= 0. Acts on the reading, after the curve. Source: physics catalogue R10.
+// window; v >= 0. Acts on the reading, after the curve. Source: docs/effects.md R10.
 #include <cmath>
 #include <numbers>
 
@@ -20,6 +20,7 @@ class AmbientLight final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "ambient_light",
+        .number = "R10",
         .kind = EffectKind::noise,
         .channel = "range_noise",
         .covariate = "sensor_bearing",
@@ -29,7 +30,7 @@ class AmbientLight final : public Effect {
         .formula =
             "within half-width w of b_c [rad]: log variance + v, delta r = c d^2 [m], c = -(B / (S + B)) "
             "(x_win - x) / (f s) [1/m]",
-        .source = "physics catalogue R10 (derived: centroid of signal and background in one window)",
+        .source = "derived: centroid of signal and background in one window",
         .visible_by = "landmarks all around the sensor",
         .settled_by = "switch the lights off, or cover the window, and repeat",
         .parameters = {{.name = "log_variance", .typical = 1.2, .low = 0.0, .high = 6.0},

@@ -6,8 +6,8 @@
 //     nearest point
 //
 // Acts before the curve: delta r = f(d + kappa R) - f(d). Exact twin of radius_scale with kappa = -scale;
-// the change of kappa with distance (0.176 at D = 0.5 m, R = 0.12 m) is left to the curve. Source: physics
-// catalogue R2 (derived).
+// the change of kappa with distance (0.176 at D = 0.5 m, R = 0.12 m) is left to the curve. Source: docs/effects.md
+// R2 (derived).
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {
@@ -18,6 +18,7 @@ class ArcDefinition final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "arc_definition",
+        .number = "R2",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "radius",
@@ -26,7 +27,7 @@ class ArcDefinition final : public Effect {
             "with the radius: look at the code that extracts landmarks.",
         .formula =
             "delta d = kappa R [m] before the curve, R the radius [m]; mean of all hits: kappa = 1 - pi/4",
-        .source = "physics catalogue R2 (derived): mean depth R (1 - pi/4) of parallel beams on a circle",
+        .source = "derived: mean depth R (1 - pi/4) of parallel beams on a circle",
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by = "read the extraction code, and use landmarks of two or more radii (4 and 12 cm)",
         .parameters = {{.name = "kappa", .typical = 0.2, .low = -0.3, .high = 0.3}}};

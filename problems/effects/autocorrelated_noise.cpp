@@ -5,7 +5,7 @@
 //   e_i = rho e_(i-1) + sqrt(1 - rho^2) w_i
 //     rho for range and for bearing [-]; variance of a mean times (1 + rho) / (1 - rho)
 //
-// Source: physics catalogue N4.
+// Source: docs/effects.md N4.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -17,6 +17,7 @@ class AutocorrelatedNoise final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "autocorrelated_noise",
+        .number = "N4",
         .kind = EffectKind::dependence,
         .channel = "range_dependence",
         .covariate = "repeat",
@@ -24,7 +25,7 @@ class AutocorrelatedNoise final : public Effect {
             "Successive readings hang together: the driver smooths them, so repeats count for less than they "
             "seem.",
         .formula = "e_i = rho e_(i-1) + sqrt(1 - rho^2) w_i over the repeats, rho for range and for bearing",
-        .source = "physics catalogue N4 (derived)",
+        .source = "derived: first-order autoregression from reading to reading",
         .visible_by = "many sweeps at each stop",
         .settled_by = "200 sweeps at one stop: autocorrelation and distinct values",
         .parameters = {{.name = "rho", .typical = 0.6, .low = 0.0, .high = 0.98, .linear = false},

@@ -5,7 +5,7 @@
 //
 // The hits lie evenly about the direction in which the beam's line passes through the landmark's axis, so
 // D = d + R stands where the makers' corrections, made for single hits, have the range. Linear in q to 1 %
-// for q < D / 4. Source: physics catalogue B2; Slamtec rplidar_sdk, YDLidar communication protocol.
+// for q < D / 4. Source: docs/effects.md B2; Slamtec rplidar_sdk, YDLidar communication protocol.
 #include <algorithm>
 #include <cmath>
 
@@ -20,6 +20,7 @@ class BeamOffset final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "beam_offset",
+        .number = "B2",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "disparity",
@@ -29,8 +30,7 @@ class BeamOffset final : public Effect {
         .formula =
             "delta b = psi0 - asin(q / D) [rad], q offset of the beam [m], psi0 squint [rad], D axis "
             "distance [m]",
-        .source =
-            "physics catalogue B2; Slamtec rplidar_sdk capsule unpacker, YDLidar communication protocol",
+        .source = "Slamtec rplidar_sdk capsule unpacker, YDLidar communication protocol",
         .visible_by = "near landmarks (under 1 m) together with far ones",
         .settled_by =
             "read the driver's own bearing correction, and place landmarks at 0.3-0.6 m and at the far end",

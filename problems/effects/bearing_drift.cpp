@@ -3,7 +3,7 @@
 //
 //   delta b = b1 t     [rad], t time scaled to 0 .. 1 over the recording, b1 [rad per run]
 //
-// Exact twin of heading_drift with b1 = -h. Source: physics catalogue B1.
+// Exact twin of heading_drift with b1 = -h. Source: docs/effects.md B1.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -15,6 +15,7 @@ class BearingDrift final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "bearing_drift",
+        .number = "B1",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "time",
@@ -22,7 +23,7 @@ class BearingDrift final : public Effect {
             "Bearings turn evenly in the course of the recording: the zero of the encoder creeps, or the "
             "robot turns where it stands.",
         .formula = "delta b = b1 t [rad], t time scaled to 0 .. 1 over the recording",
-        .source = "physics catalogue B1 (derived)",
+        .source = "derived: a zero that moves evenly in time",
         .visible_by = "drive the same stops again in reverse order",
         .settled_by =
             "only an outside heading reference tells it from heading_drift; harmless for the range curve",

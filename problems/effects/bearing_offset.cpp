@@ -3,8 +3,8 @@
 //
 //   delta b = b0     [rad]
 //
-// Exact twin of a constant error of the heading, and of a robot that drives askew. Source: physics
-// catalogue B1.
+// Exact twin of a constant error of the heading, and of a robot that drives askew. Source: docs/effects.md
+// B1.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -16,6 +16,7 @@ class BearingOffset final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "bearing_offset",
+        .number = "B1",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "constant",
@@ -23,7 +24,7 @@ class BearingOffset final : public Effect {
             "All bearings are turned by one angle: the zero of the encoder, or the mounting angle, is wrong, "
             "or the robot drives askew.",
         .formula = "delta b = b0 [rad]",
-        .source = "physics catalogue B1 (derived)",
+        .source = "derived: a constant in every bearing",
         .visible_by = "a path with turns or known headings",
         .settled_by =
             "only an outside heading reference tells it from a constant heading error; harmless for the "

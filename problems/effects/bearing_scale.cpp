@@ -5,7 +5,7 @@
 //   delta b = gamma b     [rad], b direction in the sensor frame in (-pi, pi] [rad]
 //
 // Exact twin of a robot that turns during the sweep. A ripple of the motor's speed once per turn is
-// encoder_eccentricity. Source: physics catalogue B4.
+// encoder_eccentricity. Source: docs/effects.md B4.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -17,6 +17,7 @@ class BearingScale final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "bearing_scale",
+        .number = "B4",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "sensor_bearing",
@@ -24,9 +25,7 @@ class BearingScale final : public Effect {
             "Bearings are stretched from the front to a seam behind the sensor: angles counted or "
             "interpolated at a wrong speed, or the robot turns during the sweep.",
         .formula = "delta b = gamma b [rad], b in (-pi, pi] [rad], seam at +-pi",
-        .source =
-            "physics catalogue B4 (derived); YDLidar communication protocol (angles interpolated inside a "
-            "packet)",
+        .source = "derived; YDLidar communication protocol (angles interpolated inside a packet)",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees); place a landmark behind the robot; run "

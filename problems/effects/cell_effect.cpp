@@ -3,7 +3,7 @@
 //
 //   y = f(d) + u_kl + e,   u_kl ~ N(0, sigma^2)     [m], shared by all repeats of stop k and landmark l
 //
-// Source: physics catalogue N2.
+// Source: docs/effects.md N2.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -15,6 +15,7 @@ class CellEffect final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "cell_effect",
+        .number = "N2",
         .kind = EffectKind::dependence,
         .channel = "range_dependence",
         .covariate = "any",
@@ -22,7 +23,7 @@ class CellEffect final : public Effect {
             "Readings repeat better than they are right: a part of the error is shared by all repeats at a "
             "stop.",
         .formula = "y = f(d) + u + e, u ~ N(0, sigma^2) [m] shared by all repeats of a (stop, landmark)",
-        .source = "physics catalogue N2 (derived)",
+        .source = "derived: one error shared by all repeats of a cell",
         .visible_by = "several sweeps at each stop",
         .settled_by = "move one stop by 5 mm, five times",
         .parameters = {{.name = "sigma_m", .typical = 0.005, .low = 0.0, .high = 0.1, .linear = false}}};

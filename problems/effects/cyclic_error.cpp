@@ -4,8 +4,8 @@
 //   delta r = c cos(k d) + s sin(k d)     [m]
 //     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength
 //
-// Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: physics
-// catalogue R16; cyclic terms of surveying scanners: Lichti and Licht 2006.
+// Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: docs/effects.md
+// R16; cyclic terms of surveying scanners: Lichti and Licht 2006.
 #include <cmath>
 #include <numbers>
 
@@ -20,6 +20,7 @@ class CyclicError final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "cyclic_error",
+        .number = "R16",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "range",
@@ -28,7 +29,7 @@ class CyclicError final : public Effect {
             "modulated laser.",
         .formula =
             "delta r = A sin(2 pi d / Lambda + psi) = c cos(k d) + s sin(k d) [m], k = 2 pi / Lambda [rad/m]",
-        .source = "physics catalogue R16; Lichti and Licht 2006 (cyclic terms)",
+        .source = "Lichti and Licht 2006 (cyclic terms of surveying scanners)",
         .visible_by = "ranges in steps under a quarter of the wavelength",
         .settled_by = "move one stop by small steps along the line of sight",
         .parameters = {

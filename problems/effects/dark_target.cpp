@@ -4,7 +4,7 @@
 //   log s^2 -> log s^2 + v for landmark l
 //     v = 2 log(spread factor) >= 0; rho^(-1/2) or rho^(-1) in its reflectance
 //
-// Source: physics catalogue R9: sigma ~ rho^(-1/2) (shot noise) or rho^(-1) (background).
+// Source: docs/effects.md R9: sigma ~ rho^(-1/2) (shot noise) or rho^(-1) (background).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -18,6 +18,7 @@ class DarkTarget final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "dark_target",
+        .number = "R9",
         .kind = EffectKind::noise,
         .channel = "range_noise",
         .covariate = "landmark",
@@ -26,7 +27,7 @@ class DarkTarget final : public Effect {
         .formula =
             "log variance + v for one landmark l, spread factor exp(v / 2) = (rho / rho_l)^(1/2) or (rho / "
             "rho_l)",
-        .source = "physics catalogue R9: shot noise on S ~ rho / d^2",
+        .source = "derived: shot noise on a signal S ~ rho / d^2",
         .visible_by = "repeats at every stop, several landmarks",
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
         .parameters = {{.name = "log_variance", .typical = 1.4, .low = 0.0, .high = 6.0}, which_landmark()}};

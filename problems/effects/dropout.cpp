@@ -8,7 +8,7 @@
 //     distribution of the standard normal
 //
 // Mean and variance of the normal truncated from above, so that the Gaussian likelihood serves. Source:
-// physics catalogue W3 (inverse Mills ratio).
+// docs/effects.md W3 (inverse Mills ratio).
 #include <cmath>
 #include <numbers>
 
@@ -23,6 +23,7 @@ class Dropout final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "dropout",
+        .number = "W3",
         .kind = EffectKind::detection,
         .channel = "detection",
         .covariate = "range",
@@ -31,7 +32,7 @@ class Dropout final : public Effect {
         .formula =
             "delta r = -s phi(z) / Phi(z) [m], z = (c - f) / s; c limit of the reading [m], f its prediction "
             "[m], s its spread [m]",
-        .source = "physics catalogue W3 (moments of the truncated normal, inverse Mills ratio)",
+        .source = "derived: moments of the truncated normal, inverse Mills ratio",
         .visible_by = "landmarks at the far end of the range",
         .settled_by = "count missing readings against distance and landmark; place landmarks at the far end",
         .parameters = {{.name = "limit_m", .typical = 4.0, .low = 0.0, .high = 100.0, .linear = false}}};

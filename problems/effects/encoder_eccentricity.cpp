@@ -5,7 +5,7 @@
 //
 // b is the direction in the sensor frame [rad], psi the phase.
 //
-// Source: physics catalogue B3 (derived).
+// Source: docs/effects.md B3 (derived).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -19,6 +19,7 @@ class EncoderEccentricity final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "encoder_eccentricity",
+        .number = "B3",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "sensor_bearing",
@@ -26,7 +27,7 @@ class EncoderEccentricity final : public Effect {
             "Bearings are off by an angle that depends on the direction in the sensor frame once per turn: "
             "the encoder disc or magnet is eccentric.",
         .formula = "delta b = A sin(b - psi) = s sin b + c cos b [rad], A = e / r_enc of the disc",
-        .source = "physics catalogue B3 (derived: geometry of an eccentric or stretched disc)",
+        .source = "derived: geometry of an eccentric or stretched disc",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .parameters = {{.name = "sin_rad", .typical = 0.00873, .low = -0.0524, .high = 0.0524},

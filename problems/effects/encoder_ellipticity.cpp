@@ -5,7 +5,7 @@
 //
 // b is the direction in the sensor frame [rad], psi the phase.
 //
-// Source: physics catalogue B3 (derived).
+// Source: docs/effects.md B3 (derived).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -19,6 +19,7 @@ class EncoderEllipticity final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "encoder_ellipticity",
+        .number = "B3",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "sensor_bearing",
@@ -26,7 +27,7 @@ class EncoderEllipticity final : public Effect {
             "Bearings are off by an angle that depends on the direction in the sensor frame twice per turn: "
             "the encoder ring is stretched or its axis wobbles.",
         .formula = "delta b = A sin 2(b - psi) = s sin 2b + c cos 2b [rad]",
-        .source = "physics catalogue B3 (derived: geometry of an eccentric or stretched disc)",
+        .source = "derived: geometry of an eccentric or stretched disc",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .parameters = {{.name = "sin_rad", .typical = 0.00524, .low = -0.0524, .high = 0.0524},

@@ -4,7 +4,7 @@
 //   phi_k = phi_k,commanded + h t_k     [rad]
 //     t_k time of the stop scaled to 0 .. 1 over the recording, h [rad per run]
 //
-// Exact twin of bearing_drift with h = -b1. Source: physics catalogue M3.
+// Exact twin of bearing_drift with h = -b1. Source: docs/effects.md M3.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -16,12 +16,13 @@ class HeadingDrift final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "heading_drift",
+        .number = "M3",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "time",
         .physics = "The heading drifts evenly in time although no turn was commanded.",
         .formula = "phi_k += h t_k [rad], t_k time of stop k scaled to 0 .. 1",
-        .source = "physics catalogue M3 (derived)",
+        .source = "derived: a heading that turns evenly in time",
         .visible_by = "drive the same stops again in reverse order",
         .settled_by =
             "only an outside heading reference tells it from bearing_drift; harmless for the range curve",

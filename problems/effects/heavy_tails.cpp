@@ -4,7 +4,7 @@
 //   (y - f) / s ~ (1 - pi) N(0, 1) + pi N(0, kappa^2)     pi share [-], kappa ratio of the spreads [-],
 //   ranges
 //
-// Source: physics catalogue N5.
+// Source: docs/effects.md N5.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -17,6 +17,7 @@ class HeavyTails final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "heavy_tails",
+        .number = "N5",
         .kind = EffectKind::tail,
         .channel = "range_tail",
         .covariate = "any",
@@ -25,7 +26,7 @@ class HeavyTails final : public Effect {
         .formula =
             "a share pi of the readings has kappa times the spread: (1 - pi) N(0, s^2) + pi N(0, kappa^2 "
             "s^2)",
-        .source = "physics catalogue N5",
+        .source = "by definition: a share of the readings has a wider law",
         .visible_by = "several hundred readings",
         .settled_by =
             "look where the outliers are: at edges, at one landmark, towards one device, everywhere",

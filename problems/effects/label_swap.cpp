@@ -4,7 +4,7 @@
 //   readings of landmarks first and second, stops from .. to:  labels exchanged
 //
 // Changes no reading by itself: the search exchanges the labels and compares. Grid: all pairs, each stop
-// alone and all stops from one on. Source: physics catalogue W2.
+// alone and all stops from one on. Source: docs/effects.md W2.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -16,13 +16,14 @@ class LabelSwap final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "label_swap",
+        .number = "W2",
         .kind = EffectKind::label,
         .channel = "label",
         .covariate = "landmark",
         .physics =
             "The labels of two landmarks are exchanged at some stops: look at the data association there.",
         .formula = "labels of landmarks first and second exchanged at stops from .. to",
-        .source = "physics catalogue W2",
+        .source = "by definition: two labels exchanged from one stop to another",
         .visible_by = "any design: the residuals of the pair fall at once when swapped back",
         .settled_by = "correct the labels and extract the recording again",
         .parameters = {

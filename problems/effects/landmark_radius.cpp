@@ -3,7 +3,7 @@
 //
 //   delta d = -delta R for landmark l, else 0     [m]
 //
-// Acts before the curve: delta r = f(d - delta R) - f(d). Source: physics catalogue R17 (derived: d = D -
+// Acts before the curve: delta r = f(d - delta R) - f(d). Source: docs/effects.md R17 (derived: d = D -
 // R).
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
@@ -16,12 +16,13 @@ class LandmarkRadius final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "landmark_radius",
+        .number = "R17",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "landmark",
         .physics = "The stated radius of one landmark is wrong.",
         .formula = "delta d = -delta R [m] for one landmark l, before the curve: delta r = -f'(d) delta R",
-        .source = "physics catalogue R17 (derived: d = D - R)",
+        .source = "derived: d = D - R",
         .visible_by = "one landmark seen from several sides",
         .settled_by = "measure the landmark with a calliper",
         .parameters = {{.name = "error_m", .typical = 0.005, .low = -0.05, .high = 0.05}, which_landmark()}};

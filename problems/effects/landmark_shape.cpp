@@ -4,7 +4,7 @@
 //   delta d = -eta R cos 2(g - psi) = -R (e_c cos 2g + e_s sin 2g)     [m]
 //     g = b + heading direction of view in the world [rad]; e_c = eta cos 2 psi, e_s = eta sin 2 psi
 //
-// Acts before the curve. A lean alone is below a millimetre and is not modelled. Source: physics catalogue
+// Acts before the curve. A lean alone is below a millimetre and is not modelled. Source: docs/effects.md
 // R15.
 #include <cmath>
 
@@ -19,6 +19,7 @@ class LandmarkShape final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "landmark_shape",
+        .number = "R15",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "landmark",
@@ -28,7 +29,7 @@ class LandmarkShape final : public Effect {
         .formula =
             "delta d = -eta R cos 2(g - psi) [m] before the curve, g direction of view in the world [rad], "
             "psi long axis [rad], R radius [m]",
-        .source = "physics catalogue R15 (derived, first order in eta)",
+        .source = "derived: an ellipse, first order in eta",
         .visible_by = "look at one landmark from many sides",
         .settled_by = "turn the landmark by 90 degrees and repeat",
         .parameters = {{.name = "cosine", .typical = 0.05, .low = -0.3, .high = 0.3},

@@ -5,7 +5,7 @@
 //     c = delta psi / s = -delta x / (f s) [1/m]; delta psi laser angle [rad], s baseline [m]; delta x
 //     shift of the detector, f s focal length times baseline
 //
-// Acts on the reading, after the curve: it is alpha_2. Source: physics catalogue R4 (derived from d = f s
+// Acts on the reading, after the curve: it is alpha_2. Source: docs/effects.md R4 (derived from d = f s
 // / x).
 #include "rangecal/problems/effects/effect.hpp"
 
@@ -17,6 +17,7 @@ class LaserPointing final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "laser_pointing",
+        .number = "R4",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "range",
@@ -25,7 +26,7 @@ class LaserPointing final : public Effect {
             "off.",
         .formula =
             "delta r = c d^2 [m], c = delta psi / s [1/m], delta psi laser angle [rad], s baseline [m]",
-        .source = "physics catalogue R4 (derived from d = f s / x)",
+        .source = "derived from d = f s / x",
         .visible_by = "nothing more than a curve of order 2: it is alpha_2",
         .settled_by = "not needed: alpha_2 takes it up; if it moves in time see warmup_drift",
         .parameters = {{.name = "curvature_per_m", .typical = 0.002, .low = -0.5, .high = 0.5}}};

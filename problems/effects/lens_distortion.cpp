@@ -3,7 +3,7 @@
 //
 //   delta r = k / d     [m], k = -k1 (f s)^2 [m^2], k1 radial distortion, f s focal length times baseline
 //
-// Acts on the reading, after the curve. Source: physics catalogue R5 (derived: x -> x (1 + k1 x^2), x = f
+// Acts on the reading, after the curve. Source: docs/effects.md R5 (derived: x -> x (1 + k1 x^2), x = f
 // s / d).
 #include "rangecal/problems/effects/effect.hpp"
 
@@ -15,6 +15,7 @@ class LensDistortion final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "lens_distortion",
+        .number = "R5",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "disparity",
@@ -22,7 +23,7 @@ class LensDistortion final : public Effect {
             "Near ranges bend away from the curve like 1/d: lens distortion where the spot sits at the edge "
             "of the lens.",
         .formula = "delta r = k / d [m], k = -k1 (f s)^2 [m^2], k1 radial distortion [1/mm^2], f s in mm^2",
-        .source = "physics catalogue R5 (derived: x (1 + k1 x^2) with x = f s / d)",
+        .source = "derived: x (1 + k1 x^2) with x = f s / d",
         .visible_by = "ranges under 0.5 m together with far ones",
         .settled_by = "place landmarks at 0.3-0.6 m and at the far end",
         .parameters = {{.name = "inverse_m2", .typical = 0.002, .low = -0.02, .high = 0.02}}};

@@ -4,8 +4,8 @@
 //   s_k = c_k + Rot(phi_k) (q_x, q_y)     [m]
 //     c_k commanded position, phi_k heading, q lidar in the robot frame
 //
-// At constant heading it shifts all stops alike: the landmarks take it up exactly. Source: physics
-// catalogue M5.
+// At constant heading it shifts all stops alike: the landmarks take it up exactly. Source: docs/effects.md
+// M5.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -19,12 +19,13 @@ class LeverArm final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "lever_arm",
+        .number = "M5",
         .kind = EffectKind::mean,
         .channel = "stop",
         .covariate = "heading",
         .physics = "The lidar sits beside the robot's turning point, so turning moves it.",
         .formula = "s_k = c_k + Rot(phi_k) q [m], q position of the lidar in the robot frame [m]",
-        .source = "physics catalogue M5 (derived)",
+        .source = "derived: the lever turned by the heading, added to the stop",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees), or measure the lever with a ruler",

@@ -6,7 +6,7 @@
 //   a contaminated normal: the clipped share has the extra variance (d w / (2 s))^2 / 3 of an even spread
 //     w spot radius on the target [m], R radius of the landmark [m], s = 0.05 m baseline
 //
-// Source: physics catalogue R11 (derived: magnification d / s); clipping by half the spot radius and the
+// Source: docs/effects.md R11 (derived: magnification d / s); clipping by half the spot radius and the
 // baseline of 50 mm are assumed, so w is known up to the factor (s / 0.05 m)^(2/3).
 #include <algorithm>
 #include <cmath>
@@ -21,6 +21,7 @@ class MixedPixels final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "mixed_pixels",
+        .number = "R11",
         .kind = EffectKind::tail,
         .channel = "range_tail",
         .covariate = "radius",
@@ -29,7 +30,7 @@ class MixedPixels final : public Effect {
         .formula =
             "share w / R of hits is off by +-(d / s)(w / 2) [m], w spot radius [m], s = 0.05 m baseline; "
             "evenly spread",
-        .source = "physics catalogue R11 (derived); Curless and Levoy on spot shape",
+        .source = "derived: a spot centroid moved by du reads as (d / s) du; Curless and Levoy on spot shape",
         .visible_by = "landmarks of several radii",
         .settled_by =
             "drop the outermost hit on each side and extract again; use larger landmarks before an empty "

@@ -5,7 +5,7 @@
 //   n = (cos g, sin g), t = (-sin g, cos g), g = b + heading direction of the landmark in the world,
 //       delta [m], D axis distance [m]
 //
-// The range part acts before the curve. First order in delta / D. Source: physics catalogue W1.
+// The range part acts before the curve. First order in delta / D. Source: docs/effects.md W1.
 #include <algorithm>
 #include <cmath>
 
@@ -20,6 +20,7 @@ class MovedLandmark final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "moved_landmark",
+        .number = "W1",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "landmark",
@@ -27,7 +28,7 @@ class MovedLandmark final : public Effect {
         .formula =
             "from stop j on, landmark l: delta d = n . delta [m], delta b = t . delta / D [rad], n unit "
             "vector to it, t across, delta [m]",
-        .source = "physics catalogue W1 (derived, first order)",
+        .source = "derived: a step of the landmark, first order in it over the distance",
         .visible_by = "each landmark seen before and after",
         .settled_by = "drive the same stops again in reverse order",
         .parameters = {

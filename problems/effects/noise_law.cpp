@@ -5,7 +5,7 @@
 //     f reading [m], f0 geometric middle of the ranges [m]
 //
 // g1 changes the exponent of the spread by g1 / 2; g2 bends it: a floor near, photon or background noise
-// far. The level is in the fitted law. Source: physics catalogue N1: exponents 0, 2, 3, 4.
+// far. The level is in the fitted law. Source: docs/effects.md N1: exponents 0, 2, 3, 4.
 #include <algorithm>
 #include <cmath>
 
@@ -19,6 +19,7 @@ class NoiseLaw final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "noise_law",
+        .number = "N1",
         .kind = EffectKind::noise,
         .channel = "range_noise",
         .covariate = "range",
@@ -28,9 +29,7 @@ class NoiseLaw final : public Effect {
         .formula =
             "log variance + g1 u + g2 u^2, u = log(f / f0), f0 geometric middle of the ranges [m]; spread "
             "exponent + g1 / 2",
-        .source =
-            "physics catalogue N1 (speckle d^2, shot d^3, background d^4); Dorsch, Haeusler and Herrmann "
-            "1994",
+        .source = "derived: speckle d^2, shot d^3, background d^4; Dorsch, Haeusler and Herrmann 1994",
         .visible_by = "repeats at four or more well-spread ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop; record intensity as a column",
         .parameters = {{.name = "slope", .typical = 2.0, .low = -8.0, .high = 8.0},

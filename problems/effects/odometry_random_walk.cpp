@@ -6,7 +6,7 @@
 //
 // Replaces the independent errors of all stops but the first of a recording; a stop that stays at the
 // place of the one before has no error of its own. Headings keep what is stated of them: errors of their own, or,
-// in a recording that is a random walk already, errors that add up. Source: physics catalogue M4.
+// in a recording that is a random walk already, errors that add up. Source: docs/effects.md M4.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -18,12 +18,13 @@ class OdometryRandomWalk final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "odometry_random_walk",
+        .number = "M4",
         .kind = EffectKind::dependence,
         .channel = "stop",
         .covariate = "stop",
         .physics = "The errors of the stops accumulate along the path: slip adds up from step to step.",
         .formula = "s_k = s_(k-1) + (c_k - c_(k-1)) + e_k, e_k ~ N(0, sigma^2) per coordinate [m]",
-        .source = "physics catalogue M4 (derived)",
+        .source = "derived: the errors of the steps add up",
         .visible_by = "many stops",
         .settled_by = "record a second driving speed; drive a closed loop back to the first stop",
         .parameters = {{.name = "step_m", .typical = 0.01, .low = 1e-4, .high = 0.3, .linear = false}}};

@@ -4,7 +4,7 @@
 //   s_k = s_0 + (1 + eps) (c_k - c_0)     [m]
 //     c_k commanded position of stop k, c_0 of the recording's first, eps [-]
 //
-// Source: physics catalogue M1; calibrated as one number by the square-path test of Borenstein and Feng.
+// Source: docs/effects.md M1; calibrated as one number by the square-path test of Borenstein and Feng.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -16,6 +16,7 @@ class OdometryScale final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "odometry_scale",
+        .number = "M1",
         .kind = EffectKind::mean,
         .channel = "stop",
         .covariate = "stop",
@@ -24,7 +25,7 @@ class OdometryScale final : public Effect {
         .formula =
             "s_k = s_0 + (1 + eps)(c_k - c_0) [m], c commanded positions, eps relative error of the path "
             "length",
-        .source = "physics catalogue M1; UMBmark (Borenstein and Feng)",
+        .source = "derived: all steps by one factor; UMBmark (Borenstein and Feng)",
         .visible_by = "tape one distance between two landmarks",
         .settled_by = "tape one distance between two landmarks",
         .parameters = {{.name = "scale", .typical = 0.01, .low = -0.05, .high = 0.05}}};

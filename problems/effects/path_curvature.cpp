@@ -6,7 +6,7 @@
 //     l_k path length driven [m]; c_k commanded positions
 //
 // The chord of an arc has its mean direction; a lateral shift of kappa l^2 / 2 on a straight line. kappa =
-// (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: physics catalogue M2;
+// (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: docs/effects.md M2;
 // UMBmark (Borenstein and Feng).
 #include <cmath>
 
@@ -21,6 +21,7 @@ class PathCurvature final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "path_curvature",
+        .number = "M2",
         .kind = EffectKind::mean,
         .channel = "stop",
         .covariate = "stop",
@@ -28,7 +29,7 @@ class PathCurvature final : public Effect {
         .formula =
             "phi_k += kappa l_k [rad], steps turned by kappa (l_(k-1) + l_k) / 2; kappa = (E_d - 1) / w_b "
             "[1/m], l path length [m]",
-        .source = "physics catalogue M2 (derived); UMBmark (Borenstein and Feng)",
+        .source = "derived: wheels of unequal diameter; UMBmark (Borenstein and Feng)",
         .visible_by = "several stops along a path",
         .settled_by = "drive the same path forwards and backwards",
         .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -0.2, .high = 0.2}}};

@@ -8,7 +8,7 @@
 // Acts on the reading, after the curve. f s / p is 120 m for f s = 720 mm^2 and p = 6 um, 11 m for s = 55
 // mm and 5.1 mrad a pixel. Over the span W of 1/d the likelihood's peak in k is about 4 / W wide, so the
 // grid steps by 2 / W: the phase between neighbours, relative to the middle, differs by 1 rad at the ends.
-// Source: physics catalogue R6 (derived).
+// Source: docs/effects.md R6 (derived).
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -24,6 +24,7 @@ class PixelLocking final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "pixel_locking",
+        .number = "R6",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "disparity",
@@ -33,7 +34,7 @@ class PixelLocking final : public Effect {
         .formula =
             "delta r = d^2 (c cos(k/d) + s sin(k/d)) [m], k = 2 pi f s / p [m], p pixel pitch; amplitude a p "
             "/ (f s) [1/m], a [px]",
-        .source = "physics catalogue R6 (derived; the effect: Shimizu and Okutomi 2002)",
+        .source = "derived: an error periodic in d = f s / x; the effect: Shimizu and Okutomi 2002",
         .visible_by = "ranges in steps under half a period (8 mm at 1 m, 75 mm at 3 m), seen against 1/d",
         .settled_by = "move one stop by 5 mm, five times",
         .parameters = {

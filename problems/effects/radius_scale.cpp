@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// All radii are wrong by one factor: R_true = (1 + eps) R.
+// R18. All radii are wrong by one factor: R_true = (1 + eps) R.
 //
 //   delta d = -eps R     [m], R the stated radius
 //
-// Acts before the curve: delta r = f(d - eps R) - f(d). Exact twin of arc_definition. Source: physics
-// catalogue R2, section 2 (derived): d = D - R.
+// Acts before the curve: delta r = f(d - eps R) - f(d). Exact twin of arc_definition. Source: derived,
+// d = D - R.
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {
@@ -15,6 +15,7 @@ class RadiusScale final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "radius_scale",
+        .number = "R18",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "radius",
@@ -22,7 +23,7 @@ class RadiusScale final : public Effect {
             "All radii are wrong by one factor, circumference taken for diameter or paper thickness ignored, "
             "say.",
         .formula = "delta d = -eps R [m] before the curve, R the stated radius [m], eps the relative error",
-        .source = "physics catalogue section 0, twin of R2 (derived): d = D - R",
+        .source = "derived: d = D - R, twin of arc_definition",
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by =
             "measure the landmarks with a calliper, and use landmarks of two or more radii (4 and 12 cm)",

@@ -3,7 +3,7 @@
 //
 //   delta r = e_c cos b + e_s sin b     [m], b the direction in the sensor frame [rad]
 //
-// Acts on the reading, after the curve. Source: physics catalogue R14 (derived).
+// Acts on the reading, after the curve. Source: docs/effects.md R14 (derived).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -16,6 +16,7 @@ class RangeEccentricity final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "range_eccentricity",
+        .number = "R14",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "sensor_bearing",

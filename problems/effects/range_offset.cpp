@@ -4,7 +4,7 @@
 //   delta r = z     [m], z the range zero
 //
 // Acts on the reading, after the curve: alpha_0 takes it up exactly. A radius wrong by delta R on every
-// landmark looks the same to first order, z = -f'(d) delta R. Source: physics catalogue R1 (derived).
+// landmark looks the same to first order, z = -f'(d) delta R. Source: docs/effects.md R1 (derived).
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {
@@ -15,6 +15,7 @@ class RangeOffset final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "range_offset",
+        .number = "R1",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "constant",
@@ -24,7 +25,7 @@ class RangeOffset final : public Effect {
         .formula =
             "delta r = z [m], z the range zero; a radius wrong by delta R everywhere gives z = -alpha_1 "
             "delta R",
-        .source = "physics catalogue R1 (derived)",
+        .source = "derived: f(d) plus a constant",
         .visible_by = "nothing in the recording itself: alpha_0 takes it up exactly, in every design",
         .settled_by = "measure the landmarks with a calliper, or read a flat board at a taped distance",
         .parameters = {{.name = "offset_m", .typical = 0.005, .low = -2.0, .high = 2.0}}};

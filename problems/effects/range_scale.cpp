@@ -5,7 +5,7 @@
 //   delta r = eps (T - 20 C) / (10 K) d                  [m], form 1: expansion c_T = eps / (10 K)
 //
 // Acts on the reading, after the curve: form 0 is alpha_1. Form 1 needs the column temperature_c; an empty
-// field counts as 20 C. Source: physics catalogue R3 (derived from d = f s / x).
+// field counts as 20 C. Source: docs/effects.md R3 (derived from d = f s / x).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -19,6 +19,7 @@ class RangeScale final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "range_scale",
+        .number = "R3",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "range",
@@ -26,7 +27,7 @@ class RangeScale final : public Effect {
             "All ranges are wrong by one factor: baseline or focal length differ from what the firmware "
             "believes, or grow with temperature.",
         .formula = "delta r = eps d [m]; with temperature eps = c_T (T - 20 C), c_T [1/K]",
-        .source = "physics catalogue R3 (derived from d = f s / x)",
+        .source = "derived from d = f s / x",
         .visible_by = "tape one distance between two landmarks",
         .settled_by = "tape one distance between two landmarks, or the length of the path",
         .parameters = {

@@ -5,8 +5,8 @@
 //     f the reading without noise [m]
 //
 // The likelihood is exact: x = 1 / y is Gaussian, so c is the sensor's own noise and no parameter of its own.
-// reading() gives the shift of the mean, for signatures: second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: physics
-// catalogue N6 (derived).
+// reading() gives the shift of the mean, for signatures: second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: docs/effects.md
+// N6 (derived).
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {
@@ -17,14 +17,16 @@ class ReciprocalNoise final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "reciprocal_noise",
+        .number = "N6",
         .kind = EffectKind::tail,
         .channel = "range_tail",
         .covariate = "range",
         .physics =
             "Far readings are skewed to the far side and too long on average: the noise sits on the spot's "
             "place, before the division.",
-        .formula = "cv = c f [-], c [1/m], f the reading without noise [m]: delta r = cv^2 f [m], skewness about 6 cv",
-        .source = "physics catalogue N6 (derived: second moment of 1 / (1 + e))",
+        .formula =
+            "cv = c f [-], c [1/m], f the reading without noise [m]: delta r = cv^2 f [m], skewness about 6 cv",
+        .source = "derived: second moment of 1 / (1 + e)",
         .visible_by = "many repeats at far ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop: skewness grows with distance",
         .parameters = {{.name = "cv_per_m",

@@ -8,7 +8,7 @@
 // T is at most the longest stay at a stop: what has not died away by its end does not settle there, it is a
 // turned zero (bearing_offset).
 //
-// Source: physics catalogue B7 (overdamped decay).
+// Source: docs/effects.md B7 (overdamped decay).
 #include <algorithm>
 #include <cmath>
 
@@ -29,6 +29,7 @@ class Settling final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "settling",
+        .number = "B7",
         .kind = EffectKind::mean,
         .channel = "bearing",
         .covariate = "repeat",
@@ -37,7 +38,7 @@ class Settling final : public Effect {
             "delta b = -A exp(-t / T) [rad], A yaw of the head, t since the first reading of the stop [s], "
             "or repeats without "
             "times",
-        .source = "physics catalogue B7 (derived: decay of an overdamped mount)",
+        .source = "derived: decay of an overdamped mount",
         .visible_by = "many sweeps at each stop",
         .settled_by = "wait longer before the first reading",
         .parameters = {{.name = "amplitude_rad", .typical = 0.01745, .low = -0.0873, .high = 0.0873},

@@ -4,7 +4,7 @@
 //   sigma_xy -> sigma_xy exp(g),   sigma_heading -> hypot(sigma_heading, sigma_phi)     [m], [rad]
 //
 // Acts on the priors of the stops. Where sigma_xy is 0 the position stays exact; a covariance of a stop's own
-// keeps its shape in the plane. Source: physics catalogue N3.
+// keeps its shape in the plane. Source: docs/effects.md N3.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -27,12 +27,14 @@ class StopEffect final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "stop_effect",
+        .number = "N3",
         .kind = EffectKind::dependence,
         .channel = "stop",
         .covariate = "stop",
-        .physics = "The stops scatter otherwise than stated, mostly more: all landmarks of a stop share an error.",
+        .physics =
+            "The stops scatter otherwise than stated, mostly more: all landmarks of a stop share an error.",
         .formula = "sigma_xy exp(g) [m], sqrt(sigma_heading^2 + sigma_phi^2) [rad] per stop",
-        .source = "physics catalogue N3 (derived)",
+        .source = "derived: an error of the stop, seen along each direction",
         .visible_by = "several landmarks at each stop",
         .settled_by = "mark the stops on the floor, or state sigma_xy_m and sigma_heading_rad as they are",
         .parameters = {

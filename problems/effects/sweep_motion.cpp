@@ -9,7 +9,7 @@
 //     sensor frame [rad]; D axis distance [m]
 //
 // The range part acts before the curve. Turning during the sweep, delta b = -omega T b / (2 pi), is the
-// exact twin of bearing_scale and belongs to it. Source: physics catalogue B6 (derived).
+// exact twin of bearing_scale and belongs to it. Source: docs/effects.md B6 (derived).
 #include <cmath>
 #include <numbers>
 
@@ -24,6 +24,7 @@ class SweepMotion final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "sweep_motion",
+        .number = "B6",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "sensor_bearing",
@@ -33,7 +34,7 @@ class SweepMotion final : public Effect {
         .formula =
             "delta d = -v T (b / 2 pi) cos b [m], delta b = v T (b / 2 pi) sin b / D [rad], T duration of a "
             "sweep [s], v speed [m/s]",
-        .source = "physics catalogue B6 (derived: delta r = -v cos b (t_i - t_0))",
+        .source = "derived: delta r = -v cos b (t_i - t_0)",
         .visible_by = "landmarks all around the sensor",
         .settled_by = "stand still longer before reading, or drive at a second speed",
         .parameters = {{.name = "travel_m", .typical = 0.06, .low = -0.3, .high = 0.3}}};

@@ -6,7 +6,7 @@
 //   delta b = 1/4 (a sin 2b - c cos 2b)               [rad] = 1/4 tau^2 sin 2(b - b0)
 //   a = tau^2 cos 2 b0, c = tau^2 sin 2 b0 [rad^2], tau^2 = hypot(a, c), b sensor direction [rad]
 //
-// The range part acts before the curve. Source: physics catalogue R12 (derived: affine stretch of the
+// The range part acts before the curve. Source: docs/effects.md R12 (derived: affine stretch of the
 // measured plane).
 #include <cmath>
 
@@ -21,6 +21,7 @@ class Tilt final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "tilt",
+        .number = "R12",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "sensor_bearing",
@@ -30,9 +31,7 @@ class Tilt final : public Effect {
         .formula =
             "delta d = 1/2 tau^2 d sin^2(b - b0) [m], delta b = 1/4 tau^2 sin 2(b - b0) [rad]; tau tilt, b0 "
             "its axis [rad]",
-        .source =
-            "physics catalogue R12 (derived: a plane tilted by tau meets plumb landmarks stretched by 1 / "
-            "cos tau)",
+        .source = "derived: a plane tilted by tau meets plumb landmarks stretched by 1 / cos tau",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees), or level the sensor with a spirit level",

@@ -4,7 +4,7 @@
 //   delta r = (c0 + c2 d^2) (1 - exp(-t / T))     [m]
 //     c0 [m], c2 [1/m], t time since the first reading [s], T [s]
 //
-// Acts on the reading, after the curve. Source: physics catalogue R13.
+// Acts on the reading, after the curve. Source: docs/effects.md R13.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -18,6 +18,7 @@ class WarmupDrift final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "warmup_drift",
+        .number = "R13",
         .kind = EffectKind::mean,
         .channel = "range",
         .covariate = "time",
@@ -26,8 +27,7 @@ class WarmupDrift final : public Effect {
             "delta r = (c0 + c2 d^2)(1 - exp(-t / T)) [m], c0 [m], c2 [1/m], t since the first reading [s], "
             "T time constant [s]",
         .source =
-            "physics catalogue R13 (derived: R1 and R4 relaxing exponentially); warm-up advice: Toelgyessy "
-            "et al. 2021",
+            "derived: range_offset and laser_pointing relaxing exponentially; warm-up advice: Toelgyessy et al. 2021",
         .visible_by = "drive the same stops again in reverse order",
         .settled_by = "leave the sensor on for 45 minutes, then repeat the first stop",
         .parameters = {{.name = "offset_m", .typical = 0.01, .low = -0.05, .high = 0.05},

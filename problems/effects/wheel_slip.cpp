@@ -4,7 +4,7 @@
 //   s_k = c_k + delta (cos phi_j, sin phi_j) for k >= j     [m]
 //     delta way lost or won [m], phi_j commanded heading of stop j
 //
-// Only within the recording of stop j. Source: physics catalogue M6.
+// Only within the recording of stop j. Source: docs/effects.md M6.
 #include <algorithm>
 #include <cmath>
 
@@ -19,12 +19,13 @@ class WheelSlip final : public Effect {
   const EffectInfo& info() const override {
     static const EffectInfo value{
         .id = "wheel_slip",
+        .number = "M6",
         .kind = EffectKind::mean,
         .channel = "stop",
         .covariate = "stop",
         .physics = "The wheels slipped once: all stops from one on are displaced along the way.",
         .formula = "s_k = c_k + delta (cos phi_j, sin phi_j) [m] for k >= j",
-        .source = "physics catalogue M6 (derived)",
+        .source = "derived: one step more along the heading",
         .visible_by = "stops before and after the slip",
         .settled_by = "drive the same stops again in reverse order",
         .parameters = {

@@ -99,6 +99,7 @@ TEST(Effects, TextsAreThereAndChannelsAreThoseOfTheFormat) {
     SCOPED_TRACE(info.id);
     EXPECT_TRUE(channels.count(info.channel)) << info.channel;
     EXPECT_TRUE(covariates.count(info.covariate)) << info.covariate;
+    EXPECT_THAT(info.number, ::testing::MatchesRegex("[RBCMWN][0-9]+"));
     for (const std::string& text :
          {info.physics, info.formula, info.source, info.visible_by, info.settled_by})
       EXPECT_FALSE(text.empty());

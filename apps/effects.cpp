@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "commands.hpp"
+#include "rangecal/core/errors.hpp"
+#include "rangecal/problems/effects/effect.hpp"
+#include "text.hpp"
+
+namespace rangecal::app {
+namespace {
+
+std::string typical_sizes(const EffectInfo& info) {
+  std::string text;
+  for (const EffectParameter& p : info.parameters)
+    text += fmt::format("{}{} {:g}", text.empty() ? "" : ", ", p.name, p.typical);
+  return text;
+}
+
+/// What the parameter is measured in, by its name's ending; empty for a number.
+std::string unit_of_parameter(const std::string& name) {
+  constexpr std::pair<const char*, const char*> units[] = {
+      {"_per_m", "1/m"}, {"_rad2", "rad^2"}, {"_rad", "rad"}, {"_m2", "m^2"}, {"_m", "m"}, {"_s", "s"}};
+  for (const auto& [ending, unit] : units)
+    if (name.ends_with(ending)) return unit;
+  return "";
+}
+
+std::string where_it_shows(const EffectInfo& info) {
+  const bool nowhere_in_particular = info.covariate == "any" || info.covariate == "constant";
+  return nowhere_in_particular ? info.channel : info.channel + " along " + info.covariate;
+}
+
+std::string markdown_section(const EffectInfo& info) {
+  std::string text = fmt::format("\n## {}\n\n", info.id);
+  if (!info.number.empty()) text += info.number + ". ";
+  text += fmt::format("{}\n\n    {}\n\n", wrapped(info.physics, 0, 120), wrapped(info.formula, 4, 120));
+  text += "| parameter | unit | typical | from | to |\n|---|---|---|---|---|\n";
+  for (const EffectParameter& p : info.parameters)
+    text += p.discrete ? fmt::format("| `{}` | | chosen from the recording | | |\n", p.name)
+                       : fmt::format("| `{}` | {} | {:g} | {:g} | {:g} |\n", p.name,
+                                     unit_of_parameter(p.name), p.typical, p.low, p.high);
+  text += "\n";
+  for (const auto& [title, words] : {std::pair{"shows in", where_it_shows(info)},
+                                     {"visible by", info.visible_by},
+                                     {"settled by", info.settled_by},
+                                     {"source", info.source}})
+    text += fmt::format("- {}\n", wrapped(fmt::format("{}: {}", title, words), 2, 120));
+  return text;
+}
+
+/// docs/effects.md.
+int print_markdown() {
+  fmt::print(
+      "# The catalogue of effects\n\n"
+      "What `rangecal diagnose` knows by name. The numbers are those by which the code cites the catalogue. Symbols: d\n"
+      "distance to a landmark's surface [m], b direction in the sensor frame [rad], f the calibration's curve, R radius of a\n"
+      "landmark [m]; an effect acts on d, before the curve, or on the reading, after it, as its formula says. Typical is the\n"
+      "size that is looked for first, from and to are bounds set by physics. `docs/gallery.md` has a picture of what each\n"
+      "leaves behind. Printed by `rangecal effects --markdown`.\n\n"
+      "| number | effect | shows in |\n|---|---|---|\n");
+  std::map<std::pair<char, int>, std::string> rows;  // by letter, then by number
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    const std::string& number = info.number;
+    rows[number.empty() ? std::pair{'~', 0} : std::pair{number[0], std::atoi(number.c_str() + 1)}] +=
+        fmt::format("| {} | [{}](#{}) | {} |\n", number, info.id, info.id, where_it_shows(info));
+  }
+  for (const auto& row : rows) fmt::print("{}", row.second);
+  for (const auto& effect : effect_registry()) fmt::print("{}", markdown_section(effect->info()));
+  return done;
+}
+
+int list_effects(const std::string& id) {
+  if (!id.empty()) {
+    const Effect* effect = find_effect(id);
+    if (!effect) throw InputError("no effect is called '" + id + "'; 'rangecal effects' lists them");
+    const EffectInfo& info = effect->info();
+    const auto field = [](const char* name, const std::string& text) {
+      if (!text.empty()) fmt::print("  {:<10} {}\n", name, wrapped(text, 13, 96));
+    };
+    fmt::print("{}\n", info.id);
+    field("physics", info.physics);
+    field("formula", info.formula);
+    field("shows in", info.channel + " along " + info.covariate);
+    field("visible by", info.visible_by);
+    field("settled by", info.settled_by);
+    for (const EffectParameter& p : info.parameters)
+      field("parameter", fmt::format("{}: typically {:g}, from {:g} to {:g}{}", p.name, p.typical, p.low,
+                                     p.high, p.discrete ? ", chosen from the recording" : ""));
+    field("source", info.source);
+    if (!info.number.empty()) field("number", info.number + " of the catalogue (docs/effects.md)");
+    return done;
+  }
+  for (const auto& effect : effect_registry()) {
+    const EffectInfo& info = effect->info();
+    fmt::print("{}  ({} along {})\n    {}\n    {}\n    typical: {}\n", info.id, info.channel, info.covariate,
+               wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96),
+               wrapped(typical_sizes(info), 4, 96));
+  }
+  return done;
+}
+
+}  // namespace
+
+void add_effects(CLI::App& app, Action& chosen) {
+  CLI::App* command =
+      app.add_subcommand("effects", "list the catalogue of physical effects that diagnose knows");
+  const auto id = std::make_shared<std::string>();
+  const auto markdown = std::make_shared<bool>(false);
+  CLI::Option* one = command->add_option("ID", *id, "show this effect alone, in full");
+  command->add_flag("--markdown", *markdown, "print docs/effects.md: all of them, in full")->excludes(one);
+  command->footer(
+      "Examples:\n"
+      "  rangecal effects                       all of them, with formula and typical size\n"
+      "  rangecal effects bearing_offset        what shows it, what settles it, its parameters and source\n"
+      "docs/effects.md has all of them in full, docs/gallery.md a picture of what each leaves behind.");
+  command->callback([id, markdown, &chosen] {
+    chosen = [id, markdown] { return *markdown ? print_markdown() : list_effects(*id); };
+  });
+}
+
+}  // namespace rangecal::app
