@@ -102,17 +102,30 @@ struct TrackCommand {
   std::string changes(const Tracked& tracked) const {
     if (tracked.changes.empty()) return "Changes    none against " + job.from + "\n";
     std::string text;
-    for (const ChangeAlarm& c : tracked.changes) {
-      const char* unit = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder ? " m"
-                         : c.kind == ChangeKind::pointing                              ? " 1/m"
-                                                                                       : "";
+    for (const ChangeAlarm& c : tracked.changes)
       text += fmt::format("Changes    alarm at {0} {1}, since about {0} {2}{3}\n",
                           tracked.landmarks ? "reading" : "pair", c.reading, c.since,
-                          c.named ? fmt::format(": {} by {}{} (probability {:.2f})", to_string(c.kind),
-                                                with_std(c.size, c.std_dev), unit, c.probability)
-                                  : std::string("; not enough of them yet to say what"));
-    }
+                          c.named ? ": " + change(c) : "; not enough of them yet to say what");
     return text;
+  }
+
+  static std::string change(const ChangeAlarm& c) {
+    const bool turning = c.kind == ChangeKind::encoder;
+    const char* unit = c.kind == ChangeKind::window || turning ? " m"
+                       : c.kind == ChangeKind::pointing        ? " 1/m"
+                                                               : "";
+    return fmt::format(
+        "{} by {}{}{} (probability {:.2f})", to_string(c.kind), with_std(c.size, c.std_dev), unit,
+        turning ? fmt::format(" at a phase of {} rad", with_std(c.phase_rad, c.phase_std_dev)) : "",
+        c.probability);
+  }
+
+  /// Of a curve that is no answer there are no numbers.
+  static std::string what_is_open(const Calibration& c) {
+    if (c.outcome != Outcome::unobservable) return "";
+    const std::string unseen =
+        c.weakest_direction.empty() ? "" : ": what can change unseen is " + c.weakest_direction;
+    return "Curve f    " + wrapped("not determined" + unseen, 11) + "\n";
   }
 
   std::string page(const Tracked& tracked) const {
@@ -123,7 +136,7 @@ struct TrackCommand {
     const Calibration& c = *tracked.calibration;
     text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method),
                         c.reason.empty() ? "" : ": ", c.reason);
-    if (c.alpha.size() == 0) return text;
+    if (!has_answer(c)) return text + what_is_open(c);
     if (std::isfinite(job.options.forget))
       text += fmt::format("Memory     time constant {} {}; {:.0f} readings count\n", job.options.forget,
                           tracked.landmarks ? "stops"

@@ -23,7 +23,11 @@ Json shallow_json(const std::string& text) {
 ChangeAlarm alarm_in(const Json& c) {
   const auto number = [&](std::size_t i) { return whole_number<std::int64_t>(c.at(i), "changes"); };
   const int kind = whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::noise));
-  return {number(0), number(1), c.at(2), static_cast<ChangeKind>(kind), c.at(4), c.at(5), c.at(6)};
+  ChangeAlarm alarm{number(0), number(1), c.at(2), static_cast<ChangeKind>(kind), c.at(4), c.at(5), c.at(6)};
+  if (c.size() == 7) return alarm;  // of version 0.1.0, which told no phase
+  alarm.phase_rad = c.at(7);
+  alarm.phase_std_dev = c.at(8);
+  return alarm;
 }
 
 }  // namespace
@@ -46,8 +50,8 @@ std::string to_json(const TrackState& s) {
             {"changes", Json::array()},
             {"calibrator", s.calibrator}};
   for (const ChangeAlarm& c : s.changes)
-    json["changes"].push_back(
-        {c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev});
+    json["changes"].push_back({c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size,
+                               c.std_dev, c.phase_rad, c.phase_std_dev});
   return json.dump() + "\n";
 }
 

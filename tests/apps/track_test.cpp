@@ -151,7 +151,8 @@ TEST(TrackCommand, WatchesForAChange) {
   const std::string table = slurp(folder.file("changes.csv"));
   EXPECT_THAT(
       table,
-      HasSubstr("pair,since_pair,kind,probability,size,std\n8"));  // of 1600 pairs the change is after 800
+      HasSubstr(
+          "pair,since_pair,kind,probability,size,std,phase_rad,phase_std_rad\n8"));  // of 1600 pairs the change is after 800
   EXPECT_EQ(run("track --watch 1000", "1.0\n").code, 2);
 }
 
@@ -171,10 +172,24 @@ TEST(TrackCommand, WatchesTheEncoderWhereThereAreBearings) {
   folder.write("in.csv", text);
   const std::string arguments = "track " + folder.file("in.csv") + " --order 1 --from " +
                                 folder.file("cal.json") + " --watch 100000 -o " + folder.file("out.csv") +
-                                " --every 300";
+                                " --every 300 --changes " + folder.file("changes.csv");
   const RunResult result = run(arguments + " --state " + folder.file("state.json"));
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr(": encoder by 0.0"));
+  EXPECT_THAT(result.out, HasSubstr(" m at a phase of "));
+  EXPECT_THAT(result.out, HasSubstr(" rad (probability "));
+  // in the table as well: size and phase of the first alarm within 4 of their standard deviations of 3 cm and 0
+  std::istringstream table(slurp(folder.file("changes.csv")));
+  std::string alarm;
+  std::getline(table, alarm);
+  std::getline(table, alarm);
+  std::vector<std::string> fields;
+  std::istringstream columns(alarm);
+  for (std::string field; std::getline(columns, field, ',');) fields.push_back(field);
+  ASSERT_EQ(fields.size(), 8u) << alarm;
+  EXPECT_EQ(fields[2], "encoder");
+  EXPECT_NEAR(std::stod(fields[4]), 0.03, 4.0 * std::stod(fields[5]));
+  EXPECT_NEAR(std::stod(fields[6]), 0.0, 4.0 * std::stod(fields[7]));
   EXPECT_EQ(run(arguments + " --state " + folder.file("state.json")).code,
             0);  // the charts of the bearings are in the state
 }
@@ -324,7 +339,7 @@ TEST(TrackCommand, WatchesReadingsOfLandmarks) {
   EXPECT_THAT(result.out, HasSubstr("Changes    alarm at reading 6"));  // after the 600th
   EXPECT_THAT(result.out, HasSubstr(": window by 0.0"));
   EXPECT_THAT(slurp(folder.file("changes.csv")),
-              HasSubstr("reading,since_reading,kind,probability,size,std\n6"));
+              HasSubstr("reading,since_reading,kind,probability,size,std,phase_rad,phase_std_rad\n6"));
   // cut within the naming of the change, and gone on from the state
   for (const std::size_t length : {changed.size() * 11 / 20, changed.size() * 2 / 3, changed.size()}) {
     folder.write("in.csv", changed.substr(0, length));

@@ -3,16 +3,21 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "change/wave.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
-#include "rangecal/core/random.hpp"
 
 namespace rangecal {
 namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 /// dz / db at a reading.
 double direction(ChangeKind kind, int wave, double f, double s, double bearing) {
@@ -33,25 +38,16 @@ double direction(ChangeKind kind, int wave, double f, double s, double bearing) 
 
 double noise_step(double log_rho, double z) { return -log_rho + 0.5 * z * z * -std::expm1(-2.0 * log_rho); }
 
-/// The limit of a chart of the spread: of simulated charts the average run length is (mean time of a cycle from 0 back to
-/// 0) / (probability that a cycle passes h). The share of cycles that pass h falls as C e^-h, where C is taken at a
-/// height that many cycles reach.
-double noise_limit(double run_length, double log_rho) {
-  constexpr int cycles = 40000;
-  constexpr double height = 3.0;
-  Random random(seed_from("cusum of the spread"));
-  double readings = 0.0, passed = 0.0;
-  for (int i = 0; i < cycles; ++i) {
-    double S = 0.0;
-    bool high = false;
-    do {
-      S += noise_step(log_rho, random.normal());
-      readings += 1.0;
-      high = high || S > height;
-    } while (S > 0.0 && S < 60.0);
-    passed += high;
-  }
-  return height + std::log(std::max(1.0, run_length * passed / readings));
+/// Of a power law; a polynomial's is taken as exact.
+double variance_of_log_sigma(const Calibration& c) {
+  if (c.noise.law == NoiseLaw::polynomial || c.noise_estimates.empty()) return 0.0;
+  return std::pow(c.noise_estimates[0].std_dev.value_or(0.0) / c.noise.parameters[0], 2);
+}
+
+std::int64_t whole_count(double value) {
+  if (!(value >= 0.0 && value < 0x1p53))
+    throw InputError("ChangeDetector: the state counts what cannot be counted");
+  return static_cast<std::int64_t>(value);
 }
 
 }  // namespace
@@ -82,14 +78,6 @@ void ChangeOptions::check() const {
   if (naming < 10 || naming > 1000000) refuse(fmt::format("naming = {} is outside of 10 .. 1000000", naming));
 }
 
-double cusum_limit(double run_length, double D) {
-  const auto log_length = [](double h) { return std::log(std::expm1(h) - h); };  // of (e^h - h - 1)
-  double low = 1e-6, high = 100.0;
-  const double wanted = std::log(run_length * D);
-  for (int i = 0; i < 100; ++i) (log_length(0.5 * (low + high)) < wanted ? low : high) = 0.5 * (low + high);
-  return std::max(0.1, 0.5 * (low + high) - 1.166 * std::sqrt(2.0 * D));
-}
-
 ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions& options)
     : reference_(reference), options_(options) {
   options.check();
@@ -97,31 +85,29 @@ ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions
       !(reference.range_max_m > reference.range_min_m))
     throw InputError("ChangeDetector: the calibration has no curve");
   if (!reference.effects.empty()) throw InputError("ChangeDetector: the calibration holds effects");
-  const auto add_chart = [&](ChangeKind kind, int wave) {
-    double sum = 0.0;
-    constexpr int points = 64;
-    for (int i = 0; i < points; ++i) {
-      const double d =
-          reference_.range_min_m + (i + 0.5) / points * (reference_.range_max_m - reference_.range_min_m);
-      const double f = evaluate_polynomial(reference_.alpha, d), s = reference_.noise.spread(d, f);
-      if (!(s > 0.0))
-        throw InputError("ChangeDetector: the calibration's noise is not positive over its range");
-      // a wave is as large in the mean over a turn as over bearings of 45 degrees
-      sum += std::pow(direction(kind, wave, f, s, 0.25 * std::numbers::pi), 2) / points;
-    }
-    const double size = options_.shift / std::sqrt(sum);
-    for (const double sign : {1.0, -1.0}) charts_.push_back({kind, wave, sign * size, 0.0});
-  };
   for (const ChangeKind kind : {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing})
-    add_chart(kind, 0);
+    add_charts(kind, 0);
   if (options_.bearings)
-    for (const int wave : {0, 1}) add_chart(ChangeKind::encoder, wave);
+    for (const int wave : {0, 1}) add_charts(ChangeKind::encoder, wave);
   const double log_rho = std::log(options_.noise_factor);
-  for (const double sign : {1.0, -1.0}) charts_.push_back({ChangeKind::noise, 0, sign * log_rho, 0.0});
-  const double each = options_.run_length * static_cast<double>(charts_.size());
-  for (Chart& chart : charts_)
-    chart.limit = chart.kind == ChangeKind::noise ? noise_limit(each, chart.size)
-                                                  : cusum_limit(each, 0.5 * options_.shift * options_.shift);
+  for (const double sign : {1.0, -1.0}) charts_.push_back({ChangeKind::noise, 0, sign * log_rho});
+  start_again();
+}
+
+void ChangeDetector::add_charts(ChangeKind kind, int wave) {
+  double sum = 0.0;
+  constexpr int points = 64;
+  for (int i = 0; i < points; ++i) {
+    const double d =
+        reference_.range_min_m + (i + 0.5) / points * (reference_.range_max_m - reference_.range_min_m);
+    const double f = evaluate_polynomial(reference_.alpha, d), s = reference_.noise.spread(d, f);
+    if (!(s > 0.0))
+      throw InputError("ChangeDetector: the calibration's noise is not positive over its range");
+    // a wave is as large in the mean over a turn as over bearings of 45 degrees
+    sum += std::pow(direction(kind, wave, f, s, 0.25 * std::numbers::pi), 2) / points;
+  }
+  const double size = options_.shift / std::sqrt(sum);
+  for (const double sign : {1.0, -1.0}) charts_.push_back({kind, wave, sign * size});
 }
 
 std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, double bearing_rad) {
@@ -132,108 +118,151 @@ std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, 
   if (!(s > 0.0)) return std::nullopt;
   const double z = (reading_m - f) / s;
   ++readings_;
-  const Chart* worst = nullptr;
-  for (Chart& chart : charts_) {
-    const bool noise = chart.kind == ChangeKind::noise;
-    const double g = direction(chart.kind, chart.wave, f, s, bearing_rad);
-    if (naming_left_ > 0) {
-      chart.score += noise ? z * z : g * z;
-      chart.information += noise ? 1.0 : g * g;
-      continue;
-    }
-    chart.value += noise ? noise_step(chart.size, z) : chart.size * g * (z - 0.5 * chart.size * g);
-    if (chart.value <= 0.0) {
-      chart.value = 0.0;
-      chart.since = readings_;
-    }
-    if (chart.value > chart.limit && (!worst || chart.value - chart.limit > worst->value - worst->limit))
-      worst = &chart;
-  }
   if (naming_left_ > 0) {
+    sum_up(true_m, f, s, z, bearing_rad);
     if (--naming_left_ > 0) return std::nullopt;
     name(open_);
     start_again();
     return open_;
   }
-  if (!worst) return std::nullopt;
+  for (Chart& chart : charts_) {
+    const double bg = chart.size * direction(chart.kind, chart.wave, f, s, bearing_rad);
+    const double step = chart.kind == ChangeKind::noise ? noise_step(chart.size, z) : bg * (z - 0.5 * bg);
+    chart.ratio = (1.0 + chart.ratio) * std::exp(step);
+    chart.value = std::max(0.0, chart.value + step);
+    if (chart.value == 0.0) chart.since = readings_;
+  }
+  const Chart* loudest_chart = loudest();
+  if (!loudest_chart) return std::nullopt;
   open_ = {};
   open_.reading = readings_;
-  open_.since = worst->since;
+  open_.since = loudest_chart->since;
+  start_again();
   naming_left_ = options_.naming;
   return open_;
 }
 
+const ChangeDetector::Chart* ChangeDetector::loudest() const {
+  double sum = 0.0;
+  const Chart* loudest = &charts_.front();
+  for (const Chart& chart : charts_) {
+    sum += chart.ratio;
+    if (chart.ratio > loudest->ratio) loudest = &chart;
+  }
+  return sum > options_.run_length * static_cast<double>(charts_.size()) ? loudest : nullptr;
+}
+
+void ChangeDetector::sum_up(double true_m, double f, double s, double z, double bearing) {
+  Eigen::VectorXd h(score_.size());
+  h.head<3>() << direction(ChangeKind::window, 0, f, s, 0.0), direction(ChangeKind::baseline, 0, f, s, 0.0),
+      direction(ChangeKind::pointing, 0, f, s, 0.0);
+  for (int wave = 0; options_.bearings && wave < 2; ++wave)
+    h[3 + wave] = direction(ChangeKind::encoder, wave, f, s, bearing);
+  h.tail(reference_.alpha.size()) = powers_of(true_m, reference_.alpha.size()) / s;
+  score_ += h * z;
+  information_ += h * h.transpose();
+  squares_ += z * z;
+}
+
 void ChangeDetector::start_again() {
   for (Chart& chart : charts_) {
-    chart.value = chart.score = chart.information = 0.0;
+    chart.ratio = chart.value = 0.0;
     chart.since = readings_;
   }
+  score_ = VectorXd::Zero(directions() + reference_.alpha.size());
+  information_ = MatrixXd::Zero(score_.size(), score_.size());
+  squares_ = 0.0;
 }
 
 void ChangeDetector::name(ChangeAlarm& alarm) const {
-  alarm.named = true;
-  double best = -1.0;
-  std::vector<double> gains;
-  for (std::size_t i = 0; i < charts_.size(); i += 2) {  // both signs have the same sums
-    const Chart& chart = charts_[i];
-    if (chart.kind == ChangeKind::encoder && chart.wave == 1) continue;
-    double gain = 0.0, size = 0.0, std_dev = 0.0;
-    if (chart.kind == ChangeKind::noise) {
-      const double v = std::max(chart.score / chart.information, 1e-300);
-      gain = 0.5 * chart.information * (v - 1.0 - std::log(v));
-      size = 0.5 * std::log(v);
-      std_dev = 1.0 / std::sqrt(2.0 * chart.information);
-    } else if (chart.information > 0.0) {
-      gain = 0.5 * chart.score * chart.score / chart.information;
-      size = chart.score / chart.information;
-      std_dev = 1.0 / std::sqrt(chart.information);
-      if (chart.kind == ChangeKind::encoder) {
-        const Chart& sine = charts_[i + 2];
-        gain += sine.information > 0.0 ? 0.5 * sine.score * sine.score / sine.information : 0.0;
-        gain -= 0.5 * std::log(static_cast<double>(options_.naming));
-        size = std::hypot(size, sine.information > 0.0 ? sine.score / sine.information : 0.0);
-      }
-    }
-    gains.push_back(gain);
-    if (gain <= best) continue;
-    best = gain;
-    alarm.kind = chart.kind;
-    alarm.size = size;
-    alarm.std_dev = std_dev;
+  const Index curve = reference_.alpha.size();
+  const MatrixXd C = reference_.alpha_covariance.value_or(MatrixXd::Zero(curve, curve));
+  const double N = options_.naming;
+  ChangeAlarm best = alarm;
+  double most = -1.0, all = 0.0;  // gain of the best, sum of e^(gain - most)
+  const auto offer = [&](const ChangeAlarm& kind, double gain) {
+    if (gain > most) best = kind;
+    const double higher = std::max(most, gain);
+    all = all * std::exp(most - higher) + std::exp(gain - higher);
+    most = higher;
+  };
+  ChangeAlarm one = alarm;
+  one.named = true;
+  constexpr ChangeKind plain[] = {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing};
+  for (Index k = 0; k < 3; ++k) {
+    const double U = score_[k], I = information_(k, k);
+    if (!(I > 0.0)) continue;
+    const VectorXd A = information_.row(k).tail(curve);
+    one.kind = plain[k];
+    one.size = U / I;
+    one.std_dev = std::sqrt(1.0 / I + A.dot(C * A) / (I * I));
+    offer(one, 0.5 * U * U / I);
   }
-  double sum = 0.0;
-  for (const double gain : gains) sum += std::exp(gain - best);
-  alarm.probability = 1.0 / sum;
+  const double v = std::max(squares_ / N, 1e-300);
+  one.kind = ChangeKind::noise;
+  one.size = 0.5 * std::log(v);
+  one.std_dev = std::sqrt(0.5 / N + variance_of_log_sigma(reference_));
+  offer(one, 0.5 * N * (v - 1.0 - std::log(v)));
+  if (options_.bearings) {
+    const Eigen::Matrix2d I = information_.block<2, 2>(3, 3);
+    if (I.determinant() > 1e-9 * I(0, 0) * I(1, 1)) {  // else the bearings are all alike: an offset, too
+      const Eigen::Vector2d U = score_.segment<2>(3);
+      const Eigen::Matrix2d inverse = I.inverse();
+      const Eigen::Matrix2Xd A = inverse * information_.block(3, directions(), 2, curve);
+      tell_wave(inverse * U, inverse + A * C * A.transpose(), one);
+      offer(one, 0.5 * U.dot(inverse * U) - 0.5 * std::log(N));
+    }
+  }
+  best.probability = 1.0 / all;
+  alarm = best;
 }
 
 std::vector<double> ChangeDetector::state() const {
   std::vector<double> values{static_cast<double>(readings_), static_cast<double>(naming_left_),
-                             static_cast<double>(open_.reading), static_cast<double>(open_.since)};
+                             static_cast<double>(open_.reading), static_cast<double>(open_.since), squares_};
   for (const Chart& chart : charts_)
-    for (const double value : {chart.value, chart.score, chart.information, static_cast<double>(chart.since)})
+    for (const double value : {chart.ratio, chart.value, static_cast<double>(chart.since)})
       values.push_back(value);
+  values.insert(values.end(), score_.begin(), score_.end());
+  values.insert(values.end(), information_.data(), information_.data() + information_.size());
   return values;
 }
 
-void ChangeDetector::restore(const std::vector<double>& state) {
-  if (state.size() != 4 + 4 * charts_.size())
-    throw InputError("ChangeDetector: the state is of other charts");
-  const auto count = [](double value) {
-    if (!(value >= 0.0 && value < 0x1p53))
-      throw InputError("ChangeDetector: the state counts what cannot be counted");
-    return static_cast<std::int64_t>(value);
-  };
-  readings_ = count(state[0]);
-  naming_left_ = count(state[1]);
-  open_ = {};
-  open_.reading = count(state[2]);
-  open_.since = count(state[3]);
+void ChangeDetector::restore_first_version(const std::vector<double>& state) {
+  if (naming_left_ > 0) naming_left_ = options_.naming;
   for (std::size_t i = 0; i < charts_.size(); ++i) {
     charts_[i].value = state[4 + 4 * i];
-    charts_[i].score = state[5 + 4 * i];
-    charts_[i].information = state[6 + 4 * i];
-    charts_[i].since = count(state[7 + 4 * i]);
+    charts_[i].ratio = std::exp(std::clamp(charts_[i].value, 0.0, 50.0));  // the largest of what R is the sum
+    charts_[i].since = whole_count(state[7 + 4 * i]);
   }
+}
+
+void ChangeDetector::restore(const std::vector<double>& state) {
+  const std::size_t charts = charts_.size(), sums = static_cast<std::size_t>(score_.size());
+  const bool first_version = state.size() == 4 + 4 * charts;
+  if (!first_version && state.size() != 5 + 3 * charts + sums + sums * sums)
+    throw InputError("ChangeDetector: the state is of other charts");
+  ChangeDetector restored(*this);
+  restored.start_again();
+  restored.readings_ = whole_count(state[0]);
+  restored.naming_left_ = whole_count(state[1]);
+  restored.open_ = {};
+  restored.open_.reading = whole_count(state[2]);
+  restored.open_.since = whole_count(state[3]);
+  if (first_version) {
+    restored.restore_first_version(state);
+  } else {
+    const double* next = state.data() + 4;
+    restored.squares_ = *next++;
+    for (Chart& chart : restored.charts_) {
+      chart.ratio = *next++;
+      chart.value = *next++;
+      chart.since = whole_count(*next++);
+    }
+    for (double& value : restored.score_) value = *next++;
+    std::copy_n(next, restored.information_.size(), restored.information_.data());
+  }
+  *this = std::move(restored);
 }
 
 }  // namespace rangecal

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "change/landmark_watch.hpp"
+#include "change/wave.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/stops_io.hpp"
@@ -144,51 +145,52 @@ std::optional<ChangeAlarm> LandmarkWatch::add(const LandmarkReading& reading) {
 void LandmarkWatch::name(ChangeAlarm& alarm, const Onset& onset) {
   alarm.named = true;
   struct Answer {
-    ChangeKind kind;
-    double gain, size, std_dev;
+    ChangeAlarm told;
+    double gain;
     VectorXd done;           // beta b, what the change has done to the filter's state
     Eigen::MatrixXd unsure;  // beta cov(b) beta^T
   };
   std::vector<Answer> answers;
+  ChangeAlarm one = alarm;
   constexpr ChangeKind plain[] = {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing};
   for (std::size_t k = 0; k < 3; ++k) {
     const double U = onset.score[k], I = onset.information[k];
     const VectorXd& beta = onset.beta[k];
-    if (I > 0.0)
-      answers.push_back(
-          {plain[k], 0.5 * U * U / I, U / I, 1.0 / std::sqrt(I), U / I * beta, beta * beta.transpose() / I});
+    if (!(I > 0.0)) continue;
+    one.kind = plain[k];
+    one.size = U / I;
+    one.std_dev = 1.0 / std::sqrt(I);
+    answers.push_back({one, 0.5 * U * U / I, U / I * beta, beta * beta.transpose() / I});
   }
   Eigen::Matrix2d I;
   I << onset.information[3], onset.cross, onset.cross, onset.information[4];
   const Eigen::Vector2d U(onset.score[3], onset.score[4]);
   if (const Eigen::LLT<Eigen::Matrix2d> factor(I); factor.info() == Eigen::Success) {
-    const Eigen::Vector2d wave = factor.solve(U), along = wave.normalized();
+    const Eigen::Vector2d wave = factor.solve(U);
+    const Eigen::Matrix2d covariance = factor.solve(Eigen::Matrix2d::Identity());
+    ChangeAlarm turning = alarm;
+    tell_wave(wave, covariance, turning);
     Eigen::MatrixX2d beta(filter.x.size(), 2);
     beta << onset.beta[3], onset.beta[4];
-    answers.push_back({ChangeKind::encoder,
-                       0.5 * U.dot(wave) - 0.5 * std::log(static_cast<double>(options.naming)), wave.norm(),
-                       std::sqrt(along.dot(factor.solve(along))), beta * wave,
-                       beta * factor.solve(Eigen::Matrix2d::Identity()) * beta.transpose()});
+    answers.push_back({turning, 0.5 * U.dot(wave) - 0.5 * std::log(static_cast<double>(options.naming)),
+                       beta * wave, beta * covariance * beta.transpose()});
   }
   // the variance of one reading times 1 + q, by least squares of z^2 - 1 on its share of S
   const double N = onset.spread_information, v = std::max(1.0 + onset.spread_score / N, 1e-300);
-  if (N > 0.0)
-    answers.push_back({ChangeKind::noise,
-                       0.5 * N * (v - 1.0 - std::log(v)),
-                       0.5 * std::log(v),
-                       1.0 / std::sqrt(2.0 * N),
-                       {},
-                       {}});
+  if (N > 0.0) {
+    one.kind = ChangeKind::noise;
+    one.size = 0.5 * std::log(v);
+    one.std_dev = 1.0 / std::sqrt(2.0 * N);
+    answers.push_back({one, 0.5 * N * (v - 1.0 - std::log(v)), {}, {}});
+  }
   if (answers.empty()) return;
   const Answer& best = *std::max_element(answers.begin(), answers.end(),
                                          [](const Answer& a, const Answer& b) { return a.gain < b.gain; });
-  alarm.kind = best.kind;
-  alarm.size = best.size;
-  alarm.std_dev = best.std_dev;
+  alarm = best.told;
   double sum = 0.0;
   for (const Answer& answer : answers) sum += std::exp(answer.gain - best.gain);
   alarm.probability = 1.0 / sum;
-  if (best.kind == ChangeKind::noise) return;
+  if (alarm.kind == ChangeKind::noise) return;
   filter.x -= best.done;
   filter.P += best.unsure;
 }

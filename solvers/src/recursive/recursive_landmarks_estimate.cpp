@@ -7,6 +7,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "calibrate/landmarks_job.hpp"
+#include "joint_ml/newton_step.hpp"
 #include "marginal/laplace.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -104,11 +106,17 @@ void put(JointState& state, const VectorXd& phi, const Eigen::Vector2d& log_sigm
   state.sigma_theta_rad = std::exp(log_sigmas.y());
 }
 
+/// The entries of (alpha, landmarks, log sigmas) that are free.
+std::vector<int> free_entries(Eigen::Index size, int alphas, int order) {
+  std::vector<int> free;
+  for (int i = 0; i < static_cast<int>(size); ++i)
+    if (i <= order || i >= alphas) free.push_back(i);
+  return free;
+}
+
 /// Inverse over the entries that are free, zero elsewhere; none where it is not positive definite.
 std::optional<MatrixXd> covariance_from(const MatrixXd& hessian, int alphas, int order) {
-  std::vector<Eigen::Index> free;
-  for (Eigen::Index i = 0; i < hessian.rows(); ++i)
-    if (i <= order || i >= alphas) free.push_back(i);
+  const std::vector<int> free = free_entries(hessian.rows(), alphas, order);
   MatrixXd own = hessian(free, free);
   VectorXd scale = own.diagonal();
   for (double& s : scale) {
@@ -123,6 +131,22 @@ std::optional<MatrixXd> covariance_from(const MatrixXd& hessian, int alphas, int
   MatrixXd covariance = MatrixXd::Zero(hessian.rows(), hessian.rows());
   covariance(free, free) = scale.asDiagonal() * inverse * scale.asDiagonal();
   return covariance;
+}
+
+/// What a Hessian of (alpha, landmarks, then what else) says least of, in words.
+std::string least_seen(const JointProblem& problem, const MatrixXd& hessian, int alphas, int order) {
+  JointFit fit;
+  describe_covariance(hessian, JointLayout(problem, alphas, 1, false),
+                      free_entries(hessian.rows(), alphas, order), fit);
+  return fit.weakest_direction;
+}
+
+/// With the landmarks' labels, and the names of the noise.
+std::string with_names(std::string direction, const std::vector<std::string>& labels) {
+  const std::string noise = "noise parameter 0";
+  if (const std::size_t at = direction.find(noise); at != std::string::npos)
+    direction.replace(at, noise.size(), "log sigma_e");
+  return with_labels(direction, labels);
 }
 
 }  // namespace
@@ -290,6 +314,10 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     if (!fit.ok) {
       answer.outcome = Outcome::unobservable;
       answer.reason = "curve and landmarks are not determined by the readings";
+      MatrixXd here = total.at(answer.log_sigmas).hessian;
+      const VectorXd delta = phi_of(answer.state) - reference;
+      for (std::size_t i = 0; i < third.size(); ++i) here += delta[static_cast<Eigen::Index>(i)] * third[i];
+      answer.weakest_direction = least_seen(held_, here, alphas, order);
       if (options_.random_walk)
         answer.reason =
             "what was summed up of the walk says too little where it has gone since; calibrate it as a whole";
@@ -315,6 +343,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
   if (!answer.covariance) {
     answer.reason = "curve and landmarks are not determined by the readings";
     answer.covariance_reason = "no covariance: " + answer.reason;
+    answer.weakest_direction = least_seen(held_, fit.hessian, alphas, order);
   } else if (fit.at_edge) {
     answer.reason =
         "sigma_e or sigma_theta is held at the end of the interval in which the readings were summed up";
@@ -335,11 +364,11 @@ Calibration RecursiveLandmarks::calibration_of(const Answer& answer) const {
   Calibration result;
   result.method = Method::marginal;
   result.outcome = answer.outcome;
-  result.reason = answer.reason;
+  result.reason = with_names(answer.reason, labels_);
   result.counts = counts_;
   result.iterations = answer.iterations;
-  result.covariance_reason = answer.covariance_reason;
-  result.weakest_direction = answer.weakest_direction;
+  result.covariance_reason = with_names(answer.covariance_reason, labels_);
+  result.weakest_direction = with_names(answer.weakest_direction, labels_);
   if (!is_usable(answer.outcome) || answer.state.alpha.size() == 0) {
     if (result.covariance_reason.empty()) result.covariance_reason = "no estimate, so no covariance";
     return result;

@@ -184,7 +184,7 @@ TEST(LandmarkChangeDetector, NamesWhatChangedWithItsSize) {
   for (const bool walk : {false, true}) {
     const Drive d{200, 2, 0.01, walk ? 0.005 : 0.0, walk};
     for (const Case& c : cases) {
-      int found = 0, named = 0, covered = 0, since = 0;
+      int found = 0, named = 0, covered = 0, since = 0, phases = 0;
       for (std::uint64_t repeat = 0; repeat < 20; ++repeat) {
         const auto alarm = named_in(drive(d, seed_from("watch change", {repeat})), walk, c.changed);
         if (!alarm) continue;
@@ -192,11 +192,13 @@ TEST(LandmarkChangeDetector, NamesWhatChangedWithItsSize) {
         named += alarm->kind == c.kind;
         covered += alarm->kind == c.kind && std::abs(alarm->size - c.size) < 3.0 * alarm->std_dev;
         since += std::abs(alarm->since - 1000) <= 100;
+        phases += std::abs(alarm->phase_rad - 1.0) < 3.0 * alarm->phase_std_dev;
       }
       EXPECT_EQ(found, 20) << to_string(c.kind);
       EXPECT_GE(named, 17) << to_string(c.kind);
       EXPECT_GE(covered, named - 2) << to_string(c.kind);  // 0.997 each: more than 2 beyond once in 10^5
       EXPECT_GE(since, 15) << to_string(c.kind);
+      EXPECT_GE(phases, c.kind == ChangeKind::encoder ? named - 2 : 0);
     }
   }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -23,7 +24,9 @@ enum class ChangeKind {
 const char* to_string(ChangeKind kind);
 
 struct ChangeOptions {
-  double run_length = 100000.0;  ///< readings between two alarms where nothing changes, all charts together
+  double run_length =
+      100000.0;  ///< N: readings between two alarms where nothing changes, at least, all charts
+                 ///< together
   double shift =
       0.5;  ///< size looked for, as the RMS of b g over the distances fitted: standard deviations of a
             ///< reading. Smaller sizes are found, too, only later
@@ -40,54 +43,69 @@ struct ChangeAlarm {
   std::int64_t since = 0;    ///< reading after which the change is placed: where the chart was last at 0
   bool named = false;        ///< what follows is known
   ChangeKind kind = ChangeKind::window;
-  double probability = 0.0;          ///< of this kind among all, equal before
-  double size = 0.0, std_dev = 0.0;  ///< b by maximum likelihood, in the unit of its kind
+  double probability = 0.0;  ///< of this kind among all, equal before
+  double size = 0.0,
+         std_dev = 0.0;  ///< b by maximum likelihood, in the unit of its kind; encoder: the amplitude
+  double phase_rad = 0.0, phase_std_dev = 0.0;  ///< encoder: size cos(bearing - phase); other kinds: 0
 };
 
-/// Watches a calibration for a change, reading by reading, by likelihood-ratio CUSUMs (Page 1954, Biometrika 41, 100;
-/// Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 2.2): for each kind and sign
+/// Watches a calibration for a change, reading by reading. For each kind k and sign a chart holds the likelihood ratio of
+/// that change since the reading after j, summed over all j (Shiryaev-Roberts; Pollak 1985, Ann. Statist. 13, 206):
 ///
-///   S <- max(0, S + l),   l = b g z - b^2 g^2 / 2   (noise: l = -log rho + z^2 (1 - rho^-2) / 2),   alarm at S > h.
+///   R_k <- (1 + R_k) e^l,   l = b g z - b^2 g^2 / 2   (noise: l = -log rho + z^2 (1 - rho^-2) / 2),
+///   alarm at R = mean over k of R_k > N.
 ///
-/// The steps of a chart have mean -D and variance 2 D under no change, D the mean of b^2 g^2 / 2. Its average run length is
-/// that of a Brownian motion with the excess over the limit added (Siegmund 1985, Sequential Analysis, ch. 2.6; 10.2),
+/// While nothing changes z ~ N(0, 1) and e^l has mean 1 whatever g is. R less the readings so far is then a martingale, so
+/// that the mean of R at the alarm is the average run length: it is at least N, and exceeds it by the excess of R over N
+/// alone, whatever the distances, however alike they or the charts are. b is chosen for an even design (`shift`). The
+/// beginning of the change is where Page's sum of the chart that counts most, S <- max(0, S + l), was last at 0
+/// (Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 2.2).
 ///
-///   ARL = (e^h' - h' - 1) / D,   h' = h + 1.166 sqrt(2 D),
+/// The directions are alike over few readings. What changed is therefore told from the next `naming` readings, which the
+/// alarm did not choose: with U = sum g z, I = sum g g^T of a kind (encoder: 2 x 2, both waves, which are not orthogonal
+/// over a few readings) its size is b = I^-1 U, the gain of likelihood U^T I^-1 U / 2 (noise: N (v - 1 - log v) / 2, v the
+/// mean of z^2, N of them; size log(v) / 2), less half the logarithm of the readings for a second unknown; the probability
+/// of a kind is its share of e^gain. With C the covariance of the calibration's alpha, x = (1, d, d^2, ...) and
+/// A = sum g x^T / s,
 ///
-/// from which h follows for charts that share the alarms equally; charts are correlated, so the true ARL of all together is
-/// longer than stated. For the noise, whose steps are not normal, h comes from the renewal of a simulated chart (fixed
-/// seed). D is the mean over the distances fitted, evenly taken.
+///   cov b = I^-1 + I^-1 A C A^T I^-1   (noise: 1 / (2 N), and the variance of log sigma_e).
 ///
-/// The directions are alike over few readings. What changed is therefore told from the next `naming` readings: for each
-/// kind the gain of likelihood at its best size, (sum g z)^2 / (2 sum g^2) (encoder: both waves; noise: N (v - 1 - log v) / 2,
-/// v the mean of z^2), less half the logarithm of the readings for a second unknown; the probability of a kind is its
-/// share of e^gain. A change that stays alarms again.
+/// A change that stays alarms again.
 ///
-/// The calibration is taken as exact: let it come from many more readings than a change takes to be found.
+/// To raise an alarm the calibration is taken as exact: let it come from many more readings than a change takes to be
+/// found.
 class ChangeDetector {
  public:
   /// Throws InputError for a calibration without a curve or spread and bad options.
   ChangeDetector(const Calibration& reference, const ChangeOptions& options = {});
 
-  /// Takes one reading of a known distance; the alarm it raises or names, if any. All charts start again then. Readings that are not finite and positive are passed over. Cost: some 50 ns.
+  /// Takes one reading of a known distance; the alarm it raises or names, if any. All charts start again then. Readings
+  /// that are not finite and positive are passed over. Cost: some 0.2 us.
   std::optional<ChangeAlarm> add(double true_m, double reading_m, double bearing_rad = 0.0);
 
   std::int64_t readings() const { return readings_; }
   /// The charts' present values and counters, to be handed to `restore` of a detector made alike.
   std::vector<double> state() const;
-  void restore(const std::vector<double>& state);  ///< throws InputError for a state of another length
+  /// Throws InputError for a state of another length. Of the charts of version 0.1.0 it takes Page's sums; an alarm that was
+  /// open then is named by the next `naming` readings.
+  void restore(const std::vector<double>& state);
 
  private:
   struct Chart {
     ChangeKind kind;
-    int wave = 0;                           ///< encoder: 0 cos, 1 sin
-    double size, limit;                     ///< b, h
-    double value = 0.0;                     ///< S
-    double score = 0.0, information = 0.0;  ///< while naming: sum g z, sum g^2; noise: sum z^2, count
-    std::int64_t since = 0;
+    int wave = 0;            ///< encoder: 0 cos, 1 sin
+    double size;             ///< b
+    double ratio = 0.0;      ///< R
+    double value = 0.0;      ///< S
+    std::int64_t since = 0;  ///< reading at which S was last 0
   };
+  void add_charts(ChangeKind kind, int wave);
+  void restore_first_version(const std::vector<double>& state);
+  const Chart* loudest() const;  ///< of an alarm; null: there is none
+  void sum_up(double true_m, double f, double s, double z, double bearing);
   void start_again();
   void name(ChangeAlarm& alarm) const;
+  Eigen::Index directions() const { return options_.bearings ? 5 : 3; }  ///< all kinds but the noise
 
   Calibration reference_;
   ChangeOptions options_;
@@ -95,9 +113,10 @@ class ChangeDetector {
   std::int64_t readings_ = 0;
   std::int64_t naming_left_ = 0;  ///< readings until the open alarm is named; 0: none is open
   ChangeAlarm open_;
+  // While naming, over h = (g of the directions, x / s): sum h z, sum h h^T; sum z^2.
+  Eigen::VectorXd score_;
+  Eigen::MatrixXd information_;
+  double squares_ = 0.0;
 };
-
-/// h for an average run length of `run_length` readings of one chart whose steps have D = mean(b^2 g^2) / 2.
-double cusum_limit(double run_length, double D);
 
 }  // namespace rangecal
