@@ -55,6 +55,7 @@ class Fleet {
     same("law", to_string(job.law));
     same("shard", fmt::format("{}/{}", job.shard + 1, job.shards));
     identify_inputs(database_);
+    renew_fits(database_);
     database_.execute("COMMIT");
   }
 

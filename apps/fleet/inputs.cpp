@@ -27,6 +27,11 @@ void add_column(Database& database, const char* table, const char* column, const
     database.execute(fmt::format("ALTER TABLE {} ADD COLUMN {} {}", table, column, type));
 }
 
+bool same_fits(Database& database, const std::string& schema) {
+  return database.count(fmt::format("SELECT count(*) FROM {}.meta WHERE key = 'fit' AND value = '{}'", schema,
+                                    fit_version)) > 0;
+}
+
 bool is_recording(const fs::path& folder) { return file_exists((folder / "recording.yaml").string()); }
 
 }  // namespace
@@ -75,6 +80,12 @@ void identify_inputs(Database& database) {
       move.bind(1, identity).bind(2, name).run();
     }
   }
+}
+
+void renew_fits(Database& database) {
+  if (same_fits(database, "main")) return;
+  database.execute("UPDATE units SET stamp = NULL, contents = NULL");
+  database.prepare("INSERT OR REPLACE INTO meta VALUES('fit', ?)").bind(1, std::string(fit_version)).run();
 }
 
 void take_recordings(Database& database, const std::vector<std::string>& given) {
@@ -129,13 +140,17 @@ void merge_fleet(Database& database, const std::string& file) {
       "DELETE FROM main.units WHERE EXISTS(SELECT 1 FROM theirs WHERE theirs.name = units.name"
       " AND (units.readings IS NULL OR theirs.contents IS NOT NULL AND theirs.contents IS NOT units.contents));"
       "INSERT OR IGNORE INTO main.units SELECT * FROM theirs;"
+      "{}"
       // units that they know by another name
       "UPDATE OR IGNORE main.units SET name = (SELECT inputs.name FROM places JOIN main.inputs USING(identity)"
       " WHERE places.name = units.name) WHERE name NOT IN (SELECT name FROM main.inputs);"
       "DELETE FROM main.units WHERE name NOT IN (SELECT name FROM main.inputs);"
       "DROP VIEW theirs; DROP VIEW places; COMMIT; DETACH other",
       early ? ", NULL AS stamp, NULL AS contents" : "",
-      has_column(database, "other", "inputs", "identity") ? "identity" : "NULL"));
+      has_column(database, "other", "inputs", "identity") ? "identity" : "NULL",
+      same_fits(database, "other")
+          ? ""
+          : "UPDATE main.units SET stamp = NULL, contents = NULL WHERE name IN (SELECT name FROM theirs);"));
 }
 
 Changes forget_changed(Database& database) {

@@ -11,12 +11,18 @@ namespace rangecal::app {
 
 // The table `inputs`: each sensor once, by its folder's identity, under the name that it was first given.
 
+/// How a unit's theta and questions are made of its readings: fits of another file of results are made anew.
+constexpr const char* fit_version = "2";
+
 /// Whether `schema` holds the tables of a fleet; throws InputError naming `file` where it holds others.
 bool holds_fleet(Database& database, const std::string& schema, const std::string& file);
 
 /// Adds the columns that files of earlier versions have not, and looks up where their units are, or where they have moved to
 /// under the same name. Of two names of one folder the first stays.
 void identify_inputs(Database& database);
+
+/// Has the units of a file that was made by another `fit_version` fitted anew.
+void renew_fits(Database& database);
 
 /// Adds recordings, and those in folders of recordings. Throws InputError for what is neither.
 void take_recordings(Database& database, const std::vector<std::string>& given);

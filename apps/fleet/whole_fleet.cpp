@@ -2,7 +2,6 @@
 #include "fleet/whole_fleet.hpp"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -11,9 +10,9 @@
 #include <optional>
 
 #include "fleet/fingerprint.hpp"
+#include "fleet/oddities.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "rangecal/solvers/fleet/judgement.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
@@ -46,7 +45,7 @@ void put_posteriors(Database& database, const FleetJob& job, const FleetJudge& j
   std::string marks = "?";
   for (int i = 1; i < 6 + 2 * (n + 1); ++i) marks += ", ?";
   Statement posterior = database.prepare("INSERT INTO posteriors VALUES(" + marks + ")");
-  Statement odd = database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, '')");
+  Statement odd = database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, ?)");
   Statement rows = database.prepare(
       "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information, identity"
       " FROM units LEFT JOIN inputs USING(name) ORDER BY name");
@@ -80,21 +79,24 @@ void put_posteriors(Database& database, const FleetJob& job, const FleetJudge& j
             .bind(3, judged.t[worst])
             .bind(4, std::string("standard deviations"))
             .bind(5, p_value)
+            .bind(6, difference_in_words(judged.t))
             .run();
       }
-      const auto ask = [&](int column, const std::string& what, const std::string& unit) {
-        const double p = rows.number(column).value_or(1.0);
+      const auto ask = [&](int column, const std::string& what, const std::string& unit, auto&& words) {
+        const double p = rows.number(column).value_or(1.0),
+                     size = rows.number(column + 1).value_or(std::nan(""));
         if (p < limit)
-          odd.bind(1, name)
-              .bind(2, what)
-              .bind(3, rows.number(column + 1).value_or(std::nan("")))
-              .bind(4, unit)
-              .bind(5, p)
-              .run();
+          odd.bind(1, name).bind(2, what).bind(3, size).bind(4, unit).bind(5, p).bind(6, words(size)).run();
       };
-      ask(3, "shape of the curve", "m");
-      ask(5, "tails of the noise", "excess kurtosis");
-      ask(7, "dependence of neighbours", "correlation");
+      ask(3, "shape of the curve", "m",
+          [](double m) { return fmt::format("two orders more move the curve by up to {:.3g} mm", 1e3 * m); });
+      ask(5, "tails of the noise", "excess kurtosis", [](double k) {
+        return fmt::format("tails {} than normal: excess kurtosis {:+.2g}", k > 0.0 ? "heavier" : "lighter",
+                           k);
+      });
+      ask(7, "dependence of neighbours", "correlation", [](double r) {
+        return fmt::format("neighbouring readings depend on each other: correlation {:+.2g}", r);
+      });
     } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {  // too few readings alone
       std::optional<Recording> recording;
       try {
@@ -127,52 +129,6 @@ void put_posteriors(Database& database, const FleetJob& job, const FleetJudge& j
   }
 }
 
-/// What the diagnosis says of the oddest units, worst first: of one unlike the others what sets it apart from the
-/// population's curve, of another what its own curve leaves out.
-void name_oddities(Database& database, const FleetJob& job, FleetResult& result) {
-  const Population& population = result.population;
-  Calibration typical;
-  typical.kind = RecordingKind::pairs;
-  typical.outcome = Outcome::converged;
-  typical.alpha = population.mean.head(job.order + 1);
-  typical.alpha_covariance = population.covariance.topLeftCorner(job.order + 1, job.order + 1);
-  typical.noise = {job.law, VectorXd::Constant(1, std::exp(population.mean[job.order + 1]))};
-  typical.range_min_m = population.range_min_m;
-  typical.range_max_m = population.range_max_m;
-  result.odd = database.count("SELECT count(DISTINCT name) FROM oddities");
-  std::vector<std::string> names, places;
-  std::vector<char> unlike;
-  {
-    Statement worst = database.prepare(
-        "SELECT name, max(what LIKE 'unlike%'), identity FROM oddities LEFT JOIN inputs USING(name) GROUP BY name ORDER BY min(p_value), name LIMIT ?");
-    worst.bind(1, std::int64_t{job.diagnoses});
-    while (worst.step()) {
-      names.push_back(worst.text(0));
-      unlike.push_back(worst.integer(1) != 0);
-      places.push_back(place_of(names.back(), worst.text(2)));
-    }
-  }
-  std::vector<std::string> sentences(names.size());
-  tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) {
-    try {
-      const Recording recording = load_recording(places[i]);
-      DiagnoseOptions options;
-      options.held_out = options.unseen = options.next_experiments = false;
-      if (unlike[i] && recording.kind == RecordingKind::pairs) options.simulation = typical;
-      sentences[i] = diagnose({&recording, 1}, options).sentence;
-    } catch (const InputError& error) {
-      sentences[i] = error.what();
-    }
-  });
-  database.execute("BEGIN");
-  for (std::size_t i = 0; i < names.size(); ++i)
-    database.prepare("UPDATE oddities SET explanation = ? WHERE name = ?")
-        .bind(1, sentences[i])
-        .bind(2, names[i])
-        .run();
-  database.execute("COMMIT");
-}
-
 }  // namespace
 
 void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
@@ -201,7 +157,7 @@ void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
     put_posteriors(database, job, FleetJudge(stream, population), result);
   }
   database.execute("COMMIT");
-  if (is_usable(population.outcome)) name_oddities(database, job, result);
+  if (is_usable(population.outcome)) explain_oddities(database, job, result);
 }
 
 }  // namespace rangecal::app

@@ -34,6 +34,8 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   EXPECT_EQ(count_of(csv, "\n"), 61);
   EXPECT_EQ(count_of(csv, "few readings and population"), 1);
   EXPECT_THAT(csv, HasSubstr("pairs.csv, row 202"));
+  // u007 is 0.4 m off where the fleet scatters by 0.02 m
+  EXPECT_THAT(slurp(folder.file("a.db")), HasSubstr("calibration differs from the population's: alpha_0 +"));
 
   // the same rows on other threads, from shards, and in a second run over a file that is there already
   ASSERT_EQ(
@@ -52,6 +54,34 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
       run("fleet " + fleet + order + folder.file("b.db") + " --csv " + folder.file("b.csv"));
   EXPECT_THAT(again.out, HasSubstr("60 were there already"));
   EXPECT_EQ(slurp(folder.file("b.csv")), csv);
+}
+
+/// Pairs of a curve like the fleet's: offset and slope, noise sigma f^2, errors that follow the one before by `correlation`.
+std::string pairs_of(double offset, double slope, double correlation, std::uint64_t seed) {
+  Random random(seed_from("fleet odd", {seed}));
+  std::string text = "true_m,reading_m\n";
+  double error = random.normal();
+  for (int i = 0; i < 200; ++i) {
+    const double d = random.uniform(0.5, 4.0), f = offset + slope * d;
+    text += fmt::format("{:.5f},{:.5f}\n", d, f + 0.01 * f * f * error);
+    error = correlation * error + std::sqrt(1.0 - correlation * correlation) * random.normal();
+  }
+  return text;
+}
+
+TEST(FleetCommand, SaysWhatIsOddWhereTheDiagnosisFindsNothing) {
+  const TemporaryFolder folder;
+  write_fleet(folder, 40, 200);
+  folder.write("fleet/u005/pairs.csv", pairs_of(0.05, 0.9, 0.7, 1));  // neighbours depend on each other
+  folder.write("fleet/u006/pairs.csv", pairs_of(0.05, 1.2, 0.0, 2));  // another slope, nothing else
+  const std::string db = folder.file("a.db");
+  const RunResult result = run("fleet " + folder.file("fleet") + " --order 1 -o " + db);
+  ASSERT_EQ(result.code, 0) << result.err;
+  const std::string rows = slurp(db);
+  EXPECT_THAT(rows, HasSubstr("neighbouring readings depend on each other: correlation +0."));
+  EXPECT_THAT(rows, HasSubstr("calibration differs from the population's: alpha_1 +"));
+  EXPECT_THAT(rows, HasSubstr("; physics within its own recording: none found"));
+  EXPECT_THAT(rows, ::testing::Not(HasSubstr("No mismatch")));
 }
 
 TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {

@@ -268,21 +268,4 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
   return result;
 }
 
-std::optional<UnitSummary> summarise(const Calibration& calibration) {
-  if (calibration.outcome != Outcome::converged || !calibration.alpha_covariance ||
-      calibration.noise.parameters.size() != 1 || calibration.noise_estimates.size() != 1 ||
-      !calibration.noise_estimates[0].std_dev || !(calibration.noise.parameters[0] > 0.0))
-    return std::nullopt;
-  const Eigen::Index n = calibration.alpha.size();
-  UnitSummary unit{VectorXd(n + 1), MatrixXd::Zero(n + 1, n + 1)};
-  const double sigma = calibration.noise.parameters[0];
-  unit.theta << calibration.alpha, std::log(sigma);
-  const Eigen::LLT<MatrixXd> factor(*calibration.alpha_covariance);
-  if (factor.info() != Eigen::Success) return std::nullopt;
-  unit.information.topLeftCorner(n, n) = factor.solve(MatrixXd::Identity(n, n));
-  unit.information(n, n) = std::pow(sigma / *calibration.noise_estimates[0].std_dev, 2);
-  if (!unit.information.allFinite() || unit.information.llt().info() != Eigen::Success) return std::nullopt;
-  return unit;
-}
-
 }  // namespace rangecal

@@ -3,12 +3,15 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/special_functions/beta.hpp>
+#include <boost/math/special_functions/digamma.hpp>
+#include <boost/math/special_functions/trigamma.hpp>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "fleet/kurtosis_law.hpp"
 #include "pairs_ml/dense_newton.hpp"
-#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -22,6 +25,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int highest_order = 8;  // of f in the test of its shape
+
+constexpr std::size_t fewest_for_tails = 30, fewest_for_all = 100;  // readings
 
 double two_sided(double z) { return std::erfc(std::abs(z) / std::sqrt(2.0)); }
 
@@ -49,7 +54,37 @@ MatrixXd matrix_of(const nlohmann::json& object, const char* field, Eigen::Index
   return matrix;
 }
 
+/// P of a larger likelihood ratio 2 (nll - wider nll), by `more` coefficients that N readings with `coefficients` in all do not
+/// need: sigma^2 of the wider fit over that of the other is Beta((N - coefficients) / 2, more / 2).
+double likelihood_ratio_upper(double ratio, double N, int coefficients, int more) {
+  if (!(ratio > 0.0) || N <= coefficients) return 1.0;
+  return boost::math::ibeta(0.5 * (N - coefficients), 0.5 * more, std::exp(-ratio / N));
+}
+
 }  // namespace
+
+std::optional<UnitSummary> summarise(const Calibration& calibration) {
+  if (calibration.outcome != Outcome::converged || !calibration.alpha_covariance ||
+      calibration.noise.parameters.size() != 1 || calibration.noise_estimates.size() != 1 ||
+      !calibration.noise_estimates[0].std_dev || !(calibration.noise.parameters[0] > 0.0))
+    return std::nullopt;
+  const Eigen::Index n = calibration.alpha.size();
+  UnitSummary unit{VectorXd(n + 1), MatrixXd::Zero(n + 1, n + 1)};
+  const double sigma = calibration.noise.parameters[0];
+  const double worth = 0.5 * std::pow(sigma / *calibration.noise_estimates[0].std_dev, 2);  // N_e
+  const bool reml = calibration.method == Method::marginal;
+  const double lost = reml ? 0.0 : static_cast<double>(n);
+  const double readings = !reml && calibration.counts.used > 0 ? calibration.counts.used : worth;
+  if (!(worth > lost) || !(readings > lost)) return std::nullopt;
+  const double bias = 0.5 * (boost::math::digamma(0.5 * (readings - lost)) - std::log(0.5 * readings));
+  unit.theta << calibration.alpha, std::log(sigma) - bias;
+  const Eigen::LLT<MatrixXd> factor(*calibration.alpha_covariance);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  unit.information.topLeftCorner(n, n) = (1.0 - lost / readings) * factor.solve(MatrixXd::Identity(n, n));
+  unit.information(n, n) = 4.0 / boost::math::trigamma(0.5 * (worth - lost));
+  if (!unit.information.allFinite() || unit.information.llt().info() != Eigen::Success) return std::nullopt;
+  return unit;
+}
 
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population) {
   const Eigen::Index p = population.mean.size(), n = p - 1;
@@ -107,7 +142,8 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   UnitMisfit misfit;
   const Pairs& pairs = recording.pairs;
   const std::size_t count = pairs.size();
-  if (recording.kind != RecordingKind::pairs || count < 100 || calibration.outcome != Outcome::converged)
+  if (recording.kind != RecordingKind::pairs || count < fewest_for_tails ||
+      calibration.outcome != Outcome::converged)
     return misfit;
   double second = 0.0, fourth = 0.0, neighbours = 0.0, before = 0.0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -121,7 +157,9 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   const double N = static_cast<double>(count);
   misfit.kurtosis = N * fourth / (second * second) - 3.0;
   misfit.correlation = neighbours / second;
-  misfit.tail_p = two_sided(misfit.kurtosis * std::sqrt(N / 24.0));
+  const double degrees = N - static_cast<double>(calibration.alpha.size());
+  misfit.tail_p = two_sided(fleet::kurtosis_score(misfit.kurtosis + 3.0, degrees));
+  if (count < fewest_for_all) return misfit;
   misfit.dependence_p = two_sided(misfit.correlation * std::sqrt(N));
   const int more = std::min(2, highest_order - calibration.order());
   if (more < 1) return misfit;
@@ -131,7 +169,7 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   const PairsFit fit = full_pairs(make_pairs_problem({&recording, 1}), wider);
   if (fit.calibration.outcome != Outcome::converged || !calibration.joint_nll) return misfit;
   const double gain = 2.0 * (*calibration.joint_nll - fit.nll);
-  misfit.shape_p = gain > 0.0 ? chi_squared_upper(gain, more) : 1.0;
+  misfit.shape_p = likelihood_ratio_upper(gain, N, *wider.order + 1, more);
   for (int i = 0; i <= 20; ++i) {
     const double d = calibration.range_min_m + i / 20.0 * (calibration.range_max_m - calibration.range_min_m);
     misfit.shape_m = std::max(misfit.shape_m, std::abs(evaluate_polynomial(fit.calibration.alpha, d) -

@@ -18,8 +18,8 @@ namespace rangecal {
 ///
 ///   theta_u ~ N(mu, Sigma),            readings_u | theta_u: the likelihood of the 2016 problem,
 ///
-/// which for a unit with readings enough is N(theta; theta^_u, Lambda_u^-1), theta^_u its maximum, Lambda_u
-/// the expected information there. Sigma maximises the restricted likelihood, that of prod_u N(theta^_u; mu,
+/// which for a unit with readings enough is N(theta; theta^_u, Lambda_u^-1), theta^_u its maximum without the bias of sigma,
+/// Lambda_u the expected information there (`summarise`). Sigma maximises the restricted likelihood, that of prod_u N(theta^_u; mu,
 /// Sigma + Lambda_u^-1) with mu integrated out, by EM:
 ///
 ///   V_u = (Sigma^-1 + Lambda_u)^-1,  K_u = V_u Lambda_u,  m_u = mu + K_u (theta^_u - mu),
@@ -79,8 +79,15 @@ struct UnitPosterior {
 };
 UnitPosterior shrink(const UnitSummary& unit, const Population& population);
 
-/// theta and information of a calibration of order n: alpha with its covariance, sigma with its standard deviation.
-/// Nothing where it has no covariance or more than one noise parameter.
+/// theta and information of a calibration with p coefficients of f. By `full` from N readings, N sigma^^2 / sigma^2 is chi^2 with N - p
+/// degrees of freedom (exact where the weights 1 / s^2 are known; psi digamma, psi' trigamma):
+///
+///   E log sigma^ - log sigma = (psi((N - p) / 2) - log(N / 2)) / 2,       var log sigma^ = psi'((N_e - p) / 2) / 4,
+///   cov alpha^ = N / (N - p) times that at sigma^,      N_e = 1 / (2 var) by the expected information: N where alpha says nothing of s.
+///
+/// The bias is taken off theta. sigma by `marginal` counts the coefficients already: there p = 0 and N = N_e. Over units of
+/// 40 readings and order 2, sigma^ itself would put mu of log sigma at -0.053.
+/// Nothing where it has no covariance, more than one noise parameter, or no more readings than coefficients.
 std::optional<UnitSummary> summarise(const Calibration& calibration);
 
 /// The calibration of a unit from its pairs and its population together: the maximum of likelihood times
@@ -90,11 +97,13 @@ std::optional<UnitSummary> summarise(const Calibration& calibration);
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population);
 
 /// What a unit's residuals z = (y - f) / s show that its curve does not hold, for readings in their order; p-values of each
-/// alone, two-sided, 1 where there are too few readings.
+/// alone, two-sided, 1 where there are too few readings: below 30 for the tails, below 100 for the others.
 struct UnitMisfit {
   double shape_p =
-      1.0;  ///< two orders more, up to 8, fit better: likelihood ratio, chi^2 with as many degrees of freedom
-  double tail_p = 1.0;        ///< excess kurtosis k of z: k sqrt(N / 24) is N(0, 1)
+      1.0;  ///< k = two orders more, up to 8, fit better: likelihood ratio l of p coefficients, exp(-l / N) is
+            ///< Beta((N - p) / 2, k / 2)
+  double tail_p =
+      1.0;  ///< kurtosis of z, by its law for N - p independent values: far from normal for any N of a sensor
   double dependence_p = 1.0;  ///< correlation r of neighbours: r sqrt(N) is N(0, 1)
   double shape_m = 0.0;       ///< largest change of f by the two orders [m]
   double kurtosis = 0.0, correlation = 0.0;

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "fleet/kurtosis_law.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "rangecal/core/distributions.hpp"
+#include "rangecal/core/random.hpp"
+
+namespace rangecal {
+namespace {
+
+using fleet::kurtosis_score;
+
+double kurtosis_mean(double n) { return 3.0 * n / (n + 2.0); }
+double kurtosis_deviation(double n) {
+  return std::sqrt(24.0 * n * n * (n - 1.0) / ((n + 2.0) * (n + 2.0) * (n + 4.0) * (n + 6.0)));
+}
+
+struct PowerSums {
+  double second = 0.0, fourth = 0.0, largest = 0.0;  ///< of z^2
+};
+
+PowerSums draw_sums(int count, Random& random) {
+  PowerSums sums;
+  for (int i = 0; i < count; ++i) {
+    const double square = std::pow(random.normal(), 2);
+    sums.second += square;
+    sums.fourth += square * square;
+    sums.largest = std::max(sums.largest, square);
+  }
+  return sums;
+}
+
+/// P(chi^2 with one degree of freedom > u).
+double beyond(double u) { return std::erfc(std::sqrt(0.5 * std::max(u, 0.0))); }
+
+/// P(n (S4 + u^2) / (S2 + u)^2 > b and u > the rest's largest) for one more square u: (n - b) u^2 - 2 b S2 u + n S4 - b S2^2 > 0.
+double largest_of_all_makes(double b, double n, const PowerSums& rest) {
+  const double a = n - b, half = b * rest.second,
+               discriminant = half * half - a * (n * rest.fourth - b * rest.second * rest.second);
+  if (discriminant < 0.0) return beyond(rest.largest);
+  const double high = (half + std::sqrt(discriminant)) / a, low = (half - std::sqrt(discriminant)) / a;
+  return beyond(std::max(rest.largest, high)) +
+         (low > rest.largest ? beyond(rest.largest) - beyond(low) : 0.0);
+}
+
+TEST(KurtosisLaw, IsNormalOnlyForValuesWithoutEnd) {
+  const double n = 1e12;
+  for (const double z : {-5.0, -1.0, 0.0, 2.0, 6.0})
+    EXPECT_NEAR(kurtosis_score(kurtosis_mean(n) + z * kurtosis_deviation(n), n), z, 1e-2);
+  // 3.9 standard deviations of 100 values are exceeded by 43 in 10 000: a score of 2.6
+  EXPECT_NEAR(kurtosis_score(kurtosis_mean(100.0) + 3.9 * kurtosis_deviation(100.0), 100.0), 2.63, 0.05);
+  EXPECT_EQ(kurtosis_score(100.0, 19.0), 0.0);
+}
+
+TEST(KurtosisLaw, GrowsWithTheKurtosisAndChangesLittleWithTheCount) {
+  for (double n = 20.0; n < 1e6; n *= 1.21) {
+    double before = -1e300;
+    for (double b = 1.0; b < std::min(n, 100.0); b *= 1.05) {
+      const double score = kurtosis_score(b, n);
+      EXPECT_GT(score, before) << n << ' ' << b;
+      before = score;
+    }
+    for (const double x : {-1.5, 0.0, 3.0, 8.0}) {
+      const double here = kurtosis_score(kurtosis_mean(n) + x * kurtosis_deviation(n), n);
+      const double next = kurtosis_score(kurtosis_mean(n + 1.0) + x * kurtosis_deviation(n + 1.0), n + 1.0);
+      EXPECT_NEAR(here, next, 0.05) << n << ' ' << x;
+    }
+  }
+}
+
+TEST(KurtosisLaw, HoldsInTheBody) {
+  // Shares beyond scores of 1.645 and 2.326, each side: 0.05 and 0.01; four binomial deviations and 5 % for the table.
+  for (const int n : {26, 37, 80, 400, 2000}) {
+    Random random(seed_from("KurtosisLaw body", {static_cast<std::uint64_t>(n)}));
+    const int draws = n > 1000 ? 4000 : 20000;
+    int beyond_score[2][2] = {};
+    for (int i = 0; i < draws; ++i) {
+      const PowerSums sums = draw_sums(n, random);
+      const double score = kurtosis_score(n * sums.fourth / (sums.second * sums.second), n);
+      for (const int strict : {0, 1})
+        if (std::abs(score) > (strict ? 2.3263 : 1.6449)) ++beyond_score[strict][score > 0.0];
+    }
+    for (const int strict : {0, 1})
+      for (const int side : {0, 1}) {
+        const double p = strict ? 0.01 : 0.05, expected = p * draws;
+        EXPECT_NEAR(beyond_score[strict][side], expected,
+                    4.0 * std::sqrt(expected * (1.0 - p)) + 0.05 * expected)
+            << n << ' ' << strict << ' ' << side;
+      }
+  }
+}
+
+TEST(KurtosisLaw, HoldsInTheFarUpperTail) {
+  // n P of the largest square making the kurtosis, given the others (Asmussen and Kroese 2006): its estimate's own scatter is the
+  // tolerance, four deviations, and 0.05 in the score for the table.
+  for (const int n : {37, 80, 400}) {
+    Random random(seed_from("KurtosisLaw tail", {static_cast<std::uint64_t>(n)}));
+    constexpr int draws = 60000;
+    double sum[3] = {}, squares[3] = {}, at[3] = {};
+    for (int k = 0; k < 3; ++k) {  // the kurtosis of score 3, 4, 5, by bisection
+      double low = 1.0, high = n;
+      for (int step = 0; step < 60; ++step)
+        (kurtosis_score(0.5 * (low + high), n) < 3.0 + k ? low : high) = 0.5 * (low + high);
+      at[k] = low;
+    }
+    for (int i = 0; i < draws; ++i) {
+      const PowerSums rest = draw_sums(n - 1, random);
+      for (int k = 0; k < 3; ++k) {
+        const double p = n * largest_of_all_makes(at[k], n, rest);
+        sum[k] += p / draws;
+        squares[k] += p * p / draws;
+      }
+    }
+    for (int k = 0; k < 3; ++k) {
+      const double relative = std::sqrt((squares[k] / (sum[k] * sum[k]) - 1.0) / draws);
+      EXPECT_LT(relative, 0.25) << n << ' ' << k;
+      // d log p / d score is score + 1 / score at least
+      EXPECT_NEAR(normal_upper_quantile(sum[k]), 3.0 + k, 0.05 + 4.0 * relative / (3.0 + k)) << n;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace rangecal
