@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <string>
 
 #include "fit_view.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -14,12 +16,15 @@ namespace rangecal::report {
 void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::vector<ModelScore>& scores) {
   Json rows = Json::array(), names = Json::array(), colours = Json::array();
   std::vector<double> heights;
+  bool with_choice = false;
   for (const NamedCurve& curve : curves) {
     names.push_back(curve.name);
     colours.push_back(curve.colour);
     for (const CurvePoint& p : curve_points(*curve.calibration, 61)) {
       const double excess = 1e3 * (p.reading_m - p.distance_m);
-      const double band = p.std_dev_m ? 1e3 * z95 * *p.std_dev_m : 0.0;
+      const std::optional<double> std_dev = p.std_dev_with_choice_m ? p.std_dev_with_choice_m : p.std_dev_m;
+      const double band = std_dev ? 1e3 * z95 * *std_dev : 0.0;
+      with_choice = with_choice || p.std_dev_with_choice_m;
       rows.push_back({{"model", curve.name},
                       {"d", number(p.distance_m)},
                       {"excess", number(excess)},
@@ -37,7 +42,9 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
        "curve",
        {{"models", names}, {"colours", colours}, {"low", limits.low}, {"high", limits.high}},
        "What the sensor says beyond the true distance",
-       "f(d) − d with its 95 % band, over the readings as they were read.",
+       std::string("f(d) − d with its 95 % band, ") +
+           (with_choice ? "the choice of order and noise law in it, " : "") +
+           "over the readings as they were read.",
        "plot"}};
   std::vector<ModelScore> sane;
   std::copy_if(scores.begin(), scores.end(), std::back_inserter(sane),

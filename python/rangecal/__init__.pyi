@@ -94,6 +94,7 @@ class Calibration:
     order: int
     alpha: Floats  # (order + 1,), alpha_i in m^(1-i)
     covariance: Optional[Floats]  # (order + 1, order + 1)
+    covariance_with_choice: Optional[Floats]  # (n, n), n - 1 the highest order that may hold
     covariance_reason: str
     noise_law: str
     noise_parameters: Floats

@@ -74,7 +74,9 @@ _DOCS = {
     alpha : ndarray (order + 1,)
         alpha[i] in m^(1-i).
     covariance : ndarray (order + 1, order + 1) or None
-        Of alpha, units m^(2-i-j).
+        Of alpha, units m^(2-i-j), given order and noise law.
+    covariance_with_choice : ndarray (n, n) or None
+        Where order or noise law were chosen: with that choice in it, n - 1 the highest order that may hold.
     covariance_reason : str
         Why there is none, or a caution.
     noise_law : {"constant", "f", "f2", "f3", "d2", "polynomial"}
@@ -82,7 +84,7 @@ _DOCS = {
     noise_parameters, noise_std : ndarray
         sigma (m^(1-p)), or beta (m^(1-i)), and standard deviations.
     noise_shapes : dict of dict
-        Tails of ``range`` and ``bearing`` where they are not Gaussian: ``family`` and its parameters.
+        Tails of ``range`` and ``bearing`` where they are not Gaussian: ``family``, its parameters and their ``..._std``.
     sigma_theta_rad, sigma_theta_std_rad : float or None
         Standard deviation of one bearing [rad], and that of the estimate.
     sigma_s_m, sigma_s_std_m, sigma_s_upper95_m : float or None

@@ -70,8 +70,8 @@ inline void archive_fields(python::Archive& a, Estimate& s) {
   a(value, std_dev);
 }
 inline void archive_fields(python::Archive& a, ShapeEstimate& s) {
-  auto& [family, parameters] = s;
-  a(family, parameters);
+  auto& [family, parameters, std_dev] = s;
+  a(family, parameters, std_dev);
 }
 inline void archive_fields(python::Archive& a, LandmarkEstimate& s) {
   auto& [recording, label, position, covariance] = s;
@@ -82,12 +82,12 @@ inline void archive_fields(python::Archive& a, StopEstimate& s) {
   a(recording, label, pose);
 }
 inline void archive_fields(python::Archive& a, Calibration& s) {
-  auto& [method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta,
-         sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest,
-         iterations, seconds] = s;
-  a(method, kind, outcome, reason, alpha, covariance, why, noise, noise_estimates, shapes, sigma_theta,
-    sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic, weakest,
-    iterations, seconds);
+  auto& [method, kind, outcome, reason, alpha, covariance, with_choice, why, noise, noise_estimates, shapes,
+         sigma_theta, sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal,
+         aic, weakest, iterations, seconds] = s;
+  a(method, kind, outcome, reason, alpha, covariance, with_choice, why, noise, noise_estimates, shapes,
+    sigma_theta, sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic,
+    weakest, iterations, seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
   auto& [order, law, nll, aic] = s;

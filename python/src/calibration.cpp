@@ -35,6 +35,7 @@ py::dict noise_shapes(const Calibration& c) {
     py::dict entry;
     entry["family"] = shape.family;
     for (const auto& [name, value] : shape.parameters) entry[py::str(name)] = value;
+    for (const auto& [name, value] : shape.std_dev) entry[py::str(name + "_std")] = value;
     shapes[py::str(channel)] = entry;
   }
   return shapes;
@@ -100,6 +101,9 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly("alpha", [](const py::object& self) { return view(of(self).alpha, self); })
       .def_property_readonly("covariance",
                              [](const py::object& self) { return view(of(self).alpha_covariance, self); })
+      .def_property_readonly(
+          "covariance_with_choice",
+          [](const py::object& self) { return view(of(self).covariance_with_choice, self); })
       .def_readonly("covariance_reason", &Calibration::covariance_reason)
       .def_property_readonly("noise_law", [](const Calibration& c) { return to_string(c.noise.law); })
       .def_property_readonly("noise_parameters",

@@ -28,6 +28,7 @@ Result run_command(const std::function<std::function<Result()>(CLI::App&)>& decl
 py::tuple extract_job(const std::vector<std::string>& words) {
   const auto found = run_command<ingest::Extracted>(ingest::add_extract_options, "extract", words);
   const Extraction& extraction = found.extraction;
+  for (const std::string& warning : found.warnings) py::module_::import("warnings").attr("warn")(warning);
   return py::make_tuple(std::make_shared<Recording>(extraction.recording),
                         ingest::extraction_json(extraction, found.options),
                         ingest::describe(extraction, found.options));

@@ -111,7 +111,11 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
       const auto found = c.noise_shapes.find(channel);
       if (found == c.noise_shapes.end()) return std::string("-");
       const std::map<std::string, double>& at = found->second.parameters;
-      if (at.count("nu")) return fmt::format("t, nu {:.3g}", at.at("nu"));
+      if (at.count("nu")) {
+        const auto std_dev = found->second.std_dev.find("nu");
+        return fmt::format("t, nu {:.3g}", at.at("nu")) +
+               (std_dev == found->second.std_dev.end() ? "" : fmt::format(" +- {:.2g}", std_dev->second));
+      }
       if (at.at("outlier_share") < 1e-5) return std::string("no outlier");
       return fmt::format("{:.2g} % x {:.3g}", 100.0 * at.at("outlier_share"), at.at("outlier_scale"));
     });

@@ -134,6 +134,22 @@ std::string curve_table(const Calibration& c) {
   return text + "\n";
 }
 
+/// The band of the table with the choice of order and noise law in it; empty where nothing was chosen.
+std::string choice_in_words(const Calibration& c, const CalibrationReport& report) {
+  if (!c.alpha_covariance || report.models.size() < 2) return {};
+  std::string text = "the bands and standard deviations above hold given this order and noise law";
+  if (!c.covariance_with_choice)
+    return text + (c.kind == RecordingKind::landmarks && c.method != Method::marginal
+                       ? "; --method marginal counts their choice too"
+                       : "");
+  std::string bands;
+  for (const CurvePoint& p : curve_points(c))
+    bands +=
+        fmt::format("{}{:.1f}", bands.empty() ? "" : ", ", 1.96e3 * p.std_dev_with_choice_m.value_or(0.0));
+  return text + fmt::format("; with the choice among {} models the 95 % bands are +- {} mm",
+                            report.models.size(), bands);
+}
+
 std::string least_certain(const Calibration& c) {
   const std::vector<CurvePoint> points = curve_points(c, 41);
   const auto worst =
@@ -176,6 +192,7 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
   if (curve) {
     add("Model", describe_choice(c, report));
     add("Curve f", curve_in_words(c));
+    if (const std::string choice = choice_in_words(c, report); !choice.empty()) add("Choice", choice);
     if (c.sigma_theta_rad) {
       std::optional<double> std_dev = c.sigma_theta_rad->std_dev;
       if (std_dev) *std_dev *= degrees;

@@ -26,7 +26,7 @@ UNITS = {
     "core/src/noise.cpp": ["tests/core/noise_test.cpp"],
     "problems/src/pairs/pairs_problem.cpp": [PAIRS + "pairs_problem_test.cpp"],
     "problems/src/pairs/pairs_residual.cpp": [PAIRS + "pairs_problem_test.cpp"],
-    "problems/src/pairs/noise_shape.cpp": [PAIRS + "pairs_problem_test.cpp"],
+    "problems/src/pairs/noise_shape.cpp": [PAIRS + "pairs_problem_test.cpp", PAIRS + "noise_shape_test.cpp"],
     "problems/src/landmarks/joint_nll.cpp": [LANDMARKS + "joint_nll_test.cpp"],
     "problems/src/landmarks/cell_residual.cpp": [LANDMARKS + "cell_residual_test.cpp"],
     HEADERS + "range_term.hpp": [LANDMARKS + "range_term_test.cpp"],

@@ -131,8 +131,15 @@ void read_noise(const Field& field, Calibration& calibration) {
   for (const auto& [channel, shape] : field.at("shapes").members()) {
     ShapeEstimate& estimate = calibration.noise_shapes[channel];
     estimate.family = shape.required("family").text();
-    for (const auto& [name, value] : shape.members())
-      if (name != "family") estimate.parameters[name] = value.number();
+    for (const auto& [name, value] : shape.members()) {
+      if (name == "family") continue;
+      if (name.ends_with("_std")) {
+        if (const auto std_dev = value.maybe_number())
+          estimate.std_dev[name.substr(0, name.size() - 4)] = *std_dev;
+      } else {
+        estimate.parameters[name] = value.number();
+      }
+    }
   }
 }
 
@@ -167,6 +174,9 @@ void check_format(const Field& top) {
   if (format.text() != "rangecal-calibration/1") format.fail("is not rangecal-calibration/1");
 }
 
+/// Of any model that may hold: a longer list is a broken file, and its square no matrix to make room for.
+constexpr Eigen::Index most_coefficients = 100;
+
 Calibration read_calibration(const Field& top) {
   check_format(top);
   Calibration calibration;
@@ -186,6 +196,13 @@ Calibration read_calibration(const Field& top) {
   if (!order.is_null() && order.whole() != calibration.order())
     order.fail("is not the number of alpha less one");
   calibration.alpha_covariance = top.at("covariance").matrix(calibration.alpha.size());
+  const Field with_choice = top.at("covariance_with_choice");
+  if (const auto rows = static_cast<Eigen::Index>(with_choice.items().size()); rows > 0) {
+    if (rows < calibration.alpha.size() || rows > most_coefficients)
+      with_choice.fail("has " + std::to_string(rows) + " rows, not " +
+                       std::to_string(calibration.alpha.size()) + " to " + std::to_string(most_coefficients));
+    calibration.covariance_with_choice = with_choice.matrix(rows);
+  }
   calibration.covariance_reason = top.at("covariance_reason").text();
   const Field noise = top.required("noise");
   read_noise(noise, calibration);

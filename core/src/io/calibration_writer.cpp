@@ -40,7 +40,12 @@ Json noise(const Calibration& calibration) {
   object["std"] = deviations;
   for (const auto& [channel, shape] : calibration.noise_shapes) {
     object["shapes"][channel]["family"] = shape.family;
-    for (const auto& [name, value] : shape.parameters) object["shapes"][channel][name] = number(value);
+    for (const auto& [name, value] : shape.parameters) {
+      const auto std_dev = shape.std_dev.find(name);
+      object["shapes"][channel][name] = number(value);
+      object["shapes"][channel][name + "_std"] =
+          std_dev == shape.std_dev.end() ? Json(nullptr) : number(std_dev->second);
+    }
   }
   return object;
 }
@@ -60,6 +65,7 @@ Json to_json(const Calibration& calibration) {
   object["order"] = calibration.order() < 0 ? Json(nullptr) : Json(calibration.order());
   object["alpha"] = vector(calibration.alpha);
   object["covariance"] = matrix(calibration.alpha_covariance);
+  object["covariance_with_choice"] = matrix(calibration.covariance_with_choice);
   object["covariance_reason"] = calibration.covariance_reason;
   object["noise"] = noise(calibration);
   put_estimate(object, "sigma_theta_rad", calibration.sigma_theta_rad);

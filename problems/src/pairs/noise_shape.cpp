@@ -89,4 +89,32 @@ double standard_deviation(const NoiseShapeParameters& shape) {
   }
 }
 
+ShapeInformation shape_information(const NoiseShapeParameters& shape) {
+  constexpr double step = 1.0 / 64.0, farthest = 30.0;  // z = sinh(30) = 5e12, for tails as those of nu = 1
+  const ShapeDensity density_at(shape);
+  const int count = 1 + shape_parameter_count(shape.shape);
+  ShapeInformation information;
+  information.location = 0.0;
+  information.spread = Eigen::MatrixXd::Zero(count, count);
+  for (double t = 0.5 * step; t < farthest; t += step) {  // both signs alike
+    const double z = std::sinh(t);
+    const LogDensity at = density_at(z);
+    const double mass = 2.0 * step * std::cosh(t) * std::exp(at.value);
+    if (!(mass > 0.0)) continue;
+    const Eigen::Vector3d score(at.weight * z * z - 1.0, at.in_shape[0], at.in_shape[1]);
+    information.location += mass * at.derivative * at.derivative;
+    information.spread += mass * score.head(count) * score.head(count).transpose();
+  }
+  return information;
+}
+
+bool at_limit(const NoiseShapeParameters& shape) {
+  using Limits = NoiseShapeParameters;
+  if (shape.shape == NoiseShape::student_t)
+    return shape.nu < 1.01 * Limits::nu_min || shape.nu > 0.95 * Limits::nu_max;
+  if (shape.shape != NoiseShape::contaminated) return false;
+  return shape.outlier_share < 1e-4 || shape.outlier_share > 0.489 ||
+         shape.outlier_scale < Limits::scale_min + 0.01 || shape.outlier_scale > Limits::scale_max - 0.05;
+}
+
 }  // namespace rangecal

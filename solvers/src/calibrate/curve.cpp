@@ -41,10 +41,13 @@ std::optional<CurvePoint> curve_point(const Calibration& calibration, double dis
   point.distance_m = distance_m;
   point.reading_m = evaluate_polynomial(calibration.alpha, distance_m);
   point.noise_m = calibration.noise.spread(distance_m, point.reading_m);
-  if (calibration.alpha_covariance) {
-    const Eigen::VectorXd phi = powers_of(distance_m, calibration.alpha.size());
-    point.std_dev_m = std::sqrt(std::max(0.0, phi.dot(*calibration.alpha_covariance * phi)));
-  }
+  const auto std_dev = [&](const Eigen::MatrixXd& covariance) {
+    const Eigen::VectorXd phi = powers_of(distance_m, covariance.rows());
+    return std::sqrt(std::max(0.0, phi.dot(covariance * phi)));
+  };
+  if (calibration.alpha_covariance) point.std_dev_m = std_dev(*calibration.alpha_covariance);
+  if (calibration.covariance_with_choice)
+    point.std_dev_with_choice_m = std_dev(*calibration.covariance_with_choice);
   return point;
 }
 

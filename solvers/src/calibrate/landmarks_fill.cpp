@@ -201,6 +201,7 @@ void mark_open(const LandmarksJob& job, const std::string& what, const JointStat
   calibration.outcome = Outcome::unobservable;
   calibration.reason = what;
   calibration.alpha_covariance.reset();
+  calibration.covariance_with_choice.reset();
   calibration.covariance_reason = "no covariance: " + what;
   for (Estimate& estimate : calibration.noise_estimates) estimate.std_dev.reset();
   for (LandmarkEstimate& landmark : calibration.landmarks) landmark.covariance.reset();

@@ -168,7 +168,8 @@ double LandmarksJob::parameters(const JointState& state) const {
          2.0 * problem.landmark_count() + (problem.estimate_sigma_s ? 1.0 : 0.0);
 }
 
-std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models) const {
+std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models,
+                                                    std::vector<TriedCurve>& curves) const {
   const int highest = std::min(options.max_order, static_cast<int>(problem.cells.size()) - 3);
   const std::vector<NoiseLaw> laws =
       options.noise
@@ -186,6 +187,11 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
     if (options.on_progress)
       options.on_progress(fmt::format("trying order {} with noise law {}", n, to_string(candidate)));
     ModelScore tried{n, candidate, infinity, infinity};
+    TriedCurve curve;
+    const auto keep = [&](const JointFit& tried_fit) {
+      curve.alpha = tried_fit.state.alpha;
+      if (tried_fit.covariance) curve.covariance = tried_fit.covariance->topLeftCorner(n + 1, n + 1);
+    };
     MarginalFit fit;
     MarginalOptions marginal_options;
     marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
@@ -203,6 +209,7 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
     if (fit.outcome == Outcome::converged) {
       tried.nll = fit.marginal_nll;
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
+      keep(fit);
       warm = fit.state;
       if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * least_sigma_s_m())
         warm.reset();
@@ -212,8 +219,12 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
             *rows, fit.state, any ? NoiseShape::student_t : options.noise_shape, marginal_options);
         tried.nll = robust.shapes.nll;
         tried.aic = is_usable(robust.fit.outcome) ? robust.shapes.aic : infinity;
+        curve.covariance.reset();
+        keep(robust.fit);
       }
     }
+    curve.aic = tried.aic;
+    curves.push_back(curve);
     models.push_back(tried);
     return known[{n, candidate}] = tried.aic;
   };

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "calibrate/choice.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
@@ -40,8 +41,9 @@ struct LandmarksJob {
   double reml_at(const JointState& state) const;
   MarginalFit marginal_by_joint(const JointState& seed, const JointFit* full,
                                 const MarginalOptions& options) const;
-  /// Order and noise law, by the AIC of the marginal NLL; every model tried goes to `models`.
-  std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models) const;
+  /// Order and noise law, by the AIC of the marginal NLL; every model tried goes to `models`, its curve to `curves`.
+  std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models,
+                                        std::vector<TriedCurve>& curves) const;
 
   double parameters(
       const JointState& state) const;  ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated

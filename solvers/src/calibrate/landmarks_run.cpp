@@ -171,7 +171,8 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
       report.calibrations.push_back(named(job, method, Outcome::unbounded, without_noise(*exact)));
     return;
   }
-  const auto [order, law] = job.choose_model(report.models);
+  std::vector<TriedCurve> curves;
+  const auto [order, law] = job.choose_model(report.models, curves);
   Run run(job, order, law);
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
@@ -187,6 +188,9 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   const bool gaussian = run.shape() == NoiseShape::gaussian;
   for (Calibration& calibration : report.calibrations)
     if (gaussian) score(job, sigma_s, sigma_theta, calibration);
+  for (Calibration& calibration : report.calibrations)
+    if (calibration.method == Method::marginal)  // the others' curves at other orders are not known
+      calibration.covariance_with_choice = covariance_with_choice(calibration, curves);
   report_shapes(report);
   if (options.noise_shape == NoiseShape::automatic && run.shaped_marginal())
     note_tried(run.shaped_marginal()->shapes, report);

@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace rangecal {
 namespace {
@@ -12,38 +13,52 @@ template <typename Robust>
 Calibration shaped_calibration(const LandmarksJob& job, Method method, const Robust& robust) {
   Calibration result = calibration_from_fit(job, method, robust.fit);
   if (result.alpha.size() == 0) return result;
-  if (const auto range = shape_estimate(robust.shapes.range)) result.noise_shapes["range"] = *range;
-  if (const auto bearing = shape_estimate(robust.shapes.bearing)) result.noise_shapes["bearing"] = *bearing;
+  const RobustShapes& shapes = robust.shapes;
+  if (const auto range = shape_estimate(shapes.range, shapes.range_std))
+    result.noise_shapes["range"] = *range;
+  if (const auto bearing = shape_estimate(shapes.bearing, shapes.bearing_std))
+    result.noise_shapes["bearing"] = *bearing;
   JointState state = robust.fit.state;
   // A sigma_s of 0 has no density; a micrometre is below what any recording resolves.
   if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, 1e-6);
-  const RobustNll nll = robust_nll(*job.rows, state, robust.shapes.range, robust.shapes.bearing);
+  const RobustNll nll = robust_nll(*job.rows, state, shapes.range, shapes.bearing);
   if (!nll.ok) return result;
-  const int shapes =
-      shape_parameter_count(robust.shapes.range.shape) + shape_parameter_count(robust.shapes.bearing.shape);
+  const int count = shape_parameter_count(shapes.range.shape) + shape_parameter_count(shapes.bearing.shape);
   result.joint_nll = nll.joint;
   result.marginal_nll = nll.marginal;
-  result.aic = 2.0 * (nll.marginal + job.parameters(state) + shapes);
+  result.aic = 2.0 * (nll.marginal + job.parameters(state) + count);
   return result;
 }
 
 }  // namespace
 
-std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape) {
-  if (shape.shape == NoiseShape::student_t) return ShapeEstimate{to_string(shape.shape), {{"nu", shape.nu}}};
-  if (shape.shape == NoiseShape::contaminated)
-    return ShapeEstimate{to_string(shape.shape),
-                         {{"outlier_share", shape.outlier_share}, {"outlier_scale", shape.outlier_scale}}};
-  return std::nullopt;
+std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape,
+                                            const std::vector<double>& deviations) {
+  if (shape_parameter_count(shape.shape) == 0) return std::nullopt;
+  ShapeEstimate estimate;
+  estimate.family = to_string(shape.shape);
+  const bool student = shape.shape == NoiseShape::student_t;
+  const std::vector<const char*> names =
+      student ? std::vector<const char*>{"nu"} : std::vector<const char*>{"outlier_share", "outlier_scale"};
+  const double values[2] = {student ? shape.nu : shape.outlier_share, shape.outlier_scale};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    estimate.parameters[names[i]] = values[i];
+    if (i < deviations.size() && std::isfinite(deviations[i])) estimate.std_dev[names[i]] = deviations[i];
+  }
+  return estimate;
 }
 
 std::string in_words(const ShapeEstimate& shape) {
-  const auto value = [&](const char* name) {
-    const auto found = shape.parameters.find(name);
-    return found == shape.parameters.end() ? 0.0 : found->second;
+  const auto found_in = [](const std::map<std::string, double>& all, const char* name) {
+    const auto found = all.find(name);
+    return found == all.end() ? 0.0 : found->second;
   };
-  if (shape.family == to_string(NoiseShape::student_t))
-    return fmt::format("student-t with nu = {:.3g}", value("nu"));
+  const auto value = [&](const char* name) { return found_in(shape.parameters, name); };
+  if (shape.family == to_string(NoiseShape::student_t)) {
+    const double std_dev = found_in(shape.std_dev, "nu");
+    return fmt::format("student-t with nu = {:.3g}{}", value("nu"),
+                       std_dev > 0.0 ? fmt::format(" +- {:.2g}", std_dev) : std::string());
+  }
   if (value("outlier_share") < 1e-5) return shape.family + " without an outlier";
   return fmt::format("{}: {:.3g} % of the readings with {:.3g} times the spread", shape.family,
                      100.0 * value("outlier_share"), value("outlier_scale"));

@@ -76,7 +76,7 @@ void score_pairs(const PairsProblem& problem, Calibration& calibration) {
 
 Calibration with_shape(const PairsFit& fit) {
   Calibration result = fit.calibration;
-  if (const auto shape = shape_estimate(fit.shape)) result.noise_shapes["range"] = *shape;
+  if (const auto shape = shape_estimate(fit.shape, fit.shape_std)) result.noise_shapes["range"] = *shape;
   return result;
 }
 
@@ -95,6 +95,24 @@ Calibration by_method(Method method, const Recording& all, const PairsProblem& p
   Calibration none;
   none.reason = "it is no method for pairs";
   return none;
+}
+
+/// One method's curves by the models that matter, each with the AIC that the choice went by.
+std::vector<TriedCurve> tried_curves(Method method, const Recording& all, const PairsProblem& problem,
+                                     const CalibrateOptions& options, const std::vector<ModelScore>& models) {
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const ModelScore& model : models) lowest = std::min(lowest, model.aic);
+  std::vector<TriedCurve> curves;
+  for (const ModelScore& model : models) {
+    if (!std::isfinite(model.aic) || model.aic > lowest + aic_that_matters) continue;
+    ClosedFormOptions closed;
+    closed.order = model.order;
+    closed.noise_law = model.law;
+    const Calibration one =
+        by_method(method, all, problem, closed, pairs_options(options, model.order, model.law));
+    if (one.outcome == Outcome::converged) curves.push_back({model.aic, one.alpha, one.alpha_covariance});
+  }
+  return curves;
 }
 
 CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, const Calibration& full) {
@@ -154,6 +172,9 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
     Calibration result = by_method(method, all, problem, closed, gaussian);
+    if (report.models.size() > 1 && result.alpha_covariance)
+      result.covariance_with_choice =
+          covariance_with_choice(result, tried_curves(method, all, problem, options, report.models));
     if (options.on_method) options.on_method(method, false);
     result.method = method;
     result.kind = RecordingKind::pairs;

@@ -9,6 +9,7 @@
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
+#include "joint_ml/robust_covariance.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -29,15 +30,11 @@ struct Channel {
     for (double e : z) sum -= log_density(shape, e).value;
     return sum;
   }
-  /// mean(w) / mean(w^2 z^2), the inverse efficiency of the weights.
-  double widening(const NoiseShapeParameters& shape) const {
-    double weight = 0.0, square = 0.0;
-    for (double e : z) {
-      const double w = log_density(shape, e).weight;
-      weight += w;
-      square += w * w * e * e;
-    }
-    return square > 0.0 ? weight / square : 1.0;
+  /// sum w z^2 with given weights.
+  double squares(const std::vector<double>& weights) const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < z.size(); ++i) sum += weights[i] * z[i] * z[i];
+    return sum;
   }
 };
 
@@ -56,14 +53,17 @@ struct Residuals {
   Channel range, bearing;
 };
 
-/// The shape's parameters that go with given z: nu by Brent on log nu, (p, k) by one step of their own EM.
-void renew_shape(const Channel& channel, NoiseShapeParameters& shape) {
+/// The shape's parameters that go with given z: nu by Brent on log nu, (p, k) by one step of their own EM. `fitted`: how
+/// many parameters the sigma allows for, N - sum w z^2 (REML; 0 for the joint maximum). nu then allows for them too,
+/// since their information (nu + 1) / (nu + 3) / s^2 per reading moves with both: 1/2 log det of it.
+void renew_shape(const Channel& channel, double fitted, NoiseShapeParameters& shape) {
   if (shape.shape == NoiseShape::student_t) {
     const auto cost = [&](double log_nu) {
       NoiseShapeParameters trial = shape;
       trial.nu = std::exp(log_nu);
-      double sum = 0.0;
-      for (double e : channel.z) sum -= log_density(trial, e).value;
+      const ShapeDensity density_at(trial);
+      double sum = 0.5 * fitted * std::log((trial.nu + 1.0) / (trial.nu + 3.0));
+      for (double e : channel.z) sum -= density_at(e).value;
       return sum;
     };
     const double low = std::log(NoiseShapeParameters::nu_min), high = std::log(NoiseShapeParameters::nu_max);
@@ -100,6 +100,21 @@ void set_weights(const Residuals& residuals, const NoiseShapeParameters& range,
 
 double laplace_part(const JointFit&) { return 0.0; }
 double laplace_part(const MarginalFit& fit) { return fit.marginal_nll - fit.joint_nll; }
+/// Its sigmas and nu are not those of the lowest likelihood but REML's.
+constexpr bool is_restricted(const JointFit&) { return false; }
+constexpr bool is_restricted(const MarginalFit&) { return true; }
+
+/// Covariance and standard deviations of the shapes delivered.
+void fill_shape_deviations(const JointProblem& rows, bool restricted, JointFit& fit, RobustShapes& shapes) {
+  const Residuals residuals(rows, fit.state);
+  JointProblem weighted = rows;
+  set_weights(residuals, shapes.range, shapes.bearing, weighted.cells);
+  ShapeAtEstimate range{shapes.range, residuals.range.squares(weighted.cells.range_weight), {}};
+  ShapeAtEstimate bearing{shapes.bearing, residuals.bearing.squares(weighted.cells.bearing_weight), {}};
+  set_robust_covariance(weighted, restricted, range, bearing, fit);
+  shapes.range_std = range.shape_std;
+  shapes.bearing_std = bearing.shape_std;
+}
 
 int free_count(const JointProblem& problem, const JointState& state, const Held& held, bool sigma_s) {
   const JointLayout layout(problem, static_cast<int>(state.alpha.size()),
@@ -121,8 +136,12 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
     if (shape != NoiseShape::gaussian) {
       const Residuals residuals(rows, at);
       if (rounds > 0) {
-        renew_shape(residuals.range, range);
-        renew_shape(residuals.bearing, bearing);
+        const double n = static_cast<double>(rows.cells.size());
+        const auto fitted = [&](const Channel& channel, const std::vector<double>& weights) {
+          return is_restricted(best.fit) ? std::max(0.0, n - channel.squares(weights)) : 0.0;
+        };
+        renew_shape(residuals.range, fitted(residuals.range, weighted.cells.range_weight), range);
+        renew_shape(residuals.bearing, fitted(residuals.bearing, weighted.cells.bearing_weight), bearing);
       }
       set_weights(residuals, range, bearing, weighted.cells);
     }
@@ -133,22 +152,23 @@ Robust one_shape(const JointProblem& rows, const JointState& start, NoiseShape s
     const double nll = usable ? residuals.range.nll(range) + residuals.bearing.nll(bearing) + parts.stops +
                                     parts.taped + laplace_part(fit)
                               : std::numeric_limits<double>::infinity();
-    const bool gains = nll < last;
-    if (gains || rounds == 0) {
+    // REML's fixed point lies a little above the lowest likelihood: there the rounds end where it stands still.
+    const bool restricted = is_restricted(fit), gains = nll < last;
+    if (gains || rounds == 0 || (restricted && usable)) {
       best.fit = fit;
       best.shapes.range = range;
       best.shapes.bearing = bearing;
       best.shapes.nll = nll;
-      if (best.fit.covariance)
-        *best.fit.covariance *=
-            std::max(residuals.range.widening(range), residuals.bearing.widening(bearing));
     }
     // EM creeps at its end: a thousandth of this is far below any standard deviation.
-    if (!usable || shape == NoiseShape::gaussian || !(last - nll > 1e-7)) break;
+    const double change = restricted ? std::abs(last - nll) : last - nll;
+    if (!usable || shape == NoiseShape::gaussian || !(change > 1e-7)) break;
     last = nll;
     at = fit.state;
   }
   best.shapes.rounds = std::min(rounds + 1, max_rounds);
+  if (shape != NoiseShape::gaussian)
+    fill_shape_deviations(rows, is_restricted(best.fit), best.fit, best.shapes);
   if (const std::string collapsed = collapsed_sigma(start, best.fit.state); !collapsed.empty()) {
     best.fit.outcome = Outcome::unbounded;
     best.fit.reason = "with this noise shape the likelihood has no maximum: " + collapsed;

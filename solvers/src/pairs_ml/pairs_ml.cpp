@@ -77,6 +77,7 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
   pairs_ml::ShapeResult shaped = pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law,
                                                      options.noise_order, options.shape, nested);
   fit.shape = shaped.shape;
+  fit.shape_std = shaped.shape_std;
   calibration.iterations = shaped.iterations;
   calibration.outcome = shaped.outcome;
   if (!is_usable(shaped.outcome)) {
@@ -260,10 +261,10 @@ PairsFit fit_pairs(const PairsProblem& problem, const PairsOptions& options, Met
   if (problem.size() == 0) {
     PairsFit fit = empty_fit(problem, method);
     fit.calibration.outcome = Outcome::too_few_data;
-    fit.calibration.reason = "no readings";
-    for (const auto& [why, count] : problem.counts.dropped)
-      fit.calibration.reason =
-          fmt::format("none of {} readings can be used, {} are {}", problem.counts.read, count, why);
+    const std::string dropped = dropped_in_words(problem.counts);
+    fit.calibration.reason =
+        dropped.empty() ? "no readings"
+                        : fmt::format("none of {} readings can be used: {}", problem.counts.read, dropped);
     return fit;
   }
   if (options.shape != NoiseShape::automatic) return fit_shape_orders(problem, options, method);

@@ -61,11 +61,19 @@ Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorX
   return 0.5 * (hessian + hessian.transpose());
 }
 
-bool at_limit(const NoiseShapeParameters& shape) {
-  if (shape.shape == NoiseShape::student_t) return shape.nu < 1.01 || shape.nu > 190.0;
-  return shape.outlier_share < 1e-4 || shape.outlier_share > 0.4999 ||
-         shape.outlier_scale < NoiseShapeParameters::scale_min + 0.01 ||
-         shape.outlier_scale > NoiseShapeParameters::scale_max - 0.05;
+/// Standard deviations of nu, or of p and k, from the variances of what the solver moves (ShapePairs); none for none.
+std::vector<double> deviations_of(const NoiseShapeParameters& shape, const Eigen::VectorXd& variances) {
+  std::vector<double> out;
+  for (const double variance : variances) {
+    double slope = shape.nu - NoiseShapeParameters::nu_min;
+    if (shape.shape == NoiseShape::contaminated) {
+      const double a = 2.0 * shape.outlier_share,
+                   b = (shape.outlier_scale - NoiseShapeParameters::scale_min) / width;
+      slope = out.empty() ? 0.5 * a * (1.0 - a) : width * b * (1.0 - b);
+    }
+    out.push_back(slope * std::sqrt(variance));
+  }
+  return out;
 }
 
 void scale_noise(Vector& x, int first, NoiseLaw law, double factor) {
@@ -300,6 +308,7 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
     best.gradient_norm = norm;
     best.iterations = iterations;
     best.covariance.resize(0, 0);
+    best.shape_std.clear();
     if (hessian.size() == 0) {
       Eigen::VectorXd scale = Eigen::VectorXd::Constant(all.size(), 1e-3);
       hessian = difference_hessian(pairs, all, scale);
@@ -311,7 +320,9 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
       const Eigen::Index kept = best.at_limit ? first : all.size();
       const Eigen::MatrixXd part = hessian.topLeftCorner(kept, kept);
       if (Eigen::LLT<Eigen::MatrixXd>(part).info() == Eigen::Success) {
-        best.covariance = part.inverse().topLeftCorner(first, first);
+        const Eigen::MatrixXd inverse = part.inverse();
+        best.covariance = inverse.topLeftCorner(first, first);
+        best.shape_std = deviations_of(reached, inverse.diagonal().tail(kept - first));
       }
     }
     // At a kink the gradient stays; a step was taken all the same.

@@ -35,6 +35,8 @@ struct ShapeResult {
   NoiseShapeParameters shape;
   double nll = 0.0, gradient_norm = 0.0;
   Eigen::MatrixXd covariance;  ///< of x without the shape, from the observed information; empty if singular
+  std::vector<double>
+      shape_std;  ///< of the shape's parameters; empty where there is no covariance, or at a limit
   std::vector<double> weights;
   bool at_limit = false;  ///< a shape parameter ran to its limit and is held there in the covariance
   int iterations = 0;

@@ -149,7 +149,7 @@ std::vector<StudyParameter> grid_from(const YamlReader& node) {
 
 /// A scene file with its text, read once.
 struct SceneFile {
-  std::string name;
+  std::string name, path;
   Scene scene;
   std::string text;
 };
@@ -162,8 +162,13 @@ class Scenes {
     for (const SceneFile& file : files_)
       if (file.name == name) return file;
     const std::string path = (folder_ / name).lexically_normal().string();
-    files_.push_back({name, load_scene(path), read_file(path)});
+    files_.push_back({name, path, load_scene(path), read_file(path)});
     return files_.back();
+  }
+  std::vector<std::string> paths() const {
+    std::vector<std::string> all;
+    for (const SceneFile& file : files_) all.push_back(file.path);
+    return all;
   }
   std::string texts() const {
     std::string all;
@@ -290,6 +295,8 @@ Study load_study(const std::string& path) {
   Scenes scenes(std::filesystem::path(path).parent_path());
   expand(top, top.has("scene") ? top.at("scene").text() : "", scenes, study);
   check_together(top, study);
+  study.files = scenes.paths();
+  study.files.push_back(path);
 
   // All that the numbers depend on; the file's own text would make a comment another study.
   std::string all = study.name + "\n" + scenes.texts() +

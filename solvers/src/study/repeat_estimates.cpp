@@ -111,7 +111,8 @@ int LandmarkEstimates::selected_order(const RepeatModel& model) {
   job_.options.max_order = model.max_order;
   job_.options.noise = model.law;
   std::vector<ModelScore> tried;
-  return job_.choose_model(tried).first;
+  std::vector<TriedCurve> curves;
+  return job_.choose_model(tried, curves).first;
 }
 
 RepeatEstimate LandmarkEstimates::closed(const StudyEstimator& estimator, const RepeatModel& model) const {

@@ -102,6 +102,12 @@ TEST(Calibrate, OrderAndLawAreChosenByAic) {
             2);  // order 1 is tens of nats worse; AIC may take one order too many
   EXPECT_GE(report.models.size(), 7u);
   for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 0.05);
+  // Orders 3 and 4 cost 2 each and gain something, so that they count in what the choice leaves open.
+  ASSERT_TRUE(report.calibrations[0].covariance_with_choice);
+  EXPECT_GE(report.calibrations[0].covariance_with_choice->rows(), 4);
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  EXPECT_FALSE(calibrate(std::span(&recording, 1), options)[0].covariance_with_choice);
 }
 
 TEST(Calibrate, FromStartsThereAndEndsAtTheSameOptimum) {

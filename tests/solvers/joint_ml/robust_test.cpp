@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/joint_ml/joint_system.hpp"
 #include "support/joint_scenes.hpp"
 
 namespace rangecal {
@@ -86,6 +88,98 @@ TEST(Robust, LikelihoodsAtAStateAreThoseThatWereMinimised) {
   const RobustNll best = robust_nll(scene.problem, full.fit.state, full.shapes.range, full.shapes.bearing);
   EXPECT_NEAR(best.joint, full.shapes.nll, 1e-9);
   EXPECT_LT(best.joint, at.joint);
+}
+
+/// Student's t with 4 degrees of freedom and scale 1.
+double draw_t4(Random& random) {
+  double chi_sq = 0.0;
+  for (int i = 0; i < 4; ++i) chi_sq += std::pow(random.normal(), 2);
+  return random.normal() / std::sqrt(chi_sq / 4.0);
+}
+
+/// 8 stops, 5 landmarks, `repeats` readings of each as cells of their own; both channels err by t with nu = 4.
+testing::JointScene with_heavy_tails(int repeats, std::uint64_t repeat) {
+  testing::JointScene scene = make_scene("heavy tails", {.stops = 8, .landmarks = 5}, repeat);
+  Random random(seed_from("heavy-tailed draws", {repeat}));
+  const Cells once = scene.problem.cells;
+  Cells& c = scene.problem.cells;
+  c = Cells{};
+  c.stop_begin.push_back(0);
+  for (std::size_t k = 0; k + 1 < once.stop_begin.size(); ++k) {
+    for (int i = once.stop_begin[k]; i < once.stop_begin[k + 1]; ++i) {
+      const std::size_t cell = static_cast<std::size_t>(i);
+      const Pose2& pose = scene.truth.stops[k];
+      const Eigen::Vector2d v = scene.truth.landmarks[static_cast<std::size_t>(once.landmark[cell])] -
+                                Eigen::Vector2d(pose.x_m, pose.y_m);
+      const double d = v.norm() - once.radius_m[cell], f = evaluate_polynomial(scene.truth.alpha, d);
+      const double bearing = std::atan2(v.y(), v.x()) - pose.heading_rad;
+      for (int r = 0; r < repeats; ++r) {
+        c.stop.push_back(static_cast<int>(k));
+        c.landmark.push_back(once.landmark[cell]);
+        for (std::vector<double>* ones : {&c.count, &c.range_weight, &c.bearing_weight}) ones->push_back(1.0);
+        c.range_mean.push_back(f + scene.truth.noise.spread(d, f) * draw_t4(random));
+        c.bearing_mean.push_back(wrap_angle(bearing + scene.truth.sigma_theta_rad * draw_t4(random)));
+        c.range_mean_square.push_back(0.0);
+        c.bearing_mean_square.push_back(0.0);
+        c.radius_m.push_back(once.radius_m[cell]);
+      }
+    }
+    c.stop_begin.push_back(static_cast<int>(c.stop.size()));
+  }
+  scene.problem.readings = static_cast<double>(c.size());
+  return scene;
+}
+
+TEST(Robust, ScaleIsAsLooselyKnownAsItsLikelihoodSays) {
+  const testing::JointScene scene = with_heavy_tails(20, 0);
+  const RobustJointFit fit = solve_joint_robust(scene.problem, scene.truth, NoiseShape::student_t);
+  ASSERT_EQ(fit.fit.outcome, Outcome::converged) << fit.fit.reason;
+  ASSERT_TRUE(fit.fit.covariance);
+  const JointLayout layout(scene.problem, 3, 1, false);
+  const double n = static_cast<double>(scene.problem.cells.size());
+  const auto expected = [&](const NoiseShapeParameters& shape) {  // log s and nu alone, N readings
+    return Eigen::MatrixXd(shape_information(shape).spread.inverse() / n);
+  };
+  // What the landmarks, stops and the curve take of log s and what the sample differs from its expectation: some %. Held
+  // weights would say (nu + 3) / (nu + 1) / 2N, 2.2 times less at nu = 4.
+  const Eigen::MatrixXd range = expected(fit.shapes.range), bearing = expected(fit.shapes.bearing);
+  const double of_e = (*fit.fit.covariance)(layout.tau_begin, layout.tau_begin);
+  const double of_theta = (*fit.fit.covariance)(layout.sigma_theta, layout.sigma_theta);
+  EXPECT_NEAR(of_e / range(0, 0), 1.0, 0.15);
+  EXPECT_NEAR(of_theta / bearing(0, 0), 1.0, 0.15);
+  ASSERT_EQ(fit.shapes.range_std.size(), 1u);
+  ASSERT_EQ(fit.shapes.bearing_std.size(), 1u);
+  EXPECT_NEAR(fit.shapes.range_std[0] / std::sqrt(range(1, 1)), 1.0, 1e-6);
+  EXPECT_NEAR(fit.shapes.bearing_std[0] / std::sqrt(bearing(1, 1)), 1.0, 1e-6);
+}
+
+TEST(Robust, IntervalsOfScaleAndNuHoldTheTruth) {
+  constexpr int worlds = 50;
+  int scales = 0, shapes = 0, curves = 0;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    SCOPED_TRACE(repeat);
+    const testing::JointScene scene = with_heavy_tails(12, repeat);
+    const RobustMarginalFit fit = solve_marginal_robust(scene.problem, scene.truth, NoiseShape::student_t);
+    ASSERT_EQ(fit.fit.outcome, Outcome::converged) << fit.fit.reason;
+    ASSERT_TRUE(fit.fit.covariance);
+    const JointLayout layout(scene.problem, 3, 1, false);
+    const JointState& at = fit.fit.state;
+    const auto holds = [&](double error, double std_dev) { return std::abs(error) < 1.96 * std_dev; };
+    const auto log_std = [&](int index) { return std::sqrt((*fit.fit.covariance)(index, index)); };
+    const double sigma = at.noise.parameters[0], theta = at.sigma_theta_rad;
+    scales += holds(sigma - scene.truth.noise.parameters[0], sigma * log_std(layout.tau_begin));
+    scales += holds(theta - scene.truth.sigma_theta_rad, theta * log_std(layout.sigma_theta));
+    curves += std::abs(curve_error(fit.fit, scene)) < 1.96;
+    ASSERT_EQ(fit.shapes.range_std.size(), 1u);
+    ASSERT_EQ(fit.shapes.bearing_std.size(), 1u);
+    shapes += holds(fit.shapes.range.nu - 4.0, fit.shapes.range_std[0]);
+    shapes += holds(fit.shapes.bearing.nu - 4.0, fit.shapes.bearing_std[0]);
+  }
+  // 100 intervals of 95 %: less than four binomial standard deviations below, 0.95 - 4 * 0.0218. With nu and the weights
+  // taken as known, 75 % of such intervals of sigma_e held.
+  EXPECT_GE(scales, 86);
+  EXPECT_GE(shapes, 86);
+  EXPECT_GE(curves, 41);  // of 50: 0.95 - 4 * 0.0308
 }
 
 TEST(Robust, RefusesCellsOfSeveralReadings) {

@@ -187,6 +187,12 @@ TEST(FullPairs, DegenerateDataGetNamedOutcomes) {
   EXPECT_EQ(full_pairs(make_pairs_problem(few_d, few_y)).calibration.outcome, Outcome::too_few_data);
   EXPECT_EQ(full_pairs(make_pairs_problem({}, {})).calibration.outcome, Outcome::too_few_data);
 
+  PairsProblem none = make_pairs_problem({}, {});  // every reason is counted, the most frequent first
+  none.counts.read = 12;
+  none.counts.dropped = {{"above range_max_m", 2}, {"missing", 10}, {"zero", 0}};
+  EXPECT_EQ(full_pairs(none).calibration.reason,
+            "none of 12 readings can be used: 10 missing, 2 above range_max_m");
+
   std::vector<double> exact_d, exact_y;
   for (int i = 0; i < 20; ++i) {
     exact_d.push_back(0.5 + 0.2 * i);

@@ -32,6 +32,7 @@ struct Estimate {
 struct ShapeEstimate {
   std::string family;                        ///< "student-t" or "contaminated"
   std::map<std::string, double> parameters;  ///< nu; or outlier_share and outlier_scale
+  std::map<std::string, double> std_dev;     ///< of those that are known and at no end of their range
 };
 
 struct LandmarkEstimate {
@@ -55,8 +56,11 @@ struct Calibration {
   Outcome outcome = Outcome::failed;
   std::string reason;  ///< in words; empty when converged and nothing needs saying
 
-  Eigen::VectorXd alpha;  ///< order + 1 coefficients of f; alpha_i in m^(1-i)
-  std::optional<Eigen::MatrixXd> alpha_covariance;
+  Eigen::VectorXd alpha;                            ///< order + 1 coefficients of f; alpha_i in m^(1-i)
+  std::optional<Eigen::MatrixXd> alpha_covariance;  ///< given the order and the noise law
+  /// Where order or noise law were chosen by the data: with that choice in it, padded with zeros to the highest order that
+  /// may hold; alpha is padded likewise. None: nothing was chosen, or one model alone can be right.
+  std::optional<Eigen::MatrixXd> covariance_with_choice;
   std::string covariance_reason;  ///< why there is no covariance, or a caution about it
   Noise noise;
   std::vector<Estimate> noise_estimates;              ///< one per noise parameter

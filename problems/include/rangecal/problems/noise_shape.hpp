@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 
 namespace rangecal {
@@ -54,5 +55,23 @@ class ShapeDensity {
 
 /// Standard deviation of z: 1, sqrt(nu / (nu - 2)) (infinite for nu <= 2), sqrt(1 - p + p k^2).
 double standard_deviation(const NoiseShapeParameters& shape);
+
+/// What one reading y = f + s z, z of the shape, is expected to tell, as information matrices of its parameters:
+///
+///   location:  s^2 E[(d log p / df)^2] = E[w^2 z^2]                                  (Gaussian: 1)
+///   spread:    E[u u^T],  u = d log p / d(log s, nu) = (w z^2 - 1, d log rho / dnu)  (Gaussian: 2), or (log s, p, k)
+///
+/// dimensionless, 1/nu, ...; w the robust weight. Location and spread are not coupled, rho being even.
+/// Student's t has location (nu + 1) / (nu + 3) and 2 nu / (nu + 3) for log s: Lange, Little, Taylor 1989, appendix B.
+/// Here all by the trapezoidal rule in arsinh z, which is good to some 1e-10. Throws InputError for `automatic`.
+struct ShapeInformation {
+  double location = 1.0;
+  Eigen::MatrixXd spread = Eigen::MatrixXd::Constant(1, 1, 2.0);  ///< of log s, then the shape's parameters
+};
+ShapeInformation shape_information(const NoiseShapeParameters& shape);
+
+/// A parameter of the shape stands at an end of its range (nu at 1 or 200, p at 0, ...), where the likelihood is flat
+/// along it and it has no standard deviation.
+bool at_limit(const NoiseShapeParameters& shape);
 
 }  // namespace rangecal

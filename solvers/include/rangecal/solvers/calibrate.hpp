@@ -62,7 +62,7 @@ struct CalibrationReport {
   std::string noise_shape;  ///< of the likelihood where it is not Gaussian, with its parameters
 };
 
-/// "student-t with nu = 4.2"; "contaminated: 8 % of the readings with 12 times the spread".
+/// "student-t with nu = 4.2 +- 0.5"; "contaminated: 8 % of the readings with 12 times the spread".
 std::string in_words(const ShapeEstimate& shape);
 
 /// Calibrates one sensor from one or several recordings of one kind. Order and noise law are chosen once,

@@ -14,7 +14,9 @@ struct CurvePoint {
   double distance_m = 0.0;          ///< d
   double reading_m = 0.0;           ///< f(d)
   std::optional<double> std_dev_m;  ///< of f(d): sqrt(phi^T cov(alpha) phi), phi = (1, d, .., d^n)
-  double noise_m = 0.0;             ///< s(d), of one reading
+  /// Of f(d), with the choice of order and noise law in it, where they were chosen (Calibration::covariance_with_choice).
+  std::optional<double> std_dev_with_choice_m;
+  double noise_m = 0.0;  ///< s(d), of one reading
 };
 
 /// f(d) and its standard deviation at one distance; none where the calibration has no curve.

@@ -12,6 +12,9 @@ namespace rangecal {
 /// What robust noise shapes add to a fit. Ranges and bearings have shape parameters of their own, of one family.
 struct RobustShapes {
   NoiseShapeParameters range, bearing;
+  /// Standard deviations of their parameters, in their order (nu; or p, k); empty where there are none, or one is at the
+  /// end of its range.
+  std::vector<double> range_std, bearing_std;
   double nll = 0.0;  ///< of the shapes delivered: joint for `full`, Laplace's for `marginal` [nats]
   double aic = 0.0;  ///< 2 (nll + parameters: globals not held and shapes)
   int rounds = 0;    ///< of expectation and maximisation
@@ -39,11 +42,13 @@ struct RobustNll {
 ///
 /// Expectation and maximisation: with w_i = -rho'(z_i) / (z_i rho(z_i)) held (Cells::range_weight, bearing_weight), the
 /// fit is that of Gaussian noise with weighted squares, log s_i + w_i z_i^2 / 2, by solve_joint_block; then shapes and
-/// weights are renewed at its residuals. The likelihood falls at every round; no round is taken that does not gain.
+/// weights are renewed at its residuals. The likelihood falls at every round; no round is taken that does not gain
+/// (of `marginal`: the rounds end where its likelihood stands still, nu allowing for the parameters fitted as sigma does).
 /// Source: Lange, Little, Taylor 1989 (t); the weights of a contaminated normal are the posterior mean of 1 or 1 / k^2.
 ///
-/// `automatic` tries all three shapes and keeps the lowest AIC. Covariances are those of the weighted Gaussian, widened
-/// by mean(w) / mean(w^2 z^2) of the worse channel, the inverse efficiency of the weights.
+/// `automatic` tries all three shapes and keeps the lowest AIC. Covariances are those of the likelihood of the shapes, whose
+/// parameters are estimated beside all else: what the weighted Gaussian says is corrected by what a reading of the shape
+/// is expected to tell (shape_information). A shape parameter at the end of its range counts as known.
 /// Throws InputError unless every cell holds one reading (Grouping::rows). Cost: some 10 to 60 solves from warm starts.
 RobustJointFit solve_joint_robust(const JointProblem& rows, const JointState& start, NoiseShape shape,
                                   const JointOptions& options = {});

@@ -37,6 +37,7 @@ struct OrderScore {
 struct PairsFit {
   Calibration calibration;         ///< covariances from the expected information at the estimate
   NoiseShapeParameters shape;      ///< for shapes other than the Gaussian, noise holds the scale
+  std::vector<double> shape_std;   ///< of its parameters, in their order; empty where there are none
   double nll = 0.0;                ///< plain NLL at the estimate [nats], of the shape delivered
   double gradient_norm = 0.0;      ///< sqrt(g' I^-1 g) at the estimate of `full`, dimensionless
   std::vector<OrderScore> orders;  ///< one per order tried, ascending, of the shape delivered

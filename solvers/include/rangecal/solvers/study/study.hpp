@@ -61,6 +61,7 @@ struct StudyPoint {
 /// A Monte-Carlo study: a scene, a grid over its parameters, repeats, estimators, measures.
 struct Study {
   std::string name;
+  std::vector<std::string> files;  ///< that it was read from: its own and its scenes'
   std::vector<StudyParameter> grid;
   std::vector<StudyPoint> points;  ///< every combination; the last parameter varies fastest
   int repeats = 0;                 ///< of every point

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+
+#include "rangecal/core/calibration.hpp"
+
+namespace rangecal {
+
+/// The curve of one model of the search for order and noise law.
+struct TriedCurve {
+  double aic = 0.0;  ///< infinity: it did not converge
+  Eigen::VectorXd alpha;
+  std::optional<Eigen::MatrixXd> covariance;  ///< of alpha, given this model
+};
+
+/// A model this far above the lowest AIC has a weight below a thousandth.
+constexpr double aic_that_matters = 14.0;
+
+/// Covariance of the curve's coefficients with the choice of the model in it:
+///
+///   C = sum_i w_i [ C_i + delta_i delta_i^T ],   w_i ~ exp(-AIC_i / 2),   delta_i = alpha_i - alpha,
+///
+/// alpha the curve delivered, all padded with zeros to the highest order that was tried and matters. The variance of f(d) is
+/// then sum_i w_i [ var f_i(d) + (f_i(d) - f(d))^2 ]: each model's own, and how far its curve lies from the one delivered.
+/// Source: Burnham, Anderson, Model Selection and Multimodel Inference, 2002, eq. 6.12 (after Buckland, Burnham, Augustin
+/// 1997, eq. 9), about the curve delivered instead of the mean of the models.
+/// None where the curve has no covariance, or fewer than two models with one have a weight of a thousandth.
+std::optional<Eigen::MatrixXd> covariance_with_choice(const Calibration& delivered,
+                                                      std::span<const TriedCurve> tried);
+
+}  // namespace rangecal

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "joint_ml/robust_covariance.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "joint_ml/newton_step.hpp"
+#include "marginal/reml_profile.hpp"
+
+namespace rangecal {
+namespace {
+
+/// What a channel's readings tell, and how many there are for it once the fit has taken its share.
+struct ChannelInformation {
+  ChannelInformation(const ShapeAtEstimate& at, double readings)
+      : shape(shape_information(at.shape)), count(readings), share(std::min(1.0, at.squares / readings)) {}
+
+  double scale() const { return shape.spread(0, 0); }
+  ShapeInformation shape;
+  double count, share;
+};
+
+/// Cells whose expected information per reading is `location` and `bearing` / s^2 of the means, `spread` of log s.
+JointProblem with_information(const JointProblem& rows, double location, double bearing, double spread) {
+  JointProblem problem = rows;
+  Cells& c = problem.cells;
+  std::fill(c.range_weight.begin(), c.range_weight.end(), location);
+  std::fill(c.bearing_weight.begin(), c.bearing_weight.end(), bearing);
+  std::fill(c.count.begin(), c.count.end(), 0.5 * spread);  // the Gaussian's is 2 of each reading
+  return problem;
+}
+
+/// Adds to the block from `begin` on what the parameters of the shape add along `v`; their standard deviations.
+std::vector<double> add_shape_part(const ChannelInformation& channel, const NoiseShapeParameters& shape,
+                                   const Eigen::VectorXd& v, int begin, Eigen::MatrixXd& covariance) {
+  const Eigen::Index n = shape_parameter_count(shape.shape);
+  if (n == 0 || at_limit(shape) || !(covariance(begin, begin) > 0.0)) return {};
+  const Eigen::MatrixXd& I = channel.shape.spread;
+  const Eigen::VectorXd c = I.col(0).tail(n) / channel.scale();
+  const Eigen::MatrixXd own =
+      channel.count * (I.bottomRightCorner(n, n) - channel.scale() * c * c.transpose());
+  const Eigen::LLT<Eigen::MatrixXd> factor(own);
+  if (factor.info() != Eigen::Success) return {};
+  const Eigen::MatrixXd V = factor.solve(Eigen::MatrixXd::Identity(n, n));
+  covariance.block(begin, begin, v.size(), v.size()) += c.dot(V * c) * v * v.transpose();
+  std::vector<double> deviations;
+  for (const double variance : V.diagonal()) deviations.push_back(std::sqrt(variance));
+  return deviations;
+}
+
+/// H of the header, the stops eliminated; empty where the stops have no optimum.
+Eigen::MatrixXd reduced_information(const JointProblem& weighted, const JointState& state, bool sigma_s_free,
+                                    bool marginal, const ChannelInformation& range,
+                                    const ChannelInformation& bearing) {
+  const int alphas = static_cast<int>(state.alpha.size()),
+            taus = static_cast<int>(state.noise.parameters.size());
+  JointSystem system(weighted, alphas, taus, sigma_s_free);
+  if (!std::isfinite(system.assemble(state, HessianKind::exact)) || !system.eliminate()) return {};
+  const int ns = system.layout().sigma_count(), theta = system.layout().sigma_theta;
+  Eigen::MatrixXd log_det = Eigen::MatrixXd::Zero(ns, ns);
+  if (marginal) log_det = system.log_det_sigma_hessian(state);
+
+  const JointProblem shaped =
+      with_information(weighted, range.shape.location, bearing.shape.location, range.share * range.scale());
+  const JointProblem gaussian = with_information(weighted, 1.0, 1.0, 2.0 * range.share);
+  JointSystem of_shape(shaped, alphas, taus, sigma_s_free), of_gaussian(gaussian, alphas, taus, sigma_s_free);
+  of_shape.assemble(state, HessianKind::fisher);
+  of_gaussian.assemble(state, HessianKind::fisher);
+  system.accumulate(of_shape, 1.0);  // priors and taped distances cancel in the difference
+  system.accumulate(of_gaussian, -1.0);
+  if (!system.eliminate()) {  // weights that lie unevenly over the stops: what is expected alone
+    system.clear();
+    system.accumulate(of_shape, 1.0);
+    if (!system.eliminate()) return {};
+  }
+  Eigen::MatrixXd H = system.schur();
+  H.bottomRightCorner(ns, ns) += log_det;
+  // Both channels share the cells' counts; log sigma_theta is coupled to nothing in what is expected.
+  H(theta, theta) += bearing.count * bearing.share * (bearing.scale() - 2.0) -
+                     range.count * range.share * (range.scale() - 2.0);
+  return H;
+}
+
+}  // namespace
+
+void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtEstimate& range,
+                           ShapeAtEstimate& bearing, JointFit& fit) {
+  range.shape_std.clear();
+  bearing.shape_std.clear();
+  const double readings = static_cast<double>(weighted.cells.size());
+  if (!fit.covariance || !(readings > 0.0)) return;
+  JointState state = fit.state;
+  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(weighted));
+  const int alphas = static_cast<int>(state.alpha.size()),
+            taus = static_cast<int>(state.noise.parameters.size());
+  const bool sigma_s_free = fit.covariance->rows() > JointLayout(weighted, alphas, taus, false).global_count;
+  const JointLayout layout(weighted, alphas, taus, sigma_s_free);
+  std::vector<int> free;
+  for (int i = 0; i < layout.global_count; ++i)
+    if ((*fit.covariance)(i, i) > 0.0) free.push_back(i);
+
+  const ChannelInformation of_range(range, readings), of_bearing(bearing, readings);
+  const Eigen::MatrixXd H =
+      reduced_information(weighted, state, sigma_s_free, marginal, of_range, of_bearing);
+  if (H.size() == 0) {
+    fit.covariance.reset();
+    fit.covariance_reason = "no covariance: the stops have no optimum by the noise shape's information";
+    return;
+  }
+  describe_covariance(H, layout, free, fit);
+  if (!fit.covariance) return;
+  const bool polynomial = state.noise.law == NoiseLaw::polynomial;
+  const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
+  range.shape_std = add_shape_part(of_range, range.shape, polynomial ? state.noise.parameters : one,
+                                   layout.tau_begin, *fit.covariance);
+  bearing.shape_std = add_shape_part(of_bearing, bearing.shape, one, layout.sigma_theta, *fit.covariance);
+}
+
+}  // namespace rangecal

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "rangecal/problems/noise_shape.hpp"
+#include "rangecal/solvers/joint_ml/joint_ml.hpp"
+
+namespace rangecal {
+
+/// A channel's shape at the estimate, and what its readings leave of its squares.
+struct ShapeAtEstimate {
+  NoiseShapeParameters shape;
+  double squares = 0.0;  ///< sum w z^2: N less the parameters fitted, where sigma allows for them
+  std::vector<double>
+      shape_std;  ///< out: of the shape's parameters; empty where there are none, or at a limit
+};
+
+/// Replaces the covariance of a fit with held weights by that of the likelihood of the shapes, their parameters estimated too.
+///
+/// Held weights say 1 / s^2 of a mean and 2 of log s per reading; readings of a shape say i / s^2 and j (shape_information):
+/// of Student's t with nu = 4 that is 0.71 and 1.14. With a, b the gradients of f and log s of a reading in all unknowns
+///
+///   H = H_weights + sum over readings [ (i - 1) a a^T / s^2 + q (j - 2) b b^T ],   q = sum w z^2 / N,
+///
+/// from which the stops are eliminated. The shape's parameters eta are coupled to log s alone: c = i_s_eta / j. Along v,
+/// the direction that scales s (log sigma itself, or beta), they add, V = [N (I_eta - j c c^T)]^-1 being their covariance,
+///
+///   cov = H^-1 + v v^T c^T V c.
+///
+/// Our derivation: the Schur complement of the information over (unknowns, eta). `weighted`: the problem with the weights of
+/// the estimate; `marginal`: with the log-determinant's part of the sigmas, as solve_marginal has it. A fit without a
+/// covariance keeps none. Cost: three assemblies.
+void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtEstimate& range,
+                           ShapeAtEstimate& bearing, JointFit& fit);
+
+}  // namespace rangecal

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/problems/noise_shape.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "rangecal/core/errors.hpp"
+
+namespace rangecal {
+namespace {
+
+NoiseShapeParameters student_t(double nu) { return {NoiseShape::student_t, nu, 0.1, 10.0}; }
+
+TEST(ShapeInformation, OfTheGaussian) {
+  const ShapeInformation gaussian = shape_information({});
+  EXPECT_NEAR(gaussian.location, 1.0, 1e-12);
+  ASSERT_EQ(gaussian.spread.rows(), 1);
+  EXPECT_NEAR(gaussian.spread(0, 0), 2.0, 1e-12);
+}
+
+TEST(ShapeInformation, OfStudentsTInClosedForm) {
+  // Lange, Little, Taylor 1989, appendix B: location (nu + 1) / (nu + 3), log s 2 nu / (nu + 3), log s with nu
+  // -2 / ((nu + 1) (nu + 3)), nu (trigamma(nu/2) - trigamma((nu+1)/2) - 2 (nu + 5) / (nu (nu + 1) (nu + 3))) / 4.
+  // nu = 4: trigamma(2) = pi^2/6 - 1, trigamma(5/2) = pi^2/2 - 4 - 4/9, 2 * 9 / (4 * 5 * 7) = 9/70.
+  const ShapeInformation four = shape_information(student_t(4.0));
+  EXPECT_NEAR(four.location, 5.0 / 7.0, 1e-10);
+  EXPECT_NEAR(four.spread(0, 0), 8.0 / 7.0, 1e-10);
+  EXPECT_NEAR(four.spread(0, 1), -2.0 / 35.0, 1e-10);
+  const double pi_sq = std::numbers::pi * std::numbers::pi;
+  EXPECT_NEAR(four.spread(1, 1), 0.25 * (31.0 / 9.0 - pi_sq / 3.0 - 9.0 / 70.0), 1e-10);
+  // The heaviest tails that may be, and nearly the Gaussian's.
+  EXPECT_NEAR(shape_information(student_t(1.0)).location, 0.5, 1e-9);
+  EXPECT_NEAR(shape_information(student_t(1.0)).spread(0, 0), 0.5, 1e-9);
+  EXPECT_NEAR(shape_information(student_t(200.0)).spread(0, 0), 400.0 / 203.0, 1e-10);
+}
+
+TEST(ShapeInformation, OfAContaminatedNormalLiesBetweenItsParts) {
+  // Outliers that are told for certain say 1 / k^2 of the mean each: 0.9 + 0.1 / 900; overlap takes a little of it.
+  const ShapeInformation far = shape_information({NoiseShape::contaminated, 4.0, 0.1, 30.0});
+  EXPECT_LT(far.location, 0.9 + 0.1 / 900.0);
+  EXPECT_GT(far.location, 0.8);
+  ASSERT_EQ(far.spread.rows(), 3);
+  // The share alone: 1 / (p (1 - p)) = 11.1 of a coin whose sides are always seen.
+  EXPECT_LT(far.spread(1, 1), 1.0 / 0.09);
+  EXPECT_GT(far.spread(1, 1), 0.8 / 0.09);
+  // Without outliers it is the Gaussian.
+  EXPECT_NEAR(shape_information({NoiseShape::contaminated, 4.0, 1e-9, 10.0}).location, 1.0, 1e-6);
+  EXPECT_THROW(shape_information({NoiseShape::automatic, 4.0, 0.1, 10.0}), InputError);
+}
+
+TEST(ShapeInformation, LimitsAreWhereNothingIsKnown) {
+  EXPECT_FALSE(at_limit({}));
+  EXPECT_FALSE(at_limit(student_t(4.0)));
+  EXPECT_TRUE(at_limit(student_t(1.0)));
+  EXPECT_TRUE(at_limit(student_t(199.0)));
+  EXPECT_FALSE(at_limit({NoiseShape::contaminated, 4.0, 0.05, 10.0}));
+  EXPECT_TRUE(at_limit({NoiseShape::contaminated, 4.0, 1e-6, 10.0}));
+  EXPECT_TRUE(at_limit({NoiseShape::contaminated, 4.0, 0.05, 30.0}));
+}
+
+}  // namespace
+}  // namespace rangecal
