@@ -11,6 +11,7 @@
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/tilt/leaning.hpp"
 #include "report/report.hpp"
 #include "summary.hpp"
@@ -56,6 +57,9 @@ struct CalibrateCommand {
     if (!from.empty()) options.from = load_calibration(from);
     if (!report.empty()) report::require_available();
     require_writable({json, report});
+    std::vector<std::string> inputs = recording_files(job.recordings);
+    inputs.push_back(from);
+    require_apart({json, report}, inputs);
     const std::vector<Recording> recordings = load_recordings(job.recordings);
     if (tilt) return out_of_the_plane(recordings, options);
     const CalibrationReport result = run_job(recordings, options);

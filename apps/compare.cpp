@@ -7,6 +7,7 @@
 #include "comparison.hpp"
 #include "job_options.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
 #include "report/report.hpp"
 #include "text.hpp"
 
@@ -16,6 +17,7 @@ namespace {
 int run(const JobOptions& job, const std::string& page) {
   if (!page.empty()) report::require_available();
   require_writable(page);
+  require_apart({page}, recording_files(job.recordings));
   const std::vector<Recording> recordings = load_recordings(job.recordings);
   const CalibrationReport report = run_job(recordings, job.parsed());
   const Calibration* stops = nullptr;

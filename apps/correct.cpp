@@ -229,6 +229,7 @@ struct CorrectCommand {
 
   int run() const {
     if (roots != "ls" && roots != "ml") throw InputError("--roots is '" + roots + "', not ls or ml");
+    require_apart({"/dev/stdout"}, {calibration, file == "-" ? "/dev/stdin" : file});
     const Calibration loaded = load_calibration(calibration);
     require_curve(loaded, calibration);
     if (loaded.outcome == Outcome::unobservable)

@@ -36,6 +36,7 @@ struct DiagnoseCommand {
         throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration});
+    require_apart({json, report, calibration}, inputs());
     std::vector<Recording> loaded;
     for (const std::string& folder : recordings) loaded.push_back(load_recording(folder));
     DiagnoseOptions options;
@@ -51,6 +52,14 @@ struct DiagnoseCommand {
   }
 
  private:
+  std::vector<std::string> inputs() const {
+    std::vector<std::string> folders = recordings;
+    if (!simulation.empty()) folders.push_back(simulation);
+    std::vector<std::string> files = recording_files(folders);
+    files.push_back(simulation);
+    return files;
+  }
+
   Diagnosis against(const std::vector<Recording>& loaded, DiagnoseOptions& options) const {
     if (simulation.empty()) return diagnose(loaded, options);
     if (std::filesystem::is_directory(simulation)) {
@@ -73,42 +82,6 @@ struct DiagnoseCommand {
     std::fflush(stderr);
   }
 };
-
-std::string typical_sizes(const EffectInfo& info) {
-  std::string text;
-  for (const EffectParameter& p : info.parameters)
-    text += fmt::format("{}{} {:g}", text.empty() ? "" : ", ", p.name, p.typical);
-  return text;
-}
-
-int list_effects(const std::string& id) {
-  if (!id.empty()) {
-    const Effect* effect = find_effect(id);
-    if (!effect) throw InputError("no effect is called '" + id + "'; 'rangecal effects' lists them");
-    const EffectInfo& info = effect->info();
-    const auto field = [](const char* name, const std::string& text) {
-      if (!text.empty()) fmt::print("  {:<10} {}\n", name, wrapped(text, 13, 96));
-    };
-    fmt::print("{}\n", info.id);
-    field("physics", info.physics);
-    field("formula", info.formula);
-    field("shows in", info.channel + " along " + info.covariate);
-    field("visible by", info.visible_by);
-    field("settled by", info.settled_by);
-    for (const EffectParameter& p : info.parameters)
-      field("parameter", fmt::format("{}: typically {:g}, from {:g} to {:g}{}", p.name, p.typical, p.low,
-                                     p.high, p.discrete ? ", chosen from the recording" : ""));
-    field("source", info.source);
-    return done;
-  }
-  for (const auto& effect : effect_registry()) {
-    const EffectInfo& info = effect->info();
-    fmt::print("{}  ({} along {})\n    {}\n    {}\n    typical: {}\n", info.id, info.channel, info.covariate,
-               wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96),
-               wrapped(typical_sizes(info), 4, 96));
-  }
-  return done;
-}
 
 }  // namespace
 
@@ -137,19 +110,6 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       "  rangecal diagnose my-recording --simulation my-simulator-run\n"
       "docs/diagnosis.md says what the verdicts mean.");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
-}
-
-void add_effects(CLI::App& app, Action& chosen) {
-  CLI::App* command =
-      app.add_subcommand("effects", "list the catalogue of physical effects that diagnose knows");
-  const auto id = std::make_shared<std::string>();
-  command->add_option("ID", *id, "show this effect alone, in full");
-  command->footer(
-      "Examples:\n"
-      "  rangecal effects                       all of them, with formula and typical size\n"
-      "  rangecal effects bearing_offset        what shows it, what settles it, its parameters and source\n"
-      "docs/gallery.md has a picture of what each leaves behind.");
-  command->callback([id, &chosen] { chosen = [id] { return list_effects(*id); }; });
 }
 
 }  // namespace rangecal::app

@@ -2,6 +2,8 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "ingest/extract_options.hpp"
@@ -14,6 +16,10 @@ namespace {
 
 int save(ingest::Extracted extracted, const std::string& folder, const std::string& json) {
   Extraction& extraction = extracted.extraction;
+  std::vector<std::string> outputs = recording_files({folder});
+  outputs.insert(outputs.end(), {folder + "/extraction.json", json});
+  require_apart(outputs, extracted.inputs);
+  for (const std::string& warning : extracted.warnings) fmt::print(stderr, "rangecal: {}\n", warning);
   const std::string counts = ingest::extraction_json(extraction, extracted.options);
   fmt::print("scans of   {} ({})\n", extracted.source, extracted.format);
   fmt::print("{}", ingest::describe(extraction, extracted.options));
@@ -51,6 +57,7 @@ void add_extract(CLI::App& app, Action& chosen) {
       "  rangecal extract run.csv --stops stops.csv --radius 0.12 -o rec     the log is split where the robot stands\n"
       "  rangecal extract s1.csv s2.csv s3.csv --stops stops.csv --radius 0.04,0.12 -o rec      one file for each "
       "stop\n"
+      "  zcat robot.log.gz | rangecal extract - --error random_walk -o rec\n"
       "  rangecal extract robot.log --error random_walk -o rec      CARMEN log: poses from its odometry\n"
       "  rangecal extract run.csv --stops stops.csv --radius 0.12 --arc mean -o rec      to see what arc_definition "
       "costs");

@@ -2,6 +2,8 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "ingest/importer.hpp"
@@ -14,6 +16,9 @@ namespace {
 
 int save(ingest::Imported imported, const std::string& folder) {
   require_replaceable(folder);
+  std::vector<std::string> outputs = recording_files({folder});
+  outputs.push_back(folder + "/extraction.json");
+  require_apart(outputs, imported.inputs);
   save_recording(imported.recording, folder, "rangecal import");
   if (!imported.extraction_json.empty()) write_file(folder + "/extraction.json", imported.extraction_json);
   imported.recording.path = folder;

@@ -85,6 +85,7 @@ struct PlanCommand {
     request.low_m = range[0];
     request.high_m = range[1];
     require_writable({json, scene, line_scene});
+    require_apart({json, scene, line_scene}, {sketch});
     const Plan plan = plan_experiment(request);
     if (!json.empty()) {
       Json file{{"format", "rangecal-plan/1"},

@@ -54,6 +54,7 @@ int dump_world(const ProveOptions& o) {
     throw InputError("--world needs one --row, and --design line or turning");
   const proof::Case c = proof::draw_case(o.rows[0], o.seed, o.world, o.design);
   if (!o.dump.empty()) {
+    require_replaceable(o.dump);
     save_recording(proof::record(c, c.planted), o.dump);
     write_file(o.dump + "/key.json", world_as_json(c).dump(2) + "\n");
   }
@@ -73,6 +74,7 @@ int prove_fresh(const ProveOptions& o) {
                        " is not one of: " + fmt::format("{}", fmt::join(proof::row_names(), ", ")));
   if (o.resume && o.csv.empty())
     throw InputError("--resume needs the --csv FILE of the run that was stopped");
+  require_writable(o.csv);
   std::optional<WriteLock> lock;
   if (!o.csv.empty()) lock.emplace(o.csv);
   if (o.resume && file_exists(o.csv)) options.known = proof::read_scores(read_file(o.csv), o.csv);
@@ -90,10 +92,14 @@ int prove_fresh(const ProveOptions& o) {
 
 /// All answers first, on disk before a key is opened.
 int prove_sealed(const ProveOptions& o) {
-  require_writable(o.out);
+  require_writable({o.out, o.csv});
   std::vector<std::string> recordings;
   for (const std::string& folder : o.folders)
     for (const std::string& recording : proof::concealed_recordings(folder)) recordings.push_back(recording);
+  std::vector<std::string> inputs = recording_files(recordings);
+  for (const std::string& recording : recordings)
+    inputs.insert(inputs.end(), {recording + "/commitment.txt", proof::key_file(recording)});
+  require_apart({o.out, o.csv}, inputs);
   std::vector<proof::SealedAnswer> answers;
   nlohmann::ordered_json written = nlohmann::ordered_json::array();
   for (const std::string& recording : recordings) {

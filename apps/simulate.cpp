@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "commands.hpp"
@@ -19,13 +23,56 @@ namespace rangecal::app {
 
 namespace {
 
+/// Why the scene shows no landmark from any stop.
+std::string nothing_seen(const Scene& scene, const Truth& truth, const std::vector<Landmark>& landmarks) {
+  if (landmarks.empty()) return "it has no landmark";
+  double nearest = std::numeric_limits<double>::infinity(), farthest = -nearest;
+  for (const auto& stop : truth.stops)
+    for (std::size_t l = 0; l < landmarks.size(); ++l) {
+      const double d =
+          (*truth.landmarks[l] - Eigen::Vector2d(stop->x_m, stop->y_m)).norm() - landmarks[l].radius_m;
+      nearest = std::min(nearest, d), farthest = std::max(farthest, d);
+    }
+  const std::string visible = std::isfinite(scene.visible_max_m)
+                                  ? fmt::format("is {:g} to {:g} m", scene.visible_min_m, scene.visible_max_m)
+                                  : fmt::format("begins at {:g} m", scene.visible_min_m);
+  return fmt::format(
+      "no landmark is seen from any stop: their surfaces are {:.3g} to {:.3g} m away, and visibility {}",
+      nearest, farthest, visible);
+}
+
+/// Throws InputError where a simulation gave no reading at all, and says why; `source` is the file it was made from.
+void require_readings(const Recording& recording, const Scene* scene, const std::string& source) {
+  if (recording.readings.size() + recording.pairs.size() > 0) return;
+  const Counts& counts = recording.counts;
+  const Sensor& sensor = recording.sensor;
+  std::string why = "nothing is seen";
+  if (counts.read > 0)
+    why = fmt::format("none of {} readings can be used: {}{}", counts.read, dropped_in_words(counts),
+                      std::isfinite(sensor.range_max_m) ? fmt::format("; the sensor reads {:g} to {:g} m",
+                                                                      sensor.range_min_m, sensor.range_max_m)
+                                                        : "");
+  else if (scene && recording.kind == RecordingKind::landmarks)
+    why = nothing_seen(*scene, recording.truth, recording.landmarks);
+  throw InputError(source, 0, "", "the recording would hold no reading: " + why);
+}
+
+/// Throws InputError where the recording would take the place of the file that it is made from.
+void keep(const std::string& source, const std::string& folder) {
+  require_replaceable(folder);
+  require_apart(recording_files({folder}), {source});
+}
+
 /// Simulates the recordings of a diagnosis by the model it stands by: into the folder itself, or several below it.
 int simulate_again(const std::string& diagnosis, const std::string& folder, std::uint64_t seed) {
   std::vector<Recording> recordings =
       simulate(simulation_model_from_json(read_file(diagnosis), diagnosis), seed);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     recordings[r].path = recordings.size() == 1 ? folder : fmt::format("{}/{}", folder, r + 1);
-    require_replaceable(recordings[r].path);
+    require_readings(recordings[r], nullptr, diagnosis);
+    keep(diagnosis, recordings[r].path);
+  }
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
     save_recording(recordings[r], recordings[r].path, "rangecal simulate");
     fmt::print("{}\n", describe({&recordings[r], 1}));
   }
@@ -62,8 +109,10 @@ void add_simulate(CLI::App& app, Action& chosen) {
         throw InputError("give a scene file, or --from DIAGNOSIS");
       if (!options->diagnosis.empty())
         return simulate_again(options->diagnosis, options->folder, options->seed);
-      require_replaceable(options->folder);
-      Recording recording = simulate(load_scene(options->scene), options->seed);
+      keep(options->scene, options->folder);
+      const Scene scene = load_scene(options->scene);
+      Recording recording = simulate(scene, options->seed);
+      require_readings(recording, &scene, options->scene);
       save_recording(recording, options->folder, "rangecal simulate");
       recording.path = options->folder;
       const Recording one[] = {recording};

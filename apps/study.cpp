@@ -32,7 +32,13 @@ void add_study(CLI::App& app, Action& chosen) {
       if (started_by_mpirun()) become_mpi_program(words_of(*job), "use --shard");
       if (!page->empty()) report::require_available();
       const Study study = study_of(*job);
+      require_apart({*page}, study.files);
       StudyFolder folder(study, *job);
+      if (!page->empty()) {
+        require_writable({*page, job->folder + "/results.csv", job->folder + "/timing.csv"});
+        for (const std::string& read : job->merge) require_apart({*page}, journals_in(read));
+        require_apart({*page}, journals_in(job->folder));
+      }
       run_study(study, folder.options());
       const int code = folder.finish();
       if (!page->empty())

@@ -13,6 +13,7 @@
 
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/extract/extract.hpp"
 #include "scan_files.hpp"
@@ -108,12 +109,20 @@ std::string source_of(const std::vector<ScanLog>& logs) {
 
 Extracted extract(const Given& given) {
   Extracted out;
+  out.inputs = given.scans;
+  for (std::string& scans : out.inputs)
+    if (scans == "-") scans = "/dev/stdin";
+  require_distinct(out.inputs);
+  out.inputs.insert(out.inputs.end(), {given.stops, given.map});
   out.options = options_from(given);
   std::vector<Stop> stops;
   if (!given.stops.empty())
     stops = stops_of(CsvTable::read(given.stops), out.options.association.sigma_heading_rad);
   std::vector<ScanLog> logs;
-  for (const std::string& path : given.scans) logs.push_back(read_scan_file(path, given.topic));
+  for (const std::string& path : given.scans) {
+    logs.push_back(read_scan_file(path, given.topic));
+    if (!logs.back().warning.empty()) out.warnings.push_back(logs.back().warning);
+  }
   out.extraction = extract_recording(logs, stops, out.options);
   out.extraction.recording.sensor.name = given.sensor,
   out.extraction.recording.sensor.principle = given.principle;
@@ -130,7 +139,7 @@ std::function<Extracted()> add_extract_options(CLI::App& command) {
       .add_option(
           "SCANS", given->scans,
           "files of scans: CSV (stamp, angle_min, angle_increment, ranges... or stamp, angle_rad, range_m), CARMEN "
-          "logs, ROS 1 bags")
+          "logs, ROS 1 bags; -: stdin")
       ->required();
 
   command

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "extraction_text.hpp"
 
@@ -13,7 +14,9 @@ namespace rangecal::ingest {
 struct Extracted {
   Extraction extraction;  ///< its recording carries the note of the extraction
   ExtractOptions options;
-  std::string source, format;  ///< of the scans, in words
+  std::string source, format;         ///< of the scans, in words
+  std::vector<std::string> inputs;    ///< the files that were read
+  std::vector<std::string> warnings;  ///< of files that were cut off: what was left out
 };
 
 /// Declares the options of `rangecal extract` that say what is made; what is returned makes it once they are parsed.

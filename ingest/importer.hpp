@@ -13,8 +13,9 @@ namespace rangecal::ingest {
 /// What an importer made of a data set.
 struct Imported {
   Recording recording;
-  std::string words;            ///< what was read and what was left out, for people
-  std::string extraction_json;  ///< of raw scans: extraction.json (extraction_text.hpp); else empty
+  std::string words;                     ///< what was read and what was left out, for people
+  std::string extraction_json;           ///< of raw scans: extraction.json (extraction_text.hpp); else empty
+  std::vector<std::string> inputs = {};  ///< the files that were read
 };
 
 /// A published data set that becomes a recording. Adding one is adding a file to this folder with

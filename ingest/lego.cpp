@@ -94,9 +94,12 @@ Imported import_lego(const Given& given) {
   if (given.radius_m && !(*given.radius_m >= 0.0 && *given.radius_m <= 0.1))
     throw InputError("--radius must lie between 0 and 0.1 m");
   if (!(given.track_m > 0.0)) throw InputError("--track must be positive");
-  const ScanLog log = read_scans_of(given.source + "/robot4_scan.txt");
-  std::vector<Pose2> poses = odometry(given.source + "/robot4_motors.txt", given.track_m);
-  if (given.poses == "reference") place_by_camera(given.source + "/robot4_reference.txt", poses);
+  const std::string scans = given.source + "/robot4_scan.txt", motors = given.source + "/robot4_motors.txt",
+                    camera = given.source + "/robot4_reference.txt",
+                    survey = given.source + "/robot_arena_landmarks.txt";
+  const ScanLog log = read_scans_of(scans);
+  std::vector<Pose2> poses = odometry(motors, given.track_m);
+  if (given.poses == "reference") place_by_camera(camera, poses);
   if (poses.size() < log.scans.size())
     throw InputError(given.source, 0, "",
                      fmt::format("{} scans and {} motor records", log.scans.size(), poses.size()));
@@ -107,7 +110,7 @@ Imported import_lego(const Given& given) {
     stops.push_back(stop);
   }
   ExtractOptions options;
-  options.map = surveyed(given.source + "/robot_arena_landmarks.txt");
+  options.map = surveyed(survey);
   options.arc = arc_rule_from_string(given.arc);
   options.split = StopSplit::scan;
   options.cylinder.radii_m = {*options.map.front().radius_m};
@@ -132,7 +135,10 @@ Imported import_lego(const Given& given) {
     for (const MappedLandmark& known : options.map)
       if (known.label == landmark.label) recording.truth.landmarks.emplace_back(known.position);
   note_extraction(extraction, options, "LEGO robot, C. Brenner 2012, poses by " + given.poses);
-  return {recording, describe(extraction, options) + "\n", extraction_json(extraction, options)};
+  return {recording,
+          describe(extraction, options) + "\n",
+          extraction_json(extraction, options),
+          {scans, motors, camera, survey}};
 }
 
 std::function<Imported()> add(CLI::App& command) {

@@ -264,7 +264,12 @@ Imported import_mrclam(const Given& given) {
         "them\n",
         recording.stops.size(), kStandM, kStandRad, given.readings_min, given.tubes_min,
         data.sightings.size() - recording.readings.size());
-  return {recording, words, ""};
+  const std::string robot = given.source + "/Robot" + std::to_string(given.robot) + "_";
+  return {recording,
+          words,
+          "",
+          {given.source + "/Barcodes.dat", given.source + "/Landmark_Groundtruth.dat",
+           robot + "Measurement.dat", robot + "Groundtruth.dat", robot + "Odometry.dat"}};
 }
 
 std::function<Imported()> add(CLI::App& command) {

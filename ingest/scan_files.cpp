@@ -61,7 +61,7 @@ ScanLog read_bag(const std::string& path, const std::string&) {
 }  // namespace
 
 ScanLog read_scan_file(const std::string& path, const std::string& topic) {
-  return is_bag(path) ? read_bag(path, topic) : read_scans(path);
+  return path != "-" && is_bag(path) ? read_bag(path, topic) : read_scans(path);
 }
 
 }  // namespace rangecal::ingest

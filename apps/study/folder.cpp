@@ -54,7 +54,12 @@ Study study_of(StudyJob& job) {
   job.shard = shard.index;
   job.shards = shard.count;
   if (job.threads < 0) throw InputError(fmt::format("--threads {}: is negative", job.threads));
-  return load_study(job.file);
+  Study study = load_study(job.file);
+  const std::filesystem::path folder(job.folder);
+  require_apart({(folder / "results.csv").string(), (folder / "timing.csv").string(),
+                 (folder / journal_name(job)).string()},
+                study.files);
+  return study;
 }
 
 StudyFolder::StudyFolder(const Study& study, const StudyJob& job)

@@ -75,9 +75,7 @@ std::string describe(std::span<const Recording> recordings) {
 
 std::string describe(const Counts& counts) {
   std::string text = fmt::format("{} read, {} used", counts.read, counts.used);
-  std::string dropped;
-  for (const auto& [reason, count] : counts.dropped)
-    if (count > 0) dropped += fmt::format("{}{} {}", dropped.empty() ? "" : ", ", count, reason);
+  const std::string dropped = dropped_in_words(counts);
   text += dropped.empty() ? "; none dropped" : "; dropped: " + dropped;
   if (counts.cells_left_out > 0)
     text +=

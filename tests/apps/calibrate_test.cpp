@@ -41,6 +41,8 @@ TEST(CalibrateCommand, LandmarksToJsonAndBack) {
   const Calibration calibration = load_calibration(json);
   EXPECT_EQ(calibration.method, Method::marginal);
   EXPECT_EQ(calibration.noise.law, NoiseLaw::f_squared);
+  EXPECT_THAT(result.out, HasSubstr("\nChoice     the bands and standard deviations above hold given"));
+  EXPECT_TRUE(calibration.covariance_with_choice);
   EXPECT_EQ(calibration.landmarks.size(), 5u);
   EXPECT_EQ(calibration.landmarks[0].label, "A");
   EXPECT_TRUE(calibration.landmarks[0].covariance);

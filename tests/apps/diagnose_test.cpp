@@ -103,6 +103,12 @@ TEST_F(DiagnoseCommand, Effects) {
   EXPECT_EQ(none.code, 2);
 }
 
+TEST_F(DiagnoseCommand, TheCatalogueInTheDocumentsIsWhatTheProgramPrints) {  // make catalogue
+  const RunResult printed = run("effects --markdown");
+  EXPECT_EQ(printed.code, 0);
+  EXPECT_EQ(printed.out, slurp(std::string(RANGECAL_SOURCE_DIR) + "/docs/effects.md"));
+}
+
 TEST_F(DiagnoseCommand, WrongInputIsOneLineAndNoFile) {
   const std::string rec = shipped("field-layout"), out = folder.file("d.json");
   for (const std::string& arguments :

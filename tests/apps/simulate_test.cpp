@@ -38,6 +38,34 @@ TEST(SimulateCommand, NothingIsWrittenForABadScene) {
   EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
 }
 
+TEST(SimulateCommand, ARecordingWithoutAReadingIsRefusedWithItsReason) {
+  // One landmark 9.2 m beside a path of 0.9 m: 9.2 m away at the nearest, 9.21 m from its start.
+  const std::string
+      begin =
+          "format: rangecal-scene/1\nstops: {line: {count: 4, step_m: 0.3}, sigma_xy_m: 0}\nrepeats: 2\n"
+          "landmarks: {list: [{landmark: A, x_m: 0.45, y_m: 9.2}]}\n",
+      sensor = "alpha: [0.0, 1.0], noise: {law: f2, sigma: 0.00001}, sigma_theta_rad: 0.005}\n";
+  const auto says = [&](const std::string& scene, const std::string& why) {
+    const TemporaryFolder folder;
+    folder.write("scene.yaml", scene);
+    const RunResult result = run("simulate " + folder.file("scene.yaml") + " -o " + folder.file("out"));
+    EXPECT_EQ(result.code, 2);
+    EXPECT_THAT(result.err, HasSubstr("scene.yaml: the recording would hold no reading: " + why));
+    EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
+    EXPECT_EQ(result.out, "");
+    EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
+  };
+  says(
+      begin + "sensor: {" + sensor + "visibility: {min_m: 0.1, max_m: 4}\n",
+      "no landmark is seen from any stop: their surfaces are 9.2 to 9.21 m away, and visibility is 0.1 to 4 m");
+  says(begin + "sensor: {range_min_m: 0.2, range_max_m: 6, " + sensor,
+       "none of 8 readings can be used: 8 above range_max_m; the sensor reads 0.2 to 6 m");
+  says(
+      "format: rangecal-scene/1\nkind: pairs\nbatches: {distances_m: [7], readings: 5}\n"
+      "sensor: {range_min_m: 0.2, range_max_m: 6, alpha: [0.0, 1.0], noise: {law: f2, sigma: 0.00001}}\n",
+      "none of 5 readings can be used: 5 above range_max_m; the sensor reads 0.2 to 6 m");
+}
+
 TEST(SimulateCommand, MeasurementsAreNotReplaced) {
   const TemporaryFolder folder;
   const std::string scene = "simulate " + shipped("scenes/pairs-2016.yaml") + " -o ";

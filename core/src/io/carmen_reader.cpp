@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numbers>
+#include <optional>
 
 #include "io/scan_readers.hpp"
 #include "rangecal/core/errors.hpp"
@@ -28,6 +30,8 @@ struct Words {
       throw InputError(file, row, what, "'" + std::string(fields[at - 1]) + "' is no number of beams");
     return static_cast<std::size_t>(value);
   }
+  bool used_up() const { return at >= fields.size(); }
+  std::size_t left() const { return fields.size() - at; }
   Pose2 pose(const char* what) {
     Pose2 pose;
     pose.x_m = number(what), pose.y_m = number(what), pose.heading_rad = number(what);
@@ -79,29 +83,48 @@ void read_newer(Words& words, bool robot, Scan& scan) {
   scan.stamp_s = words.number("time");
 }
 
+/// A message into the scan; false where it is the torn end of a file that holds others before: its words end too soon, or in
+/// the middle of one. `whole` is how many words stood behind the time in the message of that name before it, where there was
+/// one.
+bool read_message(Words& words, const Lines& lines, bool first, std::optional<std::size_t>& whole,
+                  Scan& scan) {
+  const std::string_view name = words.fields[0];
+  try {
+    if (name == "FLASER") {
+      read_flaser(words, scan);
+    } else {
+      read_newer(words, name.starts_with("ROBOTLASER"), scan);
+    }
+  } catch (const InputError&) {
+    if (!first && lines.was_last() && words.used_up()) return false;
+    throw;
+  }
+  if (whole && words.left() < *whole && !lines.had_end()) return false;  // the time itself may be torn
+  whole = words.left();
+  return true;
+}
+
 }  // namespace
 
 ScanLog read_carmen_log(const std::string& path, const std::string& text) {
   ScanLog log{path, "CARMEN log", {}, 0};
   Lines lines(text, path);
+  std::map<std::string, std::optional<std::size_t>> behind_time;  // words there, by message
   for (std::string_view line; lines.next(line);) {
     const auto fields = word_fields(line);
     if (fields.empty() || fields[0].front() == '#') continue;
-    const bool old = fields[0] == "FLASER";
-    const bool robot = fields[0].starts_with("ROBOTLASER");
-    if (!old && !robot && !fields[0].starts_with("RAWLASER")) {
+    if (fields[0] != "FLASER" && !fields[0].starts_with("ROBOTLASER") && !fields[0].starts_with("RAWLASER")) {
       ++log.lines_skipped;
       continue;
     }
     Scan scan;
     scan.row = lines.number();
     Words words{fields, path, scan.row};
-    if (old) {
-      read_flaser(words, scan);
-    } else {
-      read_newer(words, robot, scan);
-    }
-    log.scans.push_back(std::move(scan));
+    if (read_message(words, lines, log.scans.empty(), behind_time[std::string(fields[0])], scan))
+      log.scans.push_back(std::move(scan));
+    else
+      log.warning = path + ", row " + std::to_string(lines.number()) +
+                    ": the last line is torn, as where a recording was cut off, and is left out";
   }
   return log;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/files.hpp"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,7 +9,10 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "io/input_file.hpp"
 #include "io/recording_parts.hpp"
@@ -57,6 +61,15 @@ bool is_stream(const std::string& path) {
   std::error_code ignored;
   return std::filesystem::is_other(path, ignored) || std::filesystem::is_character_file(path, ignored) ||
          std::filesystem::is_fifo(path, ignored);
+}
+
+/// What tells a file from all others, whatever it is called; nothing where there is none of that name.
+using FileIdentity = std::pair<dev_t, ino_t>;
+
+std::optional<FileIdentity> identity_of(const std::string& path) {
+  struct stat status {};
+  if (path.empty() || ::stat(path.c_str(), &status) != 0) return std::nullopt;
+  return FileIdentity{status.st_dev, status.st_ino};
 }
 
 }  // namespace
@@ -108,6 +121,35 @@ void require_writable(std::initializer_list<std::string> paths) {
     if (!path.empty() && !is_stream(path) &&
         !seen.insert(std::filesystem::absolute(path).lexically_normal()).second)
       throw InputError(path, 0, "", "is named as the file of two results");
+  }
+}
+
+void require_apart(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs) {
+  std::map<FileIdentity, std::string> read;
+  for (const std::string& input : inputs)
+    if (const auto identity = identity_of(input)) read.emplace(*identity, input);
+  for (const std::string& output : outputs) {
+    const auto identity = identity_of(output);
+    const auto found = identity ? read.find(*identity) : read.end();
+    if (found == read.end() || is_stream(output)) continue;
+    throw InputError(
+        output, 0, "",
+        (found->second == output ? "is read" : "is the same file as " + found->second + ", which is read") +
+            std::string(", and would be lost: name another file"));
+  }
+}
+
+void require_distinct(const std::vector<std::string>& inputs) {
+  std::map<FileIdentity, std::string> read;
+  for (const std::string& input : inputs) {
+    const auto identity = identity_of(input);
+    if (!identity) continue;
+    const auto [first, is_new] = read.emplace(*identity, input);
+    if (is_new) continue;
+    throw InputError(
+        input, 0, "",
+        (first->second == input ? std::string("is named twice") : "is the same file as " + first->second) +
+            ": its readings would count twice");
   }
 }
 

@@ -24,7 +24,8 @@ bool Lines::next(std::string_view& line) {
   const std::size_t end = rest_.find('\n');
   line = rest_.substr(0, end);
   if (line.size() > kLongestLine) throw InputError(file_, number_ + 1, "", "is longer than 16 MB");
-  rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
+  had_end_ = end != std::string_view::npos;
+  rest_.remove_prefix(had_end_ ? end + 1 : rest_.size());
   if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
   ++number_;
   return true;
@@ -105,9 +106,13 @@ void set_beams(Scan& scan, double angle_min, double increment, std::vector<doubl
   }
 }
 
-ScanLog read_scans(const std::string& path) {
-  const std::string text = read_file(path);
-  if (text.starts_with("#ROSBAG")) throw InputError(path, 0, "", "is a ROS 1 bag, not text");
+ScanLog read_scans(const std::string& given) {
+  const bool from_stdin = given == "-";
+  const std::string text = read_file(from_stdin ? "/dev/stdin" : given), path = from_stdin ? "stdin" : given;
+  if (text.starts_with("#ROSBAG"))
+    throw InputError(
+        path, 0, "",
+        from_stdin ? "is a ROS 1 bag, which is read from a file only" : "is a ROS 1 bag, not text");
   if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
     throw InputError(path,
                      1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",

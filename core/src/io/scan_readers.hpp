@@ -16,8 +16,13 @@ class Lines {
   /// False at the end. `line` stays valid as long as the text. Throws InputError for a line of more than 16 MB.
   bool next(std::string_view& line);
   int number() const { return number_; }
+  /// True if nothing but blanks follows the line that next() gave.
+  bool was_last() const { return rest_.find_first_not_of(" \t\r\n") == std::string_view::npos; }
+  /// True if that line had its end: a file that was cut off while it was written has none.
+  bool had_end() const { return had_end_; }
 
  private:
+  bool had_end_ = true;
   std::string_view rest_;
   const std::string& file_;
   int number_ = 0;

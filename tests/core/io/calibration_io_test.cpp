@@ -23,10 +23,12 @@ Calibration full_calibration() {
   c.reason = "a reason with \"quotes\"";
   c.alpha = Eigen::Vector3d(0.0525, 0.8838, 1.0 / 3.0);
   c.alpha_covariance = (Eigen::Matrix3d() << 1, 0.1, 0, 0.1, 2, 0, 0, 0, 1e-17).finished();
+  c.covariance_with_choice = Eigen::Matrix4d(Eigen::Vector4d(1, 2, 3, 4).asDiagonal());
   c.covariance_reason = "optimistic";
   c.noise = {NoiseLaw::polynomial, Eigen::Vector2d(0.01, 0.002)};
   c.noise_estimates = {{0.01, 0.001}, {0.002, std::nullopt}};
-  c.noise_shapes["range"] = {"contaminated", {{"outlier_share", 0.08}, {"outlier_scale", 12.0}}};
+  c.noise_shapes["range"] = {
+      "contaminated", {{"outlier_share", 0.08}, {"outlier_scale", 12.0}}, {{"outlier_share", 0.02}}};
   c.sigma_theta_rad = Estimate{0.0087, 0.0003};
   c.sigma_s_m = Estimate{0.0, std::nullopt};
   c.sigma_s_upper95_m = 0.004;
@@ -63,11 +65,13 @@ void expect_same(const Calibration& a, const Calibration& b) {
   for (const auto& [channel, shape] : a.noise_shapes) {
     EXPECT_EQ(shape.family, b.noise_shapes.at(channel).family);
     EXPECT_EQ(shape.parameters, b.noise_shapes.at(channel).parameters);
+    EXPECT_EQ(shape.std_dev, b.noise_shapes.at(channel).std_dev);
   }
   EXPECT_EQ(a.outcome, b.outcome);
   EXPECT_EQ(a.reason, b.reason);
   EXPECT_EQ(a.alpha, b.alpha);
   EXPECT_EQ(a.alpha_covariance, b.alpha_covariance);
+  EXPECT_EQ(a.covariance_with_choice, b.covariance_with_choice);
   EXPECT_EQ(a.covariance_reason, b.covariance_reason);
   EXPECT_EQ(a.noise.law, b.noise.law);
   // without a curve there is neither noise about it nor a range
@@ -187,6 +191,8 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
             "c.json: field 'order': is not the number of alpha less one");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"covariance\": [[1, 0]], " + noise),
             "c.json: field 'covariance': is not 2 rows");
+  EXPECT_EQ(with("\"alpha\": [0, 1], \"covariance_with_choice\": [[1]], " + noise),
+            "c.json: field 'covariance_with_choice': has 1 rows, not 2 to 100");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"noise\": {\"law\": \"f9\", \"parameters\": [1]}"),
             "c.json: field 'noise.law': noise law is 'f9', not one of constant, f, f2, f3, d2, polynomial");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"noise\": {\"law\": \"f2\", \"parameters\": [1, 2]}"),

@@ -13,7 +13,9 @@
 namespace rangecal {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 ScanLog read_text(const std::string& text) {
   const test::TemporaryFolder folder;
@@ -107,6 +109,53 @@ TEST(CarmenLog, OldAndNewMessagesWithOdometry) {
 TEST(CarmenLog, ComplainsAboutAShortLine) {
   EXPECT_THAT(complaint("FLASER 4 1.0 2.0 3.0\n"), AllOf(HasSubstr("row 1"), HasSubstr("the line ends")));
   EXPECT_THAT(complaint("FLASER 1.5 1.0\n"), HasSubstr("number of beams"));
+}
+
+const std::string kTwoScans =
+    "FLASER 4 1.0 2.0 81.9 4.0 0.1 0.2 0.3 1.1 1.2 1.3 10.5 host 0.5\n"
+    "ROBOTLASER1 0 -0.5 1.0 0.5 10.0 0.01 0 3 1.0 12.0 3.0 0 5 6 0.7 5.5 6.5 0.8 0 0 0 0 0 11.5 host 1.5\n";
+const std::string kThird = "FLASER 4 1.5 2.5 3.5 4.5 0.1 0.2 0.3 1.1 1.2 1.3 12.5 host 2.5";
+
+// Wherever the last line is cut, in front of a word, in a word or behind one: its scan is there if and only if all of its 15
+// words have begun, the last of which says nothing that is used.
+TEST(CarmenLog, ATornLastLineIsLeftOutWithAWarning) {
+  for (std::size_t cut = std::string("FLASER").size(); cut <= kThird.size(); ++cut) {
+    SCOPED_TRACE(kThird.substr(0, cut));
+    const bool whole = cut > kThird.rfind(' ') + 1;
+    for (const char* end : {"", "\n"}) {
+      if (*end != '\0' && cut > kThird.find(" 12.5"))
+        continue;  // with its end, a line may do without host and time
+      const ScanLog log = read_text(kTwoScans + kThird.substr(0, cut) + end);
+      ASSERT_EQ(log.scans.size(), whole ? 3u : 2u);
+      EXPECT_EQ(log.scans[1].stamp_s, 11.5);
+      if (whole) {
+        EXPECT_EQ(log.scans[2].stamp_s, 12.5);
+        EXPECT_EQ(log.warning, "");
+      } else {
+        EXPECT_THAT(log.warning,
+                    AllOf(HasSubstr("scans, row 3: the last line is torn"), Not(HasSubstr("\n"))));
+      }
+    }
+  }
+}
+
+TEST(CarmenLog, ATornLineElsewhereIsAnError) {
+  const std::string torn = kThird.substr(0, 20) + "\n";
+  EXPECT_THAT(complaint(kTwoScans + torn + kThird + "\n"),
+              AllOf(HasSubstr("row 3"), HasSubstr("the line ends")));
+  EXPECT_THAT(complaint(torn),
+              AllOf(HasSubstr("row 1"), HasSubstr("the line ends")));  // no scan stands before it
+  // a word that is wrong, and not the last one, was not torn
+  EXPECT_THAT(complaint(kTwoScans + "FLASER 4 1.0 x 3.0"),
+              AllOf(HasSubstr("row 3"), HasSubstr("not a number")));
+  // nor does a short line become one by the messages of other kinds behind it
+  EXPECT_THAT(complaint(kTwoScans + torn + "ODOM 0 0 0 0 0 0 1.0 host 1.0\n"), HasSubstr("row 3"));
+}
+
+TEST(CarmenLog, ALastLineWithoutItsEndIsWhole) {
+  EXPECT_EQ(read_text(kTwoScans + kThird).warning, "");
+  // a log that never names host and time is not torn for the want of them
+  EXPECT_EQ(read_text("FLASER 4 1 2 3 4 0 0 0 0 0 0 1.5\nFLASER 4 1 2 3 4 0 0 0 0 0 0 2.5").scans.size(), 2u);
 }
 
 TEST(RosBag, IsNotTakenForText) { EXPECT_THAT(complaint("#ROSBAG V2.0\n"), HasSubstr("ROS 1 bag")); }

@@ -25,6 +25,13 @@ void require_writable(const std::string& path);
 /// The same of several, no two of which may be one file.
 void require_writable(std::initializer_list<std::string> paths);
 
+/// Throws InputError where one of `outputs` is the same file as one of `inputs`, also through links: a result would
+/// take the place of what is read. Empty paths and files that are not there yet are none.
+void require_apart(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs);
+
+/// Throws InputError where two of `inputs` are the same file, also through links: it would count twice.
+void require_distinct(const std::vector<std::string>& inputs);
+
 /// Several files of a folder, names and texts: all are written to temporaries before the first is renamed, so that a disk
 /// that is full leaves the folder as it was. Throws InputError naming the file.
 void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files);

@@ -88,6 +88,9 @@ struct Counts {
   int cells_left_out = 0;              ///< cells of which more than 1 % was lost at a limit of the sensor
 };
 
+/// "10 missing, 2 zero": why readings were dropped, the most frequent reason first; empty where none was.
+std::string dropped_in_words(const Counts& counts);
+
 /// Ground truth, where a recording has any. Never read by an estimator, only by scoring.
 struct Truth {
   std::vector<std::optional<Pose2>> stops;                ///< per stop of the recording

@@ -3,6 +3,7 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "rangecal/core/recording.hpp"
 
@@ -22,6 +23,9 @@ Recording parse_recording(const std::map<std::string, std::string>& files);
 /// temporary and a rename, so that none is left half-written. Files of the format that this recording has no
 /// use for are removed. `maker`, where there is one, is named in a comment at the head of recording.yaml.
 void save_recording(const Recording& recording, const std::string& folder, const std::string& maker = {});
+
+/// The files that recordings in these folders consist of, ground truth included, whether they are there or not.
+std::vector<std::string> recording_files(const std::vector<std::string>& folders);
 
 /// Throws InputError if the folder holds a recording, or tables of one, that no program made: neither a maker
 /// is named in it, nor is there a ground truth or a record of its extraction. Measurements are not replaced

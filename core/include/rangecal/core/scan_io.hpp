@@ -13,10 +13,11 @@ namespace rangecal {
 ///     under any name to the end of the line; lines may differ in length;
 ///   CSV, one beam a line: header with `stamp`, `angle_rad`, `range_m`, optionally `stop`; rows of one stamp that follow
 ///     each other are a scan;
-///   CARMEN log: FLASER, RAWLASERn and ROBOTLASERn, with the odometry they carry.
+///   CARMEN log: FLASER, RAWLASERn and ROBOTLASERn, with the odometry they carry. A last line that ends in its middle, as
+///     where a recording was cut off, is left out and ScanLog::warning says so.
 /// Angles in radians, ranges in metres, `inf`, `nan`, 0 or nothing for a beam without a return. Scans whose angles
 /// decrease are turned round, so that bearings increase. Throws InputError with file, row and column.
-/// Cost: linear in the size of the file.
+/// `-` is what stands on stdin. Cost: linear in the size of the file.
 ScanLog read_scans(const std::string& path);
 
 /// Adds beams from `angle_min` in steps of `increment` to the scan; a negative increment is turned round.

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Files of scans as they come: cut off while they were written, through a pipe, named twice.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "apps/run_binary.hpp"
+#include "rangecal/core/recording_io.hpp"
+
+namespace rangecal::test {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+/// A CARMEN log of four scans, 0.1 m apart along x, half a circle in steps of 1 degree: a wall 3 m ahead, three cylinders of 12 cm.
+std::string carmen_log() {
+  constexpr double radius = 0.12, degree = std::numbers::pi / 180.0;
+  std::string text;
+  for (int k = 0; k < 4; ++k) {
+    const double x = 0.1 * k;
+    text += "FLASER 180";
+    for (int i = -90; i < 90; ++i) {
+      const double c = std::cos(i * degree), s = std::sin(i * degree);
+      double range = std::min(3.0 / std::max(c, 0.05), 8.0);
+      for (const auto& [at_x, at_y] : {std::pair{1.5, 0.5}, {1.2, -0.7}, {2.0, -0.1}}) {
+        const double along = (at_x - x) * c + at_y * s, across = (at_x - x) * s - at_y * c;
+        if (along > 0.0 && std::abs(across) < radius)
+          range = along - std::sqrt(radius * radius - across * across);
+      }
+      text += fmt::format(" {:.4f}", range);
+    }
+    text += fmt::format(" {0} 0 0 {0} 0 0 {1} host {2}\n", x, 10 + k, k);
+  }
+  return text;
+}
+
+const std::string kOptions = " --split scan --radius 0.12 -o ";
+
+TEST(ExtractInputs, ALogThatWasCutOffGivesItsWholeScans) {
+  const TemporaryFolder folder;
+  const std::string log = carmen_log();
+  folder.write("robot.log", log.substr(0, log.size() - 200));
+  const RunResult result = run("extract " + folder.file("robot.log") + kOptions + folder.file("rec"));
+  EXPECT_EQ(result.code, 0);
+  EXPECT_EQ(result.err,
+            "rangecal: " + folder.file("robot.log") +
+                ", row 4: the last line is torn, as where a recording was cut off, and is left out\n");
+  EXPECT_EQ(load_recording(folder.file("rec")).stops.size(), 3u);
+
+  const std::size_t second = log.find('\n') + 1;
+  folder.write("robot.log", log.substr(0, second + 200) + "\n" + log.substr(second));
+  const RunResult middle = run("extract " + folder.file("robot.log") + kOptions + folder.file("other"));
+  EXPECT_EQ(middle.code, 2);
+  EXPECT_THAT(middle.err, HasSubstr("robot.log, row 2"));
+  EXPECT_FALSE(fs::exists(folder.file("other")));
+}
+
+TEST(ExtractInputs, StdinIsReadAsAFileIs) {
+  const TemporaryFolder folder;
+  folder.write("robot.log", carmen_log());
+  ASSERT_EQ(run("extract " + folder.file("robot.log") + kOptions + folder.file("rec")).code, 0);
+  const RunResult redirected = run("extract -" + kOptions + folder.file("redirected"), carmen_log());
+  EXPECT_EQ(redirected.code, 0) << redirected.err;
+  const std::string piped = "cat " + folder.file("robot.log") + " | " + RANGECAL_BINARY + " extract -" +
+                            kOptions + folder.file("piped") + " > " + folder.file("out");
+  EXPECT_EQ(std::system(piped.c_str()), 0);
+  for (const char* name : {"redirected", "piped"}) {
+    EXPECT_EQ(slurp(folder.file(name) + "/observations.csv"), slurp(folder.file("rec/observations.csv")))
+        << name;
+    EXPECT_THAT(slurp(folder.file(name) + "/recording.yaml"), HasSubstr("source: stdin")) << name;
+  }
+  const RunResult short_line = run("extract -" + kOptions + folder.file("x"), "FLASER 4 1 2\n");
+  EXPECT_EQ(short_line.code, 2);
+  EXPECT_THAT(short_line.err, HasSubstr("stdin, row 1"));
+}
+
+TEST(ExtractInputs, AFileThatIsNamedTwiceIsRefused) {
+  const TemporaryFolder folder;
+  folder.write("robot.log", carmen_log());
+  fs::create_symlink("robot.log", folder.file("link.log"));
+  fs::create_hard_link(folder.file("robot.log"), folder.file("hard.log"));
+  for (const char* other : {"robot.log", "link.log", "hard.log", "./robot.log"}) {
+    const RunResult result =
+        run(std::string("extract robot.log ") + other + kOptions + "rec", "", "cd " + folder.path() + ";");
+    EXPECT_EQ(result.code, 2) << other;
+    EXPECT_THAT(result.err, HasSubstr("its readings would count twice")) << other;
+    EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
+    EXPECT_FALSE(fs::exists(folder.file("rec")));
+  }
+  fs::copy_file(folder.file("robot.log"), folder.file("copy.log"));  // a file of its own
+  EXPECT_EQ(run("extract " + folder.file("robot.log") + " " + folder.file("copy.log") + kOptions +
+                folder.file("rec"))
+                .code,
+            0);
+}
+
+TEST(ExtractInputs, NoResultTakesTheirPlace) {
+  const TemporaryFolder folder;
+  folder.write("robot.log", carmen_log());
+  ASSERT_EQ(run("extract " + folder.file("robot.log") + kOptions + folder.file("rec")).code, 0);
+  for (const auto& [arguments, file] : {std::pair{" --json robot.log" + kOptions + "new", "robot.log"},
+                                        {" --stops rec/stops.csv" + kOptions + "rec", "rec/stops.csv"}}) {
+    const std::string before = slurp(folder.file(file));
+    const RunResult result = run("extract robot.log" + arguments, "", "cd " + folder.path() + ";");
+    EXPECT_EQ(result.code, 2) << arguments;
+    EXPECT_THAT(result.err, HasSubstr("would be lost")) << arguments;
+    EXPECT_EQ(slurp(folder.file(file)), before);
+  }
+  EXPECT_FALSE(fs::exists(folder.file("new")));
+}
+
+}  // namespace
+}  // namespace rangecal::test
