@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// B5. Beams lie on a grid of step Delta, and the bearing is the middle between first and last hit.
+// B5. Beams lie on a grid, and the bearing is the middle between first and last hit: it lies on a grid, too.
 //
-//   standard deviation  Delta / sqrt(24)     [rad]
-//     shared by the repeats of a (stop, landmark): it does not average out
+//   variance  Delta^2 / 12     [rad^2], Delta step of the values: the beams' spacing or half of it
+//     shared by the repeats of a (stop, landmark) where the noise is less than half a step: it does not average out
 //
-// Source: docs/effects.md B5 (derived: mean of two edges, each off by a uniform +-Delta / 2).
+// Source: derived: variance of a uniform rounding error.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -23,8 +23,10 @@ class BearingQuantisation final : public Effect {
         .channel = "grid",
         .covariate = "sensor_bearing",
         .physics = "Bearings sit on the grid of the beams: they repeat within a stop and do not average out.",
-        .formula = "cell standard deviation Delta / sqrt(24) [rad], Delta beam spacing [rad]",
-        .source = "derived: variance Delta^2 / 24",
+        .formula =
+            "variance + Delta^2 / 12 [rad^2], shared by repeats whose noise is below Delta / 2, Delta step "
+            "of the values [rad]",
+        .source = "derived: variance of a uniform rounding error",
         .visible_by = "several sweeps at each stop",
         .settled_by =
             "rotate the sensor by a fraction of the beam spacing and repeat, or use larger landmarks",
@@ -46,7 +48,7 @@ class BearingQuantisation final : public Effect {
   }
 
   Dependence dependence(const double* p) const override {
-    return {.bearing_cell_sigma_rad = p[0] / std::sqrt(24.0)};
+    return {.bearing_cell_sigma_rad = p[0] / std::sqrt(12.0)};
   }
 };
 

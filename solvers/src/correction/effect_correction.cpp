@@ -119,7 +119,9 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m,
                                                     const ReadingSetting& setting) const {
   std::vector<double> points = turning_points(low_m, high_m);
   if (active_.empty()) return points;
-  const double reach = 12.0 * calibration_.noise.spread(reading_m, reading_m);
+  const double s = calibration_.noise.spread(reading_m, reading_m);
+  const double reach =
+      12.0 * s * std::exp(0.5 * std::max(0.0, change(reading_m, setting).range_log_variance));
   const std::vector<Stretch> stretches =
       stretches_near(mean_reading(setting), {low_m, high_m}, reading_m, reach);
   std::erase_if(points, [&](double d) {  // there the effects say where the mean turns

@@ -298,7 +298,9 @@ std::vector<Battery::Asked> Battery::asked_of_effect(const Effect& effect) const
     q.effect = &effect;
     q.start = start;
     if (!block.empty()) asked.push_back(asked_of_mean(q, std::move(block)));
-    if (acts_on_variance) ask_variance_of_rows(q, range_variance, bearing_variance, asked);
+    // The spread that goes along with a mean is no question of its own.
+    if (acts_on_variance && info.kind != EffectKind::mean)
+      ask_variance_of_rows(q, range_variance, bearing_variance, asked);
     if (!acts_on_mean && !acts_on_variance && info.kind != EffectKind::mean && info.kind != EffectKind::noise)
       break;
   }

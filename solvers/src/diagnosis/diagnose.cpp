@@ -11,6 +11,7 @@
 
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/grids.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/profile_limits.hpp"
@@ -65,8 +66,13 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
   if (fit.state.sigma_s_m) model.calibration.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
   if (!generic) return;
   model.calibration = calibration_of(rows, recordings, *generic);
-  model.calibration.effects.clear();  // it has no name; its changes of the readings stand for it
-  const RowChanges changes = row_changes(rows, cell_geometry(rows, generic->state), generic->model);
+  // It has no name; its changes of the readings stand for it. Grids stay: the readings are rounded at last.
+  std::erase_if(model.calibration.effects, [](const auto& effect) {
+    const Effect* known = find_effect(effect.first);
+    return !known || known->info().kind != EffectKind::grid;
+  });
+  const RowChanges changes =
+      row_changes(rows, cell_geometry(rows, generic->state), without_grids(generic->model));
   Eigen::Index row = 0;
   for (const Recording& recording : corrected) {  // rows are ordered by cell within each recording
     const bool pairs = recording.kind == RecordingKind::pairs;
@@ -154,8 +160,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   SearchResult found = search(rows, known, options);
   // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
-  // allow them.
-  if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first)) {
+  // allow them; a step among repeats that are all alike is none.
+  if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first) &&
+      !(step_beyond_noise(rows, known.model) > 0.0)) {
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
     SearchResult robust = search(rows, with_tails, options);

@@ -9,9 +9,8 @@
 
 namespace rangecal::diagnosis {
 
-/// This recording extended by one change of the experiment (physics catalogue section 3): its readings stay,
-/// the new ones stand where the estimate predicts them. What happened at a stop or to a landmark still
-/// happens there.
+/// This recording extended by one change of the experiment: its readings stay, the new ones stand where the
+/// estimate predicts them. What happened at a stop or to a landmark still happens there.
 struct ExtendedDesign {
   Rows rows;
   JointState state;

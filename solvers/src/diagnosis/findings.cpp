@@ -8,9 +8,14 @@ namespace rangecal::diagnosis {
 
 bool on_grid(const Bookkeeping& known, const Question& q) {
   const auto suffix = q.channel.find('_');
-  const bool asks_the_grid = q.channel == "grid";  // whether its variance is there, which the model says
-  if (suffix == std::string::npos && !asks_the_grid) return false;
-  const std::string of = asks_the_grid ? q.covariate : q.channel.substr(0, suffix);
+  std::string of;
+  if (q.channel == "grid")
+    of = q.covariate;  // whether the grid's variance is there, which the model says
+  else if (q.channel == "detection" && q.of == Question::Of::variance)
+    of = "range";  // what missing readings take off the spread
+  else if (suffix != std::string::npos)
+    of = q.channel.substr(0, suffix);
+  if (of.empty()) return false;
   return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
     return f.channel == "grid" && (f.covariate == "range") == (of == "range");
   });

@@ -5,13 +5,10 @@
 #include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 namespace rangecal::diagnosis {
 namespace {
-
-constexpr double least_spread = 0.1;  ///< in steps: below it repeats are all alike
 
 /// Counts, mean squares and means of cells with repeats.
 struct Repeats {
@@ -26,7 +23,7 @@ Repeats repeats_of(const Rows& rows, const Model& grids) {
     repeats.count.push_back(c.count[i]);
     repeats.mean_square.push_back(c.range_mean_square[i]);
     repeats.f.push_back(std::max(c.range_mean[i], 1e-3));
-    ReadingView<double> at;
+    ReadingView<double> at{};
     at.f = repeats.f.back();
     double step = 0.0;
     for (const ActiveEffect& grid : grids)
@@ -40,7 +37,7 @@ Repeats repeats_of(const Rows& rows, const Model& grids) {
 double nll_within(const Repeats& repeats, int power, double sigma) {
   double nll = 0.0;
   for (std::size_t i = 0; i < repeats.count.size(); ++i) {
-    const double s = std::max(sigma * std::pow(repeats.f[i], power), least_spread * repeats.step_m[i]);
+    const double s = sigma * std::pow(repeats.f[i], power);
     const double variance = s * s + rounding_variance(repeats.step_m[i], s).own;
     nll += 0.5 * ((repeats.count[i] - 1.0) * std::log(variance) +
                   repeats.count[i] * repeats.mean_square[i] / variance);
@@ -59,7 +56,7 @@ std::pair<double, double> least_within(const Repeats& repeats, int power) {
   if (*std::max_element(repeats.step_m.begin(), repeats.step_m.end()) == 0.0)
     return {without_grid, nll_within(repeats, power, without_grid)};
   constexpr int bits = 24;
-  constexpr double least = 0.05;  // of the sigma that holds the grid's part
+  constexpr double least = 1e-3;  // of the sigma that holds the grid's part
   const auto found = boost::math::tools::brent_find_minima(
       [&](double log_sigma) { return nll_within(repeats, power, std::exp(log_sigma)); },
       std::log(least * without_grid), std::log(1.5 * without_grid), bits);
@@ -68,55 +65,36 @@ std::pair<double, double> least_within(const Repeats& repeats, int power) {
 
 }  // namespace
 
-RoundingVariance rounding_variance(double step, double spread) {
-  if (!(step > 0.0)) return {};
-  constexpr int harmonics = 12;  // at the least spread the thirteenth is e^-66
-  const double total = step * step / 12.0;
-  const double phase = 2.0 * std::numbers::pi * std::max(spread / step, least_spread);
-  double sum = 0.0;
-  for (int k = 1; k <= harmonics; ++k) {
-    const double square = static_cast<double>(k) * k;
-    const double term = std::exp(-phase * phase * square) / square;
-    sum += term;
-    if (term < 1e-12) break;
-  }
-  const double shared = step * step / (2.0 * std::numbers::pi * std::numbers::pi) * sum;
-  return {shared, total - shared};
-}
-
-CellRounding cell_rounding(const Rows& rows, const CellGeometry& geometry, const Model& model) {
-  CellRounding rounding;
-  for (const ActiveEffect& active : model) {
-    if (active.effect->info().kind != EffectKind::grid) continue;
-    rounding.range.resize(static_cast<std::size_t>(rows.cell_count));
-    rounding.bearing.resize(rounding.range.size());
-    for (std::size_t c = 0; c < rounding.range.size(); ++c) {
-      const ReadingView<double> at = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
-      const GridSteps steps = active.effect->grid_steps(at, active.parameters.data());
-      if (steps.range_m > 0.0) rounding.range[c] = rounding_variance(steps.range_m, geometry.spread[c]);
-      if (steps.bearing_rad > 0.0)
-        rounding.bearing[c] = rounding_variance(steps.bearing_rad, geometry.sigma_theta_rad);
-    }
-  }
-  return rounding;
-}
-
 std::optional<Noise> noise_within_cells(const Rows& rows, const Model& grids) {
   double total = 0.0;
   for (double count : rows.problem.cells.count) total += count - 1.0;
   if (total < 50.0 || rows.pairs) return std::nullopt;
   const Repeats repeats = repeats_of(rows, grids);
+  const bool alike = step_beyond_noise(rows, grids) > 0.0;  // the few steps tell a level, but no law
   std::optional<Noise> best;
   double best_nll = std::numeric_limits<double>::infinity();
   constexpr std::pair<int, NoiseLaw> laws[] = {
       {2, NoiseLaw::f_squared}, {1, NoiseLaw::f}, {0, NoiseLaw::constant}, {3, NoiseLaw::f_cubed}};
   for (const auto& [power, law] : laws) {
     const auto [sigma, nll] = least_within(repeats, power);
-    if (best && !(nll < best_nll - 3.0)) continue;
+    if (best && (alike || !(nll < best_nll - 3.0))) continue;
     best_nll = nll;
     best = Noise{law, Eigen::VectorXd::Constant(1, sigma)};
   }
   return best;
+}
+
+double step_beyond_noise(const Rows& rows, const Model& grids) {
+  if (!has_grid(grids)) return 0.0;
+  const Repeats repeats = repeats_of(rows, grids);
+  std::size_t alike = 0;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < repeats.f.size(); ++i) {
+    const double step = repeats.step_m[i];
+    largest = std::max(largest, step);
+    if (repeats.mean_square[i] < 1e-6 * step * step) ++alike;
+  }
+  return 4 * alike > repeats.f.size() ? largest : 0.0;
 }
 
 }  // namespace rangecal::diagnosis

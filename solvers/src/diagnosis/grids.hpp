@@ -7,30 +7,14 @@
 
 namespace rangecal::diagnosis {
 
-/// What rounding to a grid of steps u adds to readings of one mean m and of spread s, m anywhere between the steps.
-///
-///   e(x) = u round(x / u) - x = sum_k (-1)^k u / (pi k) sin(2 pi k x / u)
-///   total variance           u^2 / 12
-///   shared by all repeats    E[e(m + s z_1) e(m + s z_2)] = u^2 / (2 pi^2) sum_k exp(-(2 pi k s / u)^2) / k^2
-///
-/// z standard normal, [u] = [s]. Noise of half a step hides the grid: nothing is shared. Without noise all is, and repeats
-/// do not average it out. Below s = u / 10 repeats tell no spread, and count as of that one.
-/// Source: Widrow, Kollar, "Quantization Noise", 2008, chapter 5 (Fourier series of the error); derived.
-struct RoundingVariance {
-  double shared = 0.0;  ///< by the repeats of a cell
-  double own = 0.0;     ///< of each reading
-};
-RoundingVariance rounding_variance(double step, double spread);
-
-/// Per cell: what the grids of a model add to ranges [m^2] and bearings [rad^2]; empty without a grid.
-struct CellRounding {
-  std::vector<RoundingVariance> range, bearing;
-};
-CellRounding cell_rounding(const Rows& rows, const CellGeometry& geometry, const Model& model);
-
-/// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law unless another is
-/// better by more than three nats, and its sigma, the grids' part taken off. Empty where there are too few repeats. The
-/// mean reading stands for f.
+/// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law unless
+/// another is better by more than three nats, and its sigma, the grids' part taken off. Empty where there are
+/// too few repeats. The mean reading stands for f.
 std::optional<Noise> noise_within_cells(const Rows& rows, const Model& grids);
+
+/// The largest step of range [m] where a quarter of the cells or more have repeats that are all alike, else 0. There a
+/// cell's error is a saw of its distance, the rest an occasional step that looks like a tail: nothing smaller than a step
+/// can be told from them.
+double step_beyond_noise(const Rows& rows, const Model& grids);
 
 }  // namespace rangecal::diagnosis

@@ -7,8 +7,6 @@
 #include <optional>
 #include <set>
 
-#include "diagnosis/grids.hpp"
-
 namespace rangecal::diagnosis {
 namespace {
 
@@ -59,7 +57,7 @@ RowResiduals row_residuals(const Rows& rows, const Model& model, const JointStat
   r.range_variance *= changes.range_log_variance.array().exp();
   r.bearing_variance =
       state.sigma_theta_rad * state.sigma_theta_rad * changes.bearing_log_variance.array().exp();
-  const CellRounding rounding = cell_rounding(rows, geometry, model);
+  const CellRounding& rounding = changes.rounding;
   for (Eigen::Index i = 0; !rounding.range.empty() && i < n; ++i) {
     r.range_variance[i] += rounding.range[static_cast<std::size_t>(rows.cell[i])].shared;
     r.bearing_variance[i] += rounding.bearing[static_cast<std::size_t>(rows.cell[i])].shared;

@@ -83,13 +83,16 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   if (result.alarm_p >= options.alarm_rate && known.model.empty()) return result;
 
+  const double coarse_step = step_beyond_noise(rows, known.model);
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state, result.rates);
     // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and
     // a further name needs overwhelming evidence.
     const double rate = has_grid(known.model) ? 1e-5 : clean_rate;
-    for (const Question& q : battery->questions)
-      if (!on_grid(known, q) && battery->corrected(q) < rate) return false;
+    for (const Question& q : battery->questions) {
+      const bool below_step = coarse_step > 0.0 && q.channel == "range" && !(q.size > coarse_step);
+      if (!on_grid(known, q) && !below_step && battery->corrected(q) < rate) return false;
+    }
     // In its own channel and covariate a free curve must find nothing more.
     for (const ActiveEffect& active : candidate.fit.model)
       for (const Question& q : battery->questions)
@@ -121,7 +124,10 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   // Greedy: the best single effects, then what is left, until the battery is clean.
   report("explaining", 0.3);
-  const std::vector<Proposal> proposals = propose(rows, *root_battery, root.fit.model);
+  std::vector<Proposal> proposals = propose(rows, *root_battery, root.fit.model);
+  if (coarse_step > 0.0)  // nothing is left of spread, tails and dependence
+    std::erase_if(proposals,
+                  [](const Proposal& p) { return p.effect->info().channel.starts_with("range_"); });
   std::vector<Candidate> singles = try_all(rows, root.fit, proposals, result.rates, refit_options);
   if (refit_options.settled > 0) let_known_move(rows, singles);
   for (Candidate& candidate : singles) candidate.gain = result.baseline.nll - candidate.fit.nll;

@@ -50,8 +50,7 @@ Errors errors_of(const Model& model) {
     const std::string& id = active.effect->info().id;
     if (id == "quantisation") errors.disparity_step = p[0], errors.output_step = p[1];
     if (id == "bearing_quantisation") errors.bearing_step = p[0];
-    if (active.effect->info().kind == EffectKind::grid)
-      continue;  // the spread as estimated holds its variance
+    if (active.effect->info().kind == EffectKind::grid) continue;
     const Dependence own = active.effect->dependence(p);
     Dependence& sum = errors.dependence;
     sum.range_cell_sigma_m = std::hypot(sum.range_cell_sigma_m, own.range_cell_sigma_m);
@@ -67,7 +66,8 @@ double to_grid(double value, double step) { return step > 0.0 ? step * std::roun
 
 RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry,
                       const Model& effects) {
-  RowChanges changes = row_changes(rows, geometry, effects);
+  RowChanges changes =
+      row_changes(rows, geometry, without_grids(effects));        // the readings are rounded at last
   std::vector<std::pair<const AddedChange*, std::size_t>> added;  // per reading, by running number
   for (std::size_t r = 0; r < model.recordings.size(); ++r) {
     const Recording& recording = model.recordings[r];

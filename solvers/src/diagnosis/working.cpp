@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnosis/grids.hpp"
 #include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
@@ -67,24 +66,7 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, const Rows& r
   constant += 0.5 * std::log1p(shared);
 }
 
-/// What grids add to the variance of each reading by itself; what repeats share is their cell's.
-void add_rounding(const Rows& rows, const CellGeometry& geometry, const Model& model, RowChanges& changes) {
-  const CellRounding rounding = cell_rounding(rows, geometry, model);
-  for (Eigen::Index i = 0; !rounding.range.empty() && i < changes.range.size(); ++i) {
-    const auto c = static_cast<std::size_t>(rows.cell[i]);
-    changes.range_log_variance[i] += std::log1p(rounding.range[c].own / std::pow(geometry.spread[c], 2));
-    if (!rows.pairs)
-      changes.bearing_log_variance[i] +=
-          std::log1p(rounding.bearing[c].own / std::pow(geometry.sigma_theta_rad, 2));
-  }
-}
-
 }  // namespace
-
-bool has_grid(const Model& model) {
-  return std::any_of(model.begin(), model.end(),
-                     [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::grid; });
-}
 
 Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
                                std::size_t row) {
@@ -95,26 +77,6 @@ Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, c
     if (own.share > 0.0) return own;
   }
   return {};
-}
-
-RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model) {
-  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  RowChanges changes;
-  for (auto* column :
-       {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
-    *column = Eigen::VectorXd::Zero(n);
-  for (const ActiveEffect& active : model) {
-    if (active.effect->noise_before_reciprocal() || active.effect->info().kind == EffectKind::grid) continue;
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const auto change = active.effect->reading(view_of(rows, geometry, i), active.parameters.data());
-      changes.range[i] += change.range;
-      changes.bearing[i] += change.bearing;
-      changes.range_log_variance[i] += change.range_log_variance;
-      changes.bearing_log_variance[i] += change.bearing_log_variance;
-    }
-  }
-  if (has_grid(model)) add_rounding(rows, geometry, model, changes);
-  return changes;
 }
 
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state) {
@@ -174,14 +136,13 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     return Whitening{(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
   };
   working.range_whitening = whitening(range_m, dependence.range_correlation);
-  const CellRounding rounding = cell_rounding(rows, geometry, model);
   const auto shared = [](double sigma, const std::vector<RoundingVariance>& grid, int cell) {
     return sigma * sigma + (grid.empty() ? 0.0 : grid[static_cast<std::size_t>(cell)].shared);
   };
   CellsAndRows range = split(rows, working.range, working.range_whitening);
   working.constant += working.range_whitening.log_jacobian(rows);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
-    const double ratio = shared(dependence.range_cell_sigma_m, rounding.range, cell) /
+    const double ratio = shared(dependence.range_cell_sigma_m, changes.rounding.range, cell) /
                          (geometry.spread[cell] * geometry.spread[cell]);
     c.range_mean[cell] = range.means[cell];
     set_weight(range, cell, ratio, rows, c.range_weight[cell], c.range_mean_square[cell], working.constant);
@@ -192,7 +153,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   CellsAndRows bearing = split(rows, working.bearing, working.bearing_whitening);
   working.constant += working.bearing_whitening.log_jacobian(rows);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
-    const double ratio = shared(dependence.bearing_cell_sigma_rad, rounding.bearing, cell) /
+    const double ratio = shared(dependence.bearing_cell_sigma_rad, changes.rounding.bearing, cell) /
                          (state.sigma_theta_rad * state.sigma_theta_rad);
     c.bearing_mean[cell] = wrap_angle(geometry.bearing[cell] + bearing.means[cell]);
     set_weight(bearing, cell, ratio, rows, c.bearing_weight[cell], c.bearing_mean_square[cell],

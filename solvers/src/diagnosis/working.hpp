@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "diagnosis/projector.hpp"
+#include "diagnosis/rounding.hpp"
 #include "diagnosis/rows.hpp"
 #include "diagnosis/working_problem.hpp"
 
@@ -19,14 +20,18 @@ using Model = std::vector<ActiveEffect>;
 
 /// True if some effect of the model is a grid that the values sit on.
 bool has_grid(const Model& model);
+/// The model less its grids.
+Model without_grids(const Model& model);
 
 /// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new
 /// state.
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);
 
-/// Per-row change of all of the model's effects.
+/// Per-row change of all of the model's effects, and what its grids add to the cells, their repeats' own part
+/// in the rows' variance already.
 struct RowChanges {
   Eigen::VectorXd range, bearing, range_log_variance, bearing_log_variance;
+  CellRounding rounding;
 };
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
 

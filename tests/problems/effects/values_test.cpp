@@ -123,6 +123,19 @@ TEST(EffectValues, ReadingsAgreeWithHandWorkedOnes) {
   }
 }
 
+TEST(EffectValues, AxialDepthTakesTheSpreadAlong) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  at.spread_power = 2;
+  const double p[] = {0.1, 0.0};  // the reading changes by -0.0895 of 2.1
+  EXPECT_NEAR(find_effect("axial_depth")->reading(at, p).range_log_variance,
+              4.0 * std::log(1.0 - 0.0895 / 2.1), 1e-12);
+  at.f = 0.0;
+  EXPECT_EQ(at.spread_along(-0.1), 0.0);
+  at.f = 2.1;
+  EXPECT_NEAR(at.spread_along(-3.0), 4.0 * std::log(0.1), 1e-12);
+}
+
 TEST(EffectValues, EveryEffectHasAHandWorkedValue) {
   const std::vector<Case> all = cases();
   for (const auto& effect : effect_registry())
@@ -188,8 +201,9 @@ TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
 TEST(EffectValues, DependenceAndTails) {
   const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, outliers[] = {0.03, 5.0},
                edge[] = {0.002};
-  EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0035721726,
+  EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0050518149,
               1e-10);
+  EXPECT_EQ(find_effect("bearing_quantisation")->grid_steps({}, step).bearing_rad, step[0]);
   EXPECT_EQ(find_effect("cell_effect")->dependence(sigma).range_cell_sigma_m, 0.005);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).range_correlation, 0.6);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).bearing_correlation, 0.3);

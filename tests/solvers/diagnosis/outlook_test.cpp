@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The design of the physics catalogue's table (section 2): 11 stops 0.3 m apart, five landmarks of 12 cm at 0.9 to 3.4 m,
-// 20 repeats, sigma_r = 2 mm + 3 mm d^2, sigma_b = 0.5 degrees, stops to 1 cm, headings to 0.3 degrees.
+// A usual design: 11 stops 0.3 m apart, five landmarks of 12 cm at 0.9 to 3.4 m, 20 repeats, sigma_r = 2 mm + 3 mm d^2,
+// sigma_b = 0.5 degrees, stops to 1 cm, headings to 0.3 degrees.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -6,8 +6,8 @@
 
 namespace rangecal {
 
-/// The density of the standardised error z = (y - f(d)) / s(d), dimensionless. s is the standard deviation of y for
-/// the Gaussian, the scale for the others.
+/// The density of the standardised error z = (y - f(d)) / s(d), dimensionless. s is the standard deviation of
+/// y for the Gaussian, the scale for the others.
 enum class NoiseShape {
   gaussian,      ///< N(0, 1)
   student_t,     ///< Student's t with nu > 1 degrees of freedom, scale 1
@@ -56,22 +56,27 @@ class ShapeDensity {
 /// Standard deviation of z: 1, sqrt(nu / (nu - 2)) (infinite for nu <= 2), sqrt(1 - p + p k^2).
 double standard_deviation(const NoiseShapeParameters& shape);
 
-/// What one reading y = f + s z, z of the shape, is expected to tell, as information matrices of its parameters:
+/// What one reading y = f + s z, z of the shape, is expected to tell, as information matrices of its
+/// parameters:
 ///
 ///   location:  s^2 E[(d log p / df)^2] = E[w^2 z^2]                                  (Gaussian: 1)
-///   spread:    E[u u^T],  u = d log p / d(log s, nu) = (w z^2 - 1, d log rho / dnu)  (Gaussian: 2), or (log s, p, k)
+///   weight:    E[w]                                                                  (Gaussian: 1)
+///   spread:    E[u u^T],  u = d log p / d(log s, nu) = (w z^2 - 1, d log rho / dnu)  (Gaussian: 2)
+///              or d(log s, p, k)
 ///
-/// dimensionless, 1/nu, ...; w the robust weight. Location and spread are not coupled, rho being even.
-/// Student's t has location (nu + 1) / (nu + 3) and 2 nu / (nu + 3) for log s: Lange, Little, Taylor 1989, appendix B.
-/// Here all by the trapezoidal rule in arsinh z, which is good to some 1e-10. Throws InputError for `automatic`.
+/// dimensionless, 1/nu, ...; w the robust weight. E[w z^2] = 1 for every shape; E[w] = 1 for Student's t,
+/// 1 - p + p / k^2 for the contaminated normal. Location and spread are not coupled, rho being even.
+/// Student's t has location (nu + 1) / (nu + 3) and 2 nu / (nu + 3) for log s: Lange, Little, Taylor 1989,
+/// appendix B. Here all by the trapezoidal rule in arsinh z, which is good to some 1e-10. Throws InputError
+/// for `automatic`.
 struct ShapeInformation {
-  double location = 1.0;
+  double location = 1.0, weight = 1.0;
   Eigen::MatrixXd spread = Eigen::MatrixXd::Constant(1, 1, 2.0);  ///< of log s, then the shape's parameters
 };
 ShapeInformation shape_information(const NoiseShapeParameters& shape);
 
-/// A parameter of the shape stands at an end of its range (nu at 1 or 200, p at 0, ...), where the likelihood is flat
-/// along it and it has no standard deviation.
+/// A parameter of the shape stands at an end of its range (nu at 1 or 200, p at 0, ...), where the likelihood
+/// is flat along it and it has no standard deviation.
 bool at_limit(const NoiseShapeParameters& shape);
 
 }  // namespace rangecal

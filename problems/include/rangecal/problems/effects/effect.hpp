@@ -87,9 +87,11 @@ struct ReadingView {
   /// Change of the reading when the distance before the curve changes by `delta` [m]: f(d + delta) - f(d).
   T before_curve(const T& delta) const { return delta * (slope + 0.5 * curvature * delta); }
   /// Change of log s^2 when the reading changes by `change` [m] before the curve, so that the spread goes along:
-  /// 2 p log((f + change) / f), down to a tenth of f. Centimetres do not need it; halved distances do.
+  /// 2 p log((f + change) / f), down to a tenth of f. Centimetres do not need it; halved distances do. Laws that are
+  /// no power of f stay where they are.
   T spread_along(const T& change) const {
     using std::log;
+    if (spread_power == 0 || !(f > 0.0)) return T(0.0);
     const T ratio = 1.0 + change / f;
     return 2.0 * spread_power * log(ratio > 0.1 ? ratio : T(0.1));
   }
