@@ -5,7 +5,8 @@
 //     b direction in the sensor frame [rad], b_c centre and w half-width of the sector [rad], c [1/m]
 //
 // c = -(B / (S + B)) (x_win - x) / (f s): the background pulls the centroid to the middle x_win of its
-// window; v >= 0. Acts on the reading, after the curve. Source: docs/effects.md R10.
+// window; v >= 0. Acts on the reading, after the curve. Source: derived: centroid of signal and background in one
+// window.
 #include <cmath>
 #include <numbers>
 

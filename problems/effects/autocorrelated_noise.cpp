@@ -5,7 +5,7 @@
 //   e_i = rho e_(i-1) + sqrt(1 - rho^2) w_i
 //     rho for range and for bearing [-]; variance of a mean times (1 + rho) / (1 - rho)
 //
-// Source: docs/effects.md N4.
+// Source: derived: first-order autoregression from reading to reading.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

@@ -3,10 +3,13 @@
 //
 //   A target of height H at depth z = d cos(b - b0) along the axis is imaged at height h = F H / z (F focal length), so
 //   ranging by h gives z. With a share kappa of that left uncorrected the curve sees d (1 - kappa (1 - cos(b - b0))):
-//   delta r = f(d - kappa d (1 - cos(b - b0))) - f(d)     [m], b direction in the sensor frame, b0 that of the axis [rad]
+//   d' = d - kappa d (1 - cos(b - b0))     [m], b direction in the sensor frame, b0 that of the axis [rad]
+//   delta r = f(d') - f(d)                 [m]
+//   log s^2 -> log s^2 + 2 p log(f(d') / f(d)), p of the noise law s = sigma f^p
 //
-// Acts on d, before the curve, so the spread goes along: at 60 degrees off the axis it is that of half the distance. kappa = 1: depth itself; kappa = 0: distance. Only for sensors that look one way.
-// Source: derived from the pinhole projection, found on the camera recordings of docs/real-data.md.
+// Acts on d, before the curve, so the spread goes along: at 60 degrees off the axis it is that of half the distance.
+// kappa = 1: depth itself; kappa = 0: distance. Only for sensors that look one way.
+// Source: derived: pinhole projection of a target of known size; found on the camera recordings of docs/real-data.md.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -27,7 +30,8 @@ class AxialDepth final : public Effect {
             "The sensor reports depth along its optical axis instead of distance: divide readings by the cosine of "
             "the direction.",
         .formula =
-            "delta r = f(d - kappa d (1 - cos(b - b0))) - f(d) [m], kappa share left uncorrected, b0 axis [rad]",
+            "d' = d - kappa d (1 - cos(b - b0)) [m], kappa share left uncorrected, b0 axis [rad]: delta r = "
+            "f(d') - f(d) [m], log variance + 2 p log(f(d') / f(d)), p of the noise law",
         .source = "derived: pinhole projection of a target of known size",
         .visible_by = "targets at one distance, from the middle to the edge of the field of view",
         .settled_by = "turn the sensor so that one target crosses the field of view at a fixed distance",

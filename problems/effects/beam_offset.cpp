@@ -5,7 +5,7 @@
 //
 // The hits lie evenly about the direction in which the beam's line passes through the landmark's axis, so
 // D = d + R stands where the makers' corrections, made for single hits, have the range. Linear in q to 1 %
-// for q < D / 4. Source: docs/effects.md B2; Slamtec rplidar_sdk, YDLidar communication protocol.
+// for q < D / 4. Source: Slamtec rplidar_sdk capsule unpacker, YDLidar communication protocol.
 #include <algorithm>
 #include <cmath>
 

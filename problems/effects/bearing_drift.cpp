@@ -3,7 +3,7 @@
 //
 //   delta b = b1 t     [rad], t time scaled to 0 .. 1 over the recording, b1 [rad per run]
 //
-// Exact twin of heading_drift with b1 = -h. Source: docs/effects.md B1.
+// Exact twin of heading_drift with b1 = -h. Source: derived: a zero that moves evenly in time.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

@@ -3,8 +3,8 @@
 //
 //   delta b = b0     [rad]
 //
-// Exact twin of a constant error of the heading, and of a robot that drives askew. Source: docs/effects.md
-// B1.
+// Exact twin of a constant error of the heading, and of a robot that drives askew. Source: derived: a constant in every
+// bearing.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

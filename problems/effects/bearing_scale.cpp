@@ -5,7 +5,7 @@
 //   delta b = gamma b     [rad], b direction in the sensor frame in (-pi, pi] [rad]
 //
 // Exact twin of a robot that turns during the sweep. A ripple of the motor's speed once per turn is
-// encoder_eccentricity. Source: docs/effects.md B4.
+// encoder_eccentricity. Source: derived; YDLidar communication protocol (angles interpolated inside a packet).
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

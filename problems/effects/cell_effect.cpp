@@ -3,7 +3,7 @@
 //
 //   y = f(d) + u_kl + e,   u_kl ~ N(0, sigma^2)     [m], shared by all repeats of stop k and landmark l
 //
-// Source: docs/effects.md N2.
+// Source: derived: one error shared by all repeats of a cell.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

@@ -4,8 +4,8 @@
 //   delta r = c cos(k d) + s sin(k d)     [m]
 //     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength
 //
-// Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: docs/effects.md
-// R16; cyclic terms of surveying scanners: Lichti and Licht 2006.
+// Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: Lichti and Licht 2006
+// (cyclic terms of surveying scanners).
 #include <cmath>
 #include <numbers>
 

@@ -4,7 +4,7 @@
 //   log s^2 -> log s^2 + v for landmark l
 //     v = 2 log(spread factor) >= 0; rho^(-1/2) or rho^(-1) in its reflectance
 //
-// Source: docs/effects.md R9: sigma ~ rho^(-1/2) (shot noise) or rho^(-1) (background).
+// Source: derived: shot noise on a signal S ~ rho / d^2; sigma ~ rho^(-1/2), in background light rho^(-1).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -7,8 +7,8 @@
 //     c limit of the reading [m], f predicted reading [m], s its spread [m]; phi and Phi density and
 //     distribution of the standard normal
 //
-// Mean and variance of the normal truncated from above, so that the Gaussian likelihood serves. Source:
-// docs/effects.md W3 (inverse Mills ratio).
+// Mean and variance of the normal truncated from above, so that the Gaussian likelihood serves. Source: derived:
+// moments of the truncated normal, inverse Mills ratio.
 #include <cmath>
 #include <numbers>
 

@@ -5,7 +5,7 @@
 //
 // b is the direction in the sensor frame [rad], psi the phase.
 //
-// Source: docs/effects.md B3 (derived).
+// Source: derived: geometry of an eccentric or stretched disc.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -4,7 +4,7 @@
 //   phi_k = phi_k,commanded + h t_k     [rad]
 //     t_k time of the stop scaled to 0 .. 1 over the recording, h [rad per run]
 //
-// Exact twin of bearing_drift with h = -b1. Source: docs/effects.md M3.
+// Exact twin of bearing_drift with h = -b1. Source: derived: a heading that turns evenly in time.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

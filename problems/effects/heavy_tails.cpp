@@ -4,7 +4,7 @@
 //   (y - f) / s ~ (1 - pi) N(0, 1) + pi N(0, kappa^2)     pi share [-], kappa ratio of the spreads [-],
 //   ranges
 //
-// Source: docs/effects.md N5.
+// Source: by definition: a share of the readings has a wider law.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

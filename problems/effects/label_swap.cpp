@@ -4,7 +4,7 @@
 //   readings of landmarks first and second, stops from .. to:  labels exchanged
 //
 // Changes no reading by itself: the search exchanges the labels and compares. Grid: all pairs, each stop
-// alone and all stops from one on. Source: docs/effects.md W2.
+// alone and all stops from one on. Source: by definition: two labels exchanged from one stop to another.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

@@ -3,8 +3,7 @@
 //
 //   delta d = -delta R for landmark l, else 0     [m]
 //
-// Acts before the curve: delta r = f(d - delta R) - f(d). Source: docs/effects.md R17 (derived: d = D -
-// R).
+// Acts before the curve: delta r = f(d - delta R) - f(d). Source: derived: d = D - R.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

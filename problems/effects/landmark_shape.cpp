@@ -4,8 +4,8 @@
 //   delta d = -eta R cos 2(g - psi) = -R (e_c cos 2g + e_s sin 2g)     [m]
 //     g = b + heading direction of view in the world [rad]; e_c = eta cos 2 psi, e_s = eta sin 2 psi
 //
-// Acts before the curve. A lean alone is below a millimetre and is not modelled. Source: docs/effects.md
-// R15.
+// Acts before the curve. A lean alone is below a millimetre and is not modelled. Source: derived: an ellipse, first
+// order in eta.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

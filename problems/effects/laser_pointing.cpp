@@ -5,8 +5,7 @@
 //     c = delta psi / s = -delta x / (f s) [1/m]; delta psi laser angle [rad], s baseline [m]; delta x
 //     shift of the detector, f s focal length times baseline
 //
-// Acts on the reading, after the curve: it is alpha_2. Source: docs/effects.md R4 (derived from d = f s
-// / x).
+// Acts on the reading, after the curve: it is alpha_2. Source: derived from d = f s / x.
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {

@@ -3,8 +3,7 @@
 //
 //   delta r = k / d     [m], k = -k1 (f s)^2 [m^2], k1 radial distortion, f s focal length times baseline
 //
-// Acts on the reading, after the curve. Source: docs/effects.md R5 (derived: x -> x (1 + k1 x^2), x = f
-// s / d).
+// Acts on the reading, after the curve. Source: derived: x (1 + k1 x^2) with x = f s / d.
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {

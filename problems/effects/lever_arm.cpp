@@ -4,8 +4,8 @@
 //   s_k = c_k + Rot(phi_k) (q_x, q_y)     [m]
 //     c_k commanded position, phi_k heading, q lidar in the robot frame
 //
-// At constant heading it shifts all stops alike: the landmarks take it up exactly. Source: docs/effects.md
-// M5.
+// At constant heading it shifts all stops alike: the landmarks take it up exactly. Source: derived: the lever turned by
+// the heading, added to the stop.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -6,8 +6,8 @@
 //   a contaminated normal: the clipped share has the extra variance (d w / (2 s))^2 / 3 of an even spread
 //     w spot radius on the target [m], R radius of the landmark [m], s = 0.05 m baseline
 //
-// Source: docs/effects.md R11 (derived: magnification d / s); clipping by half the spot radius and the
-// baseline of 50 mm are assumed, so w is known up to the factor (s / 0.05 m)^(2/3).
+// Source: derived: a spot centroid moved by du reads as (d / s) du; Curless and Levoy on spot shape. Clipping by half
+// the spot radius and the baseline of 50 mm are assumed, so w is known up to the factor (s / 0.05 m)^(2/3).
 #include <algorithm>
 #include <cmath>
 

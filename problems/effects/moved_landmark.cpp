@@ -5,7 +5,8 @@
 //   n = (cos g, sin g), t = (-sin g, cos g), g = b + heading direction of the landmark in the world,
 //       delta [m], D axis distance [m]
 //
-// The range part acts before the curve. First order in delta / D. Source: docs/effects.md W1.
+// The range part acts before the curve. First order in delta / D. Source: derived: a step of the landmark, first order
+// in it over the distance.
 #include <algorithm>
 #include <cmath>
 

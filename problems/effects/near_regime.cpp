@@ -4,7 +4,8 @@
 //   delta r = (c + g (d - d_s)) for d < d_s, else 0     [m]
 //     d_s switching distance [m], c step [m], g change of slope [-]
 //
-// Acts on the reading, after the curve. Source: docs/effects.md R8 (step and slope; sizes unpublished).
+// Acts on the reading, after the curve. Source: step and slope below a distance, their sizes unpublished; firmware that
+// halves its window near the array end: iliasam/OpenSimpleLidar.
 #include <algorithm>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -28,7 +29,8 @@ class NearRegime final : public Effect {
         .formula =
             "delta r = c + g (d - d_s) [m] for d < d_s [m], 0 beyond; c step [m], g change of slope [-]",
         .source =
-            "step and slope below a distance, their sizes unpublished; firmware that halves its window near the array end: iliasam/OpenSimpleLidar",
+            "step and slope below a distance, their sizes unpublished; firmware that halves its window near the "
+            "array end: iliasam/OpenSimpleLidar",
         .visible_by = "dense ranges across the switching distance",
         .settled_by = "place landmarks at 0.3-0.6 m and at the far end; record the device's flag as a column",
         .parameters = {{.name = "offset_m", .typical = 0.005, .low = -0.05, .high = 0.05},

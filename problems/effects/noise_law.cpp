@@ -5,7 +5,8 @@
 //     f reading [m], f0 geometric middle of the ranges [m]
 //
 // g1 changes the exponent of the spread by g1 / 2; g2 bends it: a floor near, photon or background noise
-// far. The level is in the fitted law. Source: docs/effects.md N1: exponents 0, 2, 3, 4.
+// far. The level is in the fitted law. Source: derived: speckle d^2, shot d^3, background d^4; Dorsch, Haeusler and
+// Herrmann 1994; exponents 0, 2, 3, 4.
 #include <algorithm>
 #include <cmath>
 

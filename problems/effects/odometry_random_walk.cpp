@@ -6,7 +6,7 @@
 //
 // Replaces the independent errors of all stops but the first of a recording; a stop that stays at the
 // place of the one before has no error of its own. Headings keep what is stated of them: errors of their own, or,
-// in a recording that is a random walk already, errors that add up. Source: docs/effects.md M4.
+// in a recording that is a random walk already, errors that add up. Source: derived: the errors of the steps add up.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

@@ -4,7 +4,7 @@
 //   s_k = s_0 + (1 + eps) (c_k - c_0)     [m]
 //     c_k commanded position of stop k, c_0 of the recording's first, eps [-]
 //
-// Source: docs/effects.md M1; calibrated as one number by the square-path test of Borenstein and Feng.
+// Source: derived: all steps by one factor; UMBmark (Borenstein and Feng).
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 

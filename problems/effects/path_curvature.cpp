@@ -6,7 +6,7 @@
 //     l_k path length driven [m]; c_k commanded positions
 //
 // The chord of an arc has its mean direction; a lateral shift of kappa l^2 / 2 on a straight line. kappa =
-// (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: docs/effects.md M2;
+// (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: derived: wheels of unequal diameter;
 // UMBmark (Borenstein and Feng).
 #include <cmath>
 

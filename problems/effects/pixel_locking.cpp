@@ -8,7 +8,7 @@
 // Acts on the reading, after the curve. f s / p is 120 m for f s = 720 mm^2 and p = 6 um, 11 m for s = 55
 // mm and 5.1 mrad a pixel. Over the span W of 1/d the likelihood's peak in k is about 4 / W wide, so the
 // grid steps by 2 / W: the phase between neighbours, relative to the middle, differs by 1 rad at the ends.
-// Source: docs/effects.md R6 (derived).
+// Source: derived: an error periodic in d = f s / x; the effect: Shimizu and Okutomi 2002.
 #include <algorithm>
 #include <cmath>
 #include <numbers>

@@ -6,8 +6,7 @@
 //     q step of 1/r [1/m] (q = p q_px / (f s)), u least unit of the output [m]
 //
 // f the reading that the curve predicts. Adds to the log variance of range log(1 + (f^4 q^2 + u^2) / (12
-// s^2)); the grid itself is read off the values. Source: docs/effects.md R7 (variance of a uniform
-// rounding error).
+// s^2)); the grid itself is read off the values. Source: derived: uniform rounding error.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -3,8 +3,8 @@
 //
 //   delta d = -eps R     [m], R the stated radius
 //
-// Acts before the curve: delta r = f(d - eps R) - f(d). Exact twin of arc_definition. Source: derived,
-// d = D - R.
+// Acts before the curve: delta r = f(d - eps R) - f(d). Exact twin of arc_definition. Source: derived: d = D - R, twin
+// of arc_definition.
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {

@@ -3,7 +3,7 @@
 //
 //   delta r = e_c cos b + e_s sin b     [m], b the direction in the sensor frame [rad]
 //
-// Acts on the reading, after the curve. Source: docs/effects.md R14 (derived).
+// Acts on the reading, after the curve. Source: derived: first harmonic of the optical path over the direction.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -4,7 +4,7 @@
 //   delta r = z     [m], z the range zero
 //
 // Acts on the reading, after the curve: alpha_0 takes it up exactly. A radius wrong by delta R on every
-// landmark looks the same to first order, z = -f'(d) delta R. Source: docs/effects.md R1 (derived).
+// landmark looks the same to first order, z = -f'(d) delta R. Source: derived: f(d) plus a constant.
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {

@@ -5,7 +5,7 @@
 //   delta r = eps (T - 20 C) / (10 K) d                  [m], form 1: expansion c_T = eps / (10 K)
 //
 // Acts on the reading, after the curve: form 0 is alpha_1. Form 1 needs the column temperature_c; an empty
-// field counts as 20 C. Source: docs/effects.md R3 (derived from d = f s / x).
+// field counts as 20 C. Source: derived from d = f s / x.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -5,8 +5,8 @@
 //     f the reading without noise [m]
 //
 // The likelihood is exact: x = 1 / y is Gaussian, so c is the sensor's own noise and no parameter of its own.
-// reading() gives the shift of the mean, for signatures: second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the reading, after the curve. Source: docs/effects.md
-// N6 (derived).
+// reading() gives the shift of the mean, for signatures: second order of 1 / (1 + e) with e ~ N(0, cv^2). Acts on the
+// reading, after the curve. Source: derived: second moment of 1 / (1 + e).
 #include "rangecal/problems/effects/effect.hpp"
 
 namespace rangecal::effects {

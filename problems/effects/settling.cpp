@@ -8,7 +8,7 @@
 // T is at most the longest stay at a stop: what has not died away by its end does not settle there, it is a
 // turned zero (bearing_offset).
 //
-// Source: docs/effects.md B7 (overdamped decay).
+// Source: derived: decay of an overdamped mount.
 #include <algorithm>
 #include <cmath>
 

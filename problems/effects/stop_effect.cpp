@@ -4,7 +4,7 @@
 //   sigma_xy -> sigma_xy exp(g),   sigma_heading -> hypot(sigma_heading, sigma_phi)     [m], [rad]
 //
 // Acts on the priors of the stops. Where sigma_xy is 0 the position stays exact; a covariance of a stop's own
-// keeps its shape in the plane. Source: docs/effects.md N3.
+// keeps its shape in the plane. Source: derived: an error of the stop, seen along each direction.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

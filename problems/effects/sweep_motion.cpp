@@ -9,7 +9,7 @@
 //     sensor frame [rad]; D axis distance [m]
 //
 // The range part acts before the curve. Turning during the sweep, delta b = -omega T b / (2 pi), is the
-// exact twin of bearing_scale and belongs to it. Source: docs/effects.md B6 (derived).
+// exact twin of bearing_scale and belongs to it. Source: derived: delta r = -v cos b (t_i - t_0).
 #include <cmath>
 #include <numbers>
 

@@ -4,7 +4,8 @@
 //
 //   delta r = c (d / 1 m)^m for landmark l, else 0     [m], m = 0, 1, 2
 //
-// Acts on the reading, after the curve. Source: docs/effects.md R9.
+// Acts on the reading, after the curve. Source: a power of the distance for each landmark; colour studied for a
+// low-cost triangulation lidar by Campos et al. 2015.
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -27,7 +28,8 @@ class TargetReflectance final : public Effect {
             "delta r = c (d / 1 m)^m [m] for one landmark l; m = 0 (light enters the surface), 1, 2 (the "
             "spot is skewed)",
         .source =
-            "a power of the distance for each landmark; colour studied for this sensor by Campos et al. 2015",
+            "a power of the distance for each landmark; colour studied for a low-cost triangulation lidar by "
+            "Campos et al. 2015",
         .visible_by = "landmarks of the same make, one differing",
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
         .parameters = {

@@ -6,8 +6,8 @@
 //   delta b = 1/4 (a sin 2b - c cos 2b)               [rad] = 1/4 tau^2 sin 2(b - b0)
 //   a = tau^2 cos 2 b0, c = tau^2 sin 2 b0 [rad^2], tau^2 = hypot(a, c), b sensor direction [rad]
 //
-// The range part acts before the curve. Source: docs/effects.md R12 (derived: affine stretch of the
-// measured plane).
+// The range part acts before the curve. Source: derived: a plane tilted by tau meets plumb landmarks stretched by 1 /
+// cos tau; an affine stretch of the measured plane.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -4,7 +4,8 @@
 //   delta r = (c0 + c2 d^2) (1 - exp(-t / T))     [m]
 //     c0 [m], c2 [1/m], t time since the first reading [s], T [s]
 //
-// Acts on the reading, after the curve. Source: docs/effects.md R13.
+// Acts on the reading, after the curve. Source: derived: range_offset and laser_pointing relaxing exponentially;
+// warm-up advice: Toelgyessy et al. 2021.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -4,7 +4,7 @@
 //   s_k = c_k + delta (cos phi_j, sin phi_j) for k >= j     [m]
 //     delta way lost or won [m], phi_j commanded heading of stop j
 //
-// Only within the recording of stop j. Source: docs/effects.md M6.
+// Only within the recording of stop j. Source: derived: one step more along the heading.
 #include <algorithm>
 #include <cmath>
 

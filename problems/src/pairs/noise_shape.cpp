@@ -94,7 +94,7 @@ ShapeInformation shape_information(const NoiseShapeParameters& shape) {
   const ShapeDensity density_at(shape);
   const int count = 1 + shape_parameter_count(shape.shape);
   ShapeInformation information;
-  information.location = 0.0;
+  information.location = information.weight = 0.0;
   information.spread = Eigen::MatrixXd::Zero(count, count);
   for (double t = 0.5 * step; t < farthest; t += step) {  // both signs alike
     const double z = std::sinh(t);
@@ -103,6 +103,7 @@ ShapeInformation shape_information(const NoiseShapeParameters& shape) {
     if (!(mass > 0.0)) continue;
     const Eigen::Vector3d score(at.weight * z * z - 1.0, at.in_shape[0], at.in_shape[1]);
     information.location += mass * at.derivative * at.derivative;
+    information.weight += mass * at.weight;
     information.spread += mass * score.head(count) * score.head(count).transpose();
   }
   return information;

@@ -23,11 +23,12 @@ constexpr double aic_that_matters = 14.0;
 ///
 ///   C = sum_i w_i [ C_i + delta_i delta_i^T ],   w_i ~ exp(-AIC_i / 2),   delta_i = alpha_i - alpha,
 ///
-/// alpha the curve delivered, all padded with zeros to the highest order that was tried and matters. The variance of f(d) is
-/// then sum_i w_i [ var f_i(d) + (f_i(d) - f(d))^2 ]: each model's own, and how far its curve lies from the one delivered.
-/// Source: Burnham, Anderson, Model Selection and Multimodel Inference, 2002, eq. 6.12 (after Buckland, Burnham, Augustin
-/// 1997, eq. 9), about the curve delivered instead of the mean of the models.
-/// None where the curve has no covariance, or fewer than two models with one have a weight of a thousandth.
+/// alpha the curve delivered, all padded with zeros to the highest order that was tried and matters. The
+/// variance of f(d) is then sum_i w_i [ var f_i(d) + (f_i(d) - f(d))^2 ]: each model's own, and how far its
+/// curve lies from the one delivered. Source: Burnham, Anderson, Model Selection and Multimodel Inference,
+/// 2002, eq. 6.12: the variance form, not the sum of w sqrt(.) of Buckland, Burnham, Augustin 1997 (eq. 4.9
+/// of the book), about the curve delivered instead of the mean of the models. None where the curve has no
+/// covariance, or fewer than two models with one have a weight of a thousandth.
 std::optional<Eigen::MatrixXd> covariance_with_choice(const Calibration& delivered,
                                                       std::span<const TriedCurve> tried);
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 
 #include "calibrate/noise_shapes.hpp"
@@ -37,33 +38,6 @@ PairsOptions pairs_options(const CalibrateOptions& options, std::optional<int> o
   return wanted;
 }
 
-/// Order and law by the AIC of the plain NLL.
-std::pair<int, NoiseLaw> choose_pairs_model(const PairsProblem& problem, const CalibrateOptions& options,
-                                            std::vector<ModelScore>& models) {
-  const std::vector<NoiseLaw> laws =
-      options.noise
-          ? std::vector<NoiseLaw>{*options.noise}
-          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
-  std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
-  if (options.order && options.noise) return best;
-  double lowest = std::numeric_limits<double>::infinity();
-  for (NoiseLaw law : laws) {
-    if (options.on_progress) options.on_progress(fmt::format("trying noise law {}", to_string(law)));
-    const PairsFit fit = full_pairs(problem, pairs_options(options, options.order, law));
-    if (fit.calibration.outcome == Outcome::unbounded) return {fit.calibration.order(), law};  // on the curve
-    for (const OrderScore& score : fit.orders) {
-      const bool usable = score.outcome == Outcome::converged;
-      models.push_back(
-          {score.order, law, score.nll, usable ? score.aic : std::numeric_limits<double>::infinity()});
-      if (usable && score.aic < lowest) {
-        lowest = score.aic;
-        best = {score.order, law};
-      }
-    }
-  }
-  return best;
-}
-
 /// The plain NLL and its AIC, the same functions for every method.
 void score_pairs(const PairsProblem& problem, Calibration& calibration) {
   if (calibration.alpha.size() == 0 || !calibration.noise.parameters.allFinite()) return;
@@ -80,36 +54,99 @@ Calibration with_shape(const PairsFit& fit) {
   return result;
 }
 
-Calibration by_method(Method method, const Recording& all, const PairsProblem& problem,
-                      const ClosedFormOptions& closed, const PairsOptions& options) {
+/// What is solved for the recordings, each method and model once: the search for a model, the curve
+/// delivered, the band that counts the choice and the check all ask for some of the same.
+class PairsRun {
+ public:
+  PairsRun(std::span<const Recording> recordings, const CalibrateOptions& wanted)
+      : all(joined(recordings)), problem(make_pairs_problem(recordings)), options(wanted) {}
+
+  const Calibration& solved(Method method, int order, NoiseLaw law) {
+    for (const Solved& one : solved_)
+      if (one.method == method && one.order == order && one.law == law) return one.answer;
+    return keep(method, order, law, by_method(method, order, law));
+  }
+  Calibration by_method(Method method, int order, NoiseLaw law) const;
+  /// `answer` is that of by_method. References to what was kept before stay.
+  const Calibration& keep(Method method, int order, NoiseLaw law, Calibration answer) {
+    solved_.push_back({method, order, law, std::move(answer)});
+    return solved_.back().answer;
+  }
+
+  const Recording all;
+  const PairsProblem problem;
+  const CalibrateOptions& options;
+
+ private:
+  struct Solved {
+    Method method;
+    int order;
+    NoiseLaw law;
+    Calibration answer;
+  };
+  std::deque<Solved> solved_;
+};
+
+Calibration PairsRun::by_method(Method method, int order, NoiseLaw law) const {
+  ClosedFormOptions closed;
+  closed.order = order;
+  closed.noise_law = law;
   switch (method) {
     case Method::closed_form:
       return closed_form_pairs(all, closed);
     case Method::approximate:
       return approximate_pairs(all, closed);
     case Method::full:
-      return with_shape(full_pairs(problem, options));
+      return with_shape(full_pairs(problem, pairs_options(options, order, law)));
     case Method::marginal:
-      return with_shape(marginal_pairs(problem, options));
+      return with_shape(marginal_pairs(problem, pairs_options(options, order, law)));
   }
   Calibration none;
   none.reason = "it is no method for pairs";
   return none;
 }
 
+/// Order and law by the AIC of the plain NLL. The best order's fit of each law is kept.
+std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::vector<ModelScore>& models) {
+  const CalibrateOptions& options = run.options;
+  const std::vector<NoiseLaw> laws =
+      options.noise
+          ? std::vector<NoiseLaw>{*options.noise}
+          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+  std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
+  if (options.order && options.noise) return best;
+  double lowest = std::numeric_limits<double>::infinity();
+  for (NoiseLaw law : laws) {
+    if (options.on_progress) options.on_progress(fmt::format("trying noise law {}", to_string(law)));
+    const PairsOptions wanted = pairs_options(options, options.order, law);
+    const PairsFit fit = full_pairs(run.problem, wanted);
+    const int order = fit.calibration.order();
+    if (fit.calibration.outcome == Outcome::unbounded) return {order, law};  // on the curve
+    // A noise polynomial has the order of f where that is given: another model than the search's.
+    if (fit.calibration.outcome == Outcome::converged &&
+        (law != NoiseLaw::polynomial || order == wanted.noise_order))
+      run.keep(Method::full, order, law, with_shape(fit));
+    for (const OrderScore& score : fit.orders) {
+      const bool usable = score.outcome == Outcome::converged;
+      models.push_back(
+          {score.order, law, score.nll, usable ? score.aic : std::numeric_limits<double>::infinity()});
+      if (usable && score.aic < lowest) {
+        lowest = score.aic;
+        best = {score.order, law};
+      }
+    }
+  }
+  return best;
+}
+
 /// One method's curves by the models that matter, each with the AIC that the choice went by.
-std::vector<TriedCurve> tried_curves(Method method, const Recording& all, const PairsProblem& problem,
-                                     const CalibrateOptions& options, const std::vector<ModelScore>& models) {
+std::vector<TriedCurve> tried_curves(Method method, PairsRun& run, const std::vector<ModelScore>& models) {
   double lowest = std::numeric_limits<double>::infinity();
   for (const ModelScore& model : models) lowest = std::min(lowest, model.aic);
   std::vector<TriedCurve> curves;
   for (const ModelScore& model : models) {
     if (!std::isfinite(model.aic) || model.aic > lowest + aic_that_matters) continue;
-    ClosedFormOptions closed;
-    closed.order = model.order;
-    closed.noise_law = model.law;
-    const Calibration one =
-        by_method(method, all, problem, closed, pairs_options(options, model.order, model.law));
+    const Calibration& one = run.solved(method, model.order, model.law);
     if (one.outcome == Outcome::converged) curves.push_back({model.aic, one.alpha, one.alpha_covariance});
   }
   return curves;
@@ -160,33 +197,29 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
 
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report) {
-  const Recording all = joined(recordings);
-  const PairsProblem problem = make_pairs_problem(recordings);
-  const auto [order, law] = choose_pairs_model(problem, options, report.models);
-  ClosedFormOptions closed;
-  closed.order = order;
-  closed.noise_law = law;
-  PairsOptions gaussian = pairs_options(options, order, law);
+  PairsRun run(recordings, options);
+  const auto [order, law] = choose_pairs_model(run, report.models);
   const bool shaped = options.noise_shape != NoiseShape::gaussian;
   for (Method method : methods_of(options)) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
-    Calibration result = by_method(method, all, problem, closed, gaussian);
+    Calibration result = run.by_method(method, order, law);
+    if (options.on_method) options.on_method(method, false);
+    run.keep(method, order, law, result);
     if (report.models.size() > 1 && result.alpha_covariance)
       result.covariance_with_choice =
-          covariance_with_choice(result, tried_curves(method, all, problem, options, report.models));
-    if (options.on_method) options.on_method(method, false);
+          covariance_with_choice(result, tried_curves(method, run, report.models));
     result.method = method;
     result.kind = RecordingKind::pairs;
-    result.counts = all.counts;
-    if (!shaped) score_pairs(problem, result);
+    result.counts = run.all.counts;
+    if (!shaped) score_pairs(run.problem, result);
     report.calibrations.push_back(std::move(result));
   }
   report_shapes(report);
   if (options.check && !shaped) {
-    Calibration full = full_pairs(problem, gaussian).calibration;
-    score_pairs(problem, full);
-    report.check = check_pairs(problem, closed_form_pairs(all, closed), full);
+    Calibration full = run.solved(Method::full, order, law);
+    score_pairs(run.problem, full);
+    report.check = check_pairs(run.problem, run.solved(Method::closed_form, order, law), full);
   }
 }
 

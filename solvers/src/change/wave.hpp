@@ -21,8 +21,8 @@ inline void tell_wave(const Eigen::Vector2d& b, const Eigen::Matrix2d& C, Change
   alarm.kind = ChangeKind::encoder;
   alarm.size = b.norm();
   alarm.std_dev = std::sqrt(u.dot(C * u));
-  alarm.phase_rad = std::atan2(u.y(), u.x());
-  alarm.phase_std_dev = across < unknown * alarm.size ? across / alarm.size : unknown;
+  alarm.phase_rad =
+      Estimate{std::atan2(u.y(), u.x()), across < unknown * alarm.size ? across / alarm.size : unknown};
 }
 
 }  // namespace rangecal

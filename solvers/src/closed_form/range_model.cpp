@@ -64,18 +64,24 @@ BetaFit fit_beta(const std::vector<RangeSample>& samples, const VectorXd& alpha)
   return {VectorXd::Zero(1), MatrixXd::Zero(1, 1)};  // all residuals are 0
 }
 
-/// Pairs of cells of one stop see the same error of it: sum over pairs of the squared correlation of their
-/// residuals, the stops' variance taken along each line of sight.
+/// Pairs of cells of one stop see the same error of it: sum over pairs of the squared correlation a_i a_j u_i
+/// . u_j of their residuals, the stops' variance taken along each line of sight. With M = sum a_i^2 u_i u_i^T
+/// of a stop that is (tr M^2 - sum a_i^4 |u_i|^4) / 2, one pass over the cells, however many there are at a
+/// stop.
 double shared_by_stop(const std::vector<RangeSample>& samples, const RangeModel& model,
                       const std::vector<MomentTerm>& terms, double variance) {
   double sum = 0.0;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    const auto of = [&](std::size_t k) {
-      return evaluate_derivative(model.alpha, samples[k].d) * std::sqrt(samples[k].d_variance) /
-             std::sqrt(variance * terms[k].scale + terms[k].other);
-    };
-    for (std::size_t j = i + 1; j < samples.size() && samples[j].stop == samples[i].stop; ++j)
-      sum += std::pow(of(i) * of(j) * samples[i].u.dot(samples[j].u), 2);
+  for (std::size_t i = 0; i < samples.size();) {
+    Eigen::Matrix2d M = Eigen::Matrix2d::Zero();
+    double own = 0.0;
+    for (const int stop = samples[i].stop; i < samples.size() && samples[i].stop == stop; ++i) {
+      const RangeSample& s = samples[i];
+      const double slope = evaluate_derivative(model.alpha, s.d);
+      const double a_sq = slope * slope * s.d_variance / (variance * terms[i].scale + terms[i].other);
+      M += a_sq * s.u * s.u.transpose();
+      own += std::pow(a_sq * s.u.squaredNorm(), 2);
+    }
+    sum += std::max(0.0, 0.5 * (M.squaredNorm() - own));
   }
   return sum;
 }

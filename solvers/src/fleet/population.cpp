@@ -120,8 +120,8 @@ VectorXd medians(const UnitStream& units, const VectorXd& low, const VectorXd& h
   return 0.5 * (a + b);
 }
 
-/// Distance_sq of a unit left out that has the p-value q beside n others: (n - 1) (1 + 1/n) (1/x - 1), x ~ Beta((n - p) / 2,
-/// p / 2) by Hotelling's T^2; chi^2 with p degrees of freedom where n is large.
+/// Distance_sq of a unit left out that has the p-value q beside n others: (n - 1) (1 + 1/n) (1/x - 1), x ~
+/// Beta((n - p) / 2, p / 2) by Hotelling's T^2; chi^2 with p degrees of freedom where n is large.
 double distance_limit(double q, double n, double p) {
   if (!(q > 0.0) || n <= p) return std::numeric_limits<double>::infinity();
   return (n - 1.0 / n) * (1.0 / boost::math::ibeta_inv(0.5 * (n - p), 0.5 * p, q) - 1.0);

@@ -54,8 +54,9 @@ MatrixXd matrix_of(const nlohmann::json& object, const char* field, Eigen::Index
   return matrix;
 }
 
-/// P of a larger likelihood ratio 2 (nll - wider nll), by `more` coefficients that N readings with `coefficients` in all do not
-/// need: sigma^2 of the wider fit over that of the other is Beta((N - coefficients) / 2, more / 2).
+/// P of a larger likelihood ratio 2 (nll - wider nll), by `more` coefficients that N readings with
+/// `coefficients` in all do not need: sigma^2 of the wider fit over that of the other is Beta((N -
+/// coefficients) / 2, more / 2).
 double likelihood_ratio_upper(double ratio, double N, int coefficients, int more) {
   if (!(ratio > 0.0) || N <= coefficients) return 1.0;
   return boost::math::ibeta(0.5 * (N - coefficients), 0.5 * more, std::exp(-ratio / N));
@@ -72,11 +73,16 @@ std::optional<UnitSummary> summarise(const Calibration& calibration) {
   UnitSummary unit{VectorXd(n + 1), MatrixXd::Zero(n + 1, n + 1)};
   const double sigma = calibration.noise.parameters[0];
   const double worth = 0.5 * std::pow(sigma / *calibration.noise_estimates[0].std_dev, 2);  // N_e
-  const bool reml = calibration.method == Method::marginal;
-  const double lost = reml ? 0.0 : static_cast<double>(n);
-  const double readings = !reml && calibration.counts.used > 0 ? calibration.counts.used : worth;
+  // Only `full` divides by N throughout; the closed forms divide by N - p as `marginal` does, but for eq. 26
+  // of the 2016 paper.
+  const bool full = calibration.method == Method::full;
+  const bool printed =
+      calibration.method == Method::approximate && calibration.noise.law == NoiseLaw::d_squared;
+  const double p = static_cast<double>(n), lost = full ? p : 0.0;
+  const double readings = full && calibration.counts.used > 0 ? calibration.counts.used : worth;
   if (!(worth > lost) || !(readings > lost)) return std::nullopt;
-  const double bias = 0.5 * (boost::math::digamma(0.5 * (readings - lost)) - std::log(0.5 * readings));
+  const double divisor = printed ? readings + p : readings;
+  const double bias = 0.5 * (boost::math::digamma(0.5 * (readings - lost)) - std::log(0.5 * divisor));
   unit.theta << calibration.alpha, std::log(sigma) - bias;
   const Eigen::LLT<MatrixXd> factor(*calibration.alpha_covariance);
   if (factor.info() != Eigen::Success) return std::nullopt;

@@ -21,7 +21,8 @@ struct ChannelInformation {
   double count, share;
 };
 
-/// Cells whose expected information per reading is `location` and `bearing` / s^2 of the means, `spread` of log s.
+/// Cells whose expected information per reading is `location` and `bearing` / s^2 of the means, `spread` of
+/// log s.
 JointProblem with_information(const JointProblem& rows, double location, double bearing, double spread) {
   JointProblem problem = rows;
   Cells& c = problem.cells;
@@ -31,7 +32,8 @@ JointProblem with_information(const JointProblem& rows, double location, double 
   return problem;
 }
 
-/// Adds to the block from `begin` on what the parameters of the shape add along `v`; their standard deviations.
+/// Adds to the block from `begin` on what the parameters of the shape add along `v`; their standard
+/// deviations.
 std::vector<double> add_shape_part(const ChannelInformation& channel, const NoiseShapeParameters& shape,
                                    const Eigen::VectorXd& v, int begin, Eigen::MatrixXd& covariance) {
   const Eigen::Index n = shape_parameter_count(shape.shape);
@@ -49,37 +51,49 @@ std::vector<double> add_shape_part(const ChannelInformation& channel, const Nois
   return deviations;
 }
 
-/// H of the header, the stops eliminated; empty where the stops have no optimum.
+/// The Schur complement on the globals, `at_theta` added to that of log sigma_theta and `log_det` to that of
+/// all sigmas; empty where the stops have no optimum.
+Eigen::MatrixXd without_stops(JointSystem& system, double at_theta, const Eigen::MatrixXd& log_det) {
+  if (!system.eliminate()) return {};
+  Eigen::MatrixXd H = system.schur();
+  H.bottomRightCorner(log_det.rows(), log_det.cols()) += log_det;
+  H(system.layout().sigma_theta, system.layout().sigma_theta) += at_theta;
+  return H;
+}
+
+bool is_positive(const Eigen::MatrixXd& H, const std::vector<int>& free) {
+  return H.size() > 0 && Eigen::LLT<Eigen::MatrixXd>(H(free, free)).info() == Eigen::Success;
+}
+
+/// H of the header, the stops eliminated; empty where they have no optimum.
 Eigen::MatrixXd reduced_information(const JointProblem& weighted, const JointState& state, bool sigma_s_free,
                                     bool marginal, const ChannelInformation& range,
-                                    const ChannelInformation& bearing) {
+                                    const ChannelInformation& bearing, const std::vector<int>& free) {
   const int alphas = static_cast<int>(state.alpha.size()),
             taus = static_cast<int>(state.noise.parameters.size());
   JointSystem system(weighted, alphas, taus, sigma_s_free);
   if (!std::isfinite(system.assemble(state, HessianKind::exact)) || !system.eliminate()) return {};
-  const int ns = system.layout().sigma_count(), theta = system.layout().sigma_theta;
+  const int ns = system.layout().sigma_count();
   Eigen::MatrixXd log_det = Eigen::MatrixXd::Zero(ns, ns);
   if (marginal) log_det = system.log_det_sigma_hessian(state);
 
   const JointProblem shaped =
       with_information(weighted, range.shape.location, bearing.shape.location, range.share * range.scale());
-  const JointProblem gaussian = with_information(weighted, 1.0, 1.0, 2.0 * range.share);
-  JointSystem of_shape(shaped, alphas, taus, sigma_s_free), of_gaussian(gaussian, alphas, taus, sigma_s_free);
+  const JointProblem held =
+      with_information(weighted, range.shape.weight, bearing.shape.weight, 2.0 * range.share);
+  JointSystem of_shape(shaped, alphas, taus, sigma_s_free), of_weights(held, alphas, taus, sigma_s_free);
   of_shape.assemble(state, HessianKind::fisher);
-  of_gaussian.assemble(state, HessianKind::fisher);
+  of_weights.assemble(state, HessianKind::fisher);
   system.accumulate(of_shape, 1.0);  // priors and taped distances cancel in the difference
-  system.accumulate(of_gaussian, -1.0);
-  if (!system.eliminate()) {  // weights that lie unevenly over the stops: what is expected alone
-    system.clear();
-    system.accumulate(of_shape, 1.0);
-    if (!system.eliminate()) return {};
-  }
-  Eigen::MatrixXd H = system.schur();
-  H.bottomRightCorner(ns, ns) += log_det;
-  // Both channels share the cells' counts; log sigma_theta is coupled to nothing in what is expected.
-  H(theta, theta) += bearing.count * bearing.share * (bearing.scale() - 2.0) -
-                     range.count * range.share * (range.scale() - 2.0);
-  return H;
+  system.accumulate(of_weights, -1.0);
+  // Both channels share the cells' counts; log sigma_theta is coupled to nothing in what is expected:
+  // q (j - 2) of the bearings in place of the ranges'.
+  const double of_range = range.count * range.share, of_bearing = bearing.count * bearing.share;
+  const Eigen::MatrixXd H =
+      without_stops(system, of_bearing * (bearing.scale() - 2.0) - of_range * (range.scale() - 2.0), log_det);
+  if (free.empty() || is_positive(H, free)) return H;
+  // What is expected alone: q j of the bearings in place of the ranges'.
+  return without_stops(of_shape, of_bearing * bearing.scale() - of_range * range.scale(), log_det);
 }
 
 }  // namespace
@@ -102,7 +116,7 @@ void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtE
 
   const ChannelInformation of_range(range, readings), of_bearing(bearing, readings);
   const Eigen::MatrixXd H =
-      reduced_information(weighted, state, sigma_s_free, marginal, of_range, of_bearing);
+      reduced_information(weighted, state, sigma_s_free, marginal, of_range, of_bearing, free);
   if (H.size() == 0) {
     fit.covariance.reset();
     fit.covariance_reason = "no covariance: the stops have no optimum by the noise shape's information";

@@ -49,6 +49,18 @@ TEST(ShapeInformation, OfAContaminatedNormalLiesBetweenItsParts) {
   EXPECT_THROW(shape_information({NoiseShape::automatic, 4.0, 0.1, 10.0}), InputError);
 }
 
+TEST(ShapeInformation, WeightsOfHeavyTailsAverageToOneOnlyForStudentsT) {
+  EXPECT_NEAR(shape_information({}).weight, 1.0, 1e-12);
+  EXPECT_NEAR(shape_information(student_t(4.0)).weight, 1.0, 1e-9);
+  EXPECT_NEAR(shape_information(student_t(1.0)).weight, 1.0, 1e-9);
+  // A reading of the core weighs 1, an outlier 1 / k^2, each by its probability: 1 - p + p / k^2.
+  EXPECT_NEAR(shape_information({NoiseShape::contaminated, 4.0, 0.1, 10.0}).weight, 0.901, 1e-9);
+  EXPECT_NEAR(shape_information({NoiseShape::contaminated, 4.0, 0.3, 5.0}).weight, 0.712, 1e-9);
+  // By quadrature: w^2 z^2 averages to these.
+  EXPECT_NEAR(shape_information({NoiseShape::contaminated, 4.0, 0.1, 10.0}).location, 0.82744, 1e-4);
+  EXPECT_NEAR(shape_information({NoiseShape::contaminated, 4.0, 0.3, 5.0}).location, 0.52344, 1e-4);
+}
+
 TEST(ShapeInformation, LimitsAreWhereNothingIsKnown) {
   EXPECT_FALSE(at_limit({}));
   EXPECT_FALSE(at_limit(student_t(4.0)));

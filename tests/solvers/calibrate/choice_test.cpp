@@ -75,6 +75,32 @@ Recording few_pairs(int pairs, std::uint64_t repeat, const Eigen::VectorXd& alph
   return recording;
 }
 
+TEST(CovarianceWithChoice, OfPairsDoesNotDependOnWhatElseIsAsked) {
+  const Recording recording = few_pairs(20, 0, Eigen::Vector3d(0.05, 0.9, 0.05));
+  CalibrateOptions options;
+  const std::vector<Calibration> all = calibrate(std::span(&recording, 1), options);
+  ASSERT_EQ(all.size(), 4u);
+  int with_choice = 0;
+  for (const Calibration& one : all) {
+    SCOPED_TRACE(to_string(one.method));
+    options.methods.assign(1, one.method);
+    const Calibration alone = calibrate(std::span(&recording, 1), options)[0];
+    EXPECT_EQ(alone.alpha, one.alpha);
+    ASSERT_EQ(alone.covariance_with_choice.has_value(), one.covariance_with_choice.has_value());
+    if (!one.covariance_with_choice) continue;
+    ++with_choice;
+    EXPECT_EQ(*alone.covariance_with_choice, *one.covariance_with_choice);
+    // The curve delivered is one of those counted: the band is not that of another method.
+    options.order = one.order();
+    options.noise = one.noise.law;
+    const Calibration known = calibrate(std::span(&recording, 1), options)[0];
+    EXPECT_EQ(known.alpha, one.alpha);
+    options.order.reset();
+    options.noise.reset();
+  }
+  EXPECT_GE(with_choice, 2);
+}
+
 constexpr int recordings_each = 200, places_each = 5;
 
 /// How many bands hold the curve at five places of the range, with the choice of order and noise law, and given it.

@@ -129,7 +129,9 @@ TEST(ChangeDetector, SeesTheEncoderByItsBearing) {
   EXPECT_EQ(alarm->kind, ChangeKind::encoder);
   EXPECT_GT(alarm->reading, 300);
   EXPECT_NEAR(alarm->size, 0.02, 4.0 * alarm->std_dev);
-  EXPECT_NEAR(alarm->phase_rad, 1.5708, 4.0 * alarm->phase_std_dev);  // sin = cos(bearing - pi / 2)
+  ASSERT_TRUE(alarm->phase_rad && alarm->phase_rad->std_dev);
+  EXPECT_NEAR(alarm->phase_rad->value, 1.5708,
+              4.0 * *alarm->phase_rad->std_dev);  // sin = cos(bearing - pi / 2)
 }
 
 /// Mean squares of (told - true) / standard deviation over streams that all change by 2 cm, 3 %, 0.01 /m, or 4 cm once a
@@ -166,8 +168,10 @@ Told told_of(ChangeKind kind, bool unsure, std::uint64_t streams) {
     if (!alarm || alarm->kind != kind || alarm->reading <= 100) continue;
     ++told.named;
     told.size += std::pow((alarm->size - size) / alarm->std_dev, 2);
-    told.phase +=
-        std::pow(std::remainder(alarm->phase_rad - 2.9, 6.283185307179586) / alarm->phase_std_dev, 2);
+    EXPECT_EQ(alarm->phase_rad.has_value(), kind == ChangeKind::encoder);  // other kinds have none
+    if (!alarm->phase_rad) continue;
+    const double off = std::remainder(alarm->phase_rad->value - 2.9, 6.283185307179586);
+    told.phase += std::pow(off / alarm->phase_rad->std_dev.value_or(0.0), 2);
   }
   return told;
 }

@@ -192,7 +192,9 @@ TEST(LandmarkChangeDetector, NamesWhatChangedWithItsSize) {
         named += alarm->kind == c.kind;
         covered += alarm->kind == c.kind && std::abs(alarm->size - c.size) < 3.0 * alarm->std_dev;
         since += std::abs(alarm->since - 1000) <= 100;
-        phases += std::abs(alarm->phase_rad - 1.0) < 3.0 * alarm->phase_std_dev;
+        EXPECT_EQ(alarm->phase_rad.has_value(), alarm->kind == ChangeKind::encoder);
+        if (const auto& phase = alarm->phase_rad)
+          phases += std::abs(phase->value - 1.0) < 3.0 * phase->std_dev.value_or(0.0);
       }
       EXPECT_EQ(found, 20) << to_string(c.kind);
       EXPECT_GE(named, 17) << to_string(c.kind);

@@ -32,14 +32,16 @@ UnitStream stream_over(const std::vector<UnitSummary>& units) {
   };
 }
 
-/// theta of a unit: about the sensor of 2016, with deviations of 0.01 m, 0.02, 0.008 1/m and 20 % of sigma = 0.01 1/m.
+/// theta of a unit: about the sensor of 2016, with deviations of 0.01 m, 0.02, 0.008 1/m and 20 % of sigma =
+/// 0.01 1/m.
 VectorXd draw_theta(Random& random) {
   const VectorXd mean{{0.0525, 0.8838, 0.0584, std::log(0.01)}}, deviation{{0.01, 0.02, 0.008, 0.2}};
   return mean +
          deviation.cwiseProduct(VectorXd::NullaryExpr(4, [&](Eigen::Index) { return random.normal(); }));
 }
 
-/// The expected information of so many readings at 0.5 to 5 m, s = sigma f^2, and theta^ as it scatters by that.
+/// The expected information of so many readings at 0.5 to 5 m, s = sigma f^2, and theta^ as it scatters by
+/// that.
 UnitSummary summary_at(const VectorXd& theta, int readings, Random& random) {
   UnitSummary unit{theta, MatrixXd::Zero(4, 4)};
   for (int i = 0; i < readings; ++i) {
@@ -84,8 +86,8 @@ double distance_from_uniform(std::vector<double> values) {
 }
 
 TEST(FleetJudge, IsHotellingAndStudentOfTheOthersWhereUnitsAreExact) {
-  // The others' mean m and covariance S, n of them: T^2 = (x - m)^T S^-1 (x - m) / (1 + 1/n), t_i = (x - m)_i / sqrt(S_ii
-  // (1 + 1/n)). 12 units have each their own scatter, 120 share one.
+  // The others' mean m and covariance S, n of them: T^2 = (x - m)^T S^-1 (x - m) / (1 + 1/n), t_i = (x - m)_i
+  // / sqrt(S_ii (1 + 1/n)). 12 units have each their own scatter, 120 share one.
   for (const std::size_t count : {12u, 120u}) {
     Random random(seed_from("FleetJudge exact", {count}));
     std::vector<UnitSummary> fleet;
@@ -142,14 +144,15 @@ TEST(FleetJudge, FaultlessUnitsHaveTheirShareOfEachPValue) {
       }
     const auto count = static_cast<double>(both.size());
     if (c.readings == c.other_readings) {
-      // Kolmogorov's 1.95 / sqrt(N) is exceeded once in 1000; at six units the distances that readings were taken at differ
-      // enough to add 0.02.
+      // Kolmogorov's 1.95 / sqrt(N) is exceeded once in 1000; at six units the distances that readings were
+      // taken at differ enough to add 0.02.
       EXPECT_LT(distance_from_uniform(of_distance), 1.95 / std::sqrt(count) + (c.units < 8 ? 0.02 : 0.0))
           << c.units;
       EXPECT_LT(distance_from_uniform(of_t), 1.95 / std::sqrt(count)) << c.units;
     }
-    // The smaller of two is never below x more often than x, four binomial deviations; and not much more seldom, or it would
-    // find nothing: 0.7 to 1.0 % below 0.01 in 8000 units of 300 readings, 3.3 to 4.5 % below 0.05.
+    // The smaller of two is never below x more often than x, four binomial deviations; and not much more
+    // seldom, or it would find nothing: 0.7 to 1.0 % below 0.01 in 8000 units of 300 readings, 3.3 to 4.5 %
+    // below 0.05.
     for (const double x : {0.001, 0.01, 0.05, 0.5}) {
       const double below = static_cast<double>(
                        std::count_if(both.begin(), both.end(), [x](double b) { return b < x; })),
@@ -185,8 +188,9 @@ TEST(FleetJudge, OneOddUnitOfTwelveDoesNotHideInItsOwnScatter) {
 }
 
 TEST(FleetJudge, FindsOneOddUnitByTheSizeOfTheFleet) {
-  // Shares found of 400 fleets of 300 readings: 8 units 30 %, 12 units 83 %, 20 units 99 %; two odd units alike hide each other
-  // in 12 and 20, and are both found in 99 % of fleets of 40. Here 50 fleets each, four binomial deviations.
+  // Shares found of 400 fleets of 300 readings: 8 units 30 %, 12 units 83 %, 20 units 99 %; two odd units
+  // alike hide each other in 12 and 20, and are both found in 99 % of fleets of 40. Here 50 fleets each, four
+  // binomial deviations.
   struct Case {
     int units, odd;
     double share;

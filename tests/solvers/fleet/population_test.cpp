@@ -12,6 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/fleet/judgement.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 #include "solvers/fleet/unit_readings.hpp"
@@ -60,8 +61,8 @@ Population true_population() {
 }
 
 TEST(Population, OfExactUnitsIsMeanAndCovariance) {
-  // With information without end the restricted likelihood is that of a normal sample: its mean and its covariance, of N - 1
-  // degrees of freedom; what is not known of the mean is that over N.
+  // With information without end the restricted likelihood is that of a normal sample: its mean and its
+  // covariance, of N - 1 degrees of freedom; what is not known of the mean is that over N.
   Random random(seed_from("population exact"));
   std::vector<UnitSummary> units;
   VectorXd mean = VectorXd::Zero(4);
@@ -80,8 +81,9 @@ TEST(Population, OfExactUnitsIsMeanAndCovariance) {
 }
 
 TEST(Population, SmallFleetsHoldTheirIntervals) {
-  // Eight units of 60 readings: nearly all that a posterior knows comes from the mean of the others, which is an estimate.
-  // 60 fleets of units that scatter, and 60 of units that do not; how often 95 % intervals of each alpha hold.
+  // Eight units of 60 readings: nearly all that a posterior knows comes from the mean of the others, which is
+  // an estimate. 60 fleets of units that scatter, and 60 of units that do not; how often 95 % intervals of
+  // each alpha hold.
   for (const bool alike : {false, true}) {
     Random random(seed_from("population small", {alike ? 1u : 0u}));
     int held[3] = {}, intervals = 0;
@@ -102,8 +104,9 @@ TEST(Population, SmallFleetsHoldTheirIntervals) {
           held[a] += std::abs(posterior.mean[a] - truth[i][a]) < 1.96 * std::sqrt(posterior.covariance(a, a));
       }
     }
-    // 480 intervals, those of a fleet not independent: 0.95 less four binomial standard deviations of 60 would be 0.84. Units
-    // that scatter are held in 91 to 93 %, since a covariance of eight units is a guess; those that do not in 95 to 97 %.
+    // 480 intervals, those of a fleet not independent: 0.95 less four binomial standard deviations of 60
+    // would be 0.84. Units that scatter are held in 91 to 93 %, since a covariance of eight units is a guess;
+    // those that do not in 95 to 97 %.
     for (const int count : held) EXPECT_GT(count, 0.86 * intervals) << alike;
   }
 }
@@ -117,7 +120,8 @@ TEST(Population, ComesBackFromReadings) {
   ASSERT_EQ(population.outcome, Outcome::converged) << population.reason;
   const MatrixXd Sigma = true_population().covariance;
   for (int i = 0; i < 4; ++i) {
-    // spread of the mean: sqrt((Sigma + Lambda^-1) / N); of a variance: 2 (Sigma + Lambda^-1)^2 / N; 4 standard deviations.
+    // spread of the mean: sqrt((Sigma + Lambda^-1) / N); of a variance: 2 (Sigma + Lambda^-1)^2 / N; 4
+    // standard deviations.
     const MatrixXd inverse = units[0].information.inverse();
     const double total = Sigma(i, i) + inverse(i, i);
     EXPECT_NEAR(population.mean[i], mu[i], 4.0 * std::sqrt(total / count)) << i;
@@ -126,9 +130,9 @@ TEST(Population, ComesBackFromReadings) {
 }
 
 TEST(Population, ShortUnitsDoNotPullTheNoise) {
-  // sigma^ of 40 readings and three coefficients: E log sigma^ - log sigma = (psi(18.5) - log 20) / 2 = (2.8905 - 2.9957) / 2 =
-  // -0.0526, var log sigma^ = psi'(18.5) / 4 = 0.0139, where 1 / (2 N) is 0.0125. The mean of 1500 corrected ones within four standard
-  // deviations, their variance within four of its own.
+  // sigma^ of 40 readings and three coefficients: E log sigma^ - log sigma = (psi(18.5) - log 20) / 2 =
+  // (2.8905 - 2.9957) / 2 = -0.0526, var log sigma^ = psi'(18.5) / 4 = 0.0139, where 1 / (2 N) is 0.0125. The
+  // mean of 1500 corrected ones within four standard deviations, their variance within four of its own.
   Random random(seed_from("population short"));
   constexpr int count = 1500;
   double error = 0.0, square = 0.0, stated = 0.0;
@@ -151,7 +155,8 @@ TEST(Population, ShortUnitsDoNotPullTheNoise) {
 }
 
 TEST(Population, NoiseThatCountsTheCoefficientsLosesThemOnce) {
-  // sigma of `marginal` counts the coefficients: only the log's expectation is left, (psi(N / 2) - log(N / 2)) / 2 < 0.
+  // sigma of `marginal` counts the coefficients: only the log's expectation is left, (psi(N / 2) - log(N /
+  // 2)) / 2 < 0.
   Random random(seed_from("population reml"));
   const Recording recording = readings_of(mu, 60, random);
   const Calibration own = marginal_pairs(make_pairs_problem({&recording, 1})).calibration;
@@ -164,9 +169,40 @@ TEST(Population, NoiseThatCountsTheCoefficientsLosesThemOnce) {
             1e-6 * own.alpha_covariance->norm());
 }
 
+TEST(Population, ClosedFormsThatCountTheCoefficientsLoseThemOnce) {
+  // They divide by N - p: -(psi(28.5) - log(28.5)) / 2 = 1 / (4 * 28.5) + 1 / (24 * 28.5^2) = 0.00882 for 60
+  // readings and p = 3. By eq. 26, which divides by N, -(psi(28.5) - log(30)) / 2 = 0.00882 + log(60 / 57) /
+  // 2 = 0.03447.
+  Random random(seed_from("population closed forms"));
+  const Recording recording = readings_of(mu, 60, random);
+  ClosedFormOptions options;
+  options.order = 2;
+  struct Case {
+    Calibration own;
+    double off;
+  };
+  std::vector<Case> cases;
+  options.noise_law = NoiseLaw::constant;
+  cases.push_back({closed_form_pairs(recording, options), 0.00882});
+  options.noise_law = NoiseLaw::f_squared;
+  cases.push_back({approximate_pairs(recording, options), 0.00882});
+  options.noise_law = NoiseLaw::d_squared;
+  cases.push_back({approximate_pairs(recording, options), 0.03447});
+  for (Case& c : cases) {
+    SCOPED_TRACE(to_string(c.own.method));
+    c.own.counts.used = 60;
+    const auto unit = summarise(c.own);
+    ASSERT_TRUE(unit);
+    EXPECT_NEAR(unit->theta[3] - std::log(c.own.noise.parameters[0]), c.off, 1e-5);
+    // alpha's covariance is that by N - p already.
+    EXPECT_LT((unit->information.topLeftCorner(3, 3).inverse() - *c.own.alpha_covariance).norm(),
+              1e-6 * c.own.alpha_covariance->norm());
+  }
+}
+
 TEST(Population, PosteriorsCoverTheirUnits) {
-  // Share of true alpha_1 within 1.96 posterior deviations over 500 new units of 4 readings: binomial, 4 * 0.0097. Fewer
-  // readings than unknowns: alone they determine nothing.
+  // Share of true alpha_1 within 1.96 posterior deviations over 500 new units of 4 readings: binomial, 4 *
+  // 0.0097. Fewer readings than unknowns: alone they determine nothing.
   const Population population = true_population();
   Random random(seed_from("population coverage"));
   int held = 0;
@@ -238,7 +274,8 @@ TEST(Population, MisfitSeesShapeTailsAndDependenceAtTheirRate) {
   const PairsFit seventh = full_pairs(problem, high);
   high.order = 8;
   const PairsFit eighth = full_pairs(problem, high);
-  // one coefficient more, nine in all: F = (exp(ratio / N) - 1) (N - 9) ~ F(1, N - 9), where sigma^ squared is of ratio exp(ratio / N)
+  // one coefficient more, nine in all: F = (exp(ratio / N) - 1) (N - 9) ~ F(1, N - 9), where sigma^ squared
+  // is of ratio exp(ratio / N)
   const double ratio = std::max(0.0, 2.0 * (seventh.nll - eighth.nll));
   EXPECT_NEAR(unit_misfit(plain, seventh.calibration).shape_p,
               cdf(complement(boost::math::fisher_f(1.0, 391.0), 391.0 * std::expm1(ratio / 400.0))), 1e-6);
@@ -254,8 +291,9 @@ TEST(Population, MisfitSeesShapeTailsAndDependenceAtTheirRate) {
 }
 
 TEST(Population, TailsOfShortUnitsAlarmAtTheirRate) {
-  // Sound units of 30, 40 and 100 readings. Shares of tail_p below 0.01 and 0.001: at most these, four binomial deviations; a kurtosis
-  // taken for normal has 0.006 below 0.001 at 100 readings. Not below half of it either: light tails are called more seldom.
+  // Sound units of 30, 40 and 100 readings. Shares of tail_p below 0.01 and 0.001: at most these, four
+  // binomial deviations; a kurtosis taken for normal has 0.006 below 0.001 at 100 readings. Not below half of
+  // it either: light tails are called more seldom.
   for (const int readings : {30, 40, 100}) {
     Random random(seed_from("population tails", {static_cast<std::uint64_t>(readings)}));
     constexpr int count = 4000;

@@ -9,7 +9,8 @@
 
 namespace rangecal::testing {
 
-/// Pairs of a unit with theta = (alpha_0 .. alpha_2, log sigma), noise sigma f^2, distances from `near_m` to 5 m.
+/// Pairs of a unit with theta = (alpha_0 .. alpha_2, log sigma), noise sigma f^2, distances from `near_m` to
+/// 5 m.
 inline Recording unit_readings(const Eigen::VectorXd& theta, double near_m, int count, Random& random) {
   Recording recording;
   recording.kind = RecordingKind::pairs;

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "joint_ml/robust_covariance.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 #include "support/joint_scenes.hpp"
@@ -15,7 +16,8 @@ namespace {
 
 using testing::make_scene;
 
-/// One reading in ten says 30 standard deviations too much (an echo), one bearing in ten is off by 10 of its own.
+/// One reading in ten says 30 standard deviations too much (an echo), one bearing in ten is off by 10 of its
+/// own.
 testing::JointScene with_outliers(std::uint64_t repeat) {
   testing::JointScene scene =
       make_scene("outliers", {.stops = 16, .landmarks = 40, .law = NoiseLaw::f, .sigma_e = 0.02}, repeat);
@@ -82,7 +84,8 @@ TEST(Robust, LikelihoodsAtAStateAreThoseThatWereMinimised) {
   const RobustNll at =
       robust_nll(scene.problem, marginal.fit.state, marginal.shapes.range, marginal.shapes.bearing);
   ASSERT_TRUE(at.ok);
-  // The weights of the last round are those of the round before: they differ by less than the last gain's root.
+  // The weights of the last round are those of the round before: they differ by less than the last gain's
+  // root.
   EXPECT_NEAR(at.marginal, marginal.shapes.nll, 1e-2);
   const RobustJointFit full = solve_joint_robust(scene.problem, seed, NoiseShape::student_t);
   const RobustNll best = robust_nll(scene.problem, full.fit.state, full.shapes.range, full.shapes.bearing);
@@ -97,9 +100,22 @@ double draw_t4(Random& random) {
   return random.normal() / std::sqrt(chi_sq / 4.0);
 }
 
-/// 8 stops, 5 landmarks, `repeats` readings of each as cells of their own; both channels err by t with nu = 4.
-testing::JointScene with_heavy_tails(int repeats, std::uint64_t repeat) {
-  testing::JointScene scene = make_scene("heavy tails", {.stops = 8, .landmarks = 5}, repeat);
+const NoiseShapeParameters t4{NoiseShape::student_t, 4.0, 0.1, 10.0};
+NoiseShapeParameters contaminated(double share, double scale) {
+  return {NoiseShape::contaminated, 4.0, share, scale};
+}
+
+double draw_of(const NoiseShapeParameters& shape, Random& random) {
+  if (shape.shape == NoiseShape::student_t) return draw_t4(random);
+  const double scale = random.uniform(0, 1) < shape.outlier_share ? shape.outlier_scale : 1.0;
+  return scale * random.normal();
+}
+
+/// 8 stops, 5 landmarks, `repeats` readings of each as cells of their own; both channels err by `shape`.
+testing::JointScene with_heavy_tails(int repeats, std::uint64_t repeat,
+                                     const NoiseShapeParameters& shape = t4, double sigma_s_m = 0.01) {
+  testing::JointScene scene =
+      make_scene("heavy tails", {.stops = 8, .landmarks = 5, .sigma_s = sigma_s_m}, repeat);
   Random random(seed_from("heavy-tailed draws", {repeat}));
   const Cells once = scene.problem.cells;
   Cells& c = scene.problem.cells;
@@ -117,8 +133,8 @@ testing::JointScene with_heavy_tails(int repeats, std::uint64_t repeat) {
         c.stop.push_back(static_cast<int>(k));
         c.landmark.push_back(once.landmark[cell]);
         for (std::vector<double>* ones : {&c.count, &c.range_weight, &c.bearing_weight}) ones->push_back(1.0);
-        c.range_mean.push_back(f + scene.truth.noise.spread(d, f) * draw_t4(random));
-        c.bearing_mean.push_back(wrap_angle(bearing + scene.truth.sigma_theta_rad * draw_t4(random)));
+        c.range_mean.push_back(f + scene.truth.noise.spread(d, f) * draw_of(shape, random));
+        c.bearing_mean.push_back(wrap_angle(bearing + scene.truth.sigma_theta_rad * draw_of(shape, random)));
         c.range_mean_square.push_back(0.0);
         c.bearing_mean_square.push_back(0.0);
         c.radius_m.push_back(once.radius_m[cell]);
@@ -140,8 +156,8 @@ TEST(Robust, ScaleIsAsLooselyKnownAsItsLikelihoodSays) {
   const auto expected = [&](const NoiseShapeParameters& shape) {  // log s and nu alone, N readings
     return Eigen::MatrixXd(shape_information(shape).spread.inverse() / n);
   };
-  // What the landmarks, stops and the curve take of log s and what the sample differs from its expectation: some %. Held
-  // weights would say (nu + 3) / (nu + 1) / 2N, 2.2 times less at nu = 4.
+  // What the landmarks, stops and the curve take of log s and what the sample differs from its expectation:
+  // some %. Held weights would say (nu + 3) / (nu + 1) / 2N, 2.2 times less at nu = 4.
   const Eigen::MatrixXd range = expected(fit.shapes.range), bearing = expected(fit.shapes.bearing);
   const double of_e = (*fit.fit.covariance)(layout.tau_begin, layout.tau_begin);
   const double of_theta = (*fit.fit.covariance)(layout.sigma_theta, layout.sigma_theta);
@@ -175,11 +191,89 @@ TEST(Robust, IntervalsOfScaleAndNuHoldTheTruth) {
     shapes += holds(fit.shapes.range.nu - 4.0, fit.shapes.range_std[0]);
     shapes += holds(fit.shapes.bearing.nu - 4.0, fit.shapes.bearing_std[0]);
   }
-  // 100 intervals of 95 %: less than four binomial standard deviations below, 0.95 - 4 * 0.0218. With nu and the weights
-  // taken as known, 75 % of such intervals of sigma_e held.
+  // 100 intervals of 95 %: less than four binomial standard deviations below, 0.95 - 4 * 0.0218. With nu and
+  // the weights taken as known, 75 % of such intervals of sigma_e held.
   EXPECT_GE(scales, 86);
   EXPECT_GE(shapes, 86);
   EXPECT_GE(curves, 41);  // of 50: 0.95 - 4 * 0.0308
+}
+
+/// Variance of f at 2 m by the expected information of the shapes alone: i / s^2 of a mean, j of log s.
+double expected_variance(const testing::JointScene& scene, const JointState& state,
+                         const RobustShapes& shapes) {
+  const ShapeInformation range = shape_information(shapes.range), bearing = shape_information(shapes.bearing);
+  JointProblem problem = scene.problem;
+  Cells& c = problem.cells;
+  c.range_weight.assign(c.size(), range.location);
+  c.bearing_weight.assign(c.size(), bearing.location);
+  c.count.assign(c.size(), 0.5 * range.spread(0, 0));  // the Gaussian's is 2
+  JointSystem system(problem, 3, 1);
+  system.assemble(state, HessianKind::fisher);
+  EXPECT_TRUE(system.eliminate());
+  const Eigen::Vector3d row(1.0, 2.0, 4.0);
+  return row.dot(system.schur().inverse().topLeftCorner<3, 3>() * row);
+}
+
+TEST(Robust, CurveIsAsLooselyKnownAsItsLikelihoodSays) {
+  // 1600 readings from places known to a millimetre: var f is s^2 / i times what the geometry says. What the
+  // weights at hand differ from their expectation adds some 3 %. Weights taken for 1 on average would say i +
+  // 1 - E w less of it: 1.1 times the variance of the second, twice that of the third.
+  for (const NoiseShapeParameters& shape : {t4, contaminated(0.1, 10.0), contaminated(0.3, 5.0)}) {
+    SCOPED_TRACE(to_string(shape.shape));
+    const testing::JointScene scene = with_heavy_tails(40, 0, shape, 0.001);
+    const RobustJointFit fit = solve_joint_robust(scene.problem, scene.truth, shape.shape);
+    ASSERT_EQ(fit.fit.outcome, Outcome::converged) << fit.fit.reason;
+    ASSERT_TRUE(fit.fit.covariance);
+    const Eigen::Vector3d row(1.0, 2.0, 4.0);
+    const double variance = row.dot(fit.fit.covariance->topLeftCorner<3, 3>() * row);
+    EXPECT_NEAR(variance / expected_variance(scene, fit.fit.state, fit.shapes), 1.0, 0.08);
+  }
+}
+
+TEST(Robust, BandsOfAContaminatedCurveAreNeitherTooNarrowNorTooWide) {
+  constexpr int worlds = 50;
+  double square = 0.0;
+  int held = 0;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    SCOPED_TRACE(repeat);
+    const testing::JointScene scene = with_heavy_tails(12, repeat, contaminated(0.3, 5.0), 0.002);
+    const RobustMarginalFit fit = solve_marginal_robust(scene.problem, scene.truth, NoiseShape::contaminated);
+    ASSERT_EQ(fit.fit.outcome, Outcome::converged) << fit.fit.reason;
+    ASSERT_TRUE(fit.fit.covariance);
+    const double z = curve_error(fit.fit, scene);
+    square += z * z;
+    held += std::abs(z) < 1.96;
+  }
+  EXPECT_GE(held, 41);  // of 50: 0.95 - 4 * 0.0308
+  // sum z^2 is chi^2 of 50 degrees of freedom: beyond these once in 1000 each. Standard deviations that are a
+  // third too large make it 27.
+  EXPECT_GT(square, 24.7);
+  EXPECT_LT(square, 86.7);
+}
+
+TEST(Robust, AStopWithoutWeightLeavesWhatIsExpected) {
+  // All readings of the first stop are taken for outliers: what its weights say falls short of their mean by
+  // more than its prior holds, so only the expected information is left. That of log sigma_theta is N q j of
+  // the bearings, to which nu adds c^2 / (N (I_nu - j c^2)), c = I_s_nu / j.
+  const testing::JointScene scene = with_heavy_tails(12, 0, t4, 0.1);
+  JointProblem weighted = scene.problem;
+  for (int i = 0; i < weighted.cells.stop_begin[1]; ++i) {
+    weighted.cells.range_weight[static_cast<std::size_t>(i)] = 0.01;
+    weighted.cells.bearing_weight[static_cast<std::size_t>(i)] = 0.01;
+  }
+  const JointLayout layout(scene.problem, 3, 1, false);
+  const double n = static_cast<double>(weighted.cells.size());
+  JointFit fit;
+  fit.state = scene.truth;
+  fit.outcome = Outcome::converged;
+  fit.covariance = Eigen::MatrixXd::Identity(layout.global_count, layout.global_count);
+  ShapeAtEstimate range{t4, 0.9 * n, {}}, bearing{t4, 0.7 * n, {}};
+  set_robust_covariance(weighted, false, range, bearing, fit);
+  ASSERT_TRUE(fit.covariance) << fit.covariance_reason;
+  const Eigen::MatrixXd I = shape_information(t4).spread;
+  const double j = I(0, 0), c = I(0, 1) / j, of_nu = 1.0 / (n * (I(1, 1) - j * c * c));
+  const double expected = 1.0 / (0.7 * n * j) + c * c * of_nu;
+  EXPECT_NEAR((*fit.covariance)(layout.sigma_theta, layout.sigma_theta) / expected, 1.0, 1e-9);
 }
 
 TEST(Robust, RefusesCellsOfSeveralReadings) {

@@ -14,22 +14,26 @@ namespace rangecal {
 /// What can change in a sensor, as a direction g of the standardised error z = (y - f(d)) / s(d) per unit of its size b:
 /// z ~ N(b g, 1) after the change.
 enum class ChangeKind {
-  window,    ///< an offset b [m], as a new window or zero: g = 1 / s
-  baseline,  ///< the baseline or the focal length by the share b: y f-fold, g = f / s
-  pointing,  ///< the laser's or the camera's angle, an offset of the disparity b [1/m]: g = f^2 / s
-  encoder,  ///< once a turn, b_c cos + b_s sin of the bearing [m]: g = cos / s, sin / s; where readings have a bearing
-  noise  ///< the spread, by the factor exp(b): variance e^(2b)
+  /// An offset b [m], as a new window or zero: g = 1 / s.
+  window,
+  /// The baseline or the focal length by the share b: y f-fold, g = f / s.
+  baseline,
+  /// The laser's or the camera's angle, an offset of the disparity b [1/m]: g = f^2 / s.
+  pointing,
+  /// Once a turn, b_c cos + b_s sin of the bearing [m]: g = cos / s, sin / s; where readings have a bearing.
+  encoder,
+  /// The spread, by the factor exp(b): variance e^(2b).
+  noise
 };
 /// "window", "baseline", "pointing", "encoder", "noise".
 const char* to_string(ChangeKind kind);
 
 struct ChangeOptions {
-  double run_length =
-      100000.0;  ///< N: readings between two alarms where nothing changes, at least, all charts
-                 ///< together
-  double shift =
-      0.5;  ///< size looked for, as the RMS of b g over the distances fitted: standard deviations of a
-            ///< reading. Smaller sizes are found, too, only later
+  /// N: readings between two alarms where nothing changes, at least, all charts together.
+  double run_length = 100000.0;
+  /// Size looked for, as the RMS of b g over the distances fitted: standard deviations of a reading. Smaller sizes are
+  /// found, too, only later.
+  double shift = 0.5;
   double noise_factor = 1.5;  ///< of the spread, looked for upwards and downwards
   bool bearings = false;      ///< readings come with a bearing: the encoder is watched
   int naming = 300;           ///< readings after an alarm by which the change is named
@@ -44,9 +48,10 @@ struct ChangeAlarm {
   bool named = false;        ///< what follows is known
   ChangeKind kind = ChangeKind::window;
   double probability = 0.0;  ///< of this kind among all, equal before
-  double size = 0.0,
-         std_dev = 0.0;  ///< b by maximum likelihood, in the unit of its kind; encoder: the amplitude
-  double phase_rad = 0.0, phase_std_dev = 0.0;  ///< encoder: size cos(bearing - phase); other kinds: 0
+  /// b by maximum likelihood, in the unit of its kind; encoder: the amplitude.
+  double size = 0.0, std_dev = 0.0;
+  /// Encoder: size cos(bearing - phase) [rad]. None of other kinds.
+  std::optional<Estimate> phase_rad = {};
 };
 
 /// Watches a calibration for a change, reading by reading. For each kind k and sign a chart holds the likelihood ratio of
