@@ -36,15 +36,21 @@ std::string where_it_shows(const EffectInfo& info) {
   return nowhere_in_particular ? info.channel : info.channel + " along " + info.covariate;
 }
 
-std::string markdown_section(const EffectInfo& info) {
-  std::string text = fmt::format("\n## {}\n\n", info.id);
-  if (!info.number.empty()) text += info.number + ". ";
-  text += fmt::format("{}\n\n    {}\n\n", wrapped(info.physics, 0, 120), wrapped(info.formula, 4, 120));
+/// Where a parameter that no fit moves comes from.
+const char* where_from(const Effect& effect) {
+  return effect.noise_before_reciprocal() ? "that of the fitted noise" : "chosen from the recording";
+}
+
+std::string markdown_section(const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  const std::string number = info.number.empty() ? "" : info.number + ". ";
+  std::string text = fmt::format("\n## {}\n\n{}\n\n    {}\n\n", info.id,
+                                 wrapped(number + info.physics, 0, 120), wrapped(info.formula, 4, 120));
   text += "| parameter | unit | typical | from | to |\n|---|---|---|---|---|\n";
   for (const EffectParameter& p : info.parameters)
-    text += p.discrete ? fmt::format("| `{}` | | chosen from the recording | | |\n", p.name)
-                       : fmt::format("| `{}` | {} | {:g} | {:g} | {:g} |\n", p.name,
-                                     unit_of_parameter(p.name), p.typical, p.low, p.high);
+    text += fmt::format("| `{}` | {} | {} |\n", p.name, unit_of_parameter(p.name),
+                        p.discrete ? fmt::format("{} | |", where_from(effect))
+                                   : fmt::format("{:g} | {:g} | {:g}", p.typical, p.low, p.high));
   text += "\n";
   for (const auto& [title, words] : {std::pair{"shows in", where_it_shows(info)},
                                      {"visible by", info.visible_by},
@@ -60,9 +66,9 @@ int print_markdown() {
       "# The catalogue of effects\n\n"
       "What `rangecal diagnose` knows by name. The numbers are those by which the code cites the catalogue. Symbols: d\n"
       "distance to a landmark's surface [m], b direction in the sensor frame [rad], f the calibration's curve, R radius of a\n"
-      "landmark [m]; an effect acts on d, before the curve, or on the reading, after it, as its formula says. Typical is the\n"
-      "size that is looked for first, from and to are bounds set by physics. `docs/gallery.md` has a picture of what each\n"
-      "leaves behind. Printed by `rangecal effects --markdown`.\n\n"
+      "landmark [m]; an effect acts on d, before the curve, or on the reading, after it, as its formula says. Typical is a size\n"
+      "often met, and the scale of the parameter's prior; from and to are bounds set by physics. `docs/gallery.md` has a\n"
+      "picture of what each leaves behind. Printed by `rangecal effects --markdown`.\n\n"
       "| number | effect | shows in |\n|---|---|---|\n");
   std::map<std::pair<char, int>, std::string> rows;  // by letter, then by number
   for (const auto& effect : effect_registry()) {
@@ -72,7 +78,7 @@ int print_markdown() {
         fmt::format("| {} | [{}](#{}) | {} |\n", number, info.id, info.id, where_it_shows(info));
   }
   for (const auto& row : rows) fmt::print("{}", row.second);
-  for (const auto& effect : effect_registry()) fmt::print("{}", markdown_section(effect->info()));
+  for (const auto& effect : effect_registry()) fmt::print("{}", markdown_section(*effect));
   return done;
 }
 
@@ -87,19 +93,20 @@ int list_effects(const std::string& id) {
     fmt::print("{}\n", info.id);
     field("physics", info.physics);
     field("formula", info.formula);
-    field("shows in", info.channel + " along " + info.covariate);
+    field("shows in", where_it_shows(info));
     field("visible by", info.visible_by);
     field("settled by", info.settled_by);
     for (const EffectParameter& p : info.parameters)
-      field("parameter", fmt::format("{}: typically {:g}, from {:g} to {:g}{}", p.name, p.typical, p.low,
-                                     p.high, p.discrete ? ", chosen from the recording" : ""));
+      field("parameter", p.discrete ? fmt::format("{}: {}", p.name, where_from(*effect))
+                                    : fmt::format("{}: typically {:g}, from {:g} to {:g}", p.name, p.typical,
+                                                  p.low, p.high));
     field("source", info.source);
     if (!info.number.empty()) field("number", info.number + " of the catalogue (docs/effects.md)");
     return done;
   }
   for (const auto& effect : effect_registry()) {
     const EffectInfo& info = effect->info();
-    fmt::print("{}  ({} along {})\n    {}\n    {}\n    typical: {}\n", info.id, info.channel, info.covariate,
+    fmt::print("{}  ({})\n    {}\n    {}\n    typical: {}\n", info.id, where_it_shows(info),
                wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96),
                wrapped(typical_sizes(info), 4, 96));
   }

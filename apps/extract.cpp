@@ -14,11 +14,18 @@
 namespace rangecal::app {
 namespace {
 
-int save(ingest::Extracted extracted, const std::string& folder, const std::string& json) {
-  Extraction& extraction = extracted.extraction;
+/// Throws InputError for results that would take the place of what is read or measured, or cannot be written.
+void check_results(const std::vector<std::string>& inputs, const std::string& folder,
+                   const std::string& json) {
   std::vector<std::string> outputs = recording_files({folder});
   outputs.insert(outputs.end(), {folder + "/extraction.json", json});
-  require_apart(outputs, extracted.inputs);
+  require_apart(outputs, inputs);
+  require_writable(json);
+  require_replaceable(folder);
+}
+
+int save(ingest::Extracted extracted, const std::string& folder, const std::string& json) {
+  Extraction& extraction = extracted.extraction;
   for (const std::string& warning : extracted.warnings) fmt::print(stderr, "rangecal: {}\n", warning);
   const std::string counts = ingest::extraction_json(extraction, extracted.options);
   fmt::print("scans of   {} ({})\n", extracted.source, extracted.format);
@@ -33,7 +40,6 @@ int save(ingest::Extracted extracted, const std::string& folder, const std::stri
     fmt::print(stderr, "rangecal: no landmark was found; no recording is written\n");
     return not_delivered;
   }
-  require_replaceable(folder);
   save_recording(extraction.recording, folder, "rangecal extract");
   write_file(folder + "/extraction.json", counts);
   extraction.recording.path = folder;
@@ -61,7 +67,12 @@ void add_extract(CLI::App& app, Action& chosen) {
       "  rangecal extract robot.log --error random_walk -o rec      CARMEN log: poses from its odometry\n"
       "  rangecal extract run.csv --stops stops.csv --radius 0.12 --arc mean -o rec      to see what arc_definition "
       "costs");
-  command->callback([=, &chosen] { chosen = [=] { return save(work(), *folder, *json); }; });
+  command->callback([=, &chosen] {
+    chosen = [=] {
+      check_results(ingest::extract_inputs(*command), *folder, *json);
+      return save(work(), *folder, *json);
+    };
+  });
 }
 
 }  // namespace rangecal::app

@@ -3,7 +3,6 @@
 
 #include <csignal>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -12,6 +11,7 @@
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
 #include "text.hpp"
 #include "track/tracking.hpp"
@@ -64,17 +64,10 @@ struct TrackCommand {
 
   /// Throws InputError for a result that would take the place of what is read.
   void keep_inputs() const {
-    const auto is = [](const std::string& path, const std::string& input) {
-      std::error_code ignored;
-      return std::filesystem::is_regular_file(path, ignored) &&
-             std::filesystem::equivalent(path, input, ignored);
-    };
-    for (const std::string& path : {job.output, json, job.changes, job.state})
-      if (is(path, job.input == "-" ? "/dev/stdin" : job.input))
-        throw InputError(path, 0, "", "is the stream itself, and would be lost: name another file");
-    for (const std::string& path : {job.output, job.changes, job.state})
-      if (is(path, job.from))
-        throw InputError(path, 0, "", "is the calibration of --from, and would be lost: name another file");
+    std::vector<std::string> inputs;
+    if (!job.stops.empty()) inputs = recording_files({job.stops});
+    inputs.insert(inputs.end(), {job.input == "-" ? "/dev/stdin" : job.input, job.from});
+    require_apart({job.output, json, job.changes, job.state}, inputs);
   }
 
   /// Why what came out is not what was asked for.
@@ -110,13 +103,12 @@ struct TrackCommand {
   }
 
   static std::string change(const ChangeAlarm& c) {
-    const bool turning = c.kind == ChangeKind::encoder;
-    const char* unit = c.kind == ChangeKind::window || turning ? " m"
-                       : c.kind == ChangeKind::pointing        ? " 1/m"
-                                                               : "";
+    const bool length = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder;
+    const char* unit = length ? " m" : c.kind == ChangeKind::pointing ? " 1/m" : "";
     return fmt::format(
         "{} by {}{}{} (probability {:.2f})", to_string(c.kind), with_std(c.size, c.std_dev), unit,
-        turning ? fmt::format(" at a phase of {} rad", with_std(c.phase_rad, c.phase_std_dev)) : "",
+        c.phase_rad ? fmt::format(" at a phase of {} rad", with_std(c.phase_rad->value, c.phase_rad->std_dev))
+                    : "",
         c.probability);
   }
 

@@ -107,13 +107,15 @@ std::string source_of(const std::vector<ScanLog>& logs) {
   return logs.size() == 1 ? first : fmt::format("{} and {} more", first, logs.size() - 1);
 }
 
+std::vector<std::string> files_of(std::vector<std::string> scans) {
+  for (std::string& file : scans)
+    if (file == "-") file = "/dev/stdin";
+  return scans;
+}
+
 Extracted extract(const Given& given) {
   Extracted out;
-  out.inputs = given.scans;
-  for (std::string& scans : out.inputs)
-    if (scans == "-") scans = "/dev/stdin";
-  require_distinct(out.inputs);
-  out.inputs.insert(out.inputs.end(), {given.stops, given.map});
+  require_distinct(files_of(given.scans));
   out.options = options_from(given);
   std::vector<Stop> stops;
   if (!given.stops.empty())
@@ -225,6 +227,13 @@ std::function<Extracted()> add_extract_options(CLI::App& command) {
   command.add_option("--topic", given->topic, "topic of the scans in a ROS bag, where there are several")
       ->group("Sensor");
   return [given] { return extract(*given); };
+}
+
+std::vector<std::string> extract_inputs(const CLI::App& command) {
+  std::vector<std::string> files = files_of(command.get_option("SCANS")->results());
+  for (const char* option : {"--stops", "--map"})
+    for (const std::string& file : command.get_option(option)->results()) files.push_back(file);
+  return files;
 }
 
 }  // namespace rangecal::ingest

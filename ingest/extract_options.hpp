@@ -15,11 +15,13 @@ struct Extracted {
   Extraction extraction;  ///< its recording carries the note of the extraction
   ExtractOptions options;
   std::string source, format;         ///< of the scans, in words
-  std::vector<std::string> inputs;    ///< the files that were read
   std::vector<std::string> warnings;  ///< of files that were cut off: what was left out
 };
 
 /// Declares the options of `rangecal extract` that say what is made; what is returned makes it once they are parsed.
 std::function<Extracted()> add_extract_options(CLI::App& command);
+
+/// The files that these options name, once they are parsed: scans, stops, map. Stdin is /dev/stdin.
+std::vector<std::string> extract_inputs(const CLI::App& command);
 
 }  // namespace rangecal::ingest

@@ -5,15 +5,32 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 
 #include "commands.hpp"
 #include "numbers.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/recording_io.hpp"
 #include "shard.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
+namespace {
+
+/// Throws InputError where the table would take the place of a file of a recording: of one that is named, or in a folder that
+/// is. One folder at a time: there may be millions.
+void keep_recordings(const std::string& csv, const std::vector<std::string>& inputs) {
+  if (!file_exists(csv)) return;
+  std::error_code none;
+  for (const std::string& input : inputs) {
+    require_apart({csv}, recording_files({input}));
+    for (const auto& entry : std::filesystem::directory_iterator(input, none))
+      require_apart({csv}, recording_files({entry.path().string()}));
+  }
+}
+
+}  // namespace
 
 void FleetCommand::prepare() {
   job.law = noise_law_from_string(noise);
@@ -25,6 +42,9 @@ void FleetCommand::prepare() {
   if (job.inputs.empty() && job.merge.empty())
     throw InputError("fleet: neither recordings nor --merge are given");
   require_writable({job.output, job.csv});
+  require_apart({job.output, job.csv}, job.merge);
+  require_apart({job.output}, recording_files(job.inputs));
+  keep_recordings(job.csv, job.inputs);
 }
 
 int FleetCommand::deliver(const FleetResult& result) const {
@@ -36,10 +56,11 @@ int FleetCommand::deliver(const FleetResult& result) const {
 std::string FleetCommand::page(const FleetResult& r) const {
   const std::int64_t unsolved = r.units - r.fitted - r.unreadable - r.few;
   std::string text = fmt::format(
-      "Units        {} in {}: {} fitted, {} unreadable, {} with too few readings{}; {} were there already{}\n",
+      "Units        {} in {}: {} fitted, {} unreadable, {} with too few readings{}; {} were there already{}{}\n",
       r.units, job.output, r.fitted, r.unreadable, r.few,
       unsolved > 0 ? fmt::format(", {} without a solution", unsolved) : "", r.resumed,
-      r.refitted > 0 ? fmt::format(", {} changed and fitted anew", r.refitted) : "");
+      r.refitted > 0 ? fmt::format(", {} changed and fitted anew", r.refitted) : "",
+      r.renewed > 0 ? fmt::format(", {} fitted anew (by another version before)", r.renewed) : "");
   if (r.partial)
     return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n",
                               job.shard + 1, job.shards);

@@ -76,14 +76,9 @@ class Fleet {
     database_.execute("DELETE FROM units WHERE readings IS NULL");  // a file that was missing may be back
     const Changes changes = forget_changed(database_);
     result.refitted = changes.changed;
-    result.resumed -= changes.changed;
-    if (changes.gone > 0)
-      result.notes.push_back(
-          fmt::format("{} {} gone from where {} read: what was found stands",
-                      changes.gone == 1
-                          ? changes.first_gone
-                          : fmt::format("{} units, {} the first of them,", changes.gone, changes.first_gone),
-                      changes.gone == 1 ? "is" : "are", changes.gone == 1 ? "it was" : "they were"));
+    result.renewed = changes.renewed;
+    result.resumed -= changes.changed + changes.renewed;
+    if (changes.gone > 0) result.notes.push_back(gone_in_words(changes));
     fit_units();
     result.units = database_.count("SELECT count(*) FROM units");
     result.fitted = database_.count("SELECT count(*) FROM units WHERE theta IS NOT NULL");

@@ -25,6 +25,7 @@ struct FleetJob {
 struct FleetResult {
   std::int64_t units = 0, fitted = 0, unreadable = 0, few = 0;  ///< few: too few readings to be fitted alone
   std::int64_t resumed = 0, refitted = 0;  ///< there already; there, but their files changed
+  std::int64_t renewed = 0;                ///< there, but fitted by another version
   std::int64_t by_population = 0, odd = 0;
   bool partial = false;  ///< one shard of several: no population yet
   Population population;

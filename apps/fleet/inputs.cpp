@@ -153,10 +153,27 @@ void merge_fleet(Database& database, const std::string& file) {
           : "UPDATE main.units SET stamp = NULL, contents = NULL WHERE name IN (SELECT name FROM theirs);"));
 }
 
+std::string gone_in_words(const Changes& changes) {
+  if (changes.gone == 0) return "";
+  const bool one = changes.gone == 1, one_unrenewed = changes.gone_unrenewed == 1;
+  std::string text = one ? changes.first_gone + " is gone from where it was read: what was found stands"
+                         : fmt::format(
+                               "{} units, {} the first of them, are gone from where they were read: what was "
+                               "found stands",
+                               changes.gone, changes.first_gone);
+  if (changes.gone_unrenewed > 0)
+    text += fmt::format("; {} fitted by an earlier version and cannot be fitted anew",
+                        one             ? "it was"
+                        : one_unrenewed ? "1 of them was"
+                                        : fmt::format("{} of them were", changes.gone_unrenewed));
+  return text;
+}
+
 Changes forget_changed(Database& database) {
   struct Fitted {
     std::string name, identity;
     Fingerprint then, now;
+    bool stamped = false;  ///< by this version
     bool gone = false;
   };
   constexpr int at_once = 4096;
@@ -172,7 +189,8 @@ Changes forget_changed(Database& database) {
                       at_once));
       rows.bind(1, after);
       while (rows.step())
-        units.push_back({rows.text(0), rows.text(1), {rows.integer(2), rows.integer(3)}, {}});
+        units.push_back(
+            {rows.text(0), rows.text(1), {rows.integer(2), rows.integer(3)}, {}, rows.number(2).has_value()});
     }
     tbb::parallel_for(std::size_t{0}, units.size(), [&](std::size_t i) {
       Fitted& unit = units[i];
@@ -180,15 +198,16 @@ Changes forget_changed(Database& database) {
       unit.gone = !is_recording(place);
       if (unit.gone) return;
       unit.now = {stamp_of(place), unit.then.contents};
-      if (unit.now.stamp != unit.then.stamp) unit.now.contents = contents_of(place);
+      if (unit.stamped && unit.now.stamp != unit.then.stamp) unit.now.contents = contents_of(place);
     });
     database.execute("BEGIN");
     for (const Fitted& unit : units) {
       if (unit.gone) {
         if (changes.gone++ == 0) changes.first_gone = unit.name;
-      } else if (unit.now.contents != unit.then.contents) {
+        changes.gone_unrenewed += !unit.stamped;
+      } else if (!unit.stamped || unit.now.contents != unit.then.contents) {
         database.prepare("DELETE FROM units WHERE name = ?").bind(1, unit.name).run();
-        ++changes.changed;
+        ++(unit.stamped ? changes.changed : changes.renewed);
       } else if (unit.now.stamp != unit.then.stamp) {
         database.prepare("UPDATE units SET stamp = ? WHERE name = ?")
             .bind(1, unit.now.stamp)

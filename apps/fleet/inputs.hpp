@@ -31,11 +31,16 @@ void take_recordings(Database& database, const std::vector<std::string>& given);
 void merge_fleet(Database& database, const std::string& file);
 
 struct Changes {
-  std::int64_t changed = 0, gone = 0;
+  std::int64_t changed = 0, renewed = 0;      ///< forgotten: by their files; by the version that fitted them
+  std::int64_t gone = 0, gone_unrenewed = 0;  ///< kept; those of them that another version fitted
   std::string first_gone;
 };
-/// Forgets the rows of units whose files are no longer what they were when fitted, for them to be fitted anew. A unit that is
-/// gone keeps its row: its readings were taken, and a merged shard may have been fitted on another computer.
+/// What there is to say of units that are gone; empty where none is.
+std::string gone_in_words(const Changes& changes);
+
+/// Forgets the rows of units whose files are no longer what they were when fitted, and of those that another version fitted,
+/// for them to be fitted anew. A unit that is gone keeps its row: its readings were taken, and a merged shard may have been
+/// fitted on another computer.
 Changes forget_changed(Database& database);
 
 }  // namespace rangecal::app

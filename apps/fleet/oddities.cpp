@@ -13,6 +13,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "text.hpp"
 
 namespace rangecal::app {
 namespace {
@@ -65,7 +66,9 @@ std::string diagnosis_in_words(const OddUnit& unit, const Calibration& typical, 
     if (unit.unlike && recording.kind == RecordingKind::pairs) {
       options.simulation = typical;
       const Diagnosis apart = diagnose({&recording, 1}, options);
-      if (apart.verdict != Verdict::no_mismatch) return "beside the population's curve: " + apart.sentence;
+      if (apart.verdict != Verdict::no_mismatch)
+        return "beside the population's curve (sizes: what is left beyond the population's scatter): " +
+               apart.sentence;
       options.simulation.reset();
     }
     const Diagnosis own = diagnose({&recording, 1}, options);
@@ -77,23 +80,34 @@ std::string diagnosis_in_words(const OddUnit& unit, const Calibration& typical, 
   }
 }
 
+/// "alpha_0 +72 mm", "alpha_1 +0.3", "alpha_2 -0.02 1/m".
+std::string coefficient_in_words(Eigen::Index power, double difference) {
+  if (power == 0) return fmt::format("alpha_0 {:+.3g} mm", 1e3 * difference);
+  const std::string unit = coefficient_unit(static_cast<int>(power));
+  return fmt::format("alpha_{} {:+.3g}{}{}", power, difference, unit.empty() ? "" : " ", unit);
+}
+
 }  // namespace
 
-std::string difference_in_words(const Eigen::VectorXd& t) {
+std::string difference_in_words(const Eigen::VectorXd& difference, const Eigen::VectorXd& t) {
   std::vector<Eigen::Index> order(static_cast<std::size_t>(t.size()));
   std::iota(order.begin(), order.end(), Eigen::Index{0});
   std::sort(order.begin(), order.end(),
             [&t](Eigen::Index a, Eigen::Index b) { return std::abs(t[a]) > std::abs(t[b]); });
+  const bool together = std::abs(t[order[0]]) < 3.0;
   std::string text = "calibration differs from the population's: ";
+  if (together) text += "no parameter by 3 sd, ";
   for (std::size_t k = 0; k < order.size(); ++k) {
     const Eigen::Index i = order[k];
     if (k > 0 && std::abs(t[i]) < 3.0) break;
     if (k > 0) text += ", ";
-    text += i + 1 < t.size() ? fmt::format("alpha_{}", i) : std::string("sigma");
-    text += fmt::format(" {:+.1f} sd", t[i]);
+    const bool sigma = i + 1 == t.size();
+    text += fmt::format("{} ({:+.1f} sd)",
+                        sigma ? fmt::format("sigma {:+.3g} %", 100.0 * std::expm1(difference[i]))
+                              : coefficient_in_words(i, difference[i]),
+                        t[i]);
   }
-  const bool together = std::abs(t[order[0]]) < 3.0;
-  return text + (together ? " the furthest; it is their combination that is odd" : "");
+  return text + (together ? " the furthest: their combination is odd" : "");
 }
 
 void explain_oddities(Database& database, const FleetJob& job, FleetResult& result) {

@@ -9,9 +9,10 @@
 
 namespace rangecal::app {
 
-/// Where theta differs from the others', from its t (FleetJudge): the parameter furthest off, and those beyond three standard
-/// deviations, furthest first: "calibration differs from the population's: alpha_1 +4.1 sd, sigma -3.3 sd".
-std::string difference_in_words(const Eigen::VectorXd& t);
+/// Where theta = (alpha_0 .. alpha_n, log sigma) differs from the others': `difference` from the population's mean [m^(1-i),
+/// and of the logarithm], and its t (FleetJudge). The parameter furthest off, and those beyond three standard deviations,
+/// furthest first: "calibration differs from the population's: alpha_0 +72 mm (+14.1 sd), sigma -12 % (-3.3 sd)".
+std::string difference_in_words(const Eigen::VectorXd& difference, const Eigen::VectorXd& t);
 
 /// What the diagnosis says of the oddest units, put behind what is said of each oddity already. Of pairs unlike
 /// the others: what sets them apart from the population's curve, which may lie anywhere in the population's scatter; where it

@@ -79,7 +79,7 @@ void put_posteriors(Database& database, const FleetJob& job, const FleetJudge& j
             .bind(3, judged.t[worst])
             .bind(4, std::string("standard deviations"))
             .bind(5, p_value)
-            .bind(6, difference_in_words(judged.t))
+            .bind(6, difference_in_words(summary.theta - population.mean, judged.t))
             .run();
       }
       const auto ask = [&](int column, const std::string& what, const std::string& unit, auto&& words) {

@@ -49,16 +49,19 @@ std::string clock_text(double seconds) {
 
 }  // namespace
 
+std::vector<std::string> result_files(const StudyJob& job) {
+  const std::filesystem::path folder(job.folder);
+  return {(folder / "results.csv").string(), (folder / "timing.csv").string(),
+          (folder / journal_name(job)).string()};
+}
+
 Study study_of(StudyJob& job) {
   const Shard shard = shard_from(job.shard_text);
   job.shard = shard.index;
   job.shards = shard.count;
   if (job.threads < 0) throw InputError(fmt::format("--threads {}: is negative", job.threads));
   Study study = load_study(job.file);
-  const std::filesystem::path folder(job.folder);
-  require_apart({(folder / "results.csv").string(), (folder / "timing.csv").string(),
-                 (folder / journal_name(job)).string()},
-                study.files);
+  require_apart(result_files(job), study.files);
   return study;
 }
 

@@ -54,6 +54,9 @@ class StudyFolder {
   bool terminal_ = false;
 };
 
+/// What a run writes into its folder: results.csv, timing.csv and its journal.
+std::vector<std::string> result_files(const StudyJob& job);
+
 /// Loads the study and checks the job. Throws InputError.
 Study study_of(StudyJob& job);
 

@@ -44,9 +44,10 @@ std::string table_of(const std::vector<ChangeAlarm>& changes, bool of_landmarks)
                          ? "reading,since_reading,kind,probability,size,std,phase_rad,phase_std_rad\n"
                          : "pair,since_pair,kind,probability,size,std,phase_rad,phase_std_rad\n";
   for (const ChangeAlarm& c : changes) {
-    const std::string phase = c.named && c.kind == ChangeKind::encoder
-                                  ? fmt::format("{:.6g},{:.2g}", c.phase_rad, c.phase_std_dev)
-                                  : ",";
+    std::string phase = ",";
+    if (const auto& told = c.phase_rad)
+      phase =
+          fmt::format("{:.6g},{}", told->value, told->std_dev ? fmt::format("{:.2g}", *told->std_dev) : "");
     text += c.named ? fmt::format("{},{},{},{:.4f},{:.6g},{:.2g},{}\n", c.reading, c.since, to_string(c.kind),
                                   c.probability, c.size, c.std_dev, phase)
                     : fmt::format("{},{},,,,,{}\n", c.reading, c.since, phase);

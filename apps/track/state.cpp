@@ -24,9 +24,8 @@ ChangeAlarm alarm_in(const Json& c) {
   const auto number = [&](std::size_t i) { return whole_number<std::int64_t>(c.at(i), "changes"); };
   const int kind = whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::noise));
   ChangeAlarm alarm{number(0), number(1), c.at(2), static_cast<ChangeKind>(kind), c.at(4), c.at(5), c.at(6)};
-  if (c.size() == 7) return alarm;  // of version 0.1.0, which told no phase
-  alarm.phase_rad = c.at(7);
-  alarm.phase_std_dev = c.at(8);
+  if (alarm.named && alarm.kind == ChangeKind::encoder && c.size() > 7)  // version 0.1.0 told no phase
+    alarm.phase_rad = Estimate{c.at(7), c.at(8).get<double>()};
   return alarm;
 }
 
@@ -49,9 +48,14 @@ std::string to_json(const TrackState& s) {
             {"watch", s.watch},
             {"changes", Json::array()},
             {"calibrator", s.calibrator}};
-  for (const ChangeAlarm& c : s.changes)
-    json["changes"].push_back({c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size,
-                               c.std_dev, c.phase_rad, c.phase_std_dev});
+  for (const ChangeAlarm& c : s.changes) {
+    Json alarm{c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev};
+    if (c.phase_rad) {
+      alarm.push_back(c.phase_rad->value);
+      alarm.push_back(c.phase_rad->std_dev.value_or(0.0));
+    }
+    json["changes"].push_back(std::move(alarm));
+  }
   return json.dump() + "\n";
 }
 

@@ -41,7 +41,9 @@ TEST(CalibrateCommand, LandmarksToJsonAndBack) {
   const Calibration calibration = load_calibration(json);
   EXPECT_EQ(calibration.method, Method::marginal);
   EXPECT_EQ(calibration.noise.law, NoiseLaw::f_squared);
-  EXPECT_THAT(result.out, HasSubstr("\nChoice     the bands and standard deviations above hold given"));
+  EXPECT_THAT(result.out, HasSubstr("95 % band  with the choice  one reading scatters"));
+  EXPECT_THAT(result.out, HasSubstr("\nChoice     the 95 % band and the standard deviations hold given"));
+  EXPECT_THAT(result.out, HasSubstr("counts that they were chosen among 7 models"));
   EXPECT_TRUE(calibration.covariance_with_choice);
   EXPECT_EQ(calibration.landmarks.size(), 5u);
   EXPECT_EQ(calibration.landmarks[0].label, "A");
@@ -53,6 +55,32 @@ TEST(CalibrateCommand, LandmarksToJsonAndBack) {
   EXPECT_NEAR(*calibration.aic, 2.0 * (*calibration.marginal_nll + 15.0), 1e-9);
   // The file is the library's: written again it is the same text.
   EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json)));
+}
+
+TEST(CalibrateCommand, SaysWhyABandHasNoChoiceInIt) {
+  const std::string pairs = "calibrate " + shipped("pairs-2016");
+  // Of order 2 the next noise law lies 515 above the lowest AIC: nothing is left open.
+  const std::string sure = run(pairs + " --order 2").out;
+  EXPECT_THAT(sure, HasSubstr("95 % band  one reading scatters"));
+  EXPECT_THAT(sure,
+              HasSubstr("none of\n           the other 3 models is likely and known well enough to count"));
+  // Nothing was chosen: nothing to say.
+  EXPECT_THAT(run(pairs + " --order 2 --noise f2").out, ::testing::Not(HasSubstr("\nChoice ")));
+  EXPECT_THAT(run("calibrate " + shipped("field-layout") + " --method full").out,
+              HasSubstr("--method\n           marginal counts their choice too"));
+}
+
+TEST(CalibrateCommand, ThePageSaysWhichBandItsChartShows) {
+  const TemporaryFolder folder;
+  const std::string html = folder.file("page.html"), rec = shipped("field-layout");
+  const RunResult result = run("calibrate " + rec + " --report " + html);
+  if (result.err.find("no charting library") != std::string::npos) GTEST_SKIP() << result.err;
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(slurp(html), HasSubstr("the chart of the curve shows the band with the choice"));
+  EXPECT_THAT(slurp(html), HasSubstr(" band, the choice of order and noise law in it,"));
+  EXPECT_THAT(slurp(html), ::testing::Not(HasSubstr("above hold")));
+  ASSERT_EQ(run("calibrate " + rec + " --method full --report " + html).code, 0);
+  EXPECT_THAT(slurp(html), HasSubstr("the chart of the curve shows the band given them"));
 }
 
 TEST(CalibrateCommand, NoiseShapeOfLandmarksIsInPageAndFile) {

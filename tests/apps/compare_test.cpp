@@ -39,6 +39,18 @@ TEST(CompareCommand, SeveralRecordingsShareOneSensor) {
   EXPECT_THAT(result.out, HasSubstr("600 readings"));
 }
 
+TEST(CompareCommand, CurvesOnThePageHaveBandsOfOneKind) {
+  const TemporaryFolder folder;
+  const std::string html = folder.file("page.html");
+  const RunResult result = run("compare " + shipped("field-layout") + " --report " + html);
+  if (result.err.find("no charting library") != std::string::npos) GTEST_SKIP() << result.err;
+  ASSERT_EQ(result.code, 0) << result.err;
+  // Of landmarks, marginal alone knows the band with the choice; of pairs every method does.
+  EXPECT_THAT(slurp(html), HasSubstr(" band, given this order and noise law,"));
+  ASSERT_EQ(run("compare " + shipped("pairs-2016") + " --report " + html).code, 0);
+  EXPECT_THAT(slurp(html), HasSubstr(" band, the choice of order and noise law in it,"));
+}
+
 class RealRecording : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(RealRecording, EndsInAConvergedFullLikelihood) {

@@ -18,7 +18,6 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using ::testing::Not;
 using Json = nlohmann::json;
 
 class DiagnoseCommand : public ::testing::Test {
@@ -92,21 +91,6 @@ TEST_F(DiagnoseCommand, TheLoopCloses) {
   const RunResult alike = run("diagnose " + rec + " --simulation " + folder.file("sim"));
   ASSERT_EQ(alike.code, 0) << alike.err;
   EXPECT_THAT(alike.out, HasSubstr("No mismatch"));
-}
-
-TEST_F(DiagnoseCommand, Effects) {
-  const RunResult all = run("effects"), one = run("effects tilt"), none = run("effects nothing");
-  EXPECT_EQ(all.code, 0);
-  EXPECT_THAT(all.out, AllOf(HasSubstr("range_eccentricity"), HasSubstr("wheel_slip"), HasSubstr("typical")));
-  EXPECT_THAT(one.out, AllOf(HasSubstr("formula"), HasSubstr("parameter"), HasSubstr("source"),
-                             Not(HasSubstr("wheel_slip"))));
-  EXPECT_EQ(none.code, 2);
-}
-
-TEST_F(DiagnoseCommand, TheCatalogueInTheDocumentsIsWhatTheProgramPrints) {  // make catalogue
-  const RunResult printed = run("effects --markdown");
-  EXPECT_EQ(printed.code, 0);
-  EXPECT_EQ(printed.out, slurp(std::string(RANGECAL_SOURCE_DIR) + "/docs/effects.md"));
 }
 
 TEST_F(DiagnoseCommand, WrongInputIsOneLineAndNoFile) {

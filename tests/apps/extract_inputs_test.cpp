@@ -92,6 +92,9 @@ TEST(ExtractInputs, AFileThatIsNamedTwiceIsRefused) {
     EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
     EXPECT_FALSE(fs::exists(folder.file("rec")));
   }
+  const RunResult stdin_twice = run("extract - -" + kOptions + folder.file("rec"), carmen_log());
+  EXPECT_EQ(stdin_twice.code, 2);
+  EXPECT_THAT(stdin_twice.err, HasSubstr("rangecal: stdin: is named twice"));
   fs::copy_file(folder.file("robot.log"), folder.file("copy.log"));  // a file of its own
   EXPECT_EQ(run("extract " + folder.file("robot.log") + " " + folder.file("copy.log") + kOptions +
                 folder.file("rec"))

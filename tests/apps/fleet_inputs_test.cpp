@@ -3,13 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <utility>
 
 #include "apps/fleet_recordings.hpp"
 #include "apps/run_binary.hpp"
+#include "fleet/database.hpp"
 
 namespace rangecal::test {
 namespace {
@@ -23,11 +23,9 @@ RunResult run_fleet_of(const std::string& inputs, const std::string& file, const
   return run("fleet " + inputs + fleet_options + file + (csv.empty() ? "" : " --csv " + csv));
 }
 
-/// Runs SQL by Python's sqlite3; false where there is none.
-bool run_sql(const std::string& file, const std::string& statements) {
-  return std::system(("python3 -c \"import sqlite3; sqlite3.connect('" + file + "').executescript('" +
-                      statements + "')\" 2> /dev/null")
-                         .c_str()) == 0;
+/// As earlier versions left a file: without a word of how its units were fitted.
+void forget_version(const std::string& file) {
+  app::Database(file).execute("DELETE FROM meta WHERE key = 'fit'");
 }
 
 TEST(FleetInputs, ChangedRecordingsAreFittedAnew) {
@@ -103,22 +101,52 @@ TEST(FleetInputs, FilesOfEarlierVersionsGoOn) {
   ASSERT_EQ(run_fleet_of(fleet, db, folder.file("a.csv")).code, 0);
   ASSERT_EQ(run_fleet_of(fleet + " --shard 1/1", shard).code, 0);
   for (const std::string& file : {db, shard})
-    if (!run_sql(file,
-                 "DROP INDEX identities; ALTER TABLE inputs DROP COLUMN identity;"
-                 "ALTER TABLE units DROP COLUMN stamp; ALTER TABLE units DROP COLUMN contents"))
-      GTEST_SKIP() << "no sqlite3 in python3";
+    app::Database(file).execute(
+        "DROP INDEX identities; ALTER TABLE inputs DROP COLUMN identity;"
+        "ALTER TABLE units DROP COLUMN stamp; ALTER TABLE units DROP COLUMN contents");
   // what their files were is not known: they are fitted anew, once
   const RunResult once = run_fleet_of(fleet, db, folder.file("b.csv"));
-  EXPECT_THAT(once.out, HasSubstr("0 were there already, 10 changed and fitted anew")) << once.err;
+  EXPECT_THAT(once.out, HasSubstr("0 were there already, 10 fitted anew (by another version before)\n"))
+      << once.err;
   EXPECT_EQ(slurp(folder.file("a.csv")), slurp(folder.file("b.csv")));
   EXPECT_THAT(run_fleet_of(fleet, db).out, HasSubstr("10 were there already\n"));
-  // fitted as earlier versions did: meta has no word of how (char(102, 105, 116) is fit)
-  ASSERT_TRUE(run_sql(db, "DELETE FROM meta WHERE key = char(102, 105, 116)"));
-  EXPECT_THAT(run_fleet_of(fleet, db).out, HasSubstr("0 were there already, 10 changed and fitted anew"));
+  forget_version(db);
+  EXPECT_THAT(run_fleet_of(fleet, db).out,
+              HasSubstr("0 were there already, 10 fitted anew (by another version before)\n"));
   EXPECT_THAT(run_fleet_of(fleet, db).out, HasSubstr("10 were there already\n"));
   const RunResult merged = run_fleet_of("--merge " + shard, folder.file("m.db"), folder.file("m.csv"));
   EXPECT_THAT(merged.out, HasSubstr("10 in")) << merged.err;
   EXPECT_EQ(slurp(folder.file("m.csv")), slurp(folder.file("b.csv")));
+}
+
+TEST(FleetInputs, WhatIsGoneAndOfAnEarlierVersionIsSaid) {
+  const TemporaryFolder folder;
+  write_fleet(folder, 10, 60);
+  const std::string fleet = folder.file("fleet"), db = folder.file("a.db");
+  ASSERT_EQ(run_fleet_of(fleet, db).code, 0);
+  forget_version(db);
+  fs::rename(folder.file("fleet/u004"), folder.file("u004"));
+  const std::string unrenewed = " fitted by an earlier version and cannot be fitted anew\n";
+  const RunResult one = run_fleet_of(fleet, db);
+  EXPECT_THAT(one.out, HasSubstr("1 were there already, 9 fitted anew (by another version before)\n"));
+  EXPECT_THAT(one.err,
+              HasSubstr("u004 is gone from where it was read: what was found stands; it was" + unrenewed));
+  // not only once: its row is still what it was
+  fs::rename(folder.file("fleet/u005"), folder.file("u005"));
+  const RunResult two = run_fleet_of(fleet, db);
+  EXPECT_THAT(two.out, HasSubstr("10 were there already\n"));
+  EXPECT_THAT(two.err, HasSubstr("2 units, " + fleet +
+                                 "/u004 the first of them, are gone from where they were read: "
+                                 "what was found stands; 1 of them was" +
+                                 unrenewed));
+  forget_version(db);
+  EXPECT_THAT(run_fleet_of(fleet, db).err, HasSubstr("; 2 of them were" + unrenewed));
+  // back again, it is fitted anew
+  fs::rename(folder.file("u004"), folder.file("fleet/u004"));
+  fs::rename(folder.file("u005"), folder.file("fleet/u005"));
+  const RunResult back = run_fleet_of(fleet, db);
+  EXPECT_THAT(back.out, HasSubstr("8 were there already, 2 fitted anew (by another version before)\n"));
+  EXPECT_EQ(back.err, "");
 }
 
 TEST(FleetInputs, WritesIntoNothingButAFleet) {

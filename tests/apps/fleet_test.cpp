@@ -8,16 +8,30 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <thread>
 
 #include "apps/fleet_recordings.hpp"
 #include "apps/run_binary.hpp"
+#include "fleet/database.hpp"
 
 namespace rangecal::test {
 namespace {
 
 using ::testing::HasSubstr;
+
+/// What is said of each odd unit, all its oddities together.
+std::map<std::string, std::string> explanations_in(const std::string& file) {
+  app::Database database(file);
+  app::Statement rows = database.prepare("SELECT name, explanation FROM oddities ORDER BY name, what");
+  std::map<std::string, std::string> said;
+  while (rows.step()) {
+    std::string& text = said[rows.text(0)];
+    text += (text.empty() ? "" : "\n") + rows.text(1);
+  }
+  return said;
+}
 
 TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   const TemporaryFolder folder;
@@ -35,7 +49,14 @@ TEST(FleetCommand, FindsThePopulationAndTheOddUnits) {
   EXPECT_EQ(count_of(csv, "few readings and population"), 1);
   EXPECT_THAT(csv, HasSubstr("pairs.csv, row 202"));
   // u007 is 0.4 m off where the fleet scatters by 0.02 m
-  EXPECT_THAT(slurp(folder.file("a.db")), HasSubstr("calibration differs from the population's: alpha_0 +"));
+  const auto odd = explanations_in(folder.file("a.db"));
+  ASSERT_EQ(odd.size(), 1u);
+  const std::string said = odd.at(folder.file("fleet/u007"));
+  const std::string start = "calibration differs from the population's: alpha_0 +";
+  const std::size_t at = said.find(start);
+  ASSERT_NE(at, std::string::npos) << said;
+  EXPECT_NEAR(std::stod(said.substr(at + start.size())), 400.0, 100.0);  // mm; 5 times the scatter
+  EXPECT_THAT(said, ::testing::ContainsRegex(" mm \\(\\+[0-9.]+ sd\\)"));
 
   // the same rows on other threads, from shards, and in a second run over a file that is there already
   ASSERT_EQ(
@@ -77,11 +98,13 @@ TEST(FleetCommand, SaysWhatIsOddWhereTheDiagnosisFindsNothing) {
   const std::string db = folder.file("a.db");
   const RunResult result = run("fleet " + folder.file("fleet") + " --order 1 -o " + db);
   ASSERT_EQ(result.code, 0) << result.err;
-  const std::string rows = slurp(db);
-  EXPECT_THAT(rows, HasSubstr("neighbouring readings depend on each other: correlation +0."));
-  EXPECT_THAT(rows, HasSubstr("calibration differs from the population's: alpha_1 +"));
-  EXPECT_THAT(rows, HasSubstr("; physics within its own recording: none found"));
-  EXPECT_THAT(rows, ::testing::Not(HasSubstr("No mismatch")));
+  auto said = explanations_in(db);
+  const std::string follows = said[folder.file("fleet/u005")], steep = said[folder.file("fleet/u006")];
+  EXPECT_THAT(follows, HasSubstr("neighbouring readings depend on each other: correlation +0."));
+  EXPECT_THAT(follows, HasSubstr("; physics within its own recording: none found"));
+  EXPECT_THAT(steep, HasSubstr("calibration differs from the population's: alpha_1 +0."));  // 0.3, no unit
+  EXPECT_THAT(steep, HasSubstr(" sd)"));
+  for (const auto& [name, text] : said) EXPECT_THAT(text, ::testing::Not(HasSubstr("No mismatch"))) << name;
 }
 
 TEST(FleetCommand, RanksGiveTheRowsOfOneProcess) {

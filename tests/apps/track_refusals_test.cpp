@@ -173,10 +173,11 @@ TEST(TrackRefusals, TwoResultsOfOneNameAndResultsOverInputs) {
     EXPECT_FALSE(fs::exists(x));
   }
   for (const std::string option : {"-o ", "--json ", "--state "})
-    expect_refusal(in + " " + option + in, "", "in.csv: is the stream itself");
-  expect_refusal("-o /dev/stdin", true_first + pair_rows(50), "is the stream itself");
+    expect_refusal(in + " " + option + in, "", "in.csv: is read, and would be lost: name another file");
+  expect_refusal("-o /dev/stdin", true_first + pair_rows(50), "stdin: is read, and would be lost");
   EXPECT_EQ(slurp(in), true_first + pair_rows(50));
-  expect_refusal(in + " --from " + cal + " -o " + cal, "", "cal.json: is the calibration of --from");
+  for (const std::string option : {"-o ", "--json ", "--state "})
+    expect_refusal(in + " --from " + cal + " " + option + cal, "", "cal.json: is read, and would be lost");
 }
 
 TEST(TrackRefusals, ColumnsThatAreNamedTwiceOrInOtherUnits) {

@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -190,8 +191,21 @@ TEST(TrackCommand, WatchesTheEncoderWhereThereAreBearings) {
   EXPECT_EQ(fields[2], "encoder");
   EXPECT_NEAR(std::stod(fields[4]), 0.03, 4.0 * std::stod(fields[5]));
   EXPECT_NEAR(std::stod(fields[6]), 0.0, 4.0 * std::stod(fields[7]));
-  EXPECT_EQ(run(arguments + " --state " + folder.file("state.json")).code,
-            0);  // the charts of the bearings are in the state
+  // the charts of the bearings and the phase are in the state
+  const std::string before = slurp(folder.file("changes.csv"));
+  EXPECT_EQ(run(arguments + " --state " + folder.file("state.json")).code, 0);
+  EXPECT_EQ(slurp(folder.file("changes.csv")), before);
+  // a state of version 0.1.0 told none, and none is told
+  auto state = nlohmann::ordered_json::parse(slurp(folder.file("state.json")));
+  ASSERT_EQ(state.at("changes").at(0).size(), 9u);
+  for (auto& change : state.at("changes"))
+    while (change.size() > 7) change.erase(change.size() - 1);
+  folder.write("state.json", state.dump());
+  const RunResult early = run(arguments + " --state " + folder.file("state.json"));
+  EXPECT_EQ(early.code, 0) << early.err;
+  EXPECT_THAT(early.out, HasSubstr(": encoder by 0.0"));
+  EXPECT_THAT(early.out, ::testing::Not(HasSubstr("phase")));
+  EXPECT_THAT(slurp(folder.file("changes.csv")), HasSubstr(alarm.substr(0, alarm.find(fields[6])) + ",\n"));
 }
 
 /// The rows of a simulated recording with what --stops would tell in columns of their own.

@@ -17,10 +17,12 @@ struct Words {
   const std::vector<std::string_view>& fields;
   const std::string& file;
   int row;
-  std::size_t at = 1;  ///< behind the name of the message
+  std::size_t at = 1;    ///< behind the name of the message
+  bool ran_out = false;  ///< more were asked for than there are
 
   double number(const char* what) {
-    if (at >= fields.size())
+    ran_out = used_up();
+    if (ran_out)
       throw InputError(file, row, what, "the line ends after " + std::to_string(fields.size()) + " words");
     return number_in(fields[at++], false, file, row, what);
   }
@@ -83,11 +85,18 @@ void read_newer(Words& words, bool robot, Scan& scan) {
   scan.stamp_s = words.number("time");
 }
 
-/// A message into the scan; false where it is the torn end of a file that holds others before: its words end too soon, or in
-/// the middle of one. `whole` is how many words stood behind the time in the message of that name before it, where there was
-/// one.
-bool read_message(Words& words, const Lines& lines, bool first, std::optional<std::size_t>& whole,
-                  Scan& scan) {
+/// How a message ends. What is not whole stands at the end of a file that was cut off, and is left out.
+enum class Ending {
+  whole,
+  torn,     ///< its words end too soon, or in the middle of one
+  doubtful  ///< behind its last word, the time, there is nothing, not even the line's end: digits may lack
+};
+
+/// A message into the scan. `first`: no scan stands before it; it is then whole, or an error. `whole` is how many words stood
+/// behind the time in the message of that name before it, where there was one. A word that is no number is torn only where
+/// the line has no end.
+Ending read_message(Words& words, const Lines& lines, bool first, std::optional<std::size_t>& whole,
+                    Scan& scan) {
   const std::string_view name = words.fields[0];
   try {
     if (name == "FLASER") {
@@ -96,12 +105,29 @@ bool read_message(Words& words, const Lines& lines, bool first, std::optional<st
       read_newer(words, name.starts_with("ROBOTLASER"), scan);
     }
   } catch (const InputError&) {
-    if (!first && lines.was_last() && words.used_up()) return false;
+    const bool cut = words.ran_out || !lines.had_end();
+    if (!first && lines.was_last() && words.used_up() && cut) return Ending::torn;
     throw;
   }
-  if (whole && words.left() < *whole && !lines.had_end()) return false;  // the time itself may be torn
+  if (whole && words.left() < *whole && !lines.had_end()) return Ending::torn;
+  if (!first && words.used_up() && !lines.had_end()) return Ending::doubtful;
   whole = words.left();
-  return true;
+  return Ending::whole;
+}
+
+/// The latter two and a number.
+constexpr std::string_view message_names[] = {"FLASER", "ROBOTLASER", "RAWLASER"};
+
+bool is_message(std::string_view name) {
+  return name == message_names[0] || name.starts_with(message_names[1]) || name.starts_with(message_names[2]);
+}
+
+/// True for a line that ends within the name of a message.
+bool torn_in_its_name(const std::vector<std::string_view>& fields, const Lines& lines) {
+  if (lines.had_end() || fields.size() != 1) return false;
+  for (const std::string_view name : message_names)
+    if (name.starts_with(fields[0])) return true;
+  return false;
 }
 
 }  // namespace
@@ -113,18 +139,24 @@ ScanLog read_carmen_log(const std::string& path, const std::string& text) {
   for (std::string_view line; lines.next(line);) {
     const auto fields = word_fields(line);
     if (fields.empty() || fields[0].front() == '#') continue;
-    if (fields[0] != "FLASER" && !fields[0].starts_with("ROBOTLASER") && !fields[0].starts_with("RAWLASER")) {
+    const bool first = log.scans.empty(), message = is_message(fields[0]);
+    if (!message && (first || !torn_in_its_name(fields, lines))) {
       ++log.lines_skipped;
       continue;
     }
     Scan scan;
     scan.row = lines.number();
     Words words{fields, path, scan.row};
-    if (read_message(words, lines, log.scans.empty(), behind_time[std::string(fields[0])], scan))
+    const Ending ending =
+        message ? read_message(words, lines, first, behind_time[std::string(fields[0])], scan) : Ending::torn;
+    if (ending == Ending::whole) {
       log.scans.push_back(std::move(scan));
-    else
-      log.warning = path + ", row " + std::to_string(lines.number()) +
-                    ": the last line is torn, as where a recording was cut off, and is left out";
+      continue;
+    }
+    log.warning = path + ", row " + std::to_string(lines.number()) + ": the last line " +
+                  (ending == Ending::torn ? "is torn, as where a recording was cut off"
+                                          : "has no end, so that its time may be cut short") +
+                  ", and is left out";
   }
   return log;
 }

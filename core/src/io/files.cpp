@@ -83,7 +83,8 @@ std::string read_file(const std::string& path, std::size_t most_bytes) {
   io::InputFile file(path);
   const auto check = [&](std::size_t size) {
     if (size > most_bytes)
-      throw InputError(path, 0, "", "is larger than " + std::to_string(most_bytes >> 20) + " MB");
+      throw InputError(io::shown_name(path), 0, "",
+                       "is larger than " + std::to_string(most_bytes >> 20) + " MB");
   };
   check(file.size());
   std::string text(std::max<std::size_t>(file.size() + 1, 4096), '\0');
@@ -132,10 +133,10 @@ void require_apart(const std::vector<std::string>& outputs, const std::vector<st
     const auto identity = identity_of(output);
     const auto found = identity ? read.find(*identity) : read.end();
     if (found == read.end() || is_stream(output)) continue;
-    throw InputError(
-        output, 0, "",
-        (found->second == output ? "is read" : "is the same file as " + found->second + ", which is read") +
-            std::string(", and would be lost: name another file"));
+    throw InputError(io::shown_name(output), 0, "",
+                     found->second == output ? std::string("is read, and would be lost: name another file")
+                                             : "is the same file as " + io::shown_name(found->second) +
+                                                   ", which is read: name another file");
   }
 }
 
@@ -146,10 +147,10 @@ void require_distinct(const std::vector<std::string>& inputs) {
     if (!identity) continue;
     const auto [first, is_new] = read.emplace(*identity, input);
     if (is_new) continue;
-    throw InputError(
-        input, 0, "",
-        (first->second == input ? std::string("is named twice") : "is the same file as " + first->second) +
-            ": its readings would count twice");
+    throw InputError(io::shown_name(input), 0, "",
+                     (first->second == input ? std::string("is named twice")
+                                             : "is the same file as " + io::shown_name(first->second)) +
+                         ": its readings would count twice");
   }
 }
 

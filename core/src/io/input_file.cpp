@@ -14,18 +14,22 @@
 namespace rangecal::io {
 namespace {
 
-[[noreturn]] void cannot_be_read(const std::string& path) {
-  throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
+[[noreturn]] void cannot_be_read(const std::string& name) {
+  throw InputError(name, 0, "", std::string("cannot be read: ") + std::strerror(errno));
 }
 
 }  // namespace
 
+std::string shown_name(const std::string& path) {
+  return path == "/dev/stdin" ? "stdin" : path == "/dev/stdout" ? "stdout" : path;
+}
+
 // Opened without waiting: a pipe without a writer would keep the program for ever.
-InputFile::InputFile(const std::string& path) : path_(path) {
+InputFile::InputFile(const std::string& path) : name_(shown_name(path)) {
   descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (descriptor_ < 0) {
-    if (errno == ENOENT || errno == ENOTDIR) throw InputError(path, 0, "", "no such file");
-    cannot_be_read(path);
+    if (errno == ENOENT || errno == ENOTDIR) throw InputError(name_, 0, "", "no such file");
+    cannot_be_read(name_);
   }
   struct stat status {};
   const bool known = ::fstat(descriptor_, &status) == 0;
@@ -35,8 +39,8 @@ InputFile::InputFile(const std::string& path) : path_(path) {
     return;
   }
   ::close(descriptor_);
-  if (!known) cannot_be_read(path);
-  throw InputError(path, 0, "",
+  if (!known) cannot_be_read(name_);
+  throw InputError(name_, 0, "",
                    S_ISDIR(status.st_mode) ? "is a folder, not a file" : "is a device, not a file");
 }
 
@@ -45,7 +49,7 @@ InputFile::~InputFile() { ::close(descriptor_); }
 std::size_t InputFile::read(char* bytes, std::size_t size) {
   while (true) {
     const ssize_t count = ::read(descriptor_, bytes, size);
-    if (count == 0 && pipe_ && !begun_) throw InputError(path_, 0, "", "is a pipe that nobody writes to");
+    if (count == 0 && pipe_ && !begun_) throw InputError(name_, 0, "", "is a pipe that nobody writes to");
     if (count >= 0) {
       begun_ = true;
       return static_cast<std::size_t>(count);
@@ -56,7 +60,7 @@ std::size_t InputFile::read(char* bytes, std::size_t size) {
       };
       ::poll(&wanted, 1, -1);
     } else if (errno != EINTR) {
-      cannot_be_read(path_);
+      cannot_be_read(name_);
     }
   }
 }

@@ -6,6 +6,9 @@
 
 namespace rangecal::io {
 
+/// How messages call a file: "stdin" and "stdout" for these.
+std::string shown_name(const std::string& path);
+
 /// A file that is read once from its start to its end: a regular one, or a pipe that somebody writes to.
 class InputFile {
  public:
@@ -20,7 +23,7 @@ class InputFile {
   std::size_t size() const { return size_; }  ///< in bytes as the file system says; 0 for a pipe
 
  private:
-  std::string path_;
+  std::string name_;
   int descriptor_ = -1;
   bool pipe_ = false, begun_ = false;
   std::size_t size_ = 0;

@@ -6,6 +6,8 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
+#include <vector>
 
 #include "rangecal/core/errors.hpp"
 #include "support/temporary_folder.hpp"
@@ -116,15 +118,15 @@ const std::string kTwoScans =
     "ROBOTLASER1 0 -0.5 1.0 0.5 10.0 0.01 0 3 1.0 12.0 3.0 0 5 6 0.7 5.5 6.5 0.8 0 0 0 0 0 11.5 host 1.5\n";
 const std::string kThird = "FLASER 4 1.5 2.5 3.5 4.5 0.1 0.2 0.3 1.1 1.2 1.3 12.5 host 2.5";
 
-// Wherever the last line is cut, in front of a word, in a word or behind one: its scan is there if and only if all of its 15
-// words have begun, the last of which says nothing that is used.
+// Wherever the last line is cut, in its name, in front of a word, in a word or behind one: its scan is there if and only if
+// all of its 15 words have begun, the last of which says nothing that is used.
 TEST(CarmenLog, ATornLastLineIsLeftOutWithAWarning) {
-  for (std::size_t cut = std::string("FLASER").size(); cut <= kThird.size(); ++cut) {
+  for (std::size_t cut = 1; cut <= kThird.size(); ++cut) {
     SCOPED_TRACE(kThird.substr(0, cut));
     const bool whole = cut > kThird.rfind(' ') + 1;
     for (const char* end : {"", "\n"}) {
-      if (*end != '\0' && cut > kThird.find(" 12.5"))
-        continue;  // with its end, a line may do without host and time
+      // with its end, a line may do without host and time, and is of another kind where its name is another
+      if (*end != '\0' && (cut > kThird.find(" 12.5") || cut < kThird.find(' '))) continue;
       const ScanLog log = read_text(kTwoScans + kThird.substr(0, cut) + end);
       ASSERT_EQ(log.scans.size(), whole ? 3u : 2u);
       EXPECT_EQ(log.scans[1].stamp_s, 11.5);
@@ -150,12 +152,31 @@ TEST(CarmenLog, ATornLineElsewhereIsAnError) {
               AllOf(HasSubstr("row 3"), HasSubstr("not a number")));
   // nor does a short line become one by the messages of other kinds behind it
   EXPECT_THAT(complaint(kTwoScans + torn + "ODOM 0 0 0 0 0 0 1.0 host 1.0\n"), HasSubstr("row 3"));
+  // a line with its end was written whole: a last word that is no number is wrong, not torn
+  const std::string wrong = "FLASER 4 1.5 2.5 3.5 4.5 0.1 0.2 0.3 1.1 1.2 1.3 abc";
+  EXPECT_THAT(complaint(kTwoScans + wrong + "\n"),
+              AllOf(HasSubstr("row 3"), HasSubstr("'abc' is not a number")));
+  EXPECT_THAT(read_text(kTwoScans + wrong).warning, HasSubstr("is torn"));
 }
 
 TEST(CarmenLog, ALastLineWithoutItsEndIsWhole) {
   EXPECT_EQ(read_text(kTwoScans + kThird).warning, "");
   // a log that never names host and time is not torn for the want of them
-  EXPECT_EQ(read_text("FLASER 4 1 2 3 4 0 0 0 0 0 0 1.5\nFLASER 4 1 2 3 4 0 0 0 0 0 0 2.5").scans.size(), 2u);
+  const std::string bare = "FLASER 4 1 2 3 4 0 0 0 0 0 0 1";
+  EXPECT_EQ(read_text(bare + "2\n" + bare + "3\n").scans.size(), 2u);
+  EXPECT_EQ(read_text(bare + "2").scans.size(), 1u);  // there is no other
+}
+
+// "1" of "13": nothing says that the number is all there.
+TEST(CarmenLog, ATimeThatMayBeCutShortIsNotTaken) {
+  const std::string bare = "FLASER 4 1 2 3 4 0 0 0 0 0 0 1";
+  for (const std::string& last : std::vector<std::string>{
+           bare, bare + "3", "ROBOTLASER1 0 0 1 0.5 9 0 0 2 1 2 0 0 0 0 0 0 0 0 0 0 0 0 1"}) {
+    const ScanLog log = read_text(bare + "1\n" + bare + "2\n" + last);
+    ASSERT_EQ(log.scans.size(), 2u) << last;
+    EXPECT_EQ(log.scans.back().stamp_s, 12.0);
+    EXPECT_THAT(log.warning, HasSubstr("row 3: the last line has no end, so that its time may be cut short"));
+  }
 }
 
 TEST(RosBag, IsNotTakenForText) { EXPECT_THAT(complaint("#ROSBAG V2.0\n"), HasSubstr("ROS 1 bag")); }

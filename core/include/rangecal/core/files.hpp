@@ -25,8 +25,8 @@ void require_writable(const std::string& path);
 /// The same of several, no two of which may be one file.
 void require_writable(std::initializer_list<std::string> paths);
 
-/// Throws InputError where one of `outputs` is the same file as one of `inputs`, also through links: a result would
-/// take the place of what is read. Empty paths and files that are not there yet are none.
+/// Throws InputError where one of `outputs` is the same file as one of `inputs`: of one name, or through links, where the
+/// file or its name would be taken by a result. Empty paths, files that are not there yet, pipes and devices are none.
 void require_apart(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs);
 
 /// Throws InputError where two of `inputs` are the same file, also through links: it would count twice.

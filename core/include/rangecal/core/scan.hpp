@@ -29,8 +29,8 @@ struct ScanLog {
   std::string path, format;  ///< format in words: "CSV, one scan a line", "CARMEN log", ...
   std::vector<Scan> scans;
   int lines_skipped = 0;  ///< messages of other kinds
-  std::string warning =
-      {};  ///< what was left out of a file that was cut off, with file and row; empty if nothing
+  /// What was left out of a file that was cut off, with file and row; empty if nothing.
+  std::string warning = {};
 };
 
 }  // namespace rangecal
