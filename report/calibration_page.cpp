@@ -54,6 +54,13 @@ void add_fit(Page& page, const CalibrationReport& report, const Calibration& c) 
   page.list(items);
 }
 
+/// Behind the sentence about the choice of the model: which band the chart of the curve has.
+const char* which_band(const Calibration& c) {
+  if (!app::has_answer(c)) return "";
+  return c.covariance_with_choice ? "; the chart of the curve shows the band with the choice"
+                                  : "; the chart of the curve shows the band given them";
+}
+
 const char* badge_colour(const Calibration& c) { return app::has_answer(c) ? "good" : "bad"; }
 
 }  // namespace
@@ -69,7 +76,7 @@ std::string calibration_page(std::span<const Recording> recordings, const Calibr
     if (item.title == "Outcome")
       outcome = item.text;
     else if (item.title != "Recording")
-      summary.rows.push_back({item.title, item.text});
+      summary.rows.push_back({item.title, item.title == "Choice" ? item.text + which_band(best) : item.text});
   }
   page.verdict(to_string(best.outcome), badge_colour(best), outcome);
   page.table(summary);

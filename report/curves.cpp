@@ -16,15 +16,19 @@ namespace rangecal::report {
 void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::vector<ModelScore>& scores) {
   Json rows = Json::array(), names = Json::array(), colours = Json::array();
   std::vector<double> heights;
-  bool with_choice = false;
+  // Bands are compared by eye, so all are of one kind.
+  const auto knows = [](const NamedCurve& curve) {
+    return curve.calibration->covariance_with_choice.has_value();
+  };
+  const bool with_choice = std::all_of(curves.begin(), curves.end(), knows);
+  const bool mixed = !with_choice && std::any_of(curves.begin(), curves.end(), knows);
   for (const NamedCurve& curve : curves) {
     names.push_back(curve.name);
     colours.push_back(curve.colour);
     for (const CurvePoint& p : curve_points(*curve.calibration, 61)) {
       const double excess = 1e3 * (p.reading_m - p.distance_m);
-      const std::optional<double> std_dev = p.std_dev_with_choice_m ? p.std_dev_with_choice_m : p.std_dev_m;
+      const std::optional<double> std_dev = with_choice ? p.std_dev_with_choice_m : p.std_dev_m;
       const double band = std_dev ? 1e3 * z95 * *std_dev : 0.0;
-      with_choice = with_choice || p.std_dev_with_choice_m;
       rows.push_back({{"model", curve.name},
                       {"d", number(p.distance_m)},
                       {"excess", number(excess)},
@@ -43,7 +47,9 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
        {{"models", names}, {"colours", colours}, {"low", limits.low}, {"high", limits.high}},
        "What the sensor says beyond the true distance",
        std::string("f(d) − d with its 95 % band, ") +
-           (with_choice ? "the choice of order and noise law in it, " : "") +
+           (with_choice ? "the choice of order and noise law in it, "
+            : mixed     ? "given this order and noise law, "
+                        : "") +
            "over the readings as they were read.",
        "plot"}};
   std::vector<ModelScore> sane;

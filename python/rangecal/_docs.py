@@ -84,7 +84,8 @@ _DOCS = {
     noise_parameters, noise_std : ndarray
         sigma (m^(1-p)), or beta (m^(1-i)), and standard deviations.
     noise_shapes : dict of dict
-        Tails of ``range`` and ``bearing`` where they are not Gaussian: ``family``, its parameters and their ``..._std``.
+        Tails of ``range`` and ``bearing`` where they are not Gaussian: ``family``, its parameters and
+        their standard deviations ``..._std``, None at an end of a parameter's range.
     sigma_theta_rad, sigma_theta_std_rad : float or None
         Standard deviation of one bearing [rad], and that of the estimate.
     sigma_s_m, sigma_s_std_m, sigma_s_upper95_m : float or None

@@ -34,8 +34,12 @@ py::dict noise_shapes(const Calibration& c) {
   for (const auto& [channel, shape] : c.noise_shapes) {
     py::dict entry;
     entry["family"] = shape.family;
-    for (const auto& [name, value] : shape.parameters) entry[py::str(name)] = value;
-    for (const auto& [name, value] : shape.std_dev) entry[py::str(name + "_std")] = value;
+    for (const auto& [name, value] : shape.parameters) {
+      const auto std_dev = shape.std_dev.find(name);
+      entry[py::str(name)] = value;
+      entry[py::str(name + "_std")] =
+          std_dev == shape.std_dev.end() ? py::object(py::none()) : py::object(py::float_(std_dev->second));
+    }
     shapes[py::str(channel)] = entry;
   }
   return shapes;

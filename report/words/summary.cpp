@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -122,32 +123,39 @@ std::string curve_in_words(const Calibration& c) {
                             c.range_max_m);
 }
 
+std::string band_in_words(const std::optional<double>& std_dev_m) {
+  return std_dev_m ? fmt::format("+- {:.1f} mm", 1.96e3 * *std_dev_m) : std::string("unknown");
+}
+
+/// One line of the table of the curve; the band with the choice only where there is one.
+std::string curve_line(const Calibration& c, const std::array<std::string, 6>& cells) {
+  std::string text = fmt::format("  {:>13}  {:>11}  {:>17}  {:>11}", cells[0], cells[1], cells[2], cells[3]);
+  if (c.covariance_with_choice) text += fmt::format("  {:>15}", cells[4]);
+  return text + fmt::format("  {:>20}\n", cells[5]);
+}
+
 std::string curve_table(const Calibration& c) {
-  std::string text =
-      "\n  true distance    sensor says    correction to add    95 % band    one reading scatters\n";
-  for (const CurvePoint& p : curve_points(c)) {
-    const std::string band =
-        p.std_dev_m ? fmt::format("+- {:.1f} mm", 1.96e3 * *p.std_dev_m) : std::string("unknown");
-    text += fmt::format("  {:>10.3f} m  {:>10.3f} m  {:>14.1f} mm {:>15}  {:>14.1f} mm\n", p.distance_m,
-                        p.reading_m, 1e3 * (p.distance_m - p.reading_m), band, 1e3 * p.noise_m);
-  }
+  std::string text = "\n" + curve_line(c, {"true distance", "sensor says", "correction to add", "95 % band",
+                                           "with the choice", "one reading scatters"});
+  for (const CurvePoint& p : curve_points(c))
+    text += curve_line(
+        c, {fmt::format("{:.3f} m", p.distance_m), fmt::format("{:.3f} m", p.reading_m),
+            fmt::format("{:.1f} mm", 1e3 * (p.distance_m - p.reading_m)), band_in_words(p.std_dev_m),
+            band_in_words(p.std_dev_with_choice_m), fmt::format("{:.1f} mm", 1e3 * p.noise_m)});
   return text + "\n";
 }
 
-/// The band of the table with the choice of order and noise law in it; empty where nothing was chosen.
+/// What the choice of order and noise law does to the uncertainty stated; empty where nothing was chosen.
 std::string choice_in_words(const Calibration& c, const CalibrationReport& report) {
   if (!c.alpha_covariance || report.models.size() < 2) return {};
-  std::string text = "the bands and standard deviations above hold given this order and noise law";
-  if (!c.covariance_with_choice)
-    return text + (c.kind == RecordingKind::landmarks && c.method != Method::marginal
-                       ? "; --method marginal counts their choice too"
-                       : "");
-  std::string bands;
-  for (const CurvePoint& p : curve_points(c))
-    bands +=
-        fmt::format("{}{:.1f}", bands.empty() ? "" : ", ", 1.96e3 * p.std_dev_with_choice_m.value_or(0.0));
-  return text + fmt::format("; with the choice among {} models the 95 % bands are +- {} mm",
-                            report.models.size(), bands);
+  const std::string text = "the 95 % band and the standard deviations hold given this order and noise law; ";
+  if (c.covariance_with_choice)
+    return text + fmt::format("the band with the choice counts that they were chosen among {} models",
+                              report.models.size());
+  if (c.kind == RecordingKind::landmarks && c.method != Method::marginal)
+    return text + "--method marginal counts their choice too";
+  return text + fmt::format("none of the other {} models is likely and known well enough to count beside it",
+                            report.models.size() - 1);
 }
 
 std::string least_certain(const Calibration& c) {

@@ -27,6 +27,15 @@ def test_two_recordings_share_a_sensor(source, command, tmp_path):
     assert len(ours.landmarks_to_frame()) == 10 and len(ours.stops_to_frame()) == 30
 
 
+def test_tails_have_every_standard_deviation_or_none(field):
+    # The readings were drawn with Gaussian noise: nu of the bearings ends at the top of its range, where it has none.
+    calibration = rangecal.calibrate(field, order=2, noise="f2", noise_shape="student-t")
+    shapes = calibration.noise_shapes
+    assert shapes == calibration.to_dict()["noise"]["shapes"]
+    assert set(shapes["range"]) == set(shapes["bearing"]) == {"family", "nu", "nu_std"}
+    assert shapes["bearing"]["nu_std"] is None and shapes["range"]["nu_std"] > 0.0
+
+
 def test_arrays_are_views_that_keep_the_calibration_alive(field):
     calibration = rangecal.calibrate(field, order=2, noise="f2")
     alpha, covariance, landmarks = calibration.alpha, calibration.covariance, calibration.landmarks

@@ -77,6 +77,20 @@ def test_extraction_says_what_is_wrong_and_what_is_not_there(tmp_path):
         rangecal.extract(tmp_path / "none.csv")
 
 
+def test_a_log_that_was_cut_off_warns_in_the_line_of_the_call(tmp_path):
+    scans = scans_of([(1.0, 1.5)], [(0.0, 0.0)] * 3, beams=180)
+    ranges_m = np.nan_to_num(scans["range_m"], neginf=0.0)   # along the walls; 0 is no echo
+    lines = []
+    for k in range(3):
+        ranges = " ".join(f"{r:.3f}" for r in ranges_m[180 * k:180 * (k + 1)])
+        lines.append(f"FLASER 180 {ranges} 0 0 0 0 0 0 {k} host {k}\n")
+    log = tmp_path / "robot.log"
+    log.write_text("".join(lines)[:-200])
+    with pytest.warns(UserWarning, match="robot.log, row 3: the last line is torn") as caught:
+        rangecal.extract(log, radius_m=0.1, split="scan")
+    assert [pathlib.Path(warning.filename).name for warning in caught] == [pathlib.Path(__file__).name]
+
+
 def test_published_data_sets(source):
     folder = pathlib.Path(os.environ.get("RANGECAL_RECORDINGS", source / "../shared/recordings"))
     if not folder.exists():
