@@ -158,6 +158,11 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.model.insert(known.model.end(), gaps.model.begin(), gaps.model.end());
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
+  if (const double step = step_beyond_noise(rows, known.model); step > 0.0)
+    known.notes.push_back(fmt::format(
+        "in a quarter of the cells or more all repeats are alike: no change of the ranges below a step "
+        "of {:.3g} mm can be told",
+        1e3 * step));
   SearchResult found = search(rows, known, options);
   // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
   // allow them; a step among repeats that are all alike is none.

@@ -65,6 +65,9 @@ TEST(Grids, ThirtyTimesTheNoiseLeavesASigma) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     const Diagnosis d = verdict_of(recording_of({.sigma = 0.0006, .step_m = 0.02}, "Grids.Coarsest", seed));
     EXPECT_EQ(d.final_effects, std::vector<std::string>{"quantisation"}) << d.sentence;
+    if (seed == 1) {
+      EXPECT_NE(d.notes.at(0).find("below a step of 20 mm can be told"), std::string::npos);
+    }
     // The few steps tell a level at the far end, but hardly a law: 5.4 mm at 3 m.
     EXPECT_NEAR(d.corrected.noise.spread(3.0, 3.0), 0.0054, 0.0018) << seed;
   }
