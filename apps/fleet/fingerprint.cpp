@@ -2,7 +2,6 @@
 #include "fleet/fingerprint.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstring>
 #include <filesystem>
@@ -10,15 +9,12 @@
 #include <vector>
 
 #include "rangecal/core/random.hpp"
+#include "rangecal/core/recording_io.hpp"
 
 namespace rangecal::app {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// What a fit reads of a recording (docs/formats.md).
-constexpr std::array files_of_fit = {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv",
-                                     "landmarks.csv"};
 
 /// Eight bytes at a time, each step one to one: whatever differs in one word differs at the end.
 std::uint64_t hash_of(const fs::path& file, std::uint64_t hash) {
@@ -41,7 +37,7 @@ std::uint64_t hash_of(const fs::path& file, std::uint64_t hash) {
 
 std::int64_t stamp_of(const std::string& folder) {
   std::uint64_t stamp = 0;
-  for (const char* file : files_of_fit) {
+  for (const char* file : measured_files) {
     const fs::path path = fs::path(folder) / file;
     std::error_code error;
     const std::uintmax_t size = fs::file_size(path, error);
@@ -54,7 +50,7 @@ std::int64_t stamp_of(const std::string& folder) {
 
 std::int64_t contents_of(const std::string& folder) {
   std::uint64_t contents = 0;
-  for (const char* file : files_of_fit) {
+  for (const char* file : measured_files) {
     const fs::path path = fs::path(folder) / file;
     std::error_code error;
     if (fs::is_regular_file(path, error)) contents = hash_of(path, seed_from(file, {contents}));

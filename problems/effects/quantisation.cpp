@@ -51,9 +51,8 @@ class Quantisation final : public Effect {
   }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
-    const double disparity = at.f * at.f * p[0];
-    return {.range_log_variance =
-                std::log1p((disparity * disparity + p[1] * p[1]) / (12.0 * at.spread * at.spread))};
+    const double step = grid_steps(at, p).range_m;
+    return {.range_log_variance = std::log1p(step * step / (12.0 * at.spread * at.spread))};
   }
 };
 

@@ -15,8 +15,8 @@
 #include <utility>
 
 #include "io/input_file.hpp"
-#include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/recording_io.hpp"
 
 namespace rangecal {
 namespace {
@@ -107,7 +107,7 @@ void write_file(const std::string& path, const std::string& text) {
 
 void require_writable(const std::string& path) {
   if (path.empty() || is_stream(path)) return;
-  for (const char* own : io::measured_files)
+  for (const char* own : measured_files)
     if (std::filesystem::path(path).filename() == own && file_exists(path))
       throw InputError(path, 0, "", "is a table of a recording, and would be lost: name another file");
   const Temporary probe(path, "");

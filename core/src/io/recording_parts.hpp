@@ -17,10 +17,6 @@
 
 namespace rangecal::io {
 
-/// What a recording is measured in: its description and its tables, whichever of them it has.
-inline constexpr std::array measured_files = {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv",
-                                              "landmarks.csv"};
-
 std::string path_in(const std::string& folder, const char* file);
 
 /// Where the files of a recording come from: a folder, or texts in memory.

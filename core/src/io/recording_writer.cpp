@@ -217,17 +217,16 @@ const std::string made_by = "# made by ";
 std::vector<std::string> recording_files(const std::vector<std::string>& folders) {
   std::vector<std::string> files;
   for (const std::string& folder : folders) {
-    for (const char* name : io::measured_files) files.push_back(io::path_in(folder, name));
-    for (const char* name : {"truth_stops.csv", "truth_landmarks.csv"})
-      files.push_back(io::path_in(folder, name));
+    for (const char* name : measured_files) files.push_back(io::path_in(folder, name));
+    for (const char* name : truth_files) files.push_back(io::path_in(folder, name));
   }
   return files;
 }
 
 void require_replaceable(const std::string& folder) {
   const auto has = [&](const char* name) { return file_exists(io::path_in(folder, name)); };
-  if (std::none_of(io::measured_files.begin(), io::measured_files.end(), has)) return;
-  if (has("extraction.json") || has("truth_stops.csv") || has("truth_landmarks.csv")) return;
+  if (std::none_of(measured_files.begin(), measured_files.end(), has)) return;
+  if (has("extraction.json") || std::any_of(truth_files.begin(), truth_files.end(), has)) return;
   if (has("recording.yaml") && read_file(io::path_in(folder, "recording.yaml")).rfind(made_by, 0) == 0)
     return;
   throw InputError(

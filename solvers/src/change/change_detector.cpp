@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "change/over_range.hpp"
 #include "change/wave.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -96,16 +97,10 @@ ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions
 
 void ChangeDetector::add_charts(ChangeKind kind, int wave) {
   double sum = 0.0;
-  constexpr int points = 64;
-  for (int i = 0; i < points; ++i) {
-    const double d =
-        reference_.range_min_m + (i + 0.5) / points * (reference_.range_max_m - reference_.range_min_m);
-    const double f = evaluate_polynomial(reference_.alpha, d), s = reference_.noise.spread(d, f);
-    if (!(s > 0.0))
-      throw InputError("ChangeDetector: the calibration's noise is not positive over its range");
+  over_range(reference_, "ChangeDetector", [&](double f, double s) {
     // a wave is as large in the mean over a turn as over bearings of 45 degrees
-    sum += std::pow(direction(kind, wave, f, s, 0.25 * std::numbers::pi), 2) / points;
-  }
+    sum += std::pow(direction(kind, wave, f, s, 0.25 * std::numbers::pi), 2) / distances_of_range;
+  });
   const double size = options_.shift / std::sqrt(sum);
   for (const double sign : {1.0, -1.0}) charts_.push_back({kind, wave, sign * size});
 }

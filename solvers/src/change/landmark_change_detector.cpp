@@ -6,8 +6,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "change/landmark_watch.hpp"
+#include "change/over_range.hpp"
 #include "change/wave.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -197,18 +199,12 @@ void LandmarkWatch::name(ChangeAlarm& alarm, const Onset& onset) {
 
 LandmarkWatch::LandmarkWatch(const Calibration& reference, bool walk, const ChangeOptions& chosen)
     : filter(reference), options(chosen), random_walk(walk) {
-  constexpr int points = 64;
   std::array<double, directions> sum{};
-  for (int i = 0; i < points; ++i) {
-    const double d =
-        reference.range_min_m + (i + 0.5) / points * (reference.range_max_m - reference.range_min_m);
-    const double f = evaluate_polynomial(reference.alpha, d), s = reference.noise.spread(d, f);
-    if (!(s > 0.0))
-      throw InputError("LandmarkChangeDetector: the calibration's noise is not positive over its range");
+  over_range(reference, "LandmarkChangeDetector", [&](double f, double s) {
     // a wave is as large in the mean over a turn as over bearings of 45 degrees
-    const auto slope = slopes(f, 0.7853981633974483);
-    for (std::size_t k = 0; k < directions; ++k) sum[k] += slope[k] * slope[k] / (s * s) / points;
-  }
+    const auto slope = slopes(f, 0.25 * std::numbers::pi);
+    for (std::size_t k = 0; k < directions; ++k) sum[k] += slope[k] * slope[k] / (s * s) / distances_of_range;
+  });
   for (std::size_t k = 0; k < directions; ++k) tau[k] = options.shift / std::sqrt(sum[k]);
 }
 

@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 
+#include "diagnosis/grids.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
@@ -298,6 +299,11 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     q.size = bearing.step;
     found.findings.push_back(q);
   }
+  found.step_beyond_noise_m = step_beyond_noise(rows, found.model);
+  if (found.step_beyond_noise_m > 0.0)
+    found.notes.push_back(fmt::format(
+        "in a quarter of the cells or more all repeats are alike: no change of the ranges below a step of {:.3g} mm can be told",
+        1e3 * found.step_beyond_noise_m));
   const Gaps gaps = gaps_of(rows);
   // Where most are missing, stops do not look in turns, and the fullest cell is no measure.
   if (gaps.missing < 5.0 || gaps.missing > 0.5 * gaps.expected || gaps.chance > 0.01) return found;

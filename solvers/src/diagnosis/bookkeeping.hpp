@@ -14,6 +14,7 @@ struct Bookkeeping {
   Model model;                     ///< effects found, with their parameters
   std::vector<Question> findings;  ///< channel, covariate, evidence
   std::vector<std::string> notes;
+  double step_beyond_noise_m = 0.0;  ///< of a grid so coarse that repeats are alike (grids.hpp), else 0
 };
 
 /// Landmarks whose cells at some stops lie where another landmark is, and the other way round: the labels are

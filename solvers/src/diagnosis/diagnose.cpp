@@ -11,7 +11,6 @@
 
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
-#include "diagnosis/grids.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/profile_limits.hpp"
@@ -158,16 +157,12 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.model.insert(known.model.end(), gaps.model.begin(), gaps.model.end());
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
-  if (const double step = step_beyond_noise(rows, known.model); step > 0.0)
-    known.notes.push_back(fmt::format(
-        "in a quarter of the cells or more all repeats are alike: no change of the ranges below a step "
-        "of {:.3g} mm can be told",
-        1e3 * step));
+  known.step_beyond_noise_m = gaps.step_beyond_noise_m;
   SearchResult found = search(rows, known, options);
   // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
   // allow them; a step among repeats that are all alike is none.
   if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first) &&
-      !(step_beyond_noise(rows, known.model) > 0.0)) {
+      known.step_beyond_noise_m == 0.0) {
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
     SearchResult robust = search(rows, with_tails, options);

@@ -42,6 +42,19 @@ Model without_grids(const Model& model) {
   return others;
 }
 
+Dependence dependence_of(const Model& model) {
+  Dependence sum;
+  for (const ActiveEffect& active : model) {
+    if (is_grid(active)) continue;
+    const Dependence own = active.effect->dependence(active.parameters.data());
+    sum.range_cell_sigma_m = std::hypot(sum.range_cell_sigma_m, own.range_cell_sigma_m);
+    sum.bearing_cell_sigma_rad = std::hypot(sum.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
+    sum.range_correlation += own.range_correlation;
+    sum.bearing_correlation += own.bearing_correlation;
+  }
+  return sum;
+}
+
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model) {
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   RowChanges changes;

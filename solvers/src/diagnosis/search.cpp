@@ -49,8 +49,8 @@ void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }
 
-/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter. The solves
-/// come back to it by small steps only where the grid holds most of that.
+/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter.
+/// The solves come back to it by small steps only where the grid holds most of that.
 JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state) {
   if (!has_grid(known.model)) return state;
   const std::optional<Noise> noise = noise_within_cells(rows, known.model);
@@ -83,7 +83,7 @@ SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOp
 
   if (result.alarm_p >= options.alarm_rate && known.model.empty()) return result;
 
-  const double coarse_step = step_beyond_noise(rows, known.model);
+  const double coarse_step = known.step_beyond_noise_m;
   const auto clean = [&](const Candidate& candidate, std::unique_ptr<Battery>& battery) {
     battery = std::make_unique<Battery>(rows, candidate.fit.model, candidate.fit.state, result.rates);
     // Readings on a grid are neither normal nor independent: their channel is judged by its means alone, and

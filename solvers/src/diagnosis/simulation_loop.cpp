@@ -45,18 +45,12 @@ struct Errors {
 
 Errors errors_of(const Model& model) {
   Errors errors;
+  errors.dependence = dependence_of(model);
   for (const ActiveEffect& active : model) {
     const double* p = active.parameters.data();
     const std::string& id = active.effect->info().id;
     if (id == "quantisation") errors.disparity_step = p[0], errors.output_step = p[1];
     if (id == "bearing_quantisation") errors.bearing_step = p[0];
-    if (active.effect->info().kind == EffectKind::grid) continue;
-    const Dependence own = active.effect->dependence(p);
-    Dependence& sum = errors.dependence;
-    sum.range_cell_sigma_m = std::hypot(sum.range_cell_sigma_m, own.range_cell_sigma_m);
-    sum.bearing_cell_sigma_rad = std::hypot(sum.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
-    sum.range_correlation += own.range_correlation;
-    sum.bearing_correlation += own.bearing_correlation;
     errors.reciprocal = errors.reciprocal || active.effect->noise_before_reciprocal();
   }
   return errors;
@@ -66,8 +60,8 @@ double to_grid(double value, double step) { return step > 0.0 ? step * std::roun
 
 RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry,
                       const Model& effects) {
-  RowChanges changes =
-      row_changes(rows, geometry, without_grids(effects));        // the readings are rounded at last
+  // The readings are rounded at last, so grids add nothing here.
+  RowChanges changes = row_changes(rows, geometry, without_grids(effects));
   std::vector<std::pair<const AddedChange*, std::size_t>> added;  // per reading, by running number
   for (std::size_t r = 0; r < model.recordings.size(); ++r) {
     const Recording& recording = model.recordings[r];

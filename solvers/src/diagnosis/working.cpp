@@ -66,6 +66,16 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, const Rows& r
   constant += 0.5 * std::log1p(shared);
 }
 
+/// Readings whose variances are m times the spread's squares.
+Whitening whitening_of(const Eigen::ArrayXd& m, double rho) {
+  return {(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
+}
+
+/// What the repeats of a cell share: an error of that standard deviation, and the grid's part.
+double shared_variance(double sigma, const std::vector<RoundingVariance>& grid, int cell) {
+  return sigma * sigma + (grid.empty() ? 0.0 : grid[static_cast<std::size_t>(cell)].shared);
+}
+
 }  // namespace
 
 Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
@@ -96,16 +106,9 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     return working;
   }
   const RowChanges changes = row_changes(rows, geometry, model);
-  Dependence dependence;
+  const Dependence dependence = dependence_of(model);
   bool reciprocal = false;
   for (const ActiveEffect& active : model) {
-    if (active.effect->info().kind == EffectKind::grid) continue;  // by cell, from its spread
-    const Dependence own = active.effect->dependence(active.parameters.data());
-    dependence.range_cell_sigma_m = std::hypot(dependence.range_cell_sigma_m, own.range_cell_sigma_m);
-    dependence.bearing_cell_sigma_rad =
-        std::hypot(dependence.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
-    dependence.range_correlation += own.range_correlation;
-    dependence.bearing_correlation += own.bearing_correlation;
     reciprocal = reciprocal || active.effect->noise_before_reciprocal();
     if (active.effect->acts_on_stops())
       active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
@@ -132,28 +135,22 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     working.constant +=
         contaminated_weights(tail.share, tail.extra_sigma_m / spread, (range - f) / spread, range_m[i]);
   }
-  const auto whitening = [](const Eigen::ArrayXd& m, double rho) {
-    return Whitening{(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
-  };
-  working.range_whitening = whitening(range_m, dependence.range_correlation);
-  const auto shared = [](double sigma, const std::vector<RoundingVariance>& grid, int cell) {
-    return sigma * sigma + (grid.empty() ? 0.0 : grid[static_cast<std::size_t>(cell)].shared);
-  };
+  working.range_whitening = whitening_of(range_m, dependence.range_correlation);
   CellsAndRows range = split(rows, working.range, working.range_whitening);
   working.constant += working.range_whitening.log_jacobian(rows);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
-    const double ratio = shared(dependence.range_cell_sigma_m, changes.rounding.range, cell) /
+    const double ratio = shared_variance(dependence.range_cell_sigma_m, changes.rounding.range, cell) /
                          (geometry.spread[cell] * geometry.spread[cell]);
     c.range_mean[cell] = range.means[cell];
     set_weight(range, cell, ratio, rows, c.range_weight[cell], c.range_mean_square[cell], working.constant);
   }
   working.range_deviation = std::move(range.deviations);
   if (rows.pairs) return working;
-  working.bearing_whitening = whitening(bearing_m, dependence.bearing_correlation);
+  working.bearing_whitening = whitening_of(bearing_m, dependence.bearing_correlation);
   CellsAndRows bearing = split(rows, working.bearing, working.bearing_whitening);
   working.constant += working.bearing_whitening.log_jacobian(rows);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
-    const double ratio = shared(dependence.bearing_cell_sigma_rad, changes.rounding.bearing, cell) /
+    const double ratio = shared_variance(dependence.bearing_cell_sigma_rad, changes.rounding.bearing, cell) /
                          (state.sigma_theta_rad * state.sigma_theta_rad);
     c.bearing_mean[cell] = wrap_angle(geometry.bearing[cell] + bearing.means[cell]);
     set_weight(bearing, cell, ratio, rows, c.bearing_weight[cell], c.bearing_mean_square[cell],

@@ -23,6 +23,9 @@ bool has_grid(const Model& model);
 /// The model less its grids.
 Model without_grids(const Model& model);
 
+/// How the readings of one cell hang together under all of the model's effects but its grids, which share by cell.
+Dependence dependence_of(const Model& model);
+
 /// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new
 /// state.
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);

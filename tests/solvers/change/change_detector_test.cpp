@@ -30,6 +30,14 @@ double read(Random& random, double d, double offset = 0.0, double scale = 1.0, d
   return random.normal(scale * f + offset + disparity * f * f, spread * 0.01 * f * f);
 }
 
+/// The first alarm that is named within `most` readings, each added by next(i); else what the last reading gave.
+template <typename Next>
+std::optional<ChangeAlarm> first_named(int most, Next next) {
+  std::optional<ChangeAlarm> alarm;
+  for (int i = 0; i < most && !(alarm && alarm->named); ++i) alarm = next(i);
+  return alarm;
+}
+
 TEST(ChangeDetector, RatioHandWorked) {
   // f = d, s = 0.1: the offset looked for upwards is 0.5 s. A reading one s high has l = 0.5 * 1 - 0.5^2 / 2 = 0.375, so
   // that R = (1 + 0) e^0.375 = 1.454991; a second one (1 + 1.454991) * 1.454991 = 3.571991. S = 2 * 0.375.
@@ -120,11 +128,10 @@ TEST(ChangeDetector, SeesTheEncoderByItsBearing) {
   options.bearings = true;
   ChangeDetector detector(pairs_reference(), options);
   Random random(seed_from("encoder"));
-  std::optional<ChangeAlarm> alarm;
-  for (int i = 0; i < 2000 && !(alarm && alarm->named); ++i) {
+  const auto alarm = first_named(2000, [&](int i) {
     const double d = random.uniform(0.5, 4.0), bearing = random.uniform(-3.14, 3.14);
-    alarm = detector.add(d, read(random, d, i < 300 ? 0.0 : 0.02 * std::sin(bearing)), bearing);
-  }
+    return detector.add(d, read(random, d, i < 300 ? 0.0 : 0.02 * std::sin(bearing)), bearing);
+  });
   ASSERT_TRUE(alarm);
   EXPECT_EQ(alarm->kind, ChangeKind::encoder);
   EXPECT_GT(alarm->reading, 300);
@@ -156,15 +163,14 @@ Told told_of(ChangeKind kind, bool unsure, std::uint64_t streams) {
       reference.alpha += L * Eigen::Vector3d(random.normal(), random.normal(), random.normal());
     }
     ChangeDetector detector(reference, options);
-    std::optional<ChangeAlarm> alarm;
-    for (int i = 0; i < 3000 && !(alarm && alarm->named); ++i) {
+    const auto alarm = first_named(3000, [&](int i) {
       const double d = random.uniform(0.5, 4.0), bearing = random.uniform(-3.14159, 3.14159),
                    turn = changed(3.0) * std::cos(bearing - 2.9);
-      alarm = detector.add(
+      return detector.add(
           d,
           i < 100 ? read(random, d) : read(random, d, changed(0.0) + turn, 1.0 + changed(1.0), changed(2.0)),
           bearing);
-    }
+    });
     if (!alarm || alarm->kind != kind || alarm->reading <= 100) continue;
     ++told.named;
     told.size += std::pow((alarm->size - size) / alarm->std_dev, 2);
@@ -198,11 +204,10 @@ TEST(ChangeDetector, AnEccentricityNeedsBearingsThatDiffer) {
   options.bearings = true;
   ChangeDetector detector(pairs_reference(), options);
   Random random(seed_from("one bearing"));
-  std::optional<ChangeAlarm> alarm;
-  for (int i = 0; i < 2000 && !(alarm && alarm->named); ++i) {
+  const auto alarm = first_named(2000, [&](int i) {
     const double d = random.uniform(0.5, 4.0);
-    alarm = detector.add(d, read(random, d, i < 300 ? 0.0 : 0.03), 0.7);
-  }
+    return detector.add(d, read(random, d, i < 300 ? 0.0 : 0.03), 0.7);
+  });
   ASSERT_TRUE(alarm);
   EXPECT_EQ(alarm->kind, ChangeKind::window);
 }

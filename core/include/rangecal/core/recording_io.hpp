@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <map>
 #include <string>
 #include <vector>
@@ -23,6 +24,12 @@ Recording parse_recording(const std::map<std::string, std::string>& files);
 /// temporary and a rename, so that none is left half-written. Files of the format that this recording has no
 /// use for are removed. `maker`, where there is one, is named in a comment at the head of recording.yaml.
 void save_recording(const Recording& recording, const std::string& folder, const std::string& maker = {});
+
+/// What a recording is measured in: its description and its tables, whichever of them it has.
+inline constexpr std::array measured_files = {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv",
+                                              "landmarks.csv"};
+/// What a simulated one is compared with.
+inline constexpr std::array truth_files = {"truth_stops.csv", "truth_landmarks.csv"};
 
 /// The files that recordings in these folders consist of, ground truth included, whether they are there or not.
 std::vector<std::string> recording_files(const std::vector<std::string>& folders);
