@@ -37,8 +37,7 @@ struct DiagnoseCommand {
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration});
     require_apart({json, report, calibration}, inputs());
-    std::vector<Recording> loaded;
-    for (const std::string& folder : recordings) loaded.push_back(load_recording(folder));
+    const std::vector<Recording> loaded = load_recordings(recordings);
     DiagnoseOptions options;
     options.alarm_rate = alarm_rate;
     if (!force.empty()) options.force = force;

@@ -15,10 +15,16 @@
 namespace rangecal::app {
 namespace {
 
-std::string typical_sizes(const EffectInfo& info) {
+/// Where a parameter that no fit moves comes from.
+const char* where_from(const Effect& effect) {
+  return effect.noise_before_reciprocal() ? "that of the fitted noise" : "chosen from the recording";
+}
+
+std::string typical_sizes(const Effect& effect) {
   std::string text;
-  for (const EffectParameter& p : info.parameters)
-    text += fmt::format("{}{} {:g}", text.empty() ? "" : ", ", p.name, p.typical);
+  for (const EffectParameter& p : effect.info().parameters)
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", p.name,
+                        p.discrete ? where_from(effect) : fmt::format("{:g}", p.typical));
   return text;
 }
 
@@ -34,11 +40,6 @@ std::string unit_of_parameter(const std::string& name) {
 std::string where_it_shows(const EffectInfo& info) {
   const bool nowhere_in_particular = info.covariate == "any" || info.covariate == "constant";
   return nowhere_in_particular ? info.channel : info.channel + " along " + info.covariate;
-}
-
-/// Where a parameter that no fit moves comes from.
-const char* where_from(const Effect& effect) {
-  return effect.noise_before_reciprocal() ? "that of the fitted noise" : "chosen from the recording";
 }
 
 std::string markdown_section(const Effect& effect) {
@@ -108,7 +109,7 @@ int list_effects(const std::string& id) {
     const EffectInfo& info = effect->info();
     fmt::print("{}  ({})\n    {}\n    {}\n    typical: {}\n", info.id, where_it_shows(info),
                wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96),
-               wrapped(typical_sizes(info), 4, 96));
+               wrapped(typical_sizes(*effect), 4, 96));
   }
   return done;
 }

@@ -102,10 +102,4 @@ CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOpt
   return report;
 }
 
-std::vector<Recording> load_recordings(const std::vector<std::string>& folders) {
-  std::vector<Recording> recordings;
-  for (const std::string& folder : folders) recordings.push_back(load_recording(folder));
-  return recordings;
-}
-
 }  // namespace rangecal::app

@@ -27,6 +27,4 @@ struct JobOptions {
 /// where the recordings are too few for every method.
 CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOptions options);
 
-std::vector<Recording> load_recordings(const std::vector<std::string>& folders);
-
 }  // namespace rangecal::app

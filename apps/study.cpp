@@ -42,6 +42,8 @@ void check_page(const std::string& page, const Study& study, const StudyJob& job
     if (place_of_file(file) == place) throw InputError(page, 0, "", "is named as the file of two results");
     in_folder = in_folder || place_of_file(file).parent_path() == place.parent_path();
   }
+  if (in_folder && names_journal(place.filename().string()))
+    throw InputError(page, 0, "", "has the name of a journal: every shard would read it as one");
   if (!in_folder || file_exists(job.folder)) require_writable(page);
 }
 

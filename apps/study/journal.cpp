@@ -84,12 +84,13 @@ std::optional<std::pair<StudyUnit, StudySums>> from_journal_line(const std::stri
   return std::pair(unit, std::move(sums));
 }
 
+bool names_journal(const std::string& file) { return file.starts_with("journal") && file.ends_with(".txt"); }
+
 std::vector<std::string> journals_in(const std::string& folder) {
   std::vector<std::string> paths;
   std::error_code none;
   for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
-    const std::string name = entry.path().filename().string();
-    if (name.starts_with("journal") && name.ends_with(".txt")) paths.push_back(entry.path().string());
+    if (names_journal(entry.path().filename().string())) paths.push_back(entry.path().string());
   }
   std::sort(paths.begin(), paths.end());
   return paths;

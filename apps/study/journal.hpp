@@ -61,6 +61,8 @@ class JournalWriter {
   int descriptor_ = -1;
 };
 
+/// Whether a file of that name in a study's folder is read as a journal.
+bool names_journal(const std::string& file);
 /// Paths of the journals in a folder, sorted; none if there is no such folder.
 std::vector<std::string> journals_in(const std::string& folder);
 

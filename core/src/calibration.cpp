@@ -4,6 +4,7 @@
 #include <array>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
 
@@ -33,6 +34,13 @@ Method method_from_string(const std::string& text) {
     accepted += (accepted.empty() ? "" : ", ") + std::string(to_string(method));
   }
   throw InputError("method is '" + text + "', not one of " + accepted);
+}
+
+std::optional<double> curve_variance(const Calibration& calibration, double distance_m) {
+  const auto& covariance =
+      calibration.covariance_with_choice ? calibration.covariance_with_choice : calibration.alpha_covariance;
+  if (!covariance) return std::nullopt;
+  return evaluate_form(*covariance, distance_m);
 }
 
 }  // namespace rangecal

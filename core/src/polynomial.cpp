@@ -86,6 +86,16 @@ Eigen::VectorXd powers_of(double d, Eigen::Index count) {
   return powers;
 }
 
+double evaluate_form(const Eigen::MatrixXd& C, double d) {
+  double form = 0.0;
+  for (Eigen::Index i = C.rows(); i-- > 0;) {
+    double row = 0.0;
+    for (Eigen::Index j = C.cols(); j-- > 0;) row = row * d + C(i, j);
+    form = form * d + row;
+  }
+  return std::max(form, 0.0);
+}
+
 std::vector<double> real_roots(const Eigen::VectorXd& coefficients, double low, double high) {
   Eigen::Index size = coefficients.size();
   while (size > 0 && coefficients[size - 1] == 0.0) --size;

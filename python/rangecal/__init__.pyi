@@ -127,7 +127,7 @@ class Calibration:
     def f(self, distance_m: npt.ArrayLike) -> Any:
         """Mean reading f(d) [m] at true distances [m], any shape."""
     def f_std(self, distance_m: npt.ArrayLike) -> Any:
-        """Standard deviation of f(d) [m]; NaN without a covariance."""
+        """Standard deviation of f(d) [m], the choice of order in it where one was made; NaN without a covariance."""
     def noise(self, distance_m: npt.ArrayLike) -> Any:
         """Standard deviation s(d) of one reading [m]."""
     def to_dict(self) -> dict[str, Any]: ...

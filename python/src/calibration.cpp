@@ -144,7 +144,9 @@ void bind_calibration(py::module_& module) {
       .def_readonly("iterations", &Calibration::iterations)
       .def_readonly("seconds", &Calibration::seconds)
       .def("f", along_curve([](const CurvePoint& p) { return p.reading_m; }), py::arg("distance_m"))
-      .def("f_std", along_curve([](const CurvePoint& p) { return p.std_dev_m.value_or(nan); }),
+      .def("f_std", along_curve([](const CurvePoint& p) {
+             return p.std_dev_with_choice_m ? *p.std_dev_with_choice_m : p.std_dev_m.value_or(nan);
+           }),
            py::arg("distance_m"))
       .def("noise", along_curve([](const CurvePoint& p) { return p.noise_m; }), py::arg("distance_m"))
       .def("to_dict", &to_dict, "The calibration as the dictionary of its file, rangecal-calibration/1.")

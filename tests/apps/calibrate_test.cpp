@@ -29,6 +29,23 @@ void expect_true_curve(const Calibration& calibration) {
         << i;
 }
 
+TEST(CalibrateCommand, ARecordingNamedTwiceIsRefused) {
+  const TemporaryFolder folder;
+  namespace fs = std::filesystem;
+  fs::copy(shipped("field-layout"), folder.file("monday"));
+  fs::create_directory_symlink("monday", folder.file("link"));
+  fs::create_directory(folder.file("hard"));
+  fs::copy_file(folder.file("monday/recording.yaml"), folder.file("hard/recording.yaml"));
+  fs::create_hard_link(folder.file("monday/observations.csv"), folder.file("hard/observations.csv"));
+  for (const char* command : {"calibrate", "compare", "diagnose"})
+    for (const char* other : {"monday", "./monday", "link", "hard"}) {
+      const RunResult result =
+          run(std::string(command) + " monday " + other, "", "cd " + folder.path() + ";");
+      EXPECT_EQ(result.code, 2) << command << " " << other;
+      EXPECT_THAT(result.err, HasSubstr("its readings would count twice")) << command << " " << other;
+    }
+}
+
 TEST(CalibrateCommand, LandmarksToJsonAndBack) {
   const TemporaryFolder folder;
   const std::string json = folder.file("cal.json");

@@ -72,6 +72,18 @@ void run_and_kill(const std::string& study, const std::string& out, std::chrono:
   ::waitpid(child, &status, 0);
 }
 
+TEST(StudyCommand, APageMayNotBeNamedAsAJournal) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.file("study.yaml")) << study_text(7);
+  for (const char* page : {"journal.txt", "journal-2-of-4.txt"}) {
+    const RunResult result = run("study " + folder.file("study.yaml") + " -o " + folder.file("out") +
+                                 " --report " + folder.file(std::string("out/") + page));
+    EXPECT_EQ(result.code, 2) << page;
+    EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
+    EXPECT_FALSE(std::filesystem::exists(folder.file("out"))) << page;
+  }
+}
+
 TEST(Study, OneThreadEightThreadsAndShardsGiveTheSameBytes) {
   const TemporaryFolder folder;
   folder.write("study.yaml", study_text(30));

@@ -38,6 +38,8 @@ TEST(Polynomial, HandWorkedValueAndDerivative) {
   const Eigen::VectorXd alpha = coefficients({0.0525, 0.8838, 0.0584});
   EXPECT_NEAR(evaluate_polynomial(alpha, 2.0), 2.0537, 1e-15);
   EXPECT_NEAR(evaluate_derivative(alpha, 2.0), 1.1174, 1e-15);
+  // (1, 2) [4 1; 1 9] (1, 2)^T = 4 + 2 * 2 + 9 * 4 = 44
+  EXPECT_NEAR(evaluate_form(Eigen::Matrix2d{{4.0, 1.0}, {1.0, 9.0}}, 2.0), 44.0, 1e-12);
   EXPECT_EQ(evaluate_derivative(coefficients({3.0}), 2.0), 0.0);
 }
 

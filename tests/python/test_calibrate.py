@@ -64,9 +64,13 @@ def test_curve_and_noise_by_hand(calibration):
     d = np.array([0.5, 1.0, 3.0])
     f = a[0] + a[1] * d + a[2] * d**2
     np.testing.assert_allclose(calibration.f(d), f, rtol=1e-14)
-    phi = np.stack([np.ones(3), d, d**2])
-    np.testing.assert_allclose(calibration.f_std(d), np.sqrt(np.einsum("in,ij,jn->n", phi, calibration.covariance, phi)),
+    C = calibration.covariance_with_choice
+    assert C is not None                    # the order was chosen: the band says what that may cost
+    phi = d ** np.arange(len(C))[:, None]
+    np.testing.assert_allclose(calibration.f_std(d), np.sqrt(np.einsum("in,ij,jn->n", phi, C, phi)),
                                rtol=1e-9)   # cancellation between the coefficients costs digits
+    given = np.sqrt(np.einsum("in,ij,jn->n", phi[:3], calibration.covariance, phi[:3]))
+    assert np.all(calibration.f_std(d) > 0.9 * given)
     np.testing.assert_allclose(calibration.noise(d), calibration.noise_parameters[0] * f**2, rtol=1e-14)
     assert calibration.f(1.0) == pytest.approx(a.sum(), rel=1e-14)
 

@@ -24,6 +24,18 @@ Recording load_recording(const std::string& folder) {
   return recording;
 }
 
+std::vector<Recording> load_recordings(const std::vector<std::string>& folders) {
+  require_distinct(folders);
+  std::vector<std::string> tables;
+  for (const std::string& folder : folders)
+    for (const char* name : {"observations.csv", "pairs.csv"}) tables.push_back(io::path_in(folder, name));
+  require_distinct(tables);
+  std::vector<Recording> recordings;
+  recordings.reserve(folders.size());
+  for (const std::string& folder : folders) recordings.push_back(load_recording(folder));
+  return recordings;
+}
+
 Recording parse_recording(const std::map<std::string, std::string>& files) {
   return io::read_recording(io::Files(files));
 }

@@ -41,13 +41,10 @@ std::optional<CurvePoint> curve_point(const Calibration& calibration, double dis
   point.distance_m = distance_m;
   point.reading_m = evaluate_polynomial(calibration.alpha, distance_m);
   point.noise_m = calibration.noise.spread(distance_m, point.reading_m);
-  const auto std_dev = [&](const Eigen::MatrixXd& covariance) {
-    const Eigen::VectorXd phi = powers_of(distance_m, covariance.rows());
-    return std::sqrt(std::max(0.0, phi.dot(covariance * phi)));
-  };
-  if (calibration.alpha_covariance) point.std_dev_m = std_dev(*calibration.alpha_covariance);
+  if (calibration.alpha_covariance)
+    point.std_dev_m = std::sqrt(evaluate_form(*calibration.alpha_covariance, distance_m));
   if (calibration.covariance_with_choice)
-    point.std_dev_with_choice_m = std_dev(*calibration.covariance_with_choice);
+    point.std_dev_with_choice_m = std::sqrt(evaluate_form(*calibration.covariance_with_choice, distance_m));
   return point;
 }
 
@@ -88,8 +85,7 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   for (int i = 0; i < 5; ++i) {
     const double d = low + (high - low) * i / 4.0;
     CurveChange::At at{d, evaluate_polynomial(delta, d), std::nullopt};
-    const Eigen::VectorXd phi = powers_of(d, size);
-    if (covariance) at.std_dev_m = std::sqrt(std::max(0.0, phi.dot(*covariance * phi)));
+    if (covariance) at.std_dev_m = std::sqrt(evaluate_form(*covariance, d));
     change.at.push_back(at);
   }
   if (covariance) {

@@ -19,8 +19,7 @@ Calibration shaped_calibration(const LandmarksJob& job, Method method, const Rob
   if (const auto bearing = shape_estimate(shapes.bearing, shapes.bearing_std))
     result.noise_shapes["bearing"] = *bearing;
   JointState state = robust.fit.state;
-  // A sigma_s of 0 has no density; a micrometre is below what any recording resolves.
-  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, 1e-6);
+  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, job.least_sigma_s_m());
   const RobustNll nll = robust_nll(*job.rows, state, shapes.range, shapes.bearing);
   if (!nll.ok) return result;
   const int count = shape_parameter_count(shapes.range.shape) + shape_parameter_count(shapes.bearing.shape);

@@ -154,10 +154,8 @@ CorrectionRoot root_at(const Curve& curve, double y, double d) {
                                    [&](double at) { return std::abs(at - d) < 1e-7 * width; });
   if (root.turning_point || !(slope > 0.0)) return root;
   root.std_dev_m = s / slope;
-  if (const auto& covariance = curve.calibration.alpha_covariance) {
-    const VectorXd phi = powers_of(d, curve.calibration.alpha.size());
-    root.std_dev_total_m = std::sqrt(s * s + phi.dot(*covariance * phi)) / slope;
-  }
+  if (const auto variance = curve_variance(curve.calibration, d))
+    root.std_dev_total_m = std::sqrt(s * s + *variance) / slope;
   return root;
 }
 

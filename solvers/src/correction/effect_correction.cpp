@@ -85,21 +85,9 @@ ReadingChange<double> EffectCorrector::change(double d, const ReadingSetting& se
   return sum;
 }
 
-double EffectCorrector::curve_variance(double d) const {
-  if (!calibration_.alpha_covariance) return 0.0;
-  const Eigen::MatrixXd& covariance = *calibration_.alpha_covariance;
-  double curve = 0.0;  // phi^T C phi, as two of Horner's rules
-  for (Eigen::Index i = covariance.rows(); i-- > 0;) {
-    double row = 0.0;
-    for (Eigen::Index j = covariance.cols(); j-- > 0;) row = row * d + covariance(i, j);
-    curve = curve * d + row;
-  }
-  return curve;
-}
-
 EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {
   const double f = evaluate_polynomial(calibration_.alpha, d), s = calibration_.noise.spread(d, f);
-  const double curve = curve_variance(d);
+  const double curve = curve_variance(calibration_, d).value_or(0.0);
   if (active_.empty()) return {f, std::sqrt(s * s + curve)};
   const ReadingChange<double> own = change(d, setting);
   return {f + own.range, std::sqrt(s * s * std::exp(own.range_log_variance) + curve)};
@@ -222,7 +210,8 @@ CorrectionRoot EffectCorrector::root_at(double d, double reading_m, const Readin
                                 (change(d + h, setting).range - change(d - h, setting).range) / (2.0 * h));
   if (!(slope > 0.0)) return root;
   root.std_dev_m = s / slope;
-  if (calibration_.alpha_covariance) root.std_dev_total_m = std::sqrt(s * s + curve_variance(d)) / slope;
+  if (const auto variance = curve_variance(calibration_, d))
+    root.std_dev_total_m = std::sqrt(s * s + *variance) / slope;
   return root;
 }
 

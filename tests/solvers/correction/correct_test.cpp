@@ -8,6 +8,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/solvers/correction/effect_correction.hpp"
 #include "support/calibration_of.hpp"
 
 namespace rangecal {
@@ -133,6 +134,12 @@ TEST(Correct, StandardDeviationsHandWorked) {
   EXPECT_NEAR(*root.std_dev_m, 0.02205, 1e-12);
   EXPECT_NEAR(*root.std_dev_total_m, 0.5 * std::sqrt(0.0441 * 0.0441 + 5e-4), 1e-12);
   EXPECT_NEAR(root.log_likelihood, -std::log(0.0441) - 0.5 * std::log(2 * M_PI), 1e-12);
+  // With the choice of order in it, padded to order 2: diag(1e-4, 4e-4, 9e-4) gives 14e-4.
+  c.covariance_with_choice = Eigen::Vector3d(1e-4, 4e-4, 9e-4).asDiagonal();
+  const double chosen = 0.5 * std::sqrt(0.0441 * 0.0441 + 14e-4);
+  EXPECT_NEAR(*correct(c, 2.1).least_squares.at(0).std_dev_total_m, chosen, 1e-12);
+  c.effects["range_offset"]["offset_m"] = 0.0;
+  EXPECT_NEAR(*EffectCorrector(c, {}).correct(2.1, {}).least_squares.at(0).std_dev_total_m, chosen, 1e-12);
 }
 
 TEST(Correct, StandardDeviationPredictsTheScatter) {

@@ -86,4 +86,8 @@ struct Calibration {
   int order() const { return static_cast<int>(alpha.size()) - 1; }
 };
 
+/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, d, d^2, ...), C the covariance with the choice of the model in it where
+/// there is one, else that of alpha. None where the calibration has neither.
+std::optional<double> curve_variance(const Calibration& calibration, double distance_m);
+
 }  // namespace rangecal

@@ -20,6 +20,10 @@ double evaluate_derivative(const Eigen::VectorXd& coefficients, double d);
 /// 1, d, ..., d^(count - 1): the row of a polynomial in d.
 Eigen::VectorXd powers_of(double d, Eigen::Index count);
 
+/// p^T C p, p = (1, d, d^2, ...): the variance of f(d) where C is the covariance of its coefficients. By two of Horner's
+/// rules; below zero by rounding only, where it is zero.
+double evaluate_form(const Eigen::MatrixXd& C, double d);
+
 /// The real roots in [low, high], ascending, of sum_i coefficients[i] d^i: closed form up to degree 2, eigenvalues
 /// of the balanced companion matrix above, each polished by Newton. A double root is returned once. A polynomial
 /// that vanishes identically has no roots here (there is nothing to tell).

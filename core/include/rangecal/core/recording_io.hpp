@@ -15,7 +15,11 @@ namespace rangecal {
 /// Cost: linear in the number of rows.
 Recording load_recording(const std::string& folder);
 
-/// The same from texts in memory by the names of the folder's files ("recording.yaml", "observations.csv", ...); errors
+/// The recordings of one job. Also throws where two of them are one folder, or one table, also through links: their
+/// readings would count twice.
+std::vector<Recording> load_recordings(const std::vector<std::string>& folders);
+
+/// One recording from texts in memory by the names of the folder's files ("recording.yaml", "observations.csv", ...); errors
 /// name these.
 Recording parse_recording(const std::map<std::string, std::string>& files);
 

@@ -13,7 +13,7 @@ namespace rangecal {
 struct CorrectionRoot {
   double distance_m = 0.0;
   std::optional<double> std_dev_m;        ///< s(d) / |f'(d)|; absent at a turning point of f
-  std::optional<double> std_dev_total_m;  ///< sqrt(s^2 + phi^T cov(alpha) phi) / |f'|, phi = (1, d, .., d^n);
+  std::optional<double> std_dev_total_m;  ///< sqrt(s^2 + var f(d)) / |f'|, by `curve_variance`;
                                           ///< absent there, and where the calibration has no covariance
   double log_likelihood = 0.0;            ///< log p(reading | d) under the noise law [nats]
   bool extrapolated = false;              ///< outside the distances over which f was fitted

@@ -48,7 +48,7 @@ class EffectCorrector {
                      const CorrectionOptions& options = {}) const;
 
   /// What a reading of the distance d [m] is expected to be: its mean f(d) + delta r, and its standard deviation
-  /// sqrt(s^2 e^v + phi^T cov(alpha) phi), both in metres.
+  /// sqrt(s^2 e^v + var f(d)), both in metres.
   struct Expected {
     double mean_m = 0.0, spread_m = 0.0;
   };
@@ -70,7 +70,6 @@ class EffectCorrector {
   MeanReading mean_reading(const ReadingSetting& setting) const;
   /// `h`: step of the slope [m].
   CorrectionRoot root_at(double d, double reading_m, const ReadingSetting& setting, double h) const;
-  double curve_variance(double d) const;  ///< phi^T cov(alpha) phi [m^2]
 
   const Calibration& calibration_;
   EffectContext context_;

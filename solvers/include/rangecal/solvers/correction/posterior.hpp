@@ -40,14 +40,15 @@ struct DistancePosterior {
   double low_m = 0.0, high_m = 0.0;  ///< 95 % interval: 2.5 % of the probability below, 2.5 % above
   std::vector<PosteriorRoot> roots;  ///< ascending in distance
   double log_evidence = 0.0;         ///< log of the integral of prior times likelihood [nats]
-  bool against_prior = false;  ///< the mode stands on the share that is left for surprises, not on what was expected
+  bool against_prior =
+      false;  ///< the mode stands on the share that is left for surprises, not on what was expected
 };
 
 /// Which distance is behind a reading y, the question that 2016 section 5.2.2 leaves open, by Bayes' rule:
 ///
-///   p(d | y) = p(y | d) p(d) / Z,   p(y | d) = N(y; f(d), s(d)^2 + phi^T C phi),   phi = (1, d, .., d^n),
+///   p(d | y) = p(y | d) p(d) / Z,   p(y | d) = N(y; f(d), s(d)^2 + var f(d)),
 ///
-/// C the covariance of alpha (left out where the calibration has none), effects of the calibration in f and s. The
+/// var f(d) by `curve_variance` (left out where the calibration has none), effects of the calibration in f and s. The
 /// turning points of f cut the distances into parts, one for each root; the probability of a root is the integral over its
 /// part. Distances drawn from the prior lie in the interval, and in the parts, as often as is stated (Lindley 1982).
 ///
