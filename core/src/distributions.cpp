@@ -2,15 +2,21 @@
 #include "rangecal/core/distributions.hpp"
 
 #include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <numbers>
 
 namespace rangecal {
 
 using boost::math::chi_squared;
 using boost::math::complement;
+using boost::math::fisher_f;
 using boost::math::normal;
 using boost::math::students_t;
+
+double normal_below(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
 double normal_quantile(double p) { return quantile(normal(), p); }
 
@@ -25,5 +31,9 @@ double chi_squared_upper_quantile(double q, double degrees) {
 }
 
 double student_t_quantile(double p, double degrees) { return quantile(students_t(degrees), p); }
+
+double fisher_f_upper(double x, double numerator, double denominator) {
+  return cdf(complement(fisher_f(numerator, denominator), x));
+}
 
 }  // namespace rangecal

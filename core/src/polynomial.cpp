@@ -119,4 +119,21 @@ std::vector<double> real_roots(const Eigen::VectorXd& coefficients, double low, 
   return roots;
 }
 
+std::optional<double> invert_near(const Eigen::VectorXd& coefficients, double reading, double least_slope) {
+  constexpr int most_steps = 50;
+  double d = reading;
+  for (int i = 0; i < most_steps; ++i) {
+    const double slope = evaluate_derivative(coefficients, d);
+    if (!(slope > least_slope)) return std::nullopt;
+    const double step = (evaluate_polynomial(coefficients, d) - reading) / slope;
+    d -= step;
+    // f(d) itself is known no better than its rounding
+    const double rounding = (evaluation_error(coefficients, d) + kEpsilon * std::abs(reading)) / slope;
+    if (!std::isfinite(d + rounding)) return std::nullopt;
+    if (std::abs(step) > 1e-12 * std::abs(d) + rounding) continue;
+    return d > 0.0 ? std::optional(d) : std::nullopt;
+  }
+  return std::nullopt;
+}
+
 }  // namespace rangecal

@@ -101,5 +101,43 @@ TEST(Polynomial, RandomRootsAreFound) {
   }
 }
 
+TEST(InvertNear, HandWorkedAndThereAndBack) {
+  const Eigen::VectorXd alpha = coefficients({0.0525, 0.8838, 0.0584});
+  EXPECT_NEAR(invert_near(alpha, 2.0537).value_or(0.0), 2.0, 1e-14);  // f(2), see above
+  for (double d = 0.01; d < 50.0; d *= 1.1)
+    EXPECT_NEAR(invert_near(alpha, evaluate_polynomial(alpha, d)).value_or(0.0) / d, 1.0, 1e-13) << d;
+  // f = 1 + 0.04 d is flatter than 0.05 and is inverted where that is allowed: (2 - 1) / 0.04 = 25
+  EXPECT_NEAR(invert_near(coefficients({1.0, 0.04}), 2.0, 0.01).value_or(0.0), 25.0, 1e-12);
+}
+
+TEST(InvertNear, SettlesToTheRoundingOfACurveThatCancels) {
+  // f = d + 0.05 prod_{k=1..8} (d - k / 2): at 4 m terms of 1e5 m in all leave f known to 1e-11 m.
+  Eigen::VectorXd wild = 0.05 * from_roots({0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0});
+  wild[1] += 1.0;
+  for (const double d : {2.0, 2.4, 3.5, 3.8, 3.9, 4.0, 4.1})
+    EXPECT_NEAR(invert_near(wild, evaluate_polynomial(wild, d)).value_or(0.0), d, 1e-9) << d;
+}
+
+TEST(InvertNear, SaysWhereThereIsNone) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const Eigen::VectorXd alpha = coefficients({0.0525, 0.8838, 0.0584});
+  for (const double reading : {std::numeric_limits<double>::quiet_NaN(), infinity, 1e308, -1.0, 0.0})
+    EXPECT_FALSE(invert_near(alpha, reading)) << reading;
+  EXPECT_FALSE(invert_near(coefficients({1.0, 0.04}), 2.0));  // too flat
+  EXPECT_FALSE(invert_near(coefficients({5.0, -1.0}), 2.0));  // falls
+  EXPECT_FALSE(invert_near(coefficients({3.0, 1.0}), 2.0));   // d = -1
+  EXPECT_FALSE(invert_near(coefficients({3.0, 1.0}), 3.0));   // d = 0
+  EXPECT_FALSE(invert_near(coefficients({}), 2.0));
+  EXPECT_FALSE(invert_near(coefficients({0.0, std::numeric_limits<double>::quiet_NaN()}), 2.0));
+}
+
+TEST(InvertNear, ReturnsNoStepThatIsStillUnderWay) {
+  // f = 3 + g(d - 2), 23 g(x) = 23 x - 10 x^3 + 3 x^5, rises everywhere. g(1) = 16/23, g'(1) = 8/23: from d = 3 Newton's
+  // step is 2, from d = 1 it is -2, and so for ever (g''(1) = 0, so that rounding does not end it).
+  const Eigen::VectorXd cycle = coefficients({7.0, 143.0, -180.0, 110.0, -30.0, 3.0}) / 23.0;
+  ASSERT_NEAR(evaluate_polynomial(cycle, 2.0), 3.0, 1e-14);
+  EXPECT_FALSE(invert_near(cycle, 3.0));
+}
+
 }  // namespace
 }  // namespace rangecal

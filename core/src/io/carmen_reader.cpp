@@ -153,10 +153,9 @@ ScanLog read_carmen_log(const std::string& path, const std::string& text) {
       log.scans.push_back(std::move(scan));
       continue;
     }
-    log.warning = path + ", row " + std::to_string(lines.number()) + ": the last line " +
-                  (ending == Ending::torn ? "is torn, as where a recording was cut off"
-                                          : "has no end, so that its time may be cut short") +
-                  ", and is left out";
+    log.warning = last_line_left_out(
+        path, lines.number(),
+        ending == Ending::torn ? torn_line : "has no end, so that its time may be cut short");
   }
   return log;
 }

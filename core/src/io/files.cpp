@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -25,7 +26,7 @@ namespace {
 class Temporary {
  public:
   Temporary(std::string path, const std::string& text)
-      : path_(std::move(path)), own_(path_ + ".partial" + std::to_string(::getpid())) {
+      : path_(std::move(path)), own_(path_ + ".partial" + std::to_string(::getpid()) + "-" + next_number()) {
     std::ofstream stream(own_, std::ios::binary | std::ios::trunc);
     if (!stream) fail(std::strerror(errno));
     stream.write(text.data(), static_cast<std::streamsize>(text.size()));
@@ -49,6 +50,11 @@ class Temporary {
   }
 
  private:
+  /// No two threads share one.
+  static std::string next_number() {
+    static std::atomic<unsigned long> count{0};
+    return std::to_string(count++);
+  }
   [[noreturn]] void fail(const std::string& reason) const {
     throw InputError(path_, 0, "", "cannot be written: " + reason);
   }

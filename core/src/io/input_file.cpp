@@ -26,29 +26,26 @@ std::string shown_name(const std::string& path) {
 
 // Opened without waiting: a pipe without a writer would keep the program for ever.
 InputFile::InputFile(const std::string& path) : name_(shown_name(path)) {
-  descriptor_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-  if (descriptor_ < 0) {
+  descriptor_ = Descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
+  if (!descriptor_) {
     if (errno == ENOENT || errno == ENOTDIR) throw InputError(name_, 0, "", "no such file");
     cannot_be_read(name_);
   }
   struct stat status {};
-  const bool known = ::fstat(descriptor_, &status) == 0;
+  const bool known = ::fstat(descriptor_.number(), &status) == 0;
   pipe_ = known && S_ISFIFO(status.st_mode);
   if (known && (pipe_ || S_ISREG(status.st_mode))) {
     size_ = pipe_ ? 0 : static_cast<std::size_t>(status.st_size);
     return;
   }
-  ::close(descriptor_);
   if (!known) cannot_be_read(name_);
   throw InputError(name_, 0, "",
                    S_ISDIR(status.st_mode) ? "is a folder, not a file" : "is a device, not a file");
 }
 
-InputFile::~InputFile() { ::close(descriptor_); }
-
 std::size_t InputFile::read(char* bytes, std::size_t size) {
   while (true) {
-    const ssize_t count = ::read(descriptor_, bytes, size);
+    const ssize_t count = ::read(descriptor_.number(), bytes, size);
     if (count == 0 && pipe_ && !begun_) throw InputError(name_, 0, "", "is a pipe that nobody writes to");
     if (count >= 0) {
       begun_ = true;
@@ -56,7 +53,7 @@ std::size_t InputFile::read(char* bytes, std::size_t size) {
     }
     if (errno == EAGAIN) {
       struct pollfd wanted {
-        descriptor_, POLLIN, 0
+        descriptor_.number(), POLLIN, 0
       };
       ::poll(&wanted, 1, -1);
     } else if (errno != EINTR) {

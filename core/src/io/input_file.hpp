@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <string>
 
+#include "rangecal/core/descriptor.hpp"
+
 namespace rangecal::io {
 
 /// How messages call a file: "stdin" and "stdout" for these.
@@ -14,9 +16,6 @@ class InputFile {
  public:
   /// Throws InputError naming the file if it is missing, a folder, a device, or cannot be read.
   explicit InputFile(const std::string& path);
-  InputFile(const InputFile&) = delete;
-  InputFile& operator=(const InputFile&) = delete;
-  ~InputFile();
 
   /// Up to `size` bytes; 0 at the end. Throws InputError, also for a pipe that nobody writes to.
   std::size_t read(char* bytes, std::size_t size);
@@ -24,7 +23,7 @@ class InputFile {
 
  private:
   std::string name_;
-  int descriptor_ = -1;
+  Descriptor descriptor_;
   bool pipe_ = false, begun_ = false;
   std::size_t size_ = 0;
 };

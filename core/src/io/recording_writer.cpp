@@ -225,8 +225,10 @@ std::vector<std::string> recording_files(const std::vector<std::string>& folders
 
 void require_replaceable(const std::string& folder) {
   const auto has = [&](const char* name) { return file_exists(io::path_in(folder, name)); };
-  if (std::none_of(measured_files.begin(), measured_files.end(), has)) return;
-  if (has("extraction.json") || std::any_of(truth_files.begin(), truth_files.end(), has)) return;
+  if (std::none_of(measured_files.begin(), measured_files.end(), has) &&
+      std::none_of(truth_files.begin(), truth_files.end(), has))
+    return;
+  if (has("extraction.json")) return;
   if (has("recording.yaml") && read_file(io::path_in(folder, "recording.yaml")).rfind(made_by, 0) == 0)
     return;
   throw InputError(
@@ -250,8 +252,11 @@ void save_recording(const Recording& recording, const std::string& folder, const
   put("stops.csv", landmarks, stops_text);
   put("observations.csv", landmarks, observations_text);
   put("pairs.csv", !landmarks, pairs_text);
-  put("truth_stops.csv", landmarks && !recording.truth.stops.empty(), truth_stops_text);
-  put("truth_landmarks.csv", landmarks && !recording.truth.landmarks.empty(), truth_landmarks_text);
+  const auto any = [](const auto& truths) {
+    return std::any_of(truths.begin(), truths.end(), [](const auto& truth) { return truth.has_value(); });
+  };
+  put("truth_stops.csv", landmarks && any(recording.truth.stops), truth_stops_text);
+  put("truth_landmarks.csv", landmarks && any(recording.truth.landmarks), truth_landmarks_text);
   files.emplace_back("recording.yaml",
                      (maker.empty() ? std::string() : made_by + maker + "\n") + header_text(recording));
   write_files(folder, files);

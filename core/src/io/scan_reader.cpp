@@ -70,6 +70,10 @@ double number_in(std::string_view field, bool beam, const std::string& file, int
   return value;
 }
 
+std::string last_line_left_out(const std::string& path, int row, const std::string& why) {
+  return path + ", row " + std::to_string(row) + ": the last line " + why + ", and is left out";
+}
+
 namespace {
 
 bool looks_like_carmen(std::string_view text, const std::string& file) {

@@ -36,6 +36,10 @@ std::vector<std::string_view> word_fields(std::string_view line);
 double number_in(std::string_view field, bool beam, const std::string& file, int row,
                  const std::string& column);
 
+/// What ScanLog::warning says of a last line that is left out.
+std::string last_line_left_out(const std::string& path, int row, const std::string& why);
+constexpr const char* torn_line = "is torn, as where a recording was cut off";
+
 ScanLog read_csv_scans(const std::string& path, const std::string& text);
 ScanLog read_carmen_log(const std::string& path, const std::string& text);
 

@@ -17,28 +17,25 @@ namespace rangecal {
 // tries again.
 WriteLock::WriteLock(const std::string& path, bool shared) : file_(path + ".lock"), shared_(shared) {
   while (true) {
-    descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
-    if (descriptor_ < 0)
+    descriptor_ = Descriptor(::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644));
+    if (!descriptor_)
       throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
-    if (::flock(descriptor_, (shared ? LOCK_SH : LOCK_EX) | LOCK_NB) != 0) {
+    if (::flock(descriptor_.number(), (shared ? LOCK_SH : LOCK_EX) | LOCK_NB) != 0) {
       const int reason = errno;
-      ::close(descriptor_);
       throw InputError(path, 0, "",
                        reason == EWOULDBLOCK ? "another run is writing it"
                                              : std::string("cannot be locked: ") + std::strerror(reason));
     }
     struct stat mine {
     }, there{};
-    const bool same = ::fstat(descriptor_, &mine) == 0 && ::stat(file_.c_str(), &there) == 0 &&
+    const bool same = ::fstat(descriptor_.number(), &mine) == 0 && ::stat(file_.c_str(), &there) == 0 &&
                       mine.st_ino == there.st_ino && mine.st_dev == there.st_dev;
     if (same) return;
-    ::close(descriptor_);
   }
 }
 
 WriteLock::~WriteLock() {
   if (!shared_) ::unlink(file_.c_str());
-  ::close(descriptor_);
 }
 
 }  // namespace rangecal

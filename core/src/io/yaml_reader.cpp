@@ -93,6 +93,22 @@ std::vector<YamlReader> YamlReader::items() const {
   return items;
 }
 
+std::vector<std::pair<std::string, YamlReader>> YamlReader::entries() const {
+  if (!node_.IsMap()) fail("is not a map of keys to values");
+  std::vector<std::pair<std::string, YamlReader>> entries;
+  std::set<std::string> seen;
+  for (const auto& entry : node_) {
+    if (!entry.first.IsScalar()) fail("a key is not a text");
+    const std::string key = entry.first.Scalar();
+    const YamlReader value(entry.second, file_,
+                           field_.empty() ? shortened(key) : field_ + "." + shortened(key),
+                           entry.first.Mark().line + 1);
+    if (!seen.insert(key).second) value.fail("the key stands twice");
+    entries.emplace_back(key, value);
+  }
+  return entries;
+}
+
 std::string YamlReader::text() const {
   if (!node_.IsScalar()) fail("is not a text");
   return node_.Scalar();

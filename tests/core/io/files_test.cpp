@@ -5,6 +5,10 @@
 
 #include <filesystem>
 #include <functional>
+#include <iterator>
+#include <string>
+#include <thread>
+#include <vector>
 
 #include "rangecal/core/errors.hpp"
 #include "support/temporary_folder.hpp"
@@ -83,6 +87,29 @@ TEST_F(NamedFiles, TwoResultsAreTwoFiles) {
             }),
             folder.file("./gone") + ": is named as the file of two results");
   EXPECT_FALSE(file_exists(gone));
+}
+
+TEST(WriteFile, ThreadsThatWriteOnePathDoNotMeet) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("shared");
+  const auto text_of = [](int thread) {
+    return std::string(static_cast<std::size_t>(1000 * (thread + 1)), static_cast<char>('a' + thread));
+  };
+  std::vector<std::string> refusals(4);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 200; ++i)
+        if (const std::string refusal = refusal_of([&] { write_file(path, text_of(t)); }); !refusal.empty())
+          refusals[static_cast<std::size_t>(t)] = refusal;
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const std::string& refusal : refusals) EXPECT_EQ(refusal, "");
+  const std::string text = read_file(path);
+  ASSERT_FALSE(text.empty());
+  EXPECT_EQ(text, text_of(text.front() - 'a'));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}),
+            1);  // no temporary is left
 }
 
 }  // namespace

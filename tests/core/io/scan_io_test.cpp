@@ -85,6 +85,95 @@ TEST(ScanCsv, ComplainsWithRowAndColumn) {
   EXPECT_THAT(complaint("stamp,angle_rad,range_m\n0,90,1\n"), HasSubstr("degrees"));
 }
 
+const std::string kWideHead = "stamp,angle_min,angle_increment,";
+const std::string kWideScans = "1.5,-0.02,0.01,3,1.25,inf,2.5\n1.75,-0.02,0.01,3,1.25,1.5,2.5\n";
+
+// Wherever the last line is cut: its scan is there if and only if all of its beams have begun.
+TEST(ScanCsv, ATornLastLineIsLeftOutWithAWarning) {
+  for (const bool counted : {true, false}) {
+    const std::string count = counted ? "3," : "",
+                      head = kWideHead + (counted ? "n," : "") + "ranges...\n1.5,-0.02,0.01," + count +
+                             "1.25,inf,2.5\n1.75,-0.02,0.01," + count + "1.25,1.5,2.5\n",
+                      third = "2.25,-0.02,0.01," + count + "1.75,1.5,2.75";
+    for (std::size_t cut = 1; cut <= third.size(); ++cut) {
+      SCOPED_TRACE(third.substr(0, cut));
+      const ScanLog log = read_text(head + third.substr(0, cut));
+      const bool whole = cut > third.rfind(',');
+      ASSERT_EQ(log.scans.size(), whole ? 3u : 2u);
+      EXPECT_EQ(log.scans[1].stamp_s, 1.75);
+      if (whole)
+        EXPECT_EQ(log.warning, "");
+      else
+        EXPECT_THAT(log.warning,
+                    HasSubstr("scans, row 4: the last line is torn, as where a recording was cut "
+                              "off, and is left out"));
+    }
+  }
+}
+
+TEST(ScanCsv, ATornLineElsewhereIsAnError) {
+  const std::string head = kWideHead + "n,ranges...\n" + kWideScans;
+  EXPECT_THAT(complaint(head + "2.25,-0.02,0.01,3,1.75\n"),  // it has its end
+              AllOf(HasSubstr("row 4"), HasSubstr("says 3 beams, the line holds 1")));
+  EXPECT_THAT(complaint(head + "2.25,-0.02,0.01,3,1.75\n2.5,-0.02,0.01,3,1,1,1"), HasSubstr("row 4"));
+  EXPECT_THAT(complaint(kWideHead + "n,ranges...\n2.25,-0.02,0.01,3,1.75"),  // no scan stands before it
+              AllOf(HasSubstr("row 2"), HasSubstr("says 3 beams, the line holds 1")));
+  // a field that is wrong, and not the last one, was not torn; nor is a line that holds more than it says
+  EXPECT_THAT(complaint(head + "2.25,-0.02,0.01,3,x,1.5"), AllOf(HasSubstr("row 4"), HasSubstr("'x'")));
+  EXPECT_THAT(complaint(head + "2.25,-0.02,0.01,2,1,1,1"), HasSubstr("says 2 beams, the line holds 3"));
+  // where scans differ in length, a short one is not torn for being short
+  const std::string differing = kWideHead + "ranges...\n0,0,0.01,1,1,1\n1,0,0.01,1\n2,0,0.01,1,1";
+  EXPECT_EQ(read_text(differing).scans.size(), 3u);
+  EXPECT_EQ(read_text(differing).warning, "");
+}
+
+const std::string kBeams =
+    "stamp,stop,angle_rad,range_m\n0.1,A,0.1,1\n0.1,A,0.2,2\n0.2,B,0.1,1\n0.2,B,0.2,2\n";
+
+// Beam by beam: a line whose last field has not begun is torn, and its scan, which lacks beams, goes with it.
+TEST(ScanCsv, ATornLastBeamIsLeftOutWithItsScan) {
+  const std::string last = "0.2,B,0.3,2.25", other = "0.3,B,0.1,2.25";
+  for (std::size_t cut = 1; cut <= last.size(); ++cut) {
+    SCOPED_TRACE(last.substr(0, cut));
+    const ScanLog log = read_text(kBeams + last.substr(0, cut));
+    if (cut > last.rfind(',')) {
+      ASSERT_EQ(log.scans.size(), 2u);
+      EXPECT_EQ(log.scans[1].size(), 3u);
+      EXPECT_EQ(log.warning, "");
+      continue;
+    }
+    ASSERT_EQ(log.scans.size(), 1u);
+    EXPECT_EQ(log.scans[0].size(), 2u);
+    EXPECT_THAT(log.warning,
+                HasSubstr("scans, row 6: the last line is torn, as where a recording was cut off, and is "
+                          "left out with the scan that it is of"));
+  }
+  for (std::size_t cut = other.find(',') + 1; cut <= other.size(); ++cut) {  // that of another scan
+    SCOPED_TRACE(other.substr(0, cut));
+    const ScanLog log = read_text(kBeams + other.substr(0, cut));
+    ASSERT_EQ(log.scans.size(), 2u);
+    EXPECT_EQ(log.scans[1].size(), 2u);
+    EXPECT_THAT(log.warning, AllOf(HasSubstr("is torn"), Not(HasSubstr("with the scan"))));
+  }
+  // a label that was cut short names no stop of its own
+  const std::string labelled =
+      "range_m,stamp,angle_rad,stop\n1,1,0.1,A\n1,2,0.1,hall\n1,2,0.2,hall\n1,2,0.3,ha";
+  ASSERT_EQ(read_text(labelled).scans.size(), 1u);
+  EXPECT_THAT(read_text(labelled).warning, HasSubstr("row 5: the last line is torn"));
+  EXPECT_EQ(read_text(labelled + "ll\n").scans.size(), 2u);
+}
+
+TEST(ScanCsv, ABeamThatIsWrongIsAnError) {
+  EXPECT_THAT(complaint(kBeams + "0.2,B,0.3\n"), HasSubstr("row 6"));  // it has its end
+  EXPECT_THAT(complaint(kBeams + "0.2,B,x,2.25"),
+              AllOf(HasSubstr("row 6"), HasSubstr("'angle_rad'"), HasSubstr("'x'")));
+  EXPECT_THAT(complaint(kBeams + "0.2,B,90,2.25"), AllOf(HasSubstr("row 6"), HasSubstr("degrees")));
+  EXPECT_THAT(complaint(kBeams + "0.2,B,0.3,2.25,7"), HasSubstr("row 6"));
+  EXPECT_THAT(complaint(kBeams.substr(0, kBeams.find("0.2,B")) + "0.1,A,0.3"),
+              HasSubstr("row 4"));  // the first scan
+  EXPECT_THAT(complaint(kBeams + "0.2,B\n0.2,B,0.3"), HasSubstr("row 6"));
+}
+
 TEST(CarmenLog, OldAndNewMessagesWithOdometry) {
   const ScanLog log = read_text(
       "# CARMEN Logfile\n"

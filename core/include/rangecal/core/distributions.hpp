@@ -7,6 +7,8 @@ namespace rangecal {
 // probability outside [0, 1], or degrees of freedom that are not positive, throw std::domain_error; a
 // quantile at 0 or 1 throws std::overflow_error where the law has no end.
 
+/// P(Z <= z) of the standard normal, by std::erfc: exact far into the lower tail.
+double normal_below(double z);
 /// z with P(Z <= z) = p, p in (0, 1), of the standard normal.
 double normal_quantile(double p);
 /// z with P(Z > z) = q, q in (0, 1): exact to the smallest q, where 1 - q is not.
@@ -21,5 +23,8 @@ double chi_squared_upper_quantile(double q, double degrees);
 
 /// t with P(T <= t) = p, p in (0, 1), of a Student t with `degrees` of freedom.
 double student_t_quantile(double p, double degrees);
+
+/// P(X > x) of Fisher's F with so many degrees of freedom above and below the line, x >= 0.
+double fisher_f_upper(double x, double numerator, double denominator);
 
 }  // namespace rangecal

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 namespace rangecal {
@@ -28,5 +29,14 @@ double evaluate_form(const Eigen::MatrixXd& C, double d);
 /// of the balanced companion matrix above, each polished by Newton. A double root is returned once. A polynomial
 /// that vanishes identically has no roots here (there is nothing to tell).
 std::vector<double> real_roots(const Eigen::VectorXd& coefficients, double low, double high);
+
+/// The distance d [m] > 0 with f(d) = reading [m] that Newton's method leads to from d = reading, to within rounding:
+///
+///   d <- d - (f(d) - reading) / f'(d),   f'(d) > least_slope at every step.
+///
+/// For a sensor's curve, which is near f(d) = d. Nothing where f is flatter than that or falls on the way, where d is
+/// not positive, and where 50 steps do not settle it: no step that is still under way is returned. Cost: some 5 steps.
+std::optional<double> invert_near(const Eigen::VectorXd& coefficients, double reading,
+                                  double least_slope = 0.05);
 
 }  // namespace rangecal

@@ -39,8 +39,8 @@ inline constexpr std::array truth_files = {"truth_stops.csv", "truth_landmarks.c
 std::vector<std::string> recording_files(const std::vector<std::string>& folders);
 
 /// Throws InputError if the folder holds a recording, or tables of one, that no program made: neither a maker
-/// is named in it, nor is there a ground truth or a record of its extraction. Measurements are not replaced
-/// by an output.
+/// is named in it, nor is there a record of its extraction. Measurements are not replaced by an output; a
+/// ground truth does not say that there are none, since places may have been surveyed.
 void require_replaceable(const std::string& folder);
 
 }  // namespace rangecal

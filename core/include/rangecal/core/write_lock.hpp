@@ -3,6 +3,8 @@
 
 #include <string>
 
+#include "rangecal/core/descriptor.hpp"
+
 namespace rangecal {
 
 /// Keeps other runs from writing `path` while it lives: a lock on the file `path`.lock, which is removed at
@@ -19,7 +21,7 @@ class WriteLock {
  private:
   std::string file_;
   bool shared_;
-  int descriptor_ = -1;
+  Descriptor descriptor_;
 };
 
 }  // namespace rangecal

@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace rangecal {
@@ -25,6 +26,9 @@ class YamlReader {
   bool has(const char* key) const;
   YamlReader at(const char* key) const;   ///< throws if the key is missing
   std::vector<YamlReader> items() const;  ///< the node must be a list
+  /// The keys of a map in the file's order, each with what it holds, which is said to stand at its key's line. Throws
+  /// where a key is no text or stands twice.
+  std::vector<std::pair<std::string, YamlReader>> entries() const;
 
   bool is_map() const { return node_.IsMap(); }
   bool is_list() const { return node_.IsSequence(); }
