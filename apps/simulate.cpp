@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,8 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/problems/world/scene.hpp"
+#include "rangecal/solvers/diagnosis/scene_simulation.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
 #include "text.hpp"
 
@@ -79,6 +80,27 @@ int simulate_again(const std::string& diagnosis, const std::string& folder, std:
   return done;
 }
 
+/// Who made the recording, and in comments what it holds beyond the seed model: truth, which no reader reads.
+std::string maker_of(const std::string& departures) {
+  std::string maker = "rangecal simulate";
+  if (!departures.empty()) maker += "\n# with this in it, as its scene says it:";
+  std::istringstream lines(departures);
+  for (std::string line; std::getline(lines, line);) maker += "\n#   " + line;
+  return maker;
+}
+
+int simulate_file(const std::string& path, const std::string& folder, std::uint64_t seed) {
+  keep(path, folder);
+  const Scene scene = load_scene(path, SceneScope::any);
+  Recording recording = simulate_scene(scene, seed);
+  require_readings(recording, &scene, path);
+  const std::string departures = departures_text(scene);
+  save_recording(recording, folder, maker_of(departures));
+  recording.path = folder;
+  fmt::print("{}; {}\n{}", describe({&recording, 1}), describe(recording.counts), departures);
+  return done;
+}
+
 }  // namespace
 
 void add_simulate(CLI::App& app, Action& chosen) {
@@ -100,8 +122,14 @@ void add_simulate(CLI::App& app, Action& chosen) {
       ->check(whole())
       ->capture_default_str();
   command->footer(
-      "Example:\n"
+      "A scene may hold catalogued effects or an optical sensor (docs/scene.md; 'rangecal effects' lists effects):\n"
+      "  effects: {range_eccentricity: {cosine_m: 0.02}, quantisation: {output_step_m: 0.001}}\n"
+      "  sensor: {model: optical, focal_mm: 14.5, nominal_focal_mm: 14.4, noise: {law: f2, sigma: 0.004},\n"
+      "           sigma_theta_rad: 0.009}\n"
+      "Examples:\n"
       "  rangecal simulate notebooks_data/scenes/field-layout.yaml -o sim --seed 7 && rangecal compare sim\n"
+      "  rangecal simulate notebooks_data/scenes/field-layout-effects.yaml -o sim && rangecal diagnose sim\n"
+      "  rangecal simulate notebooks_data/scenes/field-layout-optical.yaml -o sim && rangecal calibrate sim\n"
       "  rangecal diagnose REC --json d.json && rangecal simulate --from d.json -o sim");
   command->callback([options, &chosen] {
     chosen = [options] {
@@ -109,15 +137,7 @@ void add_simulate(CLI::App& app, Action& chosen) {
         throw InputError("give a scene file, or --from DIAGNOSIS");
       if (!options->diagnosis.empty())
         return simulate_again(options->diagnosis, options->folder, options->seed);
-      keep(options->scene, options->folder);
-      const Scene scene = load_scene(options->scene);
-      Recording recording = simulate(scene, options->seed);
-      require_readings(recording, &scene, options->scene);
-      save_recording(recording, options->folder, "rangecal simulate");
-      recording.path = options->folder;
-      const Recording one[] = {recording};
-      fmt::print("{}; {}\n", describe(one), describe(recording.counts));
-      return static_cast<int>(done);
+      return simulate_file(options->scene, options->folder, options->seed);
     };
   });
 }

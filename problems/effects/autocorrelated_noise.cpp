@@ -33,11 +33,25 @@ class AutocorrelatedNoise final : public Effect {
     return value;
   }
 
-  std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
+  std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    if (context.kind == RecordingKind::pairs)
+      return {point({0.3, 0.0}), point({0.6, 0.0}), point({0.9, 0.0})};
     return {point({0.3, 0.0}), point({0.6, 0.0}), point({0.9, 0.0}), point({0.0, 0.6}), point({0.6, 0.6})};
   }
 
   std::string missing(const EffectContext& context) const override { return lacks_repeats(context, 3); }
+
+  /// Pairs have no channel of bearings.
+  std::pair<double, double> bounds(const EffectContext& context, std::size_t parameter) const override {
+    const bool silent = context.kind == RecordingKind::pairs && parameter == 1;
+    return silent ? std::pair(0.0, 0.0) : Effect::bounds(context, parameter);
+  }
+
+  std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
+                                                       const double* p) const override {
+    if (context.kind == RecordingKind::pairs) return {{"rho", p[0]}};
+    return Effect::reported(context, p);
+  }
 
   Dependence dependence(const double* p) const override {
     return {.range_correlation = p[0], .bearing_correlation = p[1]};

@@ -47,6 +47,10 @@ class BearingQuantisation final : public Effect {
     return {.bearing_rad = p[0]};
   }
 
+  GridReading rounded(const GridReading& reading, const double* p) const override {
+    return {.range_m = reading.range_m, .bearing_rad = to_grid(reading.bearing_rad, p[0])};
+  }
+
   Dependence dependence(const double* p) const override {
     return {.bearing_cell_sigma_rad = p[0] / std::sqrt(12.0)};
   }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // R16. Cyclic error of a phase-measuring sensor: a leaking signal adds to the modulation.
 //
-//   delta r = c cos(k d) + s sin(k d)     [m]
-//     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength
+//   delta r = A sin(k d + psi) = c cos(k d) + s sin(k d)     [m]
+//     k = 2 pi / Lambda [rad/m], Lambda 0.05 ... 2 m, half the modulation wavelength; c = A sin psi, s = A cos psi
 //
 // Acts on the reading, after the curve. The grid steps k by 1 rad over the span of d. Source: Lichti and Licht 2006
 // (cyclic terms of surveying scanners).
@@ -28,7 +28,8 @@ class CyclicError final : public Effect {
             "The range wobbles with a constant period in d: crosstalk in the phase measurement of a "
             "modulated laser.",
         .formula =
-            "delta r = A sin(2 pi d / Lambda + psi) = c cos(k d) + s sin(k d) [m], k = 2 pi / Lambda [rad/m]",
+            "delta r = A sin(2 pi d / Lambda + psi) = c cos(k d) + s sin(k d) [m], k = 2 pi / Lambda [rad/m], "
+            "psi phase at d = 0 [rad]",
         .source = "Lichti and Licht 2006 (cyclic terms of surveying scanners)",
         .visible_by = "ranges in steps under a quarter of the wavelength",
         .settled_by = "move one stop by small steps along the line of sight",

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // R5. Lens distortion beyond what offset, scale and pointing take up.
 //
-//   delta r = k / d     [m], k = -k1 (f s)^2 [m^2], k1 radial distortion, f s focal length times baseline
+//   delta r = k / d     [m], k [m^2] = -1e-6 k1 (f s)^2, k1 radial distortion [1/mm^2], f s focal length times
+//                       baseline [mm^2]
 //
 // Acts on the reading, after the curve. Source: derived: x (1 + k1 x^2) with x = f s / d.
 #include "rangecal/problems/effects/effect.hpp"
@@ -21,7 +22,8 @@ class LensDistortion final : public Effect {
         .physics =
             "Near ranges bend away from the curve like 1/d: lens distortion where the spot sits at the edge "
             "of the lens.",
-        .formula = "delta r = k / d [m], k = -k1 (f s)^2 [m^2], k1 radial distortion [1/mm^2], f s in mm^2",
+        .formula =
+            "delta r = k / d [m], k [m^2] = -1e-6 k1 (f s)^2, k1 radial distortion [1/mm^2], f s in mm^2",
         .source = "derived: x (1 + k1 x^2) with x = f s / d",
         .visible_by = "ranges under 0.5 m together with far ones",
         .settled_by = "place landmarks at 0.3-0.6 m and at the far end",

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // R6. The sub-pixel peak finder is pulled towards pixel centres: periodic in the spot's place x = f s / d.
 //
-//   delta r = d^2 (c cos(k / d) + s sin(k / d))     [m]
-//     k = 2 pi (f s / p) [m], f s focal length times baseline; p pixel pitch; amplitude hypot(c, s) = a p
-//     / (f s) [1/m], a [px]
+//   delta r = -A d^2 sin(k / d + psi) = d^2 (c cos(k / d) + s sin(k / d))     [m]
+//     k = 2 pi (f s / p) [m], f s focal length times baseline; p pixel pitch; A = hypot(c, s) = a p / (f s)
+//     [1/m]; a sin(k / d + psi) [px] pull on the spot: c = -A sin psi, s = -A cos psi
 //
 // Acts on the reading, after the curve. f s / p is 120 m for f s = 720 mm^2 and p = 6 um, 11 m for s = 55
 // mm and 5.1 mrad a pixel. Over the span W of 1/d the likelihood's peak in k is about 4 / W wide, so the
@@ -32,8 +32,8 @@ class PixelLocking final : public Effect {
             "The range wobbles with a constant period in 1/d and an amplitude growing as d^2: the peak "
             "finder is pulled to pixel centres.",
         .formula =
-            "delta r = d^2 (c cos(k/d) + s sin(k/d)) [m], k = 2 pi f s / p [m], p pixel pitch; amplitude a p "
-            "/ (f s) [1/m], a [px]",
+            "delta r = -A d^2 sin(k/d + psi) = d^2 (c cos(k/d) + s sin(k/d)) [m], k = 2 pi f s / p [m], p pixel "
+            "pitch; A = a p / (f s) [1/m], a [px] and psi [rad] amplitude and phase of the pull on the spot",
         .source = "derived: an error periodic in d = f s / x; the effect: Shimizu and Okutomi 2002",
         .visible_by = "ranges in steps under half a period (8 mm at 1 m, 75 mm at 3 m), seen against 1/d",
         .settled_by = "move one stop by 5 mm, five times",
@@ -56,7 +56,7 @@ class PixelLocking final : public Effect {
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {
     return {{"amplitude_per_m", std::hypot(p[0], p[1])},
-            {"phase_rad", std::atan2(p[1], p[0])},
+            {"phase_rad", std::atan2(-p[0], -p[1])},
             {"period_per_m", 2.0 * std::numbers::pi / p[2]}};
   }
 };

@@ -50,6 +50,12 @@ class Quantisation final : public Effect {
     return {.range_m = std::hypot(at.f * at.f * p[0], p[1])};
   }
 
+  GridReading rounded(const GridReading& reading, const double* p) const override {
+    double range = reading.range_m;
+    if (p[0] > 0.0 && range > 0.0) range = 1.0 / to_grid(1.0 / range, p[0]);  // beyond 2 / q: none
+    return {.range_m = to_grid(range, p[1]), .bearing_rad = reading.bearing_rad};
+  }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double step = grid_steps(at, p).range_m;
     return {.range_log_variance = std::log1p(step * step / (12.0 * at.spread * at.spread))};

@@ -39,6 +39,11 @@ inline std::vector<double> every_landmark(const EffectContext& context) {
   return indices(0, context.landmark_count - 1);
 }
 
+/// The multiple of `step` next to a value; the value itself for no step.
+inline double to_grid(double value, double step) {
+  return step > 0.0 ? step * std::round(value / step) : value;
+}
+
 /// `count` values from low to high, equal steps.
 inline std::vector<double> even_steps(double low, double high, int count) {
   std::vector<double> values;
@@ -84,10 +89,9 @@ inline std::string lacks_stops(const EffectContext& context, int needed) {
 }
 
 inline std::string lacks_repeats(const EffectContext& context, int needed) {
-  if (context.kind == RecordingKind::pairs) return lacks_stops(context, 1);
-  return context.largest_cell >= needed
-             ? ""
-             : "repeats: at least " + std::to_string(needed) + " readings of each landmark at each stop";
+  if (context.largest_cell >= needed) return "";
+  return "repeats: at least " + std::to_string(needed) + " readings of each " +
+         (context.kind == RecordingKind::pairs ? "distance" : "landmark at each stop");
 }
 
 /// The first of two complaints that says anything.

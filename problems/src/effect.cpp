@@ -1,9 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/effects/effect.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace rangecal {
+
+double difference_step(const EffectParameter& parameter, double value) {
+  constexpr double relative = 1e-6, least_size = 1e-9;
+  const bool positive = parameter.low > 0.0 && value > 0.0;
+  return relative * std::max(positive ? value : std::abs(parameter.typical), least_size);
+}
 
 double Effect::switching_distance(const double*) const { return std::numeric_limits<double>::quiet_NaN(); }
 

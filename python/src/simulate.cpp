@@ -7,8 +7,8 @@
 #include "module.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/effects/effect.hpp"
-#include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/problems/world/scene.hpp"
+#include "rangecal/solvers/diagnosis/scene_simulation.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
 #include "work.hpp"
 
@@ -42,36 +42,25 @@ std::vector<std::shared_ptr<Recording>> draw(std::vector<Recording> layout, Cali
   return drawn;
 }
 
-/// What a calibration without error would say of the scene that `recording` was drawn from.
-Calibration truth_of(const Scene& scene, const Recording& recording) {
-  Calibration truth;
-  truth.kind = scene.kind;
-  truth.outcome = Outcome::converged;
-  truth.alpha = scene.alpha;
-  truth.noise = scene.noise;
-  truth.sigma_theta_rad = Estimate{scene.sigma_theta_rad, std::nullopt};
-  for (std::size_t l = 0; l < recording.truth.landmarks.size(); ++l)
-    truth.landmarks.push_back({0, recording.landmarks[l].label, *recording.truth.landmarks[l], std::nullopt});
-  return truth;
-}
-
-std::shared_ptr<Recording> simulate_scene(const Scene& scene, std::uint64_t seed, const Effects& effects) {
-  Recording recording = simulate(scene, seed);
-  if (effects.empty()) return std::make_shared<Recording>(std::move(recording));
-  Calibration truth = truth_of(scene, recording);
-  return draw({std::move(recording)}, std::move(truth), effects, seed).front();
+/// The scene with effects added to its own, what is left out of them filled in.
+std::shared_ptr<Recording> simulate_with(Scene scene, std::uint64_t seed, const Effects& effects) {
+  for (const auto& [id, parameters] : effects) scene.effects[id] = scene_effect(scene, id, parameters);
+  return std::make_shared<Recording>(simulate_scene(scene, seed));
 }
 
 using Drawn = std::shared_ptr<Recording>;
 
 Drawn simulate_file(const std::string& path, std::uint64_t seed, const Effects& effects) {
   return run_interruptible<Drawn>(
-      [=](const StageHook&) { return simulate_scene(load_scene(path), seed, effects); }, py::none());
+      [=](const StageHook&) { return simulate_with(load_scene(path, SceneScope::any), seed, effects); },
+      py::none());
 }
 
 Drawn simulate_text(const std::string& text, std::uint64_t seed, const Effects& effects) {
   return run_interruptible<Drawn>(
-      [=](const StageHook&) { return simulate_scene(parse_scene(text, "the scene"), seed, effects); },
+      [=](const StageHook&) {
+        return simulate_with(parse_scene(text, "the scene", SceneScope::any), seed, effects);
+      },
       py::none());
 }
 

@@ -38,6 +38,49 @@ TEST(SimulateCommand, NothingIsWrittenForABadScene) {
   EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
 }
 
+TEST(SimulateCommand, EffectsAndOpticsStandInTheRecordingAsTruthThatNobodyReads) {
+  const TemporaryFolder folder;
+  const RunResult planted =
+      run("simulate " + shipped("scenes/field-layout-effects.yaml") + " -o " + folder.file("a"));
+  ASSERT_EQ(planted.code, 0) << planted.err;
+  EXPECT_THAT(planted.out, HasSubstr("1000 readings"));
+  const std::string head =
+      "# made by rangecal simulate\n# with this in it, as its scene says it:\n#   effects:\n"
+      "#     quantisation: {disparity_step_per_m: 0, output_step_m: 0.01}\n"
+      "#     range_eccentricity: {cosine_m: 0.02, sine_m: 0}\nformat: rangecal/1\n";
+  EXPECT_EQ(slurp(folder.file("a/recording.yaml")).substr(0, head.size()), head);
+  const RunResult found = run("diagnose " + folder.file("a"));
+  EXPECT_THAT(found.out, HasSubstr("range_eccentricity"));
+  EXPECT_THAT(found.out, HasSubstr("quantisation"));
+  // What a program made may be made again.
+  const RunResult optical =
+      run("simulate " + shipped("scenes/field-layout-optical.yaml") + " -o " + folder.file("a"));
+  ASSERT_EQ(optical.code, 0) << optical.err;
+  EXPECT_THAT(
+      slurp(folder.file("a/recording.yaml")),
+      HasSubstr("#   sensor: {model: optical, focal_mm: 14, nominal_focal_mm: 14.4, laser_angle_rad: 0.0002, "
+                "range_zero_m: 0.02}\n"));
+  EXPECT_EQ(run("calibrate " + folder.file("a") + " --order 2").code, 0);
+}
+
+TEST(SimulateCommand, AFaultOfAnEffectIsOneLineAndOthersRefuseScenesWithEffects) {
+  const TemporaryFolder folder;
+  std::string scene = slurp(shipped("scenes/field-layout.yaml"));
+  scene += "effects: {range_eccentricity: {cosine_m: 0.5}}\n";
+  folder.write("scene.yaml", scene);
+  const RunResult result = run("simulate " + folder.file("scene.yaml") + " -o " + folder.file("out"));
+  EXPECT_EQ(result.code, 2);
+  EXPECT_THAT(result.err,
+              HasSubstr("field 'effects.range_eccentricity.cosine_m': 0.5 is outside -0.05 to 0.05"));
+  EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
+  for (const char* other : {"field-layout-effects", "field-layout-optical"}) {
+    const RunResult plan = run("plan " + shipped(std::string("scenes/") + other + ".yaml"));
+    EXPECT_EQ(plan.code, 2);
+    EXPECT_THAT(plan.err, HasSubstr("the seed model alone is taken here"));
+  }
+}
+
 TEST(SimulateCommand, ARecordingWithoutAReadingIsRefusedWithItsReason) {
   // One landmark 9.2 m beside a path of 0.9 m: 9.2 m away at the nearest, 9.21 m from its start.
   const std::string

@@ -132,7 +132,7 @@ void feed_csv(std::string_view bytes) {
   }
 }
 
-void feed_scene(std::string_view bytes) { parse_scene(std::string(bytes), "scene.yaml"); }
+void feed_scene(std::string_view bytes) { parse_scene(std::string(bytes), "scene.yaml", SceneScope::any); }
 
 void feed_study(std::string_view bytes) {
   static const bool once = [] {

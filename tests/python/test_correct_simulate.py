@@ -122,6 +122,22 @@ def test_a_scene_as_a_dictionary():
         rangecal.simulate(scene, effects={"ghost": {}})
 
 
+def test_effects_of_a_scene_are_those_of_the_argument(source, command, tmp_path):
+    scene = {"sensor": {"alpha": [0.05, 0.9, 0.05], "noise": {"law": "f2", "sigma": 0.01}, "sigma_theta_rad": 0.009},
+             "stops": {"line": {"count": 5, "step_m": 0.3}}, "repeats": 4,
+             "landmarks": {"radius_m": 0.1, "list": [{"landmark": "A", "x_m": 0.4, "y_m": 0.9},
+                                                     {"landmark": "B", "x_m": 1.6, "y_m": -0.7}]}}
+    effects = {"range_eccentricity": {"cosine_m": 0.02}, "quantisation": {"output_step_m": 0.002}}
+    within, beside = rangecal.simulate({**scene, "effects": effects}, 3), rangecal.simulate(scene, 3, effects=effects)
+    np.testing.assert_array_equal(within.range_m, beside.range_m)
+    np.testing.assert_allclose(within.range_m / 0.002, np.round(within.range_m / 0.002), atol=1e-9)
+    with pytest.raises(rangecal.InputError, match="range_eccentricity.cosine_m: 0.5 is outside"):
+        rangecal.simulate(scene, effects={"range_eccentricity": {"cosine_m": 0.5}})
+    shipped = source / "notebooks_data/scenes/field-layout-effects.yaml"
+    command("simulate", shipped, "-o", tmp_path / "sim", "--seed", 4)
+    np.testing.assert_array_equal(rangecal.simulate(shipped, 4).range_m, rangecal.load(tmp_path / "sim").range_m)
+
+
 def test_a_layout_with_a_calibration(field, calibration):
     again = rangecal.simulate(field, 3, calibration=calibration)
     np.testing.assert_array_equal(again.stop, field.stop)

@@ -39,6 +39,14 @@ int shape_parameter_count(NoiseShape shape) {
   return shape == NoiseShape::student_t ? 1 : shape == NoiseShape::contaminated ? 2 : 0;
 }
 
+ContaminatedDensity contaminated_density(double p, double k, double z) {
+  const double body = std::log1p(-p) - 0.5 * z * z, wide = std::log(p / k) - 0.5 * z * z / (k * k);
+  const double high = std::fmax(body, wide);
+  const double total = high + std::log(std::exp(body - high) + std::exp(wide - high));
+  const double outlier = std::exp(wide - total);
+  return {total, outlier, 1.0 - outlier + outlier / (k * k)};
+}
+
 ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {
   const double nu = shape.nu;
   constant_ = -half_log_two_pi;
@@ -58,13 +66,10 @@ LogDensity ShapeDensity::operator()(double z) const {
     out.in_shape[0] = 0.5 * (in_nu_ - bend + out.weight * z * z / nu);
   } else if (shape_.shape == NoiseShape::contaminated) {
     const double p = shape_.outlier_share, k = shape_.outlier_scale;
-    const double inlier = std::log1p(-p) - 0.5 * z * z;
-    const double outlier = std::log(p / k) - 0.5 * z * z / (k * k);
-    const double high = std::fmax(inlier, outlier);
-    const double total = high + std::log(std::exp(inlier - high) + std::exp(outlier - high));
-    const double responsibility = std::exp(outlier - total);
-    out.value = total + constant_;
-    out.weight = 1.0 - responsibility + responsibility / (k * k);
+    const ContaminatedDensity at = contaminated_density(p, k, z);
+    const double responsibility = at.outlier;
+    out.value = at.log_density + constant_;
+    out.weight = at.weight;
     out.in_shape[0] = responsibility / p - (1.0 - responsibility) / (1.0 - p);
     out.in_shape[1] = responsibility * (z * z / (k * k) - 1.0) / k;
   } else {

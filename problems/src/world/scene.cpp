@@ -13,9 +13,12 @@
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/core/yaml_reader.hpp"
 #include "rangecal/problems/world/scene_size.hpp"
+#include "scene_parts.hpp"
 
 namespace rangecal {
 namespace {
+
+using scene_parts::coefficients;
 
 constexpr double most_random = 1e4, most_readings = 1e8;
 
@@ -38,49 +41,6 @@ std::pair<double, double> interval(const YamlReader& node) {
   const std::vector<double> values = node.numbers();
   if (values.size() != 2 || values[0] > values[1]) node.fail("is not [low, high]");
   return {values[0], values[1]};
-}
-
-Eigen::VectorXd coefficients(const YamlReader& node) {
-  const std::vector<double> values = node.numbers();
-  if (values.empty()) node.fail("holds no number");
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-}
-
-void read_noise(const YamlReader& node, Scene& scene) {
-  node.allow_only({"law", "sigma", "beta"});
-  const YamlReader law = node.at("law");
-  try {
-    scene.noise.law = noise_law_from_string(law.text());
-  } catch (const InputError& error) {
-    law.fail(error.what());
-  }
-  if (scene.noise.law == NoiseLaw::polynomial) {
-    if (node.has("sigma")) node.at("sigma").fail("the polynomial law has beta in its place");
-    scene.noise.parameters = coefficients(node.at("beta"));
-  } else {
-    if (node.has("beta")) node.at("beta").fail("belongs to the polynomial law");
-    scene.noise.parameters = Eigen::VectorXd::Constant(1, node.at("sigma").positive());
-  }
-}
-
-void read_sensor(const YamlReader& node, Scene& scene) {
-  node.allow_only(
-      {"model", "name", "principle", "alpha", "noise", "sigma_theta_rad", "range_min_m", "range_max_m"});
-  if (node.has("model") && node.at("model").text() != "polynomial") {
-    node.at("model").fail("'" + node.at("model").text().substr(0, 40) + "' is not polynomial");
-  }
-  scene.sensor.name = node.has("name") ? node.at("name").text() : "simulated";
-  scene.sensor.principle = node.has("principle") ? node.at("principle").text() : "polynomial";
-  scene.alpha = coefficients(node.at("alpha"));
-  read_noise(node.at("noise"), scene);
-  if (scene.kind == RecordingKind::landmarks)
-    scene.sigma_theta_rad = node.at("sigma_theta_rad").not_negative();
-  if (node.has("range_min_m")) scene.sensor.range_min_m = node.at("range_min_m").not_negative();
-  if (node.has("range_max_m")) {
-    scene.sensor.range_max_m = node.at("range_max_m").number();
-    if (!(scene.sensor.range_max_m > scene.sensor.range_min_m))
-      node.at("range_max_m").fail("is not above range_min_m");
-  }
 }
 
 void read_line(const YamlReader& node, Scene& scene) {
@@ -222,6 +182,13 @@ void read_visibility(const YamlReader& node, Scene& scene) {
   if (!(scene.visible_max_m > scene.visible_min_m)) node.fail("max_m is not above min_m");
 }
 
+void read_timing(const YamlReader& node, Scene& scene) {
+  node.allow_only({"drive_s", "sweep_s"});
+  scene.timing = SceneTiming{};
+  if (node.has("drive_s")) scene.timing->drive_s = node.at("drive_s").not_negative();
+  if (node.has("sweep_s")) scene.timing->sweep_s = node.at("sweep_s").positive();
+}
+
 void read_batches(const YamlReader& node, Scene& scene) {
   node.allow_only({"distances_m", "readings"});
   const int readings = node.at("readings").whole(1);
@@ -230,16 +197,38 @@ void read_batches(const YamlReader& node, Scene& scene) {
   if (scene.batches.empty()) node.at("distances_m").fail("holds no number");
 }
 
-Scene sized(const YamlReader& top, Scene scene) {
-  try {
-    check_size(scene);
-  } catch (const InputError& error) {
-    top.fail(error.what());
-  }
-  return scene;
+void read_landmark_scene(const YamlReader& top, Scene& scene) {
+  top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances", "repeats",
+                  "visibility", "timing", "effects"});
+  scene_parts::read_sensor(top.at("sensor"), scene);
+  read_stops(top.at("stops"), scene);
+  read_landmarks(top.at("landmarks"), scene);
+  if (top.has("known_distances")) read_tapes(top.at("known_distances"), scene);
+  if (top.has("repeats")) scene.repeats = top.at("repeats").whole(1);
+  if (top.has("visibility")) read_visibility(top.at("visibility"), scene);
 }
 
-Scene read_scene(const YamlReader& top) {
+void read_pairs_scene(const YamlReader& top, Scene& scene) {
+  top.allow_only({"format", "kind", "sensor", "batches", "timing", "effects"});
+  scene_parts::read_sensor(top.at("sensor"), scene);
+  read_batches(top.at("batches"), scene);
+}
+
+void read_departures(const YamlReader& top, SceneScope scope, Scene& scene) {
+  const char* elsewhere = "is for 'rangecal simulate': the seed model alone is taken here";
+  if (scene.optics) {
+    if (scope == SceneScope::seed_model) top.at("sensor").at("model").fail(elsewhere);
+    scene_parts::check_optics(top.at("sensor"), scene);
+  }
+  if (!top.has("effects")) return;
+  const YamlReader effects = top.at("effects");
+  if (scope == SceneScope::seed_model) effects.fail(elsewhere);
+  if (scene.optics)
+    effects.fail("act on a polynomial sensor: what departs in an optical one are fields of its own");
+  scene_parts::read_effects(effects, scene);
+}
+
+Scene read_scene(const YamlReader& top, SceneScope scope) {
   Scene scene;
   const YamlReader format = top.at("format");
   if (format.text() != "rangecal-scene/1") {
@@ -248,21 +237,20 @@ Scene read_scene(const YamlReader& top) {
   const std::string kind = top.has("kind") ? top.at("kind").text() : "landmarks";
   if (kind == "pairs") {
     scene.kind = RecordingKind::pairs;
-    top.allow_only({"format", "kind", "sensor", "batches"});
-    read_sensor(top.at("sensor"), scene);
-    read_batches(top.at("batches"), scene);
-    return sized(top, std::move(scene));
+    read_pairs_scene(top, scene);
+  } else if (kind == "landmarks") {
+    read_landmark_scene(top, scene);
+  } else {
+    top.at("kind").fail("'" + kind.substr(0, 40) + "' is neither landmarks nor pairs");
   }
-  if (kind != "landmarks") top.at("kind").fail("'" + kind.substr(0, 40) + "' is neither landmarks nor pairs");
-  top.allow_only(
-      {"format", "kind", "sensor", "stops", "landmarks", "known_distances", "repeats", "visibility"});
-  read_sensor(top.at("sensor"), scene);
-  read_stops(top.at("stops"), scene);
-  read_landmarks(top.at("landmarks"), scene);
-  if (top.has("known_distances")) read_tapes(top.at("known_distances"), scene);
-  if (top.has("repeats")) scene.repeats = top.at("repeats").whole(1);
-  if (top.has("visibility")) read_visibility(top.at("visibility"), scene);
-  return sized(top, std::move(scene));
+  if (top.has("timing")) read_timing(top.at("timing"), scene);
+  try {
+    check_size(scene);
+  } catch (const InputError& error) {
+    top.fail(error.what());
+  }
+  read_departures(top, scope, scene);
+  return scene;
 }
 
 }  // namespace
@@ -289,10 +277,12 @@ void check_size(const Scene& scene) {
     throw InputError(fmt::format("scene: {:.3g} readings are more than 1e8", readings));
 }
 
-Scene load_scene(const std::string& path) { return read_scene(YamlReader::open(path)); }
+Scene load_scene(const std::string& path, SceneScope scope) {
+  return read_scene(YamlReader::open(path), scope);
+}
 
-Scene parse_scene(const std::string& text, const std::string& name) {
-  return read_scene(YamlReader::parse(text, name));
+Scene parse_scene(const std::string& text, const std::string& name, SceneScope scope) {
+  return read_scene(YamlReader::parse(text, name), scope);
 }
 
 }  // namespace rangecal

@@ -42,7 +42,7 @@ JointState start_of(const Rows& rows, int order, NoiseLaw law) {
   state.noise.law = law;
   state.landmarks = {Eigen::Vector2d::Zero()};
   for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
-  seed_curve_and_noise(rows.problem, order, state);
+  seed_curve_and_noise(rows.problem, std::min(order, rows.cell_count - 1), state);
   state.sigma_theta_rad = 1.0;
   return state;
 }

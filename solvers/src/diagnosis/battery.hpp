@@ -23,8 +23,9 @@ struct Question {
   enum class Of { mean, variance, scalar } of = Of::mean;
   const Effect* effect = nullptr;  ///< of the catalogue, with its start; null for a shape of no effect
   Eigen::VectorXd start;
-  std::optional<double> z;  ///< of a scalar test, before it is centred and scaled
-  double statistic = 0.0;   ///< chi-square with `dof` degrees of freedom under the null
+  std::optional<double> z;              ///< of a scalar test, before it is centred and scaled
+  double statistic = 0.0;               ///< chi-square with `dof` degrees of freedom under the null
+  std::vector<double> third_cumulants;  ///< of a variance's scores (skewed_score.hpp)
   double size = 0.0;  ///< RMS of the fitted shape over the readings [m], [rad], or change of log variance
   /// Nats that a fit of the shape would gain, the spreads free; statistic / 2 for scalars.
   double gain = 0.0;
@@ -74,6 +75,7 @@ class Battery {
     Eigen::VectorXd at, moved;
   };
   class Values;
+  class MeanQuestions;
   struct Unasked {};
   /// Has its questions still to ask.
   Battery(Unasked, const Rows& rows, const Model& model, const JointState& state, const Rates& known);

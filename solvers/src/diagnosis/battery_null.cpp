@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "diagnosis/battery.hpp"
+#include "diagnosis/skewed_score.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
@@ -165,11 +166,12 @@ void Battery::calibrate(int draws, std::uint64_t seed) {
       double statistic = 0.0;
       if (question.of == Question::Of::scalar)
         statistic = scores.scalars(static_cast<Eigen::Index>(q), b);
+      else if (question.of == Question::Of::mean)
+        statistic = scores.means.col(b).segment(question.first_column, question.dof).squaredNorm();
       else
-        statistic = (question.of == Question::Of::mean ? scores.means : scores.variances)
-                        .col(b)
-                        .segment(question.first_column, question.dof)
-                        .squaredNorm();
+        statistic = skewed_chi_square(
+            scores.variances.col(b).segment(question.first_column, question.dof).cast<double>(),
+            question.third_cumulants);
       (*of_question[q])[b] = std::max((*of_question[q])[b], statistic);
     }
   const auto independent = [&](double log_p) {

@@ -6,9 +6,11 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <utility>
 
 #include "diagnosis/battery.hpp"
 #include "in_parallel.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -152,9 +154,8 @@ void Battery::ask_periods() {
     if (rows_.cell[i] == rows_.cell[i - 1] && rows_.time_s[i] > rows_.time_s[i - 1])
       gaps.push_back(rows_.time_s[i] - rows_.time_s[i - 1]);
   if (gaps.empty()) return;
-  std::nth_element(gaps.begin(), gaps.begin() + static_cast<long>(gaps.size() / 2), gaps.end());
   const double step = 0.5 / rows_.context.duration_s;  // two points per resolvable frequency
-  const int count = std::min(4000, static_cast<int>(0.5 / gaps[gaps.size() / 2] / step));
+  const int count = std::min(4000, static_cast<int>(0.5 / upper_median(std::move(gaps)) / step));
   std::vector<Question> asked(rows_.pairs ? 1 : 2);
   in_parallel(asked.size(), [&](std::size_t channel) {
     const bool of_bearing = channel == 1;

@@ -70,13 +70,17 @@ class SwingingCell {
     return sum;
   }
 
-  /// Amplitude and phase per metre of h about d, from samples that no period repeats.
+  /// Amplitude and phase per metre of h about d, from samples that no period repeats; close by over a tenth of d, since
+  /// the period grows with its square.
   void measure() {
-    constexpr double near_m = 1e-4, within_m = 0.012;
+    const double within_m = std::min(0.012, 0.1 * std::abs(view_.d));
     constexpr std::array places{-0.97, -0.71, -0.52, -0.33, -0.19, -0.07, 0.04, 0.21, 0.38, 0.55, 0.76, 1.0};
     double sum = 0.0, square = 0.0, slope_square = 0.0, slope_sum = 0.0;
     for (double place : places) {
-      const double h = change(place * within_m), slope = (change(place * within_m + near_m) - h) / near_m;
+      const ReadingView<double> at = moved_by(view_, place * within_m);
+      const double h = change(place * within_m);
+      double slope = 0.0;
+      for (const ActiveEffect& active : *model_) slope += bend_of(active, at);
       sum += h;
       square += h * h;
       slope_sum += slope;

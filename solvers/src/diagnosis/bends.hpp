@@ -17,8 +17,9 @@ enum class Swings {
 /// reading f(d) + h(d) go up and down: one reading, several distances d. A solve of stops keeps the swing on
 /// which it started. The sum over the cells seen from a place, at position error u [m] from where it is,
 ///   sum w (y - f(d(u)) - h(d(u)))^2 / (2 s^2) + bearings + prior     [nats]
-/// is looked up on a grid of u that is finer than a swing and wider than what the readings, A counted as an
-/// error of theirs, leave open, and from there downhill; the place is moved where that gains. Landmarks,
+/// is looked up on a grid of u that is finer than a swing and as wide as what the readings, A counted as an
+/// error of theirs, leave open, 2.5 swings to either side at most, and from there downhill; the place is moved
+/// where that gains. Landmarks,
 /// curve and headings stay. Places that are exact, or whose errors add up along a walk, stay. False: all did.
 bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& working, Swings swings,
                    JointState& state);

@@ -13,16 +13,12 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
 constexpr double certain = -200.0;  ///< ln p of what cannot happen under the seed model
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<long>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
 
 Question question(const char* channel, const char* covariate, const char* shape, double log_p) {
   Question q;
@@ -52,10 +48,10 @@ void correct_labels(Recording& recording, Bookkeeping& found) {
   }
   std::vector<Eigen::Vector2d> centre(landmarks, Eigen::Vector2d::Constant(1e9));
   for (int l = 0; l < landmarks; ++l)
-    if (xs[l].size() > 2) centre[l] = {median(xs[l]), median(ys[l])};
+    if (xs[l].size() > 2) centre[l] = {upper_median(xs[l]), upper_median(ys[l])};
   std::vector<double> scatter;
   for (std::size_t i = 0; i < r.size(); ++i) scatter.push_back((at[i] - centre[r.landmark[i]]).norm());
-  const double usual = std::max(0.05, median(scatter));
+  const double usual = std::max(0.05, upper_median(scatter));
 
   // Mean position of each cell.
   std::map<std::pair<int, int>, std::pair<Eigen::Vector2d, int>> cells;
@@ -142,13 +138,13 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   for (std::size_t i = 1; i < sorted.size(); ++i)
     if (sorted[i] - sorted[i - 1] < 1e-9 * (1.0 + std::abs(sorted[i]))) repeated += 1.0;
   evidence.repeated = repeated / static_cast<double>(sorted.size());
-  evidence.step = median(steps);
-  evidence.disparity_step = median(inverse_steps);
-  evidence.step_over_spread = ratios.empty() ? 0.0 : median(ratios);
+  evidence.step = upper_median(steps);
+  evidence.disparity_step = upper_median(inverse_steps);
+  evidence.step_over_spread = ratios.empty() ? 0.0 : upper_median(ratios);
   const auto scatter = [](const std::vector<double>& x, double centre) {
     std::vector<double> off;
     for (double v : x) off.push_back(std::abs(v / centre - 1.0));
-    return median(off);
+    return upper_median(off);
   };
   evidence.step_scatter = scatter(steps, evidence.step);
   evidence.disparity_scatter = scatter(inverse_steps, evidence.disparity_step);
@@ -302,7 +298,8 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   found.step_beyond_noise_m = step_beyond_noise(rows, found.model);
   if (found.step_beyond_noise_m > 0.0)
     found.notes.push_back(fmt::format(
-        "in a quarter of the cells or more all repeats are alike: no change of the ranges below a step of {:.3g} mm can be told",
+        "of the cells with repeats a quarter or more have them all alike: no change of the ranges below a step of {:.3g} mm "
+        "can be told",
         1e3 * found.step_beyond_noise_m));
   const Gaps gaps = gaps_of(rows);
   // Where most are missing, stops do not look in turns, and the fullest cell is no measure.

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <string_view>
+#include <utility>
 
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
@@ -20,6 +21,7 @@
 #include "diagnosis/simulation_compare.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
@@ -40,14 +42,17 @@ const char* to_string(Verdict verdict) {
 namespace diagnosis {
 namespace {
 
-/// What a calibration says of alpha: with its sampling error where it states one, else exactly.
+/// What a calibration says of alpha: with its sampling error where it states one, else exactly. Throws InputError
+/// where the error it states is none.
 AlphaPrior alpha_prior_of(const Calibration& calibration) {
   AlphaPrior prior{calibration.alpha, {}};
-  if (!calibration.alpha_covariance) return prior;
-  const Eigen::LLT<Eigen::MatrixXd> factor(*calibration.alpha_covariance);
-  if (factor.info() == Eigen::Success)
-    prior.precision =
-        factor.solve(Eigen::MatrixXd::Identity(calibration.alpha.size(), calibration.alpha.size()));
+  if (!calibration.alpha_covariance || calibration.alpha_covariance->isZero(0.0)) return prior;
+  std::optional<Eigen::MatrixXd> precision = scaled_inverse(*calibration.alpha_covariance);
+  if (!precision)
+    throw InputError(
+        "the simulation's calibration: covariance is not positive definite (rounded to too few digits?); leave it out to hold "
+        "alpha exactly");
+  prior.precision = std::move(*precision);
   return prior;
 }
 

@@ -63,14 +63,26 @@ std::pair<double, double> least_within(const Repeats& repeats, int power) {
   return {std::exp(found.first), found.second};
 }
 
+/// The largest step where repeats are alike in a quarter of these cells or more, else 0.
+double step_beyond_noise_of(const Repeats& repeats) {
+  std::size_t alike = 0;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < repeats.f.size(); ++i) {
+    const double step = repeats.step_m[i];
+    largest = std::max(largest, step);
+    if (repeats.mean_square[i] < 1e-6 * step * step) ++alike;
+  }
+  return 4 * alike >= repeats.f.size() ? largest : 0.0;
+}
+
 }  // namespace
 
 std::optional<Noise> noise_within_cells(const Rows& rows, const Model& grids) {
   double total = 0.0;
   for (double count : rows.problem.cells.count) total += count - 1.0;
-  if (total < 50.0 || rows.pairs) return std::nullopt;
+  if (total < 50.0) return std::nullopt;
   const Repeats repeats = repeats_of(rows, grids);
-  const bool alike = step_beyond_noise(rows, grids) > 0.0;  // the few steps tell a level, but no law
+  const bool alike = step_beyond_noise_of(repeats) > 0.0;  // the few steps tell a level, but no law
   std::optional<Noise> best;
   double best_nll = std::numeric_limits<double>::infinity();
   constexpr std::pair<int, NoiseLaw> laws[] = {
@@ -85,16 +97,7 @@ std::optional<Noise> noise_within_cells(const Rows& rows, const Model& grids) {
 }
 
 double step_beyond_noise(const Rows& rows, const Model& grids) {
-  if (!has_grid(grids)) return 0.0;
-  const Repeats repeats = repeats_of(rows, grids);
-  std::size_t alike = 0;
-  double largest = 0.0;
-  for (std::size_t i = 0; i < repeats.f.size(); ++i) {
-    const double step = repeats.step_m[i];
-    largest = std::max(largest, step);
-    if (repeats.mean_square[i] < 1e-6 * step * step) ++alike;
-  }
-  return 4 * alike > repeats.f.size() ? largest : 0.0;
+  return has_grid(grids) ? step_beyond_noise_of(repeats_of(rows, grids)) : 0.0;
 }
 
 }  // namespace rangecal::diagnosis

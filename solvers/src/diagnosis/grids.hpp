@@ -12,7 +12,8 @@ namespace rangecal::diagnosis {
 /// too few repeats. The mean reading stands for f.
 std::optional<Noise> noise_within_cells(const Rows& rows, const Model& grids);
 
-/// The largest step of range [m] where a quarter of the cells or more have repeats that are all alike, else 0.
+/// The largest step of range [m] where, of the cells with repeats, a quarter or more have repeats that are all
+/// alike, else 0.
 /// There a cell's error is a saw of its distance, the rest an occasional step that looks like a tail: nothing
 /// smaller than a step can be told from them.
 double step_beyond_noise(const Rows& rows, const Model& grids);

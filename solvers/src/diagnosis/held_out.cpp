@@ -158,10 +158,13 @@ BlockKind block_kind(const Rows& rows, const Model& model) {
 
 void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
                               std::vector<Candidate>& candidates) {
-  constexpr double close = 8.0;  // nats: a real displacement beats a random walk by more
-  const auto spreads_stops = [](const Candidate& c) {
-    const Effect& effect = *c.fit.model.back().effect;
-    return effect.info().kind == EffectKind::dependence && effect.acts_on_stops();
+  // Nats: a real displacement beats a random walk by more; a curve with a period, few batches by less.
+  const double close = rows.pairs ? 20.0 : 8.0;
+  const auto spreads_stops = [&](const Candidate& c) {
+    const ActiveEffect& last = c.fit.model.back();
+    if (last.effect->info().kind != EffectKind::dependence) return false;
+    return rows.pairs ? last.effect->dependence(last.parameters.data()).range_cell_sigma_m > 0.0
+                      : last.effect->acts_on_stops();
   };
   // The best of either kind, in the order of evidence.
   const auto spread = std::find_if(candidates.begin(), candidates.end(), spreads_stops);
@@ -169,7 +172,7 @@ void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
   if (spread == candidates.end() || other == candidates.end() ||
       std::abs(spread->evidence - other->evidence) > close)
     return;
-  const std::vector<int> blocks = blocks_of(rows, BlockKind::stops);
+  const std::vector<int> blocks = blocks_of(rows, rows.pairs ? BlockKind::batches : BlockKind::stops);
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
   // Choices stay as they are: the evidence has paid their price.
   const HeldOut of_spread = predict(rows, blocks, folds, spread->fit, options, nullptr);

@@ -9,10 +9,10 @@
 #include <cstdint>
 #include <numbers>
 
+#include "rangecal/core/distributions.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
-
-double normal_below(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
 /// The vector of length r that makes x likeliest: the least of (x - r u)^T C^-1 (x - r u) over unit vectors
 /// u.

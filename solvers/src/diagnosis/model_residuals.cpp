@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "diagnosis/calibrated.hpp"
 #include "diagnosis/residual_bins.hpp"
@@ -12,19 +11,6 @@ namespace rangecal {
 namespace {
 
 using namespace diagnosis;
-
-/// Where row i of Rows stands in its recording: rows are ordered by stop and landmark, pairs as in the file.
-std::vector<std::size_t> order_of(const Recording& recording) {
-  const bool pairs = recording.kind == RecordingKind::pairs;
-  std::vector<std::size_t> order(pairs ? recording.pairs.size() : recording.readings.size());
-  std::iota(order.begin(), order.end(), 0u);
-  const Readings& r = recording.readings;
-  if (!pairs)
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
-    });
-  return order;
-}
 
 double entry(const std::vector<double>& values, std::size_t i) { return values.empty() ? 0.0 : values[i]; }
 
@@ -40,7 +26,7 @@ ModelResiduals model_residuals(std::span<const Recording> recordings, const Cali
   for (std::size_t r = 0, row = 0; r < recordings.size(); ++r) {
     const Recording& recording = recordings[r];
     const AddedChange none, &smooth = r < added.size() ? added[r] : none;
-    for (const std::size_t i : order_of(recording)) {
+    for (const std::size_t i : row_order(recording)) {
       const int cell = fit.rows.cell[row];
       const Eigen::Index at = static_cast<Eigen::Index>(row);
       ReadingResidual x;

@@ -66,7 +66,7 @@ std::vector<Space::Direction> span_of(const Space& space, const ExtendedDesign& 
     const auto& parameters = b.model[e].effect->info().parameters;
     for (std::size_t j = 0; j < parameters.size(); ++j) {
       if (parameters[j].discrete) continue;
-      const double step = 1e-3 * std::max(parameters[j].typical, 1e-9);
+      const double step = difference_step(parameters[j], b.model[e].parameters[static_cast<Eigen::Index>(j)]);
       Model up = b.model, down = b.model;
       up[e].parameters[static_cast<Eigen::Index>(j)] += step;
       down[e].parameters[static_cast<Eigen::Index>(j)] -= step;

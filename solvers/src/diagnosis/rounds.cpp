@@ -12,8 +12,8 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double reach = 3.0;      ///< standard deviations of d within which a side is uncertain
-constexpr double beyond_m = 1e-6;  ///< how far over L a cell is put
+constexpr double side_reach = 3.0;  ///< standard deviations of d within which a side is uncertain
+constexpr double beyond_m = 1e-6;   ///< how far over L a cell is put
 
 /// Cells in which one landmark is seen from one place: they have one distance, and lie on one side.
 using LineOfSight = std::vector<int>;
@@ -103,7 +103,7 @@ void Sides::settle(const Rows& rows, const Model& model, JointState& state, bool
       const bool near = off < 0.0;
       const double over = limit + (near ? beyond_m : -beyond_m);
       bool crossed = false;
-      if (!as_they_are && off * off < reach * reach * v) {
+      if (!as_they_are && off * off < side_reach * side_reach * v) {
         double gain = -off * off / v;
         for (int c : line) {
           const double weight = cells.range_weight[c] / (geometry.spread[c] * geometry.spread[c]);
@@ -169,7 +169,7 @@ std::vector<std::pair<Model, JointState>> Sides::others(const Rows& rows, const 
       const double moved_limit = d < limit ? last_near + beyond_m : first_far - beyond_m;
       const double jump = change_at(rows, geometry, active, cell, limit - beyond_m) -
                           change_at(rows, geometry, active, cell, limit + beyond_m);
-      if (!(v > 0.0) || std::abs(d - moved_limit) > std::abs(jump) + reach * std::sqrt(v)) continue;
+      if (!(v > 0.0) || std::abs(d - moved_limit) > std::abs(jump) + side_reach * std::sqrt(v)) continue;
       Model moved_model = model;
       moved_model[e].parameters[parameter] = moved_limit;
       JointState moved = state;

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <set>
+#include <tuple>
 
 #include "joint_ml/blocks.hpp"
 #include "rangecal/core/angles.hpp"
@@ -25,16 +27,32 @@ void add_covariates(const Covariates& columns, std::size_t row, Rows& rows) {
   }
 }
 
+/// Cell of every pair, numbered as the file opens them; a reading in no batch of a file that has some stands alone.
+std::vector<int> cells_of_pairs(const Pairs& p) {
+  std::map<std::tuple<int, double, int, double>, int> known;
+  std::vector<int> cell(p.size());
+  int count = 0;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    const int batch = p.batch.empty() ? 0 : p.batch[i];
+    if (batch < 0) {
+      cell[i] = count++;
+      continue;
+    }
+    const auto [found, opens] = known.try_emplace({batch, p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
+                                                   p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]},
+                                                  count);
+    count += opens;
+    cell[i] = found->second;
+  }
+  return cell;
+}
+
 void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time,
                           Rows& rows) {
   const Readings& r = recording.readings;
-  std::vector<int> order(r.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
-  });
+  const std::vector<std::size_t> order = row_order(recording);
   for (std::size_t j = 0; j < order.size(); ++j) {
-    const int i = order[j];
+    const std::size_t i = order[j];
     const bool opens =
         j == 0 || r.stop[i] != r.stop[order[j - 1]] || r.landmark[i] != r.landmark[order[j - 1]];
     if (opens) {
@@ -55,16 +73,45 @@ void append_landmark_rows(const Recording& recording, int first_stop, int first_
   }
 }
 
-void append_pair_rows(const Recording& recording, int first_landmark, double first_time, Rows& rows) {
-  const Pairs& p = recording.pairs;
+/// One cell of pairs, its readings the rows from `begin` on.
+void append_cell_of_pairs(double true_m, int begin, Rows& rows) {
   JointProblem& problem = rows.problem;
   Cells& c = problem.cells;
-  for (std::size_t i = 0; i < p.size(); ++i) {
-    rows.cell_begin.push_back(static_cast<int>(rows.size()));
-    rows.cell.push_back(rows.cell_count++);
-    rows.stop.push_back(problem.stop_count());
+  const auto count = static_cast<Eigen::Index>(rows.size()) - begin;
+  const Eigen::Map<const Eigen::ArrayXd> readings(rows.range_m.data() + begin, count);
+  const double mean = readings.mean();
+  StopPrior prior;
+  prior.commanded = {-true_m, 0.0, 0.0};
+  prior.place = problem.place_count++;
+  c.stop.push_back(problem.stop_count());
+  problem.stops.push_back(prior);
+  problem.sigma_s_shared.push_back(0);
+  c.landmark.push_back(0);
+  for (auto* column : {&c.count, &c.range_weight, &c.bearing_weight})
+    column->push_back(static_cast<double>(count));
+  c.range_mean.push_back(mean);
+  c.range_mean_square.push_back((readings - mean).square().mean());
+  c.bearing_mean.push_back(0.0);
+  // With sigma_theta = 1 rad its slope is zero: the channel is silent.
+  c.bearing_mean_square.push_back(1.0);
+  c.radius_m.push_back(0.0);
+  problem.readings += static_cast<double>(count);
+}
+
+void append_pair_rows(const Recording& recording, int first_landmark, double first_time, Rows& rows) {
+  const Pairs& p = recording.pairs;
+  const std::vector<int> cell = cells_of_pairs(p);
+  const std::vector<std::size_t> order = row_order(recording);
+  for (std::size_t j = 0; j < order.size(); ++j) {
+    const std::size_t i = order[j];
+    if (j == 0 || cell[i] != cell[order[j - 1]]) {
+      rows.cell_begin.push_back(static_cast<int>(rows.size()));
+      ++rows.cell_count;
+    }
+    rows.cell.push_back(rows.cell_count - 1);
+    rows.stop.push_back(rows.cell_count - 1);
     rows.landmark.push_back(p.landmark.empty() ? 0 : first_landmark + p.landmark[i]);
-    rows.repeat.push_back(0);
+    rows.repeat.push_back(static_cast<int>(rows.size()) - rows.cell_begin.back());
     rows.file_row.push_back(p.row.empty() ? 0 : p.row[i]);
     rows.range_m.push_back(p.reading_m[i]);
     rows.bearing_rad.push_back(p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]);
@@ -72,24 +119,8 @@ void append_pair_rows(const Recording& recording, int first_landmark, double fir
     rows.radius_m.push_back(0.0);
     rows.heading_rad.push_back(0.0);
     add_covariates(p.covariates, i, rows);
-
-    StopPrior prior;
-    prior.commanded = {-p.true_m[i], 0.0, 0.0};
-    prior.place = problem.place_count++;
-    c.stop.push_back(problem.stop_count());
-    problem.stops.push_back(prior);
-    problem.sigma_s_shared.push_back(0);
-    c.landmark.push_back(0);
-    c.count.push_back(1.0);
-    c.range_weight.push_back(1.0);
-    c.bearing_weight.push_back(1.0);
-    c.range_mean.push_back(p.reading_m[i]);
-    c.range_mean_square.push_back(0.0);
-    c.bearing_mean.push_back(0.0);
-    c.bearing_mean_square.push_back(
-        1.0);  // with sigma_theta = 1 rad its slope is zero: the channel is silent
-    c.radius_m.push_back(0.0);
-    problem.readings += 1.0;
+    if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
+      append_cell_of_pairs(p.true_m[i], rows.cell_begin.back(), rows);
   }
 }
 
@@ -151,6 +182,23 @@ double first_time_of(const Recording& recording) {
 
 }  // namespace
 
+std::vector<std::size_t> row_order(const Recording& recording) {
+  const bool pairs = recording.kind == RecordingKind::pairs;
+  std::vector<std::size_t> order(pairs ? recording.pairs.size() : recording.readings.size());
+  std::iota(order.begin(), order.end(), 0u);
+  if (pairs) {
+    const std::vector<int> cell = cells_of_pairs(recording.pairs);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return cell[a] < cell[b]; });
+    return order;
+  }
+  const Readings& r = recording.readings;
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
+  });
+  return order;
+}
+
 Rows make_rows(std::span<const Recording> recordings) {
   if (recordings.empty()) throw InputError("no recording given");
   Rows rows;
@@ -200,7 +248,8 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
     const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
     g.d[i] = sight.d;
     g.axis_distance[i] = sight.axis_distance;
-    g.bearing[i] = rows.pairs ? rows.bearing_rad[i] : wrap_angle(sight.bearing);
+    g.bearing[i] = rows.pairs ? rows.bearing_rad[static_cast<std::size_t>(rows.cell_begin[i])]
+                              : wrap_angle(sight.bearing);
     g.n[i] = sight.n;
     g.t[i] = sight.t;
     double f = 0.0, slope = 0.0, curvature = 0.0;
@@ -239,6 +288,11 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
       rows.context.covariates.empty() ? nullptr : &rows.covariates[i * rows.context.covariates.size()];
   view.context = &rows.context;
   return view;
+}
+
+double distance_step(double d) {
+  constexpr double relative = 1e-6, least_m = 0.01;
+  return relative * std::max(std::abs(d), least_m);
 }
 
 ReadingView<double> moved_by(ReadingView<double> view, double h) {

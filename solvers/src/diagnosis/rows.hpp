@@ -21,9 +21,10 @@ struct AlphaPrior {
 
 /// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
 ///
-/// Pairs are laid out as the joint problem too: every reading has an exact stop of its own on a line through
-/// one held landmark, so that d is the known distance; the bearing channel is switched off by a constant
-/// residual.
+/// Pairs are laid out as the joint problem too. Their cells are the readings of one batch at one distance, landmark and
+/// bearing (without batches: of one distance ...), which may share an error as repeats from one stop do. Every cell has an
+/// exact stop of its own on a line through one held landmark, so that d is the known distance; the bearing channel is
+/// switched off by a constant residual.
 struct Rows {
   std::vector<int> cell, stop, landmark, repeat, file_row;
   std::vector<double> range_m, bearing_rad, time_s, radius_m, heading_rad;
@@ -43,6 +44,10 @@ struct Rows {
 
 Rows make_rows(std::span<const Recording> recordings);
 
+/// Where each row stands in its recording: readings ordered by stop and landmark, pairs by cell in the order in which the
+/// file opens them.
+std::vector<std::size_t> row_order(const Recording& recording);
+
 /// Geometry and model of every cell under a state.
 struct CellGeometry {
   std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;
@@ -54,6 +59,11 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state);
 
 /// The view of row i that effects get.
 ReadingView<double> view_of(const Rows& rows, const CellGeometry& geometry, std::size_t i);
+
+/// Half the width [m] of a central difference in distance: a millionth of d. The phase k / d of pixel locking
+/// turns by k / d^2 per metre, its period is 2 pi d^2 / k: 0.1 mm at 0.2 m for k = 2000 m, of which this is a
+/// six-hundredth. Rounding, 1e-16 of a change over this step, is 1e-10 of it per metre.
+double distance_step(double d);
 
 /// The same view from h [m] farther away.
 ReadingView<double> moved_by(ReadingView<double> view, double h);

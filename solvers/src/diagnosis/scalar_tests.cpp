@@ -7,6 +7,8 @@
 #include <numbers>
 #include <utility>
 
+#include "statistics/kurtosis_law.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -35,17 +37,6 @@ double skewness_z(double skewness, double n) {
   const double w_sq = -1.0 + std::sqrt(2.0 * (beta - 1.0));
   const double delta = 1.0 / std::sqrt(0.5 * std::log(w_sq)), alpha = std::sqrt(2.0 / (w_sq - 1.0));
   return delta * std::asinh(y / alpha);
-}
-
-double kurtosis_z(double kurtosis, double n) {
-  const double mean = 3.0 * (n - 1.0) / (n + 1.0);
-  const double variance = 24.0 * n * (n - 2.0) * (n - 3.0) / ((n + 1.0) * (n + 1.0) * (n + 3.0) * (n + 5.0));
-  const double x = (kurtosis - mean) / std::sqrt(variance);
-  const double moment = 6.0 * (n * n - 5.0 * n + 2.0) / ((n + 7.0) * (n + 9.0)) *
-                        std::sqrt(6.0 * (n + 3.0) * (n + 5.0) / (n * (n - 2.0) * (n - 3.0)));
-  const double a = 6.0 + 8.0 / moment * (2.0 / moment + std::sqrt(1.0 + 4.0 / (moment * moment)));
-  const double cube = (1.0 - 2.0 / a) / (1.0 + x * std::sqrt(2.0 / (a - 4.0)));
-  return (1.0 - 2.0 / (9.0 * a) - std::cbrt(cube)) / std::sqrt(2.0 / (9.0 * a));
 }
 
 ScalarTests::ScalarTests(const Rows& rows, const Projector& projector, const JointProblem& problem,
@@ -90,7 +81,8 @@ void ScalarTests::ask_rows(const std::string& channel, const Eigen::VectorXd& ro
   const double second = std::max(values.second / values.n, 1e-300);
   const double kurtosis = values.fourth / values.n / (second * second);
   const double skewness = values.third / values.n / std::pow(second, 1.5);
-  tests.push_back({channel + "_tail", "any", "heavy tails", kurtosis_z(kurtosis, values.n), kurtosis - 3.0});
+  tests.push_back(
+      {channel + "_tail", "any", "heavy tails", kurtosis_score(kurtosis, values.n), kurtosis - 3.0});
   tests.push_back({channel + "_tail", "range", "skew", skewness_z(skewness, values.n), skewness});
 }
 

@@ -32,12 +32,10 @@ struct ScalarTest {
 
 /// Sample skewness m3 / m2^1.5 of n values turned normal (D'Agostino 1970).
 double skewness_z(double skewness, double n);
-/// Sample kurtosis m4 / m2^2 of n values turned normal (Anscombe and Glynn 1983).
-double kurtosis_z(double kurtosis, double n);
 
 /// The tests of dependence and tails that are no score of a shape:
 ///   lag 1        sum z_i z_{i-1} within the cells, whose expectation is -(R - 1) / R
-///   heavy tails  sample kurtosis
+///   heavy tails  sample kurtosis, by its own law (statistics/kurtosis_law.hpp); light tails are negative
 ///   skew         sample skewness
 ///   spread       squared errors of the stops against their prior, by the cube root
 ///   lag 1        products of the errors of successive stops

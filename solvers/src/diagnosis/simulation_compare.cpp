@@ -145,46 +145,69 @@ std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& kno
   return best;
 }
 
-void compare_noise(const Calibration& simulation, const Calibration& own, Diagnosis& result) {
-  const auto compare = [&](const char* channel, const char* parameter, const Estimate& a, const Estimate& b) {
-    if (!a.std_dev || !(a.value > 0.0) || !(b.value > 0.0)) return;
-    const double change = std::log(a.value / b.value);
-    const double sigma = std::hypot(*a.std_dev / a.value, b.std_dev.value_or(0.0) / b.value);
-    const double z = std::abs(change) / std::max(sigma, 1e-9);
-    if (z < 3.5) return;
-    Finding f;
-    f.channel = channel;
-    f.covariate = "constant";
-    f.shape = "level";
-    f.size = 2.0 * change;
-    f.p_value = std::min(1.0, 2.0 * std::erfc(z / std::numbers::sqrt2));
-    f.share = 0.0;
-    result.location.push_back(f);
-    result.notes.push_back(
-        fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}", parameter,
-                    a.value / b.value, a.value, b.value));
-    if (result.verdict != Verdict::no_mismatch) return;
-    result.verdict = Verdict::unexplained;
-    result.final_effects = {"generic"};
-    Explanation level;
-    level.effects = {"generic"};
-    level.probability = 1.0;
-    level.nll = result.after.nll;
-    level.p_value = f.p_value;
-    level.physics =
-        "The noise of the recordings has another level than the simulation's; set the simulator's spread to "
-        "it.";
-    result.explanations.push_back(level);
-  };
+namespace {
+
+/// One channel's noise in the recordings and in the simulation.
+struct NoiseLevels {
+  const char *channel, *parameter;
+  Estimate own, held;
+
+  bool known() const { return own.std_dev && own.value > 0.0 && held.value > 0.0; }
+  double log_ratio() const { return std::log(own.value / held.value); }
+  double z() const {
+    const double sigma = std::hypot(*own.std_dev / own.value, held.std_dev.value_or(0.0) / held.value);
+    return std::abs(log_ratio()) / std::max(sigma, 1e-9);
+  }
+};
+
+std::vector<NoiseLevels> noise_levels(const Calibration& simulation, const Calibration& own) {
+  std::vector<NoiseLevels> levels;
   if (own.noise.law == simulation.noise.law && own.noise_estimates.size() == 1 &&
       simulation.noise.parameters.size() == 1) {
     const Estimate held = simulation.noise_estimates.size() == 1
                               ? simulation.noise_estimates[0]
                               : Estimate{simulation.noise.parameters[0], std::nullopt};
-    compare("range_noise", "sigma_e", own.noise_estimates[0], held);
+    levels.push_back({"range_noise", "sigma_e", own.noise_estimates[0], held});
   }
   if (own.sigma_theta_rad && simulation.sigma_theta_rad)
-    compare("bearing_noise", "sigma_theta", *own.sigma_theta_rad, *simulation.sigma_theta_rad);
+    levels.push_back({"bearing_noise", "sigma_theta", *own.sigma_theta_rad, *simulation.sigma_theta_rad});
+  std::erase_if(levels, [](const NoiseLevels& level) { return !level.known(); });
+  return levels;
+}
+
+}  // namespace
+
+void compare_noise(const Calibration& simulation, const Calibration& own, Diagnosis& result) {
+  constexpr double least_z = 3.5;
+  const std::vector<NoiseLevels> levels = noise_levels(simulation, own);
+  for (const NoiseLevels& level : levels) {
+    if (level.z() < least_z) continue;
+    Finding f;
+    f.channel = level.channel;
+    f.covariate = "constant";
+    f.shape = "level";
+    f.size = 2.0 * level.log_ratio();
+    // Two-sided, times the number of levels compared.
+    f.p_value =
+        std::min(1.0, static_cast<double>(levels.size()) * std::erfc(level.z() / std::numbers::sqrt2));
+    f.share = 0.0;
+    result.location.push_back(f);
+    result.notes.push_back(
+        fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}",
+                    level.parameter, level.own.value / level.held.value, level.own.value, level.held.value));
+    if (result.verdict != Verdict::no_mismatch) continue;
+    result.verdict = Verdict::unexplained;
+    result.final_effects = {"generic"};
+    Explanation explanation;
+    explanation.effects = {"generic"};
+    explanation.probability = 1.0;
+    explanation.nll = result.after.nll;
+    explanation.p_value = f.p_value;
+    explanation.physics =
+        "The noise of the recordings has another level than the simulation's; set the simulator's spread to "
+        "it.";
+    result.explanations.push_back(explanation);
+  }
 }
 
 namespace {

@@ -19,13 +19,14 @@ std::optional<Recording> paired(const Recording& recording, const Recording& sim
                                 int first_stop, int first_landmark);
 
 /// Where a seed model of the recordings' own leaves nothing, the simulation differs in the curve alone: those
-/// of range_offset, range_scale and laser_pointing that say it best, at the price of two nats each. Empty
+/// of range_offset, range_scale and laser_pointing that say it best, at the price of 6.5 nats each. Empty
 /// otherwise.
 std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& known, const SearchResult& found,
                                         const DiagnoseOptions& options);
 
 /// Adds a finding where the recordings' noise level differs from the simulation's by more than 3.5 standard
-/// deviations of both; a diagnosis without other findings becomes unexplained by it.
+/// deviations of both; a diagnosis without other findings becomes unexplained by it. Its p-value is that of
+/// the normal, two-sided, times the number of levels (range, bearing) that both have: Bonferroni.
 void compare_noise(const Calibration& simulation, const Calibration& own, Diagnosis& result);
 
 }  // namespace rangecal::diagnosis

@@ -2,10 +2,13 @@
 // Simulates recordings again from the model that a diagnosis stands by:
 //   y = f(d) + delta r + s exp(v / 2) e + u,   bearing = theta + delta theta + sigma_theta exp(w / 2) e' + u'
 // delta, v, w the effects' changes, e normal or Student-t, AR(1) over the repeats of a cell, u shared within
-// a cell.
+// a cell; both rounded to the effects' grids at last.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "diagnosis/calibrated.hpp"
+#include "diagnosis/simulation_draw.hpp"
 #include "diagnosis/working.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
@@ -40,23 +43,22 @@ std::vector<Recording> layout_of(const SimulationModel& model) {
 struct Errors {
   Dependence dependence;
   bool reciprocal = false;
-  double disparity_step = 0.0, output_step = 0.0, bearing_step = 0.0;
 };
 
 Errors errors_of(const Model& model) {
   Errors errors;
   errors.dependence = dependence_of(model);
-  for (const ActiveEffect& active : model) {
-    const double* p = active.parameters.data();
-    const std::string& id = active.effect->info().id;
-    if (id == "quantisation") errors.disparity_step = p[0], errors.output_step = p[1];
-    if (id == "bearing_quantisation") errors.bearing_step = p[0];
+  for (const ActiveEffect& active : model)
     errors.reciprocal = errors.reciprocal || active.effect->noise_before_reciprocal();
-  }
   return errors;
 }
 
-double to_grid(double value, double step) { return step > 0.0 ? step * std::round(value / step) : value; }
+/// A reading on all of the model's grids.
+GridReading on_grids(const Model& model, GridReading reading) {
+  for (const ActiveEffect& active : model)
+    reading = active.effect->rounded(reading, active.parameters.data());
+  return reading;
+}
 
 RowChanges changes_of(const SimulationModel& model, const Rows& rows, const CellGeometry& geometry,
                       const Model& effects) {
@@ -84,8 +86,19 @@ RowChanges changes_of(const SimulationModel& model, const Rows& rows, const Cell
   return changes;
 }
 
-/// Leaves out the readings whose range is not positive.
-void keep_positive(Recording& recording) {
+/// The ranges that readings of the cells in sight will have: effects may refer to them, and the layout has placeholders.
+void set_ranges(const CellGeometry& geometry, const VisibleRange& visible, EffectContext& context) {
+  double nearest = std::numeric_limits<double>::infinity(), farthest = 0.0;
+  for (std::size_t c = 0; c < geometry.d.size(); ++c) {
+    if (!(geometry.f[c] > 0.0) || geometry.d[c] < visible.min_m || geometry.d[c] > visible.max_m) continue;
+    nearest = std::min(nearest, geometry.f[c]);
+    farthest = std::max(farthest, geometry.f[c]);
+  }
+  if (farthest > 0.0) context.range_min_m = nearest, context.range_max_m = farthest;
+}
+
+/// Leaves out the readings whose range is not positive or not finite.
+void keep_real(Recording& recording) {
   Readings& r = recording.readings;
   Pairs& p = recording.pairs;
   const bool pairs = recording.kind == RecordingKind::pairs;
@@ -94,7 +107,7 @@ void keep_positive(Recording& recording) {
     if (column.size() != read.size()) return;
     std::size_t kept = 0;
     for (std::size_t i = 0; i < read.size(); ++i)
-      if (read[i] > 0.0) column[kept++] = column[i];
+      if (std::isfinite(read[i]) && read[i] > 0.0) column[kept++] = column[i];
     column.resize(kept);
   };
   keep(r.stop), keep(r.landmark), keep(r.repeat), keep(r.time_s), keep(r.bearing_rad), keep(r.row);
@@ -107,7 +120,8 @@ void keep_positive(Recording& recording) {
 
 }  // namespace
 
-std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed) {
+std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model, std::uint64_t seed,
+                                                   const VisibleRange& visible) {
   if (model.recordings.empty())
     throw InputError("simulate: the diagnosis holds no recording to simulate again");
   const Calibration& c = model.calibration;
@@ -119,6 +133,7 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
   if (!rows.pairs) state.stops = draw_stops(rows.problem, state, seed_from("simulated stops", {seed}));
 
   const CellGeometry geometry = cell_geometry(rows, state);
+  set_ranges(geometry, visible, rows.context);
   const RowChanges changes = changes_of(model, rows, geometry, effects);
   const Errors errors = errors_of(effects);
   std::vector<double> range(rows.size()), bearing(rows.size());  // by running number
@@ -140,16 +155,13 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
       if (tail.share > 0.0 && random.uniform() < tail.share) e += random.normal(0.0, tail.extra_sigma_m);
       double y = errors.reciprocal ? 1.0 / (1.0 / f + e / (f * f)) : f + e;
       y += changes.range[i];
-      if (errors.disparity_step > 0.0 && y > 0.0) y = 1.0 / to_grid(1.0 / y, errors.disparity_step);
+      const double direction =
+          geometry.bearing[cell] + changes.bearing[i] + bearing_shared +
+          state.sigma_theta_rad * std::exp(0.5 * changes.bearing_log_variance[i]) * bearing_error;
+      const GridReading read = on_grids(effects, {.range_m = y, .bearing_rad = direction});
       const std::size_t at = static_cast<std::size_t>(rows.file_row[i]);
-      range[at] = to_grid(y, errors.output_step);
-      bearing[at] =
-          rows.pairs
-              ? 0.0
-              : wrap_angle(to_grid(geometry.bearing[cell] + changes.bearing[i] + bearing_shared +
-                                       state.sigma_theta_rad *
-                                           std::exp(0.5 * changes.bearing_log_variance[i]) * bearing_error,
-                                   errors.bearing_step));
+      range[at] = read.range_m;
+      bearing[at] = rows.pairs ? 0.0 : wrap_angle(read.bearing_rad);
     }
   }
 
@@ -176,8 +188,13 @@ std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed
         recording.truth.landmarks.push_back(state.landmarks[landmark++]);
     }
     at += count;
-    keep_positive(recording);
   }
+  return simulated;
+}
+
+std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed) {
+  std::vector<Recording> simulated = drawn_recordings(model, seed);
+  for (Recording& recording : simulated) keep_real(recording);
   return simulated;
 }
 

@@ -143,13 +143,14 @@ std::vector<int> blocks_of(const Rows& rows, BlockKind kind) {
           -rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].commanded.x_m;
       block[c] = batch.emplace(d, static_cast<int>(batch.size())).first->second;
     }
-    if (batch.size() < 5 || batch.size() > block.size() / 3) {
+    if (batch.size() < 5 || batch.size() > rows.size() / 3) {
       constexpr std::size_t parts = 25;
       std::vector<int> order(block.size());
       std::iota(order.begin(), order.end(), 0);
       if (rows.context.duration_s > 0.0)
-        std::stable_sort(order.begin(), order.end(),
-                         [&](int a, int b) { return rows.time_s[a] < rows.time_s[b]; });
+        std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+          return rows.time_s[rows.cell_begin[a]] < rows.time_s[rows.cell_begin[b]];
+        });
       for (std::size_t rank = 0; rank < order.size(); ++rank)
         block[static_cast<std::size_t>(order[rank])] = static_cast<int>(rank * parts / order.size());
     }

@@ -16,8 +16,6 @@ constexpr double twin_cosine = 0.999;
 constexpr double named_share = 0.2;
 constexpr double little = 0.05;  ///< of the information: what goes on within the stops
 
-double normal_cdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
-
 double two_sided_limit(double rate, double questions) {
   const double each = -std::expm1(std::log1p(-rate) / std::max(1.0, questions));
   return -normal_quantile(0.5 * each);
@@ -88,7 +86,7 @@ double detection_threshold(double rate, double questions) {
 
 double detection_power(double noncentrality, double rate, double questions) {
   const double limit = two_sided_limit(rate, questions), shift = std::sqrt(std::max(0.0, noncentrality));
-  return normal_cdf(shift - limit) + normal_cdf(-shift - limit);
+  return normal_below(shift - limit) + normal_below(-shift - limit);
 }
 
 std::vector<std::vector<std::string>> find_twins(const Space& space,

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "rangecal/core/angles.hpp"
+#include "rangecal/problems/noise_shape.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -12,30 +13,16 @@ namespace {
 /// Weights of a contaminated normal at residual z, and what its NLL differs by from the weighted one: a share
 /// has variance 1 + extra^2 in units of the spread.
 double contaminated_weights(double share, double extra, double z, double& multiplier) {
-  const double variance = 1.0 + extra * extra;
-  const double body = (1.0 - share) * std::exp(-0.5 * z * z);
-  const double outlier = share * std::exp(-0.5 * z * z / variance) / std::sqrt(variance);
-  const double part = outlier / (body + outlier), weight = (1.0 - part) + part / variance;
-  multiplier *= 1.0 / weight;
-  return -std::log(body + outlier) - 0.5 * weight * z * z + 0.5 * std::log(weight);
+  const ContaminatedDensity at = contaminated_density(share, std::hypot(1.0, extra), z);
+  multiplier *= 1.0 / at.weight;
+  return -at.log_density - 0.5 * at.weight * z * z + 0.5 * std::log(at.weight);
 }
 
-/// Slope in d of what the model's effects add to the range of a cell, read at its first row; 0 across a jump.
-double bend_of(const Rows& rows, const CellGeometry& geometry, const Model& model, int cell) {
-  constexpr double step = 1e-4;  // metres: far below any period, far above rounding
-  const double d = geometry.d[cell];
+/// Slope in d of what the model's effects add to the range of a cell, read at its first row.
+double bend_of_cell(const Rows& rows, const CellGeometry& geometry, const Model& model, int cell) {
+  const ReadingView<double> here = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
   double bend = 0.0;
-  for (const ActiveEffect& active : model) {
-    const EffectKind kind = active.effect->info().kind;
-    if (kind != EffectKind::mean) continue;
-    const double jump = active.effect->switching_distance(active.parameters.data());
-    if (std::abs(jump - d) <= step) continue;
-    const ReadingView<double> here = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
-    const auto change_at = [&](double h) {
-      return active.effect->reading(moved_by(here, h), active.parameters.data()).range;
-    };
-    bend += (change_at(step) - change_at(-step)) / (2.0 * step);
-  }
+  for (const ActiveEffect& active : model) bend += bend_of(active, here);
   return bend;
 }
 
@@ -46,7 +33,7 @@ void bend_cells(const Rows& rows, const CellGeometry& geometry, const Model& mod
   std::vector<double> bend(static_cast<std::size_t>(rows.cell_count));
   double steepest = 0.0;
   for (int c = 0; c < rows.cell_count; ++c) {
-    bend[c] = bend_of(rows, geometry, model, c);
+    bend[c] = bend_of_cell(rows, geometry, model, c);
     steepest = std::max(steepest, std::abs(bend[c]));
   }
   if (!(steepest > slow)) return;
@@ -77,6 +64,17 @@ double shared_variance(double sigma, const std::vector<RoundingVariance>& grid, 
 }
 
 }  // namespace
+
+double bend_of(const ActiveEffect& active, const ReadingView<double>& at) {
+  if (active.effect->info().kind != EffectKind::mean) return 0.0;
+  const double step = distance_step(at.d), jump = active.effect->switching_distance(active.parameters.data());
+  const bool beside = std::abs(jump - at.d) <= 2.0 * step;
+  const double below = beside && jump <= at.d ? 0.0 : step, above = beside && jump > at.d ? 0.0 : step;
+  const auto change_at = [&](double h) {
+    return active.effect->reading(moved_by(at, h), active.parameters.data()).range;
+  };
+  return (change_at(above) - change_at(-below)) / (above + below);
+}
 
 Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
                                std::size_t row) {
@@ -145,7 +143,10 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     set_weight(range, cell, ratio, rows, c.range_weight[cell], c.range_mean_square[cell], working.constant);
   }
   working.range_deviation = std::move(range.deviations);
-  if (rows.pairs) return working;
+  if (rows.pairs) {
+    working.bearing_deviation.setZero(n);
+    return working;
+  }
   working.bearing_whitening = whitening_of(bearing_m, dependence.bearing_correlation);
   CellsAndRows bearing = split(rows, working.bearing, working.bearing_whitening);
   working.constant += working.bearing_whitening.log_jacobian(rows);
@@ -163,7 +164,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
 Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,
                            int index) {
   const EffectParameter& info = active.effect->info().parameters[index];
-  const double step = 1e-3 * std::max(std::abs(info.typical), 1e-9);
+  const double step = difference_step(info, active.parameters[index]);
   ActiveEffect up = active, down = active;
   up.parameters[index] += step;
   down.parameters[index] -= step;
@@ -240,7 +241,8 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
 
 void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,
                         Eigen::VectorXd& range, Eigen::VectorXd& bearing) {
-  const double step = 1e-3 * std::max(std::abs(active.effect->info().parameters[index].typical), 1e-9);
+  const double step = difference_step(active.effect->info().parameters[static_cast<std::size_t>(index)],
+                                      active.parameters[index]);
   Model up{active}, down{active};
   up[0].parameters[index] += step;
   down[0].parameters[index] -= step;

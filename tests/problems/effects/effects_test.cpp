@@ -27,15 +27,16 @@ Eigen::Index size_of(const Effect& effect) {
   return static_cast<Eigen::Index>(effect.info().parameters.size());
 }
 
-/// All that an effect changes, in one vector: the example reading at each stop, the stops, dependence and
-/// tail.
-Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p) {
+/// All that an effect changes, in one vector: the example reading at each stop, from `near_m` on every `step_m`, the
+/// stops, dependence and tail.
+Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p, double near_m = 0.8,
+                        double step_m = 0.6) {
   const EffectContext context = example_context();
   std::vector<double> all;
   for (int k = 0; k < context.stop_count; ++k) {
     ReadingView<double> at = example_reading(context);
     at.stop = k;
-    at.d = 0.8 + 0.6 * k;
+    at.d = near_m + step_m * k;
     at.axis_distance = at.d + at.radius;
     at.f = 1.02 * at.d;
     at.bearing = -2.5 + k;
@@ -204,6 +205,48 @@ TEST(Effects, ContinuousParametersActSmoothly) {
       EXPECT_LE((coarse - fine).norm(), 1e-5 * fine.norm() + 1e-9 / parameter.typical);
     }
   }
+}
+
+TEST(Effects, TheStepOfADerivativeIsShortAndNotTooShort) {
+  // From 0.15 to 0.65 m, where a wavenumber of 1/d turns the phase by thousands of radians: the slope by h against that by
+  // h / 10. Truncation at h is (h k / d)^2 / 6 = (1e-6 * 5000)^2 / 6 = 4e-6 of the slope at most, rounding at h / 10 some
+  // 1e-9 of what the effect changes per typical size. A step of a thousandth is off by more than the slope.
+  for (const auto& effect : effect_registry()) {
+    const auto& parameters = effect->info().parameters;
+    const Eigen::VectorXd typical = typical_point(*effect);
+    Eigen::VectorXd zero = typical;
+    for (Eigen::Index i = 0; i < zero.size(); ++i)
+      if (parameters[static_cast<std::size_t>(i)].linear) zero[i] = 0.0;
+    for (const Eigen::VectorXd& point : {typical, zero})
+      for (Eigen::Index i = 0; i < size_of(*effect); ++i) {
+        const EffectParameter& parameter = parameters[static_cast<std::size_t>(i)];
+        if (parameter.discrete) continue;
+        SCOPED_TRACE(effect->info().id + "." + parameter.name);
+        const auto slope = [&](double step) {
+          Eigen::VectorXd above = point, below = point;
+          above[i] += step;
+          below[i] -= step;
+          return Eigen::VectorXd((changes(*effect, above, 0.15, 0.1) - changes(*effect, below, 0.15, 0.1)) /
+                                 (2.0 * step));
+        };
+        const double h = difference_step(parameter, point[i]);
+        const Eigen::VectorXd coarse = slope(h), fine = slope(0.1 * h);
+        const double size = changes(*effect, point, 0.15, 0.1).norm();
+        ASSERT_TRUE(fine.allFinite());
+        EXPECT_LE((coarse - fine).norm(), 1e-5 * fine.norm() + 1e-8 * size / parameter.typical);
+      }
+  }
+}
+
+TEST(Effects, TheStepFollowsThePhysicsOfTheParameter) {
+  const EffectParameter length{.name = "offset_m", .typical = 0.005, .low = -1.0, .high = 1.0};
+  EXPECT_DOUBLE_EQ(difference_step(length, 0.0), 5e-9);
+  EXPECT_DOUBLE_EQ(difference_step(length, -0.3), 5e-9);
+  // A time constant of a millisecond beside a typical one of minutes: a step of the latter would turn its sign.
+  const EffectParameter time{.name = "time_s", .typical = 600.0, .low = 1e-3, .high = 1e6, .linear = false};
+  EXPECT_DOUBLE_EQ(difference_step(time, 1e-3), 1e-9);
+  EXPECT_DOUBLE_EQ(difference_step(time, 1e5), 0.1);
+  EXPECT_GT(difference_step({.name = "none"}, 0.0), 0.0);
 }
 
 TEST(Effects, WhatIsMissingIsSaid) {

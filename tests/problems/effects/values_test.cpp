@@ -242,5 +242,46 @@ TEST(EffectValues, AmplitudesAndPhasesAreReported) {
   EXPECT_NEAR(values[1].second, pi / 6, 1e-12);
 }
 
+TEST(EffectValues, PhasesOfWobblesAreThoseOfTheirFormulas) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  // delta r = A sin(k d + psi)
+  const double cyclic[] = {0.003, -0.004, 7.0}, locking[] = {0.003, -0.004, 700.0};
+  const auto of_distance = find_effect("cyclic_error")->reported(context, cyclic);
+  EXPECT_EQ(of_distance[1].first, "phase_rad");
+  // delta r = -A d^2 sin(k / d + psi)
+  const auto of_disparity = find_effect("pixel_locking")->reported(context, locking);
+  EXPECT_EQ(of_disparity[1].first, "phase_rad");
+  for (const double d : {0.3, 1.1, 2.7}) {
+    at.d = d;
+    EXPECT_NEAR(find_effect("cyclic_error")->reading(at, cyclic).range,
+                of_distance[0].second * std::sin(7.0 * d + of_distance[1].second), 1e-15);
+    EXPECT_NEAR(find_effect("pixel_locking")->reading(at, locking).range,
+                -of_disparity[0].second * d * d * std::sin(700.0 / d + of_disparity[1].second), 1e-14);
+  }
+}
+
+TEST(EffectValues, GridsRoundAndOthersDoNot) {
+  const GridReading before{.range_m = 2.13, .bearing_rad = 0.1234};
+  // 1 / 2.13 = 0.46948 is 9.39 steps of 0.05: 1 / 0.45 = 2.2222; that is 22.2 steps of 0.1
+  const double disparity[] = {0.05, 0.0}, output[] = {0.0, 0.1}, both[] = {0.05, 0.1}, beam[] = {0.01};
+  const Effect &quantisation = *find_effect("quantisation"), &beams = *find_effect("bearing_quantisation");
+  EXPECT_NEAR(quantisation.rounded(before, disparity).range_m, 1.0 / 0.45, 1e-12);
+  EXPECT_NEAR(quantisation.rounded(before, output).range_m, 2.1, 1e-12);
+  EXPECT_NEAR(quantisation.rounded(before, both).range_m, 2.2, 1e-12);
+  EXPECT_EQ(quantisation.rounded(before, both).bearing_rad, before.bearing_rad);
+  EXPECT_NEAR(beams.rounded(before, beam).bearing_rad, 0.12, 1e-12);
+  EXPECT_EQ(beams.rounded(before, beam).range_m, before.range_m);
+  // Beyond 2 / q = 40 m the spot has moved by less than half a step from where it is at infinity.
+  EXPECT_TRUE(std::isinf(quantisation.rounded({.range_m = 41.0}, disparity).range_m));
+  EXPECT_NEAR(quantisation.rounded({.range_m = 39.0}, disparity).range_m, 20.0, 1e-12);
+  for (const auto& effect : effect_registry()) {
+    const Eigen::VectorXd p = effect->start_grid(example_context()).front();
+    const GridReading after = effect->rounded(before, p.data());
+    const bool stays = after.range_m == before.range_m && after.bearing_rad == before.bearing_rad;
+    EXPECT_EQ(stays, effect->info().kind != EffectKind::grid) << effect->info().id;
+  }
+}
+
 }  // namespace
 }  // namespace rangecal

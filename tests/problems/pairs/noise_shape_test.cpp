@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "rangecal/core/errors.hpp"
@@ -11,6 +12,36 @@ namespace rangecal {
 namespace {
 
 NoiseShapeParameters student_t(double nu) { return {NoiseShape::student_t, nu, 0.1, 10.0}; }
+
+TEST(ContaminatedDensity, IsThePlainFormulaWhereThatHasNumbers) {
+  // Rounding of a sum of logarithms of size up to 57: 1e-14 of 1 and of it.
+  for (const double k : {1.0, 1.5, 3.0, 30.0})
+    for (const double p : {1e-4, 0.1, 0.49})
+      for (double z = -10.0; z <= 10.0; z += 0.5) {
+        const double body = (1.0 - p) * std::exp(-0.5 * z * z),
+                     wide = p / k * std::exp(-0.5 * z * z / (k * k));
+        const ContaminatedDensity at = contaminated_density(p, k, z);
+        const double expected = std::log(body + wide), outlier = wide / (body + wide);
+        EXPECT_NEAR(at.log_density, expected, 1e-14 * (1.0 + std::abs(expected)))
+            << k << ' ' << p << ' ' << z;
+        EXPECT_NEAR(at.outlier, outlier, 1e-14) << k << ' ' << p << ' ' << z;
+        EXPECT_NEAR(at.weight, 1.0 - outlier + outlier / (k * k), 1e-14) << k << ' ' << p << ' ' << z;
+        EXPECT_NEAR(log_density({NoiseShape::contaminated, 4.0, p, k}, z).value,
+                    expected - 0.5 * std::log(2.0 * std::numbers::pi), 1e-14 * (2.0 + std::abs(expected)));
+      }
+}
+
+TEST(ContaminatedDensity, OfGrossOutliersIsTheWideLaws) {
+  // The plain formula is 0 / 0 from z = 39 k on. There nothing is left of the body: log(p / k) - z^2 / (2 k^2), 1 / k^2.
+  for (const double k : {1.5, 3.0, 6.0})
+    for (const double z : {-1000.0, 60.0, 300.0, 1000.0}) {
+      const ContaminatedDensity at = contaminated_density(0.03, k, z);
+      const double expected = std::log(0.03 / k) - 0.5 * z * z / (k * k);
+      EXPECT_NEAR(at.log_density, expected, 1e-14 * std::abs(expected)) << k << ' ' << z;
+      EXPECT_EQ(at.outlier, 1.0) << k << ' ' << z;
+      EXPECT_NEAR(at.weight, 1.0 / (k * k), 1e-15) << k << ' ' << z;
+    }
+}
 
 TEST(ShapeInformation, OfTheGaussian) {
   const ShapeInformation gaussian = shape_information({});

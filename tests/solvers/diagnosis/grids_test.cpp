@@ -18,6 +18,7 @@ namespace {
 using diagnosis::Model;
 using diagnosis::noise_within_cells;
 using diagnosis::rounding_variance;
+using diagnosis::step_beyond_noise;
 using testing::recording_of;
 using testing::verdict_of;
 
@@ -48,6 +49,23 @@ TEST(Grids, NoiseWithinCellsIsWhatTheGridLeaves) {
   ASSERT_TRUE(noise);
   EXPECT_EQ(noise->law, NoiseLaw::f_squared);
   EXPECT_NEAR(noise->parameters[0], 0.003, 0.00015);
+}
+
+TEST(Grids, AQuarterOfTheCellsWithRepeatsAlikeIsEnough) {
+  // Four cells of four readings, a fifth cell of one, which says nothing: one of four has all repeats alike, then none.
+  Recording recording;
+  recording.kind = RecordingKind::landmarks;
+  testing::add_landmarks(recording, 5);
+  testing::add_stop(recording, {0.0, 0.0, 0.0}, 0.01);
+  for (int l = 0; l < 5; ++l)
+    for (int j = 0; j < (l < 4 ? 4 : 1); ++j)
+      testing::add_reading(recording, 0, l, j, 1.0 + 0.1 * l + (l > 0 ? 0.01 * (j % 2) : 0.0), 0.5 * l);
+  const Model grid{{find_effect("quantisation"), Eigen::Vector2d(0.0, 0.01)}};
+  const auto step = [&] { return step_beyond_noise(diagnosis::make_rows(std::span(&recording, 1)), grid); };
+  EXPECT_EQ(step(), 0.01);
+  recording.readings.range_m[0] += 0.01;
+  EXPECT_EQ(step(), 0.0);
+  EXPECT_EQ(step_beyond_noise(diagnosis::make_rows(std::span(&recording, 1)), {}), 0.0);
 }
 
 TEST(Grids, CoarserThanTheNoiseTheyHaveOneName) {

@@ -3,9 +3,12 @@
 // sigma_b = 0.5 degrees, stops to 1 cm, headings to 0.3 degrees.
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 #include "diagnosis/extended_design.hpp"
 #include "diagnosis/unseen.hpp"
@@ -54,6 +57,134 @@ double visibility(const Space& space, const char* id) {
   return std::sqrt(typical_effect(space, *find_effect(id))->noncentrality);
 }
 
+/// The same from the equations of a reading alone, by dense algebra: a change x of the cell means is seen at
+///   lambda = x^T W x - x^T W J (J^T W J + prior)^-1 J^T W x,
+/// J by central differences in alpha, landmarks, places and headings, W the cells' counts over their variances.
+class ByHand {
+ public:
+  ByHand(const Rows& rows, const JointState& state) : rows_(rows), state_(state) {
+    const Cells& c = rows.problem.cells;
+    const Eigen::Index cells = static_cast<Eigen::Index>(c.size());
+    const auto tapes = static_cast<Eigen::Index>(rows.problem.known_distances.size());
+    weight_.resize(2 * cells + tapes);
+    for (Eigen::Index i = 0; i < cells; ++i) {
+      const auto cell = static_cast<std::size_t>(i);
+      const double d = distance(state, cell), s = 0.002 + 0.003 * d * d;
+      weight_[i] = c.count[cell] / (s * s);
+      weight_[cells + i] = c.count[cell] / (state.sigma_theta_rad * state.sigma_theta_rad);
+    }
+    for (Eigen::Index t = 0; t < tapes; ++t)
+      weight_[2 * cells + t] =
+          std::pow(rows.problem.known_distances[static_cast<std::size_t>(t)].sigma_m, -2.0);
+    for (Eigen::Index a = 0; a < state.alpha.size(); ++a)
+      add([a](JointState& at, double h) { at.alpha[a] += h; }, 0.0);
+    for (std::size_t l = 0; l < state.landmarks.size(); ++l)
+      for (Eigen::Index axis : {0, 1})
+        add([=](JointState& at, double h) { at.landmarks[l][axis] += h; }, 0.0);
+    const std::vector<StopPrior>& stops = rows.problem.stops;
+    for (std::size_t k = 0; k < stops.size(); ++k) {
+      const auto together = [&stops, place = stops[k].place](JointState& at, double x, double y) {
+        for (std::size_t j = 0; j < stops.size(); ++j)
+          if (stops[j].place == place) at.stops[j].x_m += x, at.stops[j].y_m += y;
+      };
+      const double xy = 1.0 / (stops[k].sigma_xy_m * stops[k].sigma_xy_m);
+      if (stops[k].opens_place) {
+        add([=](JointState& at, double h) { together(at, h, 0.0); }, xy);
+        add([=](JointState& at, double h) { together(at, 0.0, h); }, xy);
+      }
+      add([=](JointState& at, double h) { at.stops[k].heading_rad += h; },
+          1.0 / (stops[k].sigma_heading_rad * stops[k].sigma_heading_rad));
+    }
+  }
+
+  /// sqrt(lambda) of changes of every cell's range and bearing by its distance, axis distance and bearing.
+  template <typename Change>
+  double of_readings(const Change& change) const {
+    const std::size_t cells = rows_.problem.cells.size();
+    const Eigen::VectorXd f = predicted(state_);
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(f.size());
+    for (std::size_t i = 0; i < cells; ++i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      const double radius = rows_.problem.cells.radius_m[i], d = distance(state_, i);
+      const auto [range, bearing] = change(d, d + radius, f[at + static_cast<Eigen::Index>(cells)], radius);
+      x[at] = range;
+      x[at + static_cast<Eigen::Index>(cells)] = bearing;
+    }
+    return seen(x);
+  }
+  /// sqrt(lambda) of stops that are moved and turned.
+  double of_stops(const std::vector<Pose2>& moved) const {
+    return seen(slope([&](JointState& at, double h) {
+      for (std::size_t k = 0; k < moved.size(); ++k) {
+        at.stops[k].x_m += h * moved[k].x_m;
+        at.stops[k].y_m += h * moved[k].y_m;
+        at.stops[k].heading_rad += h * moved[k].heading_rad;
+      }
+    }));
+  }
+
+ private:
+  double distance(const JointState& at, std::size_t i) const {
+    const Cells& c = rows_.problem.cells;
+    const Pose2& pose = at.stops[static_cast<std::size_t>(c.stop[i])];
+    return (at.landmarks[static_cast<std::size_t>(c.landmark[i])] - Eigen::Vector2d(pose.x_m, pose.y_m))
+               .norm() -
+           c.radius_m[i];
+  }
+  Eigen::VectorXd predicted(const JointState& at) const {
+    const Cells& c = rows_.problem.cells;
+    const auto cells = static_cast<Eigen::Index>(c.size());
+    Eigen::VectorXd f(weight_.size());
+    for (Eigen::Index i = 0; i < cells; ++i) {
+      const auto cell = static_cast<std::size_t>(i);
+      const Pose2& pose = at.stops[static_cast<std::size_t>(c.stop[cell])];
+      const Eigen::Vector2d way =
+          at.landmarks[static_cast<std::size_t>(c.landmark[cell])] - Eigen::Vector2d(pose.x_m, pose.y_m);
+      const double d = distance(at, cell);
+      f[i] = at.alpha[0] + d * (at.alpha[1] + d * at.alpha[2]);
+      f[cells + i] = std::atan2(way.y(), way.x()) - pose.heading_rad;
+    }
+    for (std::size_t t = 0; t < rows_.problem.known_distances.size(); ++t) {
+      const KnownDistance& tape = rows_.problem.known_distances[t];
+      f[2 * cells + static_cast<Eigen::Index>(t)] = (at.landmarks[static_cast<std::size_t>(tape.from)] -
+                                                     at.landmarks[static_cast<std::size_t>(tape.to)])
+                                                        .norm();
+    }
+    return f;
+  }
+  template <typename Move>
+  Eigen::VectorXd slope(const Move& move) const {
+    constexpr double h = 1e-5;  // rounding 1e-11, truncation 1e-10
+    JointState up = state_, down = state_;
+    move(up, h);
+    move(down, -h);
+    return (predicted(up) - predicted(down)) / (2.0 * h);
+  }
+  template <typename Move>
+  void add(const Move& move, double prior) {
+    columns_.push_back(slope(move));
+    prior_.push_back(prior);
+  }
+  double seen(const Eigen::VectorXd& x) const {
+    const auto unknowns = static_cast<Eigen::Index>(columns_.size());
+    Eigen::MatrixXd J(x.size(), unknowns);
+    for (Eigen::Index j = 0; j < unknowns; ++j) J.col(j) = columns_[static_cast<std::size_t>(j)];
+    const Eigen::MatrixXd WJ = weight_.asDiagonal() * J;
+    Eigen::MatrixXd H = J.transpose() * WJ;
+    H.diagonal() += Eigen::Map<const Eigen::VectorXd>(prior_.data(), unknowns);
+    const Eigen::VectorXd pull = WJ.transpose() * x, unit = H.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = unit.asDiagonal() * H * unit.asDiagonal();
+    const Eigen::VectorXd taken = unit.asDiagonal() * scaled.ldlt().solve(unit.asDiagonal() * pull);
+    return std::sqrt(x.dot(weight_.cwiseProduct(x)) - pull.dot(taken));
+  }
+
+  const Rows& rows_;
+  const JointState& state_;
+  Eigen::VectorXd weight_;
+  std::vector<Eigen::VectorXd> columns_;
+  std::vector<double> prior_;
+};
+
 double harm_mm(const Space& space, const char* id) {
   return 1e3 * harm_of(space, *typical_effect(space, *find_effect(id)));
 }
@@ -72,15 +203,34 @@ TEST(Outlook, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
             0.1);
 }
 
-TEST(Outlook, VisibleEffectsShowAsInTheTable) {
+TEST(Outlook, VisibleEffectsShowAsTheEquationsSay) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
-  EXPECT_NEAR(visibility(space, "bearing_offset"), 4.9,
-              0.74);  // a constant: does not depend on where the landmarks are
-  EXPECT_NEAR(visibility(space, "beam_offset"), 11.0,
-              5.5);  // these depend on the directions, which the table leaves open
-  EXPECT_NEAR(visibility(space, "path_curvature"), 12.0, 6.0);
-  EXPECT_NEAR(visibility(space, "bearing_scale"), 17.0, 8.5);
+  const ByHand hand(design.rows, design.state);
+  using Change = std::pair<double, double>;
+  constexpr double close = 1e-4;  // of differences in J, and of the Cholesky factors
+  const double turned = hand.of_readings([](double, double, double, double) { return Change{0.0, 0.01745}; });
+  EXPECT_NEAR(turned, 4.9, 0.74);  // the table's; a constant does not depend on where the landmarks are
+  EXPECT_NEAR(visibility(space, "bearing_offset"), turned, close * turned);
+  // A squint is a turned zero; a beam 22 mm beside the axis turns by asin(q / D): the table's 11, which like the next two
+  // depends on the directions that it leaves open.
+  const double beside = hand.of_readings([](double, double D, double, double) {
+    return Change{0.0, -std::asin(0.022 / D)};
+  });
+  EXPECT_NEAR(visibility(space, "beam_offset"), std::max(beside, turned), close * beside);
+  const double scaled = hand.of_readings([](double, double, double bearing, double) {
+    return Change{0.0, 0.005 * bearing};
+  });
+  EXPECT_NEAR(visibility(space, "bearing_scale"), scaled, close * scaled);  // the table's 17
+  // Steps of 0.3 m, turned by 0.02 / m times the path to their middle; headings by 0.02 / m times the path: 12.
+  std::vector<Pose2> moved(11);
+  for (std::size_t k = 1; k < moved.size(); ++k) {
+    const double path = 0.3 * static_cast<double>(k), turn = 0.02 * (path - 0.15);
+    moved[k] = {moved[k - 1].x_m + 0.3 * (std::cos(turn) - 1.0), moved[k - 1].y_m + 0.3 * std::sin(turn),
+                0.02 * path};
+  }
+  const double curved = hand.of_stops(moved);
+  EXPECT_NEAR(visibility(space, "path_curvature"), curved, close * curved);
 }
 
 TEST(Outlook, ExactTwinsComeOut) {
@@ -109,10 +259,35 @@ TEST(Outlook, TurningShowsLeverArmAndTapeShowsPathScale) {
     const Space space(extended.rows, {}, extended.state);
     return visibility(space, id);
   };
-  EXPECT_NEAR(in("E1", "lever_arm"), 118.0, 0.25 * 118.0);  // table: 118, along x or y of its landmarks
-  EXPECT_NEAR(in("E3", "odometry_scale"), 3.1, 2.0);        // table: 3.1; grows with the taped length
-  EXPECT_GT(in("E4", "arc_definition"), 3.0);               // table: 5.7
-  EXPECT_LT(in("E1", "range_offset"), 0.05);                // exact in every design
+  constexpr double close = 1e-4;
+  const ExtendedDesign turned = extend(design.rows, design.state, "E1");
+  const ByHand after_turns(turned.rows, turned.state);
+  double arm = 0.0;  // 2 cm along x or along y of the sensor, in the world
+  for (const Eigen::Vector2d& offset : {Eigen::Vector2d(0.02, 0.0), Eigen::Vector2d(0.0, 0.02)}) {
+    std::vector<Pose2> moved;
+    for (const Pose2& pose : turned.state.stops) {
+      const double c = std::cos(pose.heading_rad), s = std::sin(pose.heading_rad);
+      moved.push_back({c * offset.x() - s * offset.y(), s * offset.x() + c * offset.y(), 0.0});
+    }
+    arm = std::max(arm, after_turns.of_stops(moved));
+  }
+  EXPECT_NEAR(arm, 118.0, 0.25 * 118.0);  // the table's, along x or y of its landmarks
+  EXPECT_NEAR(in("E1", "lever_arm"), arm, close * arm);
+  const ExtendedDesign taped = extend(design.rows, design.state, "E3");
+  const ByHand with_tape(taped.rows, taped.state);
+  std::vector<Pose2> longer;
+  for (const Pose2& pose : taped.state.stops)
+    longer.push_back({0.01 * (pose.x_m - taped.state.stops[0].x_m), 0.0, 0.0});
+  const double scale = with_tape.of_stops(longer);  // the table's 3.1 grows with the taped length
+  EXPECT_NEAR(in("E3", "odometry_scale"), scale, close * scale);
+  const ExtendedDesign radii = extend(design.rows, design.state, "E4");
+  // kappa = 0.2 of the radius before the curve, f' = 0.8838 + 0.1168 d: the table's 5.7.
+  const double arc = ByHand(radii.rows, radii.state).of_readings([](double d, double, double, double radius) {
+    const double nearer = 0.2 * radius;
+    return std::pair{nearer * (0.8838 + 0.1168 * d + 0.0584 * nearer), 0.0};
+  });
+  EXPECT_NEAR(in("E4", "arc_definition"), arc, close * arc);
+  EXPECT_LT(in("E1", "range_offset"), 0.05);  // exact in every design
   EXPECT_LT(in("E2", "odometry_scale"), 0.2);
 }
 

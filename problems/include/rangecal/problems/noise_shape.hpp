@@ -34,6 +34,16 @@ struct NoiseShapeParameters {
 /// Free parameters of the shape: 0, 1 (nu), 2 (p, k). `automatic` has none of its own.
 int shape_parameter_count(NoiseShape shape);
 
+/// The contaminated normal at z: log[(1 - p) exp(-z^2 / 2) + (p / k) exp(-z^2 / (2 k^2))] [nats], the normal's
+/// constant -log(2 pi) / 2 left out, for a share 0 < p < 1 and a ratio k > 0 of any size. Finite at every finite z
+/// whose square is, though both terms underflow from |z| = 39 k on.
+struct ContaminatedDensity {
+  double log_density = 0.0;
+  double outlier = 0.0;  ///< probability that z is of the share p
+  double weight = 1.0;   ///< 1 - outlier + outlier / k^2: of z^2 in the equivalent Gaussian
+};
+ContaminatedDensity contaminated_density(double p, double k, double z);
+
 /// log density of z [nats], with its first derivative in z. Throws InputError for `automatic`.
 struct LogDensity {
   double value = 0.0, derivative = 0.0;

@@ -2,6 +2,7 @@
 // Departures of the random part, those outside the catalogue, and what every plant has to keep.
 #include <gtest/gtest.h>
 
+#include <boost/math/distributions/chi_squared.hpp>
 #include <set>
 
 #include "problems/world/physical/compare.hpp"
@@ -62,22 +63,30 @@ TEST(NoisePlants, SharedInACellAndSmoothedOverRepeats) {
   Random random(1);
   const World textured = apply(world, "cell_effect", 0.03, random);
   const World smoothed = apply(world, "autocorrelated_noise", 0.6, random);
-  const std::vector<double> rough = scores(textured, 2), smooth = scores(smoothed, 2),
-                            plain_z = scores(world, 2);
-  const Expected out = expected(world);
-  double between = 0.0, wanted = 0.0, lagged = 0.0, variance = 0.0, plain_lagged = 0.0;
-  for (std::size_t cell = 0; cell < rough.size(); cell += 50) {
-    double mean = 0.0;
-    for (std::size_t r = 0; r < 50; ++r) mean += rough[cell + r] / 50.0;
-    between += mean * mean;
-    wanted += std::pow(0.03 / out.range_sd_m[cell], 2) + 1.0 / 50.0;
+  // The mean of a cell's 50 scores has the variance (0.03 / sd)^2 + 1 / 50. Of 20 recordings of 100 cells the sum of
+  // squares over variances is chi-square with 2000 degrees of freedom; each limit is passed once in 100 000.
+  double squares = 0.0, cells = 0.0;
+  for (std::uint64_t seed = 2; seed < 22; ++seed) {
+    const std::vector<double> rough = scores(textured, seed);
+    const Expected out = expected(textured, placing_of(textured, seed));
+    for (std::size_t cell = 0; cell < rough.size(); cell += 50, cells += 1.0) {
+      double mean = 0.0;
+      for (std::size_t r = 0; r < 50; ++r) mean += rough[cell + r] / 50.0;
+      squares += mean * mean / (std::pow(0.03 / out.range_sd_m[cell], 2) + 1.0 / 50.0);
+    }
+  }
+  ASSERT_EQ(cells, 2000.0);
+  const boost::math::chi_squared law(cells);
+  EXPECT_GT(squares, quantile(law, 1e-5));              // 1742
+  EXPECT_LT(squares, quantile(complement(law, 1e-5)));  // 2281
+  const std::vector<double> smooth = scores(smoothed, 2), plain_z = scores(world, 2);
+  double lagged = 0.0, variance = 0.0, plain_lagged = 0.0;
+  for (std::size_t cell = 0; cell < smooth.size(); cell += 50)
     for (std::size_t r = 1; r < 50; ++r) {
       lagged += smooth[cell + r] * smooth[cell + r - 1];
       plain_lagged += plain_z[cell + r] * plain_z[cell + r - 1];
       variance += smooth[cell + r] * smooth[cell + r];
     }
-  }
-  EXPECT_NEAR(between / wanted, 1.0, 0.6);  // dominated by the few nearest of 100 cells
   EXPECT_NEAR(lagged / variance, 0.6, 0.05);
   EXPECT_NEAR(variance / 4900.0, 1.0, 0.15);
   EXPECT_NEAR(plain_lagged / variance, 0.0, 0.07);

@@ -33,6 +33,15 @@ struct EffectParameter {
   bool discrete = false;  ///< chosen from the start grid, never moved (a landmark, a stop, a change point)
 };
 
+/// Half the width h of a central difference in a parameter at `value`: a millionth of its size, which is the value
+/// itself of one that is positive by its nature (low > 0: a period, a time constant), else its typical size.
+///
+/// A difference over +-h is off by (h u)^2 / 6 of the derivative where a unit of the parameter turns a phase by u, and by
+/// 1e-16 |f| / h where f does not vanish with it. A wavenumber k turns the reading at distance d by k / d [rad] in all,
+/// thousands at decimetres: a thousandth of k would be some radians, a millionth is 0.005 rad at 0.15 m, 4e-6 of the
+/// derivative. Rounding is some 1e-10 of it for parameters up to their typical size, 1e-8 for a hundred times that.
+double difference_step(const EffectParameter& parameter, double value);
+
 struct EffectInfo {
   std::string id;           ///< "range_eccentricity"
   std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
@@ -119,6 +128,11 @@ struct GridSteps {
   double range_m = 0.0, bearing_rad = 0.0;
 };
 
+/// A reading as it was before rounding, or as it is written: the range infinite where none is.
+struct GridReading {
+  double range_m = 0.0, bearing_rad = 0.0;
+};
+
 /// A share of readings has an extra error of that standard deviation [m]: a contaminated normal law.
 struct Contamination {
   double share = 0.0, extra_sigma_m = 0.0;
@@ -150,6 +164,8 @@ class Effect {
   virtual Contamination contamination(const ReadingView<double>&, const double* /*p*/) const { return {}; }
   /// Grid: its steps where a reading lies.
   virtual GridSteps grid_steps(const ReadingView<double>&, const double* /*p*/) const { return {}; }
+  /// Grid: a reading rounded to it, so that simulated values sit where read ones do.
+  virtual GridReading rounded(const GridReading& reading, const double* /*p*/) const { return reading; }
   /// True if the noise of range is Gaussian in 1/r instead of r (before the reciprocal); reading() is then not used.
   virtual bool noise_before_reciprocal() const { return false; }
   /// Distance [m] at which reading() jumps under p; NaN if it does nowhere. On which side of it a reading near it lies

@@ -24,8 +24,9 @@ struct SimulationModel {
 };
 
 /// New recordings of the model: stops drawn from their prior, moved by the effects; readings from the curve, the noise
-/// law and the effects, at the times and covariates of the layout. Readings that cannot be (not positive) are left out.
-/// The same seed gives the same recordings. Throws InputError for an effect that is in no catalogue.
+/// law and the effects, at the times and covariates of the layout. Readings that cannot be are left out: not positive,
+/// or infinite, as of a disparity that is rounded to zero. The same seed gives the same recordings. Throws InputError
+/// for an effect that is in no catalogue.
 std::vector<Recording> simulate(const SimulationModel& model, std::uint64_t seed);
 
 /// The object `simulation` of a diagnosis, and back. `file` names the source in messages of InputError.

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The calibration refitted under a model whose parameters stand.
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "diagnosis/refit.hpp"
+#include "diagnosis/rounds.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Coordinates that are not free follow the model's commanded poses: exact ones, and those of stops that
+/// share the position error of the stop that opened their place.
+void follow_commanded(const std::vector<StopPrior>& priors, std::vector<Pose2>& stops) {
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    const StopPrior& prior = priors[k];
+    if (prior.sigma_heading_rad == 0.0) stops[k].heading_rad = prior.commanded.heading_rad;
+    if (!prior.opens_place || prior.sigma_xy_m > 0.0) continue;
+    stops[k].x_m = prior.commanded.x_m;
+    stops[k].y_m = prior.commanded.y_m;
+  }
+  share_places(priors, stops);
+}
+
+double prior_nll(const Rows& rows, const Eigen::VectorXd& alpha) {
+  if (!rows.alpha_prior || rows.alpha_prior->exact()) return 0.0;
+  const Eigen::VectorXd off = alpha - rows.alpha_prior->mean;
+  return 0.5 * off.dot(rows.alpha_prior->precision * off);
+}
+
+/// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the nats it promises.
+double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& state) {
+  const Projector projector(rows, working, state);
+  const Eigen::Index alphas = state.alpha.size();
+  const AlphaPrior& prior = *rows.alpha_prior;
+  const Eigen::VectorXd gradient =
+      projector.system().reduced_gradient().head(alphas) + prior.precision * (state.alpha - prior.mean);
+  const Eigen::VectorXd step = -projector.phi_covariance().topLeftCorner(alphas, alphas) * gradient;
+  state.alpha += step;
+  return -0.5 * gradient.dot(step);
+}
+
+}  // namespace
+
+double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
+                       MarginalFit* detail) {
+  MarginalOptions marginal;
+  marginal.held = options.held;
+  marginal.held.alpha = marginal.held.alpha || rows.alpha_prior.has_value();
+  marginal.held.landmarks = marginal.held.landmarks || rows.pairs;
+  marginal.gradient_tolerance = 1e-4;
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  double value = infinity, least = infinity;
+  JointState least_state = state;
+  Rounds rounds(model, options.places_stay);
+  do {
+    const WorkingProblem working = rounds.begin(rows, model, state);
+    JointState start = state;
+    follow_commanded(working.problem.stops, start.stops);
+    MarginalFit fit = solve_marginal(working.problem, start, marginal);
+    if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
+    // Alpha under a simulation's prior: held at each solve, moved in between while that gains.
+    double fit_value = fit.marginal_nll + prior_nll(rows, fit.state.alpha);
+    for (int move = 0; move < 3 && rows.alpha_prior && !rows.alpha_prior->exact(); ++move) {
+      JointState moved = fit.state;
+      if (!(step_alpha(rows, working, moved) > 1e-3)) break;
+      MarginalFit next = solve_marginal(working.problem, moved, marginal);
+      const double next_value = next.marginal_nll + prior_nll(rows, next.state.alpha);
+      if (next.outcome == Outcome::failed || !(next_value < fit_value)) break;
+      fit_value = next_value;
+      fit = std::move(next);
+    }
+    state = fit.state;
+    value = fit_value + working.constant;
+    if (rounds.bends())  // the solve saw straight lines; the value is that of the effects where it ended
+      value +=
+          joint_nll(working_problem(rows, model, state).problem, state) - joint_nll(working.problem, state);
+    if (rounds.bends() && !(value < least)) continue;
+    least = value;
+    least_state = state;
+    if (detail) *detail = std::move(fit);
+  } while (rounds.another(rows, model, state, value));
+  if (!rounds.bends()) return value;
+  state = std::move(least_state);
+  return least;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "diagnosis/refit.hpp"
+
+namespace rangecal::diagnosis {
+
+/// The parameters of the model that a fit moves, and what each acts on; of the first `settled` effects those that only
+/// the value of the likelihood knows stay.
+std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& projector, const Model& model,
+                                           int settled);
+
+inline double& value_of(Model& model, const FreeParameter& p) { return model[p.effect].parameters[p.index]; }
+
+inline const EffectParameter& info_of(const Model& model, const FreeParameter& p) {
+  return model[p.effect].effect->info().parameters[p.index];
+}
+
+/// Its least and largest value in this recording.
+inline std::pair<double, double> bounds_of(const Rows& rows, const Model& model, const FreeParameter& p) {
+  return model[p.effect].effect->bounds(rows.context, static_cast<std::size_t>(p.index));
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/generic_effect.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace rangecal::diagnosis {
+
+CovariateOf covariate_of(const Rows& rows, const std::string& name) {
+  if (name == "range") return [](const auto& at) { return at.d; };
+  if (name == "disparity") return [](const auto& at) { return 1.0 / at.d; };
+  if (name == "sensor_bearing") return [](const auto& at) { return at.bearing; };
+  if (name == "heading") return [](const auto& at) { return at.heading; };
+  if (name == "time") return [](const auto& at) { return at.time_s; };
+  if (name == "stop") return [](const auto& at) { return static_cast<double>(at.stop); };
+  if (name == "repeat") return [](const auto& at) { return static_cast<double>(at.repeat); };
+  if (name == "landmark") return [](const auto& at) { return static_cast<double>(at.landmark); };
+  if (name == "radius") return [](const auto& at) { return at.radius; };
+  if (name == "constant") return [](const auto&) { return 1.0; };
+  const auto& names = rows.context.covariates;
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) return {};
+  return [column = found - names.begin()](const auto& at) { return at.covariate[column]; };
+}
+
+CurveChannel curve_channel_of(const std::string& name) {
+  if (name == "range") return CurveChannel::range;
+  if (name == "bearing") return CurveChannel::bearing;
+  if (name == "range_noise") return CurveChannel::range_noise;
+  if (name == "bearing_noise") return CurveChannel::bearing_noise;
+  return CurveChannel::none;
+}
+
+double CurveBasis::value(double x, const Eigen::VectorXd& c) const {
+  if (!std::isfinite(x)) return 0.0;
+  if (wavenumber > 0.0) return c[0] * std::cos(wavenumber * x) + c[1] * std::sin(wavenumber * x);
+  const auto above = std::lower_bound(knots.begin(), knots.end(), x);
+  const auto j = above - knots.begin();
+  if (groups) return above != knots.end() && *above == x ? c[j] : 0.0;
+  if (above == knots.begin()) return c[0];
+  if (above == knots.end()) return c[c.size() - 1];
+  const double share = (x - knots[j - 1]) / (knots[j] - knots[j - 1]);
+  return (1.0 - share) * c[j - 1] + share * c[j];
+}
+
+GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_name,
+                             const std::string& covariate_name, CovariateOf covariate, CurveBasis basis,
+                             Eigen::MatrixXd directions, double typical)
+    : channel_(channel),
+      covariate_(std::move(covariate)),
+      basis_(std::move(basis)),
+      directions_(std::move(directions)) {
+  info_.id = "generic";
+  info_.kind = is_mean(channel) ? EffectKind::mean : EffectKind::noise;
+  info_.channel = channel_name;
+  info_.covariate = covariate_name;
+  info_.physics =
+      "A smooth correction of " + channel_name + " against " + covariate_name + ", of unknown cause.";
+  unit_ = channel == CurveChannel::range ? "m" : channel == CurveChannel::bearing ? "rad" : "log_variance";
+  for (Eigen::Index j = 0; j < directions_.cols(); ++j)
+    info_.parameters.push_back({.name = fmt::format("c{}_{}", j + 1, unit_),
+                                .typical = typical,
+                                .low = -1e3 * typical,
+                                .high = 1e3 * typical});
+}
+
+ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, const double* p) const {
+  const Eigen::VectorXd c = coefficients(p);
+  const double change = basis_.value(covariate_(at), c);
+  switch (channel_) {
+    case CurveChannel::range:
+      return {.range = change};
+    case CurveChannel::bearing:
+      return {.bearing = change};
+    case CurveChannel::range_noise:
+      return {.range_log_variance = change};
+    case CurveChannel::bearing_noise:
+      return {.bearing_log_variance = change};
+    case CurveChannel::none:
+      break;
+  }
+  return {};
+}
+
+std::vector<std::pair<std::string, double>> GenericEffect::reported(const EffectContext&,
+                                                                    const double* p) const {
+  const Eigen::VectorXd c = coefficients(p);
+  std::vector<std::pair<std::string, double>> values;
+  for (Eigen::Index k = 0; k < c.size(); ++k)
+    values.emplace_back(
+        basis_.wavenumber > 0.0
+            ? fmt::format("{}_at_wavenumber_{:.4g}_{}", k == 0 ? "cosine" : "sine", basis_.wavenumber, unit_)
+            : fmt::format("at_{:.4g}_{}", basis_.knots[static_cast<std::size_t>(k)], unit_),
+        c[k]);
+  return values;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/rows.hpp"
+
+namespace rangecal::diagnosis {
+
+using CovariateOf = std::function<double(const ReadingView<double>&)>;
+
+/// The value of a covariate of docs/formats.md at a reading; empty if it is none.
+CovariateOf covariate_of(const Rows& rows, const std::string& name);
+
+/// What a curve can change; none: what no curve corrects.
+enum class CurveChannel { range, bearing, range_noise, bearing_noise, none };
+CurveChannel curve_channel_of(const std::string& name);
+inline bool is_mean(CurveChannel channel) {
+  return channel == CurveChannel::range || channel == CurveChannel::bearing;
+}
+
+/// Functions of the covariate that the curve is made of.
+struct CurveBasis {
+  std::vector<double> knots;
+  bool groups = false;
+  double wavenumber = 0.0;  ///< > 0: cosine and sine instead of hats
+
+  Eigen::Index size() const { return wavenumber > 0.0 ? 2 : static_cast<Eigen::Index>(knots.size()); }
+
+  /// Value at x of the curve with coefficients c; nothing where x is missing.
+  double value(double x, const Eigen::VectorXd& c) const;
+};
+
+/// A curve as an effect (see GenericModel): parameters a, coefficients V a of the basis.
+class GenericEffect final : public Effect {
+ public:
+  /// `directions`: V; `typical`: size of a parameter.
+  GenericEffect(CurveChannel channel, const std::string& channel_name, const std::string& covariate_name,
+                CovariateOf covariate, CurveBasis basis, Eigen::MatrixXd directions, double typical);
+
+  const EffectInfo& info() const override { return info_; }
+  ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override;
+  std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override;
+  const CurveBasis& basis() const { return basis_; }
+  const Eigen::MatrixXd& directions() const { return directions_; }
+
+ private:
+  Eigen::VectorXd coefficients(const double* p) const {
+    return directions_ * Eigen::Map<const Eigen::VectorXd>(p, directions_.cols());
+  }
+
+  CurveChannel channel_;
+  CovariateOf covariate_;
+  CurveBasis basis_;
+  Eigen::MatrixXd directions_;
+  EffectInfo info_;
+  std::string unit_;
+};
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/refit_step.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "diagnosis/free_parameters.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Score and information of log-variance slopes g: sum g (z^2 - 1) / 2 and sum g^2 / 2, the channel's mean
+/// level, which the calibration's own sigma absorbs, taken out.
+struct VarianceScore {
+  Eigen::VectorXd range, bearing;  ///< centred slopes
+};
+
+VarianceScore centred(const Rows& rows, Eigen::VectorXd range, Eigen::VectorXd bearing) {
+  range.array() -= range.mean();
+  if (!rows.pairs) bearing.array() -= bearing.mean();
+  return {std::move(range), std::move(bearing)};
+}
+
+/// Squares of the corrected readings' residuals in units of their spreads.
+struct ResidualSquares {
+  Eigen::VectorXd range, bearing;
+};
+
+ResidualSquares residual_squares(const Rows& rows, const WorkingProblem& working,
+                                 const Projector& projector) {
+  const Eigen::Index count = static_cast<Eigen::Index>(rows.size());
+  ResidualSquares squares{Eigen::VectorXd(count), Eigen::VectorXd(count)};
+  const auto scale_of = [](const Whitening& whitening, Eigen::Index i) {
+    return whitening.scale.size() > 0 ? whitening.scale[i] : 1.0;
+  };
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const double range = working.range[i] - projector.geometry().f[rows.cell[i]];
+    squares.range[i] =
+        std::pow(range * scale_of(working.range_whitening, i), 2) * projector.row_range_information[i];
+    squares.bearing[i] = std::pow(working.bearing[i] * scale_of(working.bearing_whitening, i), 2) *
+                         projector.row_bearing_information[i];
+  }
+  return squares;
+}
+
+/// What each parameter does to the readings, and the slope of the likelihood along it.
+struct ParameterSlopes {
+  std::vector<Signature> signatures;
+  std::vector<Eigen::VectorXd> projected;
+  std::vector<VarianceScore> variance;
+  Eigen::VectorXd score;
+};
+
+ParameterSlopes parameter_slopes(const Rows& rows, const WorkingProblem& working, const Projector& projector,
+                                 const Model& model, const std::vector<FreeParameter>& free) {
+  const Eigen::Index n = static_cast<Eigen::Index>(free.size());
+  ParameterSlopes slopes{std::vector<Signature>(n), std::vector<Eigen::VectorXd>(n),
+                         std::vector<VarianceScore>(n), Eigen::VectorXd::Zero(n)};
+  const ResidualSquares squares = residual_squares(rows, working, projector);
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const ActiveEffect& active = model[free[a].effect];
+    if (free[a].acts == FreeParameter::Acts::mean) {
+      slopes.signatures[a] = effect_signature(rows, projector, active, free[a].index);
+      slopes.projected[a] = projector.project(slopes.signatures[a]);
+      slopes.score[a] = projector.score(slopes.signatures[a]);
+    } else if (free[a].acts == FreeParameter::Acts::variance) {
+      Eigen::VectorXd range, bearing;
+      variance_signature(rows, projector.geometry(), active, free[a].index, range, bearing);
+      VarianceScore& own = slopes.variance[a] = centred(rows, range, bearing);
+      slopes.score[a] =
+          0.5 * (own.range.dot(squares.range) + (rows.pairs ? 0.0 : own.bearing.dot(squares.bearing)));
+    }
+  }
+  return slopes;
+}
+
+Eigen::MatrixXd information_of(const Projector& projector, const Model& model,
+                               const std::vector<FreeParameter>& free, const ParameterSlopes& slopes) {
+  const Eigen::Index n = static_cast<Eigen::Index>(free.size());
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  const std::vector<VarianceScore>& variance = slopes.variance;
+  for (Eigen::Index a = 0; a < n; ++a) {
+    for (Eigen::Index b = 0; b <= a; ++b) {
+      if (free[a].acts != free[b].acts) continue;
+      if (free[a].acts == FreeParameter::Acts::mean)
+        information(a, b) = projector.inner(slopes.signatures[a], slopes.projected[b], slopes.signatures[b]);
+      else if (free[a].acts == FreeParameter::Acts::variance)
+        information(a, b) =
+            0.5 * (variance[a].range.dot(variance[b].range) + variance[a].bearing.dot(variance[b].bearing));
+      information(b, a) = information(a, b);
+    }
+    const double scale = std::max(info_of(model, free[a]).typical, 1e-12);
+    // A very wide prior (1000 typical sizes) keeps a direction that the calibration absorbs from running
+    // away.
+    information(a, a) += 1e-6 / (scale * scale);
+  }
+  return information;
+}
+
+}  // namespace
+
+bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
+                       const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
+                       Eigen::MatrixXd& covariance, double& promised) {
+  const Projector projector(rows, working, state);
+  const Eigen::Index n = static_cast<Eigen::Index>(free.size());
+  const ParameterSlopes slopes = parameter_slopes(rows, working, projector, model, free);
+  const Eigen::VectorXd& score = slopes.score;
+  const Eigen::MatrixXd information = information_of(projector, model, free, slopes);
+  const Eigen::VectorXd diagonal = information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled =
+      diagonal.asDiagonal() * information * diagonal.asDiagonal() + 1e-9 * Eigen::MatrixXd::Identity(n, n);
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() != Eigen::Success) return false;
+  step = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
+  covariance = diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
+  promised = 0.5 * score.dot(step);
+  return step.allFinite();
+}
+
+void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
+                 Fit& fit) {
+  RefitOptions staying = options;  // tails and dependence move no place by much
+  staying.places_stay = true;
+  const EffectParameter& info = info_of(fit.model, p);
+  double best = value_of(fit.model, p);
+  const bool positive = info.low >= 0.0;
+  double spread = positive ? reach : (reach - 1.0) * std::max(std::abs(info.typical), 1e-9);
+  for (int pass = 0; pass < 6; ++pass, spread = positive ? std::sqrt(spread) : 0.5 * spread) {
+    if (positive && best <= 0.0) best = info.typical;
+    bool moved = true;
+    for (int hop = 0; moved && hop < 4; ++hop) {
+      moved = false;
+      for (int side : {-1, 1}) {
+        const double x = positive ? best * std::pow(spread, side) : best + side * spread;
+        if (x < info.low || x > info.high) continue;
+        JointState state = fit.state;
+        Model trial = fit.model;
+        value_of(trial, p) = x;
+        const double value = calibrate_under(rows, trial, state, staying);
+        if (value < fit.nll - 1e-6) {
+          fit.nll = value;
+          fit.state = state;
+          best = x;
+          value_of(fit.model, p) = x;
+          moved = true;
+          break;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace rangecal::diagnosis
