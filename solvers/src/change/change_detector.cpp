@@ -51,6 +51,14 @@ std::int64_t whole_count(double value) {
   return static_cast<std::int64_t>(value);
 }
 
+/// Of R, S and sum z^2.
+double sum_in(double value) {
+  if (!(value >= 0.0)) throw InputError("ChangeDetector: the state has a sum below 0 that cannot be");
+  return value;
+}
+
+constexpr double farthest_summed = 1e100;  // standard deviations: the squares of what is beyond have no sum
+
 }  // namespace
 
 const char* to_string(ChangeKind kind) {
@@ -110,8 +118,9 @@ std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, 
       !std::isfinite(bearing_rad))
     return std::nullopt;
   const double f = evaluate_polynomial(reference_.alpha, true_m), s = reference_.noise.spread(true_m, f);
-  if (!(s > 0.0)) return std::nullopt;
   const double z = (reading_m - f) / s;
+  if (!(s > 0.0 && std::isfinite(s) && std::abs(z) < farthest_summed && f * f / s < farthest_summed))
+    return std::nullopt;
   ++readings_;
   if (naming_left_ > 0) {
     sum_up(true_m, f, s, z, bearing_rad);
@@ -122,9 +131,10 @@ std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, 
   }
   for (Chart& chart : charts_) {
     const double bg = chart.size * direction(chart.kind, chart.wave, f, s, bearing_rad);
-    const double step = chart.kind == ChangeKind::noise ? noise_step(chart.size, z) : bg * (z - 0.5 * bg);
-    chart.ratio = (1.0 + chart.ratio) * std::exp(step);
-    chart.value = std::max(0.0, chart.value + step);
+    chart.step = chart.kind == ChangeKind::noise ? noise_step(chart.size, z) : bg * (z - 0.5 * bg);
+    chart.before = chart.ratio;
+    chart.ratio = (1.0 + chart.before) * std::exp(chart.step);
+    chart.value = std::max(0.0, chart.value + chart.step);
     if (chart.value == 0.0) chart.since = readings_;
   }
   const Chart* loudest_chart = loudest();
@@ -139,12 +149,11 @@ std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, 
 
 const ChangeDetector::Chart* ChangeDetector::loudest() const {
   double sum = 0.0;
-  const Chart* loudest = &charts_.front();
-  for (const Chart& chart : charts_) {
-    sum += chart.ratio;
-    if (chart.ratio > loudest->ratio) loudest = &chart;
-  }
-  return sum > options_.run_length * static_cast<double>(charts_.size()) ? loudest : nullptr;
+  for (const Chart& chart : charts_) sum += chart.ratio;
+  if (!(sum > options_.run_length * static_cast<double>(charts_.size()))) return nullptr;
+  const auto log_ratio = [](const Chart& chart) { return std::log1p(chart.before) + chart.step; };
+  return &*std::max_element(charts_.begin(), charts_.end(),
+                            [&](const Chart& a, const Chart& b) { return log_ratio(a) < log_ratio(b); });
 }
 
 void ChangeDetector::sum_up(double true_m, double f, double s, double z, double bearing) {
@@ -161,7 +170,7 @@ void ChangeDetector::sum_up(double true_m, double f, double s, double z, double 
 
 void ChangeDetector::start_again() {
   for (Chart& chart : charts_) {
-    chart.ratio = chart.value = 0.0;
+    chart.ratio = chart.before = chart.step = chart.value = 0.0;
     chart.since = readings_;
   }
   score_ = VectorXd::Zero(directions() + reference_.alpha.size());
@@ -237,6 +246,8 @@ void ChangeDetector::restore(const std::vector<double>& state) {
   const bool first_version = state.size() == 4 + 4 * charts;
   if (!first_version && state.size() != 5 + 3 * charts + sums + sums * sums)
     throw InputError("ChangeDetector: the state is of other charts");
+  if (!std::all_of(state.begin(), state.end(), [](double value) { return std::isfinite(value); }))
+    throw InputError("ChangeDetector: the state has a number that is not finite");
   ChangeDetector restored(*this);
   restored.start_again();
   restored.readings_ = whole_count(state[0]);
@@ -248,15 +259,17 @@ void ChangeDetector::restore(const std::vector<double>& state) {
     restored.restore_first_version(state);
   } else {
     const double* next = state.data() + 4;
-    restored.squares_ = *next++;
+    restored.squares_ = sum_in(*next++);
     for (Chart& chart : restored.charts_) {
-      chart.ratio = *next++;
-      chart.value = *next++;
+      chart.ratio = sum_in(*next++);
+      chart.value = sum_in(*next++);
       chart.since = whole_count(*next++);
     }
     for (double& value : restored.score_) value = *next++;
     std::copy_n(next, restored.information_.size(), restored.information_.data());
   }
+  if (restored.naming_left_ > options_.naming)
+    throw InputError("ChangeDetector: the state names an alarm by more readings than are asked for");
   *this = std::move(restored);
 }
 

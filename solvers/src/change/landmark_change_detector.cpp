@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "change/landmark_watch.hpp"
@@ -44,13 +45,30 @@ Matrix3d covariance_of_error(const Stop& stop) {
 
 }  // namespace
 
-double LandmarkWatch::Onset::ratio(const std::array<double, directions>& tau) const {
-  double sum = 0.5 * (std::exp(log_up) + std::exp(log_down));
+auto LandmarkWatch::Onset::terms(const std::array<double, directions>& tau) const
+    -> std::array<Term, directions + 2> {
+  std::array<Term, directions + 2> all;
   for (std::size_t k = 0; k < directions; ++k) {
     const double grown = 1.0 + tau[k] * tau[k] * information[k];
-    sum += std::exp(0.5 * tau[k] * tau[k] * score[k] * score[k] / grown) / std::sqrt(grown);
+    all[k] = {0.5 * tau[k] * tau[k] * score[k] * score[k] / grown, std::sqrt(grown)};
   }
+  all[directions] = {log_up, 2.0};
+  all[directions + 1] = {log_down, 2.0};
+  return all;
+}
+
+double LandmarkWatch::Onset::ratio(const std::array<double, directions>& tau) const {
+  double sum = 0.0;
+  for (const Term& term : terms(tau)) sum += std::exp(term.exponent) / term.divisor;
   return sum / (directions + 1);
+}
+
+double LandmarkWatch::Onset::log_ratio(const std::array<double, directions>& tau) const {
+  const auto all = terms(tau);
+  double highest = all[0].exponent, sum = 0.0;
+  for (const Term& term : all) highest = std::max(highest, term.exponent);
+  for (const Term& term : all) sum += std::exp(term.exponent - highest) / term.divisor;
+  return highest + std::log(sum / (directions + 1));
 }
 
 void LandmarkWatch::start(const Stop& stop) {
@@ -119,29 +137,34 @@ std::optional<ChangeAlarm> LandmarkWatch::add(const LandmarkReading& reading) {
   tested += !taken.placed;
   if (naming_left > 0) {
     if (--naming_left > 0) return std::nullopt;
-    name(open, onsets.front());
+    const Onset& onset = most_probable();
+    open.since = onset.since;
+    name(open, onset);
     onsets.clear();
     opened_at = tested;
     return open;
   }
-  double sum = 0.0, largest = 0.0;
-  std::size_t best = 0;
-  for (std::size_t j = 0; j < onsets.size(); ++j) {
-    const double share = onsets[j].weight * onsets[j].ratio(tau);
-    sum += share;
-    if (!(share > largest)) continue;
-    largest = share;
-    best = j;
-  }
+  // R; infinite where a reading is some 50 standard deviations off: an alarm like any other
+  double sum = 0.0;
+  for (const Onset& onset : onsets) sum += onset.weight * onset.ratio(tau);
   if (!(sum > options.run_length)) return std::nullopt;
-  Onset kept = std::move(onsets[best]);
-  onsets.clear();
-  onsets.push_back(std::move(kept));
   open = {};
   open.reading = readings;
-  open.since = onsets.front().since;
+  open.since = most_probable().since;
   naming_left = options.naming;
   return open;
+}
+
+const LandmarkWatch::Onset& LandmarkWatch::most_probable() const {
+  const Onset* best = &onsets.front();
+  double largest = -std::numeric_limits<double>::infinity();
+  for (const Onset& onset : onsets) {
+    const double share = std::log(onset.weight) + onset.log_ratio(tau);
+    if (!(share >= largest)) continue;
+    largest = share;
+    best = &onset;
+  }
+  return *best;
 }
 
 void LandmarkWatch::name(ChangeAlarm& alarm, const Onset& onset) {

@@ -18,18 +18,9 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-/// d > 0 with f(d) = y where f rises, by Newton's method from d = y.
-std::optional<double> inverse(const VectorXd& alpha, double y) {
-  double d = y;
-  for (int i = 0; i < 30; ++i) {
-    const double slope = evaluate_derivative(alpha, d);
-    if (!(slope > 0.05)) return std::nullopt;
-    const double step = (evaluate_polynomial(alpha, d) - y) / slope;
-    d -= step;
-    if (std::abs(step) < 1e-12 * (1.0 + std::abs(d))) break;
-  }
-  return d > 0.0 && std::isfinite(d) ? std::optional(d) : std::nullopt;
-}
+// Standard deviations of an innovation: beyond the first nothing linear holds, the state stays where it is; beyond the
+// second squares and their sums are no numbers any more.
+constexpr double farthest_followed = 1e3, farthest_counted = 1e100;
 
 }  // namespace
 
@@ -70,12 +61,19 @@ Matrix3d LandmarkFilter::start(const Pose2& now, const Matrix3d& covariance, boo
   return F;
 }
 
-void LandmarkFilter::update(Innovation& read) {
+bool LandmarkFilter::update(Innovation& read) {
   const VectorXd cross = P * read.row;
   read.S = read.row.dot(cross) + read.noise;
+  const double off = std::abs(read.nu), sigma = std::sqrt(read.S);
+  if (!(off < farthest_counted * sigma && std::isfinite(sigma))) return false;
+  if (off > farthest_followed * sigma) {
+    read.gain = VectorXd::Zero(x.size());
+    return true;
+  }
   read.gain = cross / read.S;
   x += read.gain * read.nu;
   P.noalias() -= read.gain * cross.transpose();
+  return true;
 }
 
 LandmarkFilter::Taken LandmarkFilter::take(const std::string& landmark, double radius, double range_m,
@@ -90,8 +88,8 @@ LandmarkFilter::Taken LandmarkFilter::take(const std::string& landmark, double r
   taken.d = D - radius_m[static_cast<std::size_t>(l)];
   taken.f = evaluate_polynomial(alpha, taken.d);
   taken.s = reference.noise.spread(taken.d, taken.f);
-  if (!(taken.d > 0.0 && taken.s > 0.0)) return taken;
-  taken.usable = true;
+  if (!(taken.d > 0.0 && taken.s > 0.0 && std::abs(range_m - taken.f) < farthest_counted * taken.s))
+    return taken;
   const Vector2d n = sight / D, across = Vector2d(-n.y(), n.x()) / D;
   const double slope = evaluate_derivative(alpha, taken.d), sigma = reference.sigma_theta_rad->value;
   taken.bearing.row = taken.range.row = VectorXd::Zero(x.size());
@@ -105,9 +103,9 @@ LandmarkFilter::Taken LandmarkFilter::take(const std::string& landmark, double r
   taken.range.noise = taken.s * taken.s;
   taken.bearing.nu = wrap_angle(bearing_rad - std::atan2(sight.y(), sight.x()) + x[alphas + 2]);
   const VectorXd before = x;
-  update(taken.bearing);
+  if (!update(taken.bearing)) return taken;
   taken.range.nu = range_m - taken.f - taken.range.row.dot(x - before);
-  update(taken.range);
+  taken.usable = update(taken.range);
   return taken;
 }
 
@@ -116,13 +114,12 @@ LandmarkFilter::Taken LandmarkFilter::place(const std::string& landmark, double 
   const Index alphas = pose(), size = x.size();
   Taken taken;
   const VectorXd alpha = x.head(alphas);
-  const std::optional<double> d = inverse(alpha, range_m);
-  if (!d) return taken;
+  const std::optional<double> d = invert_near(alpha, range_m);
+  if (!d) return taken;  // the landmark stays unknown, the next reading of it may place it
   taken.d = *d;
   taken.f = range_m;
   taken.s = reference.noise.spread(taken.d, taken.f);
   if (!(taken.s > 0.0)) return taken;
-  taken.usable = taken.placed = true;
   const double direction = x[alphas + 2] + bearing_rad, D = *d + radius,
                sigma = reference.sigma_theta_rad->value;
   const Vector2d n(std::cos(direction), std::sin(direction)), across = D * Vector2d(-n.y(), n.x());
@@ -135,6 +132,8 @@ LandmarkFilter::Taken LandmarkFilter::place(const std::string& landmark, double 
   const Eigen::Matrix2d own = cross * taken.by_state.transpose() +
                               taken.s * taken.s * taken.by_range * taken.by_range.transpose() +
                               sigma * sigma * across * across.transpose();
+  if (!cross.allFinite() || !own.allFinite()) return taken;
+  taken.usable = taken.placed = true;
   x.conservativeResize(size + 2);
   x.tail<2>() = x.segment<2>(alphas) + D * n;
   P.conservativeResize(size + 2, size + 2);

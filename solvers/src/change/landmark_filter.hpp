@@ -18,9 +18,11 @@ namespace rangecal {
 ///
 /// n the direction from stop to landmark, t across it. Readings are taken one number after the other: the innovations
 /// over their standard deviations, nu / sqrt(S), are then independent N(0, 1) if nothing has changed. A landmark seen
-/// for the first time is put where its reading says it is, with the covariance of that. Each stop has its own prior, or
-/// along a random walk the pose before and the step. Source: Bar-Shalom, Li and Kirubarajan, Estimation with
-/// Applications to Tracking and Navigation, 2001, ch. 10.3.
+/// for the first time is put where its reading says it is, with the covariance of that; while the curve has no distance
+/// for its readings (invert_near) it stays unknown. Each stop has its own prior, or along a random walk the pose before
+/// and the step. A number more than 1e3 sqrt(S) off is an innovation like any other, but the state does not follow it
+/// (its gain is 0). Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation,
+/// 2001, ch. 10.3.
 struct LandmarkFilter {
   explicit LandmarkFilter(const Calibration& reference);
 
@@ -34,8 +36,8 @@ struct LandmarkFilter {
     double noise = 0.0;        ///< the reading's own share of S
     Eigen::VectorXd row, gain;
   };
-  /// One reading. Of a landmark seen for the first time, m = m(x, y, theta), there are no innovations but how it was
-  /// placed: dm/dx, dm/dy.
+  /// One reading; not usable where no distance goes with it, or it is 1e100 standard deviations off. Of a landmark seen
+  /// for the first time, m = m(x, y, theta), there are no innovations but how it was placed: dm/dx, dm/dy.
   struct Taken {
     bool usable = false, placed = false;
     double d = 0.0, f = 0.0, s = 0.0;  ///< as foretold
@@ -56,7 +58,7 @@ struct LandmarkFilter {
 
  private:
   Taken place(const std::string& landmark, double radius, double range_m, double bearing_rad);
-  void update(Innovation& read);
+  bool update(Innovation& read);  ///< false, and nothing is done, where nu / sqrt(S) cannot be counted
 };
 
 }  // namespace rangecal

@@ -27,13 +27,20 @@ struct LandmarkWatch {
     double log_up = 0.0, log_down = 0.0;                    ///< log L of the spread times and by its factor
     double spread_score = 0.0, spread_information = 0.0;    ///< sum share (z^2 - 1), sum share^2
 
-    /// mean over k of L
-    double ratio(const std::array<double, directions>& tau) const;
+    /// e^exponent / divisor: L of a direction, half that of the spread in either sense.
+    struct Term {
+      double exponent, divisor;
+    };
+    std::array<Term, directions + 2> terms(const std::array<double, directions>& tau) const;
+    double ratio(const std::array<double, directions>& tau) const;      ///< mean over k of L; may be infinite
+    double log_ratio(const std::array<double, directions>& tau) const;  ///< its logarithm, which is not
   };
 
   LandmarkWatch(const Calibration& reference, bool random_walk, const ChangeOptions& options);
   void start(const Stop& stop);
   std::optional<ChangeAlarm> add(const LandmarkReading& reading);
+  /// By log w + log of the mean of L; of several alike the latest. There is at least one.
+  const Onset& most_probable() const;
   void follow(Onset& onset, const LandmarkFilter::Taken& taken, double bearing) const;
   void name(ChangeAlarm& alarm, const Onset& onset);
 

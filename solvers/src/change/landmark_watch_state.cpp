@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -12,6 +14,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 using Eigen::Index;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 std::int64_t count_in(const Json& json, const char* field) {
@@ -45,7 +48,31 @@ LandmarkWatch::Onset onset_in(const Json& json, Index size) {
   for (std::size_t i = 0; i < numbers.size(); ++i) *numbers[i] = values[static_cast<Index>(i)];
   for (std::size_t k = 0; k < onset.beta.size(); ++k)
     onset.beta[k] = vector_in(json.at("beta").at(k), size, "beta");
+  const auto negative = [](double information) { return information < 0.0; };
+  if (!(onset.weight > 0.0) || onset.spread_information < 0.0 ||
+      std::any_of(onset.information.begin(), onset.information.end(), negative))
+    throw InputError("field 'onsets' holds what no readings make");
   return onset;
+}
+
+/// Throws InputError where P is no covariance: not symmetric, or negative in a direction, by more than the rounding of
+/// many updates, a millionth of the standard deviations.
+MatrixXd covariance_in(const Json& json, Index size) {
+  constexpr double rounding = 1e-6;
+  const MatrixXd P = square_in(json, size, "P");
+  const VectorXd sigma = P.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const MatrixXd limit = sigma * sigma.transpose();
+  const VectorXd scale = sigma.unaryExpr([](double s) { return s > 0.0 ? 1.0 / s : 0.0; });
+  const MatrixXd correlation = scale.asDiagonal() * P * scale.asDiagonal();
+  const bool symmetric = ((P - P.transpose()).array().abs() <= rounding * limit.array()).all(),
+             bounded = (P.array().abs() <= (1.0 + rounding) * limit.array()).all(),
+             positive =
+                 Eigen::LLT<MatrixXd>(correlation + rounding * MatrixXd::Identity(size, size)).info() ==
+                 Eigen::Success;
+  if (!symmetric || !bounded || !positive)
+    throw InputError(std::string("field 'P' is no covariance: it is not ") +
+                     (symmetric ? "positive" : "symmetric"));
+  return P;
 }
 
 }  // namespace
@@ -78,8 +105,10 @@ void restore_watch(const std::string& text, LandmarkWatch& watch) {
     restored.readings = count_in(json, "readings");
     restored.tested = count_in(json, "tested");
     restored.opened_at = count_in(json, "opened_at");
+    if (restored.opened_at > restored.tested) throw InputError("field 'opened_at' is beyond 'tested'");
     restored.stops = count_in(json, "stops");
-    restored.naming_left = count_in(json, "naming_left");
+    restored.naming_left =
+        whole_number<std::int64_t>(json.at("naming_left"), "naming_left", 0, restored.options.naming);
     restored.open = {};
     restored.open.reading = whole_number<std::int64_t>(json.at("open").at(0), "open");
     restored.open.since = whole_number<std::int64_t>(json.at("open").at(1), "open");
@@ -92,10 +121,10 @@ void restore_watch(const std::string& text, LandmarkWatch& watch) {
     const VectorXd pose = vector_in(json.at("commanded"), 3, "commanded");
     filter.commanded = {pose[0], pose[1], pose[2]};
     filter.x = vector_in(json.at("x"), size, "x");
-    filter.P = square_in(json.at("P"), size, "P");
+    filter.P = covariance_in(json.at("P"), size);
     restored.onsets.clear();
     for (const Json& onset : json.at("onsets")) restored.onsets.push_back(onset_in(onset, size));
-    if (restored.naming_left > 0 && restored.onsets.size() != 1)
+    if (restored.naming_left > 0 && restored.onsets.empty())
       throw InputError("field 'onsets' is not that of an open alarm");
     watch = std::move(restored);
   } catch (const Json::exception& error) {

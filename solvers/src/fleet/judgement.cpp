@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/fleet/judgement.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <boost/math/special_functions/beta.hpp>
 #include <cmath>
 #include <optional>
+
+#include "rangecal/core/errors.hpp"
 
 namespace rangecal {
 namespace {
@@ -45,9 +49,10 @@ FleetJudge::FleetJudge(const UnitStream& units, const Population& population)
   const auto kept = [&](const auto& visit) {
     std::size_t index = 0;
     units([&](const UnitSummary& unit) {
-      if (!outlying_[index]) visit(index, unit);
+      if (!is_outlying(index)) visit(index, unit);
       ++index;
     });
+    if (index != outlying_.size()) refuse_stream(fmt::format("{}", index));
   };
   if (population.units <= few)
     kept([&](std::size_t index, const UnitSummary& unit) { few_.emplace_back(index, unit); });
@@ -57,8 +62,21 @@ FleetJudge::FleetJudge(const UnitStream& units, const Population& population)
     });
 }
 
+void FleetJudge::refuse_stream(const std::string& units) const {
+  throw InputError(fmt::format(
+      "FleetJudge: the population says of {} units which are outlying, the stream has {}; it needs the population "
+      "that was fitted to these units, not one read from a file",
+      outlying_.size(), units));
+}
+
+bool FleetJudge::is_outlying(std::size_t index) const {
+  if (index >= outlying_.size()) refuse_stream("more");
+  return outlying_[index];
+}
+
 UnitJudgement FleetJudge::operator()(const UnitSummary& unit, std::size_t index) const {
-  if (few_.empty()) return judge(unit, all_, !outlying_[index]);
+  const bool among = !is_outlying(index);
+  if (few_.empty()) return judge(unit, all_, among);
   const Scatter others = scatter_of([&](const std::function<void(const UnitSummary&)>& visit) {
     for (const auto& [at, other] : few_)
       if (at != index) visit(other);

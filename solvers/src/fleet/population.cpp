@@ -8,9 +8,11 @@
 #include <boost/math/special_functions/beta.hpp>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/fleet/judgement.hpp"
 
 namespace rangecal {
@@ -127,6 +129,26 @@ double distance_limit(double q, double n, double p) {
   return (n - 1.0 / n) * (1.0 / boost::math::ibeta_inv(0.5 * (n - p), 0.5 * p, q) - 1.0);
 }
 
+/// The stream, of which each pass has to bring as many units, of as many unknowns, as the first: a file may grow.
+UnitStream same_each_time(const UnitStream& units, std::int64_t count, Eigen::Index unknowns) {
+  return [&units, count, unknowns](const std::function<void(const UnitSummary&)>& visit) {
+    std::int64_t seen = 0;
+    const auto refuse = [&](const std::string& what) {
+      throw InputError(fmt::format(
+          "fit_population: the stream had {} units of {} unknowns at first, and in a later pass {}", count,
+          unknowns, what));
+    };
+    units([&](const UnitSummary& unit) {
+      if (seen++ == count) refuse("more units");
+      if (unit.theta.size() != unknowns || unit.information.rows() != unknowns ||
+          unit.information.cols() != unknowns)
+        refuse(fmt::format("a unit of {}", unit.theta.size()));
+      visit(unit);
+    });
+    if (seen != count) refuse(fmt::format("{} units", seen));
+  };
+}
+
 /// Marks the units kept whose p-value is below `rate`; false where there is none, or too few would stay.
 bool mark_odd(const UnitStream& units, const Population& population, double rate, std::vector<bool>& odd) {
   const FleetJudge judge(units, population);
@@ -155,12 +177,12 @@ void PopulationOptions::check() const {
     throw InputError(fmt::format("PopulationOptions: outlier_rate = {} is not in [0, 1)", outlier_rate));
 }
 
-Population fit_population(const UnitStream& units, const PopulationOptions& options) {
+Population fit_population(const UnitStream& stream, const PopulationOptions& options) {
   options.check();
   Population result;
   std::int64_t count = 0;
   VectorXd low, high;
-  units([&](const UnitSummary& u) {
+  stream([&](const UnitSummary& u) {
     if (count == 0) low = high = u.theta;
     if (u.theta.size() != low.size() || u.information.rows() != low.size() ||
         u.information.cols() != low.size())
@@ -179,6 +201,7 @@ Population fit_population(const UnitStream& units, const PopulationOptions& opti
                         : fmt::format("{} units are too few for a population of {} unknowns", count, p);
     return result;
   }
+  const UnitStream units = same_each_time(stream, count, p);
   result.order = static_cast<int>(p) - 2;
   // Start: medians, and the middle two thirds as two standard deviations, widened.
   const VectorXd slack = 1e-9 * (high - low).cwiseAbs() + VectorXd::Constant(p, 1e-12);
@@ -252,10 +275,11 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population) {
     throw InputError(fmt::format("shrink: {} unknowns where the population has {}", unit.theta.size(), p));
   const Scale scale{population.mean, population.covariance.diagonal().cwiseSqrt()};
   const VectorXd inverse = scale.unit.cwiseInverse();
-  const MatrixXd Sigma = inverse.asDiagonal() * population.spread() * inverse.asDiagonal();
-  const MatrixXd precision = Sigma.llt().solve(MatrixXd::Identity(p, p));
+  const std::optional<MatrixXd> precision =
+      scaled_inverse(inverse.asDiagonal() * population.spread() * inverse.asDiagonal());
+  if (!precision) throw InputError("shrink: the population's covariance is not positive definite");
   const UnitSummary scaled = scale.in(unit);
-  const Step step = step_of(scaled, VectorXd::Zero(p), precision, 0.0);
+  const Step step = step_of(scaled, VectorXd::Zero(p), *precision, 0.0);
   UnitPosterior result;
   result.mean = scale.origin + scale.unit.cwiseProduct(step.m);
   MatrixXd V = step.V;

@@ -10,13 +10,15 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "fleet/kurtosis_law.hpp"
 #include "pairs_ml/dense_newton.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/fleet/population.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "statistics/kurtosis_law.hpp"
 
 namespace rangecal {
 namespace {
@@ -28,7 +30,7 @@ constexpr int highest_order = 8;  // of f in the test of its shape
 
 constexpr std::size_t fewest_for_tails = 30, fewest_for_all = 100;  // readings
 
-double two_sided(double z) { return std::erfc(std::abs(z) / std::sqrt(2.0)); }
+double two_sided(double z) { return 2.0 * normal_below(-std::abs(z)); }
 
 std::vector<std::vector<double>> rows_of(const MatrixXd& matrix) {
   std::vector<std::vector<double>> rows;
@@ -98,11 +100,9 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
     throw InputError("calibrate_in_population: the population has no answer");
   MatrixXd prior = population.spread();
   if (population.mean_covariance.size() > 0) prior += population.mean_covariance;
-  const VectorXd unit = prior.diagonal().cwiseSqrt();
-  const MatrixXd correlation = unit.cwiseInverse().asDiagonal() * prior * unit.cwiseInverse().asDiagonal();
-  const MatrixXd precision = unit.cwiseInverse().asDiagonal() *
-                             correlation.llt().solve(MatrixXd::Identity(p, p)) *
-                             unit.cwiseInverse().asDiagonal();
+  const std::optional<MatrixXd> precision = scaled_inverse(prior);
+  if (!precision)
+    throw InputError("calibrate_in_population: the population's covariance is not positive definite");
   Calibration result;
   result.method = Method::full;
   result.kind = RecordingKind::pairs;
@@ -113,11 +113,11 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
       [&](const VectorXd& x) {
         PairsDerivatives d =
             pairs_derivatives(problem, x.head(n), {population.law, VectorXd::Constant(1, std::exp(x[n]))});
-        const VectorXd e = x - population.mean, pull = precision * e;
+        const VectorXd e = x - population.mean, pull = *precision * e;
         d.nll += 0.5 * e.dot(pull);
         d.gradient += pull;
-        d.hessian += precision;
-        d.information += precision;
+        d.hessian += *precision;
+        d.information += *precision;
         return d;
       },
       population.mean);
@@ -132,14 +132,16 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
                         : "the Newton steps did not settle";
     return result;
   }
-  const MatrixXd covariance =
-      unit.asDiagonal() *
-      (unit.asDiagonal() * end.at.information * unit.asDiagonal()).llt().solve(MatrixXd::Identity(p, p)) *
-      unit.asDiagonal();
-  result.alpha_covariance = covariance.topLeftCorner(n, n);
+  const std::optional<MatrixXd> covariance = scaled_inverse(end.at.information);
+  if (!covariance) {
+    result.outcome = Outcome::failed;
+    result.reason = "the information at the end is not positive definite";
+    return result;
+  }
+  result.alpha_covariance = covariance->topLeftCorner(n, n);
   result.covariance_reason = "of the posterior, population included";
   result.noise_estimates = {
-      Estimate{result.noise.parameters[0], result.noise.parameters[0] * std::sqrt(covariance(n, n))}};
+      Estimate{result.noise.parameters[0], result.noise.parameters[0] * std::sqrt((*covariance)(n, n))}};
   result.joint_nll = result.marginal_nll = pairs_nll(problem, result.alpha, result.noise);
   return result;
 }
@@ -164,7 +166,7 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   misfit.kurtosis = N * fourth / (second * second) - 3.0;
   misfit.correlation = neighbours / second;
   const double degrees = N - static_cast<double>(calibration.alpha.size());
-  misfit.tail_p = two_sided(fleet::kurtosis_score(misfit.kurtosis + 3.0, degrees));
+  misfit.tail_p = two_sided(kurtosis_score(misfit.kurtosis + 3.0, degrees));
   if (count < fewest_for_all) return misfit;
   misfit.dependence_p = two_sided(misfit.correlation * std::sqrt(N));
   const int more = std::min(2, highest_order - calibration.order());

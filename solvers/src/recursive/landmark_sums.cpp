@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "marginal/laplace.hpp"
+#include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal {
 namespace {
@@ -308,6 +309,52 @@ class Profile {
   VectorXd held_;
 };
 
+struct Slopes {
+  Vector2d g;
+  Eigen::Matrix2d H;
+};
+
+/// First and second differences of the profile at x, where it is `here`, over +- h.
+Slopes slopes_of(Profile& profile, const Vector2d& x, double here, double h) {
+  const Vector2d e0(h, 0.0), e1(0.0, h);
+  const double px = profile(x + e0), mx = profile(x - e0), py = profile(x + e1), my = profile(x - e1);
+  const double pp = profile(x + e0 + e1), mm = profile(x - e0 - e1), pm = profile(x + e0 - e1),
+               mp = profile(x - e0 + e1);
+  Slopes at;
+  at.g = {(px - mx) / (2.0 * h), (py - my) / (2.0 * h)};
+  at.H(0, 0) = (px - 2.0 * here + mx) / (h * h);
+  at.H(1, 1) = (py - 2.0 * here + my) / (h * h);
+  at.H(0, 1) = at.H(1, 0) = (pp + mm - pm - mp) / (4.0 * h * h);
+  return at;
+}
+
+constexpr double settled_step = 1e-7, settled_nats = 1e-6;
+
+struct Newton {
+  Vector2d step = Vector2d::Zero();
+  double to_gain = 0.0;  ///< these two as in SumsFit
+  bool settled = true;
+};
+
+/// Newton's step where the profile is `here`, for a grid so wide. Along an eigenvector of negative curvature it goes down,
+/// as far as if the curvature were positive.
+Newton newton_of(const Slopes& at, double here, double width) {
+  const SymmetricEigen eigen = symmetric_eigen(at.H);
+  Newton newton;
+  for (Eigen::Index k = 0; k < 2; ++k) {
+    const double curvature = eigen.values[k], bend = std::max(std::abs(curvature), 1e-100),
+                 slope = eigen.vectors.col(k).dot(at.g), down = slope / bend, fall = width * std::abs(slope);
+    const bool convex = curvature > 0.0;
+    const double gain = convex ? std::min(0.5 * slope * down, fall) : fall + 0.5 * width * width * bend,
+                 rounding = (convex ? 1e-13 : 1e-8) * std::abs(here);  // of the profile, and that over h^2
+    newton.step -= down * eigen.vectors.col(k);
+    newton.to_gain += gain;
+    newton.settled =
+        newton.settled && (gain < settled_nats + rounding || (convex && std::abs(down) < settled_step));
+  }
+  return newton;
+}
+
 }  // namespace
 
 SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vector2d& start) {
@@ -323,16 +370,8 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vec
   Vector2d x = inside(start);
   double here = profile(x);
   if (!std::isfinite(here)) return fit;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const Vector2d e0(h, 0.0), e1(0.0, h);
-    const double px = profile(x + e0), mx = profile(x - e0), py = profile(x + e1), my = profile(x - e1);
-    const double pp = profile(x + e0 + e1), mm = profile(x - e0 - e1), pm = profile(x + e0 - e1),
-                 mp = profile(x - e0 + e1);
-    const Vector2d g((px - mx) / (2.0 * h), (py - my) / (2.0 * h));
-    Eigen::Matrix2d H;
-    H(0, 0) = (px - 2.0 * here + mx) / (h * h);
-    H(1, 1) = (py - 2.0 * here + my) / (h * h);
-    H(0, 1) = H(1, 0) = (pp + mm - pm - mp) / (4.0 * h * h);
+  for (int iteration = 0;; ++iteration) {
+    auto [g, H] = slopes_of(profile, x, here, h);
     if (!g.allFinite() || !H.allFinite()) return fit;
     // a sigma at the end of the grid that is drawn further out stays there
     for (int j = 0; j < 2; ++j) {
@@ -340,14 +379,15 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vec
       if (std::abs(from_centre) >= reach - 1e-9 && g[j] * from_centre < 0.0) {
         H(0, 1) = H(1, 0) = 0.0;
         H(j, j) = 1e100;
+        g[j] = 0.0;
         fit.at_edge = true;
       }
     }
-    const Eigen::LLT<Eigen::Matrix2d> factor(H);
-    Vector2d step =
-        factor.info() == Eigen::Success ? Vector2d(-factor.solve(g)) : Vector2d(-g / std::max(1.0, g.norm()));
-    step *= std::min(1.0, 0.5 * reach / std::max(step.norm(), 1e-300));
-    if (step.norm() < 1e-7) break;
+    const Newton newton = newton_of({g, H}, here, 2.0 * reach);
+    fit.to_gain = newton.to_gain;
+    fit.settled = newton.settled;
+    const Vector2d step = std::min(1.0, 0.5 * reach / std::max(newton.step.norm(), 1e-300)) * newton.step;
+    if (step.norm() < settled_step || iteration == max_iterations) break;
     bool moved = false;
     for (double factor_of_step = 1.0; factor_of_step > 1e-4 && !moved; factor_of_step *= 0.5) {
       const Vector2d trial = inside(x + factor_of_step * step);

@@ -72,6 +72,12 @@ std::optional<LandmarkSums> expand_stops(const JointProblem& problem, JointState
 /// Where the sums are lowest as `marginal` has it: phi at its best for the sigmas, the sigmas by REML.
 struct SumsFit {
   bool ok = false, at_edge = false;  ///< at_edge: a sigma is held at the end of the grid
+  /// A step of Newton's for the sigmas would be below 1e-7, or gain less than 1e-6 nats or the rounding of the sums.
+  /// False where the steps ran out, or none was found, before.
+  bool settled = false;
+  /// By that step [nats]: g^2 / (2 lambda) along each eigenvector of the profile's Hessian, g the slope along it and
+  /// lambda its eigenvalue; at most |g| w, w the width of the grid; |g| w + |lambda| w^2 / 2 where lambda < 0.
+  double to_gain = 0.0;
   Eigen::VectorXd phi;
   Eigen::Vector2d log_sigmas;
   double nll = 0.0;         ///< l_s [nats]

@@ -55,15 +55,10 @@ void append_cell(const Cells& from, std::size_t i, Cells& to) {
     (to.*column).push_back((from.*column)[i]);
 }
 
-/// d with f(d) = y, from d = y by Newton's method; y where that leads nowhere.
+/// d with f(d) = y for the start of a landmark; y itself where the curve has none near, which is near enough for a start.
 double inverted(const VectorXd& alpha, double y) {
-  double d = y;
-  for (int i = 0; i < 20; ++i) {
-    const double slope = evaluate_derivative(alpha, d);
-    if (!(slope > 0.1)) return y;
-    d -= (evaluate_polynomial(alpha, d) - y) / slope;
-  }
-  return d > 0.2 * y && d < 5.0 * y ? d : y;
+  const std::optional<double> d = invert_near(alpha, y);
+  return d && *d > 0.2 * y && *d < 5.0 * y ? *d : y;
 }
 
 /// Stop after stop of a random walk from where the one before was found, by what it sees of the landmarks of
@@ -336,6 +331,13 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
                                   moved, most_updates);
       return answer;
     }
+  }
+  if (!fit.settled) {
+    answer.outcome = Outcome::not_converged;
+    answer.reason =
+        fmt::format("the search for sigma_e and sigma_theta stopped where up to {:.1g} nats are left to gain",
+                    fit.to_gain);
+    return answer;
   }
   answer.nll = fit.nll;
   answer.covariance = covariance_from(fit.hessian, alphas, order);

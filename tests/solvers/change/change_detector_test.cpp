@@ -51,6 +51,86 @@ TEST(ChangeDetector, RatioHandWorked) {
   EXPECT_NEAR(detector.state()[6], 0.75, 1e-12);
 }
 
+/// False alarms are not waited for: one in 1e9 readings at most.
+ChangeOptions seldom() {
+  ChangeOptions options;
+  options.run_length = 1e9;
+  return options;
+}
+
+/// f = d, s = 0.1 everywhere.
+Calibration line_reference() {
+  Calibration line = pairs_reference();
+  line.alpha = Eigen::Vector2d(0.0, 1.0);
+  line.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.1)};
+  return line;
+}
+
+TEST(ChangeDetector, ARatioLargerThanNumbersIsAnAlarmOnce) {
+  // Five readings 0.9 s high: S of the offset upwards is 5 (0.5 * 0.9 - 0.125) = 1.6, since reading 0; that of the doubled
+  // spread has l = -log 1.5 + 0.9^2 (1 - 1 / 2.25) / 2 = -0.18 each and stays at 0. The sixth is 1e4 s high: e^l is
+  // infinite for the offset, l = 5000, and for the spread, l = 1e8 / 2 * 5 / 9 = 2.8e7, whose beginning is told.
+  ChangeDetector detector(line_reference(), seldom());
+  for (int i = 0; i < 5; ++i) EXPECT_FALSE(detector.add(1.0, 1.09));
+  const auto alarm = detector.add(1.0, 1001.0);
+  ASSERT_TRUE(alarm);
+  EXPECT_EQ(alarm->reading, 6);
+  EXPECT_EQ(alarm->since, 5);
+  for (const double value : detector.state()) EXPECT_TRUE(std::isfinite(value));
+  Random random(seed_from("ratio once"));
+  int raised = 0, named = 0;
+  for (int i = 0; i < 1300; ++i) {
+    const auto next = detector.add(1.0, random.normal(1.0, 0.1));
+    if (next) ++(next->named ? named : raised);
+  }
+  EXPECT_EQ(named, 1);
+  EXPECT_EQ(raised, 0);
+}
+
+TEST(ChangeDetector, PlacesAndNamesAStepOfAHundredStandardDeviations) {
+  // 4 m is 100 s at f = 2 m and 1600 s at 0.5 m. Before the change S of the doubled spread is seldom long above 0.
+  for (std::uint64_t repeat = 0; repeat < 20; ++repeat) {
+    ChangeDetector detector(pairs_reference(), seldom());
+    Random random(seed_from("hundred", {repeat}));
+    std::optional<ChangeAlarm> raised;
+    const auto named = first_named(1000, [&](int i) {
+      const double d = random.uniform(0.5, 4.0);
+      const auto alarm = detector.add(d, read(random, d, i < 500 ? 0.0 : 4.0));
+      if (alarm && !alarm->named) raised = alarm;
+      return alarm;
+    });
+    ASSERT_TRUE(raised && named && named->named);
+    EXPECT_EQ(raised->reading, 501);
+    EXPECT_NEAR(static_cast<double>(named->since), 500.0, 60.0);
+    EXPECT_EQ(named->kind, ChangeKind::window);
+    EXPECT_NEAR(named->size, 4.0, 4.0 * named->std_dev);
+  }
+}
+
+TEST(ChangeDetector, PassesOverWhatCannotBeCounted) {
+  // 1e308 m is infinitely many s; times g = sin(0) = 0 of the encoder that is no number.
+  ChangeOptions options;
+  options.bearings = true;
+  ChangeDetector detector(line_reference(), options), plain(line_reference(), options);
+  Random random(seed_from("not counted"));
+  for (int i = 0; i < 2; ++i) {
+    for (const double wild : {1e308, 1e200}) {
+      EXPECT_FALSE(detector.add(1.0, wild, 0.0));
+      EXPECT_FALSE(detector.add(wild, 1.0, 0.0));
+    }
+    EXPECT_EQ(detector.state(), plain.state());
+    const auto alarm = first_named(1000, [&](int) {
+      const double bearing = random.uniform(-3.14, 3.14), y = random.normal(1.3, 0.1);
+      plain.add(1.0, y, bearing);
+      const auto next = detector.add(1.0, y, bearing);
+      detector.add(1.0, 1e308, 0.0);  // while a change is being named, too
+      return next;
+    });
+    ASSERT_TRUE(alarm && alarm->named);
+    EXPECT_TRUE(std::isfinite(alarm->size) && std::isfinite(alarm->probability));
+  }
+}
+
 /// Alarms among 400 000 readings without a change, at distances that `distance` draws; N = 1000.
 int alarms_without_change(bool bearings, double (*distance)(Random&)) {
   ChangeOptions options;
@@ -232,6 +312,27 @@ TEST(ChangeDetector, StateGoesOnAndBadInputIsRefused) {
   EXPECT_FALSE(a.add(1.0, std::nan("")));
   EXPECT_FALSE(a.add(1.0, -1.0));
   EXPECT_THROW(a.restore({1.0}), InputError);
+  // R, S, sum z^2, a sum of scores and a count of their kind; naming by 300 readings at most
+  const std::vector<double> sound = a.state();
+  for (const auto& [place, value] :
+       std::vector<std::pair<std::size_t, double>>{{5, std::nan("")},
+                                                   {5, -1.0},
+                                                   {6, std::nan("")},
+                                                   {6, -1.0},
+                                                   {4, -1.0},
+                                                   {4, HUGE_VAL},
+                                                   {5, HUGE_VAL},
+                                                   {sound.size() - 1, std::nan("")},
+                                                   {7, -1.0},
+                                                   {1, 301.0}}) {
+    std::vector<double> broken = sound;
+    broken[place] = value;
+    EXPECT_THROW(a.restore(broken), InputError) << place << ' ' << value;
+  }
+  first[4] = std::nan("");
+  EXPECT_THROW(b.restore(first), InputError);
+  a.restore(sound);
+  EXPECT_EQ(a.state(), sound);
   EXPECT_THROW(ChangeDetector(Calibration{}), InputError);
   ChangeOptions bad;
   bad.run_length = 1.0;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "change/landmark_filter.hpp"
 #include "rangecal/core/errors.hpp"
@@ -23,11 +24,13 @@ struct Drive {
   int stops = 200, repeats = 2;
   double sigma_xy = 0.01, sigma_heading = 0.0;
   bool walk = false;
+  double sigma_e = 0.01;  ///< noise sigma_e f^2
 };
 
 /// Stops on a Lissajous curve of 4 by 3 m, five cylinders about it, each seen from every stop.
 Recording drive(const Drive& d, std::uint64_t seed) {
   Scene scene = testing::paper_scene();
+  scene.noise.parameters[0] = d.sigma_e;
   scene.sigma_xy_m = d.sigma_xy;
   scene.sigma_heading_rad = d.sigma_heading;
   if (d.walk) scene.stop_error = StopErrorModel::random_walk;
@@ -75,6 +78,54 @@ TEST(LandmarkFilter, HandWorked) {
   EXPECT_NEAR(taken.bearing.S, 0.02, 1e-12);
   // halfway, as both readings weigh alike: x 2.05, y 2 * 0.15
   EXPECT_LT((filter.x.tail<2>() - Eigen::Vector2d(2.05, 0.3)).norm(), 1e-12);
+}
+
+/// f = d, s = 0.1 everywhere, sigma_theta = 0.1.
+Calibration plain_line() {
+  Calibration line;
+  line.outcome = Outcome::converged;
+  line.alpha = Eigen::Vector2d(0.0, 1.0);
+  line.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.1)};
+  line.sigma_theta_rad = Estimate{0.1, std::nullopt};
+  line.range_max_m = 4.0;
+  return line;
+}
+
+TEST(LandmarkFilter, PlacesNoLandmarkByAnInverseThatDidNotSettle) {
+  // A curve on which Newton's method goes to and fro between 3 and 1 (InvertNear.ReturnsNoStepThatIsStillUnderWay): the
+  // landmark stays unknown until a reading of it has a distance, 2.5 m here.
+  Calibration wavy = plain_line();
+  wavy.alpha = Eigen::VectorXd{{7.0, 143.0, -180.0, 110.0, -30.0, 3.0}} / 23.0;
+  LandmarkFilter filter(wavy);
+  filter.start({}, Eigen::Matrix3d::Zero(), false, false);
+  EXPECT_FALSE(filter.take("A", 0.0, 3.0, 0.0).usable);
+  EXPECT_TRUE(filter.labels.empty());
+  EXPECT_TRUE(filter.take("A", 0.0, evaluate_polynomial(wavy.alpha, 2.5), 0.0).placed);
+  EXPECT_NEAR(filter.x.tail<2>().x(), 2.5, 1e-12);
+}
+
+TEST(LandmarkFilter, DoesNotFollowWhatIsTooFarOffForAnythingLinear) {
+  // 0.2 m off, the state moves halfway, as in HandWorked; more than 1e3 standard deviations off, the innovation is told
+  // and the state stays; where its square is no number any more nothing is usable.
+  LandmarkFilter filter(plain_line());
+  filter.start({}, Eigen::Matrix3d::Zero(), false, false);
+  filter.take("A", 0.0, 2.0, 0.0);
+  LandmarkFilter near = filter, far = filter, beyond = filter;
+  near.take("A", 0.0, 2.2, 0.0);
+  EXPECT_NEAR(near.x.tail<2>().x(), 2.1, 1e-12);
+  for (const double wild : {200.0, 1e9}) {
+    const LandmarkFilter::Taken taken = far.take("A", 0.0, wild, 0.0);
+    EXPECT_TRUE(taken.usable);
+    EXPECT_NEAR(taken.range.nu, wild - 2.0, 1e-6);
+    EXPECT_EQ(taken.range.gain.norm(), 0.0);
+    EXPECT_NEAR(far.x.tail<2>().x(), 2.0, 1e-12);
+  }
+  for (const double wild : {1e200, 1e308}) {
+    EXPECT_FALSE(beyond.take("A", 0.0, wild, 0.0).usable);
+    EXPECT_FALSE(beyond.take("B", 0.0, wild, 0.0).usable);
+  }
+  EXPECT_EQ(beyond.x, filter.x);
+  EXPECT_EQ(beyond.P, filter.P);
 }
 
 TEST(LandmarkFilter, InnovationsAreWhiteAndOfTheirVariance) {
@@ -205,6 +256,72 @@ TEST(LandmarkChangeDetector, NamesWhatChangedWithItsSize) {
   }
 }
 
+/// False alarms are not waited for: one in 1e8 readings at most.
+ChangeOptions rarely() {
+  ChangeOptions options;
+  options.run_length = 1e8;
+  return options;
+}
+
+TEST(LandmarkChangeDetector, PlacesAndNamesAStepOfAHundredStandardDeviations) {
+  // Noise 0.0005 f^2, 0.5 mm at 1 m, stops known to 0.5 mm. An offset of 10 cm, or 6 %, from reading 1000 on, which
+  // opens a stop, is 60 to 110 standard deviations at the first reading: likelihood ratios of e^1000 and more. That
+  // reading raises the alarm. The size is that of the linear model, good to 2 %; along a walk, where the pose follows
+  // the step for a while, to 8 %.
+  for (const bool walk : {false, true})
+    for (const bool share : {false, true}) {
+      const Drive d{200, 2, 0.0005, walk ? 0.0005 : 0.0, walk, 0.0005};
+      Calibration precise = reference();
+      precise.noise.parameters[0] = d.sigma_e;
+      for (std::uint64_t repeat = 0; repeat < 5; ++repeat) {
+        const Recording r = drive(d, seed_from("watch hundred", {repeat}));
+        LandmarkChangeDetector watch(precise, walk, rarely());
+        std::optional<ChangeAlarm> raised, named;
+        for (std::size_t i = 0; i < r.readings.size() && !named; ++i) {
+          LandmarkReading reading = reading_of(r, i);
+          if (r.readings.stop[i] >= 100)
+            reading.range_m = share ? 1.06 * reading.range_m : reading.range_m + 0.1;
+          const auto alarm = watch.add(reading);
+          if (alarm) (alarm->named ? named : raised) = alarm;
+        }
+        ASSERT_TRUE(raised && named);
+        EXPECT_EQ(raised->reading, 1001);
+        EXPECT_NEAR(static_cast<double>(raised->since), 1000.0, 200.0);  // by one reading
+        EXPECT_EQ(named->since, 1000);                                   // by 301
+        EXPECT_EQ(named->kind, share ? ChangeKind::baseline : ChangeKind::window);
+        const double size = share ? 0.06 : 0.1;
+        EXPECT_NEAR(named->size, size, (walk ? 0.08 : 0.02) * size) << repeat;
+        EXPECT_GT(named->probability, 0.999);
+      }
+    }
+}
+
+TEST(LandmarkChangeDetector, AWildReadingAlarmsOnceAndTheWatchGoesOn) {
+  // 1e12 m is an alarm like any other, 1e308 m has no square that could be counted and is passed over. Neither moves the
+  // map: an offset of 3 cm from stop 150 on is found as if there had been none.
+  const Recording r = drive(Drive{300}, seed_from("watch wild"));
+  LandmarkChangeDetector watch(reference(), false, rarely());
+  std::vector<ChangeAlarm> raised, named;
+  for (std::size_t i = 0; i < r.readings.size() && named.size() < 2; ++i) {
+    LandmarkReading reading = reading_of(r, i);
+    if (r.readings.stop[i] >= 150) reading.range_m += 0.03;
+    if (i == 604) reading.range_m = 1e12;
+    if (i == 700 || i == 1200) reading.range_m = 1e308;
+    if (const auto alarm = watch.add(reading)) (alarm->named ? named : raised).push_back(*alarm);
+  }
+  ASSERT_EQ(raised.size(), 2u);
+  EXPECT_EQ(raised[0].reading, 605);
+  EXPECT_EQ(raised[0].since, 600);  // its stop: beside it nothing else counts
+  EXPECT_GT(raised[1].reading, 1500);
+  ASSERT_EQ(named.size(), 2u);
+  EXPECT_TRUE(std::isfinite(named[0].size) && std::isfinite(named[0].std_dev));
+  EXPECT_EQ(named[1].kind, ChangeKind::window);
+  EXPECT_NEAR(named[1].size, 0.03, 4.0 * named[1].std_dev);
+  LandmarkChangeDetector again(reference(), false, rarely());
+  again.restore(watch.to_json());
+  EXPECT_EQ(again.to_json(), watch.to_json());
+}
+
 TEST(LandmarkChangeDetector, AChangeThatStaysAlarmsAgainInItsSize) {
   // What the first alarm told is taken back from the map, or the next would tell of a third less.
   for (const bool walk : {false, true}) {
@@ -261,6 +378,37 @@ TEST(LandmarkChangeDetector, StateGoesOnAndBadInputIsRefused) {
   pairs.sigma_theta_rad.reset();
   EXPECT_THROW(LandmarkChangeDetector{pairs}, InputError);
   EXPECT_THROW(LandmarkChangeDetector{Calibration{}}, InputError);
+}
+
+TEST(LandmarkChangeDetector, RefusesStatesThatNoReadingsMake) {
+  using State = nlohmann::json;
+  const Recording r = drive(Drive{40}, seed_from("watch refuses"));
+  LandmarkChangeDetector sound(reference()), next(reference());
+  for (std::size_t i = 0; i < r.readings.size(); ++i) sound.add(reading_of(r, i));
+  const auto refusal = [&](const std::function<void(State&)>& breaking) -> std::string {
+    State state = State::parse(sound.to_json());
+    breaking(state);
+    try {
+      next.restore(state.dump());
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  EXPECT_EQ(refusal([](State&) {}), "none");
+  // P is kept column by column: [1] is P(1, 0), [size of x] is P(0, 1)
+  EXPECT_EQ(refusal([](State& s) { s["P"][1] = s["P"][1].get<double>() + 1e-3; }),
+            "field 'P' is no covariance: it is not symmetric");
+  EXPECT_EQ(refusal([](State& s) { s["P"][1] = s["P"][s["x"].size()] = 1.0; }),
+            "field 'P' is no covariance: it is not positive");
+  EXPECT_NE(refusal([](State& s) { s["P"][0] = -1e-9; }), "none");
+  EXPECT_EQ(refusal([](State& s) { s["opened_at"] = s["tested"].get<int>() + 1; }),
+            "field 'opened_at' is beyond 'tested'");
+  EXPECT_NE(refusal([](State& s) { s["naming_left"] = 301; }), "none");
+  EXPECT_NE(refusal([](State& s) { s["naming_left"] = 10, s["onsets"] = State::array(); }), "none");
+  const std::string onsets = "field 'onsets' holds what no readings make";
+  EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["numbers"][0] = 0.0; }), onsets);    // w
+  EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["numbers"][11] = -1.0; }), onsets);  // I
 }
 
 TEST(LandmarkChangeDetector, MemoryDoesNotGrow) {

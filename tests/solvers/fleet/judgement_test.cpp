@@ -10,6 +10,7 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 
+#include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
@@ -231,6 +232,27 @@ TEST(FleetJudge, TheDistanceGrowsWithTheFault) {
   EXPECT_TRUE(a.outlying[5]);
   EXPECT_LT((a.covariance - b.covariance).norm(),
             0.01 * b.covariance.norm());  // EM stops at a gain of 1e-3 nats
+}
+
+TEST(FleetJudge, RefusesAnotherStreamThanThePopulations) {
+  // 12 units are held one by one, 120 share one scatter: both read which units were left out.
+  for (const int count : {12, 120}) {
+    Random random(seed_from("FleetJudge another stream", {static_cast<std::uint64_t>(count)}));
+    std::vector<UnitSummary> fleet = draw_fleet(count, 300, 300, random);
+    const Population population = fit_population(stream_over(fleet));
+    ASSERT_EQ(population.outcome, Outcome::converged) << population.reason;
+    const FleetJudge judge(stream_over(fleet), population);
+    EXPECT_NO_THROW(judge(fleet.back(), fleet.size() - 1));
+    EXPECT_THROW(judge(fleet.back(), fleet.size()), InputError);
+    // what a file keeps does not say which units they were
+    const Population read = population_from_json(population_to_json(population), "p");
+    EXPECT_THROW(FleetJudge(stream_over(fleet), read), InputError);
+    const UnitSummary one_more = fleet.back();
+    fleet.push_back(one_more);
+    EXPECT_THROW(FleetJudge(stream_over(fleet), population), InputError);
+    fleet.resize(static_cast<std::size_t>(count - 1), one_more);
+    EXPECT_THROW(FleetJudge(stream_over(fleet), population), InputError);
+  }
 }
 
 }  // namespace

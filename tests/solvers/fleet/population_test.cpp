@@ -317,6 +317,27 @@ TEST(Population, TailsOfShortUnitsAlarmAtTheirRate) {
   EXPECT_LT(unit_misfit(odd, full_pairs(make_pairs_problem({&odd, 1})).calibration).tail_p, 1e-4);
 }
 
+TEST(Population, RefusesAStreamThatChangesBetweenPasses) {
+  Random random(seed_from("population stream"));
+  std::vector<UnitSummary> units;
+  for (int i = 0; i < 20; ++i) units.push_back({draw_unit(random), 1e8 * MatrixXd::Identity(4, 4)});
+  const UnitSummary narrow{VectorXd::Zero(3), MatrixXd::Identity(3, 3)};
+  // The first pass counts, five each look for three quantiles, the others fit: it changes in the second, the tenth, the
+  // seventeenth and the eighteenth.
+  for (const int last : {1, 9, 16, 17})
+    for (const int kind : {0, 1, 2}) {
+      int pass = 0;
+      const UnitStream changing = [&](const std::function<void(const UnitSummary&)>& visit) {
+        const bool changed = ++pass > last;
+        for (std::size_t i = 0; i + 1 < units.size(); ++i) visit(units[i]);
+        if (!changed || kind == 0) visit(units.back());  // one more, one fewer, one of another order
+        if (changed && kind == 0) visit(units.back());
+        if (changed && kind == 2) visit(narrow);
+      };
+      EXPECT_THROW(fit_population(changing), InputError) << last << ' ' << kind;
+    }
+}
+
 TEST(Population, SaysWhenItCannot) {
   std::vector<UnitSummary> few{{mu, MatrixXd::Identity(4, 4)}};
   EXPECT_EQ(fit_population(stream_of(few)).outcome, Outcome::too_few_data);
@@ -331,6 +352,11 @@ TEST(Population, SaysWhenItCannot) {
   EXPECT_EQ(back.covariance, population.covariance);
   EXPECT_EQ(back.mean_covariance.size(), 0);
   EXPECT_THROW(population_from_json("{}", "p"), InputError);
+  Population torn = population;  // a correlation of two
+  torn.covariance(0, 1) = torn.covariance(1, 0) =
+      2.0 * std::sqrt(population.covariance(0, 0) * population.covariance(1, 1));
+  EXPECT_THROW(shrink({mu, MatrixXd::Identity(4, 4)}, torn), InputError);
+  EXPECT_THROW(calibrate_in_population(PairsProblem{}, torn), InputError);
 }
 
 }  // namespace

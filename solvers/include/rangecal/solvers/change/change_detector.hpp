@@ -64,7 +64,9 @@ struct ChangeAlarm {
 /// that the mean of R at the alarm is the average run length: it is at least N, and exceeds it by the excess of R over N
 /// alone, whatever the distances, however alike they or the charts are. b is chosen for an even design (`shift`). The
 /// beginning of the change is where Page's sum of the chart that counts most, S <- max(0, S + l), was last at 0
-/// (Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 2.2).
+/// (Basseville and Nikiforov, Detection of Abrupt Changes, 1993, ch. 2.2). A reading some 50 standard deviations off
+/// makes R larger than numbers are: that is an alarm, after which all R begin at 0 as always, and log R, which is
+/// log(1 + R before) + l, tells which chart counts most.
 ///
 /// The directions are alike over few readings. What changed is therefore told from the next `naming` readings, which the
 /// alarm did not choose: with U = sum g z, I = sum g g^T of a kind (encoder: 2 x 2, both waves, which are not orthogonal
@@ -85,14 +87,16 @@ class ChangeDetector {
   ChangeDetector(const Calibration& reference, const ChangeOptions& options = {});
 
   /// Takes one reading of a known distance; the alarm it raises or names, if any. All charts start again then. Readings
-  /// that are not finite and positive are passed over. Cost: some 0.2 us.
+  /// that are not finite and positive, or 1e100 standard deviations off, are passed over and not counted. Cost: some
+  /// 0.2 us.
   std::optional<ChangeAlarm> add(double true_m, double reading_m, double bearing_rad = 0.0);
 
   std::int64_t readings() const { return readings_; }
   /// The charts' present values and counters, to be handed to `restore` of a detector made alike.
   std::vector<double> state() const;
-  /// Throws InputError for a state of another length. Of the charts of version 0.1.0 it takes Page's sums; an alarm that was
-  /// open then is named by the next `naming` readings.
+  /// Throws InputError for a state of another length, with a number that is not finite, or with counts and sums that no
+  /// readings make. Of the charts of version 0.1.0 it takes Page's sums; an alarm that was open then is named by the
+  /// next `naming` readings.
   void restore(const std::vector<double>& state);
 
  private:
@@ -100,7 +104,9 @@ class ChangeDetector {
     ChangeKind kind;
     int wave = 0;            ///< encoder: 0 cos, 1 sin
     double size;             ///< b
-    double ratio = 0.0;      ///< R
+    double ratio = 0.0;      ///< R, infinite only at an alarm
+    double before = 0.0;     ///< R before the latest reading
+    double step = 0.0;       ///< l of the latest reading
     double value = 0.0;      ///< S
     std::int64_t since = 0;  ///< reading at which S was last 0
   };

@@ -33,10 +33,12 @@ struct LandmarkWatch;
 /// Under no change every L has mean 1, R less the readings so far is a supermartingale, and the average run length is
 /// at least N readings whatever the stops and landmarks, in the linear model of the filter (Pollak 1985, Ann. Statist.
 /// 13, 206). j are the beginnings of stops; the latest 32 stops are kept, of older ones every second, fourth, ..., up
-/// to 512.
+/// to 512. A reading some 50 standard deviations off makes R larger than numbers are: it raises the alarm, and which j
+/// is the most probable is told by the logarithms.
 ///
-/// What changed is told as by ChangeDetector, from U and I of the most probable j, `naming` readings after the alarm.
-/// The noise of the calibration is taken as exact, a change of bearings is not looked for.
+/// What changed is told as by ChangeDetector, `naming` readings after the alarm, from U and I of the j that is the most
+/// probable by then; the alarm that is named may begin elsewhere than it did when it was raised. The noise of the
+/// calibration is taken as exact, a change of bearings is not looked for.
 class LandmarkChangeDetector {
  public:
   /// `random_walk`: the stops' covariances are those of their steps. Throws InputError for a calibration without a
@@ -48,14 +50,15 @@ class LandmarkChangeDetector {
   LandmarkChangeDetector& operator=(LandmarkChangeDetector&&) noexcept;
 
   /// Takes one reading; the alarm it raises or names, if any. The stop has accuracies or a covariance of its own. A
-  /// reading that is not finite and positive is passed over. Cost: 26 us with five landmarks, some 100 beginnings of
-  /// stops being looked back at; linear in the landmarks up to some 50.
+  /// reading that is not finite and positive, or 1e100 standard deviations off, is passed over. Cost: 26 us with five
+  /// landmarks, some 100 beginnings of stops being looked back at; linear in the landmarks up to some 50.
   std::optional<ChangeAlarm> add(const LandmarkReading& reading);
   /// A stop of a random walk from which nothing was read.
   void pass(const Stop& stop);
 
   std::int64_t readings() const;
-  /// The whole state, and back into a detector made alike; throws InputError for a text that is no such state.
+  /// The whole state, and back into a detector made alike; throws InputError for a text that is no such state: not
+  /// whole or finite, with a P that is no covariance, or counts and sums that no readings make.
   std::string to_json() const;
   void restore(const std::string& json);
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -33,13 +34,17 @@ struct UnitJudgement {
 class FleetJudge {
  public:
   /// The units that `population` was fitted to. Holds 100 of them at most: from more, all units kept serve,
-  /// and a unit's own r r^T is taken from their W: G = B / (1 - B), B that of the W with it. Two passes.
+  /// and a unit's own r r^T is taken from their W: G = B / (1 - B), B that of the W with it. Two passes. Throws
+  /// InputError where the stream has another number of units than `population.outlying`, as for a population read
+  /// from a file, which does not say which units it left out.
   FleetJudge(const UnitStream& units, const Population& population);
 
-  /// The index-th unit of the stream, left out or not.
+  /// The index-th unit of the stream, left out or not. Throws InputError where the stream had no such unit.
   UnitJudgement operator()(const UnitSummary& unit, std::size_t index) const;
 
  private:
+  bool is_outlying(std::size_t index) const;
+  [[noreturn]] void refuse_stream(const std::string& units) const;
   struct Scatter {
     double units = 0.0;
     Eigen::VectorXd mean;

@@ -46,7 +46,7 @@ struct Population {
   double log_likelihood = 0.0;                  ///< marginal [nats], of the units kept
   int iterations = 0;
   std::int64_t units = 0, left_out = 0;  ///< kept; outlying, of no influence on mu and Sigma
-  std::vector<bool> outlying;            ///< which ones, in the order of the stream
+  std::vector<bool> outlying;            ///< which ones, in the order of the stream; files do not keep them
 
   /// Sigma as posteriors use it. The inverse of T = Sigma + Lambda^-1, as N units estimate it, is too large
   /// by w = (N - 1) / (N - p - 2) on average, p = size(mu), which would draw the units of a small fleet too
@@ -70,7 +70,8 @@ struct PopulationOptions {
 };
 
 /// Memory: two bits for each unit; the same bits whatever made the stream. too_few_data: fewer units than
-/// unknowns of theta + 2. Cost: some 2 us per unit and pass, 20 to 500 passes.
+/// unknowns of theta + 2. Throws InputError for units that differ in their unknowns or are not finite, and a stream
+/// that has another number of units in a later pass. Cost: some 2 us per unit and pass, 20 to 500 passes.
 Population fit_population(const UnitStream& units, const PopulationOptions& options = {});
 
 /// A unit before the background of its population.
@@ -78,6 +79,7 @@ struct UnitPosterior {
   Eigen::VectorXd mean;        ///< m_u
   Eigen::MatrixXd covariance;  ///< V_u + (1 - K_u) V_mu (1 - K_u)^T
 };
+/// Throws InputError where unit and population differ in their unknowns, or Sigma is not positive definite.
 UnitPosterior shrink(const UnitSummary& unit, const Population& population);
 
 /// theta and information of a calibration with p coefficients of f. By `full` from N readings, N sigma^^2 /
@@ -99,7 +101,8 @@ std::optional<UnitSummary> summarise(const Calibration& calibration);
 /// The calibration of a unit from its pairs and its population together: the maximum of likelihood times
 /// N(theta; mu, Sigma + V_mu), covariance the inverse of the information there, the prior's included. A
 /// handful of readings will do, none gives the population. Throws InputError for a population without an
-/// answer. Outcomes: converged, not_converged, failed. Cost: 10 passes over the readings.
+/// answer, or with a Sigma that is not positive definite. Outcomes: converged, not_converged, failed. Cost: 10
+/// passes over the readings.
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population);
 
 /// What a unit's residuals z = (y - f) / s show that its curve does not hold, for readings in their order;

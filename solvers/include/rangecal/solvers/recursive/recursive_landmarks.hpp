@@ -81,7 +81,8 @@ class RecursiveLandmarks {
   /// Label of the latest stop, empty before the first.
   std::string last_stop() const { return held_labels_.empty() ? "" : held_labels_.back(); }
 
-  /// Outcomes: converged; too_few_data; what solve_marginal says while nothing is summed up; unobservable.
+  /// Outcomes: converged; too_few_data; what solve_marginal says while nothing is summed up; unobservable;
+  /// not_converged where the answer still moves, or the search for the sigmas stopped short of their optimum.
   /// Cost: some 100 assemblies of the stops held, 1 ms with five landmarks.
   Calibration estimate();
 
