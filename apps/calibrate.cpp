@@ -81,8 +81,8 @@ struct CalibrateCommand {
 
  private:
   int out_of_the_plane(const std::vector<Recording>& recordings, const CalibrateOptions& options) const {
-    if (method != "marginal" || !report.empty() || !from.empty())
-      throw InputError("--tilt goes with --method marginal, and without --from and --report");
+    if (method != "marginal" || !report.empty() || !from.empty() || options.criterion != OrderCriterion::aic)
+      throw InputError("--tilt goes with --method marginal, and without --from, --criterion and --report");
     LeaningOptions leaning;
     leaning.calibrate = options;
     const LeaningFit fit = fit_leaning(recordings, leaning);

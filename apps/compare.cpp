@@ -9,6 +9,7 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "report/report.hpp"
+#include "summary.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -40,6 +41,9 @@ int run(const JobOptions& job, const std::string& page) {
   if (best) fmt::print("{}\n", wrapped(describe_choice(*best, report), 2));
   fmt::print("\n{}", comparison_table(report, scores));
   fmt::print("{}", footnotes_text(report, scores));
+  if (best)
+    for (const std::string& bound : bound_in_words(*best, recordings))
+      fmt::print("{}\n", wrapped(fmt::format("{}: {}", to_string(best->method), bound), 2));
   if (report.check) fmt::print("{}\n", wrapped("check of the full likelihood: " + report.check->report, 2));
   fmt::print("\n{}\n", wrapped(advice_text(advice), 0));
   return best && best->method == Method::marginal ? done : not_delivered;

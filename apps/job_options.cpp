@@ -58,6 +58,11 @@ void JobOptions::add_to(CLI::App& command) {
                   "gaussian, student-t, contaminated (outliers), or auto by AIC; of full and marginal")
       ->capture_default_str();
   command
+      .add_option("--criterion", criterion,
+                  "what chooses the order of pairs: aic, aicc, bic (these choose the noise law too), cv "
+                  "(cross-validation) or thirds (fit, order and test on a third each)")
+      ->capture_default_str();
+  command
       .add_option(
           "--weights", weights,
           "of the closed form's lines of sight (2021 paper): paper (eq. 22), printed (eq. 25), consistent")
@@ -73,6 +78,7 @@ CalibrateOptions JobOptions::parsed() const {
   options.solver = joint_solver_from_string(solver);
   options.noise_shape = noise_shape_from_string(shape);
   options.weights = bearing_weights_from_string(weights);
+  options.criterion = order_criterion_from_string(criterion);
   options.check = check;
   return options;
 }

@@ -49,25 +49,14 @@ std::string outcome_in_words(const Calibration& c) {
   return {};
 }
 
-/// RMS over the stops of (estimated - commanded position) / sigma_xy, per axis; independent stops only.
-std::optional<double> stop_strain(const Calibration& c, std::span<const Recording> recordings) {
-  double sum = 0.0;
-  int count = 0;
-  std::size_t k = 0;
-  for (const Recording& recording : recordings)
-    for (const Stop& stop : recording.stops) {
-      if (k >= c.stops.size()) return std::nullopt;
-      const Pose2& pose = c.stops[k++].pose;
-      const double sigma = sigma_xy_of(recording, stop);
-      if (recording.stop_error != StopErrorModel::independent || recording.estimate_sigma_xy ||
-          !(sigma > 0.0))
-        return std::nullopt;
-      sum += std::pow((pose.x_m - stop.commanded.x_m) / sigma, 2) +
-             std::pow((pose.y_m - stop.commanded.y_m) / sigma, 2);
-      count += 2;
-    }
-  if (count == 0) return std::nullopt;
-  return std::sqrt(sum / count);
+/// What to do where landmarks leave the curve open.
+std::string what_would_determine(const Calibration& c) {
+  if (c.reason.find("sigma_xy_m") != std::string::npos)
+    return "state in recording.yaml how far a stop may be off, in metres: sigma_xy_m";
+  const bool closed = c.method == Method::closed_form || c.method == Method::approximate;
+  return std::string(closed ? "try --method marginal, which fits the stops too; else " : "") +
+         "spread the landmarks to both sides of the path and over the distances you care about, or tape one "
+         "distance between two landmarks (known_distances in recording.yaml)";
 }
 
 std::string advice(const CalibrationReport& report, const Calibration& c,
@@ -77,10 +66,7 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
     case Outcome::too_few_data:
       return too_few_advice(c.kind);
     case Outcome::unobservable:
-      return pairs ? "record at more distances, or ask for a lower --order"
-                   : "spread the landmarks to both sides of the path and over the distances you care about, "
-                     "or tape one "
-                     "distance between two landmarks (known_distances in recording.yaml)";
+      return pairs ? "record at more distances, or ask for a lower --order" : what_would_determine(c);
     case Outcome::unbounded:
       return pairs || c.method == Method::marginal
                  ? "record real readings; to try a simulation out, give its readings noise"
@@ -93,6 +79,10 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
   }
   std::string text;
   const auto add = [&](const std::string& sentence) { text += (text.empty() ? "" : "; ") + sentence; };
+  const ResidualCheck check = check_residuals(recordings, c);
+  if (report.noise_shape.empty() && !repeats_in_words(check).empty())
+    add(fmt::format("'rangecal diagnose {}' looks for the effect that the model lacks",
+                    recordings.size() == 1 && !recordings[0].path.empty() ? recordings[0].path : "REC..."));
   if (const auto strain = stop_strain(c, recordings); strain && *strain > 1.25)
     add(
         fmt::format("stops had to move by {:.1f} times their stated sigma_xy_m: state a larger one, or "
@@ -101,7 +91,7 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
   if (c.counts.read > 0 && c.counts.used < 0.9 * c.counts.read)
     add(fmt::format("{:.0f} % of the readings were dropped: see the reasons above",
                     100.0 - 100.0 * c.counts.used / c.counts.read));
-  if (report.noise_shape.empty() && check_residuals(recordings, c).suspicious())
+  if (report.noise_shape.empty() && check.suspicious())
     add("try --noise-shape auto, which tells outliers from noise");
   if (c.method == Method::full && !pairs) add("use --method marginal for honest standard deviations");
   add(json.empty() ? "keep the result with --json cal.json, then 'rangecal correct cal.json readings.csv'"
@@ -150,8 +140,11 @@ std::string choice_in_words(const Calibration& c, const CalibrationReport& repor
   if (!c.alpha_covariance || report.models.size() < 2) return {};
   const std::string text = "the 95 % band and the standard deviations hold given this order and noise law; ";
   if (c.covariance_with_choice)
-    return text + fmt::format("the band with the choice counts that they were chosen among {} models",
-                              report.models.size());
+    return text +
+           fmt::format(
+               "the band with the choice weighs the {} models tried by how likely each is, its own band "
+               "and how far its curve lies off; it may be the narrower where another is likely too",
+               report.models.size());
   if (c.kind == RecordingKind::landmarks && c.method != Method::marginal)
     return text + "--method marginal counts their choice too";
   return text + fmt::format("none of the other {} models is likely and known well enough to count beside it",
@@ -235,7 +228,7 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
     if (c.method == Method::full && c.alpha_covariance)
       add("Caution", "standard deviations of full are optimistic: use --method marginal for honest ones");
   } else if (!c.weakest_direction.empty()) {
-    add("Open", "what can change unseen: " + c.weakest_direction);
+    add("Open", "what can change unseen: " + shortened(c.weakest_direction));
   }
   for (const std::string& note : report.notes) add("Note", note);
   add("Next", advice(report, c, recordings, json));
@@ -249,65 +242,6 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c,
     page += fmt::format("{:<10} {}\n", item.title, wrapped(item.text, 11));
     if (item.title == "Curve f") page += curve_table(c);
   }
-  return page;
-}
-
-std::string change_page(const Calibration& before, const Calibration& after) {
-  if (after.alpha.size() == 0 || !(after.range_max_m > after.range_min_m)) return {};
-  const CurveChange change = compare_curves(before, after);
-  std::string page = "\nWhat changed against --from, over the range fitted now\n";
-  page += fmt::format("  f moved by up to {:.1f} mm (RMS {:.1f} mm)\n", 1e3 * change.largest_m,
-                      1e3 * change.rms_m);
-  for (const CurveChange::At& at : change.at)
-    page += fmt::format(
-        "  {:>10.3f} m  {:>8.1f} mm{}\n", at.distance_m, 1e3 * at.change_m,
-        at.std_dev_m ? fmt::format("  (standard deviation {:.1f} mm)", 1e3 * *at.std_dev_m) : std::string());
-  if (!change.p_value) return page + "  significance: unknown, since the new calibration has no covariance\n";
-  page +=
-      "  " +
-      wrapped(fmt::format(
-                  "{}: chi-square {:.1f} with {} degrees of freedom, p = {:.2g}{}",
-                  *change.p_value < 0.05 ? "the change is significant" : "the change is within chance",
-                  *change.chi_sq, change.degrees_of_freedom, *change.p_value,
-                  change.first_taken_as_exact
-                      ? " (the calibration before states no uncertainty and is taken as exact)"
-                      : " (both taken as independent; where they share data the change is more significant)"),
-              2) +
-      "\n";
-  return page;
-}
-
-std::string numerics_page(const CalibrationReport& report, const Calibration& c,
-                          std::span<const Recording> recordings) {
-  std::string page = "\nNumerics\n";
-  const auto line = [&](const std::string& text) { page += "  " + wrapped(text, 4) + "\n"; };
-  const bool numbers = has_answer(c) || c.outcome == Outcome::not_converged;
-  for (std::size_t j = 0; numbers && j < c.noise_estimates.size(); ++j)
-    line(fmt::format("{} = {} {}",
-                     c.noise.law == NoiseLaw::polynomial ? fmt::format("beta_{}", j) : "sigma_e",
-                     with_std(c.noise_estimates[j].value, c.noise_estimates[j].std_dev),
-                     law_unit(c.noise.law, static_cast<int>(j))));
-  for (const LandmarkEstimate& l : c.landmarks) {
-    if (!numbers) break;
-    std::optional<double> x, y;
-    if (l.covariance) {
-      x = std::sqrt((*l.covariance)(0, 0));
-      y = std::sqrt((*l.covariance)(1, 1));
-    }
-    line(fmt::format("landmark {}{}: x = {} m, y = {} m", l.label,
-                     recordings.size() > 1 ? fmt::format(" of recording {}", l.recording + 1) : std::string(),
-                     with_std(l.position_m.x(), x), with_std(l.position_m.y(), y)));
-  }
-  if (const auto strain = stop_strain(c, recordings))
-    line(fmt::format("stops moved by {:.2f} sigma_xy_m (RMS per axis)", *strain));
-  if (!c.covariance_reason.empty()) line("covariance: " + shortened(c.covariance_reason));
-  if (!c.weakest_direction.empty()) line("weakest direction: " + c.weakest_direction);
-  if (c.joint_nll && c.kind == RecordingKind::landmarks) line(fmt::format("joint NLL {:.6f}", *c.joint_nll));
-  if (c.marginal_nll)
-    line(fmt::format("{} {:.6f}, AIC {:.4f}", c.kind == RecordingKind::pairs ? "NLL" : "marginal NLL",
-                     *c.marginal_nll, c.aic.value_or(NAN)));
-  line(fmt::format("{} iterations, {:.2f} ms", c.iterations, 1e3 * c.seconds));
-  if (report.check) line(fmt::format("check of the full likelihood: {}", report.check->report));
   return page;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,10 +27,18 @@ std::string summary_page(const CalibrationReport& report, const Calibration& cal
 /// What to record where there is too little for any answer.
 std::string too_few_advice(RecordingKind kind);
 
+/// RMS over the stops of (estimated - commanded position) / sigma_xy, per axis; independent stops of a given sigma_xy only.
+std::optional<double> stop_strain(const Calibration& calibration, std::span<const Recording> recordings);
+
 /// What `--from` found: how f moved, in millimetres over the range, and whether that is more than chance.
 std::string change_page(const Calibration& before, const Calibration& after);
 
-/// The numbers behind: landmarks, stops, likelihoods, iterations, weakest direction.
+/// The Cramer-Rao bound of alpha, one sentence for the estimate and one for the truth where the recordings have it.
+std::vector<std::string> bound_in_words(const Calibration& calibration,
+                                        std::span<const Recording> recordings);
+
+/// The numbers behind: noise, landmarks, stops, the bound, the batches of pairs, likelihoods, iterations, weakest
+/// direction.
 std::string numerics_page(const CalibrationReport& report, const Calibration& calibration,
                           std::span<const Recording> recordings);
 

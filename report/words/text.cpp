@@ -87,15 +87,25 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
   std::string text =
       fmt::format("order {}, noise {}", calibration.order(), law_in_words(calibration.noise.law));
   if (report.models.empty()) return text + " (as asked)";
+  if (report.criterion == OrderCriterion::cross_validation || report.criterion == OrderCriterion::thirds)
+    return text + fmt::format(" (order by {}, noise by AIC of {} models)",
+                              report.criterion == OrderCriterion::thirds ? "thirds" : "cross-validation",
+                              report.models.size());
   std::vector<ModelScore> models = report.models;
-  std::sort(models.begin(), models.end(), [](const auto& a, const auto& b) { return a.aic < b.aic; });
-  text += fmt::format(" (lowest AIC of {} models", models.size());
+  const char* name = report.criterion == OrderCriterion::aicc  ? "AICc"
+                     : report.criterion == OrderCriterion::bic ? "BIC"
+                                                               : "AIC";
+  const auto value = [&](const ModelScore& m) {
+    return criterion_of(m, report.criterion, calibration.counts.used);
+  };
+  std::sort(models.begin(), models.end(), [&](const auto& a, const auto& b) { return value(a) < value(b); });
+  text += fmt::format(" (lowest {} of {} models", name, models.size());
   const auto next = std::find_if(models.begin(), models.end(), [&](const ModelScore& m) {
     return m.order != calibration.order() || m.law != calibration.noise.law;
   });
-  if (next != models.end() && std::isfinite(next->aic) && std::isfinite(models[0].aic))
-    text += fmt::format("; next: order {}, {}, AIC {:+.1f}", next->order, law_in_words(next->law),
-                        next->aic - models[0].aic);
+  if (next != models.end() && std::isfinite(value(*next)) && std::isfinite(value(models[0])))
+    text += fmt::format("; next: order {}, {}, {} {:+.1f}", next->order, law_in_words(next->law), name,
+                        value(*next) - value(models[0]));
   return text + ")";
 }
 

@@ -25,7 +25,7 @@ std::string law_unit(NoiseLaw law, int index);
 std::string describe(std::span<const Recording> recordings);
 /// "500 read, 498 used; dropped: 2 zero".
 std::string describe(const Counts& counts);
-/// "order 2, noise sigma_e f^2; chosen by AIC among 10 models", runners-up included.
+/// "order 2, noise sigma_e f^2 (lowest AIC of 10 models; next: order 3, ...)", by the criterion that chose.
 std::string describe_choice(const Calibration& calibration, const CalibrationReport& report);
 
 /// "range noise is student-t with nu = 4, bearing noise is ..."; empty where all noise is Gaussian.

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <sstream>
 
 #include "apps/run_binary.hpp"
 #include "rangecal/core/calibration_io.hpp"
+#include "support/recordings.hpp"
 
 namespace rangecal::test {
 namespace {
@@ -60,7 +62,7 @@ TEST(CalibrateCommand, LandmarksToJsonAndBack) {
   EXPECT_EQ(calibration.noise.law, NoiseLaw::f_squared);
   EXPECT_THAT(result.out, HasSubstr("95 % band  with the choice  one reading scatters"));
   EXPECT_THAT(result.out, HasSubstr("\nChoice     the 95 % band and the standard deviations hold given"));
-  EXPECT_THAT(result.out, HasSubstr("counts that they were chosen among 7 models"));
+  EXPECT_THAT(result.out, HasSubstr("weighs the 7 models tried by how likely each is"));
   EXPECT_TRUE(calibration.covariance_with_choice);
   EXPECT_EQ(calibration.landmarks.size(), 5u);
   EXPECT_EQ(calibration.landmarks[0].label, "A");
@@ -187,6 +189,97 @@ TEST(CalibrateCommand, FromAnotherCalibrationSaysWhatChanged) {
   ASSERT_EQ(moved.code, 0) << moved.err;
   EXPECT_THAT(moved.out, HasSubstr("f moved by up to 500.0 mm"));
   EXPECT_THAT(moved.out, HasSubstr("the change is significant"));
+}
+
+TEST(CalibrateCommand, FromAnotherOrderSaysWhyNothingIsKnown) {
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json"),
+                    rec = "calibrate " + shipped("pairs-2016") + " --noise f2";
+  ASSERT_EQ(run(rec + " --order 2 --json " + json).code, 0);
+  const RunResult other = run(rec + " --order 3 --from " + json);
+  EXPECT_EQ(other.code, 0) << other.err;
+  EXPECT_THAT(other.out, HasSubstr("significance: unknown, since the orders differ (2 and 3)"));
+  const RunResult same = run(rec + " --order 2 --from " + json);
+  EXPECT_THAT(same.out,
+              HasSubstr("the change is within chance: T^2 = 0.0 over 3 coefficients, p = 1 by F with 3 and"));
+  EXPECT_THAT(same.out, HasSubstr("freedom, given order and noise law"));
+}
+
+TEST(CalibrateCommand, NumericsHaveTheBoundAndTheBatches) {
+  const RunResult landmarks = run("calibrate " + shipped("field-layout"));
+  EXPECT_THAT(landmarks.out,
+              HasSubstr("Cramer-Rao bound of alpha (standard deviations) at the estimate: 0.00"));
+  EXPECT_THAT(landmarks.out,
+              HasSubstr("the same at the true stops and landmarks, curve and sigmas as estimated"));
+  EXPECT_THAT(landmarks.out, ::testing::Not(HasSubstr("Shapiro-Wilk")));
+  const std::string pairs = "calibrate " + shipped("pairs-2016");
+  const RunResult result = run(pairs);
+  EXPECT_THAT(result.out, HasSubstr("Cramer-Rao bound of alpha"));
+  EXPECT_THAT(result.out, ::testing::Not(HasSubstr("true stops")));
+  EXPECT_THAT(result.out, HasSubstr("12 batches at one distance each"));
+  EXPECT_THAT(result.out, ::testing::ContainsRegex("runs test\\) +p < 0.05 in [0-9]+ of 12 batches"));
+  EXPECT_THAT(result.out, ::testing::ContainsRegex("Shapiro-Wilk\\) +p < 0.05 in [0-9]+ of 12 batches"));
+  // Eq. 13-15 by a second program: 269.848, 749.175, 1003.618, 664.530.
+  EXPECT_THAT(result.out, HasSubstr("H0 269.8, H1 749.2, H2 1003.6, H3 664.5: H2 is"));
+  EXPECT_THAT(run(pairs + " --method approximate").out,
+              HasSubstr("sigma_e^2 as printed (noise d^2, eq. 26)"));
+}
+
+TEST(CalibrateCommand, TheCriterionIsSaidAndRefusedWhereThereIsNone) {
+  const std::string pairs = "calibrate " + shipped("pairs-2016");
+  EXPECT_THAT(run(pairs + " --criterion bic").out, HasSubstr("(lowest BIC of 16 models; next: "));
+  EXPECT_THAT(run(pairs + " --criterion aicc").out, HasSubstr("(lowest AICc of 16 models; next: "));
+  const RunResult cv = run(pairs + " --criterion cv");
+  EXPECT_THAT(cv.out, HasSubstr("(order by cross-validation, noise by AIC of 16 models)"));
+  EXPECT_THAT(cv.out, HasSubstr("Note       order by the RMS error of readings left out in 10 folds"));
+  EXPECT_THAT(run(pairs + " --criterion thirds").out,
+              HasSubstr("(order by thirds, noise by AIC of 16 models)"));
+  for (const auto& [command, part] :
+       {std::pair<std::string, const char*>{pairs + " --criterion best",
+                                            "not one of aic, aicc, bic, cv, thirds"},
+        {pairs + " --criterion cv --order 2", "criterion cv chooses the order, and order 2 is given"},
+        {"calibrate " + shipped("field-layout") + " --criterion bic",
+         "criterion bic is for known distances"}}) {
+    const RunResult refused = run(command);
+    EXPECT_EQ(refused.code, 2) << command;
+    EXPECT_EQ(count_of(refused.err, "\n"), 1) << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr(part));
+  }
+}
+
+TEST(CalibrateCommand, WhatIsConstantAtAStopIsAskedOfDiagnoseFirst) {
+  const TemporaryFolder folder;
+  std::filesystem::copy(
+      shipped("field-layout"), folder.path(),
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  std::istringstream rows(slurp(folder.file("observations.csv")));
+  std::string table, line;
+  std::getline(rows, table);
+  ASSERT_EQ(table, "stop,landmark,repeat,range_m,bearing_rad");
+  for (table += "\n"; std::getline(rows, line);) {  // bearings off by up to 0.05 rad, the same in each repeat
+    const std::size_t first = line.find(','), last = line.rfind(',');
+    const double off = 0.05 * std::sin(7.0 * std::stoi(line.substr(0, first)) + 3.0 * line[first + 1]);
+    table += line.substr(0, last + 1) + std::to_string(std::stod(line.substr(last + 1)) + off) + "\n";
+  }
+  folder.write("observations.csv", table);
+  const RunResult result = run("calibrate " + folder.path() + " --order 2 --noise f2");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("\nNext       'rangecal diagnose " + folder.path() + "'"));
+}
+
+TEST(CalibrateCommand, ADriftedPathIsNotDeterminedByTheClosedForm) {
+  const std::string walk = testing::recordings() + "/rangecal/brenner-lego";
+  if (slurp(walk + "/recording.yaml").empty()) GTEST_SKIP() << "the recording " << walk << " is not here";
+  const TemporaryFolder folder;
+  const std::string json = folder.file("cal.json");
+  const RunResult result = run("calibrate " + walk + " --method closed-form --json " + json);
+  EXPECT_EQ(result.code, 1) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("NOT DETERMINED by this recording"));
+  EXPECT_THAT(result.out, HasSubstr("do not meet"));
+  EXPECT_THAT(result.out, HasSubstr("try --method marginal"));
+  const Calibration calibration = load_calibration(json);
+  EXPECT_EQ(calibration.outcome, Outcome::unobservable);
+  EXPECT_THAT(calibration.weakest_direction, HasSubstr("not determined along"));
 }
 
 TEST(CalibrateCommand, TwoPlacesAreTooFew) {

@@ -14,10 +14,11 @@ using testing::recordings;
 TEST(CompareCommand, FourMethodsInOneTableAndOneSentence) {
   const RunResult result = run("compare " + shipped("field-layout"));
   ASSERT_EQ(result.code, 0) << result.err;
-  for (const char* part :
-       {"closed-form", "approximate", "full *", "marginal", "alpha_2 [1/m]", "sigma_e [1/m]",
-        "sigma_theta [deg]", "joint NLL", "marginal NLL", "AIC", "time [ms]", "landmark RMSE [mm]",
-        "MSE ratio", "* optimistic", "Trust marginal: "})
+  for (const char* part : {"closed-form", "approximate", "full *", "marginal", "alpha_2 [1/m]",
+                           "sigma_e [1/m]", "sigma_theta [deg]", "joint NLL", "marginal NLL", "AIC",
+                           "time [ms]", "landmark RMSE [mm]", "MSE ratio", "* optimistic",
+                           "marginal: Cramer-Rao bound of alpha (standard deviations) at the estimate: ",
+                           "marginal: the same at the true stops and landmarks", "Trust marginal: "})
     EXPECT_THAT(result.out, HasSubstr(part));
   EXPECT_EQ(count_of(result.out, "Trust "), 1);
   // The recording was simulated by the seed model, so nothing speaks against the fit.

@@ -103,6 +103,17 @@ def test_saved_and_refined(calibration, field, tmp_path):
     refined = rangecal.calibrate(field, start=loaded)
     change = rangecal.compare_curves(loaded, refined)
     assert change.largest_m < 1e-6 and change.p_value > 0.99   # the same data give the same curve
+    assert change.reason == "" and not change.given_the_model and change.noise_degrees_of_freedom > 100
+
+
+def test_curves_of_different_orders_need_the_choice(field):
+    one, two = (rangecal.calibrate(field, order=order, noise="f2") for order in (1, 2))
+    change = rangecal.compare_curves(one, two)
+    assert change.p_value is None and "orders differ (1 and 2)" in change.reason and change.largest_m > 0.01
+
+
+def test_counts_are_those_of_the_file(calibration):
+    assert calibration.counts == calibration.to_dict()["counts"] and calibration.counts["used"] > 0
 
 
 def test_wrong_options_name_themselves(field):

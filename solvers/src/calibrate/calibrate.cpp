@@ -3,11 +3,14 @@
 
 #include <fmt/core.h>
 
+#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "calibrate/landmarks_job.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/statistics/information_criteria.hpp"
 
 namespace rangecal {
 
@@ -22,9 +25,19 @@ JointSolver joint_solver_from_string(const std::string& text) {
 void CalibrateOptions::check_values() const {
   if (order && (*order < 0 || *order > 8)) throw InputError(fmt::format("order is {}, not 0 to 8", *order));
   if (max_order < 1 || max_order > 8) throw InputError(fmt::format("max_order is {}, not 1 to 8", max_order));
+  if (order && leaves_out(criterion))
+    throw InputError(
+        fmt::format("criterion {} chooses the order, and order {} is given", to_string(criterion), *order));
   if (from && (from->alpha.size() == 0 || !from->alpha.allFinite()))
     throw InputError("the calibration to start from has no curve f (its outcome is " +
                      std::string(to_string(from->outcome)) + ")");
+}
+
+double criterion_of(const ModelScore& model, OrderCriterion criterion, double readings) {
+  if (!std::isfinite(model.aic)) return std::numeric_limits<double>::infinity();
+  const double k = 0.5 * model.aic - model.nll;
+  if (criterion == OrderCriterion::aicc) return aicc(model.nll, k, readings);
+  return criterion == OrderCriterion::bic ? bic(model.nll, k, readings) : model.aic;
 }
 
 std::vector<Method> methods_of(const CalibrateOptions& options) {
@@ -55,6 +68,9 @@ CalibrationReport calibrate_report(std::span<const Recording> recordings, const 
     calibrate_pairs(recordings, options, report);
   else
     calibrate_landmarks(recordings, options, report);
+  for (Calibration& calibration : report.calibrations)
+    if (const std::string doubt = shape_doubt(calibration); !doubt.empty() && calibration.alpha_covariance)
+      calibration.covariance_reason += (calibration.covariance_reason.empty() ? "" : "; ") + doubt;
   for (std::string& doubt : doubts(recordings, report.calibrations.back()))
     report.notes.push_back(std::move(doubt));
   return report;

@@ -11,7 +11,8 @@ namespace rangecal {
 
 /// The curve of one model of the search for order and noise law.
 struct TriedCurve {
-  double aic = 0.0;  ///< infinity: it did not converge
+  double aic =
+      0.0;  ///< or the criterion that the choice went by in its place [nats]; infinity: it did not converge
   Eigen::VectorXd alpha;
   std::optional<Eigen::MatrixXd> covariance;  ///< of alpha, given this model
 };
@@ -27,8 +28,9 @@ constexpr double aic_that_matters = 14.0;
 /// variance of f(d) is then sum_i w_i [ var f_i(d) + (f_i(d) - f(d))^2 ]: each model's own, and how far its
 /// curve lies from the one delivered. Source: Burnham, Anderson, Model Selection and Multimodel Inference,
 /// 2002, eq. 6.12: the variance form, not the sum of w sqrt(.) of Buckland, Burnham, Augustin 1997 (eq. 4.9
-/// of the book), about the curve delivered instead of the mean of the models. None where the curve has no
-/// covariance, or fewer than two models with one have a weight of a thousandth.
+/// of the book), about the curve delivered instead of the mean of the models. It can lie below the delivered
+/// model's own variance, where another that is about as likely has a smaller one and the curves agree. None where
+/// the curve has no covariance, or fewer than two models with one have a weight of a thousandth.
 std::optional<Eigen::MatrixXd> covariance_with_choice(const Calibration& delivered,
                                                       std::span<const TriedCurve> tried);
 

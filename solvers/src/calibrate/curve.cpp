@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/calibrate/curve.hpp"
 
+#include <fmt/core.h>
+
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
@@ -17,20 +21,102 @@ Eigen::MatrixXd padded(const std::optional<Eigen::MatrixXd>& covariance, Eigen::
   return whole;
 }
 
-/// delta^T C^+ delta after scaling C to a unit diagonal; the rank goes to `rank`.
-double chi_square(const Eigen::VectorXd& delta, const Eigen::MatrixXd& covariance, int& rank) {
-  Eigen::VectorXd scale = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-  for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
-  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * covariance * scale.asDiagonal());
-  const Eigen::VectorXd turned = eigen.vectors.transpose() * scale.cwiseProduct(delta);
-  double sum = 0.0;
-  rank = 0;
-  for (Eigen::Index i = 0; i < turned.size(); ++i) {
-    if (!(eigen.values[i] > 1e-12)) continue;
-    sum += turned[i] * turned[i] / eigen.values[i];
-    ++rank;
+/// What a calibration says of its coefficients, with the choice of the model in it where it has that.
+const std::optional<Eigen::MatrixXd>& stated_covariance(const Calibration& c) {
+  return c.covariance_with_choice ? c.covariance_with_choice : c.alpha_covariance;
+}
+
+/// Why curves of different orders cannot be judged; empty where they can.
+std::string order_in_the_way(const Calibration& before, const Calibration& after) {
+  if (before.order() == after.order()) return {};
+  const std::string orders =
+      fmt::format("the orders differ ({} and {}), and the calibration", before.order(), after.order());
+  const int highest = std::max(before.order(), after.order());
+  for (const Calibration* c : {&before, &after}) {
+    if (!stated_covariance(*c)) continue;
+    const char* which = c == &before ? "before" : "now";
+    if (!c->covariance_with_choice)
+      return fmt::format(
+          "{} {} states its uncertainty for its own order alone; calibrate both with one --order, or let both choose it",
+          orders, which);
+    if (const auto reach = static_cast<int>(c->covariance_with_choice->rows()) - 1; reach < highest)
+      return fmt::format("{} {} says nothing of orders above {}", orders, which, reach);
   }
-  return sum;
+  return {};
+}
+
+/// nu_i of the header; infinity where the calibration does not tell.
+double noise_degrees(const Calibration& c) {
+  double degrees = std::numeric_limits<double>::infinity();
+  const auto told = [&](const Estimate& sigma) {
+    if (sigma.std_dev && *sigma.std_dev > 0.0 && std::isfinite(sigma.value))
+      degrees = std::min(degrees, 0.5 * std::pow(sigma.value / *sigma.std_dev, 2));
+  };
+  if (c.noise.law != NoiseLaw::polynomial && c.noise_estimates.size() == 1) told(c.noise_estimates[0]);
+  if (c.sigma_theta_rad) told(*c.sigma_theta_rad);
+  if (c.counts.used > 0)
+    degrees = std::min(degrees, static_cast<double>(c.counts.used) - static_cast<double>(c.alpha.size()));
+  if (c.sigma_s_m && !c.stops.empty()) degrees = std::min(degrees, 2.0 * static_cast<double>(c.stops.size()));
+  return std::max(degrees, 0.0);
+}
+
+/// One calibration's part of C, and how well the noise behind it is known.
+struct CovariancePart {
+  Eigen::MatrixXd covariance;
+  double degrees = std::numeric_limits<double>::infinity();
+};
+
+struct SquaredDistance {
+  double square = 0.0;   ///< T^2
+  int rank = 0;          ///< r
+  double degrees = 0.0;  ///< nu
+};
+
+/// T^2 after scaling C to a unit diagonal, and nu of the header.
+SquaredDistance squared_distance(const Eigen::VectorXd& delta, const std::array<CovariancePart, 2>& parts) {
+  const Eigen::MatrixXd C = parts[0].covariance + parts[1].covariance;
+  Eigen::VectorXd scale = C.diagonal().cwiseMax(0.0).cwiseSqrt();
+  for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * C * scale.asDiagonal());
+  SquaredDistance result;
+  Eigen::MatrixXd whitening(delta.size(), delta.size());  // its first r columns: W^T C W = 1
+  for (Eigen::Index i = 0; i < delta.size(); ++i)
+    if (eigen.values[i] > 1e-12)
+      whitening.col(result.rank++) = scale.cwiseProduct(eigen.vectors.col(i)) / std::sqrt(eigen.values[i]);
+  const Eigen::MatrixXd W = whitening.leftCols(result.rank);
+  result.square = (W.transpose() * delta).squaredNorm();
+  double loss = 0.0;
+  for (const CovariancePart& part : parts) {
+    const Eigen::MatrixXd share = W.transpose() * part.covariance * W;
+    const double squares = share.squaredNorm() + std::pow(share.trace(), 2);
+    if (squares > 0.0) loss += squares / part.degrees;
+  }
+  result.degrees = result.rank * (result.rank + 1.0) / loss;
+  return result;
+}
+
+/// Fills in T^2 and its p-value, or why there is none.
+void refer_to_law(const SquaredDistance& distance, CurveChange& change) {
+  change.degrees_of_freedom = distance.rank;
+  const double r = distance.rank, below = distance.degrees - r + 1.0;
+  if (distance.rank == 0) {
+    change.reason = "the covariance is zero";
+    return;
+  }
+  if (!(below > 0.0)) {
+    change.reason =
+        fmt::format("the noise is known with {:.1f} degrees of freedom, too few to judge {} coefficients",
+                    distance.degrees, distance.rank);
+    return;
+  }
+  change.chi_sq = distance.square;
+  if (std::isfinite(below)) change.noise_degrees_of_freedom = below;
+  if (!std::isfinite(distance.square))
+    change.p_value = 0.0;
+  else if (change.noise_degrees_of_freedom)
+    change.p_value = fisher_f_upper(distance.square * below / (distance.degrees * r), r, below);
+  else
+    change.p_value = chi_squared_upper(distance.square, r);
 }
 
 }  // namespace
@@ -65,15 +151,23 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   const double low = after.range_min_m, high = after.range_max_m;
   if (!(low >= 0.0) || !(high > low)) throw InputError("the range fitted by the calibration after is empty");
 
-  const Eigen::Index size = std::max(before.alpha.size(), after.alpha.size());
+  Eigen::Index size = std::max(before.alpha.size(), after.alpha.size());
+  for (const Calibration* c : {&before, &after})
+    if (stated_covariance(*c)) size = std::max(size, stated_covariance(*c)->rows());
   Eigen::VectorXd delta = Eigen::VectorXd::Zero(size);
   delta.head(after.alpha.size()) += after.alpha;
   delta.head(before.alpha.size()) -= before.alpha;
   CurveChange change;
   std::optional<Eigen::MatrixXd> covariance;
-  if (after.alpha_covariance) {
-    covariance = padded(after.alpha_covariance, size) + padded(before.alpha_covariance, size);
-    change.first_taken_as_exact = !before.alpha_covariance;
+  std::array<CovariancePart, 2> parts;
+  if (stated_covariance(after)) {
+    change.first_taken_as_exact = !stated_covariance(before);
+    change.given_the_model =
+        !after.covariance_with_choice || (!change.first_taken_as_exact && !before.covariance_with_choice);
+    parts[0].covariance = padded(stated_covariance(before), size);
+    if (!change.first_taken_as_exact) parts[0].degrees = noise_degrees(before);
+    parts[1] = {padded(stated_covariance(after), size), noise_degrees(after)};
+    covariance = parts[0].covariance + parts[1].covariance;
   }
   constexpr int grid = 200;
   for (int i = 0; i <= grid; ++i) {
@@ -88,13 +182,8 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
     if (covariance) at.std_dev_m = std::sqrt(evaluate_form(*covariance, d));
     change.at.push_back(at);
   }
-  if (covariance) {
-    const double chi_sq = chi_square(delta, *covariance, change.degrees_of_freedom);
-    if (change.degrees_of_freedom > 0) {
-      change.chi_sq = chi_sq;
-      change.p_value = std::isfinite(chi_sq) ? chi_squared_upper(chi_sq, change.degrees_of_freedom) : 0.0;
-    }
-  }
+  change.reason = covariance ? order_in_the_way(before, after) : "the new calibration has no covariance";
+  if (change.reason.empty()) refer_to_law(squared_distance(delta, parts), change);
   return change;
 }
 

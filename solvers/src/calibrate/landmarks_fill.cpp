@@ -123,7 +123,7 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
   result.weakest_direction = with_labels(result.weakest_direction, job.landmark_labels);
   for (std::size_t l = 0; l < result.landmarks.size() && l < job.landmark_labels.size(); ++l)
     result.landmarks[l].label = job.landmark_labels[l];
-  if (result.alpha.size() == 0 && is_usable(result.outcome)) result.outcome = Outcome::failed;
+  if (result.alpha.size() == 0 && result.outcome == Outcome::converged) result.outcome = Outcome::failed;
   if (result.outcome == Outcome::failed ||
       result.outcome == Outcome::too_few_data) {  // no numbers beside no answer
     result.alpha.resize(0);
@@ -174,10 +174,15 @@ std::optional<std::string> what_is_open(const LandmarksJob& job, const JointStat
   if (!job.problem.stops.back().chained)
     for (const StopPrior& prior : job.problem.stops) uncertain = std::max(uncertain, prior.sigma_xy_m);
   const double span = at.range_max_m - at.range_min_m;
-  if (span < std::max(8.0 * uncertain, 0.02 * at.range_max_m))
+  if (span < 0.02 * at.range_max_m)
     return fmt::format(
         "all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not determined",
         at.range_min_m, at.range_max_m);
+  if (span < 8.0 * uncertain)
+    return fmt::format(
+        "sigma_xy_m lets a stop be off by {:.3g} m where the distances, {:.2f} to {:.2f} m, differ by less than eight "
+        "times that, so the slope of f is not determined",
+        uncertain, at.range_min_m, at.range_max_m);
   const auto bound = cramer_rao_bound(job.problem, state);
   if (!bound) return "the information matrix is singular: curve and landmarks can shift together unseen";
   at.alpha_covariance = bound->topLeftCorner(state.alpha.size(), state.alpha.size());

@@ -144,10 +144,13 @@ void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
       fmt::format("noise shape by AIC: {} is kept ({})", to_string(shapes.range.shape), text));
 }
 
-}  // namespace
-
-void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
-                         CalibrationReport& report) {
+/// What is asked for and does not exist for landmarks.
+void refuse_what_is_not(std::span<const Recording> recordings, const CalibrateOptions& options) {
+  if (options.criterion != OrderCriterion::aic)
+    throw InputError(
+        fmt::format("{}: criterion {} is for known distances (kind: pairs); of landmarks order and noise "
+                    "law go by aic of the marginal likelihood",
+                    recordings[0].path, to_string(options.criterion)));
   const bool by_name = !options.methods.empty() && options.methods.size() < all_methods().size() &&
                        std::count(options.methods.begin(), options.methods.end(), Method::full) > 0;
   for (const Recording& recording : recordings)
@@ -155,6 +158,27 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
       throw InputError(recording.path +
                        ": method full cannot estimate sigma_xy_m, its likelihood has no maximum there; "
                        "use --method marginal, or give sigma_xy_m a value");
+}
+
+/// What the recording leaves open, of every method; and what the closed form alone could not tell.
+void mark_what_is_open(const LandmarksJob& job, const std::optional<JointState>& at,
+                       CalibrationReport& report) {
+  if (const auto open = at ? what_is_open(job, *at) : std::nullopt)
+    for (Calibration& calibration : report.calibrations) mark_open(job, *open, *at, calibration);
+  for (Calibration& calibration : report.calibrations) {
+    if (calibration.outcome != Outcome::unobservable || calibration.alpha.size() > 0) continue;
+    if (at)
+      mark_open(job, std::string(calibration.reason), *at, calibration);
+    else
+      calibration.outcome = Outcome::failed;
+  }
+}
+
+}  // namespace
+
+void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
+                         CalibrationReport& report) {
+  refuse_what_is_not(recordings, options);
   const LandmarksJob job(recordings, options, report);
   const std::vector<Method> methods = methods_of(options);
   if (job.too_few) {
@@ -194,9 +218,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   report_shapes(report);
   if (options.noise_shape == NoiseShape::automatic && run.shaped_marginal())
     note_tried(run.shaped_marginal()->shapes, report);
-  const std::optional<JointState> at = run.best_state ? run.best_state : run.seed();
-  if (const auto open = at ? what_is_open(job, *at) : std::nullopt)
-    for (Calibration& calibration : report.calibrations) mark_open(job, *open, *at, calibration);
+  mark_what_is_open(job, run.best_state ? run.best_state : run.seed(), report);
   if (options.check && gaussian && !job.problem.estimate_sigma_s && run.seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
     report.check = checked(job, *run.seed(), *run.full());

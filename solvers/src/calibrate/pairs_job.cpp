@@ -8,6 +8,7 @@
 
 #include "calibrate/noise_shapes.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
@@ -106,8 +107,45 @@ Calibration PairsRun::by_method(Method method, int order, NoiseLaw law) const {
   return none;
 }
 
-/// Order and law by the AIC of the plain NLL. The best order's fit of each law is kept.
-std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::vector<ModelScore>& models) {
+/// The order whose left-out readings lie nearest to its curve, each weighed by its noise as the model `known` has it; a
+/// note says what was compared. None where the readings are too few.
+std::optional<int> order_by_left_out(PairsRun& run, std::pair<int, NoiseLaw> known,
+                                     CalibrationReport& report) {
+  const CalibrateOptions& options = run.options;
+  const Calibration& at = run.solved(Method::full, known.first, known.second);
+  const std::vector<double>&d = run.problem.row_true_m, &y = run.problem.row_reading_m;
+  std::vector<double> weights;
+  for (const double distance : d) {
+    if (at.outcome != Outcome::converged) break;
+    weights.push_back(std::pow(at.noise.spread(distance, evaluate_polynomial(at.alpha, distance)), -2));
+  }
+  OrderOptions wanted;
+  wanted.min_order = 1;
+  wanted.max_order = options.max_order;
+  wanted.criterion = options.criterion;
+  const OrderSelection found = select_order(d, y, wanted, weights);
+  const bool thirds = options.criterion == OrderCriterion::thirds;
+  const std::string how = thirds ? "a second third of the readings by the fit to a first"
+                                 : fmt::format("readings left out in {} folds", wanted.folds);
+  if (found.outcome != Outcome::converged) {
+    report.notes.push_back("order by AIC: too few to judge " + how);
+    return std::nullopt;
+  }
+  std::string text = fmt::format("order by the RMS error of {}, each weighed by its noise:", how);
+  for (std::size_t i = 0; i < found.scores.size(); ++i)
+    if (std::isfinite(found.scores[i]))
+      text += fmt::format("{} {:.4g} mm at order {}", i ? "," : "", 1e3 * std::sqrt(found.scores[i]),
+                          found.min_order + static_cast<int>(i));
+  if (thirds && std::isfinite(found.test_mse))
+    text += fmt::format("; of the last third at order {}: {:.4g} mm", found.order,
+                        1e3 * std::sqrt(found.test_mse));
+  report.notes.push_back(text);
+  return found.order;
+}
+
+/// Order and law by the criterion of the plain NLL. The fit of each law's order of lowest AIC is kept.
+std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, CalibrationReport& report) {
+  std::vector<ModelScore>& models = report.models;
   const CalibrateOptions& options = run.options;
   const std::vector<NoiseLaw> laws =
       options.noise
@@ -130,24 +168,29 @@ std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::vector<ModelScor
       const bool usable = score.outcome == Outcome::converged;
       models.push_back(
           {score.order, law, score.nll, usable ? score.aic : std::numeric_limits<double>::infinity()});
-      if (usable && score.aic < lowest) {
-        lowest = score.aic;
+      const double value = criterion_of(models.back(), options.criterion, run.problem.readings());
+      if (value < lowest) {
+        lowest = value;
         best = {score.order, law};
       }
     }
   }
+  if (leaves_out(options.criterion)) best.first = order_by_left_out(run, best, report).value_or(best.first);
   return best;
 }
 
-/// One method's curves by the models that matter, each with the AIC that the choice went by.
+/// One method's curves by the models that matter, each with the criterion that the choice went by.
 std::vector<TriedCurve> tried_curves(Method method, PairsRun& run, const std::vector<ModelScore>& models) {
+  const auto value = [&](const ModelScore& model) {
+    return criterion_of(model, run.options.criterion, run.problem.readings());
+  };
   double lowest = std::numeric_limits<double>::infinity();
-  for (const ModelScore& model : models) lowest = std::min(lowest, model.aic);
+  for (const ModelScore& model : models) lowest = std::min(lowest, value(model));
   std::vector<TriedCurve> curves;
   for (const ModelScore& model : models) {
-    if (!std::isfinite(model.aic) || model.aic > lowest + aic_that_matters) continue;
+    if (!std::isfinite(value(model)) || value(model) > lowest + aic_that_matters) continue;
     const Calibration& one = run.solved(method, model.order, model.law);
-    if (one.outcome == Outcome::converged) curves.push_back({model.aic, one.alpha, one.alpha_covariance});
+    if (one.outcome == Outcome::converged) curves.push_back({value(model), one.alpha, one.alpha_covariance});
   }
   return curves;
 }
@@ -198,7 +241,8 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report) {
   PairsRun run(recordings, options);
-  const auto [order, law] = choose_pairs_model(run, report.models);
+  report.criterion = options.criterion;
+  const auto [order, law] = choose_pairs_model(run, report);
   const bool shaped = options.noise_shape != NoiseShape::gaussian;
   for (Method method : methods_of(options)) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));

@@ -22,12 +22,11 @@ Calibration closed_form_calibration(const JointProblem& problem, const ClosedFor
   const LandmarkMap map = map_from(problem, found);
   result.outcome = found.outcome;
   result.reason = found.reason;
+  if (found.outcome == Outcome::unobservable) result.weakest_direction = found.reason;
   if (std::none_of(map.used.begin(), map.used.end(), [](char used) { return used; })) {
-    result.outcome = Outcome::too_few_data;
     result.reason = "no landmark is determined by its bearings: " + found.reason;
     return result;
   }
-  if (found.outcome == Outcome::unobservable) result.weakest_direction = found.reason;
   const std::vector<StopVariance> stops = stop_variances(problem, options.bearings.sigma_s_m);
   const std::vector<RangeSample> samples = samples_at(problem, map, stops);
   RangeModel model =

@@ -2,9 +2,11 @@
 #include "rangecal/solvers/closed_form/landmarks_from_bearings.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numbers>
 
 #include "closed_form/moments.hpp"
 #include "closed_form/stop_variance.hpp"
@@ -80,8 +82,37 @@ std::string direction_text(const Eigen::Vector2d& direction) {
   return text;
 }
 
+/// Of bearings: as used, and as told by the repeats alone, without what lines that miss each other add [rad^2].
+struct BearingVariance {
+  double used = 0.0, of_repeats = 0.0;
+};
+
+/// What parallel lines would make of the noise: mean square of their directions [rad^2].
+double scatter_of_directions(const std::vector<const Sight*>& sights, double sigma_theta_sq) {
+  double sum = 0.0;
+  for (const Sight* s : sights) sum += s->own_sq / (s->d * s->d) + sigma_theta_sq / s->R + s->own_h_sq;
+  return sum / static_cast<double>(sights.size());
+}
+
+/// Why lines whose directions spread by less than 1.5 times their noise determine nothing along `weakest`.
+std::string why_parallel(const std::vector<const Sight*>& sights, double spread_sq,
+                         const BearingVariance& bearing, const Eigen::Vector2d& weakest) {
+  const std::string where = "not determined along " + direction_text(weakest);
+  if (spread_sq < std::max(1e-13, 2.25 * scatter_of_directions(sights, bearing.of_repeats)))
+    return "its lines of sight are parallel: " + where;
+  constexpr double degrees = 180.0 / std::numbers::pi;
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      "its lines of sight do not meet: stops and bearings disagree by %.0f degrees where the lines' directions "
+      "differ by %.0f: ",
+      degrees * std::sqrt(bearing.used), degrees * std::sqrt(spread_sq));
+  return text + where;
+}
+
 LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeights weights,
-                           double sigma_theta_sq) {
+                           const BearingVariance& bearing) {
+  const double sigma_theta_sq = bearing.used;
   LandmarkFromBearings result;
   result.cells = static_cast<int>(sights.size());
   if (sights.size() < 2) {
@@ -96,10 +127,9 @@ LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeigh
   }
   const double n = static_cast<double>(sights.size());
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-  double noise_sq = 0.0, scale = 0.0;
+  double scale = 0.0;
   for (const Sight* s : sights) {
     centre += s->stop / n;
-    noise_sq += (s->own_sq / (s->d * s->d) + sigma_theta_sq / s->R + s->own_h_sq) / n;
     scale = std::max(scale, weight_of(*s, weights, sigma_theta_sq));
   }
   Eigen::Matrix2d spread = Eigen::Matrix2d::Zero(), A = spread, M = spread;
@@ -118,11 +148,11 @@ LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeigh
   result.weakest_direction = of_A.eigenvectors().col(0);
   result.condition = of_A.eigenvalues()(0) > 0.0 ? std::sqrt(of_A.eigenvalues()(1) / of_A.eigenvalues()(0))
                                                  : std::numeric_limits<double>::infinity();
-  if (of_spread.eigenvalues()(0) < std::max(1e-13, 2.25 * noise_sq)) {
+  const double spread_sq = of_spread.eigenvalues()(0);
+  if (spread_sq < std::max(1e-13, 2.25 * scatter_of_directions(sights, sigma_theta_sq))) {
     result.weakest_direction = of_spread.eigenvectors().col(0);
     result.outcome = Outcome::unobservable;
-    result.reason =
-        "its lines of sight are parallel: not determined along " + direction_text(result.weakest_direction);
+    result.reason = why_parallel(sights, spread_sq, bearing, result.weakest_direction);
     return result;
   }
   const Eigen::Matrix2d A_inverse = A.inverse();
@@ -198,13 +228,19 @@ LandmarksFromBearings landmarks_from_bearings(const JointProblem& problem, const
   LandmarksFromBearings result;
   double sigma_theta_sq =
       options.sigma_theta_rad ? std::pow(*options.sigma_theta_rad, 2) : sigma_theta_sq_within(problem);
+  const double of_repeats = sigma_theta_sq;
   const auto solve_all = [&] {
     result.landmarks.clear();
     for (const auto& lines : of_landmark)
-      result.landmarks.push_back(solve(lines, options.weights, sigma_theta_sq));
+      result.landmarks.push_back(solve(lines, options.weights, {sigma_theta_sq, of_repeats}));
   };
   solve_all();
+  const auto any_found = [&] {
+    return std::any_of(result.landmarks.begin(), result.landmarks.end(),
+                       [](const LandmarkFromBearings& l) { return l.outcome == Outcome::converged; });
+  };
   for (int pass = 0; pass < 2 && !options.sigma_theta_rad; ++pass) {
+    if (pass > 0 && !any_found()) break;  // repeats alone would forget that the lines do not meet
     const double estimate = sigma_theta_sq_from(problem, sights, result.landmarks);
     if (!(estimate > 0.0)) break;
     sigma_theta_sq = estimate;

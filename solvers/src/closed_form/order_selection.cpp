@@ -91,6 +91,32 @@ double criterion_score(const PolynomialFit& fit, int order, double N, OrderCrite
 
 }  // namespace
 
+const char* to_string(OrderCriterion criterion) {
+  switch (criterion) {
+    case OrderCriterion::aic:
+      return "aic";
+    case OrderCriterion::aicc:
+      return "aicc";
+    case OrderCriterion::bic:
+      return "bic";
+    case OrderCriterion::cross_validation:
+      return "cv";
+    case OrderCriterion::thirds:
+      return "thirds";
+  }
+  return "";
+}
+
+OrderCriterion order_criterion_from_string(const std::string& text) {
+  std::string accepted;
+  for (const OrderCriterion criterion : {OrderCriterion::aic, OrderCriterion::aicc, OrderCriterion::bic,
+                                         OrderCriterion::cross_validation, OrderCriterion::thirds}) {
+    if (text == to_string(criterion)) return criterion;
+    accepted += (accepted.empty() ? "" : ", ") + std::string(to_string(criterion));
+  }
+  throw InputError("criterion is '" + text + "', not one of " + accepted);
+}
+
 OrderSelection select_order(std::span<const double> d, std::span<const double> y, const OrderOptions& options,
                             std::span<const double> weights) {
   if (options.min_order < 0 || options.max_order < options.min_order)

@@ -1,24 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/covariance/cramer_rao.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <map>
 
 #include "rangecal/core/random.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
 namespace {
-
-std::optional<Eigen::MatrixXd> inverse_of(const Eigen::MatrixXd& information) {
-  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
-  if (!scale.allFinite()) return std::nullopt;
-  const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
-  if (factor.info() != Eigen::Success) return std::nullopt;
-  const Eigen::Index n = information.rows();
-  return scale.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * scale.asDiagonal();
-}
 
 JointSystem system_for(const JointProblem& problem, const JointState& state) {
   return JointSystem(problem, static_cast<int>(state.alpha.size()),
@@ -30,7 +21,7 @@ JointSystem system_for(const JointProblem& problem, const JointState& state) {
 std::optional<Eigen::MatrixXd> cramer_rao_bound(const JointProblem& problem, const JointState& state) {
   JointSystem system = system_for(problem, state);
   if (!std::isfinite(system.assemble(state, HessianKind::fisher)) || !system.eliminate()) return std::nullopt;
-  return inverse_of(system.schur());
+  return scaled_inverse(system.schur());
 }
 
 std::vector<Pose2> draw_stops(const JointProblem& problem, const JointState& state, std::uint64_t seed) {
@@ -83,7 +74,7 @@ std::optional<Eigen::MatrixXd> hybrid_cramer_rao_bound(const JointProblem& probl
   scaled.clear();
   scaled.accumulate(mean, 1.0 / used);
   if (!scaled.eliminate()) return std::nullopt;
-  return inverse_of(scaled.schur());
+  return scaled_inverse(scaled.schur());
 }
 
 }  // namespace rangecal

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/covariance/scene_covariance.hpp"
 
-#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "diagnosis/calibrated.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
@@ -15,15 +15,11 @@ std::optional<Eigen::MatrixXd> inverse_of_known(const Eigen::MatrixXd& schur) {
   std::vector<Eigen::Index> known;
   for (Eigen::Index i = 0; i < schur.rows(); ++i)
     if (schur(i, i) > 0.0) known.push_back(i);
-  const Eigen::VectorXd scale = schur.diagonal()(known).cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * schur(known, known) * scale.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
-  if (factor.info() != Eigen::Success) return std::nullopt;
-  const Eigen::MatrixXd own = factor.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  const std::optional<UnitDiagonalInverse> own = unit_diagonal_inverse(schur(known, known));
   constexpr double singular = 1e9;  // of a matrix of unit diagonal: rounding has taken over
-  if (!own.allFinite() || own.diagonal().maxCoeff() > singular) return std::nullopt;
+  if (!own || own->inverse.diagonal().maxCoeff() > singular) return std::nullopt;
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(schur.rows(), schur.cols());
-  inverse(known, known) = scale.asDiagonal() * own * scale.asDiagonal();
+  inverse(known, known) = own->scale.asDiagonal() * own->inverse * own->scale.asDiagonal();
   return inverse;
 }
 

@@ -21,11 +21,12 @@ inline std::string collapsed_sigma(const JointState& start, const JointState& no
 
 /// Why the joint likelihood has no maximum whatever the readings say: at every place one channel has no more cells
 /// than free coordinates that act on it, and nothing repeats, so that its residuals can all be zeroed and its sigma
-/// goes to 0 (L <= 2; L <= 3 bearings with a free heading). Empty if that is not so.
+/// goes to 0 (L <= 2; L <= 3 bearings with a free heading). Names both sigmas where either can go. Empty if that is not so.
 std::string unbounded_channel(const JointProblem& problem, const Held& held);
 
 /// True, with outcome and reason in `fit`, where a solve has nothing to do: fit.start_nll is not finite, or the joint
-/// likelihood has no maximum.
+/// likelihood has no maximum. Where either sigma can go to 0 the reason names the one that leads further down from
+/// fit.state: each is held at a thousandth of its start, all else brought to its optimum, and the likelihoods compared.
 bool cannot_start(const JointProblem& problem, const Held& held, JointFit& fit);
 
 }  // namespace rangecal

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <numeric>
+#include <optional>
+#include <utility>
 
 #include "joint_ml/newton_step.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal {
@@ -38,12 +40,12 @@ std::string name_direction(const Eigen::VectorXd& direction, const JointLayout& 
   return text;
 }
 
-/// Inverse of a well-conditioned matrix of unit diagonal and its weakest direction, by power iteration on the inverse.
-/// False if it is not positive definite, or so nearly singular that rounding matters.
+/// Inverse of a well-conditioned matrix at unit diagonal and its weakest direction there, by power iteration on the
+/// inverse. False if it is not positive definite, or so nearly singular that rounding matters.
 bool invert(const Eigen::MatrixXd& matrix, Eigen::MatrixXd& inverse, Eigen::VectorXd& weakest) {
-  const Eigen::LLT<Eigen::MatrixXd> factor(matrix);
-  if (factor.info() != Eigen::Success) return false;
-  inverse = factor.solve(Eigen::MatrixXd::Identity(matrix.rows(), matrix.cols()));
+  std::optional<UnitDiagonalInverse> found = unit_diagonal_inverse(matrix);
+  if (!found) return false;
+  inverse = std::move(found->inverse);
   Eigen::Index start = 0;
   inverse.diagonal().maxCoeff(&start);
   weakest = inverse.col(start).normalized();
@@ -55,7 +57,7 @@ bool invert(const Eigen::MatrixXd& matrix, Eigen::MatrixXd& inverse, Eigen::Vect
     if (std::abs(size - largest) < 1e-7 * size) break;
     largest = size;
   }
-  return inverse.allFinite() && largest < 1e9;
+  return largest < 1e9;
 }
 
 }  // namespace
@@ -71,12 +73,11 @@ void describe_covariance(const Eigen::MatrixXd& hessian, const JointLayout& layo
   const Eigen::MatrixXd own = hessian(free, free);
   Eigen::VectorXd scale = own.diagonal();
   for (double& s : scale) s = s > 0.0 ? 1.0 / std::sqrt(s) : 1.0;
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * own * scale.asDiagonal();
   Eigen::MatrixXd inverse;
   Eigen::VectorXd weakest(n);
-  bool determined = invert(scaled, inverse, weakest);
+  bool determined = invert(own, inverse, weakest);
   if (!determined) {  // near the edge: an eigenvalue decomposition decides
-    const SymmetricEigen eigen = symmetric_eigen(scaled);
+    const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * own * scale.asDiagonal());
     weakest = eigen.vectors.col(0);
     // Below this the direction is lost in rounding: the matrix has entries of order one and about eps * n error.
     determined = eigen.values[0] > 1e-11;

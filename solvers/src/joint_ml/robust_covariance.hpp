@@ -11,7 +11,7 @@ namespace rangecal {
 /// A channel's shape at the estimate, and what its readings leave of its squares.
 struct ShapeAtEstimate {
   NoiseShapeParameters shape;
-  double squares = 0.0;  ///< sum w z^2: N less the parameters fitted, where sigma allows for them
+  double squares = 0.0;  ///< sum w z^2: N, or N less the parameters fitted, where sigma allows for them
   std::vector<double>
       shape_std;  ///< out: of the shape's parameters; empty where there are none, or at a limit
 };
@@ -24,12 +24,16 @@ struct ShapeAtEstimate {
 /// 1.52 of the contaminated normal with p = 0.1 and k = 10, where E w = 0.90. With a, b the gradients of f
 /// and log s of a reading in all unknowns
 ///
-///   H = H_weights + sum over readings [ (i - E w) a a^T / s^2 + q (j - 2) b b^T ],   q = sum w z^2 / N,
+///   H = H_weights + sum over readings [ (i - E w) a a^T / s^2 + q (j - 2) b b^T ],
+///   q = min(1, sum w z^2 / N),
 ///
-/// from which the stops are eliminated. Where the weights lie so unevenly over the stops that this is not
-/// positive definite, H is what is expected alone, sum [ i a a^T / s^2 + q j b b^T ] and the priors. The
-/// shape's parameters eta are coupled to log s alone: c = i_s_eta / j. Along v, the direction that scales s
-/// (log sigma itself, or beta), they add, V = [N (I_eta - j c c^T)]^-1 being their covariance,
+/// from which the stops are eliminated. A sigma that is estimated makes sum w z^2 equal to N, or to N less the
+/// parameters that it allows for; beyond N it lies only where sigma is held or did not settle, and readings that
+/// scatter more than it says tell no more of it than N do: hence the cap. Where the weights lie so unevenly
+/// over the stops that this is not positive definite, H is what is expected alone,
+/// sum [ i a a^T / s^2 + q j b b^T ] and the priors. The shape's parameters eta are coupled to log s alone:
+/// c = i_s_eta / j. Along v, the direction that scales s (log sigma itself, or beta), they add,
+/// V = [N (I_eta - j c c^T)]^-1 being their covariance,
 ///
 ///   cov = H^-1 + v v^T c^T V c.
 ///

@@ -30,6 +30,9 @@ class ShapePairs {
   NoiseShape shape_;
 };
 
+/// Standard deviations of nu, or of p and k, from the variances of what the solver moves (ShapePairs); none for none.
+std::vector<double> deviations_of(const NoiseShapeParameters& shape, const Eigen::VectorXd& variances);
+
 struct ShapeResult {
   Eigen::VectorXd x;  ///< (x, shape), internal
   NoiseShapeParameters shape;

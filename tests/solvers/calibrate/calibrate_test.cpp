@@ -110,6 +110,88 @@ TEST(Calibrate, OrderAndLawAreChosenByAic) {
   EXPECT_FALSE(calibrate(std::span(&recording, 1), options)[0].covariance_with_choice);
 }
 
+/// f of the paper's scene with noise 0.01 f^2, or heavier tails, at distances from 0.4 to 4 m.
+Recording paper_pairs(int count, bool outliers) {
+  Random random(seed_from("paper_pairs", {static_cast<std::uint64_t>(count)}));
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  for (int i = 0; i < count; ++i) {
+    const double d = random.uniform(0.4, 4.0), f = 0.0525 + 0.8838 * d + 0.0584 * d * d;
+    const double error = random.normal() * (outliers && i % 10 == 0 ? 8.0 : 1.0);
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(f + 0.01 * f * f * error);
+  }
+  recording.counts.read = recording.counts.used = count;
+  return recording;
+}
+
+CalibrationReport by_criterion(const Recording& recording, OrderCriterion criterion) {
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  options.criterion = criterion;
+  return calibrate_report(std::span(&recording, 1), options);
+}
+
+TEST(Calibrate, TheCriterionOfPairsDecides) {
+  const Recording recording = paper_pairs(60, false);
+  for (const OrderCriterion criterion : {OrderCriterion::aic, OrderCriterion::aicc, OrderCriterion::bic}) {
+    const CalibrationReport report = by_criterion(recording, criterion);
+    const Calibration& c = report.calibrations[0];
+    ASSERT_EQ(report.models.size(), 16u);
+    const ModelScore* lowest = &report.models[0];
+    for (const ModelScore& model : report.models)
+      if (criterion_of(model, criterion, 60.0) < criterion_of(*lowest, criterion, 60.0)) lowest = &model;
+    EXPECT_EQ(c.order(), lowest->order) << to_string(criterion);
+    EXPECT_EQ(c.noise.law, lowest->law) << to_string(criterion);
+    EXPECT_TRUE(report.notes.empty());
+  }
+  // AIC = 2 nll + 2 k with k = 4 (3 alpha, sigma_e), N = 60: AICc adds 2 * 4 * 5 / 55, BIC has 4 log 60 for 8.
+  const ModelScore model{2, NoiseLaw::f_squared, -100.0, -192.0};
+  EXPECT_NEAR(criterion_of(model, OrderCriterion::aicc, 60.0), -192.0 + 40.0 / 55.0, 1e-12);
+  EXPECT_NEAR(criterion_of(model, OrderCriterion::bic, 60.0), -200.0 + 4.0 * std::log(60.0), 1e-12);
+}
+
+TEST(Calibrate, LeftOutReadingsChooseTheOrderOfPairs) {
+  const Recording recording = paper_pairs(300, false);
+  for (const OrderCriterion criterion : {OrderCriterion::cross_validation, OrderCriterion::thirds}) {
+    const CalibrationReport report = by_criterion(recording, criterion);
+    const Calibration& c = report.calibrations[0];
+    EXPECT_EQ(c.noise.law, NoiseLaw::f_squared) << to_string(criterion);
+    EXPECT_GE(c.order(), 2) << to_string(criterion);  // the bend of 0.2 m shows in any third
+    EXPECT_EQ(c.counts.used, 300);                    // all readings make the curve
+    ASSERT_EQ(report.notes.size(), 1u);
+    EXPECT_THAT(report.notes[0], HasSubstr("mm at order 4"));
+  }
+  CalibrateOptions options;
+  options.criterion = OrderCriterion::thirds;
+  options.order = 2;
+  EXPECT_THROW(calibrate(std::span(&recording, 1), options), InputError);
+  options.order.reset();
+  const Recording landmarks = simulate(scene_with(10, around, 1), seed_from("criterion"));
+  EXPECT_THROW(calibrate(std::span(&landmarks, 1), options), InputError);
+}
+
+TEST(Calibrate, FewReadingsWithAShapeOfTheirOwnAreCautioned) {
+  CalibrateOptions options;
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  options.methods = {Method::marginal};
+  options.noise_shape = NoiseShape::student_t;
+  for (const int count : {60, 200}) {
+    const Recording recording = paper_pairs(count, true);
+    const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
+    const Calibration& c = report.calibrations[0];
+    ASSERT_TRUE(c.alpha_covariance) << c.covariance_reason;
+    const bool said = c.covariance_reason.find("few for a noise shape") != std::string::npos;
+    EXPECT_EQ(said, count < 100) << c.covariance_reason;
+    EXPECT_EQ(!report.notes.empty() && report.notes.back().find("few for a noise shape") != std::string::npos,
+              count < 100);
+  }
+  options.noise_shape = NoiseShape::gaussian;
+  const Recording recording = paper_pairs(60, true);
+  EXPECT_TRUE(calibrate_report(std::span(&recording, 1), options).notes.empty());
+}
+
 TEST(Calibrate, FromStartsThereAndEndsAtTheSameOptimum) {
   const Recording recording = simulate(scene_with(10, around, 5), seed_from("from"));
   CalibrateOptions options;
@@ -249,7 +331,10 @@ TEST(Degenerate, TwoLandmarksWithoutRepeatsHaveNoJointMaximum) {
       all_methods(simulate(scene_with(10, {around[0], around[1]}, 1), seed_from("two landmarks")));
   EXPECT_EQ(all[2].outcome, Outcome::unbounded);
   EXPECT_EQ(all[2].alpha.size(), 0);
-  EXPECT_THAT(all[2].reason, HasSubstr("sigma"));
+  // Either sigma can go, since a stop can zero its two ranges or its two bearings; the one that leads further is named.
+  EXPECT_THAT(all[2].reason,
+              ::testing::ContainsRegex("can be zeroed and sigma_(e|theta) goes to 0 \\(sigma_"));
+  EXPECT_THAT(all[2].reason, HasSubstr("nats behind"));
   EXPECT_EQ(all[3].outcome, Outcome::converged) << all[3].reason;  // the marginal likelihood is bounded
 }
 
@@ -274,6 +359,34 @@ TEST(Degenerate, AllAtOneDistance) {
           << to_string(c.method) << " " << to_string(c.outcome) << " seed " << seed;
       EXPECT_FALSE(c.alpha_covariance);
     }
+}
+
+TEST(Degenerate, StopsThatMayBeAnywhereAreNotCalledOneDistance) {
+  Scene scene = scene_with(10, around, 5);
+  Recording recording = simulate(scene, seed_from("sigma_xy"));
+  recording.sigma_xy_m = 10.0;  // centimetres, most likely
+  const std::vector<Calibration> all = all_methods(recording);
+  for (const Calibration& c : {all[2], all[3]}) {  // the closed forms have too few distances that differ
+    EXPECT_EQ(c.outcome, Outcome::unobservable) << to_string(c.method);
+    EXPECT_THAT(c.reason, HasSubstr("sigma_xy_m lets a stop be off by 10 m")) << to_string(c.method);
+    EXPECT_THAT(c.reason, ::testing::Not(HasSubstr("at about one distance")));
+  }
+}
+
+TEST(Degenerate, LinesThatMissEachOtherAreNotTooFew) {
+  // Headings off by -0.9, 0, 0.9 rad in turn: the lines of sight spread, and do not meet.
+  Recording recording = simulate(scene_with(10, around, 5), seed_from("headings"));
+  for (std::size_t k = 0; k < recording.stops.size(); ++k)
+    recording.stops[k].commanded.heading_rad += 0.9 * (static_cast<double>(k % 3) - 1.0);
+  CalibrateOptions options;
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  options.methods = {Method::closed_form};
+  const Calibration c = calibrate(std::span(&recording, 1), options)[0];
+  EXPECT_EQ(c.outcome, Outcome::unobservable) << c.reason;
+  EXPECT_FALSE(c.weakest_direction.empty());
+  EXPECT_EQ(c.alpha.size(), 3);  // one of the many curves, so that the file can be read again
+  EXPECT_FALSE(c.alpha_covariance);
 }
 
 TEST(Degenerate, DirectionIsNamedByLabel) {

@@ -62,6 +62,19 @@ TEST(LandmarksFromBearings, LandmarkInLineWithThePathIsUnobservableAlongIt) {
   }
 }
 
+TEST(LandmarksFromBearings, LinesThatDoNotMeetAreNotCalledParallel) {
+  // Headings off by -0.9, 0, 0.9 rad in turn: the directions spread by some 38 degrees, and sigma_theta, estimated from what
+  // the lines miss each other by, comes out at 68.
+  JointProblem problem = problem_of(BearingScene{.sigma_theta = 0.005});
+  for (int k = 0; k < problem.stop_count(); ++k) problem.stops[k].commanded.heading_rad += 0.9 * (k % 3 - 1);
+  const LandmarksFromBearings found = landmarks_from_bearings(problem);
+  EXPECT_EQ(found.outcome, Outcome::unobservable);
+  for (const LandmarkFromBearings& landmark : found.landmarks) {
+    EXPECT_NE(landmark.reason.find("do not meet"), std::string::npos) << landmark.reason;
+    EXPECT_NE(landmark.reason.find("not determined along"), std::string::npos) << landmark.reason;
+  }
+}
+
 TEST(LandmarksFromBearings, OneStopIsUnobservable) {
   const LandmarksFromBearings found = landmarks_from_bearings(problem_of(BearingScene{.stops = 1}));
   EXPECT_EQ(found.outcome, Outcome::unobservable);

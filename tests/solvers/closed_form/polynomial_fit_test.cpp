@@ -164,5 +164,12 @@ TEST(PairsApproximate, CovariancePredictsTheScatter) {
               0.35);  // 0.28 from above, and 38 degrees of freedom add 5 % to a t-variable's variance
 }
 
+TEST(SelectOrder, CriteriaByName) {
+  for (const OrderCriterion criterion : {OrderCriterion::aic, OrderCriterion::aicc, OrderCriterion::bic,
+                                         OrderCriterion::cross_validation, OrderCriterion::thirds})
+    EXPECT_EQ(order_criterion_from_string(to_string(criterion)), criterion);
+  EXPECT_THROW(order_criterion_from_string("best"), InputError);
+}
+
 }  // namespace
 }  // namespace rangecal

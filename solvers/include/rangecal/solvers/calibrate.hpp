@@ -11,6 +11,7 @@
 #include "rangecal/core/recording.hpp"
 #include "rangecal/problems/noise_shape.hpp"
 #include "rangecal/solvers/closed_form/landmarks_from_bearings.hpp"
+#include "rangecal/solvers/closed_form/polynomial_fit.hpp"
 
 namespace rangecal {
 
@@ -25,6 +26,9 @@ struct CalibrateOptions {
   std::optional<int> order;       ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
   int max_order = 4;              ///< of that search
   std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same
+  /// In place of AIC, for pairs alone. Cross-validation and thirds (2021 section 3.2) choose the order: the mean square
+  /// error of left-out readings, each weighed by its noise as the model of lowest AIC has it; the law goes by AIC.
+  OrderCriterion criterion = OrderCriterion::aic;
   JointSolver solver = JointSolver::ceres;
   NoiseShape noise_shape =
       NoiseShape::gaussian;  ///< of full and marginal; the closed forms know the Gaussian only
@@ -46,6 +50,10 @@ struct ModelScore {
   double nll = 0.0, aic = 0.0;  ///< marginal (pairs: plain) [nats]; infinity where it did not converge
 };
 
+/// The criterion of a model on so many readings [nats], its k = aic / 2 - nll parameters counted; of cross-validation and
+/// thirds, which no likelihood has, AIC. Infinity where the model did not converge.
+double criterion_of(const ModelScore& model, OrderCriterion criterion, double readings);
+
 /// What the second program said about the full likelihood's optimum.
 struct CheckReport {
   bool agrees = false;        ///< NLL within 1e-6 nats
@@ -60,6 +68,7 @@ struct CalibrationReport {
   std::vector<std::string> notes;         ///< what was done to the input, one sentence each
   std::optional<CheckReport> check;
   std::string noise_shape;  ///< of the likelihood where it is not Gaussian, with its parameters
+  OrderCriterion criterion = OrderCriterion::aic;  ///< that `models` were compared by
 };
 
 /// "student-t with nu = 4.2 +- 0.5"; "contaminated: 8 % of the readings with 12 times the spread".
@@ -79,7 +88,8 @@ std::string in_words(const ShapeEstimate& shape);
 /// are not scored then. Order and law, where free, go by the AIC of `marginal` with that shape (Student's t for
 /// `automatic`); `automatic` then keeps the shape of the lowest AIC for both.
 ///
-/// Throws InputError for recordings of different kinds, options out of range, and `full` asked by name where
+/// Throws InputError for recordings of different kinds, options out of range, a criterion that there is not for
+/// landmarks, and `full` asked by name where
 /// sigma_xy_m is `estimate` (asked for as one of all, it is reported as unbounded). Everything else is an
 /// outcome: fewer than 3 places to stand or fewer readings than unknowns: too_few_data; distances that do not
 /// differ, landmarks and path on one line: unobservable with the direction named. Cost: about 10 marginal

@@ -34,14 +34,37 @@ struct CurveChange {
     std::optional<double> std_dev_m;
   };
   std::vector<At> at;  ///< five distances
-  /// H0: both have the same f. chi^2 = delta^T C^+ delta of the coefficients, with as many degrees of freedom
-  /// as C has rank. C is the sum of both covariances (different data), or the second's alone where the first
-  /// has none, and then H0 is that the first is exact.
+  /// H0: both have the same f. T^2 = delta^T C^+ delta of the coefficients, padded with zeros; chi-square where the noise
+  /// is known. C = C_1 + C_2 (different data), each with the choice of order and noise law where the calibration has that
+  /// (Calibration::covariance_with_choice), else given its model; where the first has none, C_2 alone, and then H0 is
+  /// that the first is exact.
   std::optional<double> chi_sq, p_value;
-  int degrees_of_freedom = 0;
+  int degrees_of_freedom = 0;  ///< r, the rank of C: coefficients compared
   bool first_taken_as_exact = false;
+  /// Of F, below the line: nu - r + 1; absent where no calibration says how well its noise is known, and T^2 is then
+  /// referred to chi-square.
+  std::optional<double> noise_degrees_of_freedom;
+  bool given_the_model =
+      false;  ///< a covariance does not count the choice of order and law: none was made, or not known
+  std::string reason;  ///< why there is no p-value
 };
 
+/// The law of T^2 allows for noise that is itself estimated:
+///
+///   T^2 (nu - r + 1) / (nu r) ~ F(r, nu - r + 1),
+///   nu = r (r + 1) / sum_i [ tr(A_i^2) + (tr A_i)^2 ] / nu_i,   A_i = C_i C^+,
+///
+/// which for one coefficient is Satterthwaite's nu (1946) and Welch's test. Source: Krishnamoorthy, Yu, Modified Nel and
+/// Van der Merwe test for the multivariate Behrens-Fisher problem, Statistics and Probability Letters 66, 2004. nu_i, of
+/// calibration i: the least of (sigma / std sigma)^2 / 2 of sigma_e and of sigma_theta, of the readings used less the
+/// coefficients of f, and of two for each stop where sigma_s was estimated. Unchanged sensors are called changed (p < 0.05)
+/// in about 5 % of cases where order and law are given, in fewer from 60 pairs on where they are chosen, and in a little
+/// more below (docs/reliability.md).
+///
+/// No p-value (reason says why): the second has no covariance; the orders differ, and a covariance does not count the
+/// choice of the order or does not reach to the higher one: a coefficient taken for zero would count as known to be zero,
+/// while the other calibration kept it because it came out large; noise known with too few degrees of freedom.
+///
 /// Throws InputError where one of them has no curve or the range is empty.
 CurveChange compare_curves(const Calibration& before, const Calibration& after);
 

@@ -11,13 +11,19 @@
 
 namespace rangecal {
 
-/// What a person would ask on seeing such a recording and the curve fitted to it, one sentence each:
+/// What a person would ask on seeing such a recording and the curve fitted to it, one sentence each, after the notes of the
+/// recordings themselves:
 ///   - readings and distances that differ by more than a factor of twenty, as they do when a file is in
 ///     millimetres; any factor fits a polynomial, so nothing else would say so;
 ///   - readings of which more than half lie above the sensor's range;
 ///   - repeats that are the same to the last digit in every cell: a simulation without noise, or steps far
-///     coarser than the noise. Of such readings no likelihood has a maximum worth its name.
+///     coarser than the noise. Of such readings no likelihood has a maximum worth its name;
+///   - readings too few for a noise shape of its own (shape_doubt).
 std::vector<std::string> doubts(std::span<const Recording> recordings, const Calibration& calibration);
+
+/// Fewer than 100 readings, and tails estimated along: intervals that are too narrow, with what they hold
+/// (docs/reliability.md). Empty where that is not so.
+std::string shape_doubt(const Calibration& calibration);
 
 /// The first of these that needs no curve: readings above the sensor's range. Empty where there are few.
 std::string limit_doubt(std::span<const Recording> recordings);

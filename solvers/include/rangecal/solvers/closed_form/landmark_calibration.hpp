@@ -39,10 +39,10 @@ struct ClosedFormOptions {
 /// landmark and direction) and have no covariance; their position is then the one from
 /// landmarks_from_positions. The covariance of alpha counts noise, stops and landmarks to first order, one error
 /// of a stop moving all its cells and landmarks (solvers/src/closed_form/curve_covariance.hpp); not that errors
-/// in d bend the curve. Cannot work (too_few_data, alpha empty): fewer than 3 places to stand, no
-/// landmark determined, distances that do not differ by more than they are uncertain (order >= 1), fewer
-/// cells than coefficients + 1. Calibration::landmarks has one entry per landmark of the problem, labels
-/// empty. Cost: linear in the cells.
+/// in d bend the curve. Cannot work (too_few_data, alpha empty): fewer than 3 places to stand, distances that do
+/// not differ by more than they are uncertain (order >= 1), fewer cells than coefficients + 1. Where bearings
+/// determine no landmark at all the outcome is unobservable, alpha and landmarks empty. Else
+/// Calibration::landmarks has one entry per landmark of the problem, labels empty. Cost: linear in the cells.
 Calibration closed_form_calibration(const JointProblem& problem, const ClosedFormOptions& options = {});
 
 /// The approximate joint calibration: the same alternation with noise d^2 (2016, eq. 21-25, on 2021's

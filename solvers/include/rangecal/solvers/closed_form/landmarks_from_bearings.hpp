@@ -67,11 +67,13 @@ struct LandmarksFromBearings {
 ///
 /// Where sigma_theta is not given it starts at the spread within the cells, or 0.02 rad where nothing
 /// repeats, and is estimated twice from the residuals (moments, degrees of freedom corrected, sigma_s
-/// accounted for).
+/// accounted for); once where the first estimate leaves no landmark.
 ///
 /// A landmark is unobservable when its lines are parallel: seen from one place, in line with the path, or so
 /// nearly that the spread of the lines' directions is below 1.5 times what sigma_theta and sigma_s alone
-/// would make of parallel lines; its reason names the direction along the lines. Cost: linear in the cells.
+/// would make of parallel lines; its reason names the direction along the lines. Where they spread further than the
+/// spread within the cells would make of them, and sigma_theta has grown with what the lines miss each other by, the
+/// reason says that they do not meet: a path that drifted, or bearings in disorder. Cost: linear in the cells.
 LandmarksFromBearings landmarks_from_bearings(const JointProblem& problem,
                                               const BearingOptions& options = {});
 
