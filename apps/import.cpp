@@ -16,6 +16,7 @@ namespace {
 
 int save(ingest::Imported imported, const std::string& folder) {
   require_replaceable(folder);
+  for (const std::string& warning : imported.warnings) fmt::print(stderr, "rangecal: {}\n", warning);
   std::vector<std::string> outputs = recording_files({folder});
   outputs.push_back(folder + "/extraction.json");
   require_apart(outputs, imported.inputs);

@@ -3,12 +3,16 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rangecal/core/csv_table.hpp"
@@ -16,6 +20,7 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/extract/extract.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 #include "scan_files.hpp"
 
 namespace rangecal::ingest {
@@ -81,6 +86,7 @@ ExtractOptions options_from(const Given& given) {
   if (!(given.range_min >= 0.0) || !(given.range_max > given.range_min))
     throw InputError("--range-max must be above --range-min, and that not negative");
   if (cylinder.beams_min < 2) throw InputError("--beams-min must be at least 2");
+  if (options.stand.scans_min < 1) throw InputError("--scans-min must be at least 1");
   if (!(cylinder.edge_cut > 0.3) || cylinder.edge_cut > 1.0)
     throw InputError("--edge-cut must lie between 0.3 and 1");
   if (!(options.support >= 0.0) || options.support > 1.0) throw InputError("--support is a share, 0 to 1");
@@ -96,6 +102,10 @@ ExtractOptions options_from(const Given& given) {
   association.error =
       given.error == "random_walk" ? StopErrorModel::random_walk : StopErrorModel::independent;
   association.bearing_offset_rad = given.bearing_offset;
+  if (!(std::abs(given.bearing_offset) <= 2.0 * std::numbers::pi))
+    throw InputError(
+        fmt::format("--bearing-offset: {} is beyond +-2 pi rad: degrees, most likely; convert to radians",
+                    given.bearing_offset));
   if (!(association.sigma_xy_m >= 0.0) || !(association.sigma_heading_rad >= 0.0))
     throw InputError("--sigma-xy and --sigma-heading must not be negative");
   if (!given.map.empty()) options.map = map_from(given.map);
@@ -105,6 +115,19 @@ ExtractOptions options_from(const Given& given) {
 std::string source_of(const std::vector<ScanLog>& logs) {
   const std::string first = std::filesystem::path(logs.front().path).filename().string();
   return logs.size() == 1 ? first : fmt::format("{} and {} more", first, logs.size() - 1);
+}
+
+/// A question about the unit of the ranges, where no room is as large as they say; else empty.
+std::string unit_doubt(const std::vector<ScanLog>& logs) {
+  constexpr double largest_m = 100.0;
+  std::vector<double> ranges;
+  for (const ScanLog& log : logs)
+    for (const Scan& scan : log.scans)
+      std::copy_if(scan.range_m.begin(), scan.range_m.end(), std::back_inserter(ranges), Scan::returned);
+  const double middle = upper_median(std::move(ranges));
+  return middle > largest_m
+             ? fmt::format("half of the ranges are above {:.0f} m: are they in metres?", middle)
+             : std::string();
 }
 
 std::vector<std::string> files_of(std::vector<std::string> scans) {
@@ -126,6 +149,8 @@ Extracted extract(const Given& given) {
     if (!logs.back().warning.empty()) out.warnings.push_back(logs.back().warning);
   }
   out.extraction = extract_recording(logs, stops, out.options);
+  if (out.extraction.recording.landmarks.empty())
+    if (std::string doubt = unit_doubt(logs); !doubt.empty()) out.warnings.push_back(std::move(doubt));
   out.extraction.recording.sensor.name = given.sensor,
   out.extraction.recording.sensor.principle = given.principle;
   out.source = source_of(logs), out.format = logs.front().format;

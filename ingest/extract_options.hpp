@@ -15,7 +15,7 @@ struct Extracted {
   Extraction extraction;  ///< its recording carries the note of the extraction
   ExtractOptions options;
   std::string source, format;         ///< of the scans, in words
-  std::vector<std::string> warnings;  ///< of files that were cut off: what was left out
+  std::vector<std::string> warnings;  ///< what was left out of files that were cut off; a doubt about units
 };
 
 /// Declares the options of `rangecal extract` that say what is made; what is returned makes it once they are parsed.

@@ -68,6 +68,21 @@ const char* arc_in_words(ArcRule arc) {
   return "the nearest point of the fitted circle";
 }
 
+/// "  60.0 mm", or "  59.8 +-  0.4 mm" where it was estimated.
+std::string radius_text(const Extraction& extraction, std::size_t landmark) {
+  const double radius = extraction.recording.landmarks[landmark].radius_m,
+               sd = extraction.radius_sd_m[landmark];
+  return sd > 0.0 ? fmt::format("{:6.1f} +- {:4.1f} mm", 1e3 * radius, 1e3 * sd)
+                  : fmt::format("{:6.1f} mm", 1e3 * radius);
+}
+
+/// How far the estimated radii may be off in the mean [m]; 0 where none was estimated.
+double mean_radius_sd_m(const Extraction& extraction) {
+  double variance = 0.0;
+  for (const double sd : extraction.radius_sd_m) variance += sd * sd;
+  return std::sqrt(variance) / static_cast<double>(std::max<std::size_t>(1, extraction.radius_sd_m.size()));
+}
+
 }  // namespace
 
 std::string describe(const Extraction& extraction, const ExtractOptions& options) {
@@ -85,17 +100,27 @@ std::string describe(const Extraction& extraction, const ExtractOptions& options
   out += line("cylinders", tally_line(extraction.cylinders, "found"));
   if (recording.landmarks.empty()) return out;
   out += fmt::format("range      {}\n\n", arc_in_words(options.arc));
-  out += "landmark   radius    stops  readings       ranges  beams  sd range  sd bearing\n";
+  const double radii_sd_m = mean_radius_sd_m(extraction);
+  const std::size_t wide = radii_sd_m > 0.0 ? 17 : 9;
+  out += fmt::format("landmark   {:<{}} stops  readings       ranges  beams  sd range  sd bearing\n",
+                     "radius", wide);
   const std::vector<LandmarkSummary> landmarks = summarise(recording);
   std::string once;
   for (std::size_t j = 0; j < landmarks.size(); ++j) {
     const LandmarkSummary& one = landmarks[j];
     if (one.stops.size() == 1) once += (once.empty() ? "" : ", ") + recording.landmarks[j].label;
-    out += fmt::format("{:<10} {:6.1f} mm {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
-                       recording.landmarks[j].label, 1e3 * recording.landmarks[j].radius_m, one.stops.size(),
+    out += fmt::format("{:<10} {:<{}} {:6} {:9} {:5.2f}-{:5.2f} m {:6.1f} {:6.2f} mm {:7.3f} deg\n",
+                       recording.landmarks[j].label, radius_text(extraction, j), wide, one.stops.size(),
                        one.readings, one.nearest_m, one.farthest_m, one.beams, 1e3 * one.range_sd_m,
                        one.bearing_sd_rad * 180.0 / M_PI);
   }
+  if (radii_sd_m > 0.0)
+    out += "\n" +
+           line("radii",
+                fmt::format("estimated, in the mean to {:.2g} mm (one standard deviation): alpha_0 is off by "
+                            "about as much as they are, which its own standard deviation does not count; "
+                            "--radius states them",
+                            1e3 * radii_sd_m));
   if (!once.empty())
     out +=
         "\n" +
@@ -126,10 +151,12 @@ std::string extraction_json(const Extraction& extraction, const ExtractOptions& 
     const Eigen::Vector2d& position = extraction.landmark_positions[j];
     json["landmarks"].push_back({{"landmark", landmark.label},
                                  {"radius_m", landmark.radius_m},
+                                 {"radius_sd_m", nullptr},
                                  {"x_m", position.x()},
                                  {"y_m", position.y()},
                                  {"stops", landmarks[j].stops.size()},
                                  {"readings", landmarks[j].readings}});
+    if (extraction.radius_sd_m[j] > 0.0) json["landmarks"].back()["radius_sd_m"] = extraction.radius_sd_m[j];
   }
   return json.dump(2) + "\n";
 }
@@ -142,6 +169,11 @@ void note_extraction(Extraction& extraction, const ExtractOptions& options, cons
                                      {"arc", to_string(options.arc)},
                                      {"radius", radius},
                                      {"edge_cut", fmt::format("{}", cylinder.edge_cut)}};
+  if (mean_radius_sd_m(extraction) > 0.0) {
+    std::vector<std::string> sds;
+    for (const double sd : extraction.radius_sd_m) sds.push_back(fmt::format("{:.2g}", sd));
+    extraction.recording.extraction["radius_sd_m"] = fmt::format("[{}]", fmt::join(sds, ", "));
+  }
 }
 
 }  // namespace rangecal::ingest

@@ -16,6 +16,7 @@ struct Imported {
   std::string words;                     ///< what was read and what was left out, for people
   std::string extraction_json;           ///< of raw scans: extraction.json (extraction_text.hpp); else empty
   std::vector<std::string> inputs = {};  ///< the files that were read
+  std::vector<std::string> warnings = {};  ///< what speaks against the result, for stderr
 };
 
 /// A published data set that becomes a recording. Adding one is adding a file to this folder with

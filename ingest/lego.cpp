@@ -2,7 +2,7 @@
 // LEGO robot among six cylinders (C. Brenner, SLAM Lectures 2012), as published:
 //   robot4_scan.txt            S t count r0 .. r659       t [ms], ranges [mm]
 //   robot4_motors.txt          M t left .. .. .. right    words 3 and 7: tick counters
-//   robot4_reference.txt       P t x y                    overhead camera [mm]
+//   robot4_reference.txt       P t x y                    overhead camera [mm], no heading
 //   robot_arena_landmarks.txt  L C x y radius             surveyed [mm]
 // Records are paired by their number, as the course does. Beam i points to (i - 330) 2 pi / 1024; the scanner is
 // mounted at -4 degrees, which is used for the labels and left in the bearings. Each scan is a stop: the robot drives.
@@ -14,6 +14,10 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "extraction_text.hpp"
 #include "importer.hpp"
@@ -26,6 +30,10 @@ namespace {
 constexpr double kPitch = 2.0 * std::numbers::pi / 1024.0;  ///< from beam to beam [rad]
 constexpr double kMount = -0.06981317007977318;  ///< of the scanner on the robot [rad], stated by the course
 constexpr double kTick = 0.349e-3;               ///< way of one tick [m]
+/// Of poses from the camera: how far it is from the scanner and off in time [m], and how far a heading from its track is off
+/// [rad], both as the surveyed cylinders show it in this recording; records before and after that make a heading.
+constexpr double kCameraM = 0.05, kTrackRad = 0.15;
+constexpr std::size_t kTrackRecords = 20;
 constexpr Pose2 kStart{1.850, 1.897, 213.0 * std::numbers::pi / 180.0};
 
 struct Given {
@@ -72,10 +80,61 @@ std::vector<Pose2> odometry(const std::string& path, double track_m) {
   return poses;
 }
 
-void place_by_camera(const std::string& path, std::vector<Pose2>& poses) {
+/// The turn that takes places into others, as a whole and shifted at will: least squares [rad].
+///   atan2(sum a x b, sum a . b),   a, b from their means
+double turn_between(std::span<const Pose2> from, std::span<const Pose2> to) {
+  Eigen::Vector2d mean_from(0.0, 0.0), mean_to(0.0, 0.0);
+  const auto n = static_cast<double>(from.size());
+  for (std::size_t i = 0; i < from.size(); ++i)
+    mean_from += Eigen::Vector2d(from[i].x_m, from[i].y_m) / n,
+        mean_to += Eigen::Vector2d(to[i].x_m, to[i].y_m) / n;
+  double sine = 0.0, cosine = 0.0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Eigen::Vector2d a = Eigen::Vector2d(from[i].x_m, from[i].y_m) - mean_from,
+                          b = Eigen::Vector2d(to[i].x_m, to[i].y_m) - mean_to;
+    sine += a.x() * b.y() - a.y() * b.x(), cosine += a.dot(b);
+  }
+  return std::atan2(sine, cosine);
+}
+
+/// Places of the camera; headings of the odometry, turned as its way around each record lies in the camera's track.
+std::vector<Pose2> placed_by_camera(const std::string& path, const std::vector<Pose2>& odometry) {
   const WordTable table(path);
-  for (std::size_t row = 0; row < std::min(table.rows(), poses.size()); ++row)
-    poses[row].x_m = 1e-3 * table.number(row, 2), poses[row].y_m = 1e-3 * table.number(row, 3);
+  std::vector<Pose2> poses;
+  for (std::size_t row = 0; row < std::min(table.rows(), odometry.size()); ++row)
+    poses.push_back({1e-3 * table.number(row, 2), 1e-3 * table.number(row, 3), odometry[row].heading_rad});
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    const std::size_t begin = k - std::min(k, kTrackRecords),
+                      count = std::min(poses.size(), k + kTrackRecords + 1) - begin;
+    const double turn = turn_between(std::span(odometry).subspan(begin, count),
+                                     std::span<const Pose2>(poses).subspan(begin, count));
+    poses[k].heading_rad = wrap_angle(poses[k].heading_rad + turn);
+  }
+  return poses;
+}
+
+/// How far the stops may be off: each from the camera's place, or step by step along the wheels' way.
+void state_errors(const Given& given, AssociationOptions& association) {
+  if (given.poses == "reference") {
+    association.error = StopErrorModel::independent;
+    association.sigma_xy_m = kCameraM, association.sigma_heading_rad = kTrackRad;
+  } else {
+    association.error = StopErrorModel::random_walk;
+    association.sigma_xy_m = 0.01, association.sigma_heading_rad = 0.03;
+  }
+}
+
+/// A warning where the poses do not let most cylinders be named; else empty.
+std::string naming_doubt(const Extraction& extraction) {
+  const auto count = [&](const char* fate) {
+    const auto found = extraction.cylinders.find(fate);
+    return found == extraction.cylinders.end() ? 0L : found->second;
+  };
+  const long all = count("found"), nameless = count("matches no landmark") + count("ambiguous");
+  if (2 * nameless <= all) return {};
+  return fmt::format(
+      "{} of {} cylinders match no surveyed landmark: the poses do not fit the scans (--poses, --track)",
+      nameless, all);
 }
 
 std::vector<MappedLandmark> surveyed(const std::string& path) {
@@ -99,10 +158,10 @@ Imported import_lego(const Given& given) {
                     survey = given.source + "/robot_arena_landmarks.txt";
   const ScanLog log = read_scans_of(scans);
   std::vector<Pose2> poses = odometry(motors, given.track_m);
-  if (given.poses == "reference") place_by_camera(camera, poses);
+  if (given.poses == "reference") poses = placed_by_camera(camera, poses);
   if (poses.size() < log.scans.size())
     throw InputError(given.source, 0, "",
-                     fmt::format("{} scans and {} motor records", log.scans.size(), poses.size()));
+                     fmt::format("{} scans and {} poses", log.scans.size(), poses.size()));
   std::vector<Stop> stops;
   for (std::size_t k = 0; k < log.scans.size(); ++k) {
     Stop stop;
@@ -122,23 +181,24 @@ Imported import_lego(const Given& given) {
   options.cylinder.range_slack_m = options.association.range_slack_m =
       0.05;  // and it reads some centimetres too far
   options.cylinder.range_min_m = 0.02, options.cylinder.range_max_m = 2.5;
-  options.association.error = StopErrorModel::random_walk;
-  options.association.sigma_xy_m = 0.01, options.association.sigma_heading_rad = 0.03;
+  state_errors(given, options.association);
   options.association.bearing_offset_rad = kMount;
   Extraction extraction = extract_recording({log}, stops, options);
   Recording& recording = extraction.recording;
   recording.sensor.name = "lego-scanner", recording.sensor.principle = "phase";
-  recording.truth.stops.resize(recording.stops.size());
   if (given.radius_m)
     for (Landmark& landmark : recording.landmarks) landmark.radius_m = *given.radius_m;
   for (const Landmark& landmark : recording.landmarks)
     for (const MappedLandmark& known : options.map)
       if (known.label == landmark.label) recording.truth.landmarks.emplace_back(known.position);
   note_extraction(extraction, options, "LEGO robot, C. Brenner 2012, poses by " + given.poses);
-  return {recording,
-          describe(extraction, options) + "\n",
-          extraction_json(extraction, options),
-          {scans, motors, camera, survey}};
+  Imported out{recording,
+               describe(extraction, options) + "\n",
+               extraction_json(extraction, options),
+               {scans, motors, camera, survey},
+               {}};
+  if (std::string doubt = naming_doubt(extraction); !doubt.empty()) out.warnings.push_back(std::move(doubt));
+  return out;
 }
 
 std::function<Imported()> add(CLI::App& command) {
@@ -147,7 +207,8 @@ std::function<Imported()> add(CLI::App& command) {
   command
       .add_option(
           "--poses", given->poses,
-          "odometry: start and wheel ticks; reference: place from the overhead camera, heading from odometry")
+          "odometry: start and wheel ticks, errors that add up; reference: places of the overhead camera, headings "
+          "of the odometry turned along its track, errors of each stop its own")
       ->capture_default_str();
   command
       .add_option("--track", given->track_m,

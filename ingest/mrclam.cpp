@@ -241,15 +241,29 @@ Recording as_stops(const DataSet& data, const Given& given) {
   }
   if (recording.stops.empty())
     throw InputError(given.source, 0, "", "the robot never stands long enough for a stop");
-  recording.truth.stops.resize(recording.stops.size());
   return recording;
 }
 
-Imported import_mrclam(const Given& given) {
+/// Throws InputError for an option out of its range, or one that would be ignored.
+void check(const Given& given) {
   if (given.as != "stops" && given.as != "pairs")
     throw InputError("--as: '" + given.as + "' is neither stops nor pairs");
   if (given.poses != "mocap" && given.poses != "odometry")
     throw InputError("--poses: '" + given.poses + "' is neither mocap nor odometry");
+  if (given.readings_min < 1) throw InputError("--readings-min must be at least 1");
+  if (given.tubes_min < 1) throw InputError("--tubes-min must be at least 1");
+  if (given.stops_max < 0) throw InputError("--stops-max must not be negative");
+  if (given.as != "pairs") return;
+  const Given plain;
+  if (given.poses != plain.poses)
+    throw InputError("--poses is of stops: the true distances of --as pairs are those of motion capture");
+  if (given.readings_min != plain.readings_min || given.tubes_min != plain.tubes_min ||
+      given.stops_max != plain.stops_max)
+    throw InputError("--readings-min, --tubes-min and --stops-max are of stops: --as pairs has none");
+}
+
+Imported import_mrclam(const Given& given) {
+  check(given);
   const DataSet data = read_data_set(given);
   Recording recording = given.as == "pairs" ? as_pairs(data) : as_stops(data, given);
   recording.sensor = {"barcode-camera", "camera", 0.3, 12.0};
@@ -269,7 +283,8 @@ Imported import_mrclam(const Given& given) {
           words,
           "",
           {given.source + "/Barcodes.dat", given.source + "/Landmark_Groundtruth.dat",
-           robot + "Measurement.dat", robot + "Groundtruth.dat", robot + "Odometry.dat"}};
+           robot + "Measurement.dat", robot + "Groundtruth.dat", robot + "Odometry.dat"},
+          {}};
 }
 
 std::function<Imported()> add(CLI::App& command) {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "extract/arc_slope.hpp"
+
 namespace rangecal {
 namespace {
 
@@ -33,18 +35,12 @@ struct Normal {
 
 Normal linearise(std::span<const Beam> beams, const Outline& outline, double sigma, const State& at) {
   Normal normal;
-  const double axis = at.axis(), weight = 1.0 / (sigma * sigma);
+  const double weight = 1.0 / (sigma * sigma);
   for (const Beam& beam : beams) {
-    const double psi = beam.bearing_rad - at.b, aside = axis * std::sin(psi);
-    // A step may carry a beam over the edge; there the slope is that just inside.
-    const double depth =
-        std::sqrt(std::max(at.radius * at.radius - aside * aside, 1e-2 * at.radius * at.radius));
-    const double residual = beam.range_m - (axis * std::cos(psi) - depth);
-    const double by_axis = std::cos(psi) + aside * std::sin(psi) / depth;
-    const Eigen::Vector3d slope(by_axis, aside - aside * axis * std::cos(psi) / depth,
-                                by_axis - at.radius / depth);
-    normal.information += weight * slope * slope.transpose();
-    normal.gradient += weight * residual * slope;
+    const extract::ArcPoint point = extract::arc_point(at.s, at.b, at.radius, beam.bearing_rad);
+    const double residual = beam.range_m - point.range_m;
+    normal.information += weight * point.slope * point.slope.transpose();
+    normal.gradient += weight * residual * point.slope;
     normal.chi_squared += weight * residual * residual;
   }
   const double off = (outline.centre_rad - at.b) / outline.centre_sd_rad;

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/solvers/extract/assignment.hpp"
 #include "rangecal/solvers/extract/roundness.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::extract {
 namespace {
@@ -154,39 +156,95 @@ std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const
   return out;
 }
 
-std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Association& association,
-                             const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options) {
-  const std::size_t count = association.landmarks.size();
-  const std::vector<double>& known = options.cylinder.radii_m;
-  std::vector<double> radii(count, known.empty() ? 0.0 : known.front());
-  std::vector<double> weight(count, 0.0), moment(count, 0.0);
-  std::vector<std::vector<double>> misfit(count, std::vector<double>(known.size(), 0.0));
-  for (std::size_t c = 0; c < clusters.size(); ++c) {
-    if (association.landmark[c] < 0) continue;
-    const auto j = static_cast<std::size_t>(association.landmark[c]);
-    for (const std::size_t m : clusters[c].members) {
-      const Cylinder& cylinder = found.list[m];
-      if (known.empty()) {
-        const double w = 1.0 / square(cylinder.fit.radius_sd_m);
-        weight[j] += w, moment[j] += w * cylinder.fit.radius_m;
-      }
-      for (std::size_t r = 0; known.size() > 1 && r < known.size();
-           ++r)  // one odd scan must not outvote the others
-        misfit[j][r] += std::min(radius_misfit(cylinder.segment, noise, options.cylinder, known[r]), 50.0);
+namespace {
+
+using Members = std::vector<std::vector<std::size_t>>;  ///< indices into Cylinders::list, cluster by cluster
+
+std::vector<Members> members_of_landmarks(const std::vector<Cluster>& clusters,
+                                          const Association& association) {
+  std::vector<Members> members(association.landmarks.size());
+  for (std::size_t c = 0; c < clusters.size(); ++c)
+    if (association.landmark[c] >= 0)
+      members[static_cast<std::size_t>(association.landmark[c])].push_back(clusters[c].members);
+  return members;
+}
+
+/// The arc of a segment, its mixed pixels dropped by a circle of the radius; an end that is hidden tells no axis, there it is
+/// that of the circle.
+std::optional<Arc> arc_of(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options,
+                          double radius_m) {
+  Segment cleaned;
+  const auto fit = refit_segment(segment, noise, options, radius_m, &cleaned);
+  if (!fit) return std::nullopt;
+  Arc arc;
+  arc.outline = outline_of(cleaned.miss_left_rad, cleaned.beams.front().bearing_rad,
+                           cleaned.beams.back().bearing_rad, cleaned.miss_right_rad);
+  if (cleaned.nearer_left || cleaned.nearer_right)
+    arc.outline.centre_rad = fit->bearing_rad, arc.outline.centre_sd_rad = fit->bearing_sd_rad;
+  arc.range_m = fit->range_m, arc.sigma_m = noise.spread(fit->range_m);
+  arc.beams = std::move(cleaned.beams);
+  return arc;
+}
+
+RadiusEstimate estimated_radius(const Members& members, const Cylinders& found, const ScanNoise& noise,
+                                const CylinderOptions& options) {
+  std::vector<double> each, sds;
+  for (const auto& cluster : members)
+    for (const std::size_t m : cluster) {
+      each.push_back(found.list[m].fit.radius_m);
+      sds.push_back(found.list[m].fit.radius_sd_m);
     }
+  if (each.empty()) return {};
+  const RadiusEstimate middle{upper_median(std::move(each)), upper_median(std::move(sds))};
+  std::vector<std::vector<Arc>> stops;
+  for (const auto& cluster : members) {
+    std::vector<Arc> arcs;
+    for (const std::size_t m : cluster)
+      if (auto arc = arc_of(found.list[m].segment, noise, options, middle.radius_m))
+        arcs.push_back(std::move(*arc));
+    if (!arcs.empty()) stops.push_back(std::move(arcs));
   }
-  for (std::size_t j = 0; j < count; ++j) {
-    if (weight[j] > 0.0) radii[j] = moment[j] / weight[j];
-    if (known.size() > 1)
-      radii[j] = known[static_cast<std::size_t>(std::min_element(misfit[j].begin(), misfit[j].end()) -
-                                                misfit[j].begin())];
-    if (!options.map.empty() && options.map[j].radius_m) radii[j] = *options.map[j].radius_m;
+  return common_radius(stops, middle.radius_m, {options.edge_cut, options.radius_min_m, options.radius_max_m})
+      .value_or(middle);
+}
+
+/// The one of several known radii that the sightings speak for.
+double known_radius(const Members& members, const Cylinders& found, const ScanNoise& noise,
+                    const CylinderOptions& options) {
+  double best = options.radii_m.front(), least = std::numeric_limits<double>::infinity();
+  for (const double radius : options.radii_m) {
+    double misfit = 0.0;
+    for (const auto& cluster : members)
+      for (const std::size_t m : cluster)  // one odd scan must not outvote the others
+        misfit += std::min(radius_misfit(found.list[m].segment, noise, options, radius), 50.0);
+    if (misfit < least) best = radius, least = misfit;
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<RadiusEstimate> radii_of(const std::vector<Cluster>& clusters, const Association& association,
+                                     const Cylinders& found, const ScanNoise& noise,
+                                     const ExtractOptions& options) {
+  const CylinderOptions& cylinder = options.cylinder;
+  const std::vector<Members> members = members_of_landmarks(clusters, association);
+  std::vector<RadiusEstimate> radii;
+  for (std::size_t j = 0; j < members.size(); ++j) {
+    if (!options.map.empty() && options.map[j].radius_m)
+      radii.push_back({*options.map[j].radius_m, 0.0});
+    else if (cylinder.radii_m.empty())
+      radii.push_back(estimated_radius(members[j], found, noise, cylinder));
+    else if (cylinder.radii_m.size() == 1)
+      radii.push_back({cylinder.radii_m.front(), 0.0});
+    else
+      radii.push_back({known_radius(members[j], found, noise, cylinder), 0.0});
   }
   return radii;
 }
 
 std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, const Association& association,
-                                      const std::vector<double>& radii, const Cylinders& found,
+                                      const std::vector<RadiusEstimate>& radii, const Cylinders& found,
                                       const ScanNoise& noise, const CylinderOptions& options) {
   std::vector<Roundness> shapes(association.landmarks.size());
   for (std::size_t c = 0; c < clusters.size(); ++c) {
@@ -194,7 +252,7 @@ std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, cons
     const auto j = static_cast<std::size_t>(association.landmark[c]);
     for (const std::size_t m : clusters[c].members) {
       const Segment& segment = found.list[m].segment;
-      if (const auto fit = refit_segment(segment, noise, options, radii[j]))
+      if (const auto fit = refit_segment(segment, noise, options, radii[j].radius_m))
         shapes[j].add(segment.beams, *fit, noise.spread(fit->range_m), options.edge_cut);
     }
   }

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "extract/common_radius.hpp"
 #include "extract/stop_groups.hpp"
 
 namespace rangecal::extract {
@@ -40,15 +41,16 @@ struct Cluster {
 std::vector<Cluster> cluster_by_stop(const std::vector<StopGroup>& groups, const Cylinders& found,
                                      const ExtractOptions& options, Tally& tally);
 
-/// The radius of each landmark: of the map, the only one known, the known one that its sightings fit best, or the
-/// weighted mean of the estimates.
-std::vector<double> radii_of(const std::vector<Cluster>& clusters, const Association& association,
-                             const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options);
+/// The radius of each landmark: of the map, the only one known, the known one that its sightings fit best, or the one that
+/// all its arcs have in common (common_radius); where that has no answer, the middle one of theirs.
+std::vector<RadiusEstimate> radii_of(const std::vector<Cluster>& clusters, const Association& association,
+                                     const Cylinders& found, const ScanNoise& noise,
+                                     const ExtractOptions& options);
 
 /// Why a landmark, by all its sightings together, is no cylinder of its radius: one text each, empty for a cylinder.
 /// Asks for five hits inside the edges, and a shape (Roundness) that is not flat and not far from round.
 std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, const Association& association,
-                                      const std::vector<double>& radii, const Cylinders& found,
+                                      const std::vector<RadiusEstimate>& radii, const Cylinders& found,
                                       const ScanNoise& noise, const CylinderOptions& options);
 
 }  // namespace rangecal::extract

@@ -64,7 +64,7 @@ void add_reading(Recording& recording, int stop, int landmark, int repeat, doubl
 
 /// The landmarks of the recording in the order of their first reading, and the new index of each.
 std::vector<int> name_landmarks(const std::vector<Cluster>& clusters, const Association& association,
-                                const std::vector<double>& radii, const ExtractOptions& options,
+                                const std::vector<RadiusEstimate>& radii, const ExtractOptions& options,
                                 Extraction& extraction) {
   std::vector<int> index(association.landmarks.size(), -1);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
@@ -73,7 +73,8 @@ std::vector<int> name_landmarks(const std::vector<Cluster>& clusters, const Asso
     if (index[j] >= 0) continue;
     index[j] = static_cast<int>(extraction.recording.landmarks.size());
     const std::string label = options.map.empty() ? "L" + std::to_string(index[j] + 1) : options.map[j].label;
-    extraction.recording.landmarks.push_back({label, radii[j], std::nullopt});
+    extraction.recording.landmarks.push_back({label, radii[j].radius_m, std::nullopt});
+    extraction.radius_sd_m.push_back(radii[j].sd_m);
     extraction.landmark_positions.push_back(association.landmarks[j]);
   }
   return index;
@@ -98,7 +99,7 @@ std::vector<Sighting> sightings_of(const std::vector<Cluster>& clusters) {
 bool leave_out_doubtful(std::vector<Cluster>& clusters, const Association& association,
                         const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options,
                         Tally& tally) {
-  const std::vector<double> radii = radii_of(clusters, association, found, noise, options);
+  const std::vector<RadiusEstimate> radii = radii_of(clusters, association, found, noise, options);
   const auto doubts = doubts_about(clusters, association, radii, found, noise, options.cylinder);
   std::vector<Cluster> kept;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
@@ -206,7 +207,7 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   out.runs_clockwise =
       poses.size() > 1 && reversed_fits_better(poses, sightings_of(clusters), matching, association);
 
-  const std::vector<double> radii = radii_of(clusters, association, found, out.noise, options);
+  const std::vector<RadiusEstimate> radii = radii_of(clusters, association, found, out.noise, options);
   set_up(out.recording, groups, options);
   const std::vector<int> index = name_landmarks(clusters, association, radii, options, out);
   double start = all.front().stamp_s;
@@ -219,7 +220,7 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
     const auto j = static_cast<std::size_t>(association.landmark[c]);
     for (const std::size_t m : clusters[c].members) {
       const Cylinder& cylinder = found.list[m];
-      const auto fit = refit_segment(cylinder.segment, out.noise, options.cylinder, radii[j]);
+      const auto fit = refit_segment(cylinder.segment, out.noise, options.cylinder, radii[j].radius_m);
       if (!fit) {
         ++out.cylinders["no circle of its landmark's radius"];
         continue;

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/solvers/extract/segments.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
 namespace {
@@ -21,9 +23,7 @@ double chi_squared_tail(double chi_squared, int degrees) {
 double middle_range_m(std::span<const Beam> beams) {
   std::vector<double> ranges;
   for (const Beam& beam : beams) ranges.push_back(beam.range_m);
-  const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
-  std::nth_element(ranges.begin(), middle, ranges.end());
-  return *middle;
+  return upper_median(std::move(ranges));
 }
 
 Eigen::Vector2d point(const Beam& beam) {
@@ -205,9 +205,9 @@ double radius_misfit(const Segment& segment, const ScanNoise& noise, const Cylin
 }
 
 std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise,
-                                       const CylinderOptions& options, double radius_m) {
+                                       const CylinderOptions& options, double radius_m, Segment* cleaned) {
   int mixed = 0;
-  return fit_cleaned(segment, noise.spread(middle_range_m(segment.beams)), options, radius_m, mixed, nullptr);
+  return fit_cleaned(segment, noise.spread(middle_range_m(segment.beams)), options, radius_m, mixed, cleaned);
 }
 
 }  // namespace rangecal

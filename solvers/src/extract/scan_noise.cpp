@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
 namespace {
@@ -28,12 +30,6 @@ void add_triples(const Scan& scan, std::vector<Triple>& triples) {
     const double error = here * here * (1.0 / before + 1.0 / after - 2.0 * c / here);
     triples.push_back({here, error / std::sqrt(2.0 + 4.0 * c * c)});
   }
-}
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// The resolution of the output [m]: the smallest difference between readings that differ.
@@ -88,8 +84,8 @@ ScanNoise estimate_scan_noise(std::span<const Scan> scans) {
       sizes.push_back(std::abs(triples[i].error_m));
       ranges.push_back(triples[i].range_m);
     }
-    const double sigma = kMadToSigma * median(sizes);
-    samples.push_back({median(ranges), sigma * sigma, static_cast<double>(to - from)});
+    const double sigma = kMadToSigma * upper_median(std::move(sizes));
+    samples.push_back({upper_median(std::move(ranges)), sigma * sigma, static_cast<double>(to - from)});
   }
   return fit_scan_noise(samples, std::max(1e-4, 0.5 * resolution_m(scans)));
 }

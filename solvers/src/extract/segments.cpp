@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
+
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
 namespace {
@@ -23,9 +26,7 @@ double median_step(const Scan& scan) {
   std::vector<double> steps;
   for (std::size_t i = 1; i < scan.size(); ++i)
     steps.push_back(scan.bearing_rad[i] - scan.bearing_rad[i - 1]);
-  if (steps.empty()) return 0.0;
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  return steps[steps.size() / 2];
+  return steps.empty() ? 0.0 : upper_median(std::move(steps));
 }
 
 /// The range at `bearing` on the straight line through two beams, and its standard deviation; false behind the sensor.

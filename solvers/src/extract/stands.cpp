@@ -5,8 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "rangecal/core/angles.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
 namespace {
@@ -45,9 +47,7 @@ double turned_change(const Scan& scan, const Scan& other, double turn, const Sca
     sizes.push_back(std::abs(scan.range_m[i] - before.range_m) / sigma);
   }
   if (sizes.size() < 10) return std::numeric_limits<double>::infinity();
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle;
+  return upper_median(std::move(sizes));
 }
 
 /// The least of it over turns of up to kLargestTurn.

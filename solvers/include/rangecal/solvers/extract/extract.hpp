@@ -61,7 +61,8 @@ struct Extraction {
   std::vector<Pose2>
       corrected_stops;  ///< where the landmarks put the stops (not in the recording: nothing is corrected)
   std::vector<Eigen::Vector2d> landmark_positions;
-  bool runs_clockwise = false;  ///< the other sense of rotation fits the stops clearly better
+  std::vector<double> radius_sd_m;  ///< of each landmark's radius, where it was estimated; else 0
+  bool runs_clockwise = false;      ///< the other sense of rotation fits the stops clearly better
 };
 
 /// From scans to a recording: stops, noise, segments, circles, labels, readings, in this order; see the headers beside.

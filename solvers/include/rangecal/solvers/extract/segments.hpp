@@ -70,9 +70,11 @@ struct SegmentVerdict {
 /// or clutter, with the reason.
 SegmentVerdict judge_segment(const Segment& segment, const ScanNoise& noise, const CylinderOptions& options);
 
-/// The circle of a segment with the radius known, by the same rules, without judging it.
+/// The circle of a segment with the radius known, by the same rules, without judging it. `cleaned`, where it is wanted, is
+/// the segment without its mixed pixels.
 std::optional<CircleFit> refit_segment(const Segment& segment, const ScanNoise& noise,
-                                       const CylinderOptions& options, double radius_m);
+                                       const CylinderOptions& options, double radius_m,
+                                       Segment* cleaned = nullptr);
 
 /// How badly a cylinder of this radius explains the segment: chi-squared beyond its degrees of freedom, plus the
 /// squared difference of the angular width in its standard deviations. Infinite where no circle fits. Compares radii.
