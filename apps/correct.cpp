@@ -54,6 +54,8 @@ class TextLines {
   long number_ = 0;
 };
 
+constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";  ///< of UTF-8, as spreadsheets write it
+
 bool blank(std::string_view line) { return line.find_first_not_of(" \t\r") == std::string_view::npos; }
 
 /// Readings of one per line, or of the column reading_m or range_m; NaN where a field is empty.
@@ -235,7 +237,8 @@ struct CorrectCommand {
     if (loaded.outcome == Outcome::unobservable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
     const bool from_stdin = file == "-";
-    const std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
+    std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
+    if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
     const std::string name = from_stdin ? "stdin" : file;
     const std::vector<double> readings = readings_from(text, name);
     const std::optional<CsvTable> table = table_from(text, name);

@@ -59,9 +59,21 @@ struct DiagnoseCommand {
     return files;
   }
 
+  /// Throws InputError where the simulation is a recording that it is held against: that accounts for itself.
+  void require_other_readings() const {
+    namespace fs = std::filesystem;
+    for (const std::string& folder : recordings)
+      for (const char* table : {"observations.csv", "pairs.csv"})
+        if (std::error_code none;
+            fs::equivalent(fs::path(folder) / table, fs::path(simulation) / table, none))
+          throw InputError("--simulation " + simulation + ": holds the readings of " + folder +
+                           " themselves, which it would account for whatever they are");
+  }
+
   Diagnosis against(const std::vector<Recording>& loaded, DiagnoseOptions& options) const {
     if (simulation.empty()) return diagnose(loaded, options);
     if (std::filesystem::is_directory(simulation)) {
+      require_other_readings();
       const std::vector<Recording> other{load_recording(simulation)};
       return diagnose_against(loaded, other, options);
     }
@@ -101,7 +113,10 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       ->add_option("--alarm-rate", state->alarm_rate,
                    "false alarms per recording of the seed model, all questions together")
       ->capture_default_str();
-  command->add_option("--force", state->force, "fit exactly these effects, whatever the residuals say");
+  command
+      ->add_option("--force", state->force,
+                   "fit exactly these effects, whatever the residuals say; several as a,b or a b")
+      ->delimiter(',');
   command->footer(
       "Examples:\n"
       "  rangecal diagnose notebooks_data/field-layout\n"

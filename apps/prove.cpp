@@ -55,7 +55,7 @@ int dump_world(const ProveOptions& o) {
   const proof::Case c = proof::draw_case(o.rows[0], o.seed, o.world, o.design);
   if (!o.dump.empty()) {
     require_replaceable(o.dump);
-    save_recording(proof::record(c, c.planted), o.dump);
+    save_recording(proof::record(c, c.planted), o.dump, "rangecal prove");
     write_file(o.dump + "/key.json", world_as_json(c).dump(2) + "\n");
   }
   const proof::Score score = proof::run_case(o.rows[0], o.seed, o.world, o.design, !o.no_oracle, blind);

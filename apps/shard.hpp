@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdio>
+#include <charconv>
 #include <string>
 
 #include "rangecal/core/errors.hpp"
@@ -18,9 +18,11 @@ struct Shard {
 inline Shard shard_from(const std::string& text) {
   Shard shard;
   if (text.empty()) return shard;
-  int read = 0;
-  if (std::sscanf(text.c_str(), "%d/%d%n", &shard.index, &shard.count, &read) != 2 ||
-      read != static_cast<int>(text.size()) || shard.index < 1 || shard.index > shard.count)
+  const char* const end = text.data() + text.size();
+  const auto [slash, error] = std::from_chars(text.data(), end, shard.index);
+  const bool parted = error == std::errc() && slash != end && *slash == '/';
+  const auto [rest, of] = std::from_chars(parted ? slash + 1 : end, end, shard.count);
+  if (!parted || of != std::errc() || rest != end || shard.index < 1 || shard.index > shard.count)
     throw InputError("--shard " + text.substr(0, 40) + ": is not I/N with 1 <= I <= N");
   --shard.index;
   return shard;

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The quantiles of solvers/src/fleet/kurtosis_law.cpp, printed as they stand there; NumPy alone, hours for all counts.
+"""The quantiles of solvers/src/statistics/kurtosis_law.cpp, printed as they stand there; NumPy alone, hours for all counts.
 
     benchmarks/kurtosis_table.py                    # every count of the table
     benchmarks/kurtosis_table.py 100 --values 3e7   # one count, draws for a tenth of the values: minutes

@@ -23,6 +23,7 @@
 #include "rangecal/solvers/correction/correct.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 #include "rangecal/solvers/study/run.hpp"
 
 namespace {
@@ -72,11 +73,6 @@ struct Soak {
   }
 };
 
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<long>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -101,7 +97,7 @@ int main(int argc, char** argv) {
   const std::size_t quarter = held.size() / 4;
   if (quarter == 0) return 0;
   const auto part = [&](std::size_t q) {
-    return median(
+    return upper_median(
         {held.begin() + static_cast<long>(q * quarter), held.begin() + static_cast<long>((q + 1) * quarter)});
   };
   fmt::print("second quarter {:.1f} MB, last quarter {:.1f} MB\n", part(1), part(3));

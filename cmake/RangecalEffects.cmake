@@ -30,5 +30,7 @@ const std::vector<std::unique_ptr<Effect>>& effect_registry() {
 
 }  // namespace rangecal
 " @ONLY)
+  # An object of its own, so that a program with effects and a registry of its own does not pull this one from the library.
+  set_source_files_properties("${registry}" PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_sources(${target} PRIVATE ${files} "${registry}")
 endfunction()

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "fleet/fingerprint.hpp"
-#include "rangecal/core/errors.hpp"
+#include "fleet/units.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "text.hpp"
@@ -75,8 +75,8 @@ std::string diagnosis_in_words(const OddUnit& unit, const Calibration& typical, 
     return "physics within its own recording: " + (own.verdict == Verdict::no_mismatch
                                                        ? "none found" + other_model(own.baseline, job)
                                                        : own.sentence);
-  } catch (const InputError& error) {
-    return std::string("not diagnosed: ") + error.what();
+  } catch (const std::exception& error) {
+    return "not diagnosed: " + reason_of(error);
   }
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "fleet/units.hpp"
 
+#include <new>
+
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
@@ -11,35 +13,55 @@
 
 namespace rangecal::app {
 
-Unit fit_unit(const std::string& name, const std::string& place, const FleetJob& job) {
+namespace {
+
+void read_and_fit(Unit& unit, const std::string& place, const FleetJob& job) {
+  unit.fingerprint = {stamp_of(place), contents_of(place)};  // before the reading: a change meanwhile is one
+  const Recording recording = load_recording(place);
+  if (recording.kind == RecordingKind::pairs) {
+    PairsOptions options;
+    options.order = job.order;
+    options.law = job.law;
+    unit.calibration = full_pairs(make_pairs_problem({&recording, 1}), options).calibration;
+    unit.misfit = unit_misfit(recording, unit.calibration);
+  } else {
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    options.order = job.order;
+    options.noise = job.law;
+    unit.calibration = calibrate({&recording, 1}, options).front();
+  }
+  unit.summary = summarise(unit.calibration);
+  if (unit.calibration.order() != job.order || unit.calibration.counts.used < readings_for_own_fit(job.order))
+    unit.summary.reset();
+}
+
+}  // namespace
+
+std::string reason_of(const std::exception& error) {
+  if (dynamic_cast<const InputError*>(&error)) return error.what();
+  if (dynamic_cast<const std::bad_alloc*>(&error)) return "there is not enough memory for it";
+  return std::string("internal error: ") + error.what();
+}
+
+Unit fit_unit(const std::string& name, const std::function<void(Unit&)>& fit) {
   Unit unit;
   unit.name = name;
-  unit.fingerprint = {stamp_of(place), contents_of(place)};  // before the reading: a change meanwhile is one
   try {
-    const Recording recording = load_recording(place);
-    if (recording.kind == RecordingKind::pairs) {
-      PairsOptions options;
-      options.order = job.order;
-      options.law = job.law;
-      unit.calibration = full_pairs(make_pairs_problem({&recording, 1}), options).calibration;
-      unit.misfit = unit_misfit(recording, unit.calibration);
-    } else {
-      CalibrateOptions options;
-      options.methods = {Method::marginal};
-      options.order = job.order;
-      options.noise = job.law;
-      unit.calibration = calibrate({&recording, 1}, options).front();
-    }
-    unit.summary = summarise(unit.calibration);
-    if (unit.calibration.order() != job.order ||
-        unit.calibration.counts.used < readings_for_own_fit(job.order))
-      unit.summary.reset();
-  } catch (const InputError& error) {
+    fit(unit);
+  } catch (const std::exception& error) {
+    const Fingerprint fingerprint = unit.fingerprint;
+    unit = {};
+    unit.name = name;
+    unit.fingerprint = fingerprint;
     unit.calibration.outcome = Outcome::failed;
-    unit.calibration.reason = error.what();
-    unit.calibration.counts = {};
+    unit.calibration.reason = reason_of(error);
   }
   return unit;
+}
+
+Unit fit_unit(const std::string& name, const std::string& place, const FleetJob& job) {
+  return fit_unit(name, [&](Unit& unit) { read_and_fit(unit, place, job); });
 }
 
 void write_csv(Database& database, const std::string& path) {

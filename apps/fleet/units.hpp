@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <exception>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -22,8 +24,14 @@ struct Unit {
 /// Below so many the likelihood of a unit is not taken for a normal one.
 constexpr int readings_for_own_fit(int order) { return 10 * (order + 2); }
 
-/// Reads and fits one recording; what cannot be read is a failed outcome with its reason.
+/// Reads and fits one recording. What cannot be read, or throws anything else on the way, is a failed outcome with its
+/// reason, so that one unit of thousands does not end the run.
 Unit fit_unit(const std::string& name, const std::string& place, const FleetJob& job);
+/// The same of what `fit` finds out.
+Unit fit_unit(const std::string& name, const std::function<void(Unit&)>& fit);
+
+/// In words for `units.reason`: wrong input says it itself.
+std::string reason_of(const std::exception& error);
 
 /// The units joined with their posteriors, as CSV.
 void write_csv(Database& database, const std::string& path);

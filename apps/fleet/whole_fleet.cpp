@@ -39,94 +39,168 @@ void put_population(Database& database, const Population& population) {
         .run();
 }
 
-void put_posteriors(Database& database, const FleetJob& job, const FleetJudge& judge, FleetResult& result) {
-  const Population& population = result.population;
-  const int n = job.order;
-  std::string marks = "?";
-  for (int i = 1; i < 6 + 2 * (n + 1); ++i) marks += ", ?";
-  Statement posterior = database.prepare("INSERT INTO posteriors VALUES(" + marks + ")");
-  Statement odd = database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, ?)");
-  Statement rows = database.prepare(
-      "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information, identity"
-      " FROM units LEFT JOIN inputs USING(name) ORDER BY name");
-  const double limit =
-      job.alarm_rate /
-      (4.0 * static_cast<double>(std::max<std::int64_t>(result.units, 1)));  // four questions a unit
-  std::size_t index = 0;
-  while (rows.step()) {
-    const std::string name = rows.text(0);
-    VectorXd mean, deviation;
-    double distance = std::nan(""), p_value = std::nan("");
-    const bool own = rows.vector(9).size() > 0;
-    std::string source = own ? "own readings and population" : "few readings and population";
-    if (own) {
-      const UnitSummary summary = summary_in(rows, 9, job);
-      const UnitPosterior shrunk = shrink(summary, population);
-      mean = shrunk.mean;
-      deviation = shrunk.covariance.diagonal().cwiseSqrt();
-      const UnitJudgement judged = judge(summary, index++);
-      distance = judged.distance_sq;
-      p_value = judged.p_value;
-      if (p_value < limit) {  // the population says nothing of a unit that is none of it
-        source = "own readings, unlike the others";
-        mean = summary.theta;
-        deviation = summary.information.inverse().diagonal().cwiseSqrt();
-        Eigen::Index worst = 0;
-        judged.t.cwiseAbs().maxCoeff(&worst);
-        odd.bind(1, name)
-            .bind(2, "unlike the others: " +
-                         (worst <= n ? fmt::format("alpha_{}", worst) : std::string("sigma")))
-            .bind(3, judged.t[worst])
-            .bind(4, std::string("standard deviations"))
-            .bind(5, p_value)
-            .bind(6, difference_in_words(summary.theta - population.mean, judged.t))
-            .run();
-      }
-      const auto ask = [&](int column, const std::string& what, const std::string& unit, auto&& words) {
-        const double p = rows.number(column).value_or(1.0),
-                     size = rows.number(column + 1).value_or(std::nan(""));
-        if (p < limit)
-          odd.bind(1, name).bind(2, what).bind(3, size).bind(4, unit).bind(5, p).bind(6, words(size)).run();
-      };
-      ask(3, "shape of the curve", "m",
-          [](double m) { return fmt::format("two orders more move the curve by up to {:.3g} mm", 1e3 * m); });
-      ask(5, "tails of the noise", "excess kurtosis", [](double k) {
-        return fmt::format("tails {} than normal: excess kurtosis {:+.2g}", k > 0.0 ? "heavier" : "lighter",
-                           k);
-      });
-      ask(7, "dependence of neighbours", "correlation", [](double r) {
-        return fmt::format("neighbouring readings depend on each other: correlation {:+.2g}", r);
-      });
-    } else if (rows.text(1) == "pairs" && rows.number(2).value_or(0.0) > 0.0) {  // too few readings alone
-      std::optional<Recording> recording;
-      try {
-        recording = load_recording(place_of(name, rows.text(11)));
-      } catch (const InputError& error) {  // it was there when its readings were counted
-        result.notes.push_back(name + " is left out: " + error.what());
-        continue;
-      }
-      const Calibration fit = calibrate_in_population(make_pairs_problem({&*recording, 1}), population);
-      if (fit.outcome != Outcome::converged) continue;
-      mean.resize(n + 2);
-      deviation.resize(n + 2);
-      mean << fit.alpha, std::log(fit.noise.parameters[0]);
-      deviation << fit.alpha_covariance->diagonal().cwiseSqrt(),
-          *fit.noise_estimates[0].std_dev / fit.noise.parameters[0];
-      ++result.by_population;
-    } else {
-      continue;
+/// What is told of a unit's theta.
+struct Told {
+  std::string source;
+  VectorXd mean, deviation;
+  double distance_sq = std::nan(""), p_value = std::nan("");  ///< beside the others, of its own readings
+};
+
+/// The rows of posteriors, and those of oddities, from the units in the order of their names.
+class PosteriorRows {
+ public:
+  PosteriorRows(Database& database, const FleetJob& job, const FleetJudge& judge, FleetResult& result)
+      : job_(job),
+        judge_(judge),
+        result_(result),
+        limit_(job.alarm_rate / (questions * static_cast<double>(std::max<std::int64_t>(result.units, 1)))),
+        units_(database.prepare(
+            "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information, identity"
+            " FROM units LEFT JOIN inputs USING(name) ORDER BY name")),
+        posterior_(database.prepare("INSERT INTO posteriors VALUES(" + marks(6 + 2 * (job.order + 1)) + ")")),
+        odd_(database.prepare("INSERT OR REPLACE INTO oddities VALUES(?, ?, ?, ?, ?, ?)")) {}
+
+  void put() {
+    while (units_.step()) {
+      const bool own = units_.vector(theta).size() > 0;
+      if (const std::optional<Told> told = own ? of_own_readings() : of_few_readings()) put(*told);
     }
-    int at = 0;
-    const auto put = [&](const auto& value) { posterior.bind(++at, value); };
-    put(name);
-    put(source);
-    for (int i = 0; i <= n; ++i) {
-      put(mean[i]);
-      put(deviation[i]);
-    }
-    for (const double value : {std::exp(mean[n + 1]), deviation[n + 1], distance, p_value}) put(value);
-    posterior.run();
   }
+
+ private:
+  enum Column {  ///< of units_
+    name,
+    kind,
+    used,
+    shape_p,
+    shape_m,
+    tail_p,
+    kurtosis,
+    dependence_p,
+    correlation,
+    theta,
+    information,
+    identity
+  };
+  static constexpr double questions = 4.0;  ///< of each unit
+
+  static std::string marks(int count) {
+    std::string text = "?";
+    for (int i = 1; i < count; ++i) text += ", ?";
+    return text;
+  }
+
+  Told of_own_readings();
+  std::optional<Told> of_few_readings();
+  void put_unlike(const UnitSummary& summary, const UnitJudgement& judged);
+  void put_misfits();
+  template <typename Words>
+  void put_misfit(int p_column, const std::string& what, const std::string& unit, const Words& words);
+  void put(const Told& told);
+
+  const FleetJob& job_;
+  const FleetJudge& judge_;
+  FleetResult& result_;
+  double limit_;  ///< p-value below which a unit is odd
+  Statement units_, posterior_, odd_;
+  std::size_t index_ = 0;  ///< among the units of own readings
+};
+
+/// A unit of readings enough: drawn to the population, unless it is none of it; its oddities are put down.
+Told PosteriorRows::of_own_readings() {
+  const UnitSummary summary = summary_in(units_, theta, job_);
+  const UnitPosterior shrunk = shrink(summary, result_.population);
+  const UnitJudgement judged = judge_(summary, index_++);
+  Told told{"own readings and population", shrunk.mean, shrunk.covariance.diagonal().cwiseSqrt(),
+            judged.distance_sq, judged.p_value};
+  if (judged.p_value < limit_) {  // the population says nothing of a unit that is none of it
+    told.source = "own readings, unlike the others";
+    told.mean = summary.theta;
+    told.deviation = summary.information.inverse().diagonal().cwiseSqrt();
+    put_unlike(summary, judged);
+  }
+  put_misfits();
+  return told;
+}
+
+/// A unit with too few readings to be fitted alone; nothing where it is no unit of pairs, or cannot be read.
+std::optional<Told> PosteriorRows::of_few_readings() {
+  if (units_.text(kind) != "pairs" || !(units_.number(used).value_or(0.0) > 0.0)) return std::nullopt;
+  const std::string unit = units_.text(name);
+  std::optional<Recording> recording;
+  try {
+    recording = load_recording(place_of(unit, units_.text(identity)));
+  } catch (const InputError& error) {  // it was there when its readings were counted
+    result_.notes.push_back(unit + " is left out: " + error.what());
+    return std::nullopt;
+  }
+  const Calibration fit = calibrate_in_population(make_pairs_problem({&*recording, 1}), result_.population);
+  if (fit.outcome != Outcome::converged) return std::nullopt;
+  Told told{"few readings and population", VectorXd(job_.order + 2), VectorXd(job_.order + 2)};
+  told.mean << fit.alpha, std::log(fit.noise.parameters[0]);
+  told.deviation << fit.alpha_covariance->diagonal().cwiseSqrt(),
+      *fit.noise_estimates[0].std_dev / fit.noise.parameters[0];
+  ++result_.by_population;
+  return told;
+}
+
+/// The oddity of a unit that is none of the population: the coordinate of theta that is furthest off.
+void PosteriorRows::put_unlike(const UnitSummary& summary, const UnitJudgement& judged) {
+  Eigen::Index worst = 0;
+  judged.t.cwiseAbs().maxCoeff(&worst);
+  const std::string what = worst <= job_.order ? fmt::format("alpha_{}", worst) : std::string("sigma");
+  odd_.bind(1, units_.text(name))
+      .bind(2, "unlike the others: " + what)
+      .bind(3, judged.t[worst])
+      .bind(4, std::string("standard deviations"))
+      .bind(5, judged.p_value)
+      .bind(6, difference_in_words(summary.theta - result_.population.mean, judged.t))
+      .run();
+}
+
+/// The oddities of a unit's own residuals.
+void PosteriorRows::put_misfits() {
+  put_misfit(shape_p, "shape of the curve", "m", [](double m) {
+    return fmt::format("two orders more move the curve by up to {:.3g} mm", 1e3 * m);
+  });
+  put_misfit(tail_p, "tails of the noise", "excess kurtosis", [](double k) {
+    return fmt::format("tails {} than normal: excess kurtosis {:+.2g}", k > 0.0 ? "heavier" : "lighter", k);
+  });
+  put_misfit(dependence_p, "dependence of neighbours", "correlation", [](double r) {
+    return fmt::format("neighbouring readings depend on each other: correlation {:+.2g}", r);
+  });
+}
+
+/// One of them: its p-value stands in `p_column`, its size behind it.
+template <typename Words>
+void PosteriorRows::put_misfit(int p_column, const std::string& what, const std::string& unit,
+                               const Words& words) {
+  const double p = units_.number(p_column).value_or(1.0),
+               size = units_.number(p_column + 1).value_or(std::nan(""));
+  if (p < limit_)
+    odd_.bind(1, units_.text(name))
+        .bind(2, what)
+        .bind(3, size)
+        .bind(4, unit)
+        .bind(5, p)
+        .bind(6, words(size))
+        .run();
+}
+
+void PosteriorRows::put(const Told& told) {
+  int at = 0;
+  const auto bind = [&](const auto& value) { posterior_.bind(++at, value); };
+  bind(units_.text(name));
+  bind(told.source);
+  for (Eigen::Index i = 0; i <= job_.order; ++i) {
+    bind(told.mean[i]);
+    bind(told.deviation[i]);
+  }
+  const Eigen::Index noise = job_.order + 1;
+  for (const double value :
+       {std::exp(told.mean[noise]), told.deviation[noise], told.distance_sq, told.p_value})
+    bind(value);
+  posterior_.run();
 }
 
 }  // namespace
@@ -154,7 +228,8 @@ void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
   database.prepare("INSERT INTO meta VALUES('population', ?)").bind(1, population_to_json(population)).run();
   if (is_usable(population.outcome)) {
     put_population(database, population);
-    put_posteriors(database, job, FleetJudge(stream, population), result);
+    const FleetJudge judge(stream, population);
+    PosteriorRows(database, job, judge, result).put();
   }
   database.execute("COMMIT");
   if (is_usable(population.outcome)) explain_oddities(database, job, result);

@@ -97,19 +97,17 @@ std::vector<Score> read_scores(std::string text, const std::string& name) {
 
 Journal::Journal(const std::string& path, const std::vector<Score>& known) : path_(path) {
   write_file(path, proof_csv(known));
-  file_ = ::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
-  if (file_ < 0) throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
+  file_ = Descriptor(::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC));
+  if (!file_) throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
 }
-
-Journal::~Journal() { ::close(file_); }
 
 void Journal::append(const Score& score) {
   const std::string text = line(score);
-  const off_t before = ::lseek(file_, 0, SEEK_END);
-  const int error = write_all(file_, text);
+  const off_t before = ::lseek(file_.number(), 0, SEEK_END);
+  const int error = write_all(file_.number(), text);
   if (error == 0) return;
   const std::string reason = std::strerror(error);
-  if (before < 0 || ::ftruncate(file_, before) != 0)
+  if (before < 0 || ::ftruncate(file_.number(), before) != 0)
     throw InputError(path_, 0, "", "ends in a torn line: " + reason);
   throw InputError(path_, 0, "", "cannot be written: " + reason);
 }

@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include "rangecal/core/descriptor.hpp"
 #include "scoring.hpp"
 
 namespace rangecal::proof {
@@ -27,16 +28,13 @@ class Journal {
  public:
   /// Opens `path`; `known` scores of an earlier run are kept. Throws InputError if it cannot be written.
   Journal(const std::string& path, const std::vector<Score>& known);
-  Journal(const Journal&) = delete;
-  Journal& operator=(const Journal&) = delete;
-  ~Journal();
   /// A line that a full disk cuts short is taken back, and InputError thrown.
   void append(const Score& score);
   void finish(const std::vector<Score>& scores);
 
  private:
   std::string path_;
-  int file_ = -1;
+  Descriptor file_;
 };
 
 }  // namespace rangecal::proof

@@ -14,6 +14,7 @@
 #include <numbers>
 
 #include "noncentrality.hpp"
+#include "rangecal/core/distributions.hpp"
 
 namespace rangecal::proof {
 namespace {
@@ -24,12 +25,11 @@ using Index = Eigen::Index;
 /// reading that its shape gains over a normal law of the same variance [nats].
 double mixture_negentropy(double share, double half) {
   if (!(share > 0.0) || !(half > 1e-6)) return 0.0;
-  const auto upper = [](double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); };
   double entropy = 0.0;
   const double step = 0.02, end = half + 8.0;
   for (double z = -end; z <= end; z += step) {
     const double narrow = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-    const double wide = (upper(z + half) - upper(z - half)) / (2.0 * half);
+    const double wide = (normal_below(z + half) - normal_below(z - half)) / (2.0 * half);
     const double p = (1.0 - share) * narrow + share * std::max(wide, 0.0);
     if (p > 1e-300) entropy -= step * p * std::log(p);
   }

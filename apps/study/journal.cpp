@@ -105,10 +105,6 @@ JournalReader::JournalReader(const Study& study, const std::vector<std::string>&
   entries_.erase(std::unique(entries_.begin(), entries_.end(), same), entries_.end());
 }
 
-JournalReader::~JournalReader() {
-  for (const int descriptor : descriptors_) ::close(descriptor);
-}
-
 void JournalReader::scan(const Study& study, const std::string& path) {
   std::ifstream stream(path, std::ios::binary);
   std::string line;
@@ -118,9 +114,9 @@ void JournalReader::scan(const Study& study, const std::string& path) {
     if (stream.eof()) return;  // killed while its header was written
     throw InputError(path, 1, "", "is of another study, or of this one before it was changed");
   }
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
-  descriptors_.push_back(descriptor);
+  Descriptor descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!descriptor) throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
+  descriptors_.push_back(std::move(descriptor));
   const int pieces = study_pieces(study);
   for (std::int64_t at = stream.tellg(); std::getline(stream, line); at = stream.tellg()) {
     if (!whole(line)) continue;
@@ -150,39 +146,33 @@ std::optional<StudySums> JournalReader::recall(const StudyUnit& unit) const {
   const Entry* entry = find(unit);
   if (!entry) return std::nullopt;
   std::string line(entry->length, '\0');
-  if (::pread(descriptors_[entry->file], line.data(), line.size(), entry->offset) != entry->length)
+  if (::pread(descriptors_[entry->file].number(), line.data(), line.size(), entry->offset) != entry->length)
     return std::nullopt;
   auto parsed = from_journal_line(line);
   if (!parsed) return std::nullopt;
   return std::move(parsed->second);
 }
 
-JournalWriter::JournalWriter(const Study& study, const std::string& path) : path_(path) {
-  descriptor_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor_ < 0)
-    throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
-  if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0) {
-    ::close(descriptor_);
+JournalWriter::JournalWriter(const Study& study, const std::string& path)
+    : path_(path), descriptor_(::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
+  if (!descriptor_) throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
+  if (::flock(descriptor_.number(), LOCK_EX | LOCK_NB) != 0)
     throw InputError(path, 0, "", "another run of this study is writing it");
-  }
-  const off_t size = ::lseek(descriptor_, 0, SEEK_END);
+  const off_t size = ::lseek(descriptor_.number(), 0, SEEK_END);
   std::string first(size > 0 ? std::min<off_t>(size, 4096) : 0, '\0');
-  const bool read = ::pread(descriptor_, first.data(), first.size(), 0) == static_cast<ssize_t>(first.size());
+  const bool read =
+      ::pread(descriptor_.number(), first.data(), first.size(), 0) == static_cast<ssize_t>(first.size());
   const std::string header = header_of(study) + "\n";
   if (!read || !first.starts_with(header)) {  // new, or killed in its first line: nothing is lost
-    if (::ftruncate(descriptor_, 0) != 0) throw InputError(path, 0, "", "cannot be written");
+    if (::ftruncate(descriptor_.number(), 0) != 0) throw InputError(path, 0, "", "cannot be written");
     write_all(header);
   } else {
     write_all("\n");  // ends a torn last line; an empty one is skipped
   }
 }
 
-JournalWriter::~JournalWriter() {
-  if (descriptor_ >= 0) ::close(descriptor_);
-}
-
 void JournalWriter::write_all(const std::string& text) {
-  if (const int error = rangecal::write_all(descriptor_, text))
+  if (const int error = rangecal::write_all(descriptor_.number(), text))
     throw InputError(path_, 0, "", std::string("cannot be written: ") + std::strerror(error));
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "rangecal/core/descriptor.hpp"
 #include "rangecal/solvers/study/run.hpp"
 
 namespace rangecal::app {
@@ -22,9 +23,6 @@ class JournalReader {
  public:
   /// Throws InputError for a journal of another study, naming the file.
   JournalReader(const Study& study, const std::vector<std::string>& folders);
-  ~JournalReader();
-  JournalReader(const JournalReader&) = delete;
-  JournalReader& operator=(const JournalReader&) = delete;
 
   bool knows(const StudyUnit& unit) const { return find(unit) != nullptr; }
   std::optional<StudySums> recall(const StudyUnit& unit) const;
@@ -41,16 +39,13 @@ class JournalReader {
   void scan(const Study& study, const std::string& path);
 
   std::vector<Entry> entries_;  ///< ascending in unit
-  std::vector<int> descriptors_;
+  std::vector<Descriptor> descriptors_;
 };
 
 /// Appends to one journal. One process at a time: a second one that tries throws InputError.
 class JournalWriter {
  public:
   JournalWriter(const Study& study, const std::string& path);
-  ~JournalWriter();
-  JournalWriter(const JournalWriter&) = delete;
-  JournalWriter& operator=(const JournalWriter&) = delete;
 
   /// One write() of the whole line: a kill leaves it there, or torn at the end, where the reader drops it.
   void append(const StudyUnit& unit, const StudySums& sums);
@@ -58,7 +53,7 @@ class JournalWriter {
  private:
   void write_all(const std::string& text);
   std::string path_;
-  int descriptor_ = -1;
+  Descriptor descriptor_;
 };
 
 /// Whether a file of that name in a study's folder is read as a journal.

@@ -27,16 +27,13 @@ LineSource::LineSource(const std::string& path) : path_(path) {
     path_ = "stdin";
     return;
   }
-  file_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  opened_ = Descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  file_ = opened_.number();
   struct stat status {};
   if (file_ < 0 || ::fstat(file_, &status) != 0)
     throw InputError(path, 0, "", std::string("cannot be read: ") + std::strerror(errno));
   if (S_ISDIR(status.st_mode)) throw InputError(path, 0, "", "is a folder, not a file");
   file_is_regular_ = S_ISREG(status.st_mode);
-}
-
-LineSource::~LineSource() {
-  if (file_ > STDIN_FILENO) ::close(file_);
 }
 
 LineSource::Status LineSource::next(std::string& line) {

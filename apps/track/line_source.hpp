@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "rangecal/core/descriptor.hpp"
+
 namespace rangecal::app {
 
 /// Lines of a file that may still grow, or of stdin, in a buffer that holds what is not yet a whole line.
@@ -16,7 +18,6 @@ class LineSource {
   explicit LineSource(const std::string& path);
   LineSource(const LineSource&) = delete;
   LineSource& operator=(const LineSource&) = delete;
-  ~LineSource();
 
   enum class Status { line, end, interrupted };
   /// The next whole line without its end. `end`: there is none now; a file may have one later. `interrupted`: a signal
@@ -37,6 +38,7 @@ class LineSource {
   std::size_t begin_ = 0;
   std::int64_t offset_ = 0;
   std::uint64_t taken_ = 0;
+  Descriptor opened_;  ///< none: stdin
   int file_ = -1;
   bool file_is_regular_ = false;
 };

@@ -27,6 +27,7 @@
 #include "rangecal/solvers/joint_ml/joint_ceres.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace {
 
@@ -213,13 +214,6 @@ struct Score {
   double square = 0.0, bound = 0.0;
 };
 
-double median(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
-                   values.end());
-  return values[values.size() / 2];
-}
-
 void score(const Job& job, const std::vector<std::string>& methods) {
   std::map<std::string, Score> scores;
   for (int set = 0; set < job.sets; ++set) {
@@ -277,7 +271,7 @@ void score(const Job& job, const std::vector<std::string>& methods) {
     }
   }
   for (const auto& [method, s] : scores)
-    fmt::print("{} {} {} {} {:.3e} {:.4f}\n", method, s.sets, s.answers, s.at_optimum, median(s.above),
+    fmt::print("{} {} {} {} {:.3e} {:.4f}\n", method, s.sets, s.answers, s.at_optimum, upper_median(s.above),
                std::sqrt(s.square / s.bound));
 }
 

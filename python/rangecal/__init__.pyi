@@ -173,6 +173,9 @@ class CurveChange:
     p_value: Optional[float]
     degrees_of_freedom: int
     first_taken_as_exact: bool
+    noise_degrees_of_freedom: Optional[float]
+    given_the_model: bool
+    reason: str
 
 class Corrected:
     reading_m: Floats  # (n,)

@@ -165,10 +165,16 @@ _DOCS = {
     largest_m, rms_m : float
         Of |f2 - f1| [m].
     chi_sq, p_value : float or None
-        Test that both have the same f, ``degrees_of_freedom`` of them.
+        Test that both have the same f, over ``degrees_of_freedom`` coefficients; None where ``reason`` says why not.
     degrees_of_freedom : int
+    noise_degrees_of_freedom : float or None
+        Of the F law that allows for noise that was itself estimated; None: chi-square.
     first_taken_as_exact : bool
         The first has no covariance.
+    given_the_model : bool
+        A covariance does not count the choice of order and noise law.
+    reason : str
+        Why there is no p-value; empty where there is one.
     """,
     "Finding": """One place where model and recording differ; the arrays are its binned residuals.
 

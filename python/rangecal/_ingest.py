@@ -70,7 +70,7 @@ def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", 
     Warns
     -----
     UserWarning
-        The last line of a CARMEN log is torn, as where a recording was cut off, and is left out.
+        The last line of a log is torn, as where a recording was cut off, and is left out.
     """
     words = _words(radius=_listed("radius_m", radius_m), arc=arc, beams_min=beams_min, edge_cut=edge_cut,
                    support=support, split=split, scans_min=scans_min, sigma_xy=sigma_xy_m,

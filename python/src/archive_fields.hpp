@@ -98,8 +98,8 @@ inline void archive_fields(python::Archive& a, CheckReport& s) {
   a(agrees, better, nll, report);
 }
 inline void archive_fields(python::Archive& a, CalibrationReport& s) {
-  auto& [calibrations, models, notes, check, shape] = s;
-  a(calibrations, models, notes, check, shape);
+  auto& [calibrations, models, notes, check, shape, criterion] = s;
+  a(calibrations, models, notes, check, shape, criterion);
 }
 inline void archive_fields(python::Archive& a, TruthScore& s) {
   auto& [rmse, landmarks, strain, ratio, raw, corrected, readings, estimated] = s;
@@ -163,8 +163,8 @@ inline void archive_fields(python::Archive& a, CurveChange::At& s) {
   a(distance, change, std_dev);
 }
 inline void archive_fields(python::Archive& a, CurveChange& s) {
-  auto& [largest, rms, at, chi_sq, p_value, degrees, exact] = s;
-  a(largest, rms, at, chi_sq, p_value, degrees, exact);
+  auto& [largest, rms, at, chi_sq, p_value, degrees, exact, noise_degrees, given, reason] = s;
+  a(largest, rms, at, chi_sq, p_value, degrees, exact, noise_degrees, given, reason);
 }
 
 namespace python {

@@ -136,7 +136,7 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly(
           "stop_recording",
           [](const py::object& self) { return field_view(of(self).stops, &StopEstimate::recording, self); })
-      .def_property_readonly("counts", [](const Calibration& c) { return to_dict(c)["counts"]; })
+      .def_property_readonly("counts", [](const Calibration& c) { return py::dict(to_dict(c)["counts"]); })
       .def_readonly("joint_nll", &Calibration::joint_nll)
       .def_readonly("nll", &Calibration::marginal_nll)
       .def_readonly("aic", &Calibration::aic)
@@ -169,6 +169,9 @@ void bind_calibration(py::module_& module) {
       .def_readonly("p_value", &CurveChange::p_value)
       .def_readonly("degrees_of_freedom", &CurveChange::degrees_of_freedom)
       .def_readonly("first_taken_as_exact", &CurveChange::first_taken_as_exact)
+      .def_readonly("noise_degrees_of_freedom", &CurveChange::noise_degrees_of_freedom)
+      .def_readonly("given_the_model", &CurveChange::given_the_model)
+      .def_readonly("reason", &CurveChange::reason)
       .def(picklable<CurveChange>());
 
   module.def(

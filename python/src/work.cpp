@@ -4,7 +4,9 @@
 #include <chrono>
 #include <condition_variable>
 #include <exception>
+#include <iterator>
 #include <list>
+#include <memory>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -43,14 +45,39 @@ struct Job {
   }
 };
 
-std::list<std::thread>& leftovers() {
-  static std::list<std::thread> threads;  // guarded by the GIL
-  return threads;
+/// Interrupted work that may still run.
+struct Leftover {
+  std::shared_ptr<Job> job;
+  std::thread thread;
+};
+
+std::list<Leftover>& leftovers() {
+  static std::list<Leftover> all;  // guarded by the GIL
+  return all;
+}
+
+void join_all(std::list<Leftover> ended) {
+  if (ended.empty()) return;
+  const py::gil_scoped_release release;
+  for (Leftover& leftover : ended) leftover.thread.join();
+}
+
+/// Joins those that have come to their end since: each keeps its stack until then.
+void join_ended() {
+  std::list<Leftover> ended;
+  for (auto at = leftovers().begin(); at != leftovers().end();) {
+    const auto next = std::next(at);
+    const std::lock_guard lock(at->job->mutex);
+    if (at->job->done) ended.splice(ended.end(), leftovers(), at);
+    at = next;
+  }
+  join_all(std::move(ended));
 }
 
 }  // namespace
 
 void run_interruptible(std::function<void(const StageHook&)> work, const py::object& progress) {
+  join_ended();
   const auto job = std::make_shared<Job>();
   std::thread thread([job, work = std::move(work)] { job->run(work); });
   try {
@@ -73,18 +100,13 @@ void run_interruptible(std::function<void(const StageHook&)> work, const py::obj
       const std::lock_guard lock(job->mutex);
       job->interrupted = true;
     }
-    leftovers().push_back(std::move(thread));
+    leftovers().push_back({job, std::move(thread)});
     throw;
   }
   thread.join();
   if (job->error) std::rethrow_exception(job->error);
 }
 
-void join_leftovers() {
-  std::list<std::thread> threads = std::move(leftovers());
-  leftovers().clear();
-  const py::gil_scoped_release release;
-  for (std::thread& thread : threads) thread.join();
-}
+void join_leftovers() { join_all(std::exchange(leftovers(), {})); }
 
 }  // namespace rangecal::python

@@ -19,7 +19,7 @@ using StageHook = std::function<void(const std::string& stage, double fraction)>
 /// Runs the work on a thread of its own with the GIL released. The calling thread watches for signals and
 /// hands stages to `progress(stage, fraction)` unless that is None. A signal (Ctrl-C) or an exception of
 /// `progress` is raised within 50 ms; the work then ends by itself at its next stage, and at the latest
-/// before the interpreter does. What the work captures must not be Python objects.
+/// before the interpreter does; its thread is joined by the next call. What the work captures must not be Python objects.
 void run_interruptible(std::function<void(const StageHook&)> work, const py::object& progress);
 
 /// The same for work with a result.

@@ -93,6 +93,24 @@ TEST_F(DiagnoseCommand, TheLoopCloses) {
   EXPECT_THAT(alike.out, HasSubstr("No mismatch"));
 }
 
+TEST_F(DiagnoseCommand, ARecordingIsNotHeldAgainstItself) {
+  const std::string rec = eccentric(), links = folder.file("links"), copy = folder.file("copy");
+  std::filesystem::create_directory_symlink("rec", folder.file("link"));
+  std::filesystem::create_directory(links);
+  for (const auto& entry : std::filesystem::directory_iterator(rec))
+    std::filesystem::create_symlink(entry.path(), std::filesystem::path(links) / entry.path().filename());
+  for (const std::string& simulation : {rec, folder.file("link"), links, folder.file("./rec")})
+    for (const std::string& before : {std::string(), shipped("field-layout") + " "}) {
+      const RunResult result = run("diagnose " + before + rec + " --simulation " + simulation);
+      EXPECT_EQ(result.code, 2) << simulation;
+      EXPECT_EQ(result.out, "");
+      EXPECT_EQ(result.err, "rangecal: --simulation " + simulation + ": holds the readings of " + rec +
+                                " themselves, which it would account for whatever they are\n");
+    }
+  std::filesystem::copy(rec, copy);  // another recording, as far as files tell
+  EXPECT_NE(run("diagnose " + rec + " --simulation " + copy).code, 2);
+}
+
 TEST_F(DiagnoseCommand, WrongInputIsOneLineAndNoFile) {
   const std::string rec = shipped("field-layout"), out = folder.file("d.json");
   for (const std::string& arguments :

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Files of scans as they come: cut off while they were written, through a pipe, named twice.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "apps/run_binary.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -17,25 +21,44 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-/// A CARMEN log of four scans, 0.1 m apart along x, half a circle in steps of 1 degree: a wall 3 m ahead, three cylinders of 12 cm.
-std::string carmen_log() {
+/// Ranges of four scans, 0.1 m apart along x, half a circle in steps of 1 degree: a wall 3 m ahead, three cylinders of 12 cm.
+std::vector<std::string> ranges_of(int k) {
   constexpr double radius = 0.12, degree = std::numbers::pi / 180.0;
-  std::string text;
-  for (int k = 0; k < 4; ++k) {
-    const double x = 0.1 * k;
-    text += "FLASER 180";
-    for (int i = -90; i < 90; ++i) {
-      const double c = std::cos(i * degree), s = std::sin(i * degree);
-      double range = std::min(3.0 / std::max(c, 0.05), 8.0);
-      for (const auto& [at_x, at_y] : {std::pair{1.5, 0.5}, {1.2, -0.7}, {2.0, -0.1}}) {
-        const double along = (at_x - x) * c + at_y * s, across = (at_x - x) * s - at_y * c;
-        if (along > 0.0 && std::abs(across) < radius)
-          range = along - std::sqrt(radius * radius - across * across);
-      }
-      text += fmt::format(" {:.4f}", range);
+  const double x = 0.1 * k;
+  std::vector<std::string> ranges;
+  for (int i = -90; i < 90; ++i) {
+    const double c = std::cos(i * degree), s = std::sin(i * degree);
+    double range = std::min(3.0 / std::max(c, 0.05), 8.0);
+    for (const auto& [at_x, at_y] : {std::pair{1.5, 0.5}, {1.2, -0.7}, {2.0, -0.1}}) {
+      const double along = (at_x - x) * c + at_y * s, across = (at_x - x) * s - at_y * c;
+      if (along > 0.0 && std::abs(across) < radius)
+        range = along - std::sqrt(radius * radius - across * across);
     }
-    text += fmt::format(" {0} 0 0 {0} 0 0 {1} host {2}\n", x, 10 + k, k);
+    ranges.push_back(fmt::format("{:.4f}", range));
   }
+  return ranges;
+}
+
+/// The scans as a CARMEN log; as CSV, one scan a line, or one beam a line.
+std::string carmen_log() {
+  std::string text;
+  for (int k = 0; k < 4; ++k)
+    text += fmt::format("FLASER 180 {0} {1} 0 0 {1} 0 0 {2} host {3}\n", fmt::join(ranges_of(k), " "),
+                        0.1 * k, 10 + k, k);
+  return text;
+}
+std::string scan_lines() {
+  std::string text = "stamp,angle_min,angle_increment,ranges...\n";
+  for (int k = 0; k < 4; ++k)
+    text += fmt::format("{},{},{},{}\n", 10 + k, -0.5 * std::numbers::pi, std::numbers::pi / 180.0,
+                        fmt::join(ranges_of(k), ","));
+  return text;
+}
+std::string beam_lines() {
+  std::string text = "stamp,angle_rad,range_m\n";
+  for (int k = 0; k < 4; ++k)
+    for (int i = 0; const std::string& range : ranges_of(k))
+      text += fmt::format("{},{:.6f},{}\n", 10 + k, (i++ - 90) * std::numbers::pi / 180.0, range);
   return text;
 }
 
@@ -58,6 +81,27 @@ TEST(ExtractInputs, ALogThatWasCutOffGivesItsWholeScans) {
   EXPECT_EQ(middle.code, 2);
   EXPECT_THAT(middle.err, HasSubstr("robot.log, row 2"));
   EXPECT_FALSE(fs::exists(folder.file("other")));
+}
+
+TEST(ExtractInputs, CsvThatWasCutOffGivesItsWholeScans) {
+  const TemporaryFolder folder;
+  folder.write("stops.csv", "stop,x_m,y_m,heading_rad\n0,0,0,0\n1,0.1,0,0\n2,0.2,0,0\n");
+  const std::string left_out = ": the last line is torn, as where a recording was cut off, and is left out";
+  const std::string lines = scan_lines(), beams = beam_lines();
+  const int last = count_of(beams.substr(0, beams.size() - 203), "\n") + 1;
+  for (const auto& [text, warning] :
+       {std::pair{lines.substr(0, lines.size() - 200), ", row 5" + left_out},
+        {beams.substr(0, beams.size() - 203),
+         fmt::format(", row {}{} with the scan that it is of", last, left_out)}}) {
+    folder.write("scans.csv", text);
+    const RunResult result = run("extract " + folder.file("scans.csv") + " --stops " +
+                                 folder.file("stops.csv") + kOptions + folder.file("rec"));
+    EXPECT_EQ(result.code, 0);
+    EXPECT_EQ(result.err, "rangecal: " + folder.file("scans.csv") + warning + "\n");
+    const Recording recording = load_recording(folder.file("rec"));
+    EXPECT_EQ(recording.stops.size(), 3u);
+    EXPECT_EQ(recording.landmarks.size(), 3u);
+  }
 }
 
 TEST(ExtractInputs, StdinIsReadAsAFileIs) {

@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -25,6 +26,31 @@ def test_an_exception_of_progress_ends_the_work(field):
     for work in (rangecal.calibrate, rangecal.diagnose):
         with pytest.raises(RuntimeError, match="enough of"):
             work(field, progress=refuse)
+
+
+def stacks():
+    """How many stacks of threads there are: each ends in a page that nobody may touch."""
+    with open("/proc/self/maps") as maps:
+        spans = [line.split()[0].split("-") for line in maps if line.split()[1] == "---p"]
+    return sum(int(end, 16) - int(begin, 16) == os.sysconf("SC_PAGE_SIZE") for begin, end in spans)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/maps"), reason="counts stacks in /proc")
+def test_interrupted_work_keeps_no_thread(field):
+    def refuse(stage, fraction):
+        raise RuntimeError("enough")
+
+    def interrupt(times):
+        for _ in range(times):
+            with pytest.raises(RuntimeError):
+                rangecal.calibrate(field, progress=refuse)
+        time.sleep(0.5)   # the last ones come to their next stage
+        rangecal.calibrate(field)
+
+    interrupt(5)
+    before = stacks()
+    interrupt(20)
+    assert stacks() - before < 10   # the C library keeps some stacks for threads to come
 
 
 def test_other_threads_run_meanwhile(field):

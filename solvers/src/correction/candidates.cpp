@@ -2,9 +2,13 @@
 #include "rangecal/solvers/correction/candidates.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
 
 #include "rangecal/core/errors.hpp"
 
@@ -25,13 +29,130 @@ CorrectionCandidate candidate_of(const CorrectionRoot& root, int number, std::st
           flags.empty() ? "ok" : flags};
 }
 
-/// Index of a label among the calibration's, -1 where it is not one of them.
+/// Numbers of the calibration's stops or landmarks by their labels.
+using LabelNumbers = std::unordered_map<std::string, int>;
+
 template <typename Items>
-int index_of(const Items& items, const std::string& label) {
-  for (std::size_t i = 0; i < items.size(); ++i)
-    if (items[i].label == label) return static_cast<int>(i);
-  return -1;
+LabelNumbers label_numbers(const Items& items) {
+  LabelNumbers numbers;
+  for (std::size_t i = 0; i < items.size(); ++i) numbers.emplace(items[i].label, static_cast<int>(i));
+  return numbers;
 }
+
+/// -1 where the label is none of them.
+int labelled(const LabelNumbers& numbers, const std::string& label) {
+  const auto found = numbers.find(label);
+  return found == numbers.end() ? -1 : found->second;
+}
+
+std::vector<std::string> numeric_columns(const CsvTable& table) {
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < table.columns().size(); ++c)
+    if (table.is_numeric(c)) names.push_back(table.columns()[c]);
+  return names;
+}
+
+/// Throws InputError for the first column that an effect needs and the table lacks; a stop stands for its heading.
+void require_columns(const Calibration& calibration, const CsvTable* table, const std::string& name,
+                     const std::vector<EffectCorrector::Need>& needs) {
+  for (const EffectCorrector::Need& need : needs) {
+    const bool by_stop =
+        need.column == "heading_rad" && table && table->find("stop") && !calibration.stops.empty();
+    if (by_stop || (table && table->find(need.column))) continue;
+    throw InputError(name, 1, need.column,
+                     "is missing: the calibration's effect " + need.effect + " needs it to be undone");
+  }
+}
+
+/// Those of which a reading has a member of its own; any other is a covariate.
+constexpr std::array own_columns = {"bearing_rad", "heading_rad", "time_s", "radius_m",
+                                    "landmark",    "stop",        "repeat"};
+
+/// What the rows of a table say of their readings. Only what an effect needs can be wanting: a column of no use may be
+/// empty, or hold other than numbers.
+class SettingRows {
+ public:
+  SettingRows(const Calibration& calibration, const CsvTable& table,
+              const std::vector<EffectCorrector::Need>& needs, const std::vector<std::string>& covariates)
+      : calibration_(calibration),
+        table_(table),
+        landmark_numbers_(label_numbers(calibration.landmarks)),
+        stop_numbers_(label_numbers(calibration.stops)) {
+    const auto needed = [&](std::string_view column) {
+      return std::any_of(needs.begin(), needs.end(), [&](const auto& need) { return need.column == column; });
+    };
+    const auto field = [&](std::string_view column) { return Field{table.find(column), needed(column)}; };
+    const auto number = [&](std::string_view column) {
+      Field found = field(column);
+      if (found.column && !found.needed && !table.is_numeric(*found.column)) found.column.reset();
+      return found;
+    };
+    bearing_ = number("bearing_rad"), heading_ = number("heading_rad"), time_ = number("time_s");
+    radius_ = number("radius_m"), repeat_ = number("repeat");
+    landmark_ = field("landmark"), stop_ = field("stop");
+    for (const std::string& name : covariates) covariates_.push_back(field(name));
+    for (const EffectCorrector::Need& need : needs)
+      if (std::find(own_columns.begin(), own_columns.end(), need.column) == own_columns.end())
+        wanted_.push_back(field(need.column));
+    if (time_.column)
+      for (std::size_t row = 0; row < table.rows(); ++row)
+        if (const double at = value(row, time_); std::isfinite(at)) first_time_ = std::min(first_time_, at);
+  }
+
+  ReadingSetting operator()(std::size_t row) const {
+    ReadingSetting at;
+    at.bearing_rad = angle(row, bearing_);
+    at.heading_rad = angle(row, heading_);
+    at.radius_m = value(row, radius_);
+    at.time_s = value(row, time_) - first_time_;
+    if (const auto label = label_in(row, landmark_)) at.landmark = labelled(landmark_numbers_, *label);
+    if (const auto label = label_in(row, stop_)) at.stop = labelled(stop_numbers_, *label);
+    if (at.stop >= 0 && !std::isfinite(at.heading_rad))
+      at.heading_rad = calibration_.stops[static_cast<std::size_t>(at.stop)].pose.heading_rad;
+    const bool repeat = std::isfinite(value(row, repeat_));
+    if (repeat) at.repeat = table_.count(row, *repeat_.column);
+    const auto has = [](const Field& field, bool there) { return there || !field.needed; };
+    at.complete = has(bearing_, std::isfinite(at.bearing_rad)) &&
+                  has(heading_, std::isfinite(at.heading_rad)) && has(radius_, std::isfinite(at.radius_m)) &&
+                  has(time_, std::isfinite(at.time_s)) && has(landmark_, is_there(row, landmark_)) &&
+                  has(stop_, is_there(row, stop_)) && has(repeat_, repeat) &&
+                  std::all_of(wanted_.begin(), wanted_.end(),
+                              [&](const Field& field) { return std::isfinite(value(row, field)); });
+    at.covariates.reserve(covariates_.size());
+    for (const Field& field : covariates_) at.covariates.push_back(value(row, field));
+    return at;
+  }
+
+ private:
+  struct Field {
+    std::optional<std::size_t> column;
+    bool needed = false;
+  };
+
+  bool is_there(std::size_t row, const Field& field) const {
+    return field.column && !table_.text(row, *field.column).empty();
+  }
+  double value(std::size_t row, const Field& field) const {
+    return field.column ? table_.number(row, *field.column).value_or(std::nan("")) : std::nan("");
+  }
+  double angle(std::size_t row, const Field& field) const {
+    const double radians = value(row, field);
+    if (field.needed && std::abs(radians) > 2.0 * std::numbers::pi)
+      table_.fail(row, *field.column, "is beyond 2 pi: radians are needed");
+    return radians;
+  }
+  std::optional<std::string> label_in(std::size_t row, const Field& field) const {
+    if (!is_there(row, field)) return std::nullopt;
+    return table_.label(row, *field.column);
+  }
+
+  const Calibration& calibration_;
+  const CsvTable& table_;
+  LabelNumbers landmark_numbers_, stop_numbers_;
+  Field bearing_, heading_, time_, radius_, repeat_, landmark_, stop_;
+  std::vector<Field> covariates_, wanted_;
+  double first_time_ = std::numeric_limits<double>::infinity();
+};
 
 }  // namespace
 
@@ -59,51 +180,14 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
 ReadingSettings reading_settings(const Calibration& calibration, const CsvTable* table,
                                  const std::string& name, std::size_t count) {
   std::vector<std::string> covariates;
-  if (table && !calibration.effects.empty())
-    for (std::size_t c = 0; c < table->columns().size(); ++c)
-      if (table->is_numeric(c)) covariates.push_back(table->columns()[c]);
+  if (table && !calibration.effects.empty()) covariates = numeric_columns(*table);
   ReadingSettings settings{EffectCorrector(calibration, covariates), std::vector<ReadingSetting>(count)};
   if (calibration.effects.empty()) return settings;
-  const auto column = [&](const char* of) { return table ? table->find(of) : std::nullopt; };
-  for (const EffectCorrector::Need& need : settings.corrector.needs()) {
-    const bool by_stop = need.column == "heading_rad" && column("stop") && !calibration.stops.empty();
-    if (!column(need.column.c_str()) && !by_stop)
-      throw InputError(name, 1, need.column,
-                       "is missing: the calibration's effect " + need.effect + " needs it to be undone");
-  }
+  const std::vector<EffectCorrector::Need> needs = settings.corrector.needs();
+  require_columns(calibration, table, name, needs);
   if (!table) return settings;
-  double first_time = std::numeric_limits<double>::infinity();
-  if (const auto time = column("time_s"))
-    for (std::size_t row = 0; row < table->rows(); ++row)
-      first_time = std::min(first_time, table->finite(row, *time));
-  for (std::size_t row = 0; row < count; ++row) {
-    ReadingSetting& at = settings.of_reading[row];
-    const auto number = [&](const char* of, double& to) {
-      if (const auto c = column(of)) to = table->number(row, *c).value_or(std::nan(""));
-    };
-    number("bearing_rad", at.bearing_rad);
-    number("heading_rad", at.heading_rad);
-    number("radius_m", at.radius_m);
-    number("time_s", at.time_s);
-    at.time_s -= first_time;
-    if (const auto c = column("landmark"))
-      at.landmark = index_of(calibration.landmarks, table->label(row, *c));
-    if (const auto c = column("stop")) at.stop = index_of(calibration.stops, table->label(row, *c));
-    if (at.stop >= 0 && !std::isfinite(at.heading_rad))
-      at.heading_rad = calibration.stops[static_cast<std::size_t>(at.stop)].pose.heading_rad;
-    if (const auto c = column("repeat")) at.repeat = static_cast<int>(table->number(row, *c).value_or(0.0));
-    for (const EffectCorrector::Need& need : settings.corrector.needs()) {
-      const auto c = column(need.column.c_str());
-      if (!c || need.column == "landmark" || need.column == "stop") continue;
-      const double value = table->number(row, *c).value_or(std::nan(""));
-      const bool heading = need.column == "heading_rad";
-      if ((heading || need.column == "bearing_rad") && std::abs(value) > 2.0 * std::numbers::pi)
-        table->fail(row, *c, "is beyond 2 pi: radians are needed");
-      at.complete = at.complete && (std::isfinite(value) || (heading && std::isfinite(at.heading_rad)));
-    }
-    for (const std::string& covariate : covariates)
-      at.covariates.push_back(table->number(row, *table->find(covariate)).value_or(std::nan("")));
-  }
+  const SettingRows rows(calibration, *table, needs, covariates);
+  for (std::size_t row = 0; row < count; ++row) settings.of_reading[row] = rows(row);
   return settings;
 }
 

@@ -122,67 +122,6 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m,
   return points;
 }
 
-std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
-  std::vector<Need> needs;
-  EffectContext context = context_;
-  context.covariates.push_back("temperature_c");
-  context.covariates.push_back("intensity");
-  std::vector<double> columns(context.covariates.size(), 20.0);
-  for (const Active& active : active_) {
-    const auto ask = [&](const std::string& column,
-                         const std::vector<std::function<void(ReadingView<double>&)>>& moves) {
-      for (double share : {0.1, 0.5, 0.9}) {
-        const double d =
-            calibration_.range_min_m + share * (calibration_.range_max_m - calibration_.range_min_m);
-        for (int landmark = 0; landmark <= std::max(0, context.landmark_count - 1); ++landmark) {
-          ReadingSetting base{.bearing_rad = 0.3,
-                              .heading_rad = 0.2,
-                              .time_s = 1.0,
-                              .radius_m = 0.05,
-                              .landmark = landmark,
-                              .stop = 0,
-                              .repeat = 0,
-                              .covariates = columns};
-          ReadingView<double> at = view(d, base);
-          at.context = &context;
-          at.stop = std::max(0, context.stop_count - 1);
-          const ReadingChange<double> before = active.effect->reading(at, active.parameters.data());
-          for (const auto& move : moves) {
-            ReadingView<double> moved = at;
-            move(moved);
-            const ReadingChange<double> after = active.effect->reading(moved, active.parameters.data());
-            if (after.range == before.range && after.range_log_variance == before.range_log_variance)
-              continue;
-            needs.push_back({column, active.effect->info().id});
-            return;
-          }
-        }
-      }
-    };
-    ask("bearing_rad", {[](auto& v) { v.bearing = 1.1; }, [](auto& v) { v.bearing = -2.0; },
-                        [](auto& v) { v.bearing = 2.9; }});
-    ask("heading_rad", {[](auto& v) { v.heading = 1.2; }});
-    ask("time_s", {[](auto& v) { v.time_s = 100.0; }});
-    ask("radius_m", {[](auto& v) {
-          v.radius = 0.02;
-          v.axis_distance = v.d + 0.02;
-        }});
-    ask("landmark", {[](auto& v) { v.landmark = -1; }});
-    ask("stop", {[](auto& v) { v.stop = 0; }});
-    ask("repeat", {[](auto& v) { v.repeat = 1; }});
-    for (std::size_t c = 0; c < context.covariates.size(); ++c) {
-      if (std::find(context.covariates.begin(), context.covariates.begin() + static_cast<long>(c),
-                    context.covariates[c]) != context.covariates.begin() + static_cast<long>(c))
-        continue;
-      std::vector<double> other = columns;
-      for (std::size_t same = 0; same < other.size(); ++same)
-        if (context.covariates[same] == context.covariates[c]) other[same] = 35.0;
-      ask(context.covariates[c], {[&](auto& v) { v.covariate = other.data(); }});
-    }
-  }
-  return needs;
-}
-
 MeanReading EffectCorrector::mean_reading(const ReadingSetting& setting) const {
   MeanReading mean{calibration_.alpha, {}, {}};
   for (const Active& active : active_) {

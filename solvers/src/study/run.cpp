@@ -32,7 +32,8 @@ StudyWork::StudyWork(const Study& study, StudyOptions options)
   const auto points = static_cast<int>(study.points.size());
   for (int p = 0; p < points; ++p)
     for (int c = 0; c < pieces_; ++c) to_do_ += mine({p, c}) && !known({p, c});
-  for (int p = 0; p < points; ++p) advance(p);
+  for (int p = 0; p < points; ++p)
+    if (auto complete = advance(p)) tell(std::move(*complete));
 }
 
 bool StudyWork::mine(const StudyUnit& unit) const {
@@ -42,7 +43,7 @@ bool StudyWork::mine(const StudyUnit& unit) const {
 std::optional<StudyUnit> StudyWork::next() {
   const std::lock_guard lock(mutex_);
   const long all = static_cast<long>(study_.points.size()) * pieces_;
-  while (cursor_ < all) {
+  while (!stopped_ && cursor_ < all) {
     const StudyUnit unit{static_cast<int>(cursor_ / pieces_), static_cast<int>(cursor_ % pieces_)};
     ++cursor_;
     if (mine(unit) && !known(unit)) return unit;
@@ -50,21 +51,30 @@ std::optional<StudyUnit> StudyWork::next() {
   return std::nullopt;
 }
 
-void StudyWork::done(const StudyUnit& unit, StudySums sums) {
+void StudyWork::stop() {
   const std::lock_guard lock(mutex_);
-  if (options_.on_unit) options_.on_unit(unit, sums);
-  ++done_;
-  if (options_.shards > 1)
-    return;  // the others' units are missing: the points come when all shards are together
-  open_[unit.point].early.emplace(unit.piece, std::move(sums));
-  advance(unit.point);
+  stopped_ = true;
 }
 
-/// Adds to the point all units whose turn has come.
-void StudyWork::advance(int point) {
-  if (options_.shards > 1) return;
+void StudyWork::done(const StudyUnit& unit, StudySums sums) {
+  std::optional<StudyPointResult> complete;
+  {
+    const std::lock_guard lock(mutex_);
+    if (options_.on_unit) options_.on_unit(unit, sums);
+    ++done_;
+    if (options_.shards > 1)
+      return;  // the others' units are missing: the points come when all shards are together
+    open_[unit.point].early.emplace(unit.piece, std::move(sums));
+    complete = advance(unit.point);
+  }
+  if (complete) tell(std::move(*complete));
+}
+
+/// Adds to the point all units whose turn has come; the point, if these were the last.
+std::optional<StudyPointResult> StudyWork::advance(int point) {
+  if (options_.shards > 1) return std::nullopt;
   const auto begun = open_.find(point);
-  if (begun == open_.end() && !known({point, 0})) return;
+  if (begun == open_.end() && !known({point, 0})) return std::nullopt;
   Open& open = begun == open_.end() ? open_[point] : begun->second;
   if (open.sums.numbers.empty()) open.sums.prepare(StudyLayout(study_, study_.points[point]));
   for (; open.next < pieces_; ++open.next) {
@@ -75,17 +85,22 @@ void StudyWork::advance(int point) {
     } else if (known({point, open.next})) {
       open.sums.add(options_.recall({point, open.next}).value());
     } else {
-      return;
+      return std::nullopt;
     }
   }
   ++complete_;
-  if (options_.on_point) {
-    StudyPointResult result{point, std::move(open.sums), std::nullopt};
-    if (study_.measures_any({StudyMeasure::rmse_over_bound}))
-      result.bound = study_bound(study_, study_.points[point]);
-    options_.on_point(result);
-  }
+  StudyPointResult result{point, std::move(open.sums), std::nullopt};
   open_.erase(point);
+  return result;
+}
+
+/// The bound and what is made of a point depend on that point alone: meanwhile the other units go on.
+void StudyWork::tell(StudyPointResult result) {
+  if (!options_.on_point) return;
+  if (study_.measures_any({StudyMeasure::rmse_over_bound}))
+    result.bound = study_bound(study_, study_.points[result.point]);
+  const std::lock_guard lock(telling_);
+  options_.on_point(result);
 }
 
 void run_study(const Study& study, const StudyOptions& options) {
@@ -98,7 +113,12 @@ void run_study(const Study& study, const StudyOptions& options) {
     tbb::task_group group;
     for (int t = 0; t < threads; ++t)
       group.run([&] {
-        while (const auto unit = work.next()) work.done(*unit, run_study_unit(study, *unit));
+        try {
+          while (const auto unit = work.next()) work.done(*unit, run_study_unit(study, *unit));
+        } catch (...) {
+          work.stop();
+          throw;
+        }
       });
     group.wait();
   });

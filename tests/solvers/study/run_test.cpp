@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
+#include <mutex>
 
+#include "rangecal/core/errors.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/study/table.hpp"
@@ -82,6 +86,61 @@ TEST(RunStudy, SameBitsForAnyThreads) {
     EXPECT_EQ(one[p].sums.numbers, four[p].sums.numbers) << p;
     EXPECT_EQ(study_csv_rows(study, one[p]), study_csv_rows(study, four[p]));
   }
+}
+
+TEST(RunStudy, AnExceptionStopsTheOtherThreads) {
+  const Study study = study_of("repeats: 3000\npiece: 1\nestimators: [closed-form]\nmeasures: [bias]\n");
+  int told = 0;
+  StudyOptions options;
+  options.threads = 4;
+  options.on_unit = [&](const StudyUnit&, const StudySums&) {
+    if (++told == 100) throw InputError("the disk is full");
+  };
+  try {
+    run_study(study, options);
+    FAIL() << "nothing was thrown";
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(), "the disk is full");
+  }
+  // those that were under way end, some tens where a thread is held up; not the 3000
+  EXPECT_LT(told, 1500);
+}
+
+TEST(RunStudy, NoUnitIsHandedOutOnceStopped) {
+  const Study study = study_of("repeats: 10\npiece: 1\nestimators: [closed-form]\nmeasures: [bias]\n");
+  StudyWork work(study, {});
+  EXPECT_TRUE(work.next());
+  work.stop();
+  EXPECT_FALSE(work.next());
+}
+
+TEST(RunStudy, WhatIsMadeOfAPointDoesNotHoldUpTheOthers) {
+  const Study study = study_of(
+      "repeats: 200\npiece: 1\nestimators: [closed-form]\nmeasures: [rmse_over_bound]\n"
+      "grid: [{parameter: landmarks, values: [5]}, {parameter: sigma_theta_deg, values: [0.5, 2]}]\n");
+  std::mutex mutex;
+  std::condition_variable changed;
+  int units_of[2] = {0, 0}, points = 0;
+  bool waited = false, went_on = false;
+  StudyOptions options;
+  options.threads = 4;
+  options.on_unit = [&](const StudyUnit& unit, const StudySums&) {
+    const std::lock_guard lock(mutex);
+    ++units_of[unit.point];
+    changed.notify_all();
+  };
+  options.on_point = [&](const StudyPointResult& result) {
+    EXPECT_TRUE(result.bound);
+    std::unique_lock lock(mutex);
+    ++points;
+    const int other = 1 - result.point, before = units_of[other];
+    if (waited || before == 200) return;
+    waited = true;
+    went_on = changed.wait_for(lock, std::chrono::seconds(20), [&] { return units_of[other] > before; });
+  };
+  run_study(study, options);
+  EXPECT_EQ(points, 2);
+  EXPECT_TRUE(!waited || went_on);
 }
 
 /// 300 repeats: a share of 0.95 has a standard error of 0.0126 per interval, less for the mean of ten; an RMSE over the

@@ -35,10 +35,14 @@ struct ReadingSettings {
 };
 
 /// Settings of `count` readings from the rows of a table; `table` may be null where the readings come alone. Times
-/// count from the table's first; a stop that the calibration knows stands for its heading. Throws InputError naming the
-/// column that an effect of the calibration needs and `name` lacks. Cost: linear in the readings.
+/// count from the table's first; a stop that the calibration knows stands for its heading. A row that lacks what an effect
+/// needs is not complete. Throws InputError naming the column that an effect of the calibration needs and `name` lacks,
+/// and the place of a field that is no number where one is needed, or a repeat that is no whole one. Cost: linear in the
+/// table, and in the landmarks.
 ReadingSettings reading_settings(const Calibration& calibration, const CsvTable* table,
                                  const std::string& name, std::size_t count);
+ReadingSettings reading_settings(const Calibration&&, const CsvTable*, const std::string&,
+                                 std::size_t) = delete;  ///< would be gone
 
 /// Throws InputError, naming `name`, where the calibration's outcome leaves no curve to correct by.
 void require_curve(const Calibration& calibration, const std::string& name);

@@ -34,6 +34,7 @@ class EffectCorrector {
  public:
   /// Throws InputError for an effect or parameter that is in no catalogue. `covariates`: names of the columns at hand.
   EffectCorrector(const Calibration& calibration, std::vector<std::string> covariates);
+  EffectCorrector(const Calibration&&, std::vector<std::string>) = delete;  ///< would be gone
 
   /// Columns that the effects' changes of the range depend on, each with the effect that asks for it: "bearing_rad",
   /// "heading_rad", "time_s", "radius_m", "landmark", "stop", "repeat", or a covariate's name.

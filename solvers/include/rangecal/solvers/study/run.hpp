@@ -42,7 +42,8 @@ struct StudyOptions {
   std::function<bool(const StudyUnit&)> is_known;  ///< whether `recall` has it
   /// Told of every unit that ran, in the order of finishing, one at a time.
   std::function<void(const StudyUnit&, const StudySums&)> on_unit;
-  /// Told of every point that is complete, one at a time; with shards only of those that this run completes.
+  /// Told of every point that is complete, one at a time, in any order, and while `on_unit` may be told of units of other
+  /// points; with shards only of those that this run completes.
   std::function<void(const StudyPointResult&)> on_point;
 };
 
@@ -52,7 +53,8 @@ class StudyWork {
  public:
   StudyWork(const Study& study, StudyOptions options);
 
-  std::optional<StudyUnit> next();  ///< none: all are handed out
+  std::optional<StudyUnit> next();  ///< none: all are handed out, or the work was stopped
+  void stop();  ///< no more are handed out: what was told of one has thrown, or it cannot be run
   void done(const StudyUnit& unit, StudySums sums);
   long units_to_do() const { return to_do_; }  ///< that were not known at the start
   long units_done() const { return done_; }    ///< of these
@@ -66,17 +68,20 @@ class StudyWork {
   };
   bool known(const StudyUnit& unit) const { return options_.is_known && options_.is_known(unit); }
   bool mine(const StudyUnit& unit) const;
-  void advance(int point);
+  std::optional<StudyPointResult> advance(int point);
+  void tell(StudyPointResult result);
 
   const Study& study_;
   StudyOptions options_;
-  std::mutex mutex_;
+  std::mutex mutex_, telling_;
   std::map<int, Open> open_;
   long cursor_ = 0, to_do_ = 0, done_ = 0;
   int pieces_ = 0, complete_ = 0;
+  bool stopped_ = false;
 };
 
-/// Runs what is not known yet, on threads of this process (oneTBB). Everything is told through the callbacks.
+/// Runs what is not known yet, on threads of this process (oneTBB). Everything is told through the callbacks. Throws what a
+/// unit or a callback throws; the other threads then end the units they are at, and begin no more.
 void run_study(const Study& study, const StudyOptions& options);
 
 /// The same kept in memory: one result per point.
