@@ -76,8 +76,6 @@ std::string shape_doubt(const Calibration& calibration) {
 
 std::vector<std::string> doubts(std::span<const Recording> recordings, const Calibration& calibration) {
   std::vector<std::string> all;
-  for (const Recording& recording : recordings)
-    all.insert(all.end(), recording.notes.begin(), recording.notes.end());
   for (std::string one : {limit_doubt(recordings), unit_doubt(calibration), repeat_doubt(recordings, false),
                           repeat_doubt(recordings, true), shape_doubt(calibration)})
     if (!one.empty()) all.push_back(std::move(one));
