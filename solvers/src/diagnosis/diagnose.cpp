@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -79,15 +78,8 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
       row_changes(rows, cell_geometry(rows, generic->state), without_grids(generic->model));
   Eigen::Index row = 0;
   for (const Recording& recording : corrected) {  // rows are ordered by cell within each recording
-    const bool pairs = recording.kind == RecordingKind::pairs;
-    const std::size_t count = pairs ? recording.pairs.size() : recording.readings.size();
-    std::vector<std::size_t> order(count);
-    std::iota(order.begin(), order.end(), 0u);
-    const Readings& r = recording.readings;
-    if (!pairs)
-      std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-        return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
-      });
+    const std::vector<std::size_t> order = row_order(recording);
+    const std::size_t count = order.size();
     AddedChange added;
     for (auto [from, to] :
          {std::pair{&changes.range, &added.range_m}, std::pair{&changes.bearing, &added.bearing_rad},
