@@ -3,38 +3,28 @@
 
 #include <array>
 
-#include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
 
+namespace {
+
+constexpr auto method_names = names_of<Method>("method", {{Method::closed_form, "closed-form"},
+                                                          {Method::approximate, "approximate"},
+                                                          {Method::full, "full"},
+                                                          {Method::marginal, "marginal"}});
+
+}  // namespace
+
 std::span<const Method> all_methods() {
-  static constexpr std::array all{Method::closed_form, Method::approximate, Method::full, Method::marginal};
+  static constexpr std::array all = method_names.values();
   return all;
 }
 
-const char* to_string(Method method) {
-  switch (method) {
-    case Method::closed_form:
-      return "closed-form";
-    case Method::approximate:
-      return "approximate";
-    case Method::full:
-      return "full";
-    case Method::marginal:
-      return "marginal";
-  }
-  return "";
-}
+const char* to_string(Method method) { return method_names.name_of(method); }
 
-Method method_from_string(const std::string& text) {
-  std::string accepted;
-  for (const Method method : all_methods()) {
-    if (text == to_string(method)) return method;
-    accepted += (accepted.empty() ? "" : ", ") + std::string(to_string(method));
-  }
-  throw InputError("method is '" + text + "', not one of " + accepted);
-}
+Method method_from_string(const std::string& text) { return method_names.value_of(text); }
 
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m) {
   const auto& covariance =

@@ -1,40 +1,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/noise.hpp"
 
-#include <array>
 #include <cmath>
-#include <utility>
 
-#include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
 namespace {
 
-constexpr std::array<std::pair<NoiseLaw, const char*>, 6> kLawNames{{{NoiseLaw::constant, "constant"},
-                                                                     {NoiseLaw::f, "f"},
-                                                                     {NoiseLaw::f_squared, "f2"},
-                                                                     {NoiseLaw::f_cubed, "f3"},
-                                                                     {NoiseLaw::d_squared, "d2"},
-                                                                     {NoiseLaw::polynomial, "polynomial"}}};
+constexpr auto law_names = names_of<NoiseLaw>("noise law", {{NoiseLaw::constant, "constant"},
+                                                            {NoiseLaw::f, "f"},
+                                                            {NoiseLaw::f_squared, "f2"},
+                                                            {NoiseLaw::f_cubed, "f3"},
+                                                            {NoiseLaw::d_squared, "d2"},
+                                                            {NoiseLaw::polynomial, "polynomial"}});
 
 }  // namespace
 
-const char* to_string(NoiseLaw law) {
-  for (const auto& [value, name] : kLawNames) {
-    if (value == law) return name;
-  }
-  return "constant";
-}
+const char* to_string(NoiseLaw law) { return law_names.name_of(law); }
 
-NoiseLaw noise_law_from_string(const std::string& text) {
-  std::string accepted;
-  for (const auto& [value, name] : kLawNames) {
-    if (text == name) return value;
-    accepted += (accepted.empty() ? "" : ", ") + std::string(name);
-  }
-  throw InputError("noise law is '" + text + "', not one of " + accepted);
-}
+NoiseLaw noise_law_from_string(const std::string& text) { return law_names.value_of(text); }
 
 double Noise::spread(double d, double f) const {
   switch (law) {

@@ -1,38 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/core/outcome.hpp"
 
-#include <array>
-#include <utility>
-
-#include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 
 namespace rangecal {
 namespace {
 
-constexpr std::array<std::pair<Outcome, const char*>, 6> kOutcomeNames{
-    {{Outcome::converged, "converged"},
-     {Outcome::not_converged, "not_converged"},
-     {Outcome::unbounded, "unbounded"},
-     {Outcome::unobservable, "unobservable"},
-     {Outcome::too_few_data, "too_few_data"},
-     {Outcome::failed, "failed"}}};
+constexpr auto outcome_names = names_of<Outcome>("outcome", {{Outcome::converged, "converged"},
+                                                             {Outcome::not_converged, "not_converged"},
+                                                             {Outcome::unbounded, "unbounded"},
+                                                             {Outcome::unobservable, "unobservable"},
+                                                             {Outcome::too_few_data, "too_few_data"},
+                                                             {Outcome::failed, "failed"}});
 
 }  // namespace
 
-const char* to_string(Outcome outcome) {
-  for (const auto& [value, name] : kOutcomeNames) {
-    if (value == outcome) return name;
-  }
-  return "failed";
-}
+const char* to_string(Outcome outcome) { return outcome_names.name_of(outcome); }
 
-Outcome outcome_from_string(const std::string& text) {
-  std::string accepted;
-  for (const auto& [value, name] : kOutcomeNames) {
-    if (text == name) return value;
-    accepted += (accepted.empty() ? "" : ", ") + std::string(name);
-  }
-  throw InputError("outcome is '" + text + "', not one of " + accepted);
-}
+Outcome outcome_from_string(const std::string& text) { return outcome_names.value_of(text); }
 
 }  // namespace rangecal

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/core/names.hpp"
+
 #include <gtest/gtest.h>
 
 #include "rangecal/core/calibration.hpp"
@@ -34,6 +36,24 @@ TEST(Names, NoiseLawsRoundTripAndTheErrorListsThem) {
     FAIL();
   } catch (const InputError& error) {
     EXPECT_STREQ(error.what(), "noise law is 'f4', not one of constant, f, f2, f3, d2, polynomial");
+  }
+}
+
+TEST(Names, OfAValueWithTwoTextsTheFirstIsWrittenAndBothAreRead) {
+  enum class Side { left, right, neither };
+  constexpr auto names =
+      names_of<Side>("side", {{Side::left, "left"}, {Side::left, "port"}, {Side::right, "right"}});
+  static_assert(names.find("port") == Side::left && names.find("right") == Side::right);
+  static_assert(!names.find("") && !names.find("Left") && !names.find("lef"));
+  EXPECT_STREQ(names.name_of(Side::left), "left");
+  EXPECT_STREQ(names.name_of(Side::neither), "");
+  EXPECT_EQ(names.list(), "left, right");
+  EXPECT_EQ(names.value_of("port"), Side::left);
+  try {
+    names.value_of("up");
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(), "side is 'up', not one of left, right");
   }
 }
 

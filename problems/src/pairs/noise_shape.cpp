@@ -9,31 +9,23 @@
 #include <numbers>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 #include "rangecal/core/quantiles.hpp"
 
 namespace rangecal {
 
-const char* to_string(NoiseShape shape) {
-  switch (shape) {
-    case NoiseShape::gaussian:
-      return "gaussian";
-    case NoiseShape::student_t:
-      return "student-t";
-    case NoiseShape::contaminated:
-      return "contaminated";
-    case NoiseShape::automatic:
-      return "auto";
-  }
-  return "unknown";
-}
+namespace {
 
-NoiseShape noise_shape_from_string(const std::string& text) {
-  for (const NoiseShape shape :
-       {NoiseShape::gaussian, NoiseShape::student_t, NoiseShape::contaminated, NoiseShape::automatic}) {
-    if (text == to_string(shape)) return shape;
-  }
-  throw InputError(fmt::format("noise shape '{}': use gaussian, student-t, contaminated or auto", text));
-}
+constexpr auto shape_names = names_of<NoiseShape>("noise shape", {{NoiseShape::gaussian, "gaussian"},
+                                                                  {NoiseShape::student_t, "student-t"},
+                                                                  {NoiseShape::contaminated, "contaminated"},
+                                                                  {NoiseShape::automatic, "auto"}});
+
+}  // namespace
+
+const char* to_string(NoiseShape shape) { return shape_names.name_of(shape); }
+
+NoiseShape noise_shape_from_string(const std::string& text) { return shape_names.value_of(text); }
 
 int shape_parameter_count(NoiseShape shape) {
   return shape == NoiseShape::student_t ? 1 : shape == NoiseShape::contaminated ? 2 : 0;

@@ -9,18 +9,22 @@
 
 #include "calibrate/landmarks_job.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/statistics/information_criteria.hpp"
 
 namespace rangecal {
 
-const char* to_string(JointSolver solver) { return solver == JointSolver::ceres ? "ceres" : "block"; }
+namespace {
 
-JointSolver joint_solver_from_string(const std::string& text) {
-  for (JointSolver solver : {JointSolver::ceres, JointSolver::block})
-    if (text == to_string(solver)) return solver;
-  throw InputError("solver is '" + text + "', not one of ceres, block");
-}
+constexpr auto solver_names =
+    names_of<JointSolver>("solver", {{JointSolver::ceres, "ceres"}, {JointSolver::block, "block"}});
+
+}  // namespace
+
+const char* to_string(JointSolver solver) { return solver_names.name_of(solver); }
+
+JointSolver joint_solver_from_string(const std::string& text) { return solver_names.value_of(text); }
 
 void CalibrateOptions::check_values() const {
   if (order && (*order < 0 || *order > 8)) throw InputError(fmt::format("order is {}, not 0 to 8", *order));

@@ -11,10 +11,15 @@
 #include "closed_form/moments.hpp"
 #include "closed_form/stop_variance.hpp"
 #include "rangecal/core/angles.hpp"
-#include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 
 namespace rangecal {
 namespace {
+
+constexpr auto weights_names =
+    names_of<BearingWeights>("kind of bearing weights", {{BearingWeights::paper, "paper"},
+                                                         {BearingWeights::printed, "printed"},
+                                                         {BearingWeights::consistent, "consistent"}});
 
 constexpr double initial_sigma_theta = 0.02;  // [rad], where nothing repeats and none is given
 
@@ -201,24 +206,9 @@ double sigma_theta_sq_within(const JointProblem& problem) {
 
 }  // namespace
 
-const char* to_string(BearingWeights weights) {
-  switch (weights) {
-    case BearingWeights::paper:
-      return "paper";
-    case BearingWeights::printed:
-      return "printed";
-    default:
-      return "consistent";
-  }
-}
+const char* to_string(BearingWeights weights) { return weights_names.name_of(weights); }
 
-BearingWeights bearing_weights_from_string(const std::string& text) {
-  for (const BearingWeights w :
-       {BearingWeights::paper, BearingWeights::printed, BearingWeights::consistent}) {
-    if (text == to_string(w)) return w;
-  }
-  throw InputError("bearing weights '" + text + "': paper, printed or consistent");
-}
+BearingWeights bearing_weights_from_string(const std::string& text) { return weights_names.value_of(text); }
 
 LandmarksFromBearings landmarks_from_bearings(const JointProblem& problem, const BearingOptions& options) {
   const std::vector<Sight> sights = sights_of(problem, options);

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/closed_form/polynomial_fit.hpp"
 #include "rangecal/solvers/statistics/information_criteria.hpp"
@@ -12,6 +13,14 @@ namespace rangecal {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
+
+constexpr auto criterion_names =
+    names_of<OrderCriterion>("criterion", {{OrderCriterion::aic, "aic"},
+                                           {OrderCriterion::aicc, "aicc"},
+                                           {OrderCriterion::bic, "bic"},
+                                           {OrderCriterion::cross_validation, "cv"},
+                                           {OrderCriterion::cross_validation, "cross-validation"},
+                                           {OrderCriterion::thirds, "thirds"}});
 
 /// A subset of the readings.
 struct Part {
@@ -91,31 +100,9 @@ double criterion_score(const PolynomialFit& fit, int order, double N, OrderCrite
 
 }  // namespace
 
-const char* to_string(OrderCriterion criterion) {
-  switch (criterion) {
-    case OrderCriterion::aic:
-      return "aic";
-    case OrderCriterion::aicc:
-      return "aicc";
-    case OrderCriterion::bic:
-      return "bic";
-    case OrderCriterion::cross_validation:
-      return "cv";
-    case OrderCriterion::thirds:
-      return "thirds";
-  }
-  return "";
-}
+const char* to_string(OrderCriterion criterion) { return criterion_names.name_of(criterion); }
 
-OrderCriterion order_criterion_from_string(const std::string& text) {
-  std::string accepted;
-  for (const OrderCriterion criterion : {OrderCriterion::aic, OrderCriterion::aicc, OrderCriterion::bic,
-                                         OrderCriterion::cross_validation, OrderCriterion::thirds}) {
-    if (text == to_string(criterion)) return criterion;
-    accepted += (accepted.empty() ? "" : ", ") + std::string(to_string(criterion));
-  }
-  throw InputError("criterion is '" + text + "', not one of " + accepted);
-}
+OrderCriterion order_criterion_from_string(const std::string& text) { return criterion_names.value_of(text); }
 
 OrderSelection select_order(std::span<const double> d, std::span<const double> y, const OrderOptions& options,
                             std::span<const double> weights) {

@@ -9,9 +9,21 @@
 #include "extract/stop_groups.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/names.hpp"
 
 namespace rangecal {
 namespace {
+
+constexpr auto arc_rule_names = names_of<ArcRule>(
+    "point of the arc",
+    {{ArcRule::nearest, "nearest"}, {ArcRule::mean, "mean"}, {ArcRule::smallest, "smallest"}});
+
+constexpr auto stop_split_names =
+    names_of<StopSplit>("what tells stops apart", {{StopSplit::automatic, "automatic"},
+                                                   {StopSplit::label, "label"},
+                                                   {StopSplit::file, "file"},
+                                                   {StopSplit::scan, "scan"},
+                                                   {StopSplit::standing, "standing"}});
 
 using namespace extract;
 
@@ -136,39 +148,13 @@ void set_up(Recording& recording, const std::vector<StopGroup>& groups, const Ex
 
 }  // namespace
 
-const char* to_string(ArcRule rule) {
-  if (rule == ArcRule::mean) return "mean";
-  return rule == ArcRule::smallest ? "smallest" : "nearest";
-}
+const char* to_string(ArcRule rule) { return arc_rule_names.name_of(rule); }
 
-ArcRule arc_rule_from_string(const std::string& text) {
-  for (const ArcRule rule : {ArcRule::nearest, ArcRule::mean, ArcRule::smallest})
-    if (text == to_string(rule)) return rule;
-  throw InputError("'" + text + "' is no point of the arc: nearest, mean or smallest");
-}
+ArcRule arc_rule_from_string(const std::string& text) { return arc_rule_names.value_of(text); }
 
-const char* to_string(StopSplit split) {
-  switch (split) {
-    case StopSplit::label:
-      return "label";
-    case StopSplit::file:
-      return "file";
-    case StopSplit::scan:
-      return "scan";
-    case StopSplit::standing:
-      return "standing";
-    case StopSplit::automatic:
-      break;
-  }
-  return "automatic";
-}
+const char* to_string(StopSplit split) { return stop_split_names.name_of(split); }
 
-StopSplit stop_split_from_string(const std::string& text) {
-  for (const StopSplit split :
-       {StopSplit::automatic, StopSplit::label, StopSplit::file, StopSplit::scan, StopSplit::standing})
-    if (text == to_string(split)) return split;
-  throw InputError("'" + text + "' does not tell stops apart: automatic, label, file, scan or standing");
-}
+StopSplit stop_split_from_string(const std::string& text) { return stop_split_names.value_of(text); }
 
 Extraction extract_recording(const std::vector<ScanLog>& given, const std::vector<Stop>& stops,
                              const ExtractOptions& options) {

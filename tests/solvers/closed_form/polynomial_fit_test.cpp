@@ -168,6 +168,8 @@ TEST(SelectOrder, CriteriaByName) {
   for (const OrderCriterion criterion : {OrderCriterion::aic, OrderCriterion::aicc, OrderCriterion::bic,
                                          OrderCriterion::cross_validation, OrderCriterion::thirds})
     EXPECT_EQ(order_criterion_from_string(to_string(criterion)), criterion);
+  EXPECT_STREQ(to_string(OrderCriterion::cross_validation), "cv");
+  EXPECT_EQ(order_criterion_from_string("cross-validation"), OrderCriterion::cross_validation);
   EXPECT_THROW(order_criterion_from_string("best"), InputError);
 }
 

@@ -52,7 +52,7 @@ enum class OrderCriterion {
   thirds             ///< a third to fit, a third for the order, a third to test (2021, section 3.2 and 4)
 };
 
-/// "aic", "aicc", "bic", "cv", "thirds"; the inverse throws InputError for another text.
+/// "aic", "aicc", "bic", "cv", "thirds"; the inverse also reads "cross-validation" and throws InputError for another text.
 const char* to_string(OrderCriterion criterion);
 OrderCriterion order_criterion_from_string(const std::string& text);
 /// True for those that leave readings out and so judge orders alone, not noise laws.
