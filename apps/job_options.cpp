@@ -60,7 +60,7 @@ void JobOptions::add_to(CLI::App& command) {
   command
       .add_option("--criterion", criterion,
                   "what chooses the order of pairs: aic, aicc, bic (these choose the noise law too), cv "
-                  "(cross-validation) or thirds (fit, order and test on a third each)")
+                  "(or cross-validation), or thirds (fit, order and test on a third each)")
       ->capture_default_str();
   command
       .add_option(

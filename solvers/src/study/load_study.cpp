@@ -3,7 +3,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -12,6 +11,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/names.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/yaml_reader.hpp"
 #include "rangecal/solvers/study/sums.hpp"
@@ -19,20 +19,20 @@
 namespace rangecal {
 namespace {
 
-constexpr std::array<std::pair<StudyMeasure, const char*>, 13> measure_names{
-    {{StudyMeasure::bias, "bias"},
-     {StudyMeasure::variance, "variance"},
-     {StudyMeasure::rmse, "rmse"},
-     {StudyMeasure::rmse_over_bound, "rmse_over_bound"},
-     {StudyMeasure::mse_ratio, "mse_ratio"},
-     {StudyMeasure::normalised_mse, "normalised_mse"},
-     {StudyMeasure::order, "order"},
-     {StudyMeasure::aic, "aic"},
-     {StudyMeasure::noise_order, "noise_order"},
-     {StudyMeasure::coverage, "coverage"},
-     {StudyMeasure::sigmas, "sigmas"},
-     {StudyMeasure::failures, "failures"},
-     {StudyMeasure::time, "time"}}};
+constexpr auto measure_names =
+    names_of<StudyMeasure>("measure", {{StudyMeasure::bias, "bias"},
+                                       {StudyMeasure::variance, "variance"},
+                                       {StudyMeasure::rmse, "rmse"},
+                                       {StudyMeasure::rmse_over_bound, "rmse_over_bound"},
+                                       {StudyMeasure::mse_ratio, "mse_ratio"},
+                                       {StudyMeasure::normalised_mse, "normalised_mse"},
+                                       {StudyMeasure::order, "order"},
+                                       {StudyMeasure::aic, "aic"},
+                                       {StudyMeasure::noise_order, "noise_order"},
+                                       {StudyMeasure::coverage, "coverage"},
+                                       {StudyMeasure::sigmas, "sigmas"},
+                                       {StudyMeasure::failures, "failures"},
+                                       {StudyMeasure::time, "time"}});
 
 constexpr int most_points = 1'000'000;
 constexpr std::size_t most_places = 50'000'000;  // stops, landmarks and batches of all points together
@@ -48,12 +48,8 @@ auto placed(const YamlReader& node, Read read) {
 }
 
 StudyMeasure measure_from(const YamlReader& node) {
-  std::string known;
-  for (const auto& [measure, name] : measure_names) {
-    if (node.text() == name) return measure;
-    known += (known.empty() ? "" : ", ") + std::string(name);
-  }
-  node.fail(fmt::format("'{}' is not a measure; known: {}", node.text().substr(0, 40), known));
+  if (const std::optional<StudyMeasure> measure = measure_names.find(node.text())) return *measure;
+  node.fail(fmt::format("'{}' is not a measure; known: {}", node.text().substr(0, 40), measure_names.list()));
 }
 
 /// "2" or "auto".
@@ -61,18 +57,6 @@ std::optional<int> order_from(const YamlReader& node) {
   if (node.text() == "auto") return std::nullopt;
   if (node.whole(0) > study_highest_order) node.fail(fmt::format("is above {}", study_highest_order));
   return node.whole(0);
-}
-
-OrderCriterion criterion_from(const YamlReader& node) {
-  constexpr std::array<std::pair<const char*, OrderCriterion>, 5> names{
-      {{"aic", OrderCriterion::aic},
-       {"aicc", OrderCriterion::aicc},
-       {"bic", OrderCriterion::bic},
-       {"cross-validation", OrderCriterion::cross_validation},
-       {"thirds", OrderCriterion::thirds}}};
-  for (const auto& [name, criterion] : names)
-    if (node.text() == name) return criterion;
-  node.fail("'" + node.text().substr(0, 40) + "' is not one of aic, aicc, bic, cross-validation, thirds");
 }
 
 StudyEstimator estimator_from(const YamlReader& node, std::optional<int> order) {
@@ -109,8 +93,8 @@ StudyEstimator estimator_from(const YamlReader& node, std::optional<int> order) 
     const YamlReader criterion = node.at("criterion");
     if (estimator.noise_order || estimator.method != Method::closed_form)
       criterion.fail("only closed-form has a choice of criteria; the others select by AIC");
-    estimator.criterion = criterion_from(criterion);
-    estimator.label += "-" + criterion.text();
+    estimator.criterion = placed(criterion, [&] { return order_criterion_from_string(criterion.text()); });
+    estimator.label += std::string("-") + to_string(estimator.criterion);
   }
   if (node.has("label")) estimator.label = node.at("label").text();
   return estimator;
@@ -238,11 +222,7 @@ void check_together(const YamlReader& top, const Study& study) {
 
 }  // namespace
 
-const char* to_string(StudyMeasure measure) {
-  for (const auto& [value, name] : measure_names)
-    if (value == measure) return name;
-  return "failures";
-}
+const char* to_string(StudyMeasure measure) { return measure_names.name_of(measure); }
 
 bool Study::measures_any(std::initializer_list<StudyMeasure> wanted) const {
   return std::any_of(wanted.begin(), wanted.end(), [&](StudyMeasure measure) {

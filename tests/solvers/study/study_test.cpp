@@ -92,6 +92,17 @@ TEST_F(StudyFile, EstimatorsCarryTheirOptions) {
   EXPECT_EQ(study.noise, NoiseLaw::f_squared);
 }
 
+TEST_F(StudyFile, CrossValidationHasTwoSpellingsAndOneLabel) {
+  for (const std::string spelling : {"cv", "cross-validation"}) {
+    const Study study =
+        load(kHead + "estimators: [{method: closed-form, order: auto, criterion: " + spelling +
+             "}]\nmeasures: [rmse]\n");
+    ASSERT_EQ(study.estimators.size(), 1u);
+    EXPECT_EQ(study.estimators[0].criterion, OrderCriterion::cross_validation) << spelling;
+    EXPECT_EQ(study.estimators[0].label, "closed-form-cv") << spelling;
+  }
+}
+
 TEST_F(StudyFile, WhatCannotBeIsOneLineThatNamesIt) {
   const auto says = [&](const std::string& text, const std::string& part) {
     const std::string error = error_of(text);
