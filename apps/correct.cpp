@@ -13,6 +13,7 @@
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/utf8.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
 #include "rangecal/solvers/correction/posterior.hpp"
 #include "track/line_source.hpp"
@@ -53,8 +54,6 @@ class TextLines {
   std::string_view rest_;
   long number_ = 0;
 };
-
-constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";  ///< of UTF-8, as spreadsheets write it
 
 bool blank(std::string_view line) { return line.find_first_not_of(" \t\r") == std::string_view::npos; }
 

@@ -63,7 +63,7 @@ struct DiagnoseCommand {
   void require_other_readings() const {
     namespace fs = std::filesystem;
     for (const std::string& folder : recordings)
-      for (const char* table : {"observations.csv", "pairs.csv"})
+      for (const char* table : reading_tables)
         if (std::error_code none;
             fs::equivalent(fs::path(folder) / table, fs::path(simulation) / table, none))
           throw InputError("--simulation " + simulation + ": holds the readings of " + folder +

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "rangecal/core/utf8.hpp"
+
 namespace rangecal::io {
 
 LineFeed::LineFeed(std::string_view text) : data_(text.data()), end_(text.size()), whole_(true) {
@@ -12,12 +14,12 @@ LineFeed::LineFeed(std::string_view text) : data_(text.data()), end_(text.size()
 
 LineFeed::LineFeed(std::unique_ptr<InputFile> file)
     : file_(std::move(file)), buffer_(longest + (std::size_t{1} << 20), '\0'), data_(buffer_.data()) {
-  while (end_ < 3 && !whole_) fill();
+  while (end_ < byte_order_mark.size() && !whole_) fill();
   skip_mark();
 }
 
 void LineFeed::skip_mark() {
-  if (std::string_view(data_, end_).starts_with("\xef\xbb\xbf")) begin_ = 3;
+  if (std::string_view(data_, end_).starts_with(byte_order_mark)) begin_ = byte_order_mark.size();
 }
 
 void LineFeed::fill() {

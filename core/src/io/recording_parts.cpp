@@ -28,7 +28,7 @@ std::vector<Recording> load_recordings(const std::vector<std::string>& folders) 
   require_distinct(folders);
   std::vector<std::string> tables;
   for (const std::string& folder : folders)
-    for (const char* name : {"observations.csv", "pairs.csv"}) tables.push_back(io::path_in(folder, name));
+    for (const char* name : reading_tables) tables.push_back(io::path_in(folder, name));
   require_distinct(tables);
   std::vector<Recording> recordings;
   recordings.reserve(folders.size());

@@ -11,6 +11,7 @@
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/scan_io.hpp"
+#include "rangecal/core/utf8.hpp"
 
 namespace rangecal::io {
 namespace {
@@ -222,7 +223,7 @@ ScanLog read_long(const std::string& path, const std::string& text) {
 
 ScanLog read_csv_scans(const std::string& path, const std::string& text) {
   std::string_view all(text), line;
-  if (all.starts_with("\xef\xbb\xbf")) all.remove_prefix(3);
+  if (all.starts_with(byte_order_mark)) all.remove_prefix(byte_order_mark.size());
   Lines lines(all, path);
   if (!lines.next(line)) throw InputError(path, 0, "", "is empty");
   const auto header = comma_fields(line);

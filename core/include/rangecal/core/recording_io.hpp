@@ -32,6 +32,8 @@ void save_recording(const Recording& recording, const std::string& folder, const
 /// What a recording is measured in: its description and its tables, whichever of them it has.
 inline constexpr std::array measured_files = {"recording.yaml", "observations.csv", "pairs.csv", "stops.csv",
                                               "landmarks.csv"};
+/// Those of them with its readings, one by its kind.
+inline constexpr std::array reading_tables = {"observations.csv", "pairs.csv"};
 /// What a simulated one is compared with.
 inline constexpr std::array truth_files = {"truth_stops.csv", "truth_landmarks.csv"};
 
