@@ -55,8 +55,7 @@ inline std::optional<JointState> state_of(const JointProblem& problem, const Cal
   state.alpha = c.alpha;
   state.noise = c.noise;
   state.sigma_theta_rad = c.sigma_theta_rad->value;
-  if (c.sigma_s_m)
-    state.sigma_s_m = std::max(c.sigma_s_m->value, 4e-7 * mean_range(problem));  // 0 has no density
+  if (c.sigma_s_m) state.sigma_s_m = std::max(c.sigma_s_m->value, no_sigma_s(problem));
   for (const StopEstimate& stop : c.stops) state.stops.push_back(stop.pose);
   for (const LandmarkEstimate& landmark : c.landmarks) state.landmarks.push_back(landmark.position_m);
   return state;

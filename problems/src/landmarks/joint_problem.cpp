@@ -2,6 +2,7 @@
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
 #include <algorithm>
+#include <cstddef>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -10,6 +11,7 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
+#include "rangecal/problems/landmarks/cell_order.hpp"
 
 namespace rangecal {
 namespace {
@@ -55,18 +57,19 @@ void append_stops(const Recording& recording, int index, JointProblem& problem) 
 }
 
 /// Mean and mean square deviation of the readings `rows` (indices into the recording), appended as one cell.
-void append_cell(const Recording& recording, std::span<const int> rows, Offsets offset, Cells& cells) {
+void append_cell(const Recording& recording, std::span<const std::size_t> rows, Offsets offset,
+                 Cells& cells) {
   const Readings& r = recording.readings;
   const double count = static_cast<double>(rows.size());
   const double first_bearing = r.bearing_rad[rows[0]];
   double range_sum = 0.0, turn_sum = 0.0;
-  for (int i : rows) {
+  for (std::size_t i : rows) {
     range_sum += r.range_m[i];
     turn_sum += wrap_angle(r.bearing_rad[i] - first_bearing);
   }
   const double range_mean = range_sum / count, turn_mean = turn_sum / count;
   double range_square = 0.0, turn_square = 0.0;
-  for (int i : rows) {
+  for (std::size_t i : rows) {
     const double range = r.range_m[i] - range_mean;
     const double turn = wrap_angle(r.bearing_rad[i] - first_bearing) - turn_mean;
     range_square += range * range;
@@ -86,18 +89,11 @@ void append_cell(const Recording& recording, std::span<const int> rows, Offsets 
 }
 
 void append_cells(const Recording& recording, Offsets offset, Grouping grouping, Cells& cells) {
-  const Readings& r = recording.readings;
-  std::vector<int> order(r.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
-  });
+  const std::vector<std::size_t> order = cell_order(recording.readings);
   for (std::size_t begin = 0; begin < order.size();) {
     std::size_t end = begin + 1;
     if (grouping == Grouping::cells)
-      while (end < order.size() && r.stop[order[end]] == r.stop[order[begin]] &&
-             r.landmark[order[end]] == r.landmark[order[begin]])
-        ++end;
+      while (end < order.size() && same_cell(recording.readings, order[begin], order[end])) ++end;
     append_cell(recording, std::span(order).subspan(begin, end - begin), offset, cells);
     begin = end;
   }
@@ -156,6 +152,8 @@ double mean_range(const JointProblem& problem) {
   const double sum = std::accumulate(means.begin(), means.end(), 0.0);
   return sum > 0.0 ? sum / static_cast<double>(means.size()) : 1.0;
 }
+
+double no_sigma_s(const JointProblem& problem) { return 4e-7 * mean_range(problem); }
 
 double sigma_xy_of(const JointProblem& problem, const JointState& state, int k) {
   return problem.sigma_s_shared[k] && state.sigma_s_m ? *state.sigma_s_m : problem.stops[k].sigma_xy_m;

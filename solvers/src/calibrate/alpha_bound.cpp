@@ -49,7 +49,7 @@ std::optional<JointState> state_of(const Calibration& c, const JointProblem& pro
   state.sigma_theta_rad = c.sigma_theta_rad->value;
   if (problem.estimate_sigma_s) {
     if (!c.sigma_s_m) return std::nullopt;
-    state.sigma_s_m = std::max(c.sigma_s_m->value, 4e-7 * mean_range(problem));  // 0 has no density
+    state.sigma_s_m = std::max(c.sigma_s_m->value, no_sigma_s(problem));
   }
   for (const LandmarkEstimate& landmark : c.landmarks) state.landmarks.push_back(landmark.position_m);
   const bool own = c.stops.size() == problem.stops.size();

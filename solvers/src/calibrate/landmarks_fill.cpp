@@ -146,7 +146,7 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
   else if (sigma_theta_rad)
     state.sigma_theta_rad = *sigma_theta_rad;
   if (job.problem.estimate_sigma_s)
-    state.sigma_s_m = std::max(sigma_s_m.value_or(job.default_sigma_s_m), job.least_sigma_s_m());
+    state.sigma_s_m = std::max(sigma_s_m.value_or(job.default_sigma_s_m), no_sigma_s(job.problem));
   for (const LandmarkEstimate& landmark : calibration.landmarks)
     state.landmarks.push_back(landmark.position_m);
   for (std::size_t k = 0; k < job.problem.stops.size(); ++k)

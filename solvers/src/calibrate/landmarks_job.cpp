@@ -211,7 +211,7 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
       keep(fit);
       warm = fit.state;
-      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * least_sigma_s_m())
+      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * no_sigma_s(problem))
         warm.reset();
       if (rows) {
         const bool any = options.noise_shape == NoiseShape::automatic;

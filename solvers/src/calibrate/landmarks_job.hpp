@@ -29,8 +29,6 @@ struct LandmarksJob {
   Counts counts;
   std::optional<std::string> too_few;  ///< why no method can work, in words
   double default_sigma_s_m = 0.01;     ///< where sigma_s is estimated: its start
-  /// An estimate of 0 has no density; this is below what any recording resolves.
-  double least_sigma_s_m() const { return 4e-7 * mean_range(problem); }
 
   std::optional<JointState> seed(int order, NoiseLaw law) const;  ///< the better of all seeds by joint NLL
   JointFit full(const JointState& start) const;

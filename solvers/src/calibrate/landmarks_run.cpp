@@ -61,7 +61,7 @@ class Run {
     if (fit.state.alpha.size() == 0 || !std::isfinite(fit.joint_nll)) return;
     best_state = fit.state;
     if (best_state->sigma_s_m)
-      best_state->sigma_s_m = std::max(*best_state->sigma_s_m, job_.least_sigma_s_m());
+      best_state->sigma_s_m = std::max(*best_state->sigma_s_m, no_sigma_s(job_.problem));
   }
 
   const LandmarksJob& job_;

@@ -19,7 +19,7 @@ Calibration shaped_calibration(const LandmarksJob& job, Method method, const Rob
   if (const auto bearing = shape_estimate(shapes.bearing, shapes.bearing_std))
     result.noise_shapes["bearing"] = *bearing;
   JointState state = robust.fit.state;
-  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, job.least_sigma_s_m());
+  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(job.problem));
   const RobustNll nll = robust_nll(*job.rows, state, shapes.range, shapes.bearing);
   if (!nll.ok) return result;
   const int count = shape_parameter_count(shapes.range.shape) + shape_parameter_count(shapes.bearing.shape);

@@ -14,6 +14,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/problems/landmarks/cell_order.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -47,15 +48,22 @@ std::vector<int> cells_of_pairs(const Pairs& p) {
   return cell;
 }
 
+/// The pairs cell by cell, those of a cell as they stand in the file.
+std::vector<std::size_t> pairs_in_order(const std::vector<int>& cell) {
+  std::vector<std::size_t> order(cell.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return cell[a] < cell[b]; });
+  return order;
+}
+
 void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time,
                           Rows& rows) {
   const Readings& r = recording.readings;
-  const std::vector<std::size_t> order = row_order(recording);
+  const std::vector<std::size_t> order = cell_order(r);
   for (std::size_t j = 0; j < order.size(); ++j) {
     const std::size_t i = order[j];
-    const bool opens =
-        j == 0 || r.stop[i] != r.stop[order[j - 1]] || r.landmark[i] != r.landmark[order[j - 1]];
-    if (opens) {
+    if (j == 0 || !same_cell(r, i, order[j - 1])) {
       rows.cell_begin.push_back(static_cast<int>(rows.size()));
       ++rows.cell_count;
     }
@@ -101,7 +109,7 @@ void append_cell_of_pairs(double true_m, int begin, Rows& rows) {
 void append_pair_rows(const Recording& recording, int first_landmark, double first_time, Rows& rows) {
   const Pairs& p = recording.pairs;
   const std::vector<int> cell = cells_of_pairs(p);
-  const std::vector<std::size_t> order = row_order(recording);
+  const std::vector<std::size_t> order = pairs_in_order(cell);
   for (std::size_t j = 0; j < order.size(); ++j) {
     const std::size_t i = order[j];
     if (j == 0 || cell[i] != cell[order[j - 1]]) {
@@ -183,20 +191,8 @@ double first_time_of(const Recording& recording) {
 }  // namespace
 
 std::vector<std::size_t> row_order(const Recording& recording) {
-  const bool pairs = recording.kind == RecordingKind::pairs;
-  std::vector<std::size_t> order(pairs ? recording.pairs.size() : recording.readings.size());
-  std::iota(order.begin(), order.end(), 0u);
-  if (pairs) {
-    const std::vector<int> cell = cells_of_pairs(recording.pairs);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return cell[a] < cell[b]; });
-    return order;
-  }
-  const Readings& r = recording.readings;
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return r.stop[a] != r.stop[b] ? r.stop[a] < r.stop[b] : r.landmark[a] < r.landmark[b];
-  });
-  return order;
+  return recording.kind == RecordingKind::pairs ? pairs_in_order(cells_of_pairs(recording.pairs))
+                                                : cell_order(recording.readings);
 }
 
 Rows make_rows(std::span<const Recording> recordings) {

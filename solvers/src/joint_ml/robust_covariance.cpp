@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "joint_ml/newton_step.hpp"
-#include "marginal/reml_profile.hpp"
 
 namespace rangecal {
 namespace {

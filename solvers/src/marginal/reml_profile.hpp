@@ -7,10 +7,6 @@
 
 namespace rangecal {
 
-/// A sigma_s below any resolution of the data: the stops stand where commanded. A micrometre at readings
-/// of 2.5 m.
-inline double no_sigma_s(const JointProblem& problem) { return 4e-7 * mean_range(problem); }
-
 /// The REML criterion l_s + 1/2 log det A, minimised over all but one sigma, as a function of that one.
 /// `options` with the others free. Starts where the last value ended; +infinity where there is no optimum.
 class RemlProfile {

@@ -73,6 +73,10 @@ struct JointState {
 /// answer depends on the unit of length.
 double mean_range(const JointProblem& problem);
 
+/// A sigma_s [m] below any resolution of the data, where the stops stand as commanded: 0 itself has no density. A micrometre
+/// at readings of 2.5 m.
+double no_sigma_s(const JointProblem& problem);
+
 /// sigma_xy of stop k under `state` [m].
 double sigma_xy_of(const JointProblem& problem, const JointState& state, int k);
 
