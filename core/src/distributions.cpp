@@ -18,6 +18,8 @@ using boost::math::students_t;
 
 double normal_below(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
+double normal_two_sided(double z) { return std::erfc(std::abs(z) / std::numbers::sqrt2); }
+
 double normal_quantile(double p) { return quantile(normal(), p); }
 
 double normal_upper_quantile(double q) { return quantile(complement(normal(), q)); }

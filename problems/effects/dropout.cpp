@@ -12,6 +12,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -48,9 +49,8 @@ class Dropout final : public Effect {
     if (z > 8.0) return {};
     if (z < -20.0)  // lambda = -z - 1/z + ...: the mean is the limit, the variance (s / z)^2
       return {.range = p[0] - at.f + at.spread / z, .range_log_variance = -2.0 * std::log(-z)};
-    constexpr double root_two = std::numbers::sqrt2;
-    const double density = std::exp(-0.5 * z * z) * std::numbers::inv_sqrtpi / root_two;
-    const double mills = density / (0.5 * std::erfc(-z / root_two));
+    const double density = std::exp(-0.5 * z * z) * std::numbers::inv_sqrtpi / std::numbers::sqrt2;
+    const double mills = density / normal_below(z);
     return {.range = -at.spread * mills, .range_log_variance = std::log1p(-mills * (z + mills))};
   }
 };

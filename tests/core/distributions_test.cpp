@@ -30,6 +30,15 @@ TEST(Distributions, NormalBelowIsThatOfR) {
   EXPECT_EQ(normal_below(40.0), 1.0);
 }
 
+TEST(Distributions, BothTailsOfTheNormalAreTwiceOne) {
+  EXPECT_EQ(normal_two_sided(0.0), 1.0);
+  EXPECT_NEAR(normal_two_sided(z95), 0.05, 1e-16);
+  for (const double z : {0.3, 1.96, 6.0, 37.0}) {
+    EXPECT_EQ(normal_two_sided(z), 2.0 * normal_below(-z));
+    EXPECT_EQ(normal_two_sided(-z), normal_two_sided(z));
+  }
+}
+
 TEST(Distributions, TwoDegreesOfChiSquaredAreAnExponential) {
   for (const double x : {0.0, 0.3, 5.0, 80.0})
     EXPECT_NEAR(chi_squared_upper(x, 2.0), std::exp(-0.5 * x), 1e-14 * std::exp(-0.5 * x));

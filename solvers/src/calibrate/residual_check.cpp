@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
@@ -105,7 +106,7 @@ bool too_many(int outliers, int readings) { return outliers >= 3 && outliers > 0
 
 bool too_far(const ResidualCheck::Farthest& farthest, int readings) {
   constexpr double rate = 1e-3;  // of recordings
-  return readings * std::erfc(farthest.sigmas / std::sqrt(2.0)) < rate;
+  return readings * normal_two_sided(farthest.sigmas) < rate;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "diagnosis/extended_design.hpp"
 #include "diagnosis/twins.hpp"
+#include "rangecal/core/distributions.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -102,7 +103,7 @@ double distance(const Space& space, const ExtendedDesign& design, const Member& 
 
 double separation_power(double noncentrality, double gap_nats) {
   if (!(noncentrality > 0.0)) return 0.0;
-  return 0.5 * std::erfc(-(noncentrality - 2.0 * gap_nats) / (2.0 * std::sqrt(2.0 * noncentrality)));
+  return normal_below((noncentrality - 2.0 * gap_nats) / (2.0 * std::sqrt(noncentrality)));
 }
 
 struct Evaluated {

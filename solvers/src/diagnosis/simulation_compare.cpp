@@ -13,6 +13,7 @@
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -188,8 +189,7 @@ void compare_noise(const Calibration& simulation, const Calibration& own, Diagno
     f.shape = "level";
     f.size = 2.0 * level.log_ratio();
     // Two-sided, times the number of levels compared.
-    f.p_value =
-        std::min(1.0, static_cast<double>(levels.size()) * std::erfc(level.z() / std::numbers::sqrt2));
+    f.p_value = std::min(1.0, static_cast<double>(levels.size()) * normal_two_sided(level.z()));
     f.share = 0.0;
     result.location.push_back(f);
     result.notes.push_back(

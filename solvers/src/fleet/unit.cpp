@@ -30,8 +30,6 @@ constexpr int highest_order = 8;  // of f in the test of its shape
 
 constexpr std::size_t fewest_for_tails = 30, fewest_for_all = 100;  // readings
 
-double two_sided(double z) { return 2.0 * normal_below(-std::abs(z)); }
-
 std::vector<std::vector<double>> rows_of(const MatrixXd& matrix) {
   std::vector<std::vector<double>> rows;
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
@@ -166,9 +164,9 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   misfit.kurtosis = N * fourth / (second * second) - 3.0;
   misfit.correlation = neighbours / second;
   const double degrees = N - static_cast<double>(calibration.alpha.size());
-  misfit.tail_p = two_sided(kurtosis_score(misfit.kurtosis + 3.0, degrees));
+  misfit.tail_p = normal_two_sided(kurtosis_score(misfit.kurtosis + 3.0, degrees));
   if (count < fewest_for_all) return misfit;
-  misfit.dependence_p = two_sided(misfit.correlation * std::sqrt(N));
+  misfit.dependence_p = normal_two_sided(misfit.correlation * std::sqrt(N));
   const int more = std::min(2, highest_order - calibration.order());
   if (more < 1) return misfit;
   PairsOptions wider;

@@ -13,6 +13,7 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
@@ -112,19 +113,10 @@ std::vector<int> free_entries(Eigen::Index size, int alphas, int order) {
 /// Inverse over the entries that are free, zero elsewhere; none where it is not positive definite.
 std::optional<MatrixXd> covariance_from(const MatrixXd& hessian, int alphas, int order) {
   const std::vector<int> free = free_entries(hessian.rows(), alphas, order);
-  MatrixXd own = hessian(free, free);
-  VectorXd scale = own.diagonal();
-  for (double& s : scale) {
-    if (!(s > 0.0)) return std::nullopt;
-    s = 1.0 / std::sqrt(s);
-  }
-  own = scale.asDiagonal() * own * scale.asDiagonal();
-  const Eigen::LLT<MatrixXd> factor(own);
-  if (factor.info() != Eigen::Success) return std::nullopt;
-  const MatrixXd inverse = factor.solve(MatrixXd::Identity(own.rows(), own.rows()));
-  if (!inverse.allFinite() || !(inverse.diagonal().maxCoeff() < 1e11)) return std::nullopt;
+  const std::optional<UnitDiagonalInverse> own = unit_diagonal_inverse(hessian(free, free));
+  if (!own || !(own->inverse.diagonal().maxCoeff() < 1e11)) return std::nullopt;
   MatrixXd covariance = MatrixXd::Zero(hessian.rows(), hessian.rows());
-  covariance(free, free) = scale.asDiagonal() * inverse * scale.asDiagonal();
+  covariance(free, free) = own->scale.asDiagonal() * own->inverse * own->scale.asDiagonal();
   return covariance;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -77,8 +78,8 @@ RunsTest runs_test(std::span<const double> values, RunsDistribution distribution
   result.z = variance > 0.0 ? (result.runs - result.expected_runs) / std::sqrt(variance) : 0.0;
   result.exact =
       distribution == RunsDistribution::exact || (distribution == RunsDistribution::automatic && n <= 1000.0);
-  result.p_value = result.exact ? exact_p_value(result.runs, result.above, result.below)
-                                : std::erfc(std::abs(result.z) / std::sqrt(2.0));
+  result.p_value =
+      result.exact ? exact_p_value(result.runs, result.above, result.below) : normal_two_sided(result.z);
   result.outcome = Outcome::converged;
   return result;
 }

@@ -47,9 +47,7 @@ std::vector<double> upper_weights(int N) {
   return a;
 }
 
-double upper_tail(double y, double mean, double sigma) {
-  return 0.5 * std::erfc((y - mean) / (sigma * std::numbers::sqrt2));
-}
+double upper_tail(double y, double mean, double sigma) { return normal_below((mean - y) / sigma); }
 
 double p_value_of(double one_minus_w, int N) {
   const double n = N;

@@ -9,6 +9,8 @@ namespace rangecal {
 
 /// P(Z <= z) of the standard normal, by std::erfc: exact far into the lower tail.
 double normal_below(double z);
+/// P(|Z| > |z|) of the standard normal, the p-value of a score of either sign: exact far into the tails.
+double normal_two_sided(double z);
 /// z with P(Z <= z) = p, p in (0, 1), of the standard normal.
 double normal_quantile(double p);
 /// z with P(Z > z) = q, q in (0, 1): exact to the smallest q, where 1 - q is not.
