@@ -68,6 +68,15 @@ Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p, double n
   return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
 }
 
+/// d changes / d p_i [any unit per that of p_i] by a central difference of `step`.
+Eigen::VectorXd central_slope(const Effect& effect, const Eigen::VectorXd& p, Eigen::Index i, double step,
+                              double near_m = 0.8, double step_m = 0.6) {
+  Eigen::VectorXd above = p, below = p;
+  above[i] += step;
+  below[i] -= step;
+  return (changes(effect, above, near_m, step_m) - changes(effect, below, near_m, step_m)) / (2.0 * step);
+}
+
 /// Typical continuous parameters at the point of the start grid (discrete ones) where they change most.
 Eigen::VectorXd typical_point(const Effect& effect) {
   Eigen::VectorXd best;
@@ -192,15 +201,10 @@ TEST(Effects, ContinuousParametersActSmoothly) {
       const EffectParameter& parameter = effect->info().parameters[static_cast<std::size_t>(i)];
       if (parameter.discrete) continue;
       SCOPED_TRACE(effect->info().id + "." + parameter.name);
-      const auto slope = [&](double step) {
-        Eigen::VectorXd above = typical, below = typical;
-        above[i] += step;
-        below[i] -= step;
-        return Eigen::VectorXd((changes(*effect, above) - changes(*effect, below)) / (2.0 * step));
-      };
       // Truncation at a step h of 1e-5 typical sizes is below h^2 |f'''|; rounding about 1e-16 / h of the
       // values.
-      const Eigen::VectorXd coarse = slope(2e-5 * parameter.typical), fine = slope(1e-5 * parameter.typical);
+      const Eigen::VectorXd coarse = central_slope(*effect, typical, i, 2e-5 * parameter.typical),
+                            fine = central_slope(*effect, typical, i, 1e-5 * parameter.typical);
       ASSERT_TRUE(fine.allFinite());
       EXPECT_LE((coarse - fine).norm(), 1e-5 * fine.norm() + 1e-9 / parameter.typical);
     }
@@ -222,15 +226,9 @@ TEST(Effects, TheStepOfADerivativeIsShortAndNotTooShort) {
         const EffectParameter& parameter = parameters[static_cast<std::size_t>(i)];
         if (parameter.discrete) continue;
         SCOPED_TRACE(effect->info().id + "." + parameter.name);
-        const auto slope = [&](double step) {
-          Eigen::VectorXd above = point, below = point;
-          above[i] += step;
-          below[i] -= step;
-          return Eigen::VectorXd((changes(*effect, above, 0.15, 0.1) - changes(*effect, below, 0.15, 0.1)) /
-                                 (2.0 * step));
-        };
         const double h = difference_step(parameter, point[i]);
-        const Eigen::VectorXd coarse = slope(h), fine = slope(0.1 * h);
+        const Eigen::VectorXd coarse = central_slope(*effect, point, i, h, 0.15, 0.1),
+                              fine = central_slope(*effect, point, i, 0.1 * h, 0.15, 0.1);
         const double size = changes(*effect, point, 0.15, 0.1).norm();
         ASSERT_TRUE(fine.allFinite());
         EXPECT_LE((coarse - fine).norm(), 1e-5 * fine.norm() + 1e-8 * size / parameter.typical);
