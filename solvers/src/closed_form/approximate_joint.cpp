@@ -111,15 +111,8 @@ class Extrapolation {
 }  // namespace
 
 Calibration approximate_joint_calibration(const JointProblem& problem, const ClosedFormOptions& options) {
-  Calibration result;
-  result.method = Method::approximate;
-  result.covariance_reason =
-      "first order, at the commanded stops; the bend that errors in the distances put into f is not in it";
-  if (const auto why = hopeless(problem)) {
-    result.outcome = Outcome::too_few_data;
-    result.reason = *why;
-    return result;
-  }
+  Calibration result = begun_calibration(problem, Method::approximate);
+  if (result.outcome == Outcome::too_few_data) return result;
   const LandmarksFromBearings found = landmarks_from_bearings(problem, options.bearings);
   LandmarkMap map = map_from(problem, found);
   for (std::size_t l = 0; l < map.used.size(); ++l) map.used[l] = found.landmarks[l].cells >= 2;

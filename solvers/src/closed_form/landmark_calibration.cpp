@@ -9,15 +9,8 @@
 namespace rangecal {
 
 Calibration closed_form_calibration(const JointProblem& problem, const ClosedFormOptions& options) {
-  Calibration result;
-  result.method = Method::closed_form;
-  result.covariance_reason =
-      "first order, at the commanded stops; the bend that errors in the distances put into f is not in it";
-  if (const auto why = hopeless(problem)) {
-    result.outcome = Outcome::too_few_data;
-    result.reason = *why;
-    return result;
-  }
+  Calibration result = begun_calibration(problem, Method::closed_form);
+  if (result.outcome == Outcome::too_few_data) return result;
   const LandmarksFromBearings found = landmarks_from_bearings(problem, options.bearings);
   const LandmarkMap map = map_from(problem, found);
   result.outcome = found.outcome;

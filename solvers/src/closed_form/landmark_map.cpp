@@ -95,10 +95,17 @@ LandmarkMap map_from(const JointProblem& problem, const LandmarksFromBearings& f
   return map;
 }
 
-std::optional<std::string> hopeless(const JointProblem& problem) {
-  const int places = places_with_cells(problem);
-  if (places >= 3) return std::nullopt;
-  return std::to_string(places) + " place(s) to stand: lines of sight have no redundancy with fewer than 3";
+Calibration begun_calibration(const JointProblem& problem, Method method) {
+  Calibration result;
+  result.method = method;
+  result.covariance_reason =
+      "first order, at the commanded stops; the bend that errors in the distances put into f is not in it";
+  if (const int places = places_with_cells(problem); places < 3) {
+    result.outcome = Outcome::too_few_data;
+    result.reason =
+        std::to_string(places) + " place(s) to stand: lines of sight have no redundancy with fewer than 3";
+  }
+  return result;
 }
 
 void fill_calibration(const JointProblem& problem, const LandmarkMap& map, const RangeModel& model,

@@ -34,8 +34,8 @@ std::vector<RangeSample> samples_at(const JointProblem& problem, const LandmarkM
 std::optional<Estimate> sigma_theta_at(const JointProblem& problem, const LandmarkMap& map,
                                        const std::vector<StopVariance>& stops);
 
-/// The reason why no calibration can come of the problem at all, if there is one.
-std::optional<std::string> hopeless(const JointProblem& problem);
+/// A closed form's calibration before its first step; `too_few_data`, and why, where none can come of the problem at all.
+Calibration begun_calibration(const JointProblem& problem, Method method);
 
 /// Adds to a reason, after "; ".
 void append_reason(std::string& text, const std::string& more);
