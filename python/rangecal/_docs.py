@@ -54,6 +54,9 @@ _DOCS = {
         Every other numeric column.
     extraction : dict of str
         How it was cut out of raw scans; else empty.
+    notes : list of str
+        What the reader did that you should know: columns left out for a text among their numbers, pairs whose distances
+        do not repeat. `calibrate`, `compare` and `diagnose` repeat them.
     """,
     "Calibration": """The curve f, the noise law, stops and landmarks, with uncertainties or the reason why there are none.
 

@@ -56,9 +56,9 @@ inline void archive_fields(python::Archive& a, Truth& s) {
 }
 inline void archive_fields(python::Archive& a, Recording& s) {
   auto& [path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings,
-         pairs, counts, truth, extraction] = s;
+         pairs, counts, truth, extraction, notes] = s;
   a(path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs,
-    counts, truth, extraction);
+    counts, truth, extraction, notes);
 }
 
 inline void archive_fields(python::Archive& a, Noise& s) {

@@ -140,6 +140,7 @@ void bind_recording(py::module_& module) {
                              })
       .def_property_readonly("counts", [](const Recording& r) { return counts(r.counts); })
       .def_readonly("extraction", &Recording::extraction)
+      .def_property_readonly("notes", [](const Recording& r) { return r.notes; })
       .def_property_readonly(
           "stop_labels",
           [](const Recording& r) { return labels(r.stops, [](const Stop& s) { return s.label; }); })

@@ -73,6 +73,18 @@ def test_covariates_missing_values_and_labels():
     np.testing.assert_array_equal(recording.row, [2, 5])
 
 
+def test_a_column_left_out_is_noted(field):
+    observations = field.to_frame()
+    observations["temperature_c"] = ["20.5"] * 16 + ["warm"] + ["21"] * (len(field) - 17)
+    recording = rangecal.Recording(observations, field.stops_to_frame())
+    assert "temperature_c" not in recording.covariates and field.notes == []
+    assert recording.notes == ["observations.csv, row 18, column 'temperature_c': 'warm' is not a number; the column is left out"]
+    assert pickle.loads(pickle.dumps(recording)).notes == recording.notes
+    assert recording.notes[0] in rangecal.calibrate(recording, "closed-form", order=2, noise="f2").notes
+    with pytest.raises(AttributeError):
+        recording.notes = []
+
+
 def test_saved_and_loaded(field, tmp_path):
     field.save(str(tmp_path / "copy"))
     again = rangecal.load(tmp_path / "copy")

@@ -105,7 +105,9 @@ class Cells {
   rows.fail(*columns.repeat, "stop, landmark and repeat are those of an earlier row");
 }
 
-void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Readings& readings, Counts& counts) {
+void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Recording& recording) {
+  Readings& readings = recording.readings;
+  Counts& counts = recording.counts;
   counts.cells_left_out = cells.cut();
   std::vector<char> unwanted;
   if (counts.cells_left_out > 0) {
@@ -119,7 +121,7 @@ void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Readings& r
     leave_out(unwanted, *column);
   for (auto* column : {&readings.time_s, &readings.range_m, &readings.bearing_rad})
     leave_out(unwanted, *column);
-  readings.covariates = covariates.finish(unwanted);
+  readings.covariates = covariates.finish(unwanted, recording.notes);
   counts.used = static_cast<int>(readings.size());
 }
 
@@ -159,7 +161,7 @@ void read_observations(const Files& files, const RecordingHeader& header, bool l
     readings.row.push_back(rows.line());
   }
   if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
-  leave_out_cut_cells(cells, covariates, readings, counts);
+  leave_out_cut_cells(cells, covariates, recording);
 }
 
 void resolve_taped(const RecordingHeader& header, const LabelIndex& landmarks, Recording& recording) {

@@ -67,8 +67,9 @@ struct Batches {
   bool cut(int batch) const { return batch >= 0 && losses[static_cast<std::size_t>(batch)].cut(); }
 };
 
-void leave_out_cut_batches(const Batches& batches, CovariateColumns& covariates, Pairs& pairs,
-                           Counts& counts) {
+void leave_out_cut_batches(const Batches& batches, CovariateColumns& covariates, Recording& recording) {
+  Pairs& pairs = recording.pairs;
+  Counts& counts = recording.counts;
   counts.cells_left_out = static_cast<int>(std::count_if(batches.losses.begin(), batches.losses.end(),
                                                          [](const CellLoss& loss) { return loss.cut(); }));
   std::vector<char> unwanted;
@@ -80,7 +81,7 @@ void leave_out_cut_batches(const Batches& batches, CovariateColumns& covariates,
   for (auto* column : {&pairs.batch, &pairs.landmark, &pairs.row}) leave_out(unwanted, *column);
   for (auto* column : {&pairs.true_m, &pairs.reading_m, &pairs.time_s, &pairs.bearing_rad})
     leave_out(unwanted, *column);
-  pairs.covariates = covariates.finish(unwanted);
+  pairs.covariates = covariates.finish(unwanted, recording.notes);
   counts.used = static_cast<int>(pairs.size());
 }
 
@@ -136,7 +137,7 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
     pairs.row.push_back(rows.line());
   }
   if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
-  leave_out_cut_batches(batches, covariates, pairs, counts);
+  leave_out_cut_batches(batches, covariates, recording);
   number_batches(batches, pairs);
 }
 

@@ -161,18 +161,30 @@ CovariateColumns::CovariateColumns(const CsvRows& rows, std::initializer_list<co
 }
 
 void CovariateColumns::take(const CsvRows& rows, bool used) {
-  for (Column& own : columns_) {
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    Column& own = columns_[i];
     if (!own.numeric) continue;
     double value = std::numeric_limits<double>::quiet_NaN();
-    const Parsed parsed = parse_number(rows.text(own.column), value);
-    own.numeric = parsed == Parsed::number || parsed == Parsed::empty;
+    const std::string_view field = rows.text(own.column);
+    const Parsed parsed = parse_number(field, value);
     own.any = own.any || parsed == Parsed::number;
-    if (!own.numeric) own.values = {};
-    if (own.numeric && used) own.values.push_back(value);
+    if (const std::string fault = number_fault(field, parsed); !fault.empty()) {
+      own.numeric = false;
+      own.values = {};
+      texts_.emplace_back(
+          InputError(rows.file(), rows.line(), names_[i], fault + "; the column is left out").what());
+    } else if (used) {
+      own.values.push_back(value);
+    }
   }
 }
 
-Covariates CovariateColumns::finish(const std::vector<char>& unwanted) {
+Covariates CovariateColumns::finish(const std::vector<char>& unwanted, std::vector<std::string>& notes) {
+  constexpr std::size_t most = 8;  // of a table of remarks, not all need naming
+  notes.insert(notes.end(), texts_.begin(),
+               texts_.begin() + static_cast<long>(std::min(most, texts_.size())));
+  if (texts_.size() > most)
+    notes.back() += "; so are " + std::to_string(texts_.size() - most) + " more that hold texts";
   Covariates covariates;
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     if (!columns_[i].numeric || !columns_[i].any) continue;

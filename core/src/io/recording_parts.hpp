@@ -117,14 +117,15 @@ struct CellLoss {
   bool cut() const { return lost > 0 && 100.0 * lost > seen; }
 };
 
-/// Numeric columns that are not among `known`, as their rows come: of at least one number, all others empty.
+/// Numeric columns that are not among `known`, as their rows come: of at least one number, all others empty. A column
+/// that holds a text is left out, with a note that says which text and where.
 class CovariateColumns {
  public:
   CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known);
   void take(const CsvRows& rows, bool used);  ///< the current row; kept where it is used
-  /// Leaves out what stands for a reading that is not wanted (one per reading used) and gives the columns
-  /// away.
-  Covariates finish(const std::vector<char>& unwanted);
+  /// Leaves out what stands for a reading that is not wanted (one per reading used), gives the columns away and adds
+  /// the notes.
+  Covariates finish(const std::vector<char>& unwanted, std::vector<std::string>& notes);
 
  private:
   struct Column {
@@ -133,7 +134,8 @@ class CovariateColumns {
     std::vector<double> values{};
   };
   std::vector<Column> columns_;
-  std::vector<std::string> names_;
+  std::vector<std::string> names_,
+      texts_;  ///< texts_: a note for each column left out, by the first text found
 };
 
 /// Leaves out the values whose reading is not wanted; nothing where `unwanted` is empty or the column is.

@@ -3,6 +3,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -76,6 +77,9 @@ std::string shape_doubt(const Calibration& calibration) {
 
 std::vector<std::string> doubts(std::span<const Recording> recordings, const Calibration& calibration) {
   std::vector<std::string> all;
+  for (const Recording& recording : recordings)
+    for (const std::string& note : recording.notes)
+      if (std::find(all.begin(), all.end(), note) == all.end()) all.push_back(note);
   for (std::string one : {limit_doubt(recordings), unit_doubt(calibration), repeat_doubt(recordings, false),
                           repeat_doubt(recordings, true), shape_doubt(calibration)})
     if (!one.empty()) all.push_back(std::move(one));

@@ -114,6 +114,7 @@ void keep_real(Recording& recording) {
   keep(p.true_m), keep(p.batch), keep(p.landmark), keep(p.time_s), keep(p.bearing_rad), keep(p.row);
   for (auto& [name, values] : pairs ? p.covariates : r.covariates) keep(values);
   keep(r.range_m), keep(p.reading_m);
+  recording.notes.clear();  // of the readings that these stand for
   recording.counts = Counts{};
   recording.counts.read = recording.counts.used = static_cast<int>(pairs ? p.size() : r.size());
 }

@@ -232,8 +232,51 @@ TEST(RecordingIo, ColumnsInAnyOrderCrlfBomAndCovariates) {
   EXPECT_TRUE(recording.readings.time_s.empty());
   ASSERT_EQ(recording.readings.covariates.size(), 1u);  // the text column `note` is kept out
   expect_same(recording.readings.covariates.at("temperature_c"), {20.5, kNaN, 21.0});
+  EXPECT_THAT(recording.notes,
+              ElementsAre(folder.file("observations.csv") +
+                          ", row 2, column 'note': 'fine' is not a number; the column is left out"));
   EXPECT_EQ(recording.landmarks[0].radius_m, 0.1);
   EXPECT_EQ(recording.path, folder.path());
+}
+
+TEST(RecordingIo, AColumnWithATextAmongItsNumbersIsLeftOutAndNoted) {
+  const std::string long_text(50, 'x');
+  std::map<std::string, std::string> files{
+      {"recording.yaml", "format: rangecal/1\n"},
+      {"stops.csv", "stop,x_m,y_m,heading_rad\n0,0,0,0\n"},
+      {"observations.csv",
+       "stop,landmark,range_m,bearing_rad,temperature,level,empty,big\n"
+       "0,A,1.5,0.1,20.5,1,,1\n0,A,,0.1, warm ,2,NA,2\n0,A,1.6,0.1,hot,nan,,1e999\n0,A,1.7,0.1,21,3,,3\n"}};
+  const Recording recording = parse_recording(files);
+  EXPECT_EQ(recording.readings.covariates.size(), 1u);
+  expect_same(recording.readings.covariates.at("level"), {1.0, kNaN, 3.0});
+  // The first text of a column, also in a row that is dropped; what is empty throughout is no loss.
+  EXPECT_THAT(
+      recording.notes,
+      ElementsAre(
+          "observations.csv, row 3, column 'temperature': 'warm' is not a number; the column is left out",
+          "observations.csv, row 4, column 'big': '1e999' is beyond what a number can hold; the column "
+          "is left out"));
+  const TemporaryFolder folder;
+  save_recording(recording, folder.path());
+  EXPECT_THAT(load_recording(folder.path()).notes,
+              ::testing::IsEmpty());  // the column is not written, nor its note
+
+  files["observations.csv"] =
+      "stop,landmark,range_m,bearing_rad,said\n0,A,1.5,0.1,\"" + long_text + "\nmore\"\n";
+  EXPECT_THAT(parse_recording(files).notes,
+              ElementsAre("observations.csv, row 2, column 'said': '" + long_text.substr(0, 40) +
+                          "...' is not a number; the column is left out"));
+
+  std::string names, texts;  // ten columns of remarks: eight are named
+  for (int i = 0; i < 10; ++i) names += ",c" + std::to_string(i), texts += ",a";
+  files["observations.csv"] = "stop,landmark,range_m,bearing_rad" + names + "\n0,A,1.5,0.1" + texts + "\n";
+  const std::vector<std::string> notes = parse_recording(files).notes;
+  ASSERT_EQ(notes.size(), 8u);
+  EXPECT_EQ(
+      notes[7],
+      "observations.csv, row 2, column 'c7': 'a' is not a number; the column is left out; so are 2 more that hold "
+      "texts");
 }
 
 TEST(RecordingIo, SigmaMayBeEstimated) {

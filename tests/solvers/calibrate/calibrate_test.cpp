@@ -71,6 +71,20 @@ TEST(Calibrate, StopsInMillimetresAreAskedAbout) {
   EXPECT_THAT(report.notes[0], HasSubstr("stops (or taped distances) are in another unit"));
 }
 
+TEST(Calibrate, SaysWhatTheReadersNotedOnce) {
+  std::vector<Recording> recordings;
+  for (std::uint64_t seed = 0; seed < 2; ++seed)
+    recordings.push_back(simulate(scene_with(10, around, 10), seed_from("reader notes", {seed})));
+  recordings[0].notes = {"a column is left out"};
+  recordings[1].notes = {"a column is left out", "another is"};
+  CalibrateOptions options;
+  options.methods = {Method::closed_form};
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  EXPECT_THAT(calibrate_report(recordings, options).notes,
+              ::testing::ElementsAre("a column is left out", "another is"));
+}
+
 TEST(Calibrate, ReadingsWithoutNoiseAreCalledThat) {
   Scene scene = scene_with(10, around, 3);
   Recording recording = simulate(scene, seed_from("exact"));

@@ -119,6 +119,10 @@ struct Recording {
   /// `extraction:` of recording.yaml, how the readings were cut out of raw scans: each field's text, a list as YAML.
   /// "arc" is which point of a cylinder's arc was taken for the range.
   std::map<std::string, std::string> extraction;
+
+  /// What the reader did that a person should know, a sentence each: a column left out for a text among its numbers, pairs
+  /// whose distances do not repeat. Empty if made in memory; never written. Cut-down copies keep them.
+  std::vector<std::string> notes;
 };
 
 /// How far `stop` may be from its commanded place per axis [m]; of a covariance the root mean square of both axes.

@@ -11,7 +11,8 @@
 
 namespace rangecal {
 
-/// What a person would ask on seeing such a recording and the curve fitted to it, one sentence each:
+/// What the readers of the recordings noted (Recording::notes, each once), and what a person would ask on seeing such a
+/// recording and the curve fitted to it, one sentence each:
 ///   - readings and distances that differ by more than a factor of twenty, as they do when a file is in
 ///     millimetres; any factor fits a polynomial, so nothing else would say so;
 ///   - readings of which more than half lie above the sensor's range;
