@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
@@ -65,16 +68,74 @@ struct Batches {
     return index.insert(label);
   }
   bool cut(int batch) const { return batch >= 0 && losses[static_cast<std::size_t>(batch)].cut(); }
+  int cut() const {
+    return static_cast<int>(
+        std::count_if(losses.begin(), losses.end(), [](const CellLoss& loss) { return loss.cut(); }));
+  }
 };
 
-void leave_out_cut_batches(const Batches& batches, CovariateColumns& covariates, Recording& recording) {
+// Without batches the cells are what was read at one true distance, wherever in the file: those that lost a reading
+// at a limit, with their losses.
+class CutDistances {
+ public:
+  void count(double true_m, const char* reason) {
+    if (lost_at_limit(reason) && true_m > 0.0) losses_[true_m].count(reason);
+  }
+  void count_used(const Pairs& pairs) {
+    if (losses_.empty()) return;
+    for (const double true_m : pairs.true_m)
+      if (const auto found = losses_.find(true_m); found != losses_.end()) found->second.count(nullptr);
+  }
+  bool cut(double true_m) const {
+    const auto found = losses_.find(true_m);
+    return found != losses_.end() && found->second.cut();
+  }
+  int cut() const {
+    return static_cast<int>(
+        std::count_if(losses_.begin(), losses_.end(), [](const auto& loss) { return loss.second.cut(); }));
+  }
+  int lone() const {  // lost readings whose distance no other has
+    return static_cast<int>(std::count_if(losses_.begin(), losses_.end(),
+                                          [](const auto& loss) { return loss.second.seen == 1; }));
+  }
+
+ private:
+  std::map<double, CellLoss> losses_;
+};
+
+// Where nine tenths of the readings or more have a distance of their own, no question about repeats can be asked, and
+// no cell shows what a limit took.
+void note_lone_distances(const std::string& file, const CutDistances& distances, Recording& recording) {
+  std::vector<double> d = recording.pairs.true_m;
+  const std::size_t size = d.size();
+  std::size_t together = 0;
+  for (std::size_t i = 1; i < size; ++i) together += d[i] == d[i - 1];
+  if (size < 2 || 10 * together > size) return;
+  std::sort(d.begin(), d.end());
+  std::size_t alone = 0;
+  for (std::size_t i = 0; i < size; ++i)
+    alone += (i == 0 || d[i] != d[i - 1]) && (i + 1 == size || d[i] != d[i + 1]);
+  if (10 * alone < 9 * size) return;
+  std::string what = fmt::format(
+      "there is no column 'batch', and {} of {} readings have a true_m that no other has: what only repeats tell cannot "
+      "be asked",
+      alone, size);
+  if (distances.lone() > 0)
+    what +=
+        fmt::format("; {} more were lost at a limit of the sensor, and what is left near it leans inwards",
+                    distances.lone());
+  recording.notes.emplace_back(InputError(file, 0, "", what).what());
+}
+
+void leave_out_cut_pairs(const Batches& batches, const CutDistances& distances, CovariateColumns& covariates,
+                         Recording& recording) {
   Pairs& pairs = recording.pairs;
   Counts& counts = recording.counts;
-  counts.cells_left_out = static_cast<int>(std::count_if(batches.losses.begin(), batches.losses.end(),
-                                                         [](const CellLoss& loss) { return loss.cut(); }));
+  counts.cells_left_out = batches.cut() + distances.cut();
   std::vector<char> unwanted;
   if (counts.cells_left_out > 0) {
-    for (const int batch : pairs.batch) unwanted.push_back(batches.cut(batch));
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      unwanted.push_back(pairs.batch.empty() ? distances.cut(pairs.true_m[i]) : batches.cut(pairs.batch[i]));
     const auto lost = static_cast<int>(std::count(unwanted.begin(), unwanted.end(), 1));
     if (lost > 0) counts.dropped["cell cut by a limit"] = lost;
   }
@@ -112,6 +173,7 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
   }
   CovariateColumns covariates(rows, {"true_m", "reading_m", "batch", "time_s", "landmark", "bearing_rad"});
   Batches batches;
+  CutDistances distances;
   Pairs& pairs = recording.pairs;
   Counts& counts = recording.counts;
   while (rows.next()) {
@@ -123,6 +185,7 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
     const Pair read = measurement(rows, columns, recording.sensor);
     const double time_s = columns.time ? rows.finite(*columns.time) : 0.0;
     if (batch >= 0) batches.losses[static_cast<std::size_t>(batch)].count(read.unusable);
+    if (!columns.batch) distances.count(read.true_m, read.unusable);
     covariates.take(rows, read.unusable == nullptr);
     if (read.unusable != nullptr) {
       ++counts.dropped[read.unusable];
@@ -137,8 +200,10 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
     pairs.row.push_back(rows.line());
   }
   if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
-  leave_out_cut_batches(batches, covariates, recording);
+  distances.count_used(pairs);
+  leave_out_cut_pairs(batches, distances, covariates, recording);
   number_batches(batches, pairs);
+  if (!columns.batch) note_lone_distances(rows.file(), distances, recording);
 }
 
 }  // namespace rangecal::io

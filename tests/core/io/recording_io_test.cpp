@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -351,6 +352,55 @@ TEST(RecordingIo, ABatchCutByALimitIsLeftOutWhole) {
   EXPECT_EQ(recording.counts.cells_left_out, 1);
   EXPECT_THAT(recording.counts.dropped, UnorderedElementsAre(Pair("above range_max_m", 2), Pair("missing", 1),
                                                              Pair("cell cut by a limit", 1)));
+}
+
+// Without batches a cell is what was read at one distance: here in turns with another one, and 201 readings long.
+TEST(RecordingIo, WithoutBatchesADistanceCutByALimitIsLeftOutWhole) {
+  for (const int lost : {0, 2, 3}) {  // 2 of 201 are less than 1 %, 3 are more
+    RecordingFolder folder;
+    std::string rows = "true_m,reading_m\n";
+    for (int i = 0; i < 201; ++i)
+      rows += std::string(i % 67 == 5 && i / 67 < lost ? "5.9,6.1" : "5.9,5.8") + "\n1,1.1\n";
+    folder.make_pairs(rows);
+    const Recording recording = load_recording(folder.path());
+    const bool cut = lost == 3;
+    EXPECT_EQ(recording.counts.cells_left_out, cut ? 1 : 0) << lost;
+    EXPECT_EQ(recording.counts.used, cut ? 201 : 402 - lost);
+    EXPECT_EQ(std::count(recording.pairs.true_m.begin(), recording.pairs.true_m.end(), 5.9),
+              cut ? 0 : 201 - lost);
+    EXPECT_EQ(recording.counts.dropped.contains("cell cut by a limit"), cut);
+    if (cut) {
+      EXPECT_EQ(recording.counts.dropped.at("cell cut by a limit"), 198);
+    }
+    EXPECT_THAT(recording.notes, ::testing::IsEmpty());
+  }
+}
+
+TEST(RecordingIo, PairsWhoseDistancesDoNotRepeatAreNoted) {
+  const auto notes_of = [](int alone, int repeated, const std::string& more) {
+    std::string rows = "true_m,reading_m\n";
+    for (int i = 0; i < alone; ++i) rows += std::to_string(1.0 + 0.01 * i) + ",1.5\n";
+    for (int i = 0; i < repeated; ++i) rows += "5,5\n";
+    return parse_recording({{"recording.yaml", "format: rangecal/1\nkind: pairs\nsensor: {range_max_m: 6}\n"},
+                            {"pairs.csv", rows + more}})
+        .notes;
+  };
+  const std::string head = "pairs.csv: there is no column 'batch', and ",
+                    tail =
+                        " readings have a true_m that no other has: what only repeats tell cannot be asked";
+  EXPECT_THAT(notes_of(18, 2, ""),
+              ElementsAre(head + "18 of 20" + tail));  // 90 % is hardly a repeat, 85 % is some
+  EXPECT_THAT(notes_of(17, 3, ""), ::testing::IsEmpty());
+  EXPECT_THAT(notes_of(1, 0, ""), ::testing::IsEmpty());
+  // A distance that lost its only reading is a cell of one, cut whole; who lost one of two leaves the other out.
+  EXPECT_THAT(
+      notes_of(20, 0, "5.91,6.1\n5.92,6.1\n5.93,6.1\n5.93,5.9\n,7\n"),
+      ElementsAre(head + "20 of 20" + tail +
+                  "; 2 more were lost at a limit of the sensor, and what is left near it leans inwards"));
+  EXPECT_THAT(parse_recording({{"recording.yaml", "format: rangecal/1\nkind: pairs\n"},
+                               {"pairs.csv", "true_m,reading_m,batch\n1,1,a\n2,2,b\n"}})
+                  .notes,
+              ::testing::IsEmpty());
 }
 
 TEST(RecordingIo, AFolderThatCannotBeMadeIsNamed) {
