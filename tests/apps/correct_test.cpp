@@ -204,7 +204,7 @@ TEST_F(CorrectCommand, ManyReadingsUnderOnePriorAreThoseOfTheIntegrals) {
     ++compared;
     const std::vector<double>& right = found->second;
     ASSERT_EQ(numbers.size(), right.size());
-    if (right.size() < 10) return;  // no distance: the fields behind the flag are empty
+    if (right.size() < 10) return;                        // no distance: the fields behind the flag are empty
     for (const std::size_t i : {1u, 2u, 6u, 7u, 8u, 9u})  // spread of the whole: (high - low) / 3.92
       EXPECT_NEAR(numbers[i], right[i], 1.5e-3 * (right[9] - right[8]) / 3.9 + 2e-6)
           << name << " column " << i;
@@ -225,6 +225,27 @@ TEST_F(CorrectCommand, AnEmptyFieldThatAnEffectNeedsIsNotTakenForZero) {
   EXPECT_EQ(degrees.code, 2);
   EXPECT_THAT(degrees.err, HasSubstr("row 3, column 'bearing_rad'"));
   EXPECT_THAT(degrees.err, HasSubstr("radians"));
+}
+
+TEST_F(CorrectCommand, ATextInAColumnThatAnEffectNeedsIsNamed) {
+  Calibration calibration = line();
+  calibration.effects["range_eccentricity"] = {{"cosine_m", 0.02}, {"sine_m", 0.0}};
+  calibration.effects["range_scale"] = {{"scale", 0.01}, {"form", 1.0}};  // with temperature_c
+  const std::string json = save(calibration), head = "range_m,bearing_rad,temperature_c,by\n1.1,0.5,20,me\n";
+  const auto says = [&](const std::string& row, const std::string& what) {
+    const RunResult result = run("correct " + json, head + row);
+    EXPECT_EQ(result.code, 2) << row;
+    EXPECT_EQ(result.out, "") << row;
+    EXPECT_THAT(result.err, HasSubstr("stdin, row 3, column " + what)) << row;
+  };
+  says("1.1,left,20,me\n", "'bearing_rad': 'left' is not a number");
+  says("1.1,0.5,warm,me\n", "'temperature_c': 'warm' is not a number");
+  // Also where the row lacks something else: the column would be no covariate, and no row undone by it.
+  says("1.1,,warm,me\n", "'temperature_c': 'warm' is not a number");
+  says(",0.5,warm,me\n", "'temperature_c': 'warm' is not a number");
+  const RunResult fine = run("correct " + json, head + "1.1,0.5,,me\n");  // nobody needs `by`
+  EXPECT_EQ(fine.code, 0) << fine.err;
+  EXPECT_EQ(count_of(fine.out, "1.1,,,,missing\n"), 1) << fine.out;
 }
 
 TEST_F(CorrectCommand, ADistanceThatThePriorDoesNotAllowIsFlagged) {

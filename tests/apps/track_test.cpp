@@ -99,6 +99,23 @@ TEST(TrackCommand, BadRowsAreNamedAndNothingElseIsLost) {
   EXPECT_EQ(run("track /nowhere.csv").code, 2);
 }
 
+TEST(TrackCommand, ATextInAColumnThatIsReadIsNamedAndTheRowTeachesNothing) {
+  for (const std::string column : {"true_m", "time_s", "bearing_rad"}) {
+    std::string table = "reading_m,true_m,time_s,bearing_rad,by\n";
+    for (int i = 0; i < 12; ++i) {
+      const auto field = [&](const std::string& name, double value) {
+        return i == 6 && name == column ? std::string("left") : std::to_string(value);
+      };
+      table += std::to_string(1.1 + 0.2 * i + 0.003 * (i % 3)) + "," + field("true_m", 1.0 + 0.2 * i) + "," +
+               field("time_s", i) + "," + field("bearing_rad", 0.1 * i) + ",me\n";
+    }
+    const RunResult result = run("track --order 1", table);
+    EXPECT_EQ(result.code, 0) << column << result.err;
+    EXPECT_EQ(count_of(result.out, "malformed"), 1) << column;
+    EXPECT_THAT(result.err, HasSubstr("stdin, row 8, column '" + column + "': 'left' is not a number"));
+  }
+}
+
 TEST(TrackCommand, CorrectsByACalibrationGiven) {
   const TemporaryFolder folder;
   save_line(folder, 0.5, NoiseLaw::constant);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <numbers>
 #include <string_view>
@@ -112,12 +113,14 @@ class SettingRows {
     const bool repeat = std::isfinite(value(row, repeat_));
     if (repeat) at.repeat = table_.count(row, *repeat_.column);
     const auto has = [](const Field& field, bool there) { return there || !field.needed; };
+    // Each is looked at, whatever else the row lacks: a text in one makes its column no covariate, for all rows.
+    const auto given = std::count_if(wanted_.begin(), wanted_.end(),
+                                     [&](const Field& field) { return std::isfinite(value(row, field)); });
     at.complete = has(bearing_, std::isfinite(at.bearing_rad)) &&
                   has(heading_, std::isfinite(at.heading_rad)) && has(radius_, std::isfinite(at.radius_m)) &&
                   has(time_, std::isfinite(at.time_s)) && has(landmark_, is_there(row, landmark_)) &&
                   has(stop_, is_there(row, stop_)) && has(repeat_, repeat) &&
-                  std::all_of(wanted_.begin(), wanted_.end(),
-                              [&](const Field& field) { return std::isfinite(value(row, field)); });
+                  given == static_cast<std::ptrdiff_t>(wanted_.size());
     at.covariates.reserve(covariates_.size());
     for (const Field& field : covariates_) at.covariates.push_back(value(row, field));
     return at;
