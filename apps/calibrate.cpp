@@ -12,6 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/tilt/leaning.hpp"
 #include "report/report.hpp"
 #include "summary.hpp"
@@ -64,7 +65,7 @@ struct CalibrateCommand {
     if (tilt) return out_of_the_plane(recordings, options);
     const CalibrationReport result = run_job(recordings, options);
     const Calibration& best = recommended(result);
-    if (!json.empty()) save_calibrations(result.calibrations, json);
+    if (!json.empty()) save_calibrations(result.calibrations, json, result.notes);
     if (!report.empty()) write_file(report, report::calibration_page(recordings, result, best, json));
 
     fmt::print("{}", summary_page(result, best, recordings, json));
@@ -90,10 +91,11 @@ struct CalibrateCommand {
       fmt::print("Outcome    {}: {}\n", to_string(fit.outcome), fit.reason);
       return not_delivered;
     }
-    if (!json.empty()) save_calibrations({fit.calibration}, json);
     CalibrationReport report_of_fit;
     report_of_fit.calibrations = {fit.calibration};
     report_of_fit.models = fit.models;
+    report_of_fit.notes = doubts(recordings, fit.calibration);
+    if (!json.empty()) save_calibrations({fit.calibration}, json, report_of_fit.notes);
     fmt::print("{}\n{}", tilt_page(fit), summary_page(report_of_fit, fit.calibration, recordings, json));
     return done;
   }

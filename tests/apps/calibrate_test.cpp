@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "apps/run_binary.hpp"
@@ -116,7 +117,9 @@ TEST(CalibrateCommand, NoiseShapeOfLandmarksIsInPageAndFile) {
   expect_true_curve(calibration);
   // 15 parameters as for the Gaussian, and nu of each channel.
   EXPECT_NEAR(*calibration.aic, 2.0 * (*calibration.marginal_nll + 17.0), 1e-9);
-  EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json)));
+  const auto notes = nlohmann::json::parse(slurp(json)).at("notes").get<std::vector<std::string>>();
+  EXPECT_THAT(notes, ::testing::ElementsAre(HasSubstr("noise is student-t with nu")));
+  EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json), notes));
 }
 
 TEST(CalibrateCommand, TiltSaysWhatTheDesignCannotSee) {

@@ -49,6 +49,14 @@ TEST(Formats, NameEveryMemberOfACalibration) {
     files.push_back(written(folder, "calibrate " + shipped("field-layout") +
                                         " --order 2 --noise f2 --noise-shape " + shape + " --json"));
   files.push_back(written(folder, "calibrate " + shipped("pairs-2016") + " --order 2 --noise f2 --json"));
+  std::filesystem::create_directory(folder.file("noted"));
+  folder.write("noted/recording.yaml", "format: rangecal/1\nkind: pairs\n");
+  std::string pairs = "true_m,reading_m,by\n";
+  for (int i = 0; i < 30; ++i)
+    pairs += std::to_string(1.0 + 0.1 * i) + "," + std::to_string(1.01 + 0.1 * i + 0.003 * (i % 3)) + ",me\n";
+  folder.write("noted/pairs.csv", pairs);  // a column of texts: there are notes
+  files.push_back(
+      written(folder, "calibrate " + folder.file("noted") + " --order 1 --noise constant --json"));
   files.push_back(written(folder, "diagnose " + shipped("concealed/world-02") + " --calibration"));
   files.push_back(written(
       folder, "track " + shipped("pairs-2016/pairs.csv") + " -o " + folder.file("now.csv") + " --json"));

@@ -121,6 +121,32 @@ TEST(Usage, DistancesInMillimetresAreAskedAbout) {
   }
 }
 
+TEST(Usage, WhatReadersNotedIsSaidByEveryCommandAndFile) {
+  const TemporaryFolder folder;
+  folder.write("recording.yaml", "format: rangecal/1\nkind: pairs\n");
+  std::string table = "true_m,reading_m,level\n";
+  for (int i = 0; i < 30; ++i)
+    table += std::to_string(1.0 + 0.1 * i) + "," + std::to_string(1.01 + 0.1 * i + 0.003 * (i % 3)) + "," +
+             (i == 7 ? std::string("high") : std::to_string(i)) + "\n";
+  folder.write("pairs.csv", table);
+  const std::string column = "row 9, column 'level': 'high' is not a number; the column is left out",
+                    lone = "30 of 30 readings have a true_m that no other has";
+  const std::string json = folder.file("out.json");
+  for (const std::string command : {"calibrate", "compare", "diagnose"}) {
+    const RunResult result =
+        run(command + " " + folder.path() + (command == "compare" ? "" : " --json " + json));
+    EXPECT_EQ(result.code, 0) << command << result.err;
+    std::string words;  // lines are broken between words
+    std::istringstream text(result.out);
+    for (std::string word; text >> word;) words += (words.empty() ? "" : " ") + word;
+    EXPECT_EQ(count_of(words, column), 1) << command << result.out;
+    EXPECT_EQ(count_of(words, lone), 1) << command << result.out;
+    if (command == "compare") continue;
+    EXPECT_EQ(count_of(slurp(json), column), 1) << command;
+    EXPECT_EQ(count_of(slurp(json), lone), 1) << command;
+  }
+}
+
 TEST(Usage, InputThatIsMissingOrMixed) {
   expect_bad_input("calibrate /no/such/folder", {"/no/such/folder"});
   expect_bad_input("compare " + shipped("field-layout") + " " + shipped("pairs-2016"), {"mixed"});

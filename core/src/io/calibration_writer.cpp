@@ -111,7 +111,8 @@ Json to_json(const Calibration& calibration) {
 
 }  // namespace
 
-std::string calibrations_to_json(const std::vector<Calibration>& calibrations) {
+std::string calibrations_to_json(const std::vector<Calibration>& calibrations,
+                                 const std::vector<std::string>& notes) {
   Json top;
   if (calibrations.size() == 1) {
     top = to_json(calibrations.front());
@@ -120,12 +121,14 @@ std::string calibrations_to_json(const std::vector<Calibration>& calibrations) {
     top["methods"] = Json::array();
     for (const Calibration& calibration : calibrations) top["methods"].push_back(to_json(calibration));
   }
+  if (!notes.empty()) top["notes"] = notes;
   // Labels may hold bytes that are no UTF-8 when they were made in memory: those are replaced, never thrown over.
   return top.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void save_calibrations(const std::vector<Calibration>& calibrations, const std::string& path) {
-  write_file(path, calibrations_to_json(calibrations));
+void save_calibrations(const std::vector<Calibration>& calibrations, const std::string& path,
+                       const std::vector<std::string>& notes) {
+  write_file(path, calibrations_to_json(calibrations, notes));
 }
 
 }  // namespace rangecal

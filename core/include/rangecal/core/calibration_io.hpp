@@ -9,9 +9,12 @@
 namespace rangecal {
 
 /// Writes `rangecal-calibration/1` JSON (docs/formats.md): one object, or several under `methods`. Written to a temporary
-/// and renamed, so that no file is left half-written. Throws InputError if the path cannot be written.
-void save_calibrations(const std::vector<Calibration>& calibrations, const std::string& path);
-std::string calibrations_to_json(const std::vector<Calibration>& calibrations);
+/// and renamed, so that no file is left half-written. Throws InputError if the path cannot be written. `notes`, what is to be
+/// known of the job, stand beside the calibrations where there are any; reading leaves them.
+void save_calibrations(const std::vector<Calibration>& calibrations, const std::string& path,
+                       const std::vector<std::string>& notes = {});
+std::string calibrations_to_json(const std::vector<Calibration>& calibrations,
+                                 const std::vector<std::string>& notes = {});
 
 /// Reads what save_calibrations wrote. Throws InputError naming file and field.
 std::vector<Calibration> load_calibrations(const std::string& path);
