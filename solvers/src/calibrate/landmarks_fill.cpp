@@ -6,27 +6,12 @@
 #include <regex>
 
 #include "calibrate/landmarks_job.hpp"
-#include "rangecal/solvers/calibrate/curve.hpp"
+#include "calibrate/what_is_open.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
-#include "rangecal/solvers/covariance/cramer_rao.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
 namespace {
-
-void fill_range(const JointProblem& problem, const JointState& state, Calibration& result) {
-  const Cells& cells = problem.cells;
-  double low = std::numeric_limits<double>::infinity(), high = 0.0;
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const Pose2& pose = state.stops[cells.stop[i]];
-    const double d =
-        (state.landmarks[cells.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm() - cells.radius_m[i];
-    low = std::min(low, d);
-    high = std::max(high, d);
-  }
-  result.range_min_m = std::max(0.0, low);
-  result.range_max_m = high;
-}
 
 void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibration& result) {
   const int alphas = static_cast<int>(fit.state.alpha.size()),
@@ -56,13 +41,6 @@ void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibrati
         covariance->block<2, 2>(layout.landmark_begin + 2 * l, layout.landmark_begin + 2 * l);
 }
 
-/// Labels for landmark indices, the noise law's symbols for "noise parameter i".
-std::string in_user_words(const std::string& direction, const LandmarksJob& job, const JointState& state) {
-  const bool beta = state.noise.law == NoiseLaw::polynomial;
-  return std::regex_replace(with_labels(direction, job.landmark_labels),
-                            std::regex("noise parameter ([0-9]+)"), beta ? "beta_$1" : "log sigma_e");
-}
-
 }  // namespace
 
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels) {
@@ -79,6 +57,13 @@ std::string with_labels(const std::string& text, const std::vector<std::string>&
   return result;
 }
 
+std::string in_user_words(const std::string& direction, const std::vector<std::string>& labels,
+                          NoiseLaw law) {
+  const bool beta = law == NoiseLaw::polynomial;
+  return std::regex_replace(with_labels(direction, labels), std::regex("noise parameter ([0-9]+)"),
+                            beta ? "beta_$1" : "log sigma_e");
+}
+
 Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit) {
   Calibration result;
   result.method = method;
@@ -90,7 +75,7 @@ Calibration calibration_from_fit(const LandmarksJob& job, Method method, const J
     result.covariance_reason = "no optimum, so no covariance";
     return result;
   }
-  result.weakest_direction = in_user_words(fit.weakest_direction, job, fit.state);
+  result.weakest_direction = in_user_words(fit.weakest_direction, job.landmark_labels, fit.state.noise.law);
   result.covariance_reason = with_labels(fit.covariance_reason, job.landmark_labels);
   result.alpha = fit.state.alpha;
   result.noise = fit.state.noise;
@@ -162,56 +147,6 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
   calibration.joint_nll = value.joint_nll;
   calibration.marginal_nll = value.marginal_nll;
   calibration.aic = 2.0 * (value.marginal_nll + job.parameters(state));
-}
-
-std::optional<std::string> what_is_open(const LandmarksJob& job, const JointState& state) {
-  if (state.alpha.size() < 2) return std::nullopt;
-  Calibration at;
-  at.alpha = state.alpha;
-  at.noise = state.noise;
-  fill_range(job.problem, state, at);
-  double uncertain = job.problem.stops[0].sigma_xy_m;
-  if (!job.problem.stops.back().chained)
-    for (const StopPrior& prior : job.problem.stops) uncertain = std::max(uncertain, prior.sigma_xy_m);
-  const double span = at.range_max_m - at.range_min_m;
-  if (span < 0.02 * at.range_max_m)
-    return fmt::format(
-        "all readings are at about one distance ({:.2f} to {:.2f} m), so the slope of f is not determined",
-        at.range_min_m, at.range_max_m);
-  if (span < 8.0 * uncertain)
-    return fmt::format(
-        "sigma_xy_m lets a stop be off by {:.3g} m where the distances, {:.2f} to {:.2f} m, differ by less than eight "
-        "times that, so the slope of f is not determined",
-        uncertain, at.range_min_m, at.range_max_m);
-  const auto bound = cramer_rao_bound(job.problem, state);
-  if (!bound) return "the information matrix is singular: curve and landmarks can shift together unseen";
-  at.alpha_covariance = bound->topLeftCorner(state.alpha.size(), state.alpha.size());
-  for (const CurvePoint& point : curve_points(at))
-    if (!(*point.std_dev_m < 0.25 * std::max(point.distance_m, 0.2 * at.range_max_m)))
-      return fmt::format(
-          "f is not determined (its standard deviation is {:.2g} m at {:.2f} m): curve and landmarks can "
-          "shift together unseen",
-          *point.std_dev_m, point.distance_m);
-  return std::nullopt;
-}
-
-void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state,
-               Calibration& calibration) {
-  if (calibration.outcome == Outcome::too_few_data) return;
-  if (calibration.alpha.size() == 0) {
-    calibration.alpha = state.alpha;
-    calibration.noise = state.noise;
-    fill_range(job.problem, state, calibration);
-  }
-  calibration.outcome = Outcome::unobservable;
-  calibration.reason = what;
-  calibration.alpha_covariance.reset();
-  calibration.covariance_with_choice.reset();
-  calibration.covariance_reason = "no covariance: " + what;
-  for (Estimate& estimate : calibration.noise_estimates) estimate.std_dev.reset();
-  for (LandmarkEstimate& landmark : calibration.landmarks) landmark.covariance.reset();
-  if (calibration.weakest_direction.empty())
-    calibration.weakest_direction = "alpha_0 against alpha_1 and the landmarks";
 }
 
 }  // namespace rangecal

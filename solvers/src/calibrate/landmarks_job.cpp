@@ -163,9 +163,12 @@ MarginalFit LandmarksJob::marginal_by_joint(const JointState& start, const Joint
   return best;
 }
 
-double LandmarksJob::parameters(const JointState& state) const {
-  return static_cast<double>(state.alpha.size() + state.noise.parameters.size()) + 1.0 +
-         2.0 * problem.landmark_count() + (problem.estimate_sigma_s ? 1.0 : 0.0);
+double LandmarksJob::parameters(const JointState& state) const { return parameter_count(problem, state); }
+
+double parameter_count(const JointProblem& problem, const JointState& state, bool pairs) {
+  const auto curve_and_noise = static_cast<double>(state.alpha.size() + state.noise.parameters.size());
+  if (pairs) return curve_and_noise;
+  return curve_and_noise + 1.0 + 2.0 * problem.landmark_count() + (problem.estimate_sigma_s ? 1.0 : 0.0);
 }
 
 std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models,

@@ -47,6 +47,10 @@ struct LandmarksJob {
       const JointState& state) const;  ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated
 };
 
+/// What AIC counts: alpha, the noise's parameters, of landmarks their coordinates and sigma_theta, sigma_s where the
+/// problem estimates it. Pairs laid out as a joint problem (`pairs`) have curve and noise alone.
+double parameter_count(const JointProblem& problem, const JointState& state, bool pairs = false);
+
 /// The job's answer by one method: estimates, covariances, labels, range and counts; not yet its scores.
 Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit);
 Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, int order, NoiseLaw law);
@@ -56,18 +60,10 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
 void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
            Calibration& calibration);
 
-/// What of the curve the recording leaves open, in words: distances that do not differ, or a standard
-/// deviation of f (by the expected information at `state`) beyond a quarter of the distance. None where f is
-/// determined.
-std::optional<std::string> what_is_open(const LandmarksJob& job, const JointState& state);
-
-/// Turns a calibration into the outcome `unobservable`, standard deviations removed; where it had no curve it
-/// gets that of `state`, one of the many that explain the readings. `too_few_data` stays.
-void mark_open(const LandmarksJob& job, const std::string& what, const JointState& state,
-               Calibration& calibration);
-
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);
+/// The same, and "noise parameter 0" as the law's symbol.
+std::string in_user_words(const std::string& direction, const std::vector<std::string>& labels, NoiseLaw law);
 
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
                          CalibrationReport& report);

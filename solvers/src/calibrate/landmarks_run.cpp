@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calibrate/noise_shapes.hpp"
+#include "calibrate/what_is_open.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/nlopt/joint_check.hpp"
@@ -163,12 +164,12 @@ void refuse_what_is_not(std::span<const Recording> recordings, const CalibrateOp
 /// What the recording leaves open, of every method; and what the closed form alone could not tell.
 void mark_what_is_open(const LandmarksJob& job, const std::optional<JointState>& at,
                        CalibrationReport& report) {
-  if (const auto open = at ? what_is_open(job, *at) : std::nullopt)
-    for (Calibration& calibration : report.calibrations) mark_open(job, *open, *at, calibration);
+  if (const auto open = at ? what_is_open(job.problem, *at) : std::nullopt)
+    for (Calibration& calibration : report.calibrations) mark_open(job.problem, *open, *at, calibration);
   for (Calibration& calibration : report.calibrations) {
     if (calibration.outcome != Outcome::unobservable || calibration.alpha.size() > 0) continue;
     if (at)
-      mark_open(job, std::string(calibration.reason), *at, calibration);
+      mark_open(job.problem, std::string(calibration.reason), *at, calibration);
     else
       calibration.outcome = Outcome::failed;
   }
