@@ -47,10 +47,16 @@ struct DiagnoseCommand {
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
-    return done;
+    return determined(diagnosis) ? done : not_delivered;
   }
 
  private:
+  /// A simulation's curve is given; else the recordings have to determine the one that stands by.
+  bool determined(const Diagnosis& diagnosis) const {
+    return !simulation.empty() || diagnosis.corrected.outcome != Outcome::unobservable ||
+           has_answer(diagnosis.corrected);
+  }
+
   std::vector<std::string> inputs() const {
     std::vector<std::string> folders = recordings;
     if (!simulation.empty()) folders.push_back(simulation);
@@ -122,7 +128,7 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       "  rangecal diagnose notebooks_data/field-layout\n"
       "  rangecal diagnose my-recording --json d.json --calibration cal.json && rangecal correct cal.json readings.csv\n"
       "  rangecal diagnose my-recording --simulation my-simulator-run\n"
-      "docs/diagnosis.md says what the verdicts mean.");
+      "docs/diagnosis.md says what the verdicts mean. Exit code 1: the recording does not determine the curve.");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
 }
 

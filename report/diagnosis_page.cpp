@@ -27,6 +27,8 @@ Badge badge_of(Verdict verdict) {
       return {"explained", "warn"};
     case Verdict::unexplained:
       return {"unexplained", "bad"};
+    case Verdict::unobservable:
+      return {"not determined", "bad"};
   }
   return {"", ""};
 }

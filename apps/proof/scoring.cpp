@@ -96,6 +96,7 @@ const char* to_string(Answer answer) {
 
 std::vector<std::vector<std::string>> answer_sets(const Diagnosis& diagnosis) {
   if (diagnosis.verdict == Verdict::no_mismatch) return {};
+  if (diagnosis.verdict == Verdict::unobservable) return {{"unobservable"}};
   if (diagnosis.verdict == Verdict::unexplained && diagnosis.final_effects.size() < 2) return {{"generic"}};
   std::vector<std::vector<std::string>> sets{sorted(diagnosis.final_effects)};
   if (!diagnosis.explanations.empty())
@@ -117,7 +118,8 @@ std::string in_words(const std::vector<std::vector<std::string>>& sets) {
 Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& truth,
                 const std::function<bool(const std::vector<std::string>&)>& is_twin) {
   if (truth.empty()) return diagnosis.verdict == Verdict::no_mismatch ? Answer::quiet : Answer::false_alarm;
-  if (diagnosis.verdict == Verdict::no_mismatch) return Answer::missed;
+  if (diagnosis.verdict == Verdict::no_mismatch || diagnosis.verdict == Verdict::unobservable)
+    return Answer::missed;
   if (diagnosis.verdict == Verdict::unexplained) return Answer::unexplained;
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
   const std::vector<std::string> wanted = sorted(truth);

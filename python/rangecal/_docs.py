@@ -268,7 +268,7 @@ _DOCS = {
 
     Attributes
     ----------
-    verdict : {"no_mismatch", "explained", "unexplained"}
+    verdict : {"no_mismatch", "explained", "unexplained", "unobservable"}
     sentence : str
         The verdict in one sentence.
     baseline, corrected : Calibration

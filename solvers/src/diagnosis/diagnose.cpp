@@ -18,6 +18,7 @@
 #include "diagnosis/residual_bins.hpp"
 #include "diagnosis/search.hpp"
 #include "diagnosis/simulation_compare.hpp"
+#include "diagnosis/undetermined.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
@@ -34,6 +35,8 @@ const char* to_string(Verdict verdict) {
       return "explained";
     case Verdict::unexplained:
       return "unexplained";
+    case Verdict::unobservable:
+      return "unobservable";
   }
   return "unexplained";
 }
@@ -124,6 +127,18 @@ void require_testable(const diagnosis::Rows& rows, std::span<const Recording> re
   if (order) throw NoAnswerError(without_noise(*order));
 }
 
+/// What the recordings leave open of the curve of the model that is stood by: of the seed model, and where a name
+/// completes it of that too, whose noise may be far smaller. A simulation's curve is given.
+std::optional<diagnosis::Undetermined> still_undetermined(const diagnosis::Rows& rows,
+                                                          std::span<const Recording> recordings,
+                                                          const diagnosis::SearchResult& found) {
+  if (rows.alpha_prior) return std::nullopt;
+  std::optional<diagnosis::Undetermined> open = undetermined(rows, recordings, found.baseline);
+  if (open && (found.verdict == Verdict::explained || found.partial))
+    open = undetermined(rows, recordings, found.best.fit);
+  return open;
+}
+
 /// Range residuals far too long in the tails for a normal law.
 bool outliers_stand_out(const diagnosis::Battery& battery) {
   return std::any_of(battery.questions.begin(), battery.questions.end(), [](const diagnosis::Question& q) {
@@ -193,6 +208,15 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     }
   }
   Diagnosis result = assemble_report(rows, recordings, found);
+  const std::optional<Undetermined> open = still_undetermined(rows, recordings, found);
+  const auto mark_calibrations = [&] {
+    if (!open) return;
+    mark_undetermined(rows, *open, found.baseline, result.baseline);
+    mark_undetermined(rows, *open, found.baseline, result.corrected);
+  };
+  mark_calibrations();
+  if (open && result.verdict == Verdict::no_mismatch) result.verdict = Verdict::unobservable;
+  const bool unobservable = result.verdict == Verdict::unobservable;
   for (Explanation& e : result.explanations)
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   for (std::string& doubt : doubts(recordings, result.corrected)) result.notes.push_back(std::move(doubt));
@@ -202,26 +226,31 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   // own.
   const Fit* completed = !curve && found.partial ? &found.best.fit : curve;
   if (options.simulation) compare_noise(*options.simulation, result.corrected, result);
-  if (options.held_out) {
+  if (options.held_out && !unobservable) {
     if (options.progress) options.progress("predicting readings held out", 0.8);
     add_held_out(rows, found, completed, result);
   }
   add_residual_bins(rows, found, completed, result);
   if (options.progress) options.progress("looking for what could be hidden", 0.9);
-  add_outlook(rows, found, options, result);
+  DiagnoseOptions outlook = options;
+  if (unobservable) outlook.unseen = outlook.next_experiments = false;  // of a curve that is none
+  add_outlook(rows, found, outlook, result);
   add_simulation_model(rows, recordings, corrected, found, curve, result);
   result.sentence = verdict_sentence(result);
+  if (open && !unobservable)
+    result.sentence += fmt::format(" The calibration itself is not determined: {}.", open->what);
   constexpr std::string_view found_by_search = "Explained by ";
   if (options.force && result.sentence.starts_with(found_by_search))
     result.sentence = fmt::format("Fitted as asked: {} The seed model's residuals have p = {:.2g}.",
                                   result.sentence.substr(found_by_search.size()), result.alarm_p_value);
   if (curve) {  // no name to correct by, but the noise is that of the completed model
-    const Calibration completed = calibration_of(rows, recordings, *curve);
-    result.corrected.alpha = completed.alpha;
-    result.corrected.alpha_covariance = completed.alpha_covariance;
-    result.corrected.noise = completed.noise;
-    result.corrected.noise_estimates = completed.noise_estimates;
-    result.corrected.sigma_theta_rad = completed.sigma_theta_rad;
+    const Calibration of_curve = calibration_of(rows, recordings, *curve);
+    result.corrected.alpha = of_curve.alpha;
+    result.corrected.alpha_covariance = of_curve.alpha_covariance;
+    result.corrected.noise = of_curve.noise;
+    result.corrected.noise_estimates = of_curve.noise_estimates;
+    result.corrected.sigma_theta_rad = of_curve.sigma_theta_rad;
+    mark_calibrations();
   }
   if (options.simulation && result.verdict == Verdict::no_mismatch)
     result.sentence = "No mismatch: the simulation accounts for this recording within its noise.";

@@ -110,6 +110,8 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   json["alarm_p_value"] = number(d.alarm_p_value);
   json["baseline"] = {{"order", d.baseline.order()},
                       {"noise_law", to_string(d.baseline.noise.law)},
+                      {"outcome", to_string(d.baseline.outcome)},
+                      {"weakest_direction", d.baseline.weakest_direction},
                       {"nll", number(d.before.nll)},
                       {"heldout_nll", number(d.before.heldout_nll)},
                       {"parameters", calibration_parameters(d.baseline)},
@@ -121,6 +123,8 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   Json parameters = calibration_parameters(d.corrected);
   if (!d.explanations.empty()) parameters.update(effect_parameters(d.explanations[0]));
   json["final"] = {{"effects", d.final_effects},
+                   {"outcome", to_string(d.corrected.outcome)},
+                   {"weakest_direction", d.corrected.weakest_direction},
                    {"nll", number(d.after.nll)},
                    {"heldout_nll", number(d.after.heldout_nll)},
                    {"parameters", parameters},

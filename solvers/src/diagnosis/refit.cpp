@@ -77,6 +77,12 @@ void set_calibration_spread(const Rows& rows, const MarginalFit& detail, Fit& fi
   const int alphas = static_cast<int>(fit.state.alpha.size());
   if (detail.covariance) {
     fit.alpha_covariance = detail.covariance->topLeftCorner(alphas, alphas);
+    const JointLayout layout(rows.problem, alphas, static_cast<int>(fit.state.noise.parameters.size()),
+                             false);
+    const int coordinates = 2 * rows.problem.landmark_count();
+    if (!rows.pairs)
+      fit.landmark_covariance =
+          detail.covariance->block(layout.landmark_begin, layout.landmark_begin, coordinates, coordinates);
     const int tau =
         static_cast<int>(detail.covariance->rows()) - 1 - static_cast<int>(fit.state.noise.parameters.size());
     fit.noise_std = std::sqrt((*detail.covariance)(tau, tau));
@@ -114,6 +120,9 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     calibrate_under(rows, fit.model, state, options, &detail);
   }
   fit.outcome = detail.outcome;
+  fit.reason = detail.reason;
+  fit.covariance_reason = detail.covariance_reason;
+  fit.weakest_direction = detail.weakest_direction;
   set_calibration_spread(rows, detail, fit);
   fit.ok = true;
   return fit;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "diagnosis/working.hpp"
@@ -25,14 +26,17 @@ struct Fit {
   Model model;
   JointState state;
   bool ok = false;
-  Outcome outcome = Outcome::failed;  ///< of the calibration at the fit's parameters
-  double nll = 0.0;                   ///< l_s of the readings themselves [nats]
+  Outcome outcome = Outcome::failed;                         ///< of the calibration at the fit's parameters
+  std::string reason, covariance_reason, weakest_direction;  ///< of it, landmarks by their index
+  double nll = 0.0;                                          ///< l_s of the readings themselves [nats]
   std::vector<FreeParameter> free;
   Eigen::MatrixXd covariance;  ///< of the free parameters, calibration marginalised
   /// Of the free parameters, by the profile of the likelihood; none where the covariance gives them, empty
   /// before `add_profile_limits`.
   std::vector<std::optional<Limits>> limits;
   Eigen::MatrixXd alpha_covariance;
+  /// Of the landmarks' x, y in order, given the effects' parameters; empty where there is none, and for pairs.
+  Eigen::MatrixXd landmark_covariance;
   double sigma_theta_std = 0.0, noise_std = 0.0;
 };
 

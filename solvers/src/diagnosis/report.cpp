@@ -7,8 +7,10 @@
 #include <cmath>
 #include <map>
 
+#include "calibrate/landmarks_job.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/twins.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -147,13 +149,27 @@ void note_limits(const Model& model, std::vector<std::string>& notes) {
 
 }  // namespace
 
+std::vector<std::string> landmark_labels(std::span<const Recording> recordings) {
+  std::vector<std::string> labels;
+  for (const Recording& recording : recordings)
+    for (const Landmark& landmark : recording.landmarks) labels.push_back(landmark.label);
+  return labels;
+}
+
 Calibration calibration_of(const Rows& rows, std::span<const Recording> recordings, const Fit& fit) {
   Calibration c;
   c.method = Method::marginal;
   c.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
   c.outcome = fit.outcome;
+  const std::vector<std::string> labels = landmark_labels(recordings);
+  c.reason = with_labels(fit.reason, labels);
+  c.covariance_reason = with_labels(fit.covariance_reason, labels);
+  c.weakest_direction = in_user_words(fit.weakest_direction, labels, fit.state.noise.law);
   c.alpha = fit.state.alpha;
   if (fit.alpha_covariance.size() > 0) c.alpha_covariance = fit.alpha_covariance;
+  if (c.alpha_covariance && !fit.free.empty())
+    c.covariance_reason =
+        "at the effects' parameters: their own errors are not in the covariances of curve and landmarks";
   c.noise = fit.state.noise;
   const auto known = [](double std_dev) { return std_dev > 0.0 ? std::optional(std_dev) : std::nullopt; };
   c.noise_estimates = {{fit.state.noise.parameters[0], known(fit.noise_std * fit.state.noise.parameters[0])}};
@@ -161,7 +177,14 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   const CellGeometry g = cell_geometry(rows, fit.state);
   c.range_min_m = *std::min_element(g.d.begin(), g.d.end());
   c.range_max_m = *std::max_element(g.d.begin(), g.d.end());
-  c.marginal_nll = fit.nll;
+  c.marginal_nll = c.joint_nll = fit.nll;
+  if (!rows.pairs && !rows.alpha_prior) {
+    const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+    c.joint_nll = joint_nll(working.problem, fit.state) + working.constant;
+  }
+  if (!rows.alpha_prior)
+    c.aic = 2.0 * (fit.nll + parameter_count(rows.problem, fit.state, rows.pairs) +
+                   static_cast<double>(fit.free.size()));
   int landmark = 0, stop = 0, index = 0;
   for (const Recording& recording : recordings) {
     c.counts.read += recording.counts.read;
@@ -169,8 +192,12 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
     c.counts.cells_left_out += recording.counts.cells_left_out;
     for (const auto& [reason, count] : recording.counts.dropped) c.counts.dropped[reason] += count;
     if (!rows.pairs) {
-      for (const Landmark& l : recording.landmarks)
-        c.landmarks.push_back({index, l.label, fit.state.landmarks[landmark++], std::nullopt});
+      for (const Landmark& l : recording.landmarks) {
+        std::optional<Eigen::Matrix2d> covariance;
+        if (fit.landmark_covariance.size() > 0)
+          covariance = fit.landmark_covariance.block<2, 2>(2 * landmark, 2 * landmark);
+        c.landmarks.push_back({index, l.label, fit.state.landmarks[landmark++], covariance});
+      }
       for (const Stop& s : recording.stops) c.stops.push_back({index, s.label, fit.state.stops[stop++]});
     }
     ++index;

@@ -119,6 +119,14 @@ std::string verdict_sentence(const Diagnosis& d) {
       return "Unexplained: " + size_in_words(f) + along(f) +
              " that nothing in the catalogue accounts for; look there, and treat readings there with care.";
     }
+    case Verdict::unobservable: {
+      const std::string& open = d.corrected.weakest_direction;
+      return "Unobservable: this recording does not determine the calibration: " + d.corrected.reason +
+             (open.empty() || d.corrected.reason.find(open) != std::string::npos
+                  ? ""
+                  : "; the weakest direction is " + open) +
+             ". Use no curve of it.";
+    }
   }
   return {};
 }

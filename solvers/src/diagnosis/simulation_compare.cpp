@@ -283,6 +283,7 @@ std::optional<double> log_p_of(std::span<const Recording> recordings, const std:
   forced.null_draws = 20;
   try {
     const Diagnosis d = diagnose(recordings, forced);
+    if (d.explanations.empty()) return std::nullopt;
     return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
                                static_cast<int>(std::max<std::size_t>(1, parameters)));
   } catch (const InputError&) {
@@ -316,15 +317,16 @@ Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<c
   const Diagnosis of_simulation = diagnose(simulation, alone), of_recording = diagnose(recordings, alone);
   std::set<std::string> shared(of_simulation.final_effects.begin(), of_simulation.final_effects.end());
   for (const Explanation& e : of_simulation.explanations) shared.insert(e.effects.begin(), e.effects.end());
-  const bool all_shared = std::all_of(
-      of_recording.final_effects.begin(), of_recording.final_effects.end(), [&](const std::string& id) {
-        if (shared.count(id) > 0 || cancels(id)) return true;
-        const Effect* effect = find_effect(id);
-        if (!effect) return false;
-        const std::optional<double> log_p =
-            log_p_of(simulation, {id}, alone, effect->info().parameters.size());
-        return log_p && *log_p < std::log(confirm_rate);
-      });
+  const bool all_shared = of_recording.verdict != Verdict::unobservable &&
+                          std::all_of(of_recording.final_effects.begin(), of_recording.final_effects.end(),
+                                      [&](const std::string& id) {
+                                        if (shared.count(id) > 0 || cancels(id)) return true;
+                                        const Effect* effect = find_effect(id);
+                                        if (!effect) return false;
+                                        const std::optional<double> log_p = log_p_of(
+                                            simulation, {id}, alone, effect->info().parameters.size());
+                                        return log_p && *log_p < std::log(confirm_rate);
+                                      });
   if (all_shared) acquit(result, "what departs from the seed model is in the simulation too");
   return result;
 }

@@ -14,8 +14,9 @@
 
 namespace rangecal {
 
-enum class Verdict { no_mismatch, explained, unexplained };
-/// "no_mismatch", "explained", "unexplained".
+/// `unobservable`: nothing is found, and nothing is fine either, since the recording does not determine the curve.
+enum class Verdict { no_mismatch, explained, unexplained, unobservable };
+/// "no_mismatch", "explained", "unexplained", "unobservable".
 const char* to_string(Verdict verdict);
 
 /// Binned residual against the located covariate, before and after the model was completed.
@@ -85,7 +86,8 @@ struct Diagnosis {
   double alarm_p_value = 1.0;  ///< smallest corrected p-value of the whole battery
   std::vector<Finding> location;
   std::vector<Explanation> explanations;
-  std::vector<std::string> final_effects;  ///< empty for no_mismatch, {"generic"} for unexplained
+  std::vector<std::string>
+      final_effects;  ///< empty for no_mismatch and unobservable, {"generic"} for unexplained
   std::vector<std::vector<std::string>> twins;
   std::vector<Unseen> unseen;
   std::vector<NextExperiment> next_experiments;
@@ -106,7 +108,8 @@ struct DiagnoseOptions {
 };
 
 /// Locates the mismatch between the seed model and the recordings, names the physics left out, models it and shows
-/// the fit improve on data held out. Deterministic. Throws InputError for recordings that no calibration can use.
+/// the fit improve on data held out. Where `calibrate` would call the curve unobservable, so are the calibrations here.
+/// Deterministic. Throws InputError for recordings that no calibration can use.
 /// Cost: linear in the readings times the number of catalogued signatures.
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options = {});
 
