@@ -207,8 +207,15 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
       found.best.gain = before.nll - found.best.fit.nll;
     }
   }
-  Diagnosis result = assemble_report(rows, recordings, found);
   const std::optional<Undetermined> open = still_undetermined(rows, recordings, found);
+  const bool differs = found.verdict != Verdict::no_mismatch;
+  // Where landmarks and curve can shift together a score's first order is none: no name is safe.
+  if (open && !rows.pairs && !options.force) {
+    found.verdict = Verdict::no_mismatch;
+    found.partial = false;
+    found.rivals.clear();
+  }
+  Diagnosis result = assemble_report(rows, recordings, found);
   const auto mark_calibrations = [&] {
     if (!open) return;
     mark_undetermined(rows, *open, found.baseline, result.baseline);
@@ -217,6 +224,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   mark_calibrations();
   if (open && result.verdict == Verdict::no_mismatch) result.verdict = Verdict::unobservable;
   const bool unobservable = result.verdict == Verdict::unobservable;
+  if (unobservable && differs)
+    result.notes.push_back(
+        "the residuals differ from those of the seed model, but no cause is named beside a curve that is open");
   for (Explanation& e : result.explanations)
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   for (std::string& doubt : doubts(recordings, result.corrected)) result.notes.push_back(std::move(doubt));

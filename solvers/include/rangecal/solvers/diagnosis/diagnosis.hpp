@@ -14,7 +14,7 @@
 
 namespace rangecal {
 
-/// `unobservable`: nothing is found, and nothing is fine either, since the recording does not determine the curve.
+/// `unobservable`: the recording does not determine the curve, so that nothing is fine and no cause is named.
 enum class Verdict { no_mismatch, explained, unexplained, unobservable };
 /// "no_mismatch", "explained", "unexplained", "unobservable".
 const char* to_string(Verdict verdict);
