@@ -168,7 +168,7 @@ Coverage coverage(const Diagnosis& diagnosis, const std::map<std::string, double
   if (diagnosis.explanations.empty()) return out;
   for (const EffectEstimate& estimate : diagnosis.explanations[0].parameters) {
     const auto found = truth.find(estimate.name);
-    if (found == truth.end() || !(estimate.std_dev > 0.0)) continue;
+    if (found == truth.end() || !std::isfinite(estimate.low95) || !std::isfinite(estimate.high95)) continue;
     ++out.intervals;
     if (within(estimate, found->second, truth)) {
       ++out.covered;

@@ -213,6 +213,8 @@ _DOCS = {
     estimate, std : float
         In that unit.
     ci95 : (float, float)
+    note : str
+        Why `std` is NaN: at its bound, or any phase; else empty.
     """,
     "Explanation": """A set of effects that explains the mismatch.
 

@@ -115,8 +115,8 @@ inline void archive_fields(python::Archive& a, Finding& s) {
   a(channel, covariate, shape, from, to, group, size, unit, p_value, share, residuals);
 }
 inline void archive_fields(python::Archive& a, EffectEstimate& s) {
-  auto& [name, estimate, std_dev, low, high] = s;
-  a(name, estimate, std_dev, low, high);
+  auto& [name, estimate, std_dev, low, high, note] = s;
+  a(name, estimate, std_dev, low, high, note);
 }
 inline void archive_fields(python::Archive& a, Explanation& s) {
   auto& [effects, probability, parameters, nll, heldout, p_value, alike, separated, physics] = s;

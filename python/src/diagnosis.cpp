@@ -95,6 +95,7 @@ void bind_findings(py::module_& module) {
       .def_readonly("name", &EffectEstimate::name)
       .def_readonly("estimate", &EffectEstimate::estimate)
       .def_readonly("std", &EffectEstimate::std_dev)
+      .def_readonly("note", &EffectEstimate::note)
       .def_property_readonly("ci95", [](const EffectEstimate& e) { return std::pair(e.low95, e.high95); })
       .def(picklable<EffectEstimate>());
   py::class_<Explanation>(module, "Explanation")

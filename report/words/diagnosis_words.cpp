@@ -27,7 +27,7 @@ std::string without_unit(std::string name) {
 
 /// "0.3 mm", "5 deg", "0.01": a parameter's value in the unit that suits `like`, a value of the same parameter.
 std::string value_in_words(const std::string& name, double value, double like) {
-  const Shown unit = unit_of({name, like, 0.0, 0.0, 0.0});
+  const Shown unit = unit_of({name, like, 0.0, 0.0, 0.0, ""});
   return fmt::format("{:.3g}{}{}", unit.factor * value, unit.unit.empty() ? "" : " ", unit.unit);
 }
 
@@ -147,6 +147,12 @@ namespace {
 
 /// "value +- standard deviation"; what is not told from zero by its upper limit, and a lopsided interval by both.
 std::string estimate_in_words(const EffectEstimate& e, double factor) {
+  if (!e.note.empty()) {
+    const std::string value = fmt::format("{:.3g}", factor * e.estimate);
+    if (!std::isfinite(e.low95) || !std::isfinite(e.high95)) return fmt::format("{} ({})", value, e.note);
+    if (e.low95 == 0.0) return fmt::format("below {:.2g} (95 %), {}", factor * e.high95, e.note);
+    return fmt::format("{} ({}; 95 %: {:.2g} to {:.2g})", value, e.note, factor * e.low95, factor * e.high95);
+  }
   if (!(e.std_dev > 0.0)) return with_std(factor * e.estimate, std::nullopt);
   if (!std::isfinite(e.high95)) return with_std(factor * e.estimate, factor * e.std_dev);
   const double above = e.high95 - e.estimate, below = e.estimate - e.low95;

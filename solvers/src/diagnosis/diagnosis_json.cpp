@@ -45,8 +45,10 @@ Json calibration_parameters(const Calibration& c) {
 
 Json effect_parameters(const Explanation& explanation) {
   Json parameters = Json::object();
-  for (const EffectEstimate& e : explanation.parameters)
+  for (const EffectEstimate& e : explanation.parameters) {
     parameters[e.name] = estimate(e.estimate, e.std_dev, e.low95, e.high95);
+    parameters[e.name]["note"] = e.note;
+  }
   return parameters;
 }
 

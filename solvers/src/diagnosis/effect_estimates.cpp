@@ -8,7 +8,9 @@
 #include <numbers>
 #include <optional>
 
+#include "diagnosis/free_parameters.hpp"
 #include "diagnosis/length_interval.hpp"
+#include "diagnosis/phase_interval.hpp"
 #include "diagnosis/projector.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/working.hpp"
@@ -18,11 +20,13 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// 97.5 % quantile for estimates of one effect's parameters. Their variance scales with the channels' own
+constexpr const char *at_its_bound = "at its bound", *any_direction = "any: the amplitude is not told from 0";
+
+/// Degrees of freedom of the estimates of one effect's parameters, infinity where the noise is given. Their variance scales with the channels' own
 /// estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of the information that each channel
 /// brings; by Satterthwaite (1946) the estimate over its standard deviation is Student's t of
 ///   nu = 2 / Var log(s^2),  Var log(s^2) = w^2 Var log(s_e^2) + (1 - w)^2 Var log(s_theta^2).
-double quantile_of(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t effect) {
+double degrees_of_freedom(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t effect) {
   double share = 0.0;
   int counted = 0;
   for (const FreeParameter& p : fit.free) {
@@ -33,15 +37,14 @@ double quantile_of(const Rows& rows, const Projector& projector, const Fit& fit,
     x.bearing_rows.setZero();
     if (whole > 0.0) share += projector.raw_information(x) / whole, ++counted;
   }
-  if (counted == 0) return z95;
+  if (counted == 0) return std::numeric_limits<double>::infinity();
   share /= counted;
   const double range = share * 2.0 * fit.noise_std;
   const double bearing =
       rows.pairs ? 0.0 : (1.0 - share) * 2.0 * fit.sigma_theta_std / fit.state.sigma_theta_rad;
   const double variance = range * range + bearing * bearing;
-  if (!(variance > 0.0)) return z95;  // the noise is given
-  const double degrees_of_freedom = std::max(1.0, 2.0 / variance);
-  return student_t_quantile(0.975, degrees_of_freedom);
+  if (!(variance > 0.0)) return std::numeric_limits<double>::infinity();
+  return std::max(1.0, 2.0 / variance);
 }
 
 /// True for a parameter that is a positive scale (a time constant, a wavelength): its logarithm is the
@@ -70,40 +73,112 @@ std::optional<Limits> profile_limits(const Rows& rows, const Fit& fit, std::size
   return Limits{low, high};
 }
 
-/// Limits of the effect's reported value v where it is a function of the length of a pair of parameters
-/// alone, an amplitude of a cosine and a sine: one that stays when the pair is turned. `widen`: factor on the
-/// standard deviations.
-std::optional<Limits> amplitude_limits(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
-                                       const Eigen::RowVectorXd& slopes, double widen) {
+/// Two parameters of an effect that may be a cosine and a sine, with their covariance.
+struct ParameterPair {
+  Eigen::Index a, b;  ///< of the free parameters
+  int i, j;           ///< of the effect's
+  Eigen::Vector2d at;
+  Eigen::Matrix2d covariance;
+};
+
+std::vector<ParameterPair> pairs_of(const Fit& fit, std::size_t effect) {
   std::vector<Eigen::Index> own;
   for (std::size_t a = 0; a < fit.free.size(); ++a)
     if (fit.free[a].effect == static_cast<int>(effect) && fit.free[a].acts == FreeParameter::Acts::mean)
       own.push_back(static_cast<Eigen::Index>(a));
   const Eigen::VectorXd& p = fit.model[effect].parameters;
+  std::vector<ParameterPair> pairs;
   for (const Eigen::Index a : own)
     for (const Eigen::Index b : own) {
       if (a >= b) continue;
       const int i = fit.free[static_cast<std::size_t>(a)].index,
                 j = fit.free[static_cast<std::size_t>(b)].index;
-      const Eigen::Vector2d pair(p[i], p[j]);
-      const auto value_at = [&](const Eigen::Vector2d& at) {
-        Eigen::VectorXd moved = p;
-        moved[i] = at.x(), moved[j] = at.y();
-        return fit.model[effect].effect->reported(rows.context, moved.data())[v].second;
-      };
-      const double value = value_at(pair), rounding = 1e-9 * std::abs(value);
-      const auto stays = [&](double angle) {
-        return std::abs(value_at(Eigen::Rotation2Dd(angle) * pair) - value) <= rounding;
-      };
-      if (!stays(1.0) || !stays(2.5) || std::abs(value_at(2.0 * pair) - value) <= rounding) continue;
-      for (Eigen::Index other = 0; other < slopes.size(); ++other)
-        if (other != a && other != b && slopes[other] != 0.0) return std::nullopt;
       Eigen::Matrix2d C;
       C << fit.covariance(a, a), fit.covariance(a, b), fit.covariance(b, a), fit.covariance(b, b);
-      const Limits length = length_interval(pair, widen * widen * C);
-      return Limits{value_at({length.low, 0.0}), value_at({length.high, 0.0})};
+      pairs.push_back({a, b, i, j, {p[i], p[j]}, C});
     }
+  return pairs;
+}
+
+/// The effect's reported value v where the pair is moved to `at`.
+double value_of_pair(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
+                     const ParameterPair& pair, const Eigen::Vector2d& at) {
+  Eigen::VectorXd moved = fit.model[effect].parameters;
+  moved[pair.i] = at.x(), moved[pair.j] = at.y();
+  return fit.model[effect].effect->reported(rows.context, moved.data())[v].second;
+}
+
+/// True if the value depends on the pair alone.
+bool of_pair_alone(const ParameterPair& pair, const Eigen::RowVectorXd& slopes) {
+  for (Eigen::Index other = 0; other < slopes.size(); ++other)
+    if (other != pair.a && other != pair.b && slopes[other] != 0.0) return false;
+  return true;
+}
+
+/// Limits of the effect's reported value v where it is a function of the length of a pair of parameters
+/// alone, an amplitude of a cosine and a sine: one that stays when the pair is turned. `widen`: factor on the
+/// standard deviations.
+std::optional<Limits> amplitude_limits(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
+                                       const Eigen::RowVectorXd& slopes, double widen) {
+  for (const ParameterPair& pair : pairs_of(fit, effect)) {
+    const auto value_at = [&](const Eigen::Vector2d& at) {
+      return value_of_pair(rows, fit, effect, v, pair, at);
+    };
+    const double value = value_at(pair.at), rounding = 1e-9 * std::abs(value);
+    const auto stays = [&](double angle) {
+      return std::abs(value_at(Eigen::Rotation2Dd(angle) * pair.at) - value) <= rounding;
+    };
+    if (!stays(1.0) || !stays(2.5) || std::abs(value_at(2.0 * pair.at) - value) <= rounding) continue;
+    if (!of_pair_alone(pair, slopes)) return std::nullopt;
+    const Limits length = length_interval(pair.at, widen * widen * pair.covariance);
+    return Limits{value_at({length.low, 0.0}), value_at({length.high, 0.0})};
+  }
   return std::nullopt;
+}
+
+/// A value that is a direction, and its limits: none where it may be any.
+struct Direction {
+  std::optional<Limits> limits;
+};
+
+/// Limits of the effect's reported value v where it is a phase: one that stays when a pair of parameters is
+/// scaled and goes with its direction, by m [rad/rad] (1/2 for an axis), when the pair is turned.
+std::optional<Direction> direction_of(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
+                                      const Eigen::RowVectorXd& slopes, double nu) {
+  for (const ParameterPair& pair : pairs_of(fit, effect)) {
+    if (!(pair.at.norm() > 0.0)) continue;
+    const auto value_at = [&](const Eigen::Vector2d& at) {
+      return value_of_pair(rows, fit, effect, v, pair, at);
+    };
+    const double value = value_at(pair.at);
+    if (std::abs(value_at(2.0 * pair.at) - value) > 1e-9 * std::max(1.0, std::abs(value))) continue;
+    constexpr double turn = 0.3;  // one of the two sides is away from the cut of atan2
+    const double ahead = (value_at(Eigen::Rotation2Dd(turn) * pair.at) - value) / turn,
+                 behind = (value - value_at(Eigen::Rotation2Dd(-turn) * pair.at)) / turn;
+    const double m = std::abs(ahead) < std::abs(behind) ? ahead : behind;
+    if (std::abs(std::abs(m) - 1.0) > 1e-6 && std::abs(std::abs(m) - 0.5) > 1e-6) continue;
+    if (!of_pair_alone(pair, slopes)) return std::nullopt;
+    const std::optional<Limits> angle = phase_interval(pair.at, pair.covariance, nu);
+    if (!angle) return Direction{};
+    const double middle = std::atan2(pair.at.y(), pair.at.x());
+    const auto [low, high] =
+        std::minmax({value + m * (angle->low - middle), value + m * (angle->high - middle)});
+    return Direction{Limits{low, high}};
+  }
+  return std::nullopt;
+}
+
+/// True if a parameter that the value depends on ended at one of its bounds: there the likelihood has no quadratic
+/// to read a standard deviation off. By its profile, too, where that has one limit only.
+bool depends_on_a_bound(const Rows& rows, const Fit& fit, std::size_t effect,
+                        const Eigen::RowVectorXd& slopes) {
+  for (std::size_t a = 0; a < fit.free.size(); ++a) {
+    if (fit.free[a].effect != static_cast<int>(effect) || slopes[static_cast<Eigen::Index>(a)] == 0.0)
+      continue;
+    if (at_bound(rows, fit.model, fit.free[a])) return true;
+    if (a < fit.limits.size() && fit.limits[a] && fit.limits[a]->one_sided) return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -114,13 +189,14 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
   const Projector projector(rows, working, fit.state);
   for (std::size_t e = 0; e < fit.model.size(); ++e) {
     const ActiveEffect& active = fit.model[e];
-    const double quantile = quantile_of(rows, projector, fit, e);
+    const double nu = degrees_of_freedom(rows, projector, fit, e),
+                 quantile = std::isinf(nu) ? z95 : student_t_quantile(0.975, nu);
     const std::string& id = active.effect->info().id;
     const auto values = active.effect->reported(rows.context, active.parameters.data());
     if (active.effect->noise_before_reciprocal()) {  // its size is the sensor's own noise
       const double sigma = fit.state.noise.parameters[0];
       estimates.push_back({id + "." + values[0].first, sigma, sigma * fit.noise_std,
-                           sigma * (1.0 - z95 * fit.noise_std), sigma * (1.0 + z95 * fit.noise_std)});
+                           sigma * (1.0 - z95 * fit.noise_std), sigma * (1.0 + z95 * fit.noise_std), ""});
       continue;
     }
     Eigen::MatrixXd slopes =
@@ -159,12 +235,24 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
         estimate.low95 = own->low;
         estimate.high95 = own->high;
       }
-      if (const auto own = profile_limits(rows, fit, e, v, row)) {
-        estimate.low95 = own->low;
-        estimate.high95 = own->high;
+      constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+      if (const auto phase = direction_of(rows, fit, e, v, row, nu)) {
+        estimate.low95 = phase->limits ? phase->limits->low : unknown;
+        estimate.high95 = phase->limits ? phase->limits->high : unknown;
+        if (!phase->limits) estimate.std_dev = unknown, estimate.note = any_direction;
+      }
+      const auto profile = profile_limits(rows, fit, e, v, row);
+      if (profile) {
+        estimate.low95 = profile->low;
+        estimate.high95 = profile->high;
+      }
+      if (depends_on_a_bound(rows, fit, e, row)) {
+        estimate.std_dev = unknown;
+        estimate.note = at_its_bound;
+        if (!profile) estimate.low95 = estimate.high95 = unknown;
       }
       if (estimate.std_dev == 0.0)  // chosen from a list, or read off the values: its error is not known
-        estimate.std_dev = estimate.low95 = estimate.high95 = std::numeric_limits<double>::quiet_NaN();
+        estimate.std_dev = estimate.low95 = estimate.high95 = unknown;
       estimates.push_back(estimate);
     }
   }

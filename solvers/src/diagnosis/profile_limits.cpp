@@ -181,7 +181,7 @@ class Profile {
     const auto n = static_cast<Eigen::Index>(numeric_.size());
     const bool lowest = positive(a) && rise(-2.0 * far * Eigen::VectorXd::Unit(n, a)) < at_bound;
     fit_.limits[numeric_[static_cast<std::size_t>(a)]] =
-        lowest ? Limits{info(a).low, limit(a, 1.0, one_sided)}
+        lowest ? Limits{info(a).low, limit(a, 1.0, one_sided), true}
                : Limits{limit(a, -1.0, two_sided), limit(a, 1.0, two_sided)};
   }
 

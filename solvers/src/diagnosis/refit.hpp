@@ -19,6 +19,7 @@ struct FreeParameter {
 /// 95 % limits of a parameter.
 struct Limits {
   double low = 0.0, high = 0.0;
+  bool one_sided = false;  ///< the estimate is at its lower bound, `low`
 };
 
 /// A model fitted by marginal ML with all nuisances free.

@@ -130,15 +130,16 @@ void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
 }
 
 /// Parameters that ended where physics ends: what is there may be larger, or of another kind.
-void note_limits(const Model& model, std::vector<std::string>& notes) {
-  constexpr double close = 1e-6;
+void note_limits(const Rows& rows, const Model& model, std::vector<std::string>& notes) {
   for (const ActiveEffect& active : model) {
     const EffectInfo& info = active.effect->info();
     for (std::size_t j = 0; j < info.parameters.size(); ++j) {
       const EffectParameter& parameter = info.parameters[j];
       const double value = active.parameters[static_cast<Eigen::Index>(j)];
-      const bool least = parameter.low < 0.0 && value <= (1.0 - close) * parameter.low;
-      if (parameter.discrete || !(least || value >= (1.0 - close) * parameter.high)) continue;
+      const auto [low, high] = active.effect->bounds(rows.context, j);
+      const double close = 1e-6 * (high - low);
+      const bool least = low != 0.0 && value <= low + close;  // a size of 0 is no end of a search
+      if (parameter.discrete || !(low < high) || !(least || value >= high - close)) continue;
       notes.push_back(
           fmt::format("{}.{} ends at {:g}, the limit of what is searched: its error is not known, "
                       "and what is there may be larger or of another kind",
@@ -269,7 +270,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       result.location.push_back(f);
     }
   result.notes = found.known.notes;
-  if (found.verdict == Verdict::explained || found.partial) note_limits(found.best.fit.model, result.notes);
+  if (found.verdict == Verdict::explained || found.partial) note_limits(rows, found.best.fit.model, result.notes);
   if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
     result.notes.push_back(fmt::format(
         "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -87,6 +88,34 @@ TEST(Probabilities, OfAllThatWasFittedAddUpToOneAtMost) {
     }
     EXPECT_LE(sum, 1.0 + 1e-9) << run;
   }
+}
+
+TEST(DiagnosisJson, AnEstimateAtItsBoundHasNoStandardDeviation) {
+  // y = d + 0.09 cos(10 d) [m]: the cosine of a cyclic error ends at 0.05, beyond which none is searched.
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.path = "made";
+  Random random(seed_from("at its bound"));
+  for (int i = 0; i < 60; ++i) {
+    const double d = random.uniform(0.5, 4.0);
+    for (int r = 0; r < 3; ++r) {
+      recording.pairs.true_m.push_back(d);
+      recording.pairs.reading_m.push_back(random.normal(d + 0.09 * std::cos(10.0 * d), 0.002));
+      recording.pairs.row.push_back(static_cast<int>(recording.pairs.row.size()) + 2);
+    }
+  }
+  DiagnoseOptions options = quick();
+  options.force = {"cyclic_error"};
+  const Json json = Json::parse(diagnosis_to_json(of(recording, options)));
+  const Json& parameters = json.at("explanations").at(0).at("parameters");
+  for (const char* name : {"cyclic_error.amplitude_m", "cyclic_error.phase_rad"}) {
+    EXPECT_EQ(parameters.at(name).at("note"), "at its bound") << name;
+    EXPECT_TRUE(parameters.at(name).at("std").is_null()) << name;
+  }
+  EXPECT_EQ(json.at("final").at("parameters").at("cyclic_error.amplitude_m").at("note"), "at its bound");
+  // The wavelength does not depend on the cosine, and ended at no bound of its own.
+  EXPECT_EQ(parameters.at("cyclic_error.wavelength_m").at("note"), "");
+  EXPECT_TRUE(parameters.at("cyclic_error.wavelength_m").at("std").is_number());
 }
 
 TEST(DiagnosisJson, NothingThatIsNotANumberIsWritten) {

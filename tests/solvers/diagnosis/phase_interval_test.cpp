@@ -79,7 +79,7 @@ TEST(PhaseInterval, CoversAtEveryLength) {
       // often the answer; far from 0 just that.
       const double share = static_cast<double>(covered) / draws;
       EXPECT_GT(share, 0.9397) << nu << " " << r;
-      if (r == 10.0) EXPECT_LT(share, 0.9603) << nu;
+      EXPECT_LT(share, r == 10.0 ? 0.9603 : 1.0 + 1e-9) << nu;
     }
 }
 

@@ -41,8 +41,9 @@ struct Finding {
 
 struct EffectEstimate {
   std::string name;  ///< "range_eccentricity.amplitude_m"
-  /// NaN beside the estimate where it was chosen from a list, or read off the values
+  /// NaN beside the estimate where it was chosen from a list, or read off the values, and where `note` says why
   double estimate = 0.0, std_dev = 0.0, low95 = 0.0, high95 = 0.0;
+  std::string note;  ///< "at its bound"; "any: ..." of a phase whose amplitude is not told from 0; else empty
 };
 
 struct Explanation {
