@@ -17,7 +17,7 @@ constexpr double degree = std::numbers::pi / 180.0;
 
 /// A parameter's name where its unit is said behind the value.
 std::string without_unit(std::string name) {
-  for (const char* ending : {"_per_m", "_rad", "_m", "_s"})
+  for (const char* ending : {"_per_m", "_rad", "_m2", "_m", "_s"})
     if (ends_with(name, ending)) {
       name.resize(name.size() - std::string(ending).size());
       break;
@@ -46,6 +46,7 @@ Shown shown(const std::string& si) {
 Shown unit_of(const EffectEstimate& e) {
   if (ends_with(e.name, "_rad")) return {1.0 / degree, "deg"};
   if (ends_with(e.name, "_per_m")) return {1.0, "1/m"};
+  if (ends_with(e.name, "_m2")) return {1.0, "m^2"};
   if (ends_with(e.name, "_m")) return std::abs(e.estimate) < 0.5 ? Shown{1e3, "mm"} : Shown{1.0, "m"};
   if (ends_with(e.name, "_s")) return {1.0, "s"};
   return {1.0, ""};
@@ -76,7 +77,9 @@ std::string p_in_words(double p) {
 
 std::string size_in_words(const Finding& f) {
   const Shown unit = shown(f.unit);
-  if (!f.unit.empty()) return fmt::format("{:.3g} {} RMS", unit.factor * f.size, unit.unit);
+  if (!f.unit.empty())
+    return fmt::format("{:.3g} {} RMS{}", unit.factor * f.size, unit.unit,
+                       f.channel == "stop" ? " in range" : "");
   if (ends_with(f.channel, "_noise")) return fmt::format("spread x {:.2g}", std::exp(0.5 * f.size));
   if (f.channel == "grid")
     return fmt::format("steps of {:.3g} {}", f.covariate == "range" ? 1e3 * f.size : f.size / degree,
@@ -95,7 +98,11 @@ std::string size_in_words(const Finding& f) {
 
 std::string place(const Finding& f) {
   const bool angle = f.covariate == "sensor_bearing" || f.covariate == "heading";
-  const std::string unit = angle ? " deg" : f.covariate == "range" ? " m" : f.covariate == "time" ? " s" : "";
+  const std::string unit = angle                                               ? " deg"
+                           : f.covariate == "range" || f.covariate == "radius" ? " m"
+                           : f.covariate == "disparity"                        ? " 1/m"
+                           : f.covariate == "time"                             ? " s"
+                                                                               : "";
   const double factor = angle ? 1.0 / degree : 1.0;
   if (!f.group.empty()) return " at " + f.group;
   if (f.from && f.to) return fmt::format(" from {:.3g} to {:.3g}{}", factor * *f.from, factor * *f.to, unit);

@@ -65,7 +65,7 @@ Finding finding_of(const Question& q, const SearchResult& found) {
   Finding f;
   f.channel = q.channel;
   f.covariate = q.covariate;
-  f.shape = q.shape;
+  f.shape = q.shape == "heavy tails" && q.size < 0.0 ? "light tails" : q.shape;
   f.from = q.from;
   f.to = q.to;
   f.group = q.group;
@@ -270,7 +270,8 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       result.location.push_back(f);
     }
   result.notes = found.known.notes;
-  if (found.verdict == Verdict::explained || found.partial) note_limits(rows, found.best.fit.model, result.notes);
+  if (found.verdict == Verdict::explained || found.partial)
+    note_limits(rows, found.best.fit.model, result.notes);
   if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
     result.notes.push_back(fmt::format(
         "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",

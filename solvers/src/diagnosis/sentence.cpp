@@ -28,6 +28,8 @@ std::string two_digits(double value) {
 /// in the spread of the ranges".
 std::string size_in_words(const Finding& f) {
   const std::string readings = f.channel.rfind("bearing", 0) == 0 ? "bearings" : "ranges";
+  if (f.unit == "m" && f.channel == "stop")  // sized by what it does to the ranges
+    return fmt::format("{} mm RMS in range by stops off their place", two_digits(1e3 * f.size));
   if (f.unit == "m") return fmt::format("{} mm RMS in {}", two_digits(1e3 * f.size), f.channel);
   if (f.unit == "rad")
     return fmt::format("{:.2g} degrees RMS in {}", f.size * 180.0 / std::numbers::pi, f.channel);
@@ -35,9 +37,10 @@ std::string size_in_words(const Finding& f) {
     return fmt::format("a change of {:+.0f} % in the spread of the {}", 100.0 * std::expm1(0.5 * f.size),
                        readings);
   if (ends_with(f.channel, "_tail"))
-    return f.shape == "skew"
-               ? fmt::format("skew {} (skewness {:.2g})", readings, f.size)
-               : fmt::format("outliers among the {} (excess kurtosis {:.2g})", readings, f.size);
+    return f.shape == "skew" ? fmt::format("skew {} (skewness {:.2g})", readings, f.size)
+           : f.size < 0.0 ? fmt::format("{} with lighter tails than a normal law's (excess kurtosis {:.2g})",
+                                        readings, f.size)
+                          : fmt::format("outliers among the {} (excess kurtosis {:.2g})", readings, f.size);
   if (ends_with(f.channel, "_dependence"))
     return f.shape == "lag 1" ? fmt::format("neighbouring {} that depend on each other (correlation {:.2g})",
                                             readings, f.size)
@@ -53,8 +56,16 @@ std::string along(const Finding& f) {
   if (f.covariate == "any" || f.covariate == "constant") return "";
   std::string text = " along " + f.covariate;
   if (!f.group.empty()) return text + " (" + f.group + ")";
-  if (f.from && f.to && *f.to > *f.from) text += fmt::format(" between {:.3g} and {:.3g}", *f.from, *f.to);
-  if (f.from && !f.to) text += fmt::format(" from {:.3g} on", *f.from);
+  const bool angle = f.covariate == "sensor_bearing" || f.covariate == "heading";
+  const double factor = angle ? 180.0 / std::numbers::pi : 1.0;
+  const char* unit = angle                                               ? " degrees"
+                     : f.covariate == "range" || f.covariate == "radius" ? " m"
+                     : f.covariate == "disparity"                        ? " 1/m"
+                     : f.covariate == "time"                             ? " s"
+                                                                         : "";
+  if (f.from && f.to && *f.to > *f.from)
+    text += fmt::format(" between {:.3g} and {:.3g}{}", factor * *f.from, factor * *f.to, unit);
+  if (f.from && !f.to) text += fmt::format(" from {:.3g}{} on", factor * *f.from, unit);
   return text;
 }
 

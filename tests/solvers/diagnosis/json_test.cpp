@@ -118,6 +118,28 @@ TEST(DiagnosisJson, AnEstimateAtItsBoundHasNoStandardDeviation) {
   EXPECT_TRUE(parameters.at("cyclic_error.wavelength_m").at("std").is_number());
 }
 
+TEST(VerdictSentence, SaysLightTailsPlacesAndStopsAsTheyAre) {
+  Diagnosis d;
+  d.verdict = Verdict::unexplained;
+  d.final_effects = {"generic"};
+  d.location.resize(1);
+  Finding& f = d.location[0];
+  f.channel = "range_tail", f.covariate = "any", f.shape = "light tails", f.size = -0.61;
+  EXPECT_THAT(verdict_sentence(d),
+              HasSubstr("ranges with lighter tails than a normal law's (excess kurtosis -0.61)"));
+  f.shape = "heavy tails", f.size = 2.5;
+  EXPECT_THAT(verdict_sentence(d), HasSubstr("outliers among the ranges (excess kurtosis 2.5)"));
+  // -1.047198 and 0.523599 rad are -60 and 30 degrees.
+  f.channel = "range", f.covariate = "sensor_bearing", f.unit = "m", f.size = 0.004;
+  f.from = -1.047198, f.to = 0.523599;
+  EXPECT_THAT(verdict_sentence(d),
+              HasSubstr("4 mm RMS in range along sensor_bearing between -60 and 30 degrees"));
+  f.covariate = "range", f.from = 1.5, f.to.reset();
+  EXPECT_THAT(verdict_sentence(d), HasSubstr("along range from 1.5 m on"));
+  f.channel = "stop", f.covariate = "stop", f.from.reset();
+  EXPECT_THAT(verdict_sentence(d), HasSubstr("4 mm RMS in range by stops off their place along stop"));
+}
+
 TEST(DiagnosisJson, NothingThatIsNotANumberIsWritten) {
   Diagnosis d;
   d.baseline.alpha = d.corrected.alpha = Eigen::Vector2d(0.0, 1.0);
