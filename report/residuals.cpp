@@ -183,7 +183,7 @@ std::string finding_in_words(const Finding& f) {
   if (f.covariate != "any" && f.covariate != "constant") text += " along " + f.covariate;
   if (!f.shape.empty() && f.shape != "effect") text += fmt::format(" ({})", f.shape);
   text += app::place(f) + ": " + app::size_in_words(f);
-  if (f.share > 0.0) text += fmt::format(", {:.0f} % of the excess", 100.0 * f.share);
+  if (f.share) text += fmt::format(", {:.0f} % of the excess", 100.0 * *f.share);
   return fmt::format("{}, {}", text, app::p_in_words(f.p_value));
 }
 

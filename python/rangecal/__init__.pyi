@@ -193,12 +193,15 @@ class Finding:
     channel: str
     covariate: str
     shape: str
+    effects: list[str]
     where: Tuple[Optional[float], Optional[float]]
     group: str
+    everywhere: str
     size: float
     unit: str
     p_value: float
-    share: float
+    log_p: float
+    share: Optional[float]
     at: Floats  # (bins,) in the covariate's unit
     before: Floats  # (bins,) mean residual [m] or [rad], or log variance ratio
     after: Floats
@@ -217,6 +220,7 @@ class Explanation:
     parameters: list[EffectEstimate]
     nll: float
     heldout_nll: Optional[float]
+    heldout_std: Optional[float]
     p_value: float
     indistinguishable_from: list[list[str]]
     separated_by: str

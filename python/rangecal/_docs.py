@@ -185,17 +185,23 @@ _DOCS = {
     ----------
     channel, covariate, shape : str
         What differs, along what, how.
+    effects : list of str
+        Effects of the final model that it belongs to; ``generic`` where none has a name.
     where : (float or None, float or None)
-        Interval of the covariate.
+        Interval of the covariate in which it acts.
     group : str
-        Label of a landmark or stop, where it is one.
+        Labels of landmarks, or a stop, where it is a group.
+    everywhere : str
+        Why there is no place; empty where there is one.
     size : float
         In `unit`: m, rad, or a change of log variance.
     unit : str
     p_value : float
-        Corrected for everything that was looked at.
-    share : float
-        Of the excess misfit.
+        By the likelihood ratio, corrected for everything that was looked at; 1e-300 stands for that or less.
+    log_p : float
+        Its natural logarithm, which does not underflow.
+    share : float or None
+        Of the excess misfit that it takes away; None where that is within noise, or no mean changes.
     at : ndarray (bins,)
         In the covariate's unit.
     before, after : ndarray (bins,)
@@ -224,8 +230,8 @@ _DOCS = {
     probability : float
         Among the explanations.
     parameters : list of EffectEstimate
-    nll, heldout_nll : float, float or None
-        Of the model with them [nats].
+    nll, heldout_nll, heldout_std : float, float or None, float or None
+        Of the model with them [nats]; the last of the difference of `heldout_nll` to the baseline's.
     p_value : float
         Of the gain.
     indistinguishable_from : list of list of str

@@ -348,10 +348,11 @@ def diagnosis_to_frame(self, table="explanations"):
         return pandas.DataFrame(rows, columns=["effects", "probability", "parameter", "estimate", "std", "low95",
                                                "high95"])
     if table == "location":
-        rows = [(f.channel, f.covariate, f.shape, *f.where, f.group, f.size, f.unit, f.p_value, f.share)
+        rows = [(f.channel, f.covariate, f.shape, *f.where, f.group, f.size, f.unit, f.p_value, f.share,
+                 " + ".join(f.effects))
                 for f in self.location]
         return pandas.DataFrame(rows, columns=["channel", "covariate", "shape", "from", "to", "group", "size", "unit",
-                                               "p_value", "share"])
+                                               "p_value", "share", "effects"])
     if table == "fit":
         names = ("nll", "heldout_nll", "heldout_std", "rms_range_m", "rms_bearing_rad", "chi_sq_per_dof")
         return pandas.DataFrame({"before": [getattr(self.before, n) for n in names],

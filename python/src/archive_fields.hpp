@@ -111,16 +111,18 @@ inline void archive_fields(python::Archive& a, BinnedResidual& s) {
   a(at, before, after, std_dev, readings);
 }
 inline void archive_fields(python::Archive& a, Finding& s) {
-  auto& [channel, covariate, shape, from, to, group, size, unit, p_value, share, residuals] = s;
-  a(channel, covariate, shape, from, to, group, size, unit, p_value, share, residuals);
+  auto& [channel, covariate, shape, effects, from, to, group, everywhere, size, unit, p_value, log_p, share,
+         residuals] = s;
+  a(channel, covariate, shape, effects, from, to, group, everywhere, size, unit, p_value, log_p, share,
+    residuals);
 }
 inline void archive_fields(python::Archive& a, EffectEstimate& s) {
   auto& [name, estimate, std_dev, low, high, note] = s;
   a(name, estimate, std_dev, low, high, note);
 }
 inline void archive_fields(python::Archive& a, Explanation& s) {
-  auto& [effects, probability, parameters, nll, heldout, p_value, alike, separated, physics] = s;
-  a(effects, probability, parameters, nll, heldout, p_value, alike, separated, physics);
+  auto& [effects, probability, parameters, nll, heldout, heldout_std, p_value, alike, separated, physics] = s;
+  a(effects, probability, parameters, nll, heldout, heldout_std, p_value, alike, separated, physics);
 }
 inline void archive_fields(python::Archive& a, Unseen& s) {
   auto& [effect, typical, detectable, harm, settled] = s;

@@ -20,7 +20,7 @@ std::string where(const Finding& f) {
   if (f.covariate != "any" && f.covariate != "constant") line += " along " + f.covariate;
   if (!f.shape.empty() && f.shape != "effect") line += fmt::format(" ({})", f.shape);
   line += place(f) + ": " + size_in_words(f);
-  if (f.share > 0.0) line += fmt::format(", {:.0f} % of the excess", 100.0 * f.share);
+  if (f.share) line += fmt::format(", {:.0f} % of the excess", 100.0 * *f.share);
   std::string text = "  " + wrapped(fmt::format("{}, {}", line, p_in_words(f.p_value)), 4, width) + "\n";
   if (f.residuals.empty()) return text;
   std::vector<double> before, after;

@@ -11,7 +11,9 @@
 
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/location.hpp"
 #include "diagnosis/outlook.hpp"
+#include "diagnosis/places.hpp"
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/report.hpp"
@@ -231,6 +233,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
   for (std::string& doubt : doubts(recordings, result.corrected)) result.notes.push_back(std::move(doubt));
   const std::optional<GenericModel> generic = add_generic(rows, found, result);
+  add_location(rows, found, generic ? &*generic : nullptr, result);
   const Fit* curve = generic ? &generic->fit : nullptr;
   // What is shown as the completed model: where no curve stands for what a partial name leaves, the name's
   // own.
@@ -241,6 +244,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     add_held_out(rows, found, completed, result);
   }
   add_residual_bins(rows, found, completed, result);
+  place_by_residuals(rows, result.location);
   if (options.progress) options.progress("looking for what could be hidden", 0.9);
   DiagnoseOptions outlook = options;
   if (unobservable) outlook.unseen = outlook.next_experiments = false;  // of a curve that is none

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
@@ -14,6 +15,8 @@ using Json = nlohmann::ordered_json;
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 Json number(const std::optional<double>& value) { return value ? number(*value) : Json(nullptr); }
+/// Never 0: the least stands for that or less.
+Json p_value(double p) { return number(p < Finding::least_p_value ? Finding::least_p_value : p); }
 
 Json estimate(double value, double std_dev, double low, double high) {
   return {{"estimate", number(value)},
@@ -67,10 +70,13 @@ Json finding(const Finding& f) {
   Json json = {{"channel", f.channel},
                {"covariate", f.covariate},
                {"shape", f.shape},
+               {"effects", f.effects},
                {"where", where(f)},
+               {"everywhere", f.everywhere.empty() ? Json(nullptr) : Json(f.everywhere)},
                {"size", number(f.size)},
                {"unit", f.unit},
-               {"p_value", number(f.p_value)},
+               {"p_value", p_value(f.p_value)},
+               {"log10_p", number(f.log_p / std::numbers::ln10)},
                {"share", number(f.share)}};
   Json bins = Json::array();
   for (const BinnedResidual& b : f.residuals)
@@ -89,7 +95,8 @@ Json explanation(const Explanation& e) {
           {"parameters", effect_parameters(e)},
           {"nll", number(e.nll)},
           {"heldout_nll", number(e.heldout_nll)},
-          {"p_value", number(e.p_value)},
+          {"heldout_std", number(e.heldout_std)},
+          {"p_value", p_value(e.p_value)},
           {"indistinguishable_from", e.indistinguishable_from},
           {"separated_by", e.separated_by},
           {"physics", e.physics}};
@@ -109,7 +116,7 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   json["format"] = "rangecal-diagnosis/1";
   json["verdict"] = to_string(d.verdict);
   json["sentence"] = d.sentence.empty() ? verdict_sentence(d) : d.sentence;
-  json["alarm_p_value"] = number(d.alarm_p_value);
+  json["alarm_p_value"] = p_value(d.alarm_p_value);
   json["baseline"] = {{"order", d.baseline.order()},
                       {"noise_law", to_string(d.baseline.noise.law)},
                       {"outcome", to_string(d.baseline.outcome)},

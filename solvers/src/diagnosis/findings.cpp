@@ -21,17 +21,13 @@ bool on_grid(const Bookkeeping& known, const Question& q) {
   });
 }
 
-namespace {
-
-/// Nats that a finding is worth. Squares and products of the stops' errors are tested as if they were normal;
+/// Squares and products of the stops' errors are tested as if they were normal;
 /// far out z^2 / 2 exceeds what any fit of their spread can gain: K stops of 1 + x times the squared error
 /// stated, or whose neighbours agree so well that it takes that much, gain K (x - ln(1 + x)).
 double gain_of(const Rows& rows, const Question& q) {
   if (q.channel != "stop" || q.of != Question::Of::scalar || !(q.size > 0.0)) return q.gain;
   return std::min(q.gain, rows.problem.stop_count() * (q.size - std::log1p(q.size)));
 }
-
-}  // namespace
 
 std::vector<Question> findings(const Rows& rows, const Battery& battery, double alarm_rate) {
   std::vector<Question> shapes;
@@ -65,6 +61,7 @@ std::vector<Question> findings(const Rows& rows, const Battery& battery, double 
     if (!seen && battery.corrected(q) < alarm_rate) kept.push_back(std::move(q));
     if (kept.size() == 5) break;
   }
+  if (kept.empty() && battery.alarm_p() < alarm_rate) kept.push_back(battery.strongest());
   return kept;
 }
 

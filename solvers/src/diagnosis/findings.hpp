@@ -11,7 +11,11 @@ namespace rangecal::diagnosis {
 /// A question about dependence, tails or spread of a channel whose values sit on a grid, or about that grid.
 bool on_grid(const Bookkeeping& known, const Question& q);
 
-/// What a battery found, by penalised gain, at most five, one per (channel, covariate).
+/// Nats that a fit of the question's shape would gain: half its likelihood ratio.
+double gain_of(const Rows& rows, const Question& q);
+
+/// What a battery found, by penalised gain, at most five, one per (channel, covariate). Where an effect of the catalogue
+/// alone raises the alarm, and no shape does, that is the finding.
 std::vector<Question> findings(const Rows& rows, const Battery& battery, double alarm_rate);
 
 }  // namespace rangecal::diagnosis

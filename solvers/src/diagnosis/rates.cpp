@@ -39,4 +39,10 @@ double Rates::corrected(double log_p_f) const {
   return std::clamp((rank + safe) / draws, tail, 1.0);
 }
 
+double Rates::log_corrected(double log_p_f) const {
+  constexpr double far_out = -30.0;  // far beyond the simulated law, whose point is 3 %
+  const double log_p = log_of_smallest(log_p_f, families);
+  return log_p < far_out ? log_p : std::log(corrected(log_p_f));
+}
+
 }  // namespace rangecal::diagnosis

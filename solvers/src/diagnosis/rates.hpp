@@ -40,6 +40,8 @@ struct Rates {
   }
   /// The same from ln p_f.
   double corrected(double log_p_f) const;
+  /// Its natural logarithm, which does not underflow.
+  double log_corrected(double log_p_f) const;
   /// Questions that one of this family stands against: n_f F.
   double questions(const std::string& family) const { return starts(family) * families; }
 };

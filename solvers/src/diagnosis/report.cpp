@@ -61,22 +61,6 @@ Explanation explain(const Rows& rows, const SearchResult& found, const Candidate
   return e;
 }
 
-Finding finding_of(const Question& q, const SearchResult& found) {
-  Finding f;
-  f.channel = q.channel;
-  f.covariate = q.covariate;
-  f.shape = q.shape == "heavy tails" && q.size < 0.0 ? "light tails" : q.shape;
-  f.from = q.from;
-  f.to = q.to;
-  f.group = q.group;
-  f.size = q.size;
-  // A change of the stops' mean is sized by the ranges that it moves.
-  const bool moves_stops = q.channel == "stop" && q.of == Question::Of::mean && q.size > 0.0;
-  f.unit = q.channel == "range" || moves_stops ? "m" : q.channel == "bearing" ? "rad" : "";
-  f.p_value = found.first->corrected(q);
-  return f;
-}
-
 /// The sets that the data do not tell from the best one, at most two, exact twins of every design first.
 std::vector<std::vector<std::string>> rivals_of(const SearchResult& found) {
   std::vector<std::vector<std::string>> sets;
@@ -97,36 +81,6 @@ std::vector<std::vector<std::string>> rivals_of(const SearchResult& found) {
       if (sets.size() > 2) sets.pop_back();  // three members in all
     }
   return sets;
-}
-
-/// Where: each named effect's own channel and covariate.
-void locate_named(const SearchResult& found, double excess, Diagnosis& result) {
-  for (const ActiveEffect& active : found.best.fit.model) {
-    const EffectInfo& info = active.effect->info();
-    if (is_bookkeeping(info.kind)) continue;
-    Question own;
-    for (const Question& q : found.first->questions)
-      if (q.effect == active.effect && q.statistic > own.statistic) own = q;
-    if (own.statistic == 0.0)  // dependence, tails, stops: asked after by their channel, or its kind, alone
-      for (const Question& q : found.first->questions) {
-        const std::size_t kind = info.channel.find('_');
-        const bool same_kind =
-            kind != std::string::npos && q.channel.find(info.channel.substr(kind)) != std::string::npos;
-        if (!q.effect && (q.channel == info.channel || same_kind) && q.statistic > own.statistic) own = q;
-      }
-    own.channel = info.channel;
-    own.covariate = info.covariate;
-    Finding f = finding_of(own, found);
-    for (const Question& q :
-         found.first->questions)  // the shape and place of the nearest finding of that covariate
-      if (!q.effect && q.channel == info.channel && q.covariate == info.covariate && (f.shape == "effect")) {
-        f.shape = q.shape;
-        f.from = q.from;
-        f.to = q.to;
-      }
-    f.share = std::min(1.0, own.statistic / excess);
-    result.location.push_back(f);
-  }
 }
 
 /// Parameters that ended where physics ends: what is there may be larger, or of another kind.
@@ -226,7 +180,6 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
   };
   result.before = result.after = summary(*found.first, found.baseline.nll);
   result.corrected = result.baseline;
-  const double excess = std::max(1e-9, found.first->cell_chi_sq - found.first->cell_dof);
 
   if (found.verdict == Verdict::explained) {
     result.corrected = calibration_of(rows, recordings, found.best.fit);
@@ -236,9 +189,6 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     for (const Candidate& rival : found.rivals) result.explanations.push_back(explain(rows, found, rival));
     fill_probabilities(found, result.explanations);
     result.final_effects = result.explanations[0].effects;
-    // Where: the effect's own channel and covariate first, then what else the scan saw.
-    for (const Question& q : found.known.findings) result.location.push_back(finding_of(q, found));
-    locate_named(found, excess, result);
   } else if (found.verdict == Verdict::unexplained) {
     Explanation generic;
     if (found.partial) {
@@ -248,7 +198,6 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       generic.physics += " What is left has no name in the catalogue; its place and size are given.";
       result.corrected = calibration_of(rows, recordings, found.best.fit);
       result.after = summary(*found.last, found.best.fit.nll);  // until a curve stands for what is left
-      locate_named(found, excess, result);
     } else {
       generic.physics = "Nothing in the catalogue explains this mismatch; its place and size are given.";
     }
@@ -259,16 +208,6 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     result.final_effects = generic.effects;
     result.explanations.push_back(generic);
   }
-  if (found.verdict != Verdict::no_mismatch)
-    for (const Question& q : found.partial ? found.left : found.shapes) {
-      const bool seen = std::any_of(result.location.begin(), result.location.end(), [&](const Finding& f) {
-        return f.channel == q.channel && f.covariate == q.covariate;
-      });
-      if (seen) continue;
-      Finding f = finding_of(q, found);
-      f.share = std::min(1.0, q.statistic / excess);
-      result.location.push_back(f);
-    }
   result.notes = found.known.notes;
   if (found.verdict == Verdict::explained || found.partial)
     note_limits(rows, found.best.fit.model, result.notes);

@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -30,6 +31,12 @@ std::string size_in_words(const Finding& f) {
   const std::string readings = f.channel.rfind("bearing", 0) == 0 ? "bearings" : "ranges";
   if (f.unit == "m" && f.channel == "stop")  // sized by what it does to the ranges
     return fmt::format("{} mm RMS in range by stops off their place", two_digits(1e3 * f.size));
+  if (f.channel == "grid")
+    return f.covariate == "range"
+               ? fmt::format("ranges in steps of {} mm", two_digits(1e3 * f.size))
+               : fmt::format("bearings in steps of {:.2g} degrees", f.size * 180.0 / std::numbers::pi);
+  if (f.channel == "detection") return fmt::format("{:.2g} % of the readings missing", 100.0 * f.size);
+  if (f.channel == "label") return "exchanged labels";
   if (f.unit == "m") return fmt::format("{} mm RMS in {}", two_digits(1e3 * f.size), f.channel);
   if (f.unit == "rad")
     return fmt::format("{:.2g} degrees RMS in {}", f.size * 180.0 / std::numbers::pi, f.channel);
@@ -76,23 +83,35 @@ std::string first_sentence(const std::string& text) {
   return first;
 }
 
-/// Names beside `generic`: the places of those that have one come first in `location`, what they leave after
-/// them.
+/// Findings of names that were searched for, in the order of `location`; those that bookkeeping found where there are none.
+std::vector<const Finding*> named_findings(const Diagnosis& d) {
+  std::vector<const Finding*> searched, kept;
+  for (const Finding& f : d.location) {
+    const bool counted = std::any_of(f.effects.begin(), f.effects.end(), [](const std::string& id) {
+      const Effect* effect = find_effect(id);
+      return effect && !diagnosis::is_bookkeeping(effect->info().kind);
+    });
+    const bool unnamed = std::find(f.effects.begin(), f.effects.end(), "generic") != f.effects.end();
+    if (counted) searched.push_back(&f);
+    if (!counted && !unnamed) kept.push_back(&f);
+  }
+  return searched.empty() ? kept : searched;
+}
+
+/// Names beside `generic`, and what they leave.
 std::string partly_explained(const Diagnosis& d) {
   std::vector<std::string> named;
-  std::size_t placed = 0;
-  for (const std::string& id : d.final_effects) {
-    if (id == "generic") continue;
-    named.push_back(id);
-    const Effect* effect = find_effect(id);
-    placed += effect && !diagnosis::is_bookkeeping(effect->info().kind);
-  }
+  for (const std::string& id : d.final_effects)
+    if (id != "generic") named.push_back(id);
   std::string text = fmt::format("In part explained by {}", fmt::join(named, " and "));
-  if (named.size() == 1 && placed == 1 && !d.location.empty()) text += ", " + size_in_words(d.location[0]);
-  if (d.location.size() <= placed) return text + "; what is left over has no name in the catalogue.";
-  const Finding& left = d.location[placed];
+  const std::vector<const Finding*> findings = named_findings(d);
+  if (named.size() == 1 && findings.size() == 1) text += ", " + size_in_words(*findings[0]);
+  const auto left = std::find_if(d.location.begin(), d.location.end(), [](const Finding& f) {
+    return f.effects == std::vector<std::string>{"generic"};
+  });
+  if (left == d.location.end()) return text + "; what is left over has no name in the catalogue.";
   return text + fmt::format("; left over is {}{} that nothing in the catalogue accounts for.",
-                            size_in_words(left), along(left));
+                            size_in_words(*left), along(*left));
 }
 
 }  // namespace
@@ -109,7 +128,8 @@ std::string verdict_sentence(const Diagnosis& d) {
     case Verdict::explained: {
       std::string named = fmt::format("{}", fmt::join(d.final_effects, " and "));
       std::string text = "Explained by " + named;
-      if (!d.location.empty()) text += ", " + size_in_words(d.location[0]);
+      if (const auto findings = named_findings(d); !findings.empty())
+        text += ", " + size_in_words(*findings[0]);
       if (d.final_effects.size() == 1) {
         if (const Effect* effect = find_effect(d.final_effects[0]))
           text += ": " + first_sentence(effect->info().physics);

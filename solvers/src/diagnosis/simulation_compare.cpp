@@ -10,6 +10,7 @@
 #include <set>
 #include <tuple>
 
+#include "diagnosis/location.hpp"
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/core/angles.hpp"
@@ -189,9 +190,12 @@ void compare_noise(const Calibration& simulation, const Calibration& own, Diagno
     f.shape = "level";
     f.size = 2.0 * level.log_ratio();
     // Two-sided, times the number of levels compared.
-    f.p_value = std::min(1.0, static_cast<double>(levels.size()) * normal_two_sided(level.z()));
-    f.share = 0.0;
+    f.set_log_p(std::min(
+        0.0, log_chi_sq_survival(level.z() * level.z(), 1) + std::log(static_cast<double>(levels.size()))));
+    f.effects = {"generic"};
+    f.everywhere = "it is asked of all readings alike";
     result.location.push_back(f);
+    order_location(result.location);
     result.notes.push_back(
         fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}",
                     level.parameter, level.own.value / level.held.value, level.own.value, level.held.value));

@@ -7,31 +7,13 @@
 
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "solvers/diagnosis/made_recordings.hpp"
 #include "support/add_reading.hpp"
 
 namespace rangecal {
 namespace {
 
-/// A camera that ranges by depth, y = d cos b, with a spread of 6 mm per metre, and `bump_m` too far between
-/// 2 and 2.6 m, which no cause of the catalogue does. A share `wild` of the readings misses by half a metre
-/// or so.
-Recording depth_camera(int readings, double bump_m, double wild, const std::string& name) {
-  Recording recording;
-  recording.kind = RecordingKind::pairs;
-  recording.path = "made";
-  Random random(seed_from(name, {1}));
-  for (int i = 0; i < readings; ++i) {
-    const double d = random.uniform(1.0, 5.0), bearing = random.uniform(-0.5, 0.5);
-    const double spread = (random.uniform() < wild ? 0.3 : 0.006) * d;
-    recording.pairs.true_m.push_back(d);
-    recording.pairs.bearing_rad.push_back(bearing);
-    recording.pairs.reading_m.push_back(d * std::cos(bearing) + (d > 2.0 && d < 2.6 ? bump_m : 0.0) +
-                                        random.normal(0.0, spread));
-    recording.pairs.time_s.push_back(i);
-    recording.pairs.row.push_back(i + 2);
-  }
-  return recording;
-}
+using testing::depth_camera;
 
 TEST(PartlyNamed, ACauseBeyondDoubtKeepsItsNameOverSomethingSmallThatHasNone) {
   const std::vector<Recording> recordings{depth_camera(900, 0.03, 0.0, "PartlyNamed.Bump")};

@@ -31,6 +31,14 @@ TEST(Rates, AFamilyOfManyQuestionsTakesNoPowerFromAnother) {
   EXPECT_DOUBLE_EQ(rates.questions("period"), 25000.0);
 }
 
+TEST(Rates, TheLogarithmOfACorrectedPValueDoesNotUnderflow) {
+  Rates rates;
+  rates.families = 50.0;
+  EXPECT_NEAR(rates.log_corrected(-10.0), std::log(rates.corrected(-10.0)), 1e-12);
+  EXPECT_NEAR(rates.log_corrected(-2000.0), -2000.0 + std::log(50.0), 1e-9);
+  EXPECT_DOUBLE_EQ(rates.corrected(-2000.0), 0.0);
+}
+
 TEST(Rates, AFamilyNeverSimulatedCountsAsOneQuestion) {
   Rates rates;
   EXPECT_DOUBLE_EQ(rates.starts("unheard of"), 1.0);

@@ -30,13 +30,25 @@ struct BinnedResidual {
 /// One place where the seed model and the recording differ.
 struct Finding {
   std::string channel, covariate, shape;  ///< as docs/formats.md names them
-  std::optional<double> from, to;         ///< interval of the covariate, where it is one
-  std::string group;                      ///< label of the landmark or stop, where it is a group
-  double size = 0.0;                      ///< [m], [rad], or change of log variance
+  /// Ids of the effects of the final model that it belongs to: several where their curves are one along one
+  /// covariate; "generic" where none has a name.
+  std::vector<std::string> effects;
+  std::optional<double> from, to;  ///< interval of the covariate in which it acts
+  std::string group;               ///< labels of the landmarks, or the stop, where it is a group
+  std::string everywhere;          ///< why there is no place; empty where there is one
+  double size = 0.0;               ///< [m], [rad], or change of log variance
   std::string unit;
-  double p_value = 1.0;  ///< corrected for everything that was looked at
-  double share = 0.0;    ///< of the excess misfit
+  /// By the likelihood ratio, corrected for everything that was looked at; least_p_value stands for that or less.
+  double p_value = 1.0;
+  double log_p = 0.0;  ///< natural logarithm of the same, which does not underflow
+  /// Part of the excess chi-square of the cell means that it takes away; none where the excess is within noise, or
+  /// where it is no change of a mean.
+  std::optional<double> share;
   std::vector<BinnedResidual> residuals;
+
+  static constexpr double least_p_value = 1e-300;
+  /// Sets `log_p` and `p_value`.
+  void set_log_p(double value);
 };
 
 struct EffectEstimate {
@@ -51,7 +63,7 @@ struct Explanation {
   double probability = 0.0;
   std::vector<EffectEstimate> parameters;
   double nll = 0.0;
-  std::optional<double> heldout_nll;
+  std::optional<double> heldout_nll, heldout_std;  ///< std: of the difference to the baseline
   double p_value = 1.0;
   std::vector<std::vector<std::string>> indistinguishable_from;  ///< at most three sets
   std::string separated_by, physics;
