@@ -406,28 +406,33 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vec
   fit.log_sigmas = x;
   fit.nll = profile.nll;
   fit.phi = sums.reference + profile.delta;
-  const VectorXd delta = profile.delta;
+  fit.hessian = information_at(sums, profile.delta, x);
+  return fit;
+}
+
+MatrixXd information_at(const LandmarkSums& sums, const VectorXd& delta, const Vector2d& x) {
+  constexpr double h = 1e-3;
   const Eigen::Index phis = delta.size();
-  fit.hessian = MatrixXd::Zero(phis + 2, phis + 2);
-  fit.hessian.topLeftCorner(phis, phis) = profile.hessian - sums.beyond;
+  const LandmarkSums::At middle = sums.at(x);
+  MatrixXd hessian = MatrixXd::Zero(phis + 2, phis + 2);
+  hessian.topLeftCorner(phis, phis) = middle.hessian + along(sums.third, delta) - sums.beyond;
   const auto value_at = [&](const LandmarkSums::At& at) {
     return at.value + at.gradient.dot(delta) + 0.5 * delta.dot(at.hessian * delta);
   };
-  const LandmarkSums::At middle = sums.at(x);
   for (int j = 0; j < 2; ++j) {
     Vector2d e = Vector2d::Zero();
     e[j] = h;
     const LandmarkSums::At above = sums.at(x + e), below = sums.at(x - e);
     const VectorXd cross =
         (above.gradient - below.gradient + (above.hessian - below.hessian) * delta) / (2.0 * h);
-    fit.hessian.col(phis + j).head(phis) = cross;
-    fit.hessian.row(phis + j).head(phis) = cross.transpose();
-    fit.hessian(phis + j, phis + j) = (value_at(above) - 2.0 * value_at(middle) + value_at(below)) / (h * h);
+    hessian.col(phis + j).head(phis) = cross;
+    hessian.row(phis + j).head(phis) = cross.transpose();
+    hessian(phis + j, phis + j) = (value_at(above) - 2.0 * value_at(middle) + value_at(below)) / (h * h);
   }
   const auto corner = [&](double a, double b) { return value_at(sums.at(x + Vector2d(a, b))); };
-  fit.hessian(phis, phis + 1) = fit.hessian(phis + 1, phis) =
+  hessian(phis, phis + 1) = hessian(phis + 1, phis) =
       (corner(h, h) + corner(-h, -h) - corner(h, -h) - corner(-h, h)) / (4.0 * h * h);
-  return fit;
+  return hessian;
 }
 
 Vector2d log_sigmas_of(const JointState& state) {

@@ -87,6 +87,11 @@ struct SumsFit {
 /// With alpha of `alphas` coefficients, those from `order` + 1 on held at 0.
 SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Eigen::Vector2d& start);
 
+/// The Hessian of l_s in (phi, log sigmas) [nats per unit squared] at delta = phi - phi_0, without what 1/2 log det H_ss
+/// has in it: the information of what was summed up.
+Eigen::MatrixXd information_at(const LandmarkSums& sums, const Eigen::VectorXd& delta,
+                               const Eigen::Vector2d& log_sigmas);
+
 /// (alpha, landmarks) of a state.
 Eigen::VectorXd phi_of(const JointState& state);
 /// (log sigma_e, log sigma_theta) of a state.

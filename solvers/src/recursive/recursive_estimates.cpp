@@ -86,18 +86,17 @@ Calibration RecursiveCalibrator::approximate() const {
   const double sigma = std::sqrt(std::max(0.0, variance));
   result.noise = {law, VectorXd::Constant(1, sigma)};
   result.noise_estimates = {Estimate{sigma, sigma * std::sqrt(spare / (2.0 * dof))}};
-  if (law == NoiseLaw::d_squared) {
-    result.alpha_covariance = spare * rss(order) / dof * cofactor;
-  } else {
-    const PairsProblem squared = moments_.cells(factor, true);
-    MatrixXd inner = MatrixXd::Zero(p, p);
-    for (std::size_t i = 0; i < squared.size(); ++i) {
-      const double d = squared.true_m[i], s = result.noise.spread(d, evaluate_polynomial(result.alpha, d));
-      const VectorXd phi = powers_of(d, p);
-      inner += squared.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
-    }
-    result.alpha_covariance = cofactor * inner * cofactor;
+  // (sum w d^-4 phi phi^T)^-1 sum w^2 d^-8 s^2 phi phi^T (the same)^-1, s by the law estimated; of d^2 with the
+  // residuals' degrees of freedom, as the batch has it
+  const double unbiased = law == NoiseLaw::d_squared ? W / dof : 1.0;
+  const PairsProblem squared = moments_.cells(factor, true);
+  MatrixXd inner = MatrixXd::Zero(p, p);
+  for (std::size_t i = 0; i < squared.size(); ++i) {
+    const double d = squared.true_m[i], s = result.noise.spread(d, evaluate_polynomial(result.alpha, d));
+    const VectorXd phi = powers_of(d, p);
+    inner += squared.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
   }
+  result.alpha_covariance = unbiased * cofactor * inner * cofactor;
   result.outcome = Outcome::converged;
   return result;
 }

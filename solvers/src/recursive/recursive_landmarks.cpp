@@ -262,12 +262,17 @@ bool RecursiveLandmarks::sum_up_held() {
   if (!block) return false;
   const double stops = own_stops(), kept = std::exp(-stops / options_.forget);
   if (sums_) {
-    sums_->grow(block->reference);
-    if (kept < 1.0) sums_->scale(kept);
-    sums_->add(*block);
-    sums_->follow(found.log_sigmas);
+    const auto take = [&](LandmarkSums& sums, double factor) {
+      sums.grow(block->reference);
+      if (factor < 1.0) sums.scale(factor);
+      sums.add(*block);
+      sums.follow(found.log_sigmas);
+    };
+    take(*sums_, kept);
+    if (squared_) take(*squared_, kept * kept);
   } else {
     sums_ = std::make_unique<LandmarkSums>(std::move(*block));
+    if (std::isfinite(options_.forget)) squared_ = std::make_unique<LandmarkSums>(*sums_);
   }
   sum_w_ = kept * sum_w_ + stops;
   sum_w_sq_ = kept * kept * sum_w_sq_ + stops;

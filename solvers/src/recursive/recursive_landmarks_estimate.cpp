@@ -343,9 +343,14 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
         "sigma_e or sigma_theta is held at the end of the interval in which the readings were summed up";
   }
   if (answer.covariance && options_.random_walk) add_first_pose(answer, fit.hessian, third);
-  if (answer.covariance && std::isfinite(options_.forget)) {
-    const double w = sum_w_ + own_stops(), w_sq = sum_w_sq_ + own_stops();
-    *answer.covariance *= w_sq / w;
+  if (answer.covariance && squared_) {
+    LandmarkSums squared = *squared_;
+    squared.grow(reference);
+    if (answer.held) squared.add(*answer.held);
+    const MatrixXd J = information_at(squared, fit.phi - reference, fit.log_sigmas),
+                   sandwich = *answer.covariance * J * *answer.covariance;
+    const std::vector<int> free = free_entries(sandwich.rows(), alphas, order);
+    if (Eigen::LLT<MatrixXd>(sandwich(free, free)).info() == Eigen::Success) answer.covariance = sandwich;
   }
   return answer;
 }

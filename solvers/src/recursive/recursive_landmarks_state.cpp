@@ -15,7 +15,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-constexpr const char* format_name = "rangecal-recursive-landmarks/1";
+constexpr const char* format_name = "rangecal-recursive-landmarks/2";
+constexpr const char* format_before =
+    "rangecal-recursive-landmarks/1";  // without the sums of squared weights
 
 Json json_of(const LastPose& law) {
   return {{"free", {law.free_position, law.free_heading}},
@@ -125,7 +127,8 @@ std::string RecursiveLandmarks::to_json() const {
              {"held", Json::array()},
              {"cells", {{"landmark", held_.cells.landmark}}},
              {"last", last_ ? json_of(*last_) : Json(nullptr)},
-             {"sums", sums_ ? json_of(*sums_) : Json(nullptr)}};
+             {"sums", sums_ ? json_of(*sums_) : Json(nullptr)},
+             {"squared", squared_ ? json_of(*squared_) : Json(nullptr)}};
   for (std::size_t l = 0; l < labels_.size(); ++l)
     state["landmarks"].push_back({{"label", labels_[l]},
                                   {"radius_m", held_.landmark_radius_m[l]},
@@ -147,7 +150,8 @@ std::string RecursiveLandmarks::to_json() const {
 RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const std::string& name) {
   try {
     const Json state = Json::parse(text);
-    if (state.at("format") != format_name)
+    const bool before = state.at("format") == format_before;
+    if (!before && state.at("format") != format_name)
       throw InputError(std::string("field 'format' is not '") + format_name + "'");
     RecursiveLandmarksOptions options;
     options.order.reset();
@@ -221,6 +225,15 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       result.counts_.dropped[reason] = whole_number(count, "dropped");
     if (state.at("sums").is_object()) {
       result.sums_ = std::make_unique<LandmarkSums>(sums_in(state.at("sums"), phis));
+      if (std::isfinite(options.forget)) {
+        result.squared_ =
+            std::make_unique<LandmarkSums>(before ? *result.sums_ : sums_in(state.at("squared"), phis));
+        if (before && result.sum_w_ > 0.0) result.squared_->scale(result.sum_w_sq_ / result.sum_w_);
+        if (result.squared_->reference != result.sums_->reference ||
+            result.squared_->grid.centre != result.sums_->grid.centre ||
+            result.squared_->grid.half_width != result.sums_->grid.half_width)
+          throw InputError("field 'squared' is not about what 'sums' are");
+      }
       const Json& last = state.at("last");
       JointState at;
       at.alpha = vector_in(last.at("alpha"), options.columns(), "alpha");

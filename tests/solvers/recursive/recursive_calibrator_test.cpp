@@ -209,6 +209,33 @@ TEST(RecursiveCalibrator, CovarianceOfForgettingHolds) {
   EXPECT_NEAR(held / 400.0, 0.95, 0.044);
 }
 
+TEST(RecursiveCalibrator, CovarianceOfForgettingHoldsForDistancesOfLongAgo) {
+  // 100 pairs at 0.3 to 0.8 m, then 200 at 2 to 5 m, forgotten with 60 readings: what is known at 0.5 m is old and
+  // light. z = (f - truth) / std there, of 400 streams; the mean of z^2 is 1 +- 4 sqrt(2 / 400) = 0.28. With one factor
+  // (sum w^2 / sum w) for all distances it is 0.11.
+  for (const bool approximate : {true, false}) {
+    RecursiveOptions options;
+    options.order = 1;
+    options.law = NoiseLaw::d_squared;
+    options.forget = 60.0;
+    double squares = 0.0;
+    for (std::uint64_t repeat = 0; repeat < 400; ++repeat) {
+      Random random(seed_from("recursive long ago", {repeat}));
+      RecursiveCalibrator tracked(options);
+      for (int i = 0; i < 300; ++i) {
+        const double d = i < 100 ? random.uniform(0.3, 0.8) : random.uniform(2.0, 5.0);
+        tracked.add(d, random.normal(0.0525 + 0.8838 * d, 0.02 * d * d));
+      }
+      const Calibration fit = approximate ? tracked.approximate() : tracked.full();
+      ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+      const Eigen::Vector2d at(1.0, 0.5);
+      const double off = at.dot(fit.alpha - Eigen::Vector2d(0.0525, 0.8838));
+      squares += off * off / at.dot(*fit.alpha_covariance * at);
+    }
+    EXPECT_NEAR(squares / 400.0, 1.0, 0.28) << approximate;
+  }
+}
+
 TEST(RecursiveCalibrator, StateIsSavedWholeAndGoesOnBitByBit) {
   const Stream stream = draw(17, 900);
   RecursiveOptions options;

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -404,6 +406,71 @@ TEST(RecursiveLandmarks, IntervalsHold) {
   }
 }
 
+TEST(RecursiveLandmarks, CovariancesOfForgettingHoldForLandmarksOfLongAgo) {
+  // Landmark D is seen from the first 16 of 80 stops alone, and these count by e^-1.5. z^2 = e^T C^-1 e / 2 of its place,
+  // of 40 streams, has mean 1 and variance 1 / 40: +- 4 / sqrt(40) = 0.63. With one factor sum w^2 / sum w for all it is
+  // 0.28. E, seen all along, and the curve at 2 m hold as well: +- 0.63 and +- 4 sqrt(2 / 40) = 0.89.
+  const Drive d{80, 2};
+  RecursiveLandmarksOptions options = options_for(d);
+  options.forget = 32.0;
+  options.block = 16;
+  options.order = 1;
+  double old = 0.0, fresh = 0.0, curve = 0.0;
+  constexpr int streams = 40;
+  for (std::uint64_t repeat = 0; repeat < streams; ++repeat) {
+    Scene scene = testing::paper_scene();
+    scene.alpha = Eigen::Vector2d(0.05, 0.9);
+    scene.noise = {d.law, Eigen::VectorXd::Constant(1, d.sigma_e)};
+    scene.sigma_xy_m = d.sigma_xy;
+    scene.repeats = d.repeats;
+    for (int k = 0; k < d.stops; ++k) testing::add_stop(scene, testing::on_the_drive(k, 0.0));
+    testing::add_cylinders(scene);
+    const Recording recording = simulate(scene, seed_from("recursive long ago", {repeat}));
+    RecursiveLandmarks tracked(options);
+    for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+      const int l = recording.readings.landmark[i];
+      if (l != 1 && (l != 3 || recording.readings.stop[i] < 16)) tracked.add(reading_of(recording, i));
+    }
+    const Calibration fit = tracked.estimate();
+    ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+    for (const LandmarkEstimate& landmark : fit.landmarks) {
+      for (const std::size_t l : {std::size_t{3}, std::size_t{4}}) {
+        if (landmark.label != recording.landmarks[l].label) continue;
+        const Eigen::Vector2d off = landmark.position_m - *recording.truth.landmarks[l];
+        (l == 3 ? old : fresh) += 0.5 * off.dot(landmark.covariance->inverse() * off) / streams;
+      }
+    }
+    const Eigen::Vector2d at(1.0, 2.0);
+    const double off = at.dot(fit.alpha - Eigen::Vector2d(0.05, 0.9));
+    curve += off * off / at.dot(*fit.alpha_covariance * at) / streams;
+  }
+  EXPECT_NEAR(old, 1.0, 0.63);
+  EXPECT_NEAR(fresh, 1.0, 0.63);
+  EXPECT_NEAR(curve, 1.0, 0.89);
+}
+
+TEST(RecursiveLandmarks, TakesStatesThatKeepNoSquaredSums) {
+  // Version 1: the second sums begin as the first times sum w^2 / sum w, which moves no estimate.
+  RecursiveLandmarksOptions options;
+  options.forget = 40.0;
+  RecursiveLandmarks now = after(drive({100, 1}, 75), options);
+  nlohmann::ordered_json state = nlohmann::ordered_json::parse(now.to_json());
+  ASSERT_TRUE(state.at("squared").is_object());
+  nlohmann::ordered_json broken = state;
+  broken["squared"]["half_width"] = 0.123;
+  EXPECT_THROW(RecursiveLandmarks::from_json(broken.dump(), "state"), InputError);
+  broken.erase("squared");
+  EXPECT_THROW(RecursiveLandmarks::from_json(broken.dump(), "state"), InputError);
+  state.erase("squared");
+  state["format"] = "rangecal-recursive-landmarks/1";
+  RecursiveLandmarks before = RecursiveLandmarks::from_json(state.dump(), "state");
+  const Calibration ours = before.estimate(), truth = now.estimate();
+  ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
+  EXPECT_EQ(ours.alpha, truth.alpha);
+  // all landmarks are seen all along: one factor is nearly right
+  EXPECT_LT((*ours.alpha_covariance - *truth.alpha_covariance).norm(), 0.5 * truth.alpha_covariance->norm());
+}
+
 TEST(RecursiveLandmarks, ManyLandmarksGoWithoutTheThirdOrder) {
   Scene scene = testing::paper_scene();
   for (int k = 0; k < 120; ++k) testing::add_stop(scene, testing::on_the_drive(k, 0.0));
@@ -458,7 +525,7 @@ TEST(RecursiveLandmarks, StateIsSavedWholeAndGoesOnBitByBit) {
   }
   EXPECT_THROW(RecursiveLandmarks::from_json("{}", "state"), InputError);
   EXPECT_THROW(RecursiveLandmarks::from_json("not json", "state"), InputError);
-  for (const auto& [what, by] : {std::pair<std::string, std::string>{"landmarks/1", "landmarks/9"},
+  for (const auto& [what, by] : {std::pair<std::string, std::string>{"landmarks/2", "landmarks/9"},
                                  {"\"half_width\":", "\"half_width\":-"},
                                  {"\"opens_place\":true", "\"opens_place\":7"},
                                  {"\"reference\":[", "\"reference\":[1,"},

@@ -47,7 +47,8 @@ struct RecursiveOptions {
 /// to 1e-7 of themselves or better and minimised by Newton's method from the last estimate. The batch's answer within 1 % of its
 /// standard deviation, for every order and law afterwards.
 ///
-/// With forgetting the covariance is I^-1 J I^-1, I = sum w i, J = sum w^2 i, i the information of a reading.
+/// With forgetting both covariances are H^-1 J H^-1: H = sum w i, J = sum w^2 i, i the information of a reading (of the
+/// approximate model: i of H by its weights d^-4, of J by these and the spread estimated).
 class RecursiveCalibrator {
  public:
   explicit RecursiveCalibrator(const RecursiveOptions& options = {});

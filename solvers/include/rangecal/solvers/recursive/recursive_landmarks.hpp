@@ -62,6 +62,10 @@ struct LandmarkReading {
 /// A = d2 l_s / dphi2, 1/2 log det(1 + C_1 Q^T A Q) is added to l_s at the end, phi shifted by its slope, and
 /// Q C_1 Q^T added to the covariance.
 ///
+/// With forgetting a stop counts by its weight w. The covariance is H^-1 J H^-1, H = sum w I and J = sum w^2 I, I the
+/// information of a stop: a second LandmarkSums has the weights squared. Where sums of second order make no J of H's
+/// kind, it is H^-1, which is never less, since w <= 1.
+///
 /// from_bearings() is the linear part, 2021 eq. 18-25, by RecursiveBearings: the batch's answer to rounding.
 class RecursiveLandmarks {
  public:
@@ -100,9 +104,10 @@ class RecursiveLandmarks {
   double effective_stops() const;                ///< (sum w)^2 / sum w^2 of those that are in the answer
   const std::vector<std::string>& landmarks() const { return labels_; }
 
-  /// `rangecal-recursive-landmarks/1`: the whole state as JSON; doubles survive bit by bit.
+  /// `rangecal-recursive-landmarks/2`: the whole state as JSON; doubles survive bit by bit.
   std::string to_json() const;
-  /// Throws InputError naming `name` and the field for a text that is no such state.
+  /// Takes states of version 1 too, which keep no second sums: where they forget, these begin as the first times
+  /// sum w^2 / sum w. Throws InputError naming `name` and the field for a text that is no such state.
   static RecursiveLandmarks from_json(const std::string& text, const std::string& name);
 
  private:
@@ -139,7 +144,8 @@ class RecursiveLandmarks {
   std::vector<std::string> labels_;          ///< of the landmarks
   std::vector<RecursiveBearings> bearings_;  ///< per landmark
   std::unique_ptr<LandmarkSums> sums_;
-  std::optional<JointState> last_;  ///< alpha, noise, sigma_theta and landmarks of the last answer
+  std::unique_ptr<LandmarkSums> squared_;  ///< with forgetting: the same by the squares of the weights
+  std::optional<JointState> last_;         ///< alpha, noise, sigma_theta and landmarks of the last answer
   Counts counts_;
   std::int64_t used_ = 0, stops_ = 0;
   double sum_w_ = 0.0, sum_w_sq_ = 0.0;                                    ///< over stops summed up
