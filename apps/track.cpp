@@ -121,9 +121,10 @@ struct TrackCommand {
   }
 
   std::string page(const Tracked& tracked) const {
-    std::string text = fmt::format("Readings   {} rows, {} corrected, {} not understood; {}: {}\n",
-                                   tracked.rows, tracked.corrected, tracked.malformed,
-                                   tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
+    std::string text =
+        fmt::format("Readings   {} rows, {} corrected, {} out of range, {} not understood; {}: {}\n",
+                    tracked.rows, tracked.corrected, tracked.out_of_range, tracked.malformed,
+                    tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
     if (!tracked.calibration) return text + fmt::format("Curve f    {}\n", what_lacks(tracked));
     const Calibration& c = *tracked.calibration;
     text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method),

@@ -40,6 +40,7 @@ std::string to_json(const TrackState& s) {
             {"output_bytes", s.output_bytes},
             {"rows", s.rows},
             {"corrected", s.corrected},
+            {"out_of_range", s.out_of_range},
             {"malformed", s.malformed},
             {"next_estimate", s.next_estimate},
             {"asked", s.asked},
@@ -72,6 +73,7 @@ TrackState state_in(const std::string& text) {
   s.output_bytes = count("output_bytes");
   s.rows = count("rows");
   s.corrected = count("corrected");
+  if (json.contains("out_of_range")) s.out_of_range = count("out_of_range");  // 0.1.0: among `corrected`
   s.malformed = count("malformed");
   s.next_estimate = count("next_estimate");
   s.asked = json.value("asked", Json());

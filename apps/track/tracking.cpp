@@ -82,6 +82,7 @@ class Run {
     Tracked result;
     result.rows = state_.rows;
     result.corrected = state_.corrected;
+    result.out_of_range = state_.out_of_range;
     result.malformed = state_.malformed;
     result.landmarks = columns_.landmarks();
     result.timed = columns_.time >= 0;
@@ -304,7 +305,10 @@ class Run {
     const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
     if (!corrector_) return output_.print(field + ",,,no_calibration_yet\n");
     const CorrectionCandidate best = correction_candidates(*corrector_, reading, {}, false).front();
-    if (best.distance_m) ++state_.corrected;
+    if (best.flag.starts_with("out_of_range"))
+      ++state_.out_of_range;
+    else if (best.distance_m)
+      ++state_.corrected;
     output_.print(fmt::format("{},{},{},{}\n", field,
                               best.distance_m ? fmt::format("{:.6f}", *best.distance_m) : "",
                               best.std_dev_m ? fmt::format("{:.6f}", *best.std_dev_m) : "", best.flag));

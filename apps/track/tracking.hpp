@@ -30,6 +30,7 @@ struct Tracked {
   std::optional<Calibration> calibration;  ///< none where no row could teach anything
   Counts counts;
   std::int64_t rows = 0, corrected = 0, malformed = 0;
+  std::int64_t out_of_range = 0;  ///< flagged so, the nearest distance beside them; not among `corrected`
   double effective = 0.0;
   bool timed = false, landmarks = false;
   std::vector<ChangeAlarm> changes;  ///< named, and one that is still open

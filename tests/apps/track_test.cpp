@@ -125,6 +125,20 @@ TEST(TrackCommand, CorrectsByACalibrationGiven) {
             "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
 }
 
+TEST(TrackCommand, CountsRowsOutOfRangeApart) {
+  // f(d) = 0.1 + 0.5 d known from 0.5 to 4 m, readings of 0.35 to 2.1 m: 1.1 and 0.6 are corrected, 60 has the flag.
+  const TemporaryFolder folder;
+  save_line(folder, 0.5, NoiseLaw::constant);
+  folder.write("in.csv", "reading_m\n1.1\n60\n0.6\n61\n\nfar\n");
+  const std::string command = "track " + folder.file("in.csv") + " --from " + folder.file("cal.json") +
+                              " -o " + folder.file("out.csv");
+  const RunResult result = run(command);
+  ASSERT_EQ(result.code, 0) << result.err;
+  const std::string out = slurp(folder.file("out.csv"));
+  EXPECT_EQ(count_of(out, "out_of_range"), 2) << out;
+  EXPECT_THAT(result.out, HasSubstr("5 rows, 2 corrected, 2 out of range, 1 not understood"));
+}
+
 TEST(TrackCommand, TakesPolynomialNoiseThroughItsState) {
   const TemporaryFolder folder;
   const std::string whole = header + rows(0, 1200), arguments = " --order 1 --noise polynomial ";

@@ -37,6 +37,16 @@ std::int64_t life_of(std::int64_t stop) {
   return life;
 }
 
+/// Throws InputError naming the stop. What is not finite would spread through the filter and stay there.
+void require_finite(const Stop& stop) {
+  const std::string name = "LandmarkChangeDetector: stop '" + stop.label + "': ";
+  for (const double value : {stop.commanded.x_m, stop.commanded.y_m, stop.commanded.heading_rad})
+    if (!std::isfinite(value)) throw InputError(name + "its pose is not finite");
+  for (const double value : {stop.sigma_xy_m.value_or(0.0), stop.sigma_heading_rad.value_or(0.0)})
+    if (!(value >= 0.0 && std::isfinite(value)))
+      throw InputError(name + "its accuracy is negative or not finite");
+}
+
 Matrix3d covariance_of_error(const Stop& stop) {
   if (stop.covariance) return checked_covariance(stop, "stop '" + stop.label + "'");
   const double xy = stop.sigma_xy_m.value_or(0.0), heading = stop.sigma_heading_rad.value_or(0.0);
@@ -72,6 +82,7 @@ double LandmarkWatch::Onset::log_ratio(const std::array<double, directions>& tau
 }
 
 void LandmarkWatch::start(const Stop& stop) {
+  require_finite(stop);
   const bool turned = !stop.place.empty() && stop.place == place && stops > 0;
   const bool follows = random_walk && stops > 0;
   const Matrix3d F = filter.start(stop.commanded, covariance_of_error(stop), follows, turned);
@@ -129,6 +140,9 @@ void LandmarkWatch::follow(Onset& onset, const LandmarkFilter::Taken& taken, dou
 std::optional<ChangeAlarm> LandmarkWatch::add(const LandmarkReading& reading) {
   const double y = reading.range_m, bearing = reading.bearing_rad;
   if (!(y > 0.0) || !std::isfinite(y) || !std::isfinite(bearing)) return std::nullopt;
+  if (!(reading.radius_m >= 0.0 && std::isfinite(reading.radius_m)))
+    throw InputError("LandmarkChangeDetector: landmark '" + reading.landmark +
+                     "': its radius is negative or not finite");
   if (stops == 0 || label != reading.stop.label) start(reading.stop);
   const LandmarkFilter::Taken taken = filter.take(reading.landmark, reading.radius_m, y, bearing);
   ++readings;

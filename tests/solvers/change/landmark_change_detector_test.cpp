@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "change/landmark_filter.hpp"
@@ -409,6 +410,46 @@ TEST(LandmarkChangeDetector, RefusesStatesThatNoReadingsMake) {
   const std::string onsets = "field 'onsets' holds what no readings make";
   EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["numbers"][0] = 0.0; }), onsets);    // w
   EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["numbers"][11] = -1.0; }), onsets);  // I
+}
+
+TEST(LandmarkChangeDetector, RefusesStopsAndLandmarksThatAreNotFinite) {
+  const Recording r = drive(Drive{40, 1}, seed_from("watch not finite"));
+  for (const bool walk : {false, true}) {
+    LandmarkChangeDetector watch(reference(0.1), walk);
+    for (std::size_t i = 0; i < 20; ++i) watch.add(reading_of(r, i));
+    const std::string before = watch.to_json();
+    const auto refusal = [&](const std::function<void(LandmarkReading&)>& breaking) -> std::string {
+      LandmarkReading reading = reading_of(r, 20);
+      reading.stop.label = "next";
+      reading.landmark = "M";
+      breaking(reading);
+      try {
+        watch.add(reading);
+      } catch (const InputError& error) {
+        return error.what();
+      }
+      return "none";
+    };
+    const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+    const std::string pose = "LandmarkChangeDetector: stop 'next': its pose is not finite",
+                      accuracy =
+                          "LandmarkChangeDetector: stop 'next': its accuracy is negative or not finite",
+                      radius = "LandmarkChangeDetector: landmark 'M': its radius is negative or not finite";
+    EXPECT_EQ(refusal([&](LandmarkReading& l) { l.stop.commanded.x_m = nan; }), pose);
+    EXPECT_EQ(refusal([&](LandmarkReading& l) { l.stop.commanded.y_m = inf; }), pose);
+    EXPECT_EQ(refusal([&](LandmarkReading& l) { l.stop.commanded.heading_rad = nan; }), pose);
+    EXPECT_EQ(refusal([&](LandmarkReading& l) { l.stop.sigma_xy_m = nan; }), accuracy);
+    EXPECT_EQ(refusal([&](LandmarkReading& l) { l.stop.sigma_heading_rad = -0.1; }), accuracy);
+    EXPECT_EQ(refusal([&](LandmarkReading& l) { l.radius_m = nan; }), radius);
+    Stop passed = r.stops[5];
+    passed.label = "next";
+    passed.commanded.x_m = nan;
+    if (walk) {
+      EXPECT_THROW(watch.pass(passed), InputError);
+    }
+    EXPECT_EQ(watch.to_json(), before);
+    EXPECT_EQ(refusal([](LandmarkReading&) {}), "none");
+  }
 }
 
 TEST(LandmarkChangeDetector, MemoryDoesNotGrow) {

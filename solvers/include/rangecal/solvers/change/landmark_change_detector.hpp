@@ -50,10 +50,12 @@ class LandmarkChangeDetector {
   LandmarkChangeDetector& operator=(LandmarkChangeDetector&&) noexcept;
 
   /// Takes one reading; the alarm it raises or names, if any. The stop has accuracies or a covariance of its own. A
-  /// reading that is not finite and positive, or 1e100 standard deviations off, is passed over. Cost: 26 us with five
+  /// reading that is not finite and positive, or 1e100 standard deviations off, is passed over. Throws InputError naming
+  /// stop or landmark for a pose that is not finite and for an accuracy or a radius that is negative or not finite;
+  /// nothing is changed then. Cost: 26 us with five
   /// landmarks, some 100 beginnings of stops being looked back at; linear in the landmarks up to some 50.
   std::optional<ChangeAlarm> add(const LandmarkReading& reading);
-  /// A stop of a random walk from which nothing was read.
+  /// A stop of a random walk from which nothing was read. Throws as add does.
   void pass(const Stop& stop);
 
   std::int64_t readings() const;
