@@ -26,9 +26,13 @@ const char* to_string(Method method) { return method_names.name_of(method); }
 
 Method method_from_string(const std::string& text) { return method_names.value_of(text); }
 
+const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibration) {
+  return calibration.covariance_with_choice ? calibration.covariance_with_choice
+                                            : calibration.alpha_covariance;
+}
+
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m) {
-  const auto& covariance =
-      calibration.covariance_with_choice ? calibration.covariance_with_choice : calibration.alpha_covariance;
+  const std::optional<Eigen::MatrixXd>& covariance = curve_covariance(calibration);
   if (!covariance) return std::nullopt;
   return evaluate_form(*covariance, distance_m);
 }

@@ -21,11 +21,6 @@ Eigen::MatrixXd padded(const std::optional<Eigen::MatrixXd>& covariance, Eigen::
   return whole;
 }
 
-/// What a calibration says of its coefficients, with the choice of the model in it where it has that.
-const std::optional<Eigen::MatrixXd>& stated_covariance(const Calibration& c) {
-  return c.covariance_with_choice ? c.covariance_with_choice : c.alpha_covariance;
-}
-
 /// Why curves of different orders cannot be judged; empty where they can.
 std::string order_in_the_way(const Calibration& before, const Calibration& after) {
   if (before.order() == after.order()) return {};
@@ -33,7 +28,7 @@ std::string order_in_the_way(const Calibration& before, const Calibration& after
       fmt::format("the orders differ ({} and {}), and the calibration", before.order(), after.order());
   const int highest = std::max(before.order(), after.order());
   for (const Calibration* c : {&before, &after}) {
-    if (!stated_covariance(*c)) continue;
+    if (!curve_covariance(*c)) continue;
     const char* which = c == &before ? "before" : "now";
     if (!c->covariance_with_choice)
       return fmt::format(
@@ -153,20 +148,20 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
 
   Eigen::Index size = std::max(before.alpha.size(), after.alpha.size());
   for (const Calibration* c : {&before, &after})
-    if (stated_covariance(*c)) size = std::max(size, stated_covariance(*c)->rows());
+    if (curve_covariance(*c)) size = std::max(size, curve_covariance(*c)->rows());
   Eigen::VectorXd delta = Eigen::VectorXd::Zero(size);
   delta.head(after.alpha.size()) += after.alpha;
   delta.head(before.alpha.size()) -= before.alpha;
   CurveChange change;
   std::optional<Eigen::MatrixXd> covariance;
   std::array<CovariancePart, 2> parts;
-  if (stated_covariance(after)) {
-    change.first_taken_as_exact = !stated_covariance(before);
+  if (curve_covariance(after)) {
+    change.first_taken_as_exact = !curve_covariance(before);
     change.given_the_model =
         !after.covariance_with_choice || (!change.first_taken_as_exact && !before.covariance_with_choice);
-    parts[0].covariance = padded(stated_covariance(before), size);
+    parts[0].covariance = padded(curve_covariance(before), size);
     if (!change.first_taken_as_exact) parts[0].degrees = noise_degrees(before);
-    parts[1] = {padded(stated_covariance(after), size), noise_degrees(after)};
+    parts[1] = {padded(curve_covariance(after), size), noise_degrees(after)};
     covariance = parts[0].covariance + parts[1].covariance;
   }
   constexpr int grid = 200;

@@ -86,8 +86,12 @@ struct Calibration {
   int order() const { return static_cast<int>(alpha.size()) - 1; }
 };
 
-/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, d, d^2, ...), C the covariance with the choice of the model in it where
-/// there is one, else that of alpha. None where the calibration has neither.
+/// C, what the calibration says of the uncertainty of f's coefficients: the covariance with the choice of the model in it
+/// where there is one, else that of alpha given the model. Entry (i, j) in m^(2-i-j); none where the calibration has neither.
+const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibration);
+const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration&&) = delete;  ///< would be gone
+
+/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, d, d^2, ...), C of `curve_covariance`; none where there is none.
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m);
 
 }  // namespace rangecal
