@@ -202,15 +202,20 @@ class Posteriors {
   }
 
   /// A line for each root, the most probable first.
-  static void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean,
-                    double low, double high, bool against_prior = false) {
+  void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean, double low,
+             double high, bool against_prior = false) const {
     std::sort(roots.begin(), roots.end(),
               [](const auto& a, const auto& b) { return a.probability > b.probability; });
     std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
-    const char* flag = against_prior ? "against_prior" : roots.size() > 1 ? "ambiguous" : "ok";
-    for (std::size_t k = 0; k < roots.size(); ++k)
+    const std::string why = against_prior ? "against_prior" : roots.size() > 1 ? "ambiguous" : "";
+    for (std::size_t k = 0; k < roots.size(); ++k) {
+      std::string flag = why;
+      if (is_extrapolated(settings_.corrector.calibration(), roots[k].mean_m))
+        flag += flag.empty() ? "extrapolated" : "+extrapolated";
       fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m,
-                 roots[k].std_dev_m, k + 1, flag, roots[k].probability, mode, mean, low, high);
+                 roots[k].std_dev_m, k + 1, flag.empty() ? "ok" : flag, roots[k].probability, mode, mean, low,
+                 high);
+    }
   }
 
   const ReadingSettings& settings_;
@@ -289,12 +294,12 @@ void add_correct(CLI::App& app, Action& chosen) {
   command->footer(
       "Prints CSV: reading_m, distance_m, std_m (noise of the reading and uncertainty of f together), "
       "candidate (1 is\n"
-      "the most likely; every distance that explains the reading is listed), flag: ok, or ambiguous, "
-      "extrapolated\n"
-      "(outside the distances fitted), turning_point, out_of_range (nearest distance given, a tenth of the range\n"
-      "fitted beyond its end at most), against_prior (a distance that the map or the motion does not allow), or why\n"
-      "there is none:\n"
-      "missing, zero, negative, not_finite.\n"
+      "the most likely; every distance that explains the reading is listed), flag. Flags: ok; ambiguous (several\n"
+      "distances explain the reading); out_of_range (no distance is read as this, up to a tenth of the range fitted beyond its\n"
+      "ends: the nearest is given, or none where it is more than 4 standard deviations off); against_prior (a distance that\n"
+      "the map or the motion does not allow); extrapolated (outside the distances fitted); turning_point (f turns back\n"
+      "there). Several that hold are joined by +, as in ambiguous+extrapolated. Without a distance: out_of_range, or missing,\n"
+      "zero, negative, not_finite.\n"
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
       "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is named, and a row\n"
       "without its value flagged.\n"

@@ -22,8 +22,9 @@ class Corrected:
     distance_m, std_m : ndarray (n,)
         The most likely distance to the surface and its standard deviation [m]; NaN where there is none.
     flag : ndarray of str (n,)
-        ``ok``; ``ambiguous``, ``extrapolated``, ``turning_point`` joined by ``+``; ``out_of_range``; or why there is
-        no distance: ``missing``, ``zero``, ``negative``, ``not_finite``.
+        ``ok``; ``ambiguous`` or ``out_of_range``, ``extrapolated``, ``turning_point``, joined by ``+`` where several
+        hold. Without a distance: ``out_of_range`` (the nearest is more than 4 standard deviations off), ``missing``,
+        ``zero``, ``negative``, ``not_finite``.
     """
 
     def __init__(self, reading_m, candidates):

@@ -15,6 +15,7 @@
 namespace rangecal::test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 /// f(d) = 0.1 + 0.5 d over 0.5 to 4 m, s = 1 cm, alpha exact.
@@ -79,7 +80,66 @@ TEST_F(CorrectCommand, OutOfRangeIsFlagged) {
   // Fitted to 4 m, sought to 4 + 0.1 * 3.5 m: 2.2 stands for d = 4.2 (extrapolated), 9 for none.
   const RunResult result = run("correct " + save(line()), "2.2\n9\n");
   EXPECT_THAT(result.out, HasSubstr("2.2,4.200000,0.020000,1,extrapolated\n"));
-  EXPECT_THAT(result.out, HasSubstr("out_of_range"));
+  EXPECT_THAT(result.out, HasSubstr("9,,,,out_of_range\n"));
+}
+
+TEST_F(CorrectCommand, WhatNoDistanceExplainsHasNone) {
+  // f(4.35) = 2.275 at the far end that is sought, s = 1 cm: 2.3 is 2.5 standard deviations off, 2.32 is 4.5. At the near
+  // end, 0.15 m, f = 0.175.
+  const std::string json = save(line());
+  const std::string sentinels = "1e-9\n0.13\n2.32\n65.535\n65535\n1e38\n1e300\n";
+  for (const std::string roots : {"ls", "ml"}) {
+    const RunResult result = run("correct " + json + " --roots " + roots, sentinels);
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(count_of(result.out, ",,,,out_of_range\n"), 7) << result.out;
+  }
+  EXPECT_THAT(run("correct " + json, "2.3\n0.16\n").out,
+              AllOf(HasSubstr("2.3,4.350000,0.020000,1,out_of_range\n"),
+                    HasSubstr("0.16,0.150000,0.020000,1,out_of_range\n")));
+  EXPECT_EQ(count_of(run("correct " + json + " --prior uniform", sentinels).out, ",,,,out_of_range,,,,,\n"),
+            7);
+  EXPECT_EQ(count_of(run("correct " + json, "0\n-0\n-1e38\n").out, ",,,,negative\n"), 1);
+  // with an effect, and with noise that grows: a law that is squared before it is compared overflows first
+  Calibration growing = line();
+  growing.noise = {NoiseLaw::f_squared, Eigen::VectorXd::Constant(1, 0.001)};
+  growing.effects["range_offset"] = {{"offset_m", 0.01}};
+  for (const bool effects : {true, false}) {
+    if (!effects) growing.effects.clear();
+    for (const std::string how : {"", " --roots ml", " --prior uniform"})
+      EXPECT_EQ(count_of(run("correct " + save(growing) + how, sentinels).out, ",,,,out_of_range"), 7)
+          << how << " effects " << effects;
+  }
+}
+
+TEST_F(CorrectCommand, FlagsThatHoldTogetherAreJoined) {
+  // f = 1 + (d - 1)^2 fitted on 0.6 to 3: 1.25 at 1.5 and at 0.5, which is 0.1 m nearer than any distance fitted.
+  Calibration bowl = line();
+  bowl.alpha = Eigen::Vector3d(2.0, -2.0, 1.0);
+  bowl.range_min_m = 0.6;
+  bowl.range_max_m = 3.0;
+  const std::string json = save(bowl);
+  const RunResult plain = run("correct " + json, "1.25\n");
+  EXPECT_EQ(count_of(plain.out, ",ambiguous+extrapolated\n"), 1) << plain.out;
+  EXPECT_EQ(count_of(plain.out, ",ambiguous\n"), 1) << plain.out;
+  const RunResult posterior = run("correct " + json + " --prior uniform --limits 0.2 3", "1.25\n");
+  EXPECT_EQ(count_of(posterior.out, ",ambiguous+extrapolated,"), 1) << posterior.out;
+  EXPECT_EQ(count_of(posterior.out, ",ambiguous,"), 1) << posterior.out;
+}
+
+TEST_F(CorrectCommand, ADistanceBeyondTheFitIsFlaggedUnderAPriorToo) {
+  // f(3) = 1.6, f(9) = 4.6, f(25) = 12.6; the fit ends at 4 m, the prior at 20 m.
+  const RunResult far =
+      run("correct " + save(line()) + " --prior uniform --limits 0.2 20", "1.6\n4.6\n12.6\n");
+  ASSERT_EQ(far.code, 0) << far.err;
+  EXPECT_EQ(count_of(far.out, ",1,ok,"), 1) << far.out;
+  EXPECT_EQ(count_of(far.out, "4.6,9.000000,0.020000,1,extrapolated,"), 1) << far.out;
+  EXPECT_THAT(far.out, HasSubstr("12.6,,,,out_of_range"));
+  // by the table, which takes over from 20 000 readings on
+  std::string many;
+  for (int i = 0; i < 20000; ++i) many += i % 2 ? "1.6\n" : "4.6\n";
+  const RunResult table = run("correct " + save(line()) + " --prior uniform --limits 0.2 20", many);
+  EXPECT_EQ(count_of(table.out, ",1,extrapolated,"), 10000);
+  EXPECT_EQ(count_of(table.out, ",1,ok,"), 10000);
 }
 
 TEST_F(CorrectCommand, MalformedLinesNameTheRow) {

@@ -166,11 +166,14 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
     return {{std::nullopt, std::nullopt, 0, why}};
   const Correction found = corrector.correct(reading_m, setting);
   std::vector<CorrectionRoot> roots = maximum_likelihood ? found.maximum_likelihood : found.least_squares;
+  if (maximum_likelihood)  // a turning point is a minimum of the NLL, however far the reading lies from it
+    std::erase_if(roots, [](const CorrectionRoot& root) { return !(root.off <= farthest_off); });
   std::sort(roots.begin(), roots.end(), [](const CorrectionRoot& a, const CorrectionRoot& b) {
     return a.log_likelihood > b.log_likelihood;
   });
   if (roots.empty()) {
-    if (found.nearest) return {candidate_of(*found.nearest, 1, "out_of_range")};
+    if (found.nearest && found.nearest->off <= farthest_off)
+      return {candidate_of(*found.nearest, 1, "out_of_range")};
     return {{std::nullopt, std::nullopt, 0, "out_of_range"}};
   }
   std::vector<CorrectionCandidate> candidates;

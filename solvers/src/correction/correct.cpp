@@ -76,8 +76,10 @@ std::vector<double> invert(const Curve& curve, double value) {
 /// sign of the slope of the NLL in f > 0, so minima are where q rises through 0.
 std::vector<double> minima_f_squared(const Curve& curve, double y) {
   const double sigma = curve.calibration.noise.parameters(0);
+  const double unit = std::max(1.0, y);  // q over its square: no reading is too large for it
   VectorXd q(5);
-  q << -2.0 * y * y, 3.0 * y, -1.0, 0.0, 2.0 * sigma * sigma;
+  q << -2.0 * (y / unit) * (y / unit), 3.0 * (y / unit) / unit, -1.0 / unit / unit, 0.0,
+      2.0 * (sigma / unit) * (sigma / unit);
   double f_high = std::max(curve.f(curve.low), curve.f(curve.high));
   for (const double d : curve.turning_points) f_high = std::max(f_high, curve.f(d));
   std::vector<double> minima;
@@ -93,15 +95,18 @@ std::vector<double> minima_f_squared(const Curve& curve, double y) {
 /// q(d) = sigma^2 d^4 - (y - f)(y - f + d f'/2) has the sign of the slope of the NLL in d > 0.
 std::vector<double> minima_d_squared(const Curve& curve, double y) {
   const double sigma = curve.calibration.noise.parameters(0);
+  const double unit = std::max(1.0, y);  // q over its square: no reading is too large for it
   VectorXd residual = -curve.calibration.alpha;
   residual(0) += y;
   VectorXd other = residual;
   for (Eigen::Index i = 0; i < other.size(); ++i)
     other(i) += 0.5 * static_cast<double>(i) * curve.calibration.alpha(i);
+  residual /= unit;
+  other /= unit;
   const VectorXd bracket = product(residual, other);
   VectorXd q = VectorXd::Zero(std::max<Eigen::Index>(bracket.size(), 5));
   q.head(bracket.size()) = -bracket;
-  q(4) += sigma * sigma;
+  q(4) += (sigma / unit) * (sigma / unit);
   std::vector<double> minima;
   for (const double d : real_roots(q, curve.low, curve.high)) {
     if (evaluate_derivative(q, d) > 0.0) minima.push_back(d);
@@ -148,14 +153,15 @@ CorrectionRoot root_at(const Curve& curve, double y, double d) {
   CorrectionRoot root;
   root.distance_m = d;
   root.log_likelihood = -curve.nll(y, d);
-  root.extrapolated = d < curve.calibration.range_min_m || d > curve.calibration.range_max_m;
+  root.extrapolated = is_extrapolated(curve.calibration, d);
   const double slope = std::abs(curve.slope(d)), s = curve.spread(d), width = curve.high - curve.low;
+  const std::optional<double> variance = curve_variance(curve.calibration, d);
+  root.off = standard_deviations_off(y - curve.f(d), s, variance.value_or(0.0));
   root.turning_point = std::any_of(curve.turning_points.begin(), curve.turning_points.end(),
                                    [&](double at) { return std::abs(at - d) < 1e-7 * width; });
   if (root.turning_point || !(slope > 0.0)) return root;
   root.std_dev_m = s / slope;
-  if (const auto variance = curve_variance(curve.calibration, d))
-    root.std_dev_total_m = std::sqrt(s * s + *variance) / slope;
+  if (variance) root.std_dev_total_m = std::sqrt(s * s + *variance) / slope;
   return root;
 }
 
@@ -177,6 +183,10 @@ Curve curve_of(const Calibration& c, const SearchedRange& range) {
 }
 
 }  // namespace
+
+bool is_extrapolated(const Calibration& calibration, double distance_m) {
+  return distance_m < calibration.range_min_m || distance_m > calibration.range_max_m;
+}
 
 int most_likely(const std::vector<CorrectionRoot>& roots) {
   int best = -1;
@@ -231,7 +241,7 @@ Correction correct(const Calibration& calibration, double reading_m, const Corre
   std::vector<double> candidates(curve.turning_points);
   candidates.push_back(curve.high);
   for (const double d : candidates) {
-    if (std::abs(curve.f(d) - y) < std::abs(curve.f(nearest) - y)) nearest = d;
+    if (is_nearer(curve.f(d), curve.f(nearest), y)) nearest = d;
   }
   result.nearest = root_at(curve, y, nearest);
   result.reason = "f(d) = reading has no root between " + std::to_string(curve.low) + " m and " +

@@ -107,9 +107,8 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m,
                                                     const ReadingSetting& setting) const {
   std::vector<double> points = turning_points(low_m, high_m);
   if (active_.empty()) return points;
-  const double s = calibration_.noise.spread(reading_m, reading_m);
-  const double reach =
-      12.0 * s * std::exp(0.5 * std::max(0.0, change(reading_m, setting).range_log_variance));
+  const double s = spread_near(reading_m, low_m, high_m), d = std::min(reading_m, high_m);
+  const double reach = 12.0 * s * std::exp(0.5 * std::max(0.0, change(d, setting).range_log_variance));
   const std::vector<Stretch> stretches =
       stretches_near(mean_reading(setting), {low_m, high_m}, reading_m, reach);
   std::erase_if(points, [&](double d) {  // there the effects say where the mean turns
@@ -120,6 +119,14 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m,
     if (stretch.ends != Stretch::End::window) points.push_back(stretch.to);
   std::sort(points.begin(), points.end());
   return points;
+}
+
+double EffectCorrector::spread_near(double reading_m, double low_m, double high_m) const {
+  const auto f = [&](double d) { return evaluate_polynomial(calibration_.alpha, d); };
+  double largest = std::max(f(low_m), f(high_m));
+  for (const double d : turning_points(low_m, high_m)) largest = std::max(largest, f(d));
+  const double at = largest > 0.0 ? std::min(reading_m, largest) : reading_m;
+  return calibration_.noise.spread(at, at);
 }
 
 MeanReading EffectCorrector::mean_reading(const ReadingSetting& setting) const {
@@ -138,19 +145,20 @@ CorrectionRoot EffectCorrector::root_at(double d, double reading_m, const Readin
                                         double h) const {
   CorrectionRoot root;
   root.distance_m = d;
-  root.extrapolated = d < calibration_.range_min_m || d > calibration_.range_max_m;
+  root.extrapolated = is_extrapolated(calibration_, d);
   const double f = evaluate_polynomial(calibration_.alpha, d);
   const ReadingChange<double> own = change(d, setting);
   const double s = calibration_.noise.spread(d, f) * std::exp(0.5 * own.range_log_variance);
   const double z = (reading_m - f - own.range) / s;
+  const std::optional<double> variance = curve_variance(calibration_, d);
+  root.off = standard_deviations_off(reading_m - f - own.range, s, variance.value_or(0.0));
   root.log_likelihood =
       s > 0.0 ? -std::log(s) - 0.5 * z * z - half_log_two_pi : std::numeric_limits<double>::infinity();
   const double slope = std::abs(evaluate_derivative(calibration_.alpha, d) +
                                 (change(d + h, setting).range - change(d - h, setting).range) / (2.0 * h));
   if (!(slope > 0.0)) return root;
   root.std_dev_m = s / slope;
-  if (const auto variance = curve_variance(calibration_, d))
-    root.std_dev_total_m = std::sqrt(s * s + *variance) / slope;
+  if (variance) root.std_dev_total_m = std::sqrt(s * s + *variance) / slope;
   return root;
 }
 
@@ -161,17 +169,17 @@ Correction EffectCorrector::correct(double reading_m, const ReadingSetting& sett
   const MeanReading mean = mean_reading(setting);
   const double y = reading_m, h = 1e-7 * range.width();
   constexpr double far = 8.0;  // standard deviations
-  const double spread = calibration_.noise.spread(y, y);
+  const double spread = spread_near(y, range.low, range.high);
   const std::vector<Stretch> stretches = stretches_near(mean, range, y, far * spread);
   const auto root = [&](double d) { return root_at(d, y, setting, h); };
   const auto nll = [&](double d) { return -root(d).log_likelihood; };
 
   Correction result;
   std::optional<double> nearest;
-  double least = std::numeric_limits<double>::infinity();
+  double at_nearest = 0.0;
   const auto consider = [&](double d, double at) {
-    if (!(std::abs(at - y) < least)) return;
-    least = std::abs(at - y);
+    if (nearest && !is_nearer(at, at_nearest, y)) return;
+    at_nearest = at;
     nearest = d;
   };
   const auto add = [&](std::vector<CorrectionRoot>& roots, CorrectionRoot next) {

@@ -13,9 +13,6 @@
 namespace rangecal {
 namespace {
 
-/// Standard deviations from which on no distance explains a reading: noise does that twice in 10^9 readings.
-constexpr double farthest_off = 4.0;
-
 /// The density at the nodes of every panel.
 struct SampledDensity {
   std::vector<Panel> panels;

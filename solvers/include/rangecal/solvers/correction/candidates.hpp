@@ -13,13 +13,14 @@ namespace rangecal {
 
 /// One distance that a reading may stand for, as `rangecal correct` lists it.
 struct CorrectionCandidate {
-  std::optional<double> distance_m;  ///< none where the reading cannot be used or nothing is near
+  std::optional<double> distance_m;  ///< none where the reading cannot be used or no distance explains it
   std::optional<double>
       std_dev_m;      ///< noise of the reading and uncertainty of f together, where there is one
   int candidate = 0;  ///< 1 is the most likely; 0 where there is no distance
-  std::string flag;   ///< "ok"; "ambiguous", "extrapolated", "turning_point" joined by "+";
-                      ///< "out_of_range" (the nearest distance); "missing", "not_finite", "zero",
-                      ///< "negative"
+  /// "ok"; "ambiguous" or "out_of_range" (f(d) = reading has no root: the nearest distance, or none where that is more than
+  /// 4 standard deviations off), "extrapolated", "turning_point", joined by "+" in this order; "missing", "not_finite",
+  /// "zero", "negative"
+  std::string flag;
 };
 
 /// Every distance that explains the reading, most likely first; always at least one line. `maximum_likelihood`: minima

@@ -9,6 +9,9 @@
 
 namespace rangecal {
 
+/// Standard deviations from which on a distance does not explain a reading: noise does that once in 16 000 readings.
+inline constexpr double farthest_off = 4.0;
+
 /// A distance that explains a reading.
 struct CorrectionRoot {
   double distance_m = 0.0;
@@ -16,6 +19,7 @@ struct CorrectionRoot {
   std::optional<double> std_dev_total_m;  ///< sqrt(s^2 + var f(d)) / |f'|, by `curve_variance`;
                                           ///< absent there, and where the calibration has no covariance
   double log_likelihood = 0.0;            ///< log p(reading | d) under the noise law [nats]
+  double off = 0.0;                       ///< |reading - f(d)| / sqrt(s^2 + var f(d)); infinite without noise
   bool extrapolated = false;              ///< outside the distances over which f was fitted
   bool turning_point = false;             ///< f'(d) = 0: the reading lies beyond what f reaches here
 };
@@ -29,8 +33,12 @@ struct Correction {
   std::vector<CorrectionRoot> maximum_likelihood;  ///< local minima of the NLL of y (2016 eq. 27-29)
   int best_least_squares = -1;                     ///< index of the most likely one; -1 if there is none
   int best_maximum_likelihood = -1;
-  std::optional<CorrectionRoot> nearest;  ///< where f(d) = y has no root in range: argmin |f(d) - y| in it
+  /// Where f(d) = y has no root in range: argmin |f(d) - y| in it. It explains the reading only if `off` is small.
+  std::optional<CorrectionRoot> nearest;
 };
+
+/// Whether a distance [m] lies outside those over which f was fitted.
+bool is_extrapolated(const Calibration& calibration, double distance_m);
 
 struct CorrectionOptions {
   double extension =

@@ -69,6 +69,8 @@ class EffectCorrector {
   ReadingView<double> view(double d, const ReadingSetting& setting) const;
   ReadingChange<double> change(double d, const ReadingSetting& setting) const;
   MeanReading mean_reading(const ReadingSetting& setting) const;
+  /// The noise law's spread [m] at the reading, or at the largest f in [low, high] where the reading is beyond that.
+  double spread_near(double reading_m, double low_m, double high_m) const;
   /// `h`: step of the slope [m].
   CorrectionRoot root_at(double d, double reading_m, const ReadingSetting& setting, double h) const;
 
