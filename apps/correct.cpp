@@ -250,14 +250,23 @@ struct CorrectCommand {
         reading_settings(loaded, table ? &*table : nullptr, name, readings.size());
     if (prior.empty() && (!limits.empty() || speed != 0.0))
       throw InputError("--limits and --speed say what a --prior is; there is none");
+    const auto warn_of_effects = [&] {
+      if (settings.corrector.takes_effects_as_exact())
+        fmt::print(stderr,
+                   "rangecal: warning: {}: does not say how well its effects are known, so std_m lacks their "
+                   "uncertainty; 'diagnose --calibration' writes it\n",
+                   calibration);
+    };
     if (!prior.empty()) {
       Posteriors posteriors(settings, prior, limits, speed, table ? &*table : nullptr, name);
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.check(i);
       posteriors.expect(readings.size());
+      warn_of_effects();
       fmt::print("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n");
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(i, readings[i]);
       return done;
     }
+    warn_of_effects();
     fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
     for (std::size_t i = 0; i < readings.size(); ++i)
       print_correction(readings[i], correction_candidates(settings.corrector, readings[i],
@@ -292,7 +301,7 @@ void add_correct(CLI::App& app, Action& chosen) {
       ->expected(2);
   command->add_option("--speed", state->speed, "largest speed along the beam [m/s], for --prior motion");
   command->footer(
-      "Prints CSV: reading_m, distance_m, std_m (noise of the reading and uncertainty of f together), "
+      "Prints CSV: reading_m, distance_m, std_m (noise of the reading, uncertainty of f and effects), "
       "candidate (1 is\n"
       "the most likely; every distance that explains the reading is listed), flag. Flags: ok; ambiguous (several\n"
       "distances explain the reading); out_of_range (no distance is read as this, up to a tenth of the range fitted beyond its\n"

@@ -111,6 +111,22 @@ TEST_F(CorrectCommand, WhatNoDistanceExplainsHasNone) {
   }
 }
 
+TEST_F(CorrectCommand, SaysOnceWhereItTakesEffectsAsExact) {
+  // y = 0.1 + 0.5 d + 0.1: 1.2 stands for 2 m; var g = 0.003^2 of the offset beside s = 0.01: sqrt(1.09e-4) / 0.5.
+  Calibration calibration = line();
+  calibration.effects["range_offset"] = {{"offset_m", 0.1}};
+  const RunResult exact = run("correct " + save(calibration), "1.2\n1.2\n");
+  EXPECT_EQ(count_of(exact.err, "how well its effects are known"), 1) << exact.err;
+  EXPECT_THAT(exact.out, HasSubstr("1.2,2.000000,0.020000,1,ok\n"));
+  EffectsCovariance known{{"range_offset.offset_m"}, Eigen::MatrixXd::Zero(3, 3)};
+  known.matrix(2, 2) = 9e-6;
+  calibration.effects_covariance = known;
+  const RunResult told = run("correct " + save(calibration), "1.2\n");
+  EXPECT_EQ(told.err, "");
+  EXPECT_THAT(told.out, HasSubstr("1.2,2.000000,0.020881,1,ok\n"));
+  EXPECT_EQ(run("correct " + save(line()), "1.2\n").err, "");
+}
+
 TEST_F(CorrectCommand, FlagsThatHoldTogetherAreJoined) {
   // f = 1 + (d - 1)^2 fitted on 0.6 to 3: 1.25 at 1.5 and at 0.5, which is 0.1 m nearer than any distance fitted.
   Calibration bowl = line();

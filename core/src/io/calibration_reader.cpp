@@ -143,6 +143,30 @@ void read_noise(const Field& field, Calibration& calibration) {
   }
 }
 
+void read_effects(const Field& top, Calibration& calibration) {
+  for (const auto& [effect, parameters] : top.at("effects").members()) {
+    calibration.effects[effect];
+    for (const auto& [name, value] : parameters.members()) calibration.effects[effect][name] = value.number();
+  }
+  const Field known = top.at("effects_covariance");
+  if (known.is_null()) return;
+  EffectsCovariance covariance;
+  for (const Field& item : known.required("parameters").items()) {
+    const std::string name = item.text();
+    const std::size_t dot = name.find('.');
+    const auto effect = calibration.effects.find(name.substr(0, dot));
+    if (dot == std::string::npos || effect == calibration.effects.end() ||
+        !effect->second.contains(name.substr(dot + 1)))
+      item.fail("'" + name + "' is no EFFECT.PARAMETER of field 'effects'");
+    covariance.parameters.push_back(name);
+  }
+  const Field values = known.required("matrix");
+  covariance.matrix =
+      *values.matrix(calibration.alpha.size() + static_cast<Eigen::Index>(covariance.parameters.size()));
+  if (!covariance.matrix.allFinite()) values.fail("is not finite");
+  calibration.effects_covariance = std::move(covariance);
+}
+
 void read_places(const Field& top, Calibration& calibration) {
   for (const Field& item : top.at("landmarks").items()) {
     LandmarkEstimate landmark{item.at("recording").whole(),
@@ -223,10 +247,7 @@ Calibration read_calibration(const Field& top) {
     calibration.range_min_m = limits[0];
     calibration.range_max_m = limits[1];
   }
-  for (const auto& [effect, parameters] : top.at("effects").members()) {
-    calibration.effects[effect];
-    for (const auto& [name, value] : parameters.members()) calibration.effects[effect][name] = value.number();
-  }
+  read_effects(top, calibration);
   read_places(top, calibration);
   read_counts(top.at("counts"), calibration.counts);
   calibration.marginal_nll = top.at("nll").maybe_number();

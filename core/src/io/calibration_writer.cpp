@@ -79,6 +79,10 @@ Json to_json(const Calibration& calibration) {
     object["effects"][effect] = Json::object();
     for (const auto& [name, value] : parameters) object["effects"][effect][name] = number(value);
   }
+  object["effects_covariance"] = nullptr;
+  if (const auto& known = calibration.effects_covariance)
+    object["effects_covariance"] = {{"parameters", known->parameters},
+                                    {"matrix", matrix(std::optional(known->matrix))}};
   object["landmarks"] = Json::array();
   for (const LandmarkEstimate& landmark : calibration.landmarks) {
     object["landmarks"].push_back({{"recording", landmark.recording},

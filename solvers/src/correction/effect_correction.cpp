@@ -46,6 +46,14 @@ EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std
       p[static_cast<Eigen::Index>(j)] = value->second;
     }
     if (effect->noise_before_reciprocal()) continue;  // a change of the skew alone
+    if (const auto& known = calibration.effects_covariance)
+      for (std::size_t j = 0; j < info.size(); ++j)
+        for (std::size_t k = 0; k < known->parameters.size(); ++k) {
+          if (known->parameters[k] != id + "." + info[j].name) continue;
+          const Eigen::Index row = calibration.alpha.size() + static_cast<Eigen::Index>(k);
+          if (const double variance = known->matrix(row, row); variance > 0.0)
+            estimated_.push_back({active_.size(), static_cast<Eigen::Index>(j), row, std::sqrt(variance)});
+        }
     active_.push_back({effect, p});
   }
 }
@@ -85,9 +93,27 @@ ReadingChange<double> EffectCorrector::change(double d, const ReadingSetting& se
   return sum;
 }
 
+std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSetting& setting) const {
+  if (active_.empty() || !calibration_.effects_covariance) return curve_variance(calibration_, d);
+  const Eigen::MatrixXd& C = calibration_.effects_covariance->matrix;
+  Eigen::VectorXd h = Eigen::VectorXd::Zero(C.rows());
+  h.head(calibration_.alpha.size()) = powers_of(d, calibration_.alpha.size());
+  const ReadingView<double> at = view(d, setting);
+  for (const Estimated& estimated : estimated_) {
+    const Active& active = active_[estimated.active];
+    const auto range = [&](double step) {
+      Eigen::VectorXd p = active.parameters;
+      p[estimated.parameter] += step;
+      return active.effect->reading(at, p.data()).range;
+    };
+    h[estimated.row] = (range(estimated.std_dev) - range(-estimated.std_dev)) / (2.0 * estimated.std_dev);
+  }
+  return std::max(0.0, h.dot(C * h));
+}
+
 EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {
   const double f = evaluate_polynomial(calibration_.alpha, d), s = calibration_.noise.spread(d, f);
-  const double curve = curve_variance(calibration_, d).value_or(0.0);
+  const double curve = mean_variance(d, setting).value_or(0.0);
   if (active_.empty()) return {f, std::sqrt(s * s + curve)};
   const ReadingChange<double> own = change(d, setting);
   return {f + own.range, std::sqrt(s * s * std::exp(own.range_log_variance) + curve)};
@@ -107,8 +133,9 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m,
                                                     const ReadingSetting& setting) const {
   std::vector<double> points = turning_points(low_m, high_m);
   if (active_.empty()) return points;
-  const double s = spread_near(reading_m, low_m, high_m), d = std::min(reading_m, high_m);
-  const double reach = 12.0 * s * std::exp(0.5 * std::max(0.0, change(d, setting).range_log_variance));
+  const double log_variance = change(std::min(reading_m, high_m), setting).range_log_variance;
+  const double reach =
+      12.0 * spread_near(reading_m, low_m, high_m) * std::exp(0.5 * std::max(0.0, log_variance));
   const std::vector<Stretch> stretches =
       stretches_near(mean_reading(setting), {low_m, high_m}, reading_m, reach);
   std::erase_if(points, [&](double d) {  // there the effects say where the mean turns
@@ -150,7 +177,7 @@ CorrectionRoot EffectCorrector::root_at(double d, double reading_m, const Readin
   const ReadingChange<double> own = change(d, setting);
   const double s = calibration_.noise.spread(d, f) * std::exp(0.5 * own.range_log_variance);
   const double z = (reading_m - f - own.range) / s;
-  const std::optional<double> variance = curve_variance(calibration_, d);
+  const std::optional<double> variance = mean_variance(d, setting);
   root.off = standard_deviations_off(reading_m - f - own.range, s, variance.value_or(0.0));
   root.log_likelihood =
       s > 0.0 ? -std::log(s) - 0.5 * z * z - half_log_two_pi : std::numeric_limits<double>::infinity();

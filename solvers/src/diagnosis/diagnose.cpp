@@ -261,6 +261,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     const Calibration of_curve = calibration_of(rows, recordings, *curve);
     result.corrected.alpha = of_curve.alpha;
     result.corrected.alpha_covariance = of_curve.alpha_covariance;
+    result.corrected.effects_covariance.reset();  // of the curve without the one that stands for what is left
     result.corrected.noise = of_curve.noise;
     result.corrected.noise_estimates = of_curve.noise_estimates;
     result.corrected.sigma_theta_rad = of_curve.sigma_theta_rad;

@@ -9,7 +9,10 @@
 
 #include "calibrate/landmarks_job.hpp"
 #include "diagnosis/effect_estimates.hpp"
+#include "diagnosis/projector.hpp"
+#include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
+#include "diagnosis/working.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 
 namespace rangecal::diagnosis {
@@ -102,6 +105,36 @@ void note_limits(const Rows& rows, const Model& model, std::vector<std::string>&
   }
 }
 
+/// Of the curve and of the parameters theta that move the mean of readings. The curve is fitted at given theta: theta off by
+/// delta puts the readings off by x delta, which the curve takes up, alpha = alpha(theta) with d alpha / d theta = -B, B the
+/// part of alpha that absorbs x. So cov(alpha) = C + B P B^T and cov(alpha, theta) = -B P, with C the covariance of alpha given
+/// theta and P that of theta with the calibration free.
+std::optional<EffectsCovariance> effects_covariance_of(const Rows& rows, const Fit& fit) {
+  std::vector<Eigen::Index> moving;
+  for (std::size_t a = 0; a < fit.free.size(); ++a)
+    if (fit.free[a].acts == FreeParameter::Acts::mean) moving.push_back(static_cast<Eigen::Index>(a));
+  const Eigen::Index alphas = fit.state.alpha.size(), count = static_cast<Eigen::Index>(moving.size());
+  if (count == 0 || fit.alpha_covariance.rows() != alphas || !fit.covariance.allFinite()) return std::nullopt;
+  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+  const Projector projector(rows, working, fit.state);
+  EffectsCovariance known;
+  Eigen::MatrixXd P(count, count), B(alphas, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const FreeParameter& p = fit.free[static_cast<std::size_t>(moving[i])];
+    const ActiveEffect& active = fit.model[static_cast<std::size_t>(p.effect)];
+    const EffectInfo& info = active.effect->info();
+    known.parameters.push_back(info.id + "." + info.parameters[static_cast<std::size_t>(p.index)].name);
+    Eigen::VectorXd phi, stops;
+    projector.absorbed(effect_signature(rows, projector, active, p.index), phi, stops);
+    B.col(i) = phi.head(alphas);
+    for (Eigen::Index j = 0; j < count; ++j) P(i, j) = fit.covariance(moving[i], moving[j]);
+  }
+  if (!(P.diagonal().array() > 0.0).all() || !B.allFinite()) return std::nullopt;
+  known.matrix.resize(alphas + count, alphas + count);
+  known.matrix << fit.alpha_covariance + B * P * B.transpose(), -B * P, -P * B.transpose(), P;
+  return known;
+}
+
 }  // namespace
 
 std::vector<std::string> landmark_labels(std::span<const Recording> recordings) {
@@ -161,6 +194,7 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
     for (std::size_t j = 0; j < active.effect->info().parameters.size(); ++j)
       c.effects[active.effect->info().id][active.effect->info().parameters[j].name] =
           active.parameters[static_cast<Eigen::Index>(j)];
+  if (!fit.model.empty()) c.effects_covariance = effects_covariance_of(rows, fit);
   return c;
 }
 

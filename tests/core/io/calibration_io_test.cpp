@@ -35,6 +35,9 @@ Calibration full_calibration() {
   c.range_min_m = 0.33;
   c.range_max_m = 4.8;
   c.effects["range_eccentricity"]["amplitude_m"] = 0.0075;
+  c.effects_covariance = {{"range_eccentricity.amplitude_m"},
+                          Eigen::MatrixXd(Eigen::Vector4d(1.0, 2.0, 3.0, 1e-8).asDiagonal())};
+  c.effects_covariance->matrix(1, 3) = c.effects_covariance->matrix(3, 1) = -1.0 / 3.0;
   c.landmarks = {{0, "A", {1.5, -2.5}, Eigen::Matrix2d(Eigen::Matrix2d::Identity() * 1e-4)},
                  {1, "B", {0.1, 0.2}, std::nullopt}};
   c.stops = {{0, "7", {0.1, 0.2, -3.0}}};
@@ -85,6 +88,11 @@ void expect_same(const Calibration& a, const Calibration& b) {
   EXPECT_TRUE(a.alpha.size() == 0 ? std::isnan(b.range_min_m) : a.range_min_m == b.range_min_m);
   EXPECT_TRUE(a.alpha.size() == 0 ? std::isnan(b.range_max_m) : a.range_max_m == b.range_max_m);
   EXPECT_EQ(a.effects, b.effects);
+  ASSERT_EQ(a.effects_covariance.has_value(), b.effects_covariance.has_value());
+  if (a.effects_covariance) {
+    EXPECT_EQ(a.effects_covariance->parameters, b.effects_covariance->parameters);
+    EXPECT_EQ(a.effects_covariance->matrix, b.effects_covariance->matrix);
+  }
   ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
   for (std::size_t i = 0; i < a.landmarks.size(); ++i) {
     EXPECT_EQ(a.landmarks[i].recording, b.landmarks[i].recording);
@@ -197,6 +205,16 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
             "c.json: field 'noise.law': noise law is 'f9', not one of constant, f, f2, f3, d2, polynomial");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"noise\": {\"law\": \"f2\", \"parameters\": [1, 2]}"),
             "c.json: field 'noise.parameters': one number belongs to this law");
+  const std::string effects =
+      "\"effects\": {\"range_offset\": {\"offset_m\": 0.1}}, \"effects_covariance\": ";
+  EXPECT_EQ(
+      with("\"alpha\": [0, 1], " + effects + "{\"parameters\": [\"range_offset.size\"], \"matrix\": []}, " +
+           noise),
+      "c.json: field 'effects_covariance.parameters[0]': 'range_offset.size' is no EFFECT.PARAMETER of field "
+      "'effects'");
+  EXPECT_EQ(with("\"alpha\": [0, 1], " + effects +
+                 "{\"parameters\": [\"range_offset.offset_m\"], \"matrix\": [[1]]}, " + noise),
+            "c.json: field 'effects_covariance.matrix': is not 3 rows");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"counts\": {\"dropped\": {\"zero\": 0.5}}, " + noise),
             "c.json: field 'counts.dropped.zero': is not a whole number");
 }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -97,6 +98,52 @@ TEST(EffectCorrector, StandardDeviationsFollowTheSlopeOfTheEffectToo) {
   ASSERT_EQ(c.least_squares.size(), 1u);
   EXPECT_NEAR(c.least_squares[0].distance_m, 2.5, 1e-9);
   EXPECT_NEAR(*c.least_squares[0].std_dev_m, 0.0025, 1e-9);
+}
+
+TEST(EffectCorrector, StandardDeviationsCountHowWellTheEffectIsKnown) {
+  // g(d) = d + theta d, theta = -0.6: h = (1, d, 0, d), g' = 0.4. At y = 1, d = 2.5: with var(alpha_0) = 1e-6,
+  // var(alpha_1) = 4e-6, var(theta) = 9e-6 and cov(alpha_1, theta) = -5e-6, var g = 1e-6 + 6.25 (4 + 9 - 2 * 5) 1e-6.
+  Calibration scaled = straight("range_scale", {{"scale", -0.6}, {"form", 0.0}});
+  scaled.alpha_covariance = Eigen::Vector3d(1e-6, 1e-6, 0.0).asDiagonal();
+  EXPECT_TRUE(EffectCorrector(scaled, {}).takes_effects_as_exact());
+  const auto total = [&] {
+    return *EffectCorrector(scaled, {}).correct(1.0, {}).least_squares.at(0).std_dev_total_m;
+  };
+  EXPECT_NEAR(total(), std::sqrt(1e-6 + 1e-6 + 6.25e-6) / 0.4, 1e-9);
+  EffectsCovariance known{{"range_scale.scale"}, Eigen::MatrixXd::Zero(4, 4)};
+  known.matrix.diagonal() << 1e-6, 4e-6, 0.0, 9e-6;
+  known.matrix(1, 3) = known.matrix(3, 1) = -5e-6;
+  scaled.effects_covariance = known;
+  EXPECT_FALSE(EffectCorrector(scaled, {}).takes_effects_as_exact());
+  const double variance = 1e-6 + 6.25 * 3e-6;
+  EXPECT_NEAR(total(), std::sqrt(1e-6 + variance) / 0.4, 1e-9);
+  EXPECT_NEAR(EffectCorrector(scaled, {}).at(2.5, {}).spread_m, std::sqrt(1e-6 + variance), 1e-9);
+}
+
+TEST(EffectCorrector, StandardDeviationPredictsTheScatterOfCalibrationsWithAnEffect) {
+  // Calibrations drawn about the truth g(d) = d + 0.02 sin(3 d) by the covariance that they state: 2000 squares over the
+  // variance are chi-square, sqrt(2 / 2000) = 0.032 apart, four of these allowed.
+  EffectsCovariance known{{"cyclic_error.sine_m", "cyclic_error.wavenumber_per_m"},
+                          Eigen::MatrixXd::Zero(5, 5)};
+  known.matrix.diagonal() << 4e-6, 1e-6, 0.0, 9e-6, 1e-4;
+  known.matrix(0, 3) = known.matrix(3, 0) = -4e-6;
+  const Eigen::LLT<Eigen::Matrix4d> factor(
+      known.matrix(std::vector{0, 1, 3, 4}, std::vector{0, 1, 3, 4}).eval());
+  Random random(seed_from("EffectCorrector.Scatter"));
+  const double d = 2.0, y = d + 0.02 * std::sin(3.0 * d);
+  double square = 0.0;
+  for (int k = 0; k < 2000; ++k) {
+    const Eigen::Vector4d off = factor.matrixL() * Eigen::Vector4d(random.normal(), random.normal(),
+                                                                   random.normal(), random.normal());
+    Calibration c = straight(
+        "cyclic_error", {{"cosine_m", 0.0}, {"sine_m", 0.02 + off[2]}, {"wavenumber_per_m", 3.0 + off[3]}});
+    c.alpha += Eigen::Vector3d(off[0], off[1], 0.0);
+    c.effects_covariance = known;
+    const CorrectionRoot root =
+        EffectCorrector(c, {}).correct(y + 0.001 * random.normal(), {}).least_squares.at(0);
+    square += std::pow((root.distance_m - d) / *root.std_dev_total_m, 2) / 2000.0;
+  }
+  EXPECT_NEAR(square, 1.0, 0.13);
 }
 
 TEST(EffectCorrector, MostLikelyDistancesAreMinimaOfTheNegativeLogLikelihood) {

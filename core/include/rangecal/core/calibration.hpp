@@ -48,6 +48,13 @@ struct StopEstimate {
   Pose2 pose;
 };
 
+/// How well the parameters of effects are known together with the curve.
+struct EffectsCovariance {
+  std::vector<std::string>
+      parameters;  ///< "EFFECT.PARAMETER"; those of `Calibration::effects` that are not here are exact
+  Eigen::MatrixXd matrix;  ///< of alpha_0 .. alpha_n, then the parameters
+};
+
 /// What a calibration method delivers: f, the noise law, and where it has them landmarks and stops, with their
 /// uncertainties, or the reason why there are none.
 struct Calibration {
@@ -57,7 +64,7 @@ struct Calibration {
   std::string reason;  ///< in words; empty when converged and nothing needs saying
 
   Eigen::VectorXd alpha;                            ///< order + 1 coefficients of f; alpha_i in m^(1-i)
-  std::optional<Eigen::MatrixXd> alpha_covariance;  ///< given the order and the noise law
+  std::optional<Eigen::MatrixXd> alpha_covariance;  ///< given order, noise law and the effects' parameters
   /// Where order or noise law were chosen by the data: with that choice in it, padded with zeros to the highest order that
   /// may hold; alpha is padded likewise. None: nothing was chosen, or one model alone can be right.
   std::optional<Eigen::MatrixXd> covariance_with_choice;
@@ -71,6 +78,7 @@ struct Calibration {
   double range_min_m = 0.0, range_max_m = 0.0;  ///< distances over which it was fitted
 
   std::map<std::string, std::map<std::string, double>> effects;  ///< id -> parameter -> value, for `correct`
+  std::optional<EffectsCovariance> effects_covariance;  ///< where effects were estimated with the curve
   std::vector<LandmarkEstimate> landmarks;
   std::vector<StopEstimate> stops;
   Counts counts;

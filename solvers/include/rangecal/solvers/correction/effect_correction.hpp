@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,7 +28,11 @@ struct MeanReading;
 ///   g(d) = f(d) + delta r(d, setting),   s(d) the noise law's spread times exp(v / 2),
 /// the distances are the roots of g(d) = y and the minima of log s + (y - g)^2 / (2 s^2). An effect may fold g, so that
 /// a reading has several roots where f has one, or none: all those between the turning points of g are found
-/// (solvers/src/correction/stretches.hpp). Standard deviations are s / |g'| and sqrt(s^2 + phi^T cov(alpha) phi) / |g'|.
+/// (solvers/src/correction/stretches.hpp). Standard deviations are s / |g'| and sqrt(s^2 + var g(d)) / |g'|,
+///   var g(d) = h^T C h,   h = (1, d, .., d^n, dr/dtheta_1, ..),
+/// C the calibration's `effects_covariance` of alpha and the effects' parameters theta. dr/dtheta is the difference over one
+/// standard deviation of theta to either side: exact where the effect is linear in it, and of either side's odds beside a
+/// jump. Without that covariance the effects count as exact (`takes_effects_as_exact`): var g = `curve_variance`.
 ///
 /// The calibration must outlive this.
 class EffectCorrector {
@@ -49,7 +54,7 @@ class EffectCorrector {
                      const CorrectionOptions& options = {}) const;
 
   /// What a reading of the distance d [m] is expected to be: its mean f(d) + delta r, and its standard deviation
-  /// sqrt(s^2 e^v + var f(d)), both in metres.
+  /// sqrt(s^2 e^v + var g(d)), both in metres.
   struct Expected {
     double mean_m = 0.0, spread_m = 0.0;
   };
@@ -60,14 +65,24 @@ class EffectCorrector {
   std::vector<double> turning_points(double low_m, double high_m, double reading_m,
                                      const ReadingSetting& setting) const;
   const Calibration& calibration() const { return calibration_; }
+  /// Readings are changed by effects, and the calibration does not say how well their parameters are known.
+  bool takes_effects_as_exact() const { return !active_.empty() && !calibration_.effects_covariance; }
 
  private:
   struct Active {
     const Effect* effect;
     Eigen::VectorXd parameters;
   };
+  /// A parameter of an effect that is not exact.
+  struct Estimated {
+    std::size_t active;
+    Eigen::Index parameter, row;  ///< row of the covariance
+    double std_dev;
+  };
   ReadingView<double> view(double d, const ReadingSetting& setting) const;
   ReadingChange<double> change(double d, const ReadingSetting& setting) const;
+  /// var g(d) of the class [m^2]; none where the calibration has no covariance.
+  std::optional<double> mean_variance(double d, const ReadingSetting& setting) const;
   MeanReading mean_reading(const ReadingSetting& setting) const;
   /// The noise law's spread [m] at the reading, or at the largest f in [low, high] where the reading is beyond that.
   double spread_near(double reading_m, double low_m, double high_m) const;
@@ -77,6 +92,7 @@ class EffectCorrector {
   const Calibration& calibration_;
   EffectContext context_;
   std::vector<Active> active_;
+  std::vector<Estimated> estimated_;
 };
 
 }  // namespace rangecal
