@@ -9,22 +9,47 @@
 namespace rangecal::diagnosis {
 
 DraftDesign::DraftDesign(const Rows& rows, const JointState& at) : state(at) {
-  recording.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
+  recording.kind = rows.context.kind;
+  recording.known_distances = rows.problem.known_distances;
+  Covariates& covariates = rows.pairs ? recording.pairs.covariates : recording.readings.covariates;
+  for (const std::string& name : rows.context.covariates) covariates[name];
+  const std::size_t columns = rows.context.covariates.size();
+  if (rows.pairs) {
+    for (std::size_t l = 0; l < rows.context.landmark_labels.size(); ++l)
+      recording.landmarks.push_back({rows.context.landmark_labels[l], rows.context.landmark_radius_m[l], {}});
+    const std::vector<double> d = cell_geometry(rows, at).d;
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      add_pair(rows.cell[i],
+               {d[static_cast<std::size_t>(rows.cell[i])], rows.landmark[i], rows.bearing_rad[i]},
+               rows.time_s[i], rows.covariates.data() + i * columns, rows);
+    batches = rows.cell_count;
+    const double steps = std::max(1.0, static_cast<double>(rows.size()) - 1.0);
+    period_s = rows.context.duration_s > 0.0 ? rows.context.duration_s / steps : 1.0;
+    return;
+  }
   priors = rows.problem.stops;
   for (std::size_t k = 0; k < priors.size(); ++k)
     add_stop_record(priors[k], sigma_xy_of(rows.problem, at, static_cast<int>(k)));
-  for (int l = 0; l < (rows.pairs ? 1 : rows.problem.landmark_count()); ++l)
+  for (int l = 0; l < rows.problem.landmark_count(); ++l)
     recording.landmarks.push_back(
-        {std::to_string(l),
-         rows.pairs ? 0.0 : rows.problem.landmark_radius_m[static_cast<std::size_t>(l)],
-         {}});
-  recording.known_distances = rows.problem.known_distances;
-  const std::size_t columns = rows.context.covariates.size();
-  for (const std::string& name : rows.context.covariates) recording.readings.covariates[name];
+        {std::to_string(l), rows.problem.landmark_radius_m[static_cast<std::size_t>(l)], {}});
   for (std::size_t i = 0; i < rows.size(); ++i)
     add(rows.stop[i], rows.problem.cells.landmark[static_cast<std::size_t>(rows.cell[i])], rows.time_s[i],
         rows.covariates.data() + i * columns, rows);
-  period_s = rows.context.duration_s / std::max(1, rows.pairs ? 25 : rows.problem.stop_count());
+  period_s = rows.context.duration_s / std::max(1, rows.problem.stop_count());
+}
+
+void DraftDesign::add_pair(int batch, const PairAt& at, double time_s, const double* covariates,
+                           const Rows& rows) {
+  Pairs& p = recording.pairs;
+  p.batch.push_back(batch);
+  p.true_m.push_back(at.true_m);
+  p.landmark.push_back(at.landmark);
+  p.bearing_rad.push_back(at.bearing_rad);
+  p.time_s.push_back(time_s);
+  p.reading_m.push_back(1.0);
+  std::size_t column = 0;
+  for (const std::string& name : rows.context.covariates) p.covariates[name].push_back(covariates[column++]);
 }
 
 void DraftDesign::add_stop_record(const StopPrior& prior, double sigma_xy) {
@@ -138,17 +163,22 @@ ExtendedDesign finished(DraftDesign draft, const Rows& rows, ExtendedDesign desi
   recording.stop_error = StopErrorModel::independent;
   design.rows = make_rows({&recording, 1});
   Rows& extended = design.rows;
+  if (rows.pairs) {  // every cell has an exact stop of its own
+    draft.state.stops.clear();
+    for (const StopPrior& prior : extended.problem.stops) draft.state.stops.push_back(prior.commanded);
+  }
   for (std::size_t k = 0; k < draft.priors.size(); ++k) {
     extended.problem.stops[k].recording = draft.priors[k].recording;
     extended.problem.stops[k].chained = draft.priors[k].chained;
     extended.problem.stops[k].turns_add_up = draft.priors[k].turns_add_up;
     if (draft.priors[k].opens_place) extended.problem.stops[k].shape = draft.priors[k].shape;
   }
+  extended.alpha_prior = rows.alpha_prior;
   extended.context.range_min_m = rows.context.range_min_m;
   extended.context.range_max_m = rows.context.range_max_m;
   if (rows.context.duration_s > 0.0 && extended.context.duration_s > 0.0)
     design.drift_factor = extended.context.duration_s / rows.context.duration_s;
-  else
+  else if (!design.adds_times)
     extended.context.duration_s = 0.0, extended.context.stop_time_s.clear();
   design.state = std::move(draft.state);
   const CellGeometry geometry = cell_geometry(extended, design.state);

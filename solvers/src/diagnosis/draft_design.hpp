@@ -7,18 +7,28 @@
 
 namespace rangecal::diagnosis {
 
-/// The recording and the estimate, stop by stop, in a form that is easily lengthened.
+/// A pair at a known distance [m], of the target of that index; without the columns the first target, direction 0.
+struct PairAt {
+  double true_m = 0.0;
+  int landmark = 0;
+  double bearing_rad = 0.0;
+};
+
+/// The recording and the estimate, stop by stop (pairs: batch by batch), in a form that is easily lengthened.
 struct DraftDesign {
   Recording recording;
   std::vector<StopPrior>
       priors;  ///< of every stop: recording and chain, which a Recording cannot say per stop
   JointState state;
-  double period_s = 0.0;  ///< from stop to stop
+  double period_s = 0.0;  ///< from stop to stop; of pairs from reading to reading, 1 s without times
+  int batches = 0;        ///< of pairs: every cell is a batch of its own
 
   DraftDesign(const Rows& rows, const JointState& at);
 
   /// A reading as the estimate predicts it.
   void add(int stop, int landmark, double time_s, const double* covariates, const Rows& rows);
+  /// A pair as the estimate predicts it.
+  void add_pair(int batch, const PairAt& at, double time_s, const double* covariates, const Rows& rows);
   /// Its index.
   int add_stop(const StopPrior& prior, const Pose2& pose);
   int new_place() const;

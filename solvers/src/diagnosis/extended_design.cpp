@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnosis/draft_design.hpp"
+#include "diagnosis/pairs_design.hpp"
 #include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
@@ -121,7 +122,7 @@ void near_and_far(DraftDesign& draft, const Rows& rows) {
 }  // namespace
 
 std::vector<MenuEntry> menu_for(const Rows& rows) {
-  if (rows.pairs) return {};
+  if (rows.pairs) return menu_for_pairs(rows);
   std::vector<MenuEntry> menu{{"E1", "turn the sensor to 0, 90, 180, 270 degrees at each stop"},
                               {"E2", "drive the same stops once more in reverse order"},
                               {"E3", "tape the distance between two landmarks"},
@@ -141,6 +142,10 @@ std::vector<MenuEntry> menu_for(const Rows& rows) {
 ExtendedDesign extend(const Rows& rows, const JointState& state, const std::string& code) {
   DraftDesign draft(rows, state);
   ExtendedDesign design;
+  if (rows.pairs) {
+    extend_pairs(rows, code, draft, design);
+    return finished(std::move(draft), rows, std::move(design));
+  }
   const int stops = rows.problem.stop_count(), landmarks = rows.problem.landmark_count();
   std::vector<int> forward(static_cast<std::size_t>(stops)), same(static_cast<std::size_t>(landmarks));
   for (int k = 0; k < stops; ++k) forward[static_cast<std::size_t>(k)] = k;
@@ -183,6 +188,7 @@ Model in_design(const ExtendedDesign& design, const Model& model) {
   Model result;
   for (ActiveEffect active : model) {
     const EffectInfo& info = active.effect->info();
+    if (info.kind == EffectKind::grid && design.switched_off.count(info.id)) continue;
     std::vector<int> indices;
     Eigen::Index landmark = -1;
     for (Eigen::Index j = 0; j < active.parameters.size(); ++j) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "diagnosis/extended_design.hpp"
 #include "diagnosis/twins.hpp"
@@ -158,8 +159,11 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
           next.settles.push_back(id);
     list.push_back(std::move(next));
   }
-  std::stable_sort(list.begin(), list.end(),
-                   [](const NextExperiment& a, const NextExperiment& b) { return a.power > b.power; });
+  // The menu of pairs goes by cost, which decides between powers that are alike: 1 and all from 0.95 on.
+  const auto rank = [&here](double power) { return here.rows().pairs ? std::round(10.0 * power) : power; };
+  std::stable_sort(list.begin(), list.end(), [&](const NextExperiment& a, const NextExperiment& b) {
+    return rank(a.power) > rank(b.power);
+  });
   Explanation& explanation = result.explanations[0];
   bool together = false, exact = false;  // members that no change separates; that nothing ever will
   for (std::size_t a = 0; a < n; ++a)
@@ -170,6 +174,13 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   std::string words = list.empty() ? "" : list.front().change;
   if (together || list.empty()) {
     if (!words.empty()) words += "; beyond that, ";
+    if (here.rows().pairs) {  // what settles an effect is told for stops and landmarks
+      explanation.separated_by =
+          words + (exact ? "exact twins, which no recording with this sensor tells apart"
+                         : "no change on the menu separates them");
+      result.next_experiments = std::move(list);
+      return;
+    }
     words += exact ? "exact twins, which no recording with this sensor and robot tells apart: "
                    : "no change on the menu separates them; ";
     std::string settled_by = found.best.fit.model.back().effect->info().settled_by;
@@ -182,6 +193,27 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   }
   explanation.separated_by = words;
   result.next_experiments = std::move(list);
+}
+
+/// Effects that the change lets one ask for, at their typical size there: those for which this recording lacks times,
+/// targets or repeats, and those that have more starts with a covariate that the change varies.
+std::vector<TypicalEffect> opened_by(const ExtendedDesign& design, const Space& there, const Space& here) {
+  const EffectContext& context = design.rows.context;
+  EffectContext without = context;
+  std::erase(without.covariates, design.varies);
+  std::vector<TypicalEffect> opened;
+  for (const auto& effect : effect_registry()) {
+    const bool named = std::any_of(here.model().begin(), here.model().end(),
+                                   [&](const ActiveEffect& active) { return active.effect == effect.get(); });
+    if (named || !effect->missing(context).empty()) continue;
+    const bool lacked = !effect->missing(here.rows().context).empty();
+    if (!lacked &&
+        (design.varies.empty() || effect->start_grid(context).size() == effect->start_grid(without).size()))
+      continue;
+    if (std::optional<TypicalEffect> typical = typical_effect(there, *effect))
+      opened.push_back(std::move(*typical));
+  }
+  return opened;
 }
 
 /// Changes that bring unseen effects to light.
@@ -201,31 +233,51 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
     for (const TypicalEffect& typical : effects)
       if (typical.active.effect->info().id == unseen.effect)
         hidden.push_back({&typical, unseen.harm_m, power_of(typical, typical.noncentrality)});
-  if (hidden.empty()) return;
   struct Ranked {
     NextExperiment next;
     double score = 0.0;
   };
   std::vector<Ranked> list;
-  const auto judge = [&](const char* code, const char* change, const auto& noncentrality) {
-    Ranked scored{{code, change, {}, 0.0}, 0.0};
+  const auto judge = [&](const MenuEntry& entry, const std::vector<Hidden>& opened,
+                         const auto& noncentrality) {
+    Ranked scored{{entry.code, entry.change, {}, 0.0}, 0.0};
     double weights = 0.0;
-    for (const Hidden& h : hidden) {
-      const double power = power_of(*h.typical, noncentrality(*h.typical));
-      if (power < 0.1 || power < 2.0 * h.power + 0.05) continue;
+    const auto count = [&](const Hidden& h, double power) {
+      const std::string& id = h.typical->active.effect->info().id;
+      std::vector<std::string>& settles = scored.next.settles;
+      if (power < 0.1 || power < 2.0 * h.power + 0.05 ||
+          std::find(settles.begin(), settles.end(), id) != settles.end())
+        return;
       const double weight = std::max(h.harm, 1e-6);
-      scored.next.settles.push_back(h.typical->active.effect->info().id);
+      settles.push_back(id);
       scored.next.power += weight * power;
       scored.score += weight * (power - h.power);
       weights += weight;
-    }
+    };
+    for (const Hidden& h : opened) count(h, power_of(*h.typical, h.typical->noncentrality));
+    for (const Hidden& h : hidden) count(h, power_of(*h.typical, noncentrality(*h.typical)));
     if (weights == 0.0) return;
     scored.next.power /= weights;
     list.push_back(std::move(scored));
   };
   for (const Evaluated& change : menu) {
     const Space space(change.design.rows, in_design(change.design, here.model()), change.design.state);
-    judge(change.entry.code, change.entry.change, [&](const TypicalEffect& typical) {
+    const std::vector<TypicalEffect> brought = opened_by(change.design, space, here);
+    std::vector<Hidden> opened;
+    for (const TypicalEffect& typical : brought) {
+      const std::string& id = typical.active.effect->info().id;
+      const auto known = std::find_if(hidden.begin(), hidden.end(), [&](const Hidden& h) {
+        return h.typical->active.effect->info().id == id;
+      });
+      const bool seen = known == hidden.end() &&
+                        std::any_of(effects.begin(), effects.end(), [&](const TypicalEffect& other) {
+                          return other.active.effect->info().id == id;
+                        });
+      const double harm = harm_of(space, typical);
+      if (seen || !std::isfinite(harm)) continue;
+      opened.push_back({&typical, harm, known == hidden.end() ? 0.0 : known->power});
+    }
+    judge(change.entry, opened, [&](const TypicalEffect& typical) {
       const Model model = in_design(change.design, {typical.active});
       return space.change(model).information + shape_noncentrality(space, typical.active);
     });
@@ -234,7 +286,7 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
   double radius = 0.0;
   for (double r : here.rows().problem.landmark_radius_m) radius = std::max(radius, r);
   if (radius > 0.0)
-    judge("E5", "measure the landmarks with a calliper", [&](const TypicalEffect& typical) {
+    judge({"E5", "measure the landmarks with a calliper"}, {}, [&](const TypicalEffect& typical) {
       const std::string& id = typical.active.effect->info().id;
       const double size = typical.index >= 0 ? typical.active.parameters[typical.index] : 0.0;
       const double error = id == "radius_scale"                              ? size * radius
@@ -257,7 +309,6 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
 void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options,
                           const JointState& state, const std::vector<TypicalEffect>& effects,
                           Diagnosis& result) {
-  if (space.rows().pairs) return;  // the menu moves stops and landmarks, of which pairs have none
   std::vector<Evaluated> menu;
   for (const MenuEntry& entry : menu_for(space.rows())) {
     ExtendedDesign design = extend(space.rows(), state, entry.code);
@@ -274,7 +325,7 @@ void add_next_experiments(const Space& space, const SearchResult& found, const D
   if (found.verdict == Verdict::explained && !result.explanations.empty() &&
       !result.explanations[0].indistinguishable_from.empty())
     settle_set(menu, found, options, space, result);
-  reveal_unseen(menu, found, options, space, effects, result);
+  if (options.unseen) reveal_unseen(menu, found, options, space, effects, result);
 }
 
 }  // namespace rangecal::diagnosis

@@ -201,6 +201,7 @@ Rows make_rows(std::span<const Recording> recordings) {
   rows.pairs = recordings[0].kind == RecordingKind::pairs;
   std::set<std::string> names;
   for (const Recording& recording : recordings) {
+    rows.range_min_m = std::max(rows.range_min_m, recording.sensor.range_min_m);
     rows.range_max_m = std::min(rows.range_max_m, recording.sensor.range_max_m);
     if ((recording.kind == RecordingKind::pairs) != rows.pairs)
       throw InputError(recording.path + ": pairs and landmark recordings cannot be diagnosed together");

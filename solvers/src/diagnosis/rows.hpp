@@ -35,7 +35,8 @@ struct Rows {
   EffectContext context;
   JointProblem problem;  ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
-  double range_max_m = std::numeric_limits<double>::infinity();  ///< of the sensor, as stated
+  double range_min_m = 0.0;                                      ///< of the sensor, as stated
+  double range_max_m = std::numeric_limits<double>::infinity();  ///< the same
   std::optional<AlphaPrior> alpha_prior;                         ///< none: alpha is free
   double nll_offset = 0.0;  ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
 
