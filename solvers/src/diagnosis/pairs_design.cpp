@@ -71,17 +71,26 @@ std::vector<double> far_distances(const Rows& rows, double farthest) {
   return far;
 }
 
-/// In an order that follows neither distance nor time: by the fractional parts of k / golden ratio, which are spread
-/// evenly however many are taken.
+/// Fractional part of k times an irrational number: spread evenly over (0, 1) however many k are taken.
+double spread_over_one(int k, double irrational) {
+  const double x = k * irrational;
+  return x - std::floor(x);
+}
+
+/// In an order that follows neither distance nor time.
 std::vector<int> scattered(int count) {
   std::vector<int> order(static_cast<std::size_t>(count));
   std::iota(order.begin(), order.end(), 0);
-  const auto place = [](int k) {
-    const double x = k / std::numbers::phi;
-    return x - std::floor(x);
-  };
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return place(a) < place(b); });
+  std::sort(order.begin(), order.end(), [](int a, int b) {
+    return spread_over_one(a, std::numbers::phi) < spread_over_one(b, std::numbers::phi);
+  });
   return order;
+}
+
+/// Between two distances, from a fifth to four fifths of the way: half-way between steps of one length a period of one
+/// step looks like none.
+double between(double from, double to, int gap) {
+  return from + (0.2 + 0.6 * spread_over_one(gap, std::numbers::sqrt2)) * (to - from);
 }
 
 /// The readings that a change brings.
@@ -166,7 +175,7 @@ std::vector<MenuEntry> menu_for_pairs(const Rows& rows) {
   offer("finer readings", "record the readings with more digits");
   if (times) offer("E12", "leave the sensor on for 45 minutes, then repeat the first distance");
   if (cells.size() >= 2 && cells.size() <= most_gaps)
-    offer("denser", "read also half-way between neighbouring distances");
+    offer("denser", "read also between neighbouring distances, at uneven steps and in random order");
   if (const std::vector<double> near = near_distances(rows, nearest); !near.empty())
     offer("E9", fmt::format("read also at {:g} to {:g} m", near.front(), near.back()));
   if (const std::vector<double> far = far_distances(rows, farthest); !far.empty())
@@ -214,8 +223,10 @@ void extend_pairs(const Rows& rows, const std::string& code, DraftDesign& draft,
     more.clock = rows.context.duration_s + warm_s;
     more.visit(rows.cell[static_cast<std::size_t>(first - rows.time_s.begin())]);
   } else if (code == "denser") {
-    for (std::size_t i = 1; i < cells.size(); ++i)
-      more.visit(cells[i], 0.5 * (at(cells[i - 1]) + at(cells[i])));
+    for (int gap : scattered(static_cast<int>(cells.size()) - 1)) {
+      const int from = cells[static_cast<std::size_t>(gap)], to = cells[static_cast<std::size_t>(gap) + 1];
+      more.visit(to, between(at(from), at(to), gap));
+    }
   } else if (code == "E9") {
     for (double near : near_distances(rows, at(cells.front()))) more.visit(cells.front(), near);
   } else if (code == "farther") {
