@@ -177,7 +177,8 @@ std::vector<MenuEntry> menu_for_pairs(const Rows& rows) {
   if (cells.size() >= 2 && cells.size() <= most_gaps)
     offer("denser", "read also between neighbouring distances, at uneven steps and in random order");
   if (const std::vector<double> near = near_distances(rows, nearest); !near.empty())
-    offer("E9", fmt::format("read also at {:g} to {:g} m", near.front(), near.back()));
+    offer("E9", near.size() > 1 ? fmt::format("read also at {:g} to {:g} m", near.front(), near.back())
+                                : fmt::format("read also at {:g} m", near.front()));
   if (const std::vector<double> far = far_distances(rows, farthest); !far.empty())
     offer("farther", fmt::format("read also beyond the far end, to {:.1f} m", far.back()));
   offer("another day", "read all distances again on another day, as batches of their own");
