@@ -210,38 +210,67 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   return generic;
 }
 
-void add_held_out(const Rows& rows, const SearchResult& found, const Fit* completed, Diagnosis& result) {
+namespace {
+
+/// Standard error of the difference of two predictions, from those of groups of blocks; none for fewer than two.
+std::optional<double> std_of_difference(const HeldOut& before, const HeldOut& after) {
+  const std::size_t parts = std::min(before.parts.size(), after.parts.size());
+  if (parts < 2) return std::nullopt;
+  double mean = 0.0, square = 0.0;
+  for (std::size_t i = 0; i < parts; ++i)
+    mean += (after.parts[i] - before.parts[i]) / static_cast<double>(parts);
+  for (std::size_t i = 0; i < parts; ++i) square += std::pow(after.parts[i] - before.parts[i] - mean, 2);
+  return std::sqrt(square * static_cast<double>(parts) / static_cast<double>(parts - 1));
+}
+
+/// Predictions of the same blocks, those of `blocks_for`, by several fits.
+std::vector<HeldOut> predict_all(const Rows& rows, const SearchResult& found, const Model& blocks_for,
+                                 const std::vector<const Fit*>& fits) {
   const RefitOptions refit_options;
-  const Fit* final_fit = found.verdict == Verdict::explained ? &found.best.fit : completed;
-  const std::vector<int> blocks = blocks_of(rows, block_kind(rows, final_fit ? final_fit->model : Model{}));
+  const std::vector<int> blocks = blocks_of(rows, block_kind(rows, blocks_for));
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
-  HeldOut before, after;
+  std::vector<HeldOut> held(fits.size());
   in_parallel(
-      final_fit ? 2 : 1,
-      [&](std::size_t which) {
-        (which == 0 ? before : after) = predict(rows, blocks, folds, which == 0 ? found.baseline : *final_fit,
-                                                refit_options, &found.rates);
-      },
+      fits.size(),
+      [&](std::size_t i) { held[i] = predict(rows, blocks, folds, *fits[i], refit_options, &found.rates); },
       jobs_at_once(rows.size()));
+  return held;
+}
+
+}  // namespace
+
+std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& fit) {
+  const std::vector<HeldOut> held = predict_all(rows, found, fit.model, {&found.baseline, &fit});
+  if (!held[0].ok || !held[1].ok) return std::nullopt;
+  return HeldOutChange{held[1].nll - held[0].nll, std_of_difference(held[0], held[1])};
+}
+
+void add_held_out(const Rows& rows, const SearchResult& found, const Fit* completed, Diagnosis& result) {
+  const bool explained = found.verdict == Verdict::explained;
+  const Fit* final_fit = explained ? &found.best.fit : completed;
+  std::vector<const Fit*> fits{&found.baseline};
+  if (final_fit) fits.push_back(final_fit);
+  if (explained)
+    for (const Candidate& rival : found.rivals) fits.push_back(&rival.fit);
+  const std::vector<HeldOut> held = predict_all(rows, found, final_fit ? final_fit->model : Model{}, fits);
+  const HeldOut& before = held[0];
   if (!before.ok) return;
   result.before.heldout_nll = before.nll;
   result.before.heldout_std = 0.0;
   if (!final_fit) {
     result.after.heldout_nll = before.nll;
     result.after.heldout_std = 0.0;
-    if (!result.explanations.empty()) result.explanations[0].heldout_nll = before.nll;
+    for (Explanation& e : result.explanations) e.heldout_nll = before.nll, e.heldout_std = 0.0;
     return;
   }
-  if (!after.ok) return;
-  result.after.heldout_nll = after.nll;
-  if (!result.explanations.empty()) result.explanations[0].heldout_nll = after.nll;
-  const std::size_t parts = std::min(before.parts.size(), after.parts.size());
-  if (parts < 2) return;
-  double mean = 0.0, square = 0.0;
-  for (std::size_t i = 0; i < parts; ++i)
-    mean += (after.parts[i] - before.parts[i]) / static_cast<double>(parts);
-  for (std::size_t i = 0; i < parts; ++i) square += std::pow(after.parts[i] - before.parts[i] - mean, 2);
-  result.after.heldout_std = std::sqrt(square * static_cast<double>(parts) / static_cast<double>(parts - 1));
+  for (std::size_t i = 1; i < held.size() && i <= result.explanations.size(); ++i) {
+    if (!held[i].ok) continue;
+    result.explanations[i - 1].heldout_nll = held[i].nll;
+    result.explanations[i - 1].heldout_std = std_of_difference(before, held[i]);
+  }
+  if (!held[1].ok) return;
+  result.after.heldout_nll = held[1].nll;
+  result.after.heldout_std = std_of_difference(before, held[1]);
 }
 
 }  // namespace rangecal::diagnosis
