@@ -2,8 +2,10 @@
 // The calibration refitted under a model whose parameters stand.
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
+#include "diagnosis/known_distances.hpp"
 #include "diagnosis/refit.hpp"
 #include "diagnosis/rounds.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
@@ -42,6 +44,13 @@ double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& s
   return -0.5 * gradient.dot(step);
 }
 
+MarginalFit solve(const Rows& rows, const JointProblem& problem, const JointState& start,
+                  const MarginalOptions& options) {
+  if (rows.pairs && !options.held.alpha && !options.held.sigmas)
+    if (std::optional<MarginalFit> fit = solve_at_known_distances(problem, start)) return std::move(*fit);
+  return solve_marginal(problem, start, options);
+}
+
 }  // namespace
 
 double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
@@ -59,7 +68,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     const WorkingProblem working = rounds.begin(rows, model, state);
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
-    MarginalFit fit = solve_marginal(working.problem, start, marginal);
+    MarginalFit fit = solve(rows, working.problem, start, marginal);
     if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
     // Alpha under a simulation's prior: held at each solve, moved in between while that gains.
     double fit_value = fit.marginal_nll + prior_nll(rows, fit.state.alpha);
