@@ -83,6 +83,31 @@ TEST_F(DiagnoseCommand, TheCorrectedCalibrationUndoesTheEffect) {
   EXPECT_EQ(count_of(without.err, "\n"), 1);
 }
 
+TEST_F(DiagnoseCommand, ACurveThatIsNotDeterminedIsNotDelivered) {
+  // Twenty readings at one distance: no slope, whatever they are.
+  folder.write("recording.yaml",
+               "format: rangecal/1\nkind: pairs\nsensor: {name: s, range_min_m: 0.1, range_max_m: 10}\n");
+  std::string table = "true_m,reading_m\n";
+  Random random(seed_from("diagnose one distance"));
+  for (int i = 0; i < 20; ++i) table += "2," + std::to_string(random.normal(2.05, 0.01)) + "\n";
+  folder.write("pairs.csv", table);
+  const std::string json = folder.file("d.json"), calibration = folder.file("cal.json");
+  EXPECT_EQ(run("calibrate " + folder.path()).code, 1);
+  const RunResult result =
+      run("diagnose " + folder.path() + " --json " + json + " --calibration " + calibration);
+  EXPECT_EQ(result.code, 1) << result.err;
+  EXPECT_EQ(result.err, "");
+  EXPECT_THAT(result.out,
+              AllOf(HasSubstr("Unobservable: this recording does not determine the calibration"),
+                    ::testing::Not(HasSubstr("No mismatch")), ::testing::Not(HasSubstr("Could be hidden"))));
+  const Json written = Json::parse(slurp(json));
+  EXPECT_EQ(written.at("verdict"), "unobservable");
+  EXPECT_FALSE(written.at("final").at("weakest_direction").get<std::string>().empty());
+  const Calibration loaded = load_calibration(calibration);
+  EXPECT_EQ(loaded.outcome, Outcome::unobservable);
+  EXPECT_FALSE(loaded.alpha_covariance);
+}
+
 TEST_F(DiagnoseCommand, TheLoopCloses) {
   const std::string rec = eccentric(), d = folder.file("d.json");
   ASSERT_EQ(run("diagnose " + rec + " --json " + d).code, 0);
