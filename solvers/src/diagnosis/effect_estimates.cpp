@@ -26,7 +26,8 @@ constexpr const char *at_its_bound = "at its bound", *any_direction = "any: the 
 /// estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of the information that each channel
 /// brings; by Satterthwaite (1946) the estimate over its standard deviation is Student's t of
 ///   nu = 2 / Var log(s^2),  Var log(s^2) = w^2 Var log(s_e^2) + (1 - w)^2 Var log(s_theta^2).
-double degrees_of_freedom(const Rows& rows, const Projector& projector, const Fit& fit, std::size_t effect) {
+double freedom_of_estimates(const Rows& rows, const Projector& projector, const Fit& fit,
+                            std::size_t effect) {
   double share = 0.0;
   int counted = 0;
   for (const FreeParameter& p : fit.free) {
@@ -137,14 +138,14 @@ std::optional<Limits> amplitude_limits(const Rows& rows, const Fit& fit, std::si
 }
 
 /// A value that is a direction, and its limits: none where it may be any.
-struct Direction {
+struct PhaseLimits {
   std::optional<Limits> limits;
 };
 
 /// Limits of the effect's reported value v where it is a phase: one that stays when a pair of parameters is
 /// scaled and goes with its direction, by m [rad/rad] (1/2 for an axis), when the pair is turned.
-std::optional<Direction> direction_of(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
-                                      const Eigen::RowVectorXd& slopes, double nu) {
+std::optional<PhaseLimits> phase_limits(const Rows& rows, const Fit& fit, std::size_t effect, std::size_t v,
+                                        const Eigen::RowVectorXd& slopes, double nu) {
   for (const ParameterPair& pair : pairs_of(fit, effect)) {
     if (!(pair.at.norm() > 0.0)) continue;
     const auto value_at = [&](const Eigen::Vector2d& at) {
@@ -159,11 +160,11 @@ std::optional<Direction> direction_of(const Rows& rows, const Fit& fit, std::siz
     if (std::abs(std::abs(m) - 1.0) > 1e-6 && std::abs(std::abs(m) - 0.5) > 1e-6) continue;
     if (!of_pair_alone(pair, slopes)) return std::nullopt;
     const std::optional<Limits> angle = phase_interval(pair.at, pair.covariance, nu);
-    if (!angle) return Direction{};
+    if (!angle) return PhaseLimits{};
     const double middle = std::atan2(pair.at.y(), pair.at.x());
     const auto [low, high] =
         std::minmax({value + m * (angle->low - middle), value + m * (angle->high - middle)});
-    return Direction{Limits{low, high}};
+    return PhaseLimits{Limits{low, high}};
   }
   return std::nullopt;
 }
@@ -175,7 +176,7 @@ bool depends_on_a_bound(const Rows& rows, const Fit& fit, std::size_t effect,
   for (std::size_t a = 0; a < fit.free.size(); ++a) {
     if (fit.free[a].effect != static_cast<int>(effect) || slopes[static_cast<Eigen::Index>(a)] == 0.0)
       continue;
-    if (at_bound(rows, fit.model, fit.free[a])) return true;
+    if (ended_at_bound(rows, fit.model, fit.free[a])) return true;
     if (a < fit.limits.size() && fit.limits[a] && fit.limits[a]->one_sided) return true;
   }
   return false;
@@ -189,7 +190,7 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
   const Projector projector(rows, working, fit.state);
   for (std::size_t e = 0; e < fit.model.size(); ++e) {
     const ActiveEffect& active = fit.model[e];
-    const double nu = degrees_of_freedom(rows, projector, fit, e),
+    const double nu = freedom_of_estimates(rows, projector, fit, e),
                  quantile = std::isinf(nu) ? z95 : student_t_quantile(0.975, nu);
     const std::string& id = active.effect->info().id;
     const auto values = active.effect->reported(rows.context, active.parameters.data());
@@ -236,7 +237,7 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
         estimate.high95 = own->high;
       }
       constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-      if (const auto phase = direction_of(rows, fit, e, v, row, nu)) {
+      if (const auto phase = phase_limits(rows, fit, e, v, row, nu)) {
         estimate.low95 = phase->limits ? phase->limits->low : unknown;
         estimate.high95 = phase->limits ? phase->limits->high : unknown;
         if (!phase->limits) estimate.std_dev = unknown, estimate.note = any_direction;

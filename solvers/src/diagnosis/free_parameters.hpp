@@ -25,7 +25,7 @@ inline std::pair<double, double> bounds_of(const Rows& rows, const Model& model,
 }
 
 /// True if it ended at one of them, to a millionth of what lies between.
-inline bool at_bound(const Rows& rows, const Model& model, const FreeParameter& p) {
+inline bool ended_at_bound(const Rows& rows, const Model& model, const FreeParameter& p) {
   const auto [low, high] = bounds_of(rows, model, p);
   const double value = model[p.effect].parameters[p.index], close = 1e-6 * (high - low);
   return value <= low + close || value >= high - close;
