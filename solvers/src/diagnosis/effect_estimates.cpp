@@ -22,9 +22,10 @@ namespace {
 
 constexpr const char *at_its_bound = "at its bound", *any_direction = "any: the amplitude is not told from 0";
 
-/// Degrees of freedom of the estimates of one effect's parameters, infinity where the noise is given. Their variance scales with the channels' own
-/// estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of the information that each channel
-/// brings; by Satterthwaite (1946) the estimate over its standard deviation is Student's t of
+/// Degrees of freedom of the estimates of one effect's parameters, infinity where the noise is given. Their
+/// variance scales with the channels' own estimated variances, s_e^2 and s_theta^2, by the shares w and 1 - w of
+/// the information that each channel brings; by Satterthwaite (1946) the estimate over its standard deviation is
+/// Student's t of
 ///   nu = 2 / Var log(s^2),  Var log(s^2) = w^2 Var log(s_e^2) + (1 - w)^2 Var log(s_theta^2).
 double freedom_of_estimates(const Rows& rows, const Projector& projector, const Fit& fit,
                             std::size_t effect) {
