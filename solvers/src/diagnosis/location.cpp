@@ -207,6 +207,16 @@ void add_named_curves(const Rows& rows, const SearchResult& found, Diagnosis& re
   }
 }
 
+/// True if the completed model leaves something of the finding's channel and covariate.
+bool is_left(const SearchResult& found, const Question& q) {
+  constexpr double beyond_doubt = 1e-5;
+  return found.last &&
+         std::any_of(found.last->questions.begin(), found.last->questions.end(), [&](const Question& after) {
+           return !after.effect && after.channel == q.channel && after.covariate == q.covariate &&
+                  !on_grid(found.known, after) && found.last->corrected(after) < beyond_doubt;
+         });
+}
+
 /// What the scan saw of channels and covariates that have no finding yet.
 void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel* generic, Diagnosis& result) {
   const CellGeometry geometry = cell_geometry(rows, found.baseline.state);
@@ -225,7 +235,9 @@ void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel*
     Finding f = finding_of_shape(rows, found, q);
     if (changes_mean(q) && excess && q.covariate != "repeat" && !found.partial)
       f.share = (q.statistic - q.dof) / *excess;
-    if (found.verdict == Verdict::explained) {
+    if (found.verdict == Verdict::explained && is_left(found, q)) {
+      // Of effects that were asked for: none of them accounts for it.
+    } else if (found.verdict == Verdict::explained) {
       double worth = 0.0;  // ln p of what casts this shadow
       for (std::size_t i = 0; i < named; ++i) {
         const Finding& cause = result.location[i];

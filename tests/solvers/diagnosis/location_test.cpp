@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -97,11 +98,30 @@ TEST(Location, APValueDoesNotUnderflow) {
   EXPECT_TRUE(json.at("share").is_null());
 }
 
-TEST(Location, OfANameItIsItsCurveByTheLikelihoodRatio) {
+/// The line of the 2021 paper, the spin axis 7.5 mm beside the cover's.
+Recording eccentric_line() {
   Random random(seed_from("location test", {1}));
   world::World w = world::vary(world::make_line_design(), random);
   w = world::apply(w, "range_eccentricity", 0.0075, random);
-  const Diagnosis d = testing::verdict_of(world::simulate(w, seed_from("location test run", {1})));
+  return world::simulate(w, seed_from("location test run", {1}));
+}
+
+TEST(Location, WhatAnEffectThatWasAskedForLeavesBelongsToNone) {
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  options.force = {{"encoder_ellipticity"}};
+  const Recording recording = eccentric_line();
+  const Diagnosis d = diagnose({&recording, 1}, options);
+  const auto left = std::find_if(d.location.begin(), d.location.end(), [](const Finding& f) {
+    return f.channel == "range" && f.covariate == "sensor_bearing";
+  });
+  ASSERT_NE(left, d.location.end());
+  EXPECT_TRUE(left->effects.empty());
+  EXPECT_LT(left->p_value, 1e-6);
+}
+
+TEST(Location, OfANameItIsItsCurveByTheLikelihoodRatio) {
+  const Diagnosis d = testing::verdict_of(eccentric_line());
   ASSERT_EQ(d.final_effects, std::vector<std::string>{"range_eccentricity"}) << d.sentence;
   ASSERT_FALSE(d.location.empty());
   const Finding& first = d.location[0];
