@@ -18,7 +18,8 @@ struct MomentTerm {
 /// freedom.)
 double variance_from_moments(const std::vector<MomentTerm>& terms, double within, double dof);
 
-/// Standard deviation of that root: the left side has variance 2 dof + 4 `shared` where every term has its
+/// Standard deviation of that root where the terms are weighted by their variances' inverse, as lines of sight are (about a
+/// curve of other weights: residual_spread.hpp): the left side has variance 2 dof + 4 `shared` where every term has its
 /// expectation, `shared` the sum over pairs of terms of their squared correlation, and falls by
 ///   dof_within / x + sum_i scale_i / (x scale_i + other_i)
 /// per unit of x, parameters that were fitted along taking their share of both.

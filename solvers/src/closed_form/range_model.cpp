@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "closed_form/moments.hpp"
+#include "closed_form/residual_spread.hpp"
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
@@ -64,30 +65,9 @@ BetaFit fit_beta(const std::vector<RangeSample>& samples, const VectorXd& alpha)
   return {VectorXd::Zero(1), MatrixXd::Zero(1, 1)};  // all residuals are 0
 }
 
-/// Pairs of cells of one stop see the same error of it: sum over pairs of the squared correlation a_i a_j u_i
-/// . u_j of their residuals, the stops' variance taken along each line of sight. With M = sum a_i^2 u_i u_i^T
-/// of a stop that is (tr M^2 - sum a_i^4 |u_i|^4) / 2, one pass over the cells, however many there are at a
-/// stop.
-double shared_by_stop(const std::vector<RangeSample>& samples, const RangeModel& model,
-                      const std::vector<MomentTerm>& terms, double variance) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < samples.size();) {
-    Eigen::Matrix2d M = Eigen::Matrix2d::Zero();
-    double own = 0.0;
-    for (const int stop = samples[i].stop; i < samples.size() && samples[i].stop == stop; ++i) {
-      const RangeSample& s = samples[i];
-      const double slope = evaluate_derivative(model.alpha, s.d);
-      const double a_sq = slope * slope * s.d_variance / (variance * terms[i].scale + terms[i].other);
-      M += a_sq * s.u * s.u.transpose();
-      own += std::pow(a_sq * s.u.squaredNorm(), 2);
-    }
-    sum += std::max(0.0, 0.5 * (M.squaredNorm() - own));
-  }
-  return sum;
-}
-
 void fit_noise(const std::vector<RangeSample>& samples,
-               const std::vector<Eigen::Matrix2d>& landmark_covariance, NoiseLaw law, RangeModel& model) {
+               const std::vector<Eigen::Matrix2d>& landmark_covariance, const MatrixXd& gain, NoiseLaw law,
+               RangeModel& model) {
   BetaFit beta;
   Noise shape = unit_noise(law);
   if (law == NoiseLaw::polynomial) {
@@ -130,21 +110,31 @@ void fit_noise(const std::vector<RangeSample>& samples,
     if (law == NoiseLaw::polynomial)
       estimate.std_dev = sigma * std::sqrt(beta.covariance(i, i));
     else if (dof > 0.0 && !untold)
-      estimate.std_dev = std_dev_from_moments(terms, shared_by_stop(samples, model, terms, variance),
-                                              dof_within, dof, variance) /
-                         (2.0 * sigma);
+      estimate.std_dev =
+          residual_spread(samples, landmark_covariance, model.alpha, gain, terms, dof_within, variance) /
+          (2.0 * sigma);
     model.noise_estimates.push_back(estimate);
   }
 }
 
-/// G V G^T with alpha = G y, V the variances of the means: distances are exact.
-MatrixXd alpha_covariance(const std::vector<RangeSample>& samples, const std::vector<double>& weights,
-                          const MatrixXd& cofactor, const RangeModel& model) {
+/// G of alpha = G^T y, one row per sample.
+MatrixXd gain_of(const std::vector<RangeSample>& samples, const std::vector<double>& weights,
+                 const MatrixXd& cofactor) {
+  MatrixXd gain(static_cast<Eigen::Index>(samples.size()), cofactor.rows());
+  for (std::size_t k = 0; k < samples.size(); ++k)
+    gain.row(static_cast<Eigen::Index>(k)) =
+        weights[k] * (cofactor * powers_of(samples[k].d, cofactor.rows())).transpose();
+  return gain;
+}
+
+/// G^T V G, V the variances of the means: distances are exact.
+MatrixXd alpha_covariance(const std::vector<RangeSample>& samples, const MatrixXd& gain,
+                          const RangeModel& model) {
   const Eigen::Index p = model.alpha.size();
   MatrixXd covariance = MatrixXd::Zero(p, p);
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const RangeSample& s = samples[k];
-    const VectorXd G = weights[k] * (cofactor * powers_of(s.d, p));
+    const VectorXd G = gain.row(static_cast<Eigen::Index>(k)).transpose();
     const double spread = model.noise.spread(s.d, evaluate_polynomial(model.alpha, s.d));
     covariance.noalias() += spread * spread / s.R * G * G.transpose();
   }
@@ -203,9 +193,9 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   model.reason = fit.reason;
   if (!fit.usable()) return model;
   model.alpha = fit.alpha;
-  fit_noise(samples, landmark_covariance, options.noise_law, model);
-  if (landmark_covariance.empty())
-    model.alpha_covariance = alpha_covariance(samples, weights, fit.cofactor, model);
+  const MatrixXd gain = gain_of(samples, weights, fit.cofactor);
+  fit_noise(samples, landmark_covariance, gain, options.noise_law, model);
+  if (landmark_covariance.empty()) model.alpha_covariance = alpha_covariance(samples, gain, model);
   return model;
 }
 

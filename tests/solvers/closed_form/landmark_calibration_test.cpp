@@ -107,25 +107,33 @@ TEST(ClosedFormCalibration, CovarianceIsOfTheRightSize) {
             << scene.sigma_s << (method == closed_form_calibration ? " closed form " : " approximate ") << d;
 }
 
-TEST(ClosedFormCalibration, StatesWhatIsKnownOfTheNoiseBesideTheStops) {
-  // 999 times the variance sampled over the true one is chi-square with 999 degrees of freedom; each limit is passed
-  // once in 10 000. What is stated is of first order: over 20 000 repeats 0.88 of what is sampled, 1 / 1.15 allowed.
-  const int repeats = 1000;
-  const BearingScene scene{.stops = 40, .sigma_theta = 0.01, .sigma_s = 0.01, .sigma_e = 0.01};
+/// (repeats - 1) times the variance of sigma_e as sampled over the variance as stated.
+double squares_over_stated(const BearingScene& scene, int repeats, const std::string& name) {
   double mean = 0.0, square = 0.0, stated = 0.0;
-  for (std::uint64_t repeat = 0; repeat < repeats; ++repeat) {
-    const Calibration c =
-        closed_form_calibration(problem_of(scene, seed_from("SigmaStated", {repeat})), of_order(2));
+  for (int repeat = 0; repeat < repeats; ++repeat) {
+    const Calibration c = closed_form_calibration(
+        problem_of(scene, seed_from(name, {static_cast<std::uint64_t>(repeat)})), of_order(2));
     const Estimate& sigma = c.noise_estimates.at(0);
-    ASSERT_TRUE(sigma.std_dev) << c.reason;
+    EXPECT_TRUE(sigma.std_dev) << c.reason;
     mean += sigma.value / repeats;
     square += sigma.value * sigma.value / repeats;
-    stated += *sigma.std_dev * *sigma.std_dev / repeats;
+    stated += std::pow(sigma.std_dev.value_or(0.0), 2) / repeats;
   }
-  const double squares = repeats * (square - mean * mean);
-  const boost::math::chi_squared law(repeats - 1.0);
-  EXPECT_GT(squares / stated, quantile(law, 1e-4));                     // 841
-  EXPECT_LT(squares / stated, 1.15 * quantile(complement(law, 1e-4)));  // 1.15 * 1174
+  return repeats * (square - mean * mean) / stated;
+}
+
+TEST(ClosedFormCalibration, StatesWhatIsKnownOfTheNoiseBesideTheStops) {
+  // The variance sampled over the true one is chi-square; each limit is passed once in 10 000. What is stated is of first
+  // order: sampled by another implementation, over 3000 repeats, 0.97 of what is sampled with 40 stops and 1.00 with 20; 1 / 1.05
+  // allowed. Without what the curve's weights and the landmarks do to the residuals it was 0.87 and 0.84.
+  const BearingScene many{.stops = 40, .sigma_theta = 0.01, .sigma_s = 0.01, .sigma_e = 0.01};
+  const BearingScene few{.stops = 20, .sigma_theta = 0.01, .sigma_s = 0.01, .sigma_e = 0.01};
+  for (const auto& [scene, repeats] : {std::pair(many, 1000), std::pair(few, 2000)}) {
+    const double squares = squares_over_stated(scene, repeats, "SigmaStated");
+    const boost::math::chi_squared law(repeats - 1.0);
+    EXPECT_GT(squares, quantile(law, 1e-4) / 1.05) << scene.stops;              // 841 / 1.05; 1770 / 1.05
+    EXPECT_LT(squares, 1.05 * quantile(complement(law, 1e-4))) << scene.stops;  // 1.05 * 1174; 1.05 * 2244
+  }
 }
 
 TEST(ClosedFormCalibration, PolynomialNoiseIsPositiveAndOfTheRightSize) {

@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <chrono>
 #include <cmath>
 
-#include "closed_form/moments.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 
@@ -36,6 +36,33 @@ std::vector<RangeSample> sights_of_stops(int stops) {
   return samples;
 }
 
+/// std of sigma by the matrices of residual_spread.hpp written out, cells x cells; single readings, weights 1.
+double spread_by_matrices(const std::vector<RangeSample>& samples,
+                          const std::vector<Eigen::Matrix2d>& landmarks, const RangeModel& model) {
+  const auto N = static_cast<Eigen::Index>(samples.size());
+  const double sigma = model.noise.parameters[0];
+  Eigen::MatrixXd H(N, model.alpha.size()), Omega = Eigen::MatrixXd::Zero(N, N);
+  Eigen::VectorXd scale(N);
+  for (Eigen::Index i = 0; i < N; ++i) {
+    const RangeSample& a = samples[static_cast<std::size_t>(i)];
+    H.row(i) = powers_of(a.d, model.alpha.size()).transpose();
+    scale[i] = std::pow(model.noise.spread(a.d, evaluate_polynomial(model.alpha, a.d)) / sigma, 2);
+    Omega(i, i) = sigma * sigma * scale[i];
+    for (Eigen::Index j = 0; j < N; ++j) {
+      const RangeSample& b = samples[static_cast<std::size_t>(j)];
+      const double slopes = evaluate_derivative(model.alpha, a.d) * evaluate_derivative(model.alpha, b.d);
+      if (a.stop == b.stop) Omega(i, j) += slopes * std::sqrt(a.d_variance * b.d_variance) * a.u.dot(b.u);
+      if (!landmarks.empty() && a.landmark == b.landmark)
+        Omega(i, j) += slopes * a.u.dot(landmarks[static_cast<std::size_t>(a.landmark)] * b.u);
+    }
+  }
+  const Eigen::MatrixXd M =
+      Eigen::MatrixXd::Identity(N, N) - H * (H.transpose() * H).inverse() * H.transpose();
+  const Eigen::MatrixXd T = Omega.diagonal().cwiseInverse().asDiagonal() * (M * Omega * M.transpose());
+  const double fall = (T.diagonal().array() * scale.array() / Omega.diagonal().array()).sum();
+  return std::sqrt(2.0 * (T * T).trace()) / fall / (2.0 * sigma);
+}
+
 TEST(RangeModel, SightsOfOneStopShareItsError) {
   const std::vector<RangeSample> samples = sights_of_stops(12);
   ClosedFormOptions options;
@@ -43,20 +70,30 @@ TEST(RangeModel, SightsOfOneStopShareItsError) {
   const RangeModel model = fit_range_model(samples, RangeWeighting::ordinary, {}, 1, options);
   ASSERT_EQ(model.outcome, Outcome::converged) << model.reason;
   ASSERT_TRUE(model.noise_estimates[0].std_dev);
-  // The squared correlations of the residuals of a stop, pair by pair.
-  const double sigma = model.noise.parameters[0], other = std::pow(model.alpha[1] * stop_error_m, 2);
-  const double total = sigma * sigma + other;
-  std::vector<MomentTerm> terms;
-  double shared = 0.0;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    terms.push_back({std::pow(samples[i].y - evaluate_polynomial(model.alpha, samples[i].d), 2), 1.0, other});
-    for (std::size_t j = i + 1; j < samples.size(); ++j)
-      if (samples[j].stop == samples[i].stop)
-        shared += std::pow(other / total * samples[i].u.dot(samples[j].u), 2);
+  EXPECT_NEAR(*model.noise_estimates[0].std_dev, spread_by_matrices(samples, {}, model), 1e-10);
+}
+
+TEST(RangeModel, SightsOfOneLandmarkShareItsError) {
+  // Weights 1 under noise of f^2, and landmarks of 1 to 3 cm: the curve's error and the landmarks' are in all near cells.
+  std::vector<RangeSample> samples = sights_of_stops(12);
+  Random random(seed_from("errors of landmarks"));
+  std::vector<Eigen::Matrix2d> landmarks(5, Eigen::Matrix2d::Zero());  // the last is exact
+  std::vector<Eigen::Vector2d> error(5, Eigen::Vector2d::Zero());
+  for (std::size_t l = 0; l + 1 < landmarks.size(); ++l) {
+    Eigen::Matrix2d root;
+    root << 0.01 * random.normal(), 0.01 * random.normal(), 0.01 * random.normal(), 0.01;
+    landmarks[l] = root * root.transpose();
+    error[l] = root * Eigen::Vector2d(random.normal(), random.normal());
   }
-  EXPECT_GT(shared, 1.0);
-  const double expected = std_dev_from_moments(terms, shared, 0.0, 60.0 - 2.0, sigma * sigma) / (2.0 * sigma);
-  EXPECT_NEAR(*model.noise_estimates[0].std_dev, expected, 1e-10 * expected);
+  for (RangeSample& s : samples)
+    s.y += 0.9 * s.u.dot(error[static_cast<std::size_t>(s.landmark)]) + 0.01 * s.d * s.d * random.normal();
+  ClosedFormOptions options;
+  options.noise_law = NoiseLaw::f_squared;
+  const RangeModel model = fit_range_model(samples, RangeWeighting::ordinary, landmarks, 2, options);
+  ASSERT_EQ(model.outcome, Outcome::converged) << model.reason;
+  ASSERT_TRUE(model.noise_estimates[0].std_dev);
+  const double expected = spread_by_matrices(samples, landmarks, model);
+  EXPECT_NEAR(*model.noise_estimates[0].std_dev, expected, 1e-8 * expected);
 }
 
 TEST(RangeModel, ManySightsFromOneStopCostOnePass) {
