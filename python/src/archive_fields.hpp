@@ -81,13 +81,17 @@ inline void archive_fields(python::Archive& a, StopEstimate& s) {
   auto& [recording, label, pose] = s;
   a(recording, label, pose);
 }
+inline void archive_fields(python::Archive& a, EffectsCovariance& s) {
+  auto& [parameters, matrix] = s;
+  a(parameters, matrix);
+}
 inline void archive_fields(python::Archive& a, Calibration& s) {
   auto& [method, kind, outcome, reason, alpha, covariance, with_choice, why, noise, noise_estimates, shapes,
-         sigma_theta, sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal,
-         aic, weakest, iterations, seconds] = s;
+         sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts, joint,
+         marginal, aic, weakest, iterations, seconds] = s;
   a(method, kind, outcome, reason, alpha, covariance, with_choice, why, noise, noise_estimates, shapes,
-    sigma_theta, sigma_s, upper, lowest, highest, effects, landmarks, stops, counts, joint, marginal, aic,
-    weakest, iterations, seconds);
+    sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts, joint, marginal,
+    aic, weakest, iterations, seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
   auto& [order, law, nll, aic] = s;
