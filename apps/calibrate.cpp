@@ -12,6 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/solvers/calibrate/alpha_bound.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
 #include "rangecal/solvers/tilt/leaning.hpp"
 #include "report/report.hpp"
@@ -63,7 +64,8 @@ struct CalibrateCommand {
     require_apart({json, report}, inputs);
     const std::vector<Recording> recordings = load_recordings(job.recordings);
     if (tilt) return out_of_the_plane(recordings, options);
-    const CalibrationReport result = run_job(recordings, options);
+    CalibrationReport result = run_job(recordings, options);
+    if (!json.empty()) set_alpha_bounds(recordings, result.calibrations);
     const Calibration& best = recommended(result);
     if (!json.empty()) save_calibrations(result.calibrations, json, result.notes);
     if (!report.empty()) write_file(report, report::calibration_page(recordings, result, best, json));

@@ -86,10 +86,10 @@ inline void archive_fields(python::Archive& a, EffectsCovariance& s) {
   a(parameters, matrix);
 }
 inline void archive_fields(python::Archive& a, Calibration& s) {
-  auto& [method, kind, outcome, reason, alpha, covariance, with_choice, why, noise, noise_estimates, shapes,
-         sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts, joint,
-         marginal, aic, weakest, iterations, seconds] = s;
-  a(method, kind, outcome, reason, alpha, covariance, with_choice, why, noise, noise_estimates, shapes,
+  auto& [method, kind, outcome, reason, alpha, covariance, with_choice, bound, why, noise, noise_estimates,
+         shapes, sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts,
+         joint, marginal, aic, weakest, iterations, seconds] = s;
+  a(method, kind, outcome, reason, alpha, covariance, with_choice, bound, why, noise, noise_estimates, shapes,
     sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts, joint, marginal,
     aic, weakest, iterations, seconds);
 }

@@ -7,6 +7,7 @@
 
 #include "job_result.hpp"
 #include "module.hpp"
+#include "rangecal/solvers/calibrate/alpha_bound.hpp"
 #include "work.hpp"
 
 namespace rangecal::python {
@@ -46,6 +47,7 @@ JobResult run(const Recordings& recordings, CalibrateOptions options, const Stag
     c.seconds = seconds[c.method];
     if (is_usable(c.outcome) && !c.stops.empty()) stops = &c;
   }
+  set_alpha_bounds(recordings.span(), result.report.calibrations);
   for (const Calibration& c : result.report.calibrations)
     result.scores.push_back(is_usable(c.outcome) && c.alpha.size() > 0
                                 ? score_against_truth(recordings.span(), c, stops)

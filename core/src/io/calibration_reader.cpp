@@ -227,6 +227,11 @@ Calibration read_calibration(const Field& top) {
                        std::to_string(calibration.alpha.size()) + " to " + std::to_string(most_coefficients));
     calibration.covariance_with_choice = with_choice.matrix(rows);
   }
+  if (const Field bound = top.at("bound_alpha_std"); !bound.is_null()) {
+    calibration.bound_alpha_std = bound.vector();
+    if (calibration.bound_alpha_std->size() != calibration.alpha.size())
+      bound.fail("is not " + std::to_string(calibration.alpha.size()) + " numbers");
+  }
   calibration.covariance_reason = top.at("covariance_reason").text();
   const Field noise = top.required("noise");
   read_noise(noise, calibration);

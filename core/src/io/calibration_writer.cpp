@@ -66,6 +66,8 @@ Json to_json(const Calibration& calibration) {
   object["alpha"] = vector(calibration.alpha);
   object["covariance"] = matrix(calibration.alpha_covariance);
   object["covariance_with_choice"] = matrix(calibration.covariance_with_choice);
+  object["bound_alpha_std"] =
+      calibration.bound_alpha_std ? vector(*calibration.bound_alpha_std) : Json(nullptr);
   object["covariance_reason"] = calibration.covariance_reason;
   object["noise"] = noise(calibration);
   put_estimate(object, "sigma_theta_rad", calibration.sigma_theta_rad);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "rangecal/core/scaled_inverse.hpp"
@@ -86,6 +87,16 @@ std::optional<AlphaBound> alpha_bound(std::span<const Recording> recordings, con
   if (const auto truth = at_true_places(seen, *state))
     bound.at_truth = alpha_deviations(cramer_rao_bound(problem, *truth), count);
   return bound;
+}
+
+void set_alpha_bounds(std::span<const Recording> recordings, std::span<Calibration> calibrations) {
+  for (Calibration& c : calibrations) {
+    c.bound_alpha_std.reset();
+    const bool answers =
+        c.outcome == Outcome::converged || (c.outcome == Outcome::unobservable && c.alpha_covariance);
+    if (!answers) continue;
+    if (auto bound = alpha_bound(recordings, c)) c.bound_alpha_std = std::move(bound->at_estimate);
+  }
 }
 
 }  // namespace rangecal

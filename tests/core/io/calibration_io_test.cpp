@@ -24,6 +24,7 @@ Calibration full_calibration() {
   c.alpha = Eigen::Vector3d(0.0525, 0.8838, 1.0 / 3.0);
   c.alpha_covariance = (Eigen::Matrix3d() << 1, 0.1, 0, 0.1, 2, 0, 0, 0, 1e-17).finished();
   c.covariance_with_choice = Eigen::Matrix4d(Eigen::Vector4d(1, 2, 3, 4).asDiagonal());
+  c.bound_alpha_std = Eigen::Vector3d(0.1, 1.0 / 7.0, 1e-9);
   c.covariance_reason = "optimistic";
   c.noise = {NoiseLaw::polynomial, Eigen::Vector2d(0.01, 0.002)};
   c.noise_estimates = {{0.01, 0.001}, {0.002, std::nullopt}};
@@ -75,6 +76,7 @@ void expect_same(const Calibration& a, const Calibration& b) {
   EXPECT_EQ(a.alpha, b.alpha);
   EXPECT_EQ(a.alpha_covariance, b.alpha_covariance);
   EXPECT_EQ(a.covariance_with_choice, b.covariance_with_choice);
+  EXPECT_EQ(a.bound_alpha_std, b.bound_alpha_std);
   EXPECT_EQ(a.covariance_reason, b.covariance_reason);
   EXPECT_EQ(a.noise.law, b.noise.law);
   // without a curve there is neither noise about it nor a range
@@ -205,6 +207,8 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
             "c.json: field 'noise.law': noise law is 'f9', not one of constant, f, f2, f3, d2, polynomial");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"noise\": {\"law\": \"f2\", \"parameters\": [1, 2]}"),
             "c.json: field 'noise.parameters': one number belongs to this law");
+  EXPECT_EQ(with("\"alpha\": [0, 1], \"bound_alpha_std\": [1], " + noise),
+            "c.json: field 'bound_alpha_std': is not 2 numbers");
   const std::string effects =
       "\"effects\": {\"range_offset\": {\"offset_m\": 0.1}}, \"effects_covariance\": ";
   EXPECT_EQ(

@@ -28,8 +28,13 @@ TEST(AlphaBound, MeanOfReadingsByHand) {
   ASSERT_TRUE(bound);
   EXPECT_NEAR(bound->at_estimate[0], 0.02 / 5.0, 1e-12);
   EXPECT_FALSE(bound->at_truth);  // distances are true already, and no recording holds a true curve
+  set_alpha_bounds(std::span(&recording, 1), std::span(&c, 1));
+  ASSERT_TRUE(c.bound_alpha_std);
+  EXPECT_EQ(*c.bound_alpha_std, bound->at_estimate);
   c.noise_shapes["range"].family = "student-t";  // a law of its own
   EXPECT_FALSE(alpha_bound(std::span(&recording, 1), c));
+  set_alpha_bounds(std::span(&recording, 1), std::span(&c, 1));
+  EXPECT_FALSE(c.bound_alpha_std);
 }
 
 /// Ten stops along x, five landmarks around, two repeats.

@@ -68,6 +68,8 @@ struct Calibration {
   /// Where order or noise law were chosen by the data: with that choice in it, padded with zeros to the highest order that
   /// may hold; alpha is padded likewise. None: nothing was chosen, or one model alone can be right.
   std::optional<Eigen::MatrixXd> covariance_with_choice;
+  /// The Cramer-Rao bound of alpha at the estimate: standard deviations, where it was asked for.
+  std::optional<Eigen::VectorXd> bound_alpha_std;
   std::string covariance_reason;  ///< why there is no covariance, or a caution about it
   Noise noise;
   std::vector<Estimate> noise_estimates;              ///< one per noise parameter

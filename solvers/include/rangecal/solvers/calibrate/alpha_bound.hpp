@@ -25,4 +25,8 @@ struct AlphaBound {
 /// information is singular. Cost: one pass over the cells, and the cube of the globals.
 std::optional<AlphaBound> alpha_bound(std::span<const Recording> recordings, const Calibration& calibration);
 
+/// Sets `Calibration::bound_alpha_std` of those of these recordings that have an answer: `at_estimate`, none where there is no
+/// bound.
+void set_alpha_bounds(std::span<const Recording> recordings, std::span<Calibration> calibrations);
+
 }  // namespace rangecal

@@ -48,7 +48,8 @@ struct DistancePosterior {
 ///
 ///   p(d | y) = p(y | d) p(d) / Z,   p(y | d) = N(y; f(d), s(d)^2 + var f(d)),
 ///
-/// var f(d) by `curve_variance` (left out where the calibration has none), effects of the calibration in f and s. The
+/// var f(d) by `curve_variance` (left out where the calibration has none), effects of the calibration in f and s, and in var
+/// f where it says how well they are known. The
 /// turning points of f cut the distances into parts, one for each root; the probability of a root is the integral over its
 /// part. Distances drawn from the prior lie in the interval, and in the parts, as often as is stated (Lindley 1982).
 ///
