@@ -143,7 +143,7 @@ void read_noise(const Field& field, Calibration& calibration) {
   }
 }
 
-void read_effects(const Field& top, Calibration& calibration) {
+void read_calibrated_effects(const Field& top, Calibration& calibration) {
   for (const auto& [effect, parameters] : top.at("effects").members()) {
     calibration.effects[effect];
     for (const auto& [name, value] : parameters.members()) calibration.effects[effect][name] = value.number();
@@ -252,7 +252,7 @@ Calibration read_calibration(const Field& top) {
     calibration.range_min_m = limits[0];
     calibration.range_max_m = limits[1];
   }
-  read_effects(top, calibration);
+  read_calibrated_effects(top, calibration);
   read_places(top, calibration);
   read_counts(top.at("counts"), calibration.counts);
   calibration.marginal_nll = top.at("nll").maybe_number();

@@ -118,8 +118,8 @@ void fit_noise(const std::vector<RangeSample>& samples,
 }
 
 /// G of alpha = G^T y, one row per sample.
-MatrixXd gain_of(const std::vector<RangeSample>& samples, const std::vector<double>& weights,
-                 const MatrixXd& cofactor) {
+MatrixXd curve_gain(const std::vector<RangeSample>& samples, const std::vector<double>& weights,
+                    const MatrixXd& cofactor) {
   MatrixXd gain(static_cast<Eigen::Index>(samples.size()), cofactor.rows());
   for (std::size_t k = 0; k < samples.size(); ++k)
     gain.row(static_cast<Eigen::Index>(k)) =
@@ -193,7 +193,7 @@ RangeModel fit_range_model(const std::vector<RangeSample>& samples, RangeWeighti
   model.reason = fit.reason;
   if (!fit.usable()) return model;
   model.alpha = fit.alpha;
-  const MatrixXd gain = gain_of(samples, weights, fit.cofactor);
+  const MatrixXd gain = curve_gain(samples, weights, fit.cofactor);
   fit_noise(samples, landmark_covariance, gain, options.noise_law, model);
   if (landmark_covariance.empty()) model.alpha_covariance = alpha_covariance(samples, gain, model);
   return model;
