@@ -175,9 +175,10 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   if (together || list.empty()) {
     if (!words.empty()) words += "; beyond that, ";
     if (here.rows().pairs) {  // what settles an effect is told for stops and landmarks
-      explanation.separated_by =
-          words + (exact ? "exact twins, which no recording with this sensor tells apart"
-                         : "no change on the menu separates them");
+      words += exact      ? "exact twins, which no recording with this sensor tells apart"
+               : together ? "no change on the menu separates them"
+                          : "no single change on the menu separates all of them";
+      explanation.separated_by = words;
       result.next_experiments = std::move(list);
       return;
     }

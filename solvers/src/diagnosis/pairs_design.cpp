@@ -20,7 +20,7 @@ constexpr double warm_s = 2700.0;       ///< 45 min
 constexpr double warmer_c = 10.0;       ///< [K]
 constexpr double one_way_rad = 1.2;     ///< wider than any lens that images depth
 constexpr std::size_t most_gaps = 100;  ///< more distances than that leave no gaps to fill
-constexpr const char* temperature = "temperature_c";
+constexpr const char* temperature_name = "temperature_c";
 
 bool knows_directions(const Rows& rows) {
   return std::any_of(rows.bearing_rad.begin(), rows.bearing_rad.end(), [](double b) { return b != 0.0; });
@@ -32,7 +32,7 @@ bool has_column(const Rows& rows, const char* name) {
 }
 
 /// Words for a column that the change takes.
-std::string with(const char* column, bool is_there) {
+std::string taking_column(const char* column, bool is_there) {
   return is_there ? "" : fmt::format(" (with a column {}, which this recording lacks)", column);
 }
 
@@ -89,7 +89,7 @@ std::vector<int> scattered(int count) {
 
 /// Between two distances, from a fifth to four fifths of the way: half-way between steps of one length a period of one
 /// step looks like none.
-double between(double from, double to, int gap) {
+double uneven_between(double from, double to, int gap) {
   return from + (0.2 + 0.6 * spread_over_one(gap, std::numbers::sqrt2)) * (to - from);
 }
 
@@ -166,7 +166,8 @@ std::vector<MenuEntry> menu_for_pairs(const Rows& rows) {
     menu.push_back({code, std::move(change)});
   };
   if (cells.size() >= 3)
-    offer("random order", "read the same distances once more in random order" + with("time_s", times));
+    offer("random order",
+          "read the same distances once more in random order" + taking_column("time_s", times));
   if (times && cells.size() >= 3)
     offer("cold start", "let the sensor cool down, then record the same distances in random order");
   offer("E7", "take 200 readings at one near, one middle and one far distance");
@@ -186,12 +187,12 @@ std::vector<MenuEntry> menu_for_pairs(const Rows& rows) {
     offer("E6", "exchange the targets and read all distances again");
   else
     offer("E6", "read all distances again with a target of another reflectance" +
-                    with("landmark", rows.context.landmark_count > 0));
-  offer("warmer",
-        "read all distances again 10 degrees warmer" + with(temperature, has_column(rows, temperature)));
+                    taking_column("landmark", rows.context.landmark_count > 0));
+  offer("warmer", "read all distances again 10 degrees warmer" +
+                      taking_column(temperature_name, has_column(rows, temperature_name)));
   offer("E1", one_way ? "turn the sensor to either side at each distance"
                       : "turn the sensor by 90, 180 and 270 degrees at each distance" +
-                            with("bearing_rad", directions));
+                            taking_column("bearing_rad", directions));
   return menu;
 }
 
@@ -226,7 +227,7 @@ void extend_pairs(const Rows& rows, const std::string& code, DraftDesign& draft,
   } else if (code == "denser") {
     for (int gap : scattered(static_cast<int>(cells.size()) - 1)) {
       const int from = cells[static_cast<std::size_t>(gap)], to = cells[static_cast<std::size_t>(gap) + 1];
-      more.visit(to, between(at(from), at(to), gap));
+      more.visit(to, uneven_between(at(from), at(to), gap));
     }
   } else if (code == "E9") {
     for (double near : near_distances(rows, at(cells.front()))) more.visit(cells.front(), near);
@@ -241,14 +242,14 @@ void extend_pairs(const Rows& rows, const std::string& code, DraftDesign& draft,
       draft.recording.landmarks.push_back({std::to_string(draft.recording.landmarks.size()), 0.0, {}});
     more.all_again();
   } else if (code == "warmer") {
-    design.varies = temperature;
+    design.varies = temperature_name;
     const std::vector<std::string>& columns = rows.context.covariates;
-    const auto column = std::find(columns.begin(), columns.end(), temperature);
+    const auto column = std::find(columns.begin(), columns.end(), temperature_name);
     const std::size_t before = rows.size();
     if (column != columns.end()) more.warmer_column = static_cast<int>(column - columns.begin());
     more.all_again(0.0);
     if (column == columns.end()) {  // of a temperature that nobody wrote down the difference is known
-      std::vector<double>& added = draft.recording.pairs.covariates[temperature];
+      std::vector<double>& added = draft.recording.pairs.covariates[temperature_name];
       added.assign(before, 20.0);
       added.resize(2 * before, 20.0 + warmer_c);
     }

@@ -18,7 +18,7 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double sigma_e = 0.002;
+constexpr double sigma_of_pairs = 0.002;
 
 double reading_at(double d) { return 0.05 + d * (0.9 + 0.05 * d); }
 
@@ -44,18 +44,19 @@ Recording rising(Random* random, bool creeps) {
   for (int k = 0; k < 25; ++k) {
     const double d = 0.4 + 3.6 * k / 24.0, f = reading_at(d), time_s = 20.0 * k;
     for (int i = 0; i < 20; ++i)
-      add_pair(recording, k, d, time_s,
-               f + (creeps ? creep_m(time_s) : 0.0) + (random ? sigma_e * f * f * random->normal() : 0.0));
+      add_pair(
+          recording, k, d, time_s,
+          f + (creeps ? creep_m(time_s) : 0.0) + (random ? sigma_of_pairs * f * f * random->normal() : 0.0));
   }
   return recording;
 }
 
 /// The estimate at the truth: every cell at an exact stop of its own.
-JointState truth_of(const Rows& rows) {
+JointState truth_of_pairs(const Rows& rows) {
   JointState state;
   state.alpha = Eigen::Vector3d(0.05, 0.9, 0.05);
   state.noise.law = NoiseLaw::f_squared;
-  state.noise.parameters = Eigen::VectorXd::Constant(1, sigma_e);
+  state.noise.parameters = Eigen::VectorXd::Constant(1, sigma_of_pairs);
   state.sigma_theta_rad = 1.0;
   state.landmarks = {Eigen::Vector2d::Zero()};
   for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
@@ -72,7 +73,7 @@ double left_of(const Eigen::VectorXd& x, const Eigen::MatrixXd& columns, const E
 TEST(PairsNext, TheOrderIsChangedWhereTimeAndDistanceRiseTogether) {
   const Recording recording = rising(nullptr, false);
   const Rows rows = make_rows({&recording, 1});
-  const JointState state = truth_of(rows);
+  const JointState state = truth_of_pairs(rows);
   const ActiveEffect drift{find_effect("warmup_drift"), Eigen::Vector3d(0.02, 0.0, 120.0)};
   const ActiveEffect lens{find_effect("lens_distortion"), Eigen::VectorXd::Constant(1, -0.0024)};
   // By dense least squares over single readings, from the two formulas.
@@ -84,7 +85,7 @@ TEST(PairsNext, TheOrderIsChangedWhereTimeAndDistanceRiseTogether) {
     Eigen::MatrixXd of_drift(n, 6), of_lens(n, 4);
     of_drift << Eigen::ArrayXd::Ones(n), D, D.square(), risen, D.square() * risen, u * (-u).exp();
     of_lens << Eigen::ArrayXd::Ones(n), D, D.square(), D.inverse();
-    const Eigen::VectorXd spread = sigma_e * f.square();
+    const Eigen::VectorXd spread = sigma_of_pairs * f.square();
     return std::min(left_of(-0.0024 * D.inverse(), of_drift, spread), left_of(0.02 * risen, of_lens, spread));
   };
   EXPECT_LT(noncentrality(recording.pairs.true_m, recording.pairs.time_s), 1.0);  // here they are one
@@ -141,14 +142,14 @@ TEST(PairsNext, WhatIsProposedFirstSettlesTheSet) {
   // A period that fits the steps is among the causes: only other distances tell it.
   EXPECT_EQ(first.code, "denser");
   const Rows rows = make_rows({&recording, 1});
-  const ExtendedDesign extended = extend(rows, truth_of(rows), first.code);
+  const ExtendedDesign extended = extend(rows, truth_of_pairs(rows), first.code);
   const std::vector<double> d = cell_geometry(extended.rows, extended.state).d;
   for (std::size_t i = 0; i < extended.rows.size(); ++i) {
     const int cell = extended.rows.cell[i];
     if (cell < rows.cell_count) continue;
     const double at = d[static_cast<std::size_t>(cell)], f = reading_at(at);
     const double time_s = extended.rows.time_s[i];
-    add_pair(recording, cell, at, time_s, f + creep_m(time_s) + sigma_e * f * f * random.normal());
+    add_pair(recording, cell, at, time_s, f + creep_m(time_s) + sigma_of_pairs * f * f * random.normal());
   }
   const Diagnosis after = diagnose({&recording, 1}, options);
   ASSERT_EQ(after.verdict, Verdict::explained) << after.sentence;
@@ -219,7 +220,7 @@ TEST(PairsNext, AColumnThatAChangeTakesIsNamed) {
 TEST(PairsNext, AnExtendedDesignKeepsWhatIsThere) {
   const Recording recording = rising(nullptr, false);
   const Rows rows = make_rows({&recording, 1});
-  const JointState state = truth_of(rows);
+  const JointState state = truth_of_pairs(rows);
   for (const MenuEntry& entry : menu_for(rows)) {
     const ExtendedDesign extended = extend(rows, state, entry.code);
     ASSERT_GE(extended.rows.size(), rows.size()) << entry.change;
