@@ -108,6 +108,7 @@ class LandmarksLearner : public Learner {
   Calibration estimate() override { return calibrator_.estimate(); }
   const Counts& counts() const override { return calibrator_.counts(); }
   std::int64_t used() const override { return calibrator_.used(); }
+  std::int64_t stops_left_out() const override { return calibrator_.stops_left_out(); }
   double effective() const override {
     const double stops = static_cast<double>(std::max<std::int64_t>(1, calibrator_.stops()));
     return calibrator_.effective_stops() / stops * static_cast<double>(calibrator_.used());

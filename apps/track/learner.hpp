@@ -24,9 +24,10 @@ class Learner {
   virtual Calibration estimate() = 0;
   virtual const Counts& counts() const = 0;
   virtual std::int64_t used() const = 0;
-  virtual double effective() const = 0;             ///< readings that count
-  virtual std::int64_t first_estimate() const = 0;  ///< readings before which there is none
-  virtual std::int64_t least_between() const = 0;   ///< readings from one estimate to the next
+  virtual std::int64_t stops_left_out() const { return 0; }  ///< without an optimum beside the others
+  virtual double effective() const = 0;                      ///< readings that count
+  virtual std::int64_t first_estimate() const = 0;           ///< readings before which there is none
+  virtual std::int64_t least_between() const = 0;            ///< readings from one estimate to the next
   virtual std::string to_json() const = 0;
   /// --watch of readings of landmarks: each that is taken is held against `reference`.
   virtual void watch(const Calibration& reference, const ChangeOptions& options);

@@ -91,6 +91,11 @@ class Run {
       if (learner_->counts().read > 0) result.calibration = learner_->estimate();
       result.counts = learner_->counts();
       result.effective = learner_->effective();
+      if (const std::int64_t stops = learner_->stops_left_out(); stops > 0)
+        notes_.push_back(
+            fmt::format("{}: {} stops have no optimum beside the others and were left out; calibrate the "
+                        "recording as a whole",
+                        name_, stops));
     }
     result.notes = notes_;
     if (state_.malformed > most_complaints)

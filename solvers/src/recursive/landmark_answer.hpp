@@ -18,9 +18,12 @@ struct RecursiveLandmarks::Answer {
   int order = 0, iterations = 0;
   JointState state;  ///< alpha of all coefficients, those above `order` 0; the stops held
   Eigen::Vector2d log_sigmas = Eigen::Vector2d::Zero();
-  double nll = 0.0;  ///< l_s [nats]
+  double nll = 0.0;      ///< l_s [nats]
+  bool at_edge = false;  ///< a sigma is held at the end of the interval in which the stops were summed up
   std::optional<LandmarkSums>
       held;  ///< the stops held, expanded there but for the last step; none without sums
+  /// Converged, and not only as far as the sums reach.
+  bool settled() const { return outcome == Outcome::converged && !at_edge; }
   std::optional<Eigen::MatrixXd> covariance;  ///< of (alpha, landmarks, log sigma_e, log sigma_theta)
 };
 

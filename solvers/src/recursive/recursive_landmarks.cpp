@@ -5,29 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 #include "closed_form/stop_variance.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "recursive/count_up.hpp"
-#include "recursive/landmark_answer.hpp"
 #include "recursive/landmark_sums.hpp"
 
 namespace rangecal {
-namespace {
-
-/// Stops without an optimum are held until there are so many blocks of them; then they are left out.
-constexpr int most_blocks = 4;
-
-JointProblem with_first_exact(JointProblem problem) {
-  problem.stops[0].sigma_xy_m = problem.stops[0].sigma_heading_rad = 0.0;
-  problem.stops[0].shape.reset();
-  return problem;
-}
-
-}  // namespace
 
 void RecursiveLandmarksOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("RecursiveLandmarksOptions: " + what); };
@@ -64,6 +50,7 @@ void RecursiveLandmarks::clear_held() {
   held_labels_.clear();
   held_places_.clear();
   anchored_ = false;
+  tried_at_ = 0;
 }
 
 /// After sums that end in a stop of a random walk: it is the first of those held, with no reading of its own.
@@ -119,7 +106,10 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
     throw InputError("stop '" + stop.label + "' returns to place '" + stop.place +
                      "', which a random walk cannot do");
   }
-  if (!same_place && own_stops() >= options_.block) sum_up();
+  // where they could not be summed up a new try has to wait for some more
+  if (constexpr int between = 8; !same_place && own_stops() >= options_.block &&
+                                 own_stops() >= tried_at_ + (tried_at_ > 0 ? between : 0))
+    sum_up();
   prior.chained = options_.random_walk && !held_labels_.empty();
   prior.opens_place = !same_place;
   if (prior.chained) {
@@ -239,71 +229,6 @@ std::vector<LandmarkFromBearings> RecursiveLandmarks::from_bearings() const {
   std::vector<LandmarkFromBearings> landmarks;
   for (const RecursiveBearings& one : all) landmarks.push_back(one.landmark());
   return landmarks;
-}
-
-void RecursiveLandmarks::sum_up() {
-  if (!sum_up_held() && own_stops() >= most_blocks * options_.block) drop_held();
-}
-
-/// False where the stops held have no optimum, or none of them has a reading.
-bool RecursiveLandmarks::sum_up_held() {
-  Answer found = answer(options_.columns() - 1);
-  std::optional<LandmarkSums> block;
-  if (found.outcome == Outcome::converged && sums_) {
-    block = std::move(found.held);
-  } else if (found.outcome == Outcome::converged) {
-    SigmaGrid grid;
-    grid.centre = found.log_sigmas;
-    grid.half_width =
-        std::clamp(6.0 * std::sqrt(found.covariance->diagonal().tail<2>().maxCoeff()), 0.3, 0.6);
-    block = expand_stops(options_.random_walk ? with_first_exact(held_) : held_, found.state, grid,
-                         phi_of(found.state));
-  }
-  if (!block) return false;
-  const double stops = own_stops(), kept = std::exp(-stops / options_.forget);
-  if (sums_) {
-    const auto take = [&](LandmarkSums& sums, double factor) {
-      sums.grow(block->reference);
-      if (factor < 1.0) sums.scale(factor);
-      sums.add(*block);
-      sums.follow(found.log_sigmas);
-    };
-    take(*sums_, kept);
-    if (squared_) take(*squared_, kept * kept);
-  } else {
-    sums_ = std::make_unique<LandmarkSums>(std::move(*block));
-    if (std::isfinite(options_.forget)) squared_ = std::make_unique<LandmarkSums>(*sums_);
-  }
-  sum_w_ = kept * sum_w_ + stops;
-  sum_w_sq_ = kept * kept * sum_w_sq_ + stops;
-  std::tie(low_m_, high_m_) = distances_of(held_, found.state, low_m_, high_m_);
-  last_ = found.state;
-  last_->stops.clear();
-  options_.random_walk ? hold_last_pose() : clear_held();
-  return true;
-}
-
-void RecursiveLandmarks::drop_held() {
-  if (held_.readings > 0.0)
-    count_up(counts_.dropped["stops without an optimum"], static_cast<int>(std::min(held_.readings, 2e9)));
-  counts_.used = std::max(0, counts_.used - static_cast<int>(std::min(held_.readings, 2e9)));
-  // landmarks that only these stops saw are forgotten with them
-  const std::size_t known = sums_ ? last_->landmarks.size() : 0;
-  labels_.resize(known);
-  bearings_.resize(known);
-  held_.landmark_radius_m.resize(known);
-  held_.landmark_recording.resize(known);
-  std::optional<LandmarkSums> steps;
-  if (anchored_) {  // the steps were made all the same
-    held_.cells = Cells{};
-    held_.cells.stop_begin.assign(held_.stops.size() + 1, 0);
-    held_.readings = 0.0;
-    JointState state = start_of_held();
-    steps = expand_stops(held_, state, sums_->grid, sums_->reference, &*sums_->last_pose);
-  }
-  if (!steps) return clear_held();
-  sums_->last_pose = std::move(steps->last_pose);
-  hold_last_pose();
 }
 
 double RecursiveLandmarks::effective_stops() const {

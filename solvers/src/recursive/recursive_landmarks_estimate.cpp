@@ -136,6 +136,20 @@ std::string with_names(std::string direction, const std::vector<std::string>& la
   return with_labels(direction, labels);
 }
 
+/// Why the stops are too few for a curve of this order; none where they are enough.
+std::optional<std::string> too_few_stops(const JointProblem& problem, int order) {
+  const int places = problem.place_count;
+  if (places < 3)
+    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3", places);
+  const double cells = static_cast<double>(problem.cells.size()),
+               unknowns = order + 1 + 2.0 * problem.landmark_count();
+  if (2.0 * cells < unknowns + 2.0)
+    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks", cells,
+                       unknowns);
+  if (cells < order + 2) return fmt::format("{} distances for a curve of order {}", cells, order);
+  return std::nullopt;
+}
+
 }  // namespace
 
 VectorXd reference_with(const LandmarkSums& sums, const JointState& state) {
@@ -159,28 +173,15 @@ std::pair<double, double> distances_of(const JointProblem& problem, const JointS
   return {low, high};
 }
 
-std::optional<std::string> RecursiveLandmarks::too_few(int order) const {
-  const int places = held_.place_count;
-  if (places < 3)
-    return fmt::format("{} place(s) to stand: lines of sight have no redundancy with fewer than 3", places);
-  const double cells = static_cast<double>(held_.cells.size()),
-               unknowns = order + 1 + 2.0 * held_.landmark_count();
-  if (2.0 * cells < unknowns + 2.0)
-    return fmt::format("{} cells of range and bearing for {} unknowns of curve and landmarks", cells,
-                       unknowns);
-  if (cells < order + 2) return fmt::format("{} distances for a curve of order {}", cells, order);
-  return std::nullopt;
-}
-
-RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(int order) const {
+RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(const JointProblem& stops, int order) const {
   Answer answer;
   answer.order = order;
-  if (const auto why = too_few(order)) {
+  if (const auto why = too_few_stops(stops, order)) {
     answer.outcome = Outcome::too_few_data;
     answer.reason = *why;
     return answer;
   }
-  const auto start = start_of(held_, order, options_.law);
+  const auto start = start_of(stops, order, options_.law);
   if (!start) {
     answer.reason = "no start inside the model's domain was found";
     return answer;
@@ -189,12 +190,12 @@ RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(int order) const {
   with_sigmas_held.held.sigmas = true;
   MarginalFit fit;
   for (const JointOptions& joint_options : {JointOptions{}, with_sigmas_held}) {
-    const JointFit joint = solve_joint_block(held_, *start, joint_options);
+    const JointFit joint = solve_joint_block(stops, *start, joint_options);
     if (joint.outcome != Outcome::converged) {
       if (fit.reason.empty()) fit.reason = joint.reason;
       continue;
     }
-    fit = solve_marginal(held_, joint.state, {});
+    fit = solve_marginal(stops, joint.state, {});
     if (fit.outcome == Outcome::converged) break;
   }
   answer.outcome = fit.outcome;
@@ -290,7 +291,9 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
         latest = expand_stops(held_, answer.state, before.grid, reference, last_pose);
       }
       if (!latest) {
-        answer.reason = "the stops held have no optimum inside the model's domain";
+        answer.reason =
+            "the latest stops have no optimum inside the model's domain beside what was summed up before; calibrate the "
+            "recording as a whole";
         return answer;
       }
       total.add(*latest);
@@ -300,7 +303,9 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     third = std::move(total.third);
     if (!fit.ok) {
       answer.outcome = Outcome::unobservable;
-      answer.reason = "curve and landmarks are not determined by the readings";
+      answer.reason =
+          "what was summed up of the stops before does not determine curve and landmarks where the answer has gone "
+          "since; calibrate the recording as a whole";
       MatrixXd here = total.at(answer.log_sigmas).hessian;
       const VectorXd delta = phi_of(answer.state) - reference;
       for (std::size_t i = 0; i < third.size(); ++i) here += delta[static_cast<Eigen::Index>(i)] * third[i];
@@ -319,8 +324,9 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     if (held_.cells.size() == 0 || moved < still) break;
     if (answer.iterations == most_updates) {
       answer.outcome = Outcome::not_converged;
-      answer.reason = fmt::format("the answer still moves by {:.1g} standard deviations after {} updates",
-                                  moved, most_updates);
+      answer.reason = fmt::format(
+          "the answer still moves by {:.1g} standard deviations after {} updates; calibrate the recording as a whole",
+          moved, most_updates);
       return answer;
     }
   }
@@ -332,6 +338,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     return answer;
   }
   answer.nll = fit.nll;
+  answer.at_edge = fit.at_edge;
   answer.covariance = covariance_from(fit.hessian, alphas, order);
   answer.outcome = answer.covariance ? Outcome::converged : Outcome::unobservable;
   if (!answer.covariance) {
@@ -356,7 +363,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
 }
 
 RecursiveLandmarks::Answer RecursiveLandmarks::answer(int order) const {
-  return sums_ ? from_sums(order) : first_answer(order);
+  return sums_ ? from_sums(order) : first_answer(held_, order);
 }
 
 Calibration RecursiveLandmarks::calibration_of(const Answer& answer) const {
@@ -407,15 +414,23 @@ Calibration RecursiveLandmarks::estimate() {
     none.reason = "no usable reading";
     return calibration_of(none);
   }
-  std::optional<Calibration> best;
-  for (int order = options_.order.value_or(1); order <= options_.order.value_or(options_.max_order);
-       ++order) {
-    const Calibration fit = calibration_of(answer(order));
-    const bool better = !best || (fit.outcome == Outcome::converged &&
-                                  (best->outcome != Outcome::converged || *fit.aic < *best->aic));
-    if (better) best = fit;
-  }
-  return *best;
+  bool settled = false;  // of the best
+  const auto best_of_orders = [&] {
+    std::optional<Calibration> best;
+    for (int order = options_.order.value_or(1); order <= options_.order.value_or(options_.max_order);
+         ++order) {
+      const Answer found = answer(order);
+      const Calibration fit = calibration_of(found);
+      const bool better = !best || (fit.outcome == Outcome::converged &&
+                                    (best->outcome != Outcome::converged || *fit.aic < *best->aic));
+      if (!better) continue;
+      best = fit;
+      settled = found.settled();
+    }
+    return *best;
+  };
+  const Calibration best = best_of_orders();
+  return !settled && sums_ && sum_up_anew() ? best_of_orders() : best;
 }
 
 }  // namespace rangecal

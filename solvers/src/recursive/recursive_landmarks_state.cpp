@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <array>
 #include <cmath>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "json_matrices.hpp"
@@ -16,8 +17,7 @@ using Json = nlohmann::ordered_json;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 constexpr const char* format_name = "rangecal-recursive-landmarks/2";
-constexpr const char* format_before =
-    "rangecal-recursive-landmarks/1";  // without the sums of squared weights
+constexpr const char* format_before = "rangecal-recursive-landmarks/1";  // keeps no squared sums and no past
 
 Json json_of(const LastPose& law) {
   return {{"free", {law.free_position, law.free_heading}},
@@ -101,6 +101,79 @@ std::vector<std::pair<const char*, std::vector<double> Cells::*>> columns() {
           {"bearing_mean_square", &Cells::bearing_mean_square}};
 }
 
+Json json_of(const Cells& cells) {
+  Json json{{"landmark", cells.landmark}};
+  for (const auto& [name, column] : columns()) json[name] = cells.*column;
+  return json;
+}
+
+/// No cell that readings do not make.
+void require_readings(const Cells& c, std::size_t at) {
+  if (!(c.count[at] >= 1.0) || !(c.range_mean[at] > 0.0) || !(c.range_mean_square[at] >= 0.0) ||
+      !(c.bearing_mean_square[at] >= 0.0))
+    throw InputError("field 'cells' holds what no readings make");
+}
+
+std::shared_ptr<const Eigen::Matrix3d> shape_in(const Json& json) {
+  const Eigen::Matrix3d Q = square_in(json, 3, "shape");
+  if (!stop_covariance(covariance_entries(Q), 0.0).fault.empty())
+    throw InputError("field 'shape' is that of no covariance");
+  return std::make_shared<const Eigen::Matrix3d>(Q);
+}
+
+/// Stops of independent errors.
+Json json_of(const JointProblem& past) {
+  Json json{{"radius_m", past.landmark_radius_m}, {"stops", Json::array()}, {"cells", json_of(past.cells)}};
+  for (std::size_t k = 0; k < past.stops.size(); ++k) {
+    const StopPrior& stop = past.stops[k];
+    json["stops"].push_back({{"pose", {stop.commanded.x_m, stop.commanded.y_m, stop.commanded.heading_rad}},
+                             {"sigma", {stop.sigma_xy_m, stop.sigma_heading_rad}},
+                             {"shape", stop.shape ? list(MatrixXd(*stop.shape)) : Json(nullptr)},
+                             {"opens_place", stop.opens_place},
+                             {"cells", past.cells.stop_begin[k + 1] - past.cells.stop_begin[k]}});
+  }
+  return json;
+}
+
+JointProblem past_in(const Json& json) {
+  JointProblem past;
+  past.landmark_radius_m = json.at("radius_m").get<std::vector<double>>();
+  past.landmark_recording.assign(past.landmark_radius_m.size(), 0);
+  Cells& c = past.cells;
+  c.stop_begin = {0};
+  for (const Json& stop : json.at("stops")) {
+    StopPrior prior;
+    const VectorXd pose = vector_in(stop.at("pose"), 3, "pose"),
+                   sigma = vector_in(stop.at("sigma"), 2, "sigma");
+    prior.commanded = {pose[0], pose[1], pose[2]};
+    prior.sigma_xy_m = sigma[0];
+    prior.sigma_heading_rad = sigma[1];
+    if (!(sigma.minCoeff() >= 0.0)) throw InputError("field 'sigma' is negative");
+    if (stop.at("shape").is_array()) prior.shape = shape_in(stop.at("shape"));
+    prior.opens_place = stop.at("opens_place").get<bool>() || past.stops.empty();
+    past.place_count += prior.opens_place;
+    prior.place = past.place_count - 1;
+    for (int i = whole_number(stop.at("cells"), "cells"); i > 0; --i) c.stop.push_back(past.stop_count());
+    past.stops.push_back(prior);
+    past.sigma_s_shared.push_back(0);
+    c.stop_begin.push_back(static_cast<int>(c.stop.size()));
+  }
+  const Json& cells = json.at("cells");
+  const auto size = static_cast<Eigen::Index>(c.stop.size());
+  for (const auto& [field, column] : columns()) {
+    const VectorXd values = vector_in(cells.at(field), size, field);
+    (c.*column).assign(values.begin(), values.end());
+  }
+  for (std::size_t at = 0; at < c.stop.size(); ++at) {
+    require_readings(c, at);
+    c.landmark.push_back(whole_number(cells.at("landmark").at(at), "landmark", 0, past.landmark_count() - 1));
+    c.radius_m.push_back(past.landmark_radius_m[static_cast<std::size_t>(c.landmark.back())]);
+    past.readings += c.count[at];
+  }
+  c.range_weight = c.bearing_weight = c.count;
+  return past;
+}
+
 }  // namespace
 
 std::string RecursiveLandmarks::to_json() const {
@@ -125,7 +198,11 @@ std::string RecursiveLandmarks::to_json() const {
              {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}},
              {"landmarks", Json::array()},
              {"held", Json::array()},
-             {"cells", {{"landmark", held_.cells.landmark}}},
+             {"cells", json_of(held_.cells)},
+             {"tried_at", tried_at_},
+             {"stops_left_out", stops_left_out_},
+             {"past", past_ ? json_of(*past_) : Json(nullptr)},
+             {"anew_stops", anew_stops_},
              {"last", last_ ? json_of(*last_) : Json(nullptr)},
              {"sums", sums_ ? json_of(*sums_) : Json(nullptr)},
              {"squared", squared_ ? json_of(*squared_) : Json(nullptr)}};
@@ -143,7 +220,6 @@ std::string RecursiveLandmarks::to_json() const {
                              {"opens_place", stop.opens_place},
                              {"cells", held_.cells.stop_begin[k + 1] - held_.cells.stop_begin[k]}});
   }
-  for (const auto& [name, column] : columns()) state["cells"][name] = held_.cells.*column;
   return state.dump() + "\n";
 }
 
@@ -193,12 +269,7 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       stop.place = held.at("place");
       const bool opens = held.at("opens_place").get<bool>() || result.held_places_.empty();
       StopPrior prior = result.prior_of(stop);
-      if (held.contains("shape") && held.at("shape").is_array()) {
-        const Eigen::Matrix3d Q = square_in(held.at("shape"), 3, "shape");
-        if (!stop_covariance(covariance_entries(Q), 0.0).fault.empty())
-          throw InputError("field 'shape' is that of no covariance");
-        prior.shape = std::make_shared<const Eigen::Matrix3d>(Q);
-      }
+      if (held.contains("shape") && held.at("shape").is_array()) prior.shape = shape_in(held.at("shape"));
       prior.chained = options.random_walk && !result.held_labels_.empty();
       result.hold(stop.label, prior, opens ? &stop.place : nullptr);
       for (int i = whole_number(held.at("cells"), "cells"); i > 0; --i, ++cell) {
@@ -209,9 +280,7 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
         for (const auto& [field, column] : columns())
           (result.held_.cells.*column)[at] = cells.at(field).at(cell);
         Cells& c = result.held_.cells;
-        if (!(c.count[at] >= 1.0) || !(c.range_mean[at] > 0.0) || !(c.range_mean_square[at] >= 0.0) ||
-            !(c.bearing_mean_square[at] >= 0.0))
-          throw InputError("field 'cells' holds what no readings make");
+        require_readings(c, at);
         c.range_weight[at] = c.bearing_weight[at] = c.count[at];
         result.held_.readings += c.count[at];
       }
@@ -247,6 +316,17 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
           result.sums_->reference.size())
         throw InputError("field 'last' is of other landmarks than the sums");
       result.last_ = at;
+      if (!before && state.at("past").is_object()) {
+        result.past_ = std::make_unique<JointProblem>(past_in(state.at("past")));
+        if (options.random_walk || result.squared_ || result.past_->stops.empty() ||
+            result.past_->landmark_radius_m.size() > at.landmarks.size())
+          throw InputError("field 'past' does not go with what is summed up");
+      }
+    }
+    if (!before) {  // version 1 keeps no stops that are summed up
+      result.tried_at_ = whole_number(state.at("tried_at"), "tried_at");
+      result.anew_stops_ = whole_number(state.at("anew_stops"), "anew_stops");
+      result.stops_left_out_ = whole_number<std::int64_t>(state.at("stops_left_out"), "stops_left_out");
     }
     if (options.random_walk) {
       result.walked_ = square_in(state.at("walked"), 3, "walked");

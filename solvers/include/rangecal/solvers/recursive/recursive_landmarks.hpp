@@ -55,6 +55,12 @@ struct LandmarkReading {
 /// until nothing moves (iterated updates). What the second order leaves out falls with the readings faster
 /// than the standard deviations: the batch's answer within 1 % of its standard deviation.
 ///
+/// Expansions are good near the answer about which they were made. Where the readings have an error that the model
+/// lacks (ranges of a camera that are off alike at a stop), that of the first stops lies many of its standard deviations
+/// from that of all. Hence the first 256 stops and up to a block more are kept as they came, too, and are expanded anew
+/// about their common answer when they have doubled and where the sums have no optimum. Not along a random walk, and not
+/// with forgetting.
+///
 /// Along a random walk the past is tied to what comes by the pose of the last stop alone. When stops are summed
 /// up that pose stays, with its law given phi (LastPose), and the next stops are held together with it. Where
 /// the whole stands and how it is turned only the first stop tells, and nothing that comes tells it better: in
@@ -101,7 +107,9 @@ class RecursiveLandmarks {
   const Counts& counts() const { return counts_; }
   std::int64_t used() const { return used_; }    ///< readings
   std::int64_t stops() const { return stops_; }  ///< distinct stops seen
-  double effective_stops() const;                ///< (sum w)^2 / sum w^2 of those that are in the answer
+  /// Of these without an optimum beside the others: their readings count as dropped `at stops without an optimum`.
+  std::int64_t stops_left_out() const { return stops_left_out_; }
+  double effective_stops() const;  ///< (sum w)^2 / sum w^2 of those that are in the answer
   const std::vector<std::string>& landmarks() const { return labels_; }
 
   /// `rangecal-recursive-landmarks/2`: the whole state as JSON; doubles survive bit by bit.
@@ -118,12 +126,13 @@ class RecursiveLandmarks {
   std::size_t cell_of(int landmark);
   int landmark_of(const LandmarkReading& reading);
   RecursiveBearings::Line line_of(std::size_t cell) const;
-  std::optional<std::string> too_few(int order) const;
   Answer answer(int order) const;
-  Answer first_answer(int order) const;
+  Answer first_answer(const JointProblem& stops, int order) const;
   Answer from_sums(int order) const;
   void sum_up();
   bool sum_up_held();
+  void grow_past();
+  bool sum_up_anew();
   void drop_held();
   void clear_held();
   void hold_last_pose();
@@ -139,15 +148,18 @@ class RecursiveLandmarks {
   Eigen::Matrix3d walked_ = Eigen::Matrix3d::Zero();  ///< random walk: covariance of the latest stop's pose,
   Eigen::Matrix3d first_covariance_ = Eigen::Matrix3d::Zero();  ///< of the first stop's
   Eigen::Vector2d first_position_m_ = Eigen::Vector2d::Zero();
+  int tried_at_ = 0;  ///< stops held when they could last not be summed up; 0: that was not tried
   std::vector<std::string> held_labels_;
   std::vector<std::string> held_places_;     ///< by the number of the place
   std::vector<std::string> labels_;          ///< of the landmarks
   std::vector<RecursiveBearings> bearings_;  ///< per landmark
   std::unique_ptr<LandmarkSums> sums_;
   std::unique_ptr<LandmarkSums> squared_;  ///< with forgetting: the same by the squares of the weights
+  std::unique_ptr<JointProblem> past_;     ///< the stops summed up as they came; null once they are too many
+  int anew_stops_ = 0;                     ///< of these when they were last expanded about one answer
   std::optional<JointState> last_;         ///< alpha, noise, sigma_theta and landmarks of the last answer
   Counts counts_;
-  std::int64_t used_ = 0, stops_ = 0;
+  std::int64_t used_ = 0, stops_ = 0, stops_left_out_ = 0;
   double sum_w_ = 0.0, sum_w_sq_ = 0.0;                                    ///< over stops summed up
   double low_m_ = std::numeric_limits<double>::infinity(), high_m_ = 0.0;  ///< of the distances summed up
 };
