@@ -51,8 +51,8 @@ TEST(Classify, EveryClass) {
 
 TEST(Coverage, CountsIntervalsThatHaveATruth) {
   Diagnosis d = explained({"tilt"});
-  d.explanations[0].parameters = {{"tilt.angle_rad", 0.1, 0.01, 0.08, 0.12},
-                                  {"tilt.other", 1.0, 0.1, 0.8, 1.2}};
+  d.explanations[0].parameters = {{"tilt.angle_rad", 0.1, 0.01, 0.08, 0.12, {}},
+                                  {"tilt.other", 1.0, 0.1, 0.8, 1.2, {}}};
   const Coverage held = coverage(d, {{"tilt.angle_rad", 0.09}}),
                  missed = coverage(d, {{"tilt.angle_rad", 0.19}});
   EXPECT_EQ(std::make_pair(held.covered, held.intervals), std::make_pair(1, 1));
