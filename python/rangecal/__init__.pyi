@@ -213,6 +213,7 @@ class EffectEstimate:
     estimate: float
     std: float
     ci95: Tuple[float, float]
+    note: str
 
 class Explanation:
     effects: list[str]

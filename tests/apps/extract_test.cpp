@@ -90,7 +90,7 @@ TEST(ExtractCommand, WrongInputLeavesNothingBehind) {
   refused(scans, "stops file");
   refused(scans + " --radius wide", "--radius");
   refused(scans + " --radius 12", "metres");
-  refused(scans + " --arc far", "nearest, mean or smallest");
+  refused(scans + " --arc far", "not one of nearest, mean, smallest");
   refused(scans + " --split often", "standing");
   refused(scans + " --noise 0.1", "FLOOR,QUADRATIC");
   refused(folder.file("none.csv"), "no such file");

@@ -71,7 +71,7 @@ def test_a_landmark_seen_from_one_stop_is_called_doubtful():
 def test_extraction_says_what_is_wrong_and_what_is_not_there(tmp_path):
     empty = rangecal.extract(scans_of([], [(0.0, 0.0)]))
     assert empty.recording is None and len(empty.to_frame()) == 0
-    with pytest.raises(rangecal.InputError, match="nearest, mean or smallest"):
+    with pytest.raises(rangecal.InputError, match="not one of nearest, mean, smallest"):
         rangecal.extract(scans_of([], [(0.0, 0.0)]), arc="far")
     with pytest.raises(rangecal.InputError, match="none.csv"):
         rangecal.extract(tmp_path / "none.csv")

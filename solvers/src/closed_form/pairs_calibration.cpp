@@ -63,8 +63,13 @@ Calibration approximate_pairs(const Recording& recording, const ClosedFormOption
         options.noise_law == NoiseLaw::d_squared ? fit.sigma_e_sq_printed : fit.sigma_e_sq_reweighted;
     if (variance >= 0.0) {
       const double dof = static_cast<double>(samples.size()) - static_cast<double>(result.alpha.size());
-      result.noise.parameters(0) = std::sqrt(variance);
-      result.noise_estimates = {Estimate{std::sqrt(variance), std::sqrt(variance / (2.0 * dof))}};
+      // About the curve of weights d^-4: chi-square under the law d^2; under f^2 as the moments have it (residual_spread.hpp).
+      Estimate& estimate = result.noise_estimates[0];
+      const double relative = options.noise_law == NoiseLaw::d_squared   ? std::sqrt(0.5 / dof)
+                              : estimate.std_dev && estimate.value > 0.0 ? *estimate.std_dev / estimate.value
+                                                                         : std::sqrt(0.5 / dof);
+      estimate = Estimate{std::sqrt(variance), std::sqrt(variance) * relative};
+      result.noise.parameters(0) = estimate.value;
     }
   }
   if (options.noise_law == NoiseLaw::d_squared) result.alpha_covariance = fit.alpha_covariance;

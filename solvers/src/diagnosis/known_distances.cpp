@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -39,13 +40,12 @@ PairsProblem pairs_of(const JointProblem& problem, const JointState& state) {
   return pairs;
 }
 
-/// Second derivatives of the likelihood in the globals of the joint problem: alpha and log sigma (or beta); the landmark's
+/// Second derivatives of the likelihood in the globals of the joint problem: alpha and log sigma; the landmark's
 /// are left at zero, the bearings know sigma_theta alone.
 Eigen::MatrixXd hessian_in_globals(const pairs_ml::ScaledPairs& scaled, const pairs_ml::NewtonResult& at,
                                    const JointLayout& layout, double readings) {
-  // d x / d (alpha, beta); log sigma is a global itself.
   Eigen::MatrixXd jacobian = scaled.jacobian(at.x);
-  if (scaled.log_sigma()) jacobian(jacobian.rows() - 1, jacobian.cols() - 1) = 1.0;
+  jacobian(jacobian.rows() - 1, jacobian.cols() - 1) = 1.0;  // log sigma is a global itself
   const Eigen::MatrixXd inverse = jacobian.inverse();
   const Eigen::MatrixXd own = inverse.transpose() * at.at.hessian * inverse;
   std::vector<int> places(static_cast<std::size_t>(own.rows()));
@@ -55,6 +55,16 @@ Eigen::MatrixXd hessian_in_globals(const pairs_ml::ScaledPairs& scaled, const pa
   hessian(places, places) = own;
   hessian(layout.sigma_theta, layout.sigma_theta) = 2.0 * readings;
   return hessian;
+}
+
+/// log sigma to where the residuals of the start put it: from far below Newton's steps of curve and sigma go astray.
+void settle_sigma(const pairs_ml::ScaledPairs& scaled, pairs_ml::Vector& x) {
+  pairs_ml::Evaluation at;
+  scaled.evaluate(x, false, at);
+  if (!at.valid) return;
+  const Eigen::Index last = x.size() - 1;
+  const double squares = 0.5 * at.hessian(last, last), readings = at.gradient[last] + squares;
+  if (squares > 0.0 && readings > 0.0) x[last] += 0.5 * std::log(squares / readings);
 }
 
 /// The layout of the globals does not depend on the stops: that of one of them.
@@ -74,16 +84,20 @@ JointProblem of_one_stop(const JointProblem& problem) {
 
 std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem, const JointState& start) {
   constexpr int max_iterations = 60;
+  constexpr double full_tolerance = 1e-3;  // REML starts there
   const int order = static_cast<int>(start.alpha.size()) - 1;
-  const int noise_order = static_cast<int>(start.noise.parameters.size()) - 1;
-  if (order + noise_order + 2 > pairs_ml::max_unknowns || problem.cells.size() == 0) return std::nullopt;
+  if (start.noise.law == NoiseLaw::polynomial || order + 2 > pairs_ml::max_unknowns ||
+      problem.cells.size() == 0)
+    return std::nullopt;
   const PairsProblem pairs = pairs_of(problem, start);
-  const pairs_ml::ScaledPairs scaled(pairs, order, start.noise.law, noise_order,
-                                     std::numeric_limits<int>::max());
-  pairs_ml::NewtonResult begin;
-  begin.x = scaled.from_user(start.alpha, start.noise);
-  if (!begin.x.allFinite()) return std::nullopt;
-  const pairs_ml::NewtonResult found = pairs_ml::restricted(scaled, begin, max_iterations);
+  const pairs_ml::ScaledPairs scaled(pairs, order, start.noise.law, 0, std::numeric_limits<int>::max());
+  pairs_ml::Vector x = scaled.from_user(start.alpha, start.noise);
+  if (!x.allFinite()) return std::nullopt;
+  settle_sigma(scaled, x);
+  pairs_ml::NewtonResult full =
+      pairs_ml::minimise(scaled, x, scaled.unknowns(), max_iterations, full_tolerance);
+  if (full.outcome != Outcome::converged) full.x = x;
+  const pairs_ml::NewtonResult found = pairs_ml::restricted(scaled, full, max_iterations);
   if (found.outcome != Outcome::converged) return std::nullopt;
   MarginalFit fit;
   fit.state = start;
@@ -96,7 +110,7 @@ std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem,
   // The bearings, all alike, at sigma_theta = 1 rad.
   fit.joint_nll = fit.marginal_nll = found.at.nll + problem.readings * (half_log_two_pi + 0.5);
   const JointProblem one = of_one_stop(problem);
-  const JointLayout layout(one, order + 1, noise_order + 1, false);
+  const JointLayout layout(one, order + 1, 1, false);
   Held held;
   held.landmarks = true;
   describe_covariance(hessian_in_globals(scaled, found, layout, problem.readings), layout,

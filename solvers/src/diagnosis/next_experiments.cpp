@@ -196,8 +196,9 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   result.next_experiments = std::move(list);
 }
 
-/// Effects that the change lets one ask for, at their typical size there: those for which this recording lacks times,
-/// targets or repeats, and those that have more starts with a covariate that the change varies.
+/// Effects that the change lets one ask of pairs, at their typical size there: those for which this recording lacks times,
+/// targets or repeats, and those that have more starts with a covariate that the change varies. Stops and landmarks
+/// bring targets and repeats whatever is changed: of them the changes are ranked by what the recording could show at all.
 std::vector<TypicalEffect> opened_by(const ExtendedDesign& design, const Space& there, const Space& here) {
   const EffectContext& context = design.rows.context;
   EffectContext without = context;
@@ -263,7 +264,8 @@ void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found
   };
   for (const Evaluated& change : menu) {
     const Space space(change.design.rows, in_design(change.design, here.model()), change.design.state);
-    const std::vector<TypicalEffect> brought = opened_by(change.design, space, here);
+    std::vector<TypicalEffect> brought;
+    if (here.rows().pairs) brought = opened_by(change.design, space, here);
     std::vector<Hidden> opened;
     for (const TypicalEffect& typical : brought) {
       const std::string& id = typical.active.effect->info().id;

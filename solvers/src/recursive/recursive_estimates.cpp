@@ -34,6 +34,26 @@ double scaled_squares(const PairsProblem& cells, const VectorXd& alpha, NoiseLaw
   return sum;
 }
 
+/// Standard deviation of the moment estimate x = sigma^2 over x, of residuals about a curve that was fitted with weights d^-4
+/// while the spread is s: residual_spread (closed_form/residual_spread.hpp) of independent readings, whose traces are those of
+/// k x k matrices. With A = sum w d^-4 phi phi^T, J = sum w d^-8 s^2 phi phi^T, K = sum w s^-2 phi phi^T, P = A^-1 J A^-1 K and N
+/// readings worth one each,
+///   tr T = N - 2 k + tr P,   tr(T T) = N - 2 k + tr(P P),   std(x) / x = sqrt(2 tr(T T)) / tr T.
+double relative_spread(const PairsProblem& cells, const Noise& noise, const VectorXd& alpha,
+                       const MatrixXd& cofactor, double readings) {
+  const Eigen::Index k = alpha.size();
+  MatrixXd J = MatrixXd::Zero(k, k), K = J;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const double d = cells.true_m[i], s = noise.spread(d, evaluate_polynomial(alpha, d));
+    const VectorXd phi = powers_of(d, k);
+    J += cells.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
+    K += cells.count[i] / (s * s) * phi * phi.transpose();
+  }
+  const MatrixXd P = cofactor * J * cofactor * K;
+  const double left = readings - 2.0 * static_cast<double>(k);
+  return std::sqrt(2.0 * (left + (P * P).trace())) / (left + P.trace());
+}
+
 }  // namespace
 
 Calibration RecursiveCalibrator::approximate() const {
@@ -85,7 +105,8 @@ Calibration RecursiveCalibrator::approximate() const {
       law == NoiseLaw::d_squared ? rss(order) / W : scaled_squares(cells, result.alpha, law) / dof;
   const double sigma = std::sqrt(std::max(0.0, variance));
   result.noise = {law, VectorXd::Constant(1, sigma)};
-  result.noise_estimates = {Estimate{sigma, sigma * std::sqrt(spare / (2.0 * dof))}};
+  result.noise_estimates = {
+      Estimate{sigma, 0.5 * sigma * relative_spread(cells, result.noise, result.alpha, cofactor, W / spare)}};
   // (sum w d^-4 phi phi^T)^-1 sum w^2 d^-8 s^2 phi phi^T (the same)^-1, s by the law estimated; of d^2 with the
   // residuals' degrees of freedom, as the batch has it
   const double unbiased = law == NoiseLaw::d_squared ? W / dof : 1.0;
