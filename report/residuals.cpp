@@ -177,16 +177,6 @@ std::string beyond(const std::vector<ReadingResidual>& readings, const Pair& pai
                                 readings.size());
 }
 
-/// What a finding says of itself, under its charts.
-std::string finding_in_words(const Finding& f) {
-  std::string text = f.channel;
-  if (f.covariate != "any" && f.covariate != "constant") text += " along " + f.covariate;
-  if (!f.shape.empty() && f.shape != "effect") text += fmt::format(" ({})", f.shape);
-  text += app::place(f) + ": " + app::size_in_words(f);
-  if (f.share) text += fmt::format(", {:.0f} % of the excess", 100.0 * *f.share);
-  return fmt::format("{}, {}", text, app::p_in_words(f.p_value));
-}
-
 }  // namespace
 
 std::vector<std::string> covariates_of(const Diagnosis& diagnosis) {
@@ -269,7 +259,7 @@ int add_findings(Page& page, const Diagnosis& diagnosis, const FitView& recorded
                                                             : charts_of_means(page, id, f, before, after);
     if (charts.empty()) continue;
     ++drawn;
-    page.heading(finding_in_words(f));
+    page.heading(app::finding_in_words(f));
     page.charts(charts);
   }
   return drawn;

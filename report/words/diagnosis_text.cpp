@@ -16,12 +16,7 @@ namespace {
 constexpr std::size_t width = 96;
 
 std::string where(const Finding& f) {
-  std::string line = f.channel;
-  if (f.covariate != "any" && f.covariate != "constant") line += " along " + f.covariate;
-  if (!f.shape.empty() && f.shape != "effect") line += fmt::format(" ({})", f.shape);
-  line += place(f) + ": " + size_in_words(f);
-  if (f.share) line += fmt::format(", {:.0f} % of the excess", 100.0 * *f.share);
-  std::string text = "  " + wrapped(fmt::format("{}, {}", line, p_in_words(f.p_value)), 4, width) + "\n";
+  std::string text = "  " + wrapped(finding_in_words(f), 4, width) + "\n";
   if (f.residuals.empty()) return text;
   std::vector<double> before, after;
   double limit = 0.0;

@@ -110,6 +110,17 @@ std::string place(const Finding& f) {
   return "";
 }
 
+std::string finding_in_words(const Finding& f) {
+  std::string text = f.channel;
+  if (f.covariate != "any" && f.covariate != "constant") text += " along " + f.covariate;
+  if (!f.shape.empty() && f.shape != "effect") text += fmt::format(" ({})", f.shape);
+  text += place(f) + ": " + size_in_words(f);
+  if (f.share)
+    text +=
+        *f.share >= 0.995 ? ", all of the excess" : fmt::format(", {:.0f} % of the excess", 100.0 * *f.share);
+  return fmt::format("{}, {}", text, p_in_words(f.p_value));
+}
+
 std::string millimetres(double harm_m) {
   return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
 }
