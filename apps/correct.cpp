@@ -254,7 +254,7 @@ struct CorrectCommand {
       if (settings.corrector.takes_effects_as_exact())
         fmt::print(stderr,
                    "rangecal: warning: {}: does not say how well its effects are known, so std_m lacks their "
-                   "uncertainty; 'diagnose --calibration' writes it\n",
+                   "uncertainty\n",
                    calibration);
     };
     if (!prior.empty()) {
@@ -306,9 +306,9 @@ void add_correct(CLI::App& app, Action& chosen) {
       "the most likely; every distance that explains the reading is listed), flag. Flags: ok; ambiguous (several\n"
       "distances explain the reading); out_of_range (no distance is read as this, up to a tenth of the range fitted beyond its\n"
       "ends: the nearest is given, or none where it is more than 4 standard deviations off); against_prior (a distance that\n"
-      "the map or the motion does not allow); extrapolated (outside the distances fitted); turning_point (f turns back\n"
-      "there). Several that hold are joined by +, as in ambiguous+extrapolated. Without a distance: out_of_range, or missing,\n"
-      "zero, negative, not_finite.\n"
+      "the map or the motion does not allow); extrapolated (outside the distances fitted, not said beside out_of_range);\n"
+      "turning_point (f turns back there). Several that hold are joined by +, as in ambiguous+extrapolated.\n"
+      "Without a distance: out_of_range, or missing, zero, negative, not_finite.\n"
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
       "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is named, and a row\n"
       "without its value flagged.\n"

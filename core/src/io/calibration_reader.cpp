@@ -143,10 +143,26 @@ void read_noise(const Field& field, Calibration& calibration) {
   }
 }
 
+bool is_covariance(const Eigen::MatrixXd& C) {
+  constexpr double rounding = 1e-6;
+  if (!C.allFinite() || !(C.diagonal().minCoeff() >= 0.0)) return false;
+  const Eigen::VectorXd spread = C.diagonal().cwiseSqrt();
+  for (Eigen::Index i = 0; i < C.rows(); ++i)
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const double largest = spread[i] * spread[j];
+      if (std::abs(C(i, j) - C(j, i)) > rounding * largest || std::abs(C(i, j)) > (1.0 + rounding) * largest)
+        return false;
+    }
+  return true;
+}
+
 void read_calibrated_effects(const Field& top, Calibration& calibration) {
   for (const auto& [effect, parameters] : top.at("effects").members()) {
     calibration.effects[effect];
-    for (const auto& [name, value] : parameters.members()) calibration.effects[effect][name] = value.number();
+    for (const auto& [name, value] : parameters.members()) {
+      calibration.effects[effect][name] = value.number();
+      if (!std::isfinite(calibration.effects[effect][name])) value.fail("is not finite");
+    }
   }
   const Field known = top.at("effects_covariance");
   if (known.is_null()) return;
@@ -158,12 +174,16 @@ void read_calibrated_effects(const Field& top, Calibration& calibration) {
     if (dot == std::string::npos || effect == calibration.effects.end() ||
         !effect->second.contains(name.substr(dot + 1)))
       item.fail("'" + name + "' is no EFFECT.PARAMETER of field 'effects'");
+    if (std::find(covariance.parameters.begin(), covariance.parameters.end(), name) !=
+        covariance.parameters.end())
+      item.fail("'" + name + "' is named twice");
     covariance.parameters.push_back(name);
   }
   const Field values = known.required("matrix");
   covariance.matrix =
       *values.matrix(calibration.alpha.size() + static_cast<Eigen::Index>(covariance.parameters.size()));
-  if (!covariance.matrix.allFinite()) values.fail("is not finite");
+  if (!is_covariance(covariance.matrix))
+    values.fail("is no covariance: finite, symmetric, no negative variance");
   calibration.effects_covariance = std::move(covariance);
 }
 
@@ -231,6 +251,8 @@ Calibration read_calibration(const Field& top) {
     calibration.bound_alpha_std = bound.vector();
     if (calibration.bound_alpha_std->size() != calibration.alpha.size())
       bound.fail("is not " + std::to_string(calibration.alpha.size()) + " numbers");
+    if (!calibration.bound_alpha_std->allFinite() || (calibration.bound_alpha_std->array() < 0.0).any())
+      bound.fail("is not finite, or negative");
   }
   calibration.covariance_reason = top.at("covariance_reason").text();
   const Field noise = top.required("noise");

@@ -90,9 +90,10 @@ class CutDistances {
     const auto found = losses_.find(true_m);
     return found != losses_.end() && found->second.cut();
   }
-  int cut() const {
-    return static_cast<int>(
-        std::count_if(losses_.begin(), losses_.end(), [](const auto& loss) { return loss.second.cut(); }));
+  int cut() const {  // of which something is left to leave out
+    return static_cast<int>(std::count_if(losses_.begin(), losses_.end(), [](const auto& loss) {
+      return loss.second.cut() && loss.second.seen > loss.second.lost;
+    }));
   }
   int lone() const {  // lost readings whose distance no other has
     return static_cast<int>(std::count_if(losses_.begin(), losses_.end(),

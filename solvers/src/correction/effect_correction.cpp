@@ -21,7 +21,25 @@ namespace {
 
 double known(double value, double otherwise) { return std::isfinite(value) ? value : otherwise; }
 
+/// Half the width of a difference in parameter j. The tangent, since parameters that depend on each other cancel in it
+/// alone; the standard deviation only where the effect jumps at a distance that j sets, which has no slope.
+double slope_step(const Effect& effect, const Eigen::VectorXd& p, Eigen::Index j, double std_dev) {
+  Eigen::VectorXd up = p, down = p;
+  up[j] += std_dev;
+  down[j] -= std_dev;
+  const bool jumps =
+      std::abs(effect.switching_distance(up.data()) - effect.switching_distance(down.data())) > 0.0;
+  return jumps ? std_dev : difference_step(effect.info().parameters[static_cast<std::size_t>(j)], p[j]);
+}
+
 }  // namespace
+
+bool EffectCorrector::takes_effects_as_exact() const {
+  const bool moves = std::any_of(active_.begin(), active_.end(), [](const Active& active) {
+    return active.effect->info().kind == EffectKind::mean;
+  });
+  return moves && !calibration_.effects_covariance;
+}
 
 EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std::string> covariates)
     : calibration_(calibration) {
@@ -52,7 +70,8 @@ EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std
           if (known->parameters[k] != id + "." + info[j].name) continue;
           const Eigen::Index row = calibration.alpha.size() + static_cast<Eigen::Index>(k);
           if (const double variance = known->matrix(row, row); variance > 0.0)
-            estimated_.push_back({active_.size(), static_cast<Eigen::Index>(j), row, std::sqrt(variance)});
+            estimated_.push_back({active_.size(), static_cast<Eigen::Index>(j), row,
+                                  slope_step(*effect, p, static_cast<Eigen::Index>(j), std::sqrt(variance))});
         }
     active_.push_back({effect, p});
   }
@@ -93,11 +112,39 @@ ReadingChange<double> EffectCorrector::change(double d, const ReadingSetting& se
   return sum;
 }
 
+Eigen::VectorXd EffectCorrector::slopes_in_alpha(double d, const ReadingSetting& setting) const {
+  const Eigen::Index n = calibration_.alpha.size();
+  const ReadingView<double> at = view(d, setting);
+  // What the effects add depends on alpha through f, f' and f'' alone.
+  const auto slope_by = [&](double ReadingView<double>::*value) {
+    const double step = 1e-6 * std::max(1.0, std::abs(at.*value));
+    const auto range = [&](double h) {
+      ReadingView<double> there = at;
+      there.*value += h;
+      there.spread = calibration_.noise.spread(d, there.f);
+      double sum = 0.0;
+      for (const Active& active : active_)
+        sum += active.effect->reading(there, active.parameters.data()).range;
+      return sum;
+    };
+    return (range(step) - range(-step)) / (2.0 * step);
+  };
+  const double by_f = 1.0 + slope_by(&ReadingView<double>::f),
+               by_slope = slope_by(&ReadingView<double>::slope),
+               by_curvature = slope_by(&ReadingView<double>::curvature);
+  const Eigen::VectorXd power = powers_of(d, n);
+  Eigen::VectorXd slopes = by_f * power;
+  for (Eigen::Index i = 1; i < n; ++i) slopes[i] += by_slope * static_cast<double>(i) * power[i - 1];
+  for (Eigen::Index i = 2; i < n; ++i)
+    slopes[i] += by_curvature * static_cast<double>(i * (i - 1)) * power[i - 2];
+  return slopes;
+}
+
 std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSetting& setting) const {
   if (active_.empty() || !calibration_.effects_covariance) return curve_variance(calibration_, d);
   const Eigen::MatrixXd& C = calibration_.effects_covariance->matrix;
   Eigen::VectorXd h = Eigen::VectorXd::Zero(C.rows());
-  h.head(calibration_.alpha.size()) = powers_of(d, calibration_.alpha.size());
+  h.head(calibration_.alpha.size()) = slopes_in_alpha(d, setting);
   const ReadingView<double> at = view(d, setting);
   for (const Estimated& estimated : estimated_) {
     const Active& active = active_[estimated.active];
@@ -106,9 +153,10 @@ std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSett
       p[estimated.parameter] += step;
       return active.effect->reading(at, p.data()).range;
     };
-    h[estimated.row] = (range(estimated.std_dev) - range(-estimated.std_dev)) / (2.0 * estimated.std_dev);
+    h[estimated.row] = (range(estimated.step) - range(-estimated.step)) / (2.0 * estimated.step);
   }
-  return std::max(0.0, h.dot(C * h));
+  const double variance = h.dot(C * h);
+  return std::isfinite(variance) ? std::optional(std::max(0.0, variance)) : std::nullopt;
 }
 
 EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {

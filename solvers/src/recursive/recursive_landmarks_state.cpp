@@ -138,7 +138,11 @@ Json json_of(const JointProblem& past) {
 JointProblem past_in(const Json& json) {
   JointProblem past;
   past.landmark_radius_m = json.at("radius_m").get<std::vector<double>>();
+  for (const double radius : past.landmark_radius_m)
+    if (!(radius >= 0.0 && std::isfinite(radius)))
+      throw InputError("field 'past.radius_m' is not finite, or negative");
   past.landmark_recording.assign(past.landmark_radius_m.size(), 0);
+  const std::size_t listed = json.at("cells").at("landmark").size();
   Cells& c = past.cells;
   c.stop_begin = {0};
   for (const Json& stop : json.at("stops")) {
@@ -148,18 +152,21 @@ JointProblem past_in(const Json& json) {
     prior.commanded = {pose[0], pose[1], pose[2]};
     prior.sigma_xy_m = sigma[0];
     prior.sigma_heading_rad = sigma[1];
-    if (!(sigma.minCoeff() >= 0.0)) throw InputError("field 'sigma' is negative");
-    if (stop.at("shape").is_array()) prior.shape = shape_in(stop.at("shape"));
+    if (!(sigma.minCoeff() >= 0.0)) throw InputError("field 'past.stops.sigma' is negative");
+    if (!stop.at("shape").is_null()) prior.shape = shape_in(stop.at("shape"));
     prior.opens_place = stop.at("opens_place").get<bool>() || past.stops.empty();
     past.place_count += prior.opens_place;
     prior.place = past.place_count - 1;
-    for (int i = whole_number(stop.at("cells"), "cells"); i > 0; --i) c.stop.push_back(past.stop_count());
+    const auto left = static_cast<int>(listed - c.stop.size());
+    for (int i = whole_number(stop.at("cells"), "past.stops.cells", 0, left); i > 0; --i)
+      c.stop.push_back(past.stop_count());
     past.stops.push_back(prior);
     past.sigma_s_shared.push_back(0);
     c.stop_begin.push_back(static_cast<int>(c.stop.size()));
   }
   const Json& cells = json.at("cells");
   const auto size = static_cast<Eigen::Index>(c.stop.size());
+  if (c.stop.size() != listed) throw InputError("field 'past.cells' has cells of no stop");
   for (const auto& [field, column] : columns()) {
     const VectorXd values = vector_in(cells.at(field), size, field);
     (c.*column).assign(values.begin(), values.end());
@@ -316,7 +323,7 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
           result.sums_->reference.size())
         throw InputError("field 'last' is of other landmarks than the sums");
       result.last_ = at;
-      if (!before && state.at("past").is_object()) {
+      if (!before && !state.at("past").is_null()) {
         result.past_ = std::make_unique<JointProblem>(past_in(state.at("past")));
         if (options.random_walk || result.squared_ || result.past_->stops.empty() ||
             result.past_->landmark_radius_m.size() > at.landmarks.size())
@@ -324,8 +331,10 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       }
     }
     if (!before) {  // version 1 keeps no stops that are summed up
-      result.tried_at_ = whole_number(state.at("tried_at"), "tried_at");
+      result.tried_at_ = whole_number(state.at("tried_at"), "tried_at", 0, result.held_.stop_count());
       result.anew_stops_ = whole_number(state.at("anew_stops"), "anew_stops");
+      if (result.past_ && result.anew_stops_ > result.past_->stop_count())
+        throw InputError("field 'anew_stops' is more than there are stops in 'past'");
       result.stops_left_out_ = whole_number<std::int64_t>(state.at("stops_left_out"), "stops_left_out");
     }
     if (options.random_walk) {

@@ -38,7 +38,7 @@ Calibration full_calibration() {
   c.effects["range_eccentricity"]["amplitude_m"] = 0.0075;
   c.effects_covariance = {{"range_eccentricity.amplitude_m"},
                           Eigen::MatrixXd(Eigen::Vector4d(1.0, 2.0, 3.0, 1e-8).asDiagonal())};
-  c.effects_covariance->matrix(1, 3) = c.effects_covariance->matrix(3, 1) = -1.0 / 3.0;
+  c.effects_covariance->matrix(1, 3) = c.effects_covariance->matrix(3, 1) = -1e-5 / 3.0;
   c.landmarks = {{0, "A", {1.5, -2.5}, Eigen::Matrix2d(Eigen::Matrix2d::Identity() * 1e-4)},
                  {1, "B", {0.1, 0.2}, std::nullopt}};
   c.stops = {{0, "7", {0.1, 0.2, -3.0}}};
@@ -219,6 +219,23 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
   EXPECT_EQ(with("\"alpha\": [0, 1], " + effects +
                  "{\"parameters\": [\"range_offset.offset_m\"], \"matrix\": [[1]]}, " + noise),
             "c.json: field 'effects_covariance.matrix': is not 3 rows");
+  for (const char* matrix :
+       {"[[1, 0, 0], [0, 1, 0], [0, 0, -1]]", "[[1, 0, 0.5], [0, 1, 0], [0, 0, 1]]",
+        "[[1, 1e300, 0], [1e300, 1, 0], [0, 0, 1]]", "[[1, 0, 0], [0, null, 0], [0, 0, 1]]"})
+    EXPECT_EQ(
+        with("\"alpha\": [0, 1], " + effects +
+             "{\"parameters\": [\"range_offset.offset_m\"], \"matrix\": " + matrix + "}, " + noise),
+        "c.json: field 'effects_covariance.matrix': is no covariance: finite, symmetric, no negative variance");
+  EXPECT_EQ(
+      with("\"alpha\": [0, 1], " + effects +
+           "{\"parameters\": [\"range_offset.offset_m\", \"range_offset.offset_m\"], \"matrix\": []}, " +
+           noise),
+      "c.json: field 'effects_covariance.parameters[1]': 'range_offset.offset_m' is named twice");
+  for (const char* bound : {"[null, 1]", "[-1, 1]"})
+    EXPECT_EQ(with("\"alpha\": [0, 1], \"bound_alpha_std\": " + std::string(bound) + ", " + noise),
+              "c.json: field 'bound_alpha_std': is not finite, or negative");
+  EXPECT_EQ(with("\"alpha\": [0, 1], \"effects\": {\"range_offset\": {\"offset_m\": null}}, " + noise),
+            "c.json: field 'effects.range_offset.offset_m': is not finite");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"counts\": {\"dropped\": {\"zero\": 0.5}}, " + noise),
             "c.json: field 'counts.dropped.zero': is not a whole number");
 }

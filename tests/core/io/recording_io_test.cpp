@@ -376,6 +376,14 @@ TEST(RecordingIo, WithoutBatchesADistanceCutByALimitIsLeftOutWhole) {
   }
 }
 
+TEST(RecordingIo, AReadingLostAtADistanceOfItsOwnLeavesNothingToLeaveOut) {
+  RecordingFolder folder;
+  folder.make_pairs("true_m,reading_m\n1,1.1\n2,2.1\n3,3.1\n5.9,6.1\n5.95,6.2\n");
+  const Recording recording = load_recording(folder.path());
+  EXPECT_EQ(recording.counts.used, 3);
+  EXPECT_EQ(recording.counts.cells_left_out, 0);
+}
+
 TEST(RecordingIo, PairsWhoseDistancesDoNotRepeatAreNoted) {
   const auto notes_of = [](int alone, int repeated, const std::string& more) {
     std::string rows = "true_m,reading_m\n";

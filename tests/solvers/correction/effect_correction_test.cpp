@@ -120,6 +120,39 @@ TEST(EffectCorrector, StandardDeviationsCountHowWellTheEffectIsKnown) {
   EXPECT_NEAR(EffectCorrector(scaled, {}).at(2.5, {}).spread_m, std::sqrt(1e-6 + variance), 1e-9);
 }
 
+TEST(EffectCorrector, ParametersThatDependOnEachOtherCancelHoweverPoorlyTheyAreKnown) {
+  // A drift known in its first 900 s but for T: o / T = 4.8e-6 m/s stands, T = 10 000 +- 100 000 s. The tangent leaves
+  // 10 o (1 - e^-x - x e^-x), x = 0.09, of the two deviations.
+  Calibration drift =
+      straight("warmup_drift", {{"offset_m", 0.048}, {"curvature_per_m", 0.0}, {"time_s", 1e4}});
+  EffectsCovariance known{{"warmup_drift.offset_m", "warmup_drift.time_s"}, Eigen::MatrixXd::Zero(5, 5)};
+  known.matrix.bottomRightCorner(2, 2) << 0.48 * 0.48, 0.48 * 1e5, 0.48 * 1e5, 1e10;
+  drift.effects_covariance = known;
+  ReadingSetting late;
+  late.time_s = 900.0;
+  const double x = 0.09, left = 0.48 * (1.0 - std::exp(-x) - x * std::exp(-x));
+  const CorrectionRoot root = EffectCorrector(drift, {}).correct(2.0, late).least_squares.at(0);
+  EXPECT_NEAR(*root.std_dev_total_m, std::hypot(0.001, left), 1e-6);
+}
+
+TEST(EffectCorrector, WhatComesBeforeTheCurveMovesWithTheCurve) {
+  // Depth along the axis: at 60 degrees g(d) = f(d / 2), so a reading of 1 m is d = 2, g' = 1 / 2, and alpha_1 moves it by
+  // d / 2 = 1 per unit.
+  Calibration depth = straight("axial_depth", {{"kappa", 1.0}, {"axis_rad", 0.0}});
+  EffectsCovariance known{{"axial_depth.kappa"}, Eigen::MatrixXd::Zero(4, 4)};
+  known.matrix(1, 1) = 1e-6;
+  depth.effects_covariance = known;
+  ReadingSetting aside;
+  aside.bearing_rad = std::numbers::pi / 3.0;
+  const CorrectionRoot root = EffectCorrector(depth, {}).correct(1.0, aside).least_squares.at(0);
+  EXPECT_NEAR(root.distance_m, 2.0, 1e-9);
+  EXPECT_NEAR(*root.std_dev_total_m, std::sqrt(1e-6 + 1e-6) / 0.5, 1e-7);
+}
+
+TEST(EffectCorrector, EffectsThatMoveNoMeanAreNotTakenAsExact) {
+  EXPECT_FALSE(EffectCorrector(straight("cell_effect", {{"sigma_m", 0.01}}), {}).takes_effects_as_exact());
+}
+
 TEST(EffectCorrector, StandardDeviationPredictsTheScatterOfCalibrationsWithAnEffect) {
   // Calibrations drawn about the truth g(d) = d + 0.02 sin(3 d) by the covariance that they state: 2000 squares over the
   // variance are chi-square, sqrt(2 / 2000) = 0.032 apart, four of these allowed.

@@ -7,6 +7,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "rangecal/core/errors.hpp"
@@ -487,6 +488,26 @@ TEST(RecursiveLandmarks, ManyLandmarksGoWithoutTheThirdOrder) {
                     batch = batch_of(recording, 2, NoiseLaw::f_squared);
   ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
   EXPECT_LT(largest_difference(ours, batch), 0.05);
+}
+
+TEST(RecursiveLandmarks, RefusesStatesWhoseKeptStopsAreBroken) {
+  const nlohmann::ordered_json state =
+      nlohmann::ordered_json::parse(after(drive({100, 1}, 75), RecursiveLandmarksOptions{}).to_json());
+  ASSERT_TRUE(state.at("past").is_object());
+  const auto refused = [&](const std::function<void(nlohmann::ordered_json&)>& breaks) {
+    nlohmann::ordered_json broken = state;
+    breaks(broken);
+    EXPECT_THROW(RecursiveLandmarks::from_json(broken.dump(), "state"), InputError);
+  };
+  EXPECT_NO_THROW(RecursiveLandmarks::from_json(state.dump(), "state"));
+  refused([](auto& s) { s["past"] = 5; });
+  refused([](auto& s) { s["past"] = nlohmann::ordered_json::array(); });
+  refused([](auto& s) { s["past"]["stops"][0]["cells"] = 2000000000; });
+  refused([](auto& s) { s["past"]["stops"][0]["shape"] = "x"; });
+  refused([](auto& s) { s["past"]["radius_m"][0] = -5.0; });
+  refused([](auto& s) { s["past"]["cells"]["landmark"].push_back(0); });
+  refused([](auto& s) { s["tried_at"] = 2000000000; });
+  refused([](auto& s) { s["anew_stops"] = 2000000000; });
 }
 
 TEST(RecursiveLandmarks, StateIsSavedWholeAndGoesOnBitByBit) {

@@ -18,7 +18,7 @@ struct CorrectionCandidate {
       std_dev_m;      ///< noise of the reading and uncertainty of f together, where there is one
   int candidate = 0;  ///< 1 is the most likely; 0 where there is no distance
   /// "ok"; "ambiguous" or "out_of_range" (f(d) = reading has no root: the nearest distance, or none where that is more than
-  /// 4 standard deviations off), "extrapolated", "turning_point", joined by "+" in this order; "missing", "not_finite",
+  /// 4 standard deviations off), "extrapolated" (not beside it), "turning_point", joined by "+" in this order; "missing", "not_finite",
   /// "zero", "negative"
   std::string flag;
 };

@@ -66,7 +66,7 @@ class EffectCorrector {
                                      const ReadingSetting& setting) const;
   const Calibration& calibration() const { return calibration_; }
   /// Readings are changed by effects, and the calibration does not say how well their parameters are known.
-  bool takes_effects_as_exact() const { return !active_.empty() && !calibration_.effects_covariance; }
+  bool takes_effects_as_exact() const;
 
  private:
   struct Active {
@@ -77,10 +77,12 @@ class EffectCorrector {
   struct Estimated {
     std::size_t active;
     Eigen::Index parameter, row;  ///< row of the covariance
-    double std_dev;
+    double step;                  ///< of its difference
   };
   ReadingView<double> view(double d, const ReadingSetting& setting) const;
   ReadingChange<double> change(double d, const ReadingSetting& setting) const;
+  /// d g(d) / d alpha_i: d^i, and what the effects that come before the curve make of it.
+  Eigen::VectorXd slopes_in_alpha(double d, const ReadingSetting& setting) const;
   /// var g(d) of the class [m^2]; none where the calibration has no covariance.
   std::optional<double> mean_variance(double d, const ReadingSetting& setting) const;
   MeanReading mean_reading(const ReadingSetting& setting) const;
