@@ -4,9 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <optional>
 
-#include "diagnosis/extended_design.hpp"
+#include "diagnosis/reveal_unseen.hpp"
 #include "diagnosis/twins.hpp"
 #include "rangecal/core/distributions.hpp"
 
@@ -16,7 +15,6 @@ namespace {
 constexpr double separable =
     2.0;  ///< noncentrality below which a change tells two models no better than chance
 constexpr double worth_listing = 0.2;  ///< power
-constexpr double calliper_m = 2e-4;    ///< standard deviation of a radius measured with a calliper
 
 /// One of the models that explain the mismatch.
 struct Member {
@@ -107,17 +105,12 @@ double separation_power(double noncentrality, double gap_nats) {
   return normal_below((noncentrality - 2.0 * gap_nats) / (2.0 * std::sqrt(noncentrality)));
 }
 
-struct Evaluated {
-  MenuEntry entry;
-  ExtendedDesign design;
-};
-
-void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, const DiagnoseOptions& options,
-                const Space& here, Diagnosis& result) {
+void settle_set(const std::vector<PossibleChange>& menu, const SearchResult& found,
+                const DiagnoseOptions& options, const Space& here, Diagnosis& result) {
   const std::vector<Member> members = members_of(found, here, result);
   const std::size_t n = members.size();
   std::vector<std::vector<double>> distances;  // per change, pairs in order
-  for (const Evaluated& change : menu) {
+  for (const PossibleChange& change : menu) {
     Space space(change.design.rows, {}, change.design.state);
     if (change.design.first_new_stop >= 0)
       space.mute(change.design.switched_off, change.design.first_new_stop);
@@ -196,123 +189,12 @@ void settle_set(const std::vector<Evaluated>& menu, const SearchResult& found, c
   result.next_experiments = std::move(list);
 }
 
-/// Effects that the change lets one ask of pairs, at their typical size there: those for which this recording lacks times,
-/// targets or repeats, and those that have more starts with a covariate that the change varies. Stops and landmarks
-/// bring targets and repeats whatever is changed: of them the changes are ranked by what the recording could show at all.
-std::vector<TypicalEffect> opened_by(const ExtendedDesign& design, const Space& there, const Space& here) {
-  const EffectContext& context = design.rows.context;
-  EffectContext without = context;
-  std::erase(without.covariates, design.varies);
-  std::vector<TypicalEffect> opened;
-  for (const auto& effect : effect_registry()) {
-    const bool named = std::any_of(here.model().begin(), here.model().end(),
-                                   [&](const ActiveEffect& active) { return active.effect == effect.get(); });
-    if (named || !effect->missing(context).empty()) continue;
-    const bool lacked = !effect->missing(here.rows().context).empty();
-    if (!lacked &&
-        (design.varies.empty() || effect->start_grid(context).size() == effect->start_grid(without).size()))
-      continue;
-    if (std::optional<TypicalEffect> typical = typical_effect(there, *effect))
-      opened.push_back(std::move(*typical));
-  }
-  return opened;
-}
-
-/// Changes that bring unseen effects to light.
-void reveal_unseen(const std::vector<Evaluated>& menu, const SearchResult& found,
-                   const DiagnoseOptions& options, const Space& here,
-                   const std::vector<TypicalEffect>& effects, Diagnosis& result) {
-  struct Hidden {
-    const TypicalEffect* typical;
-    double harm, power;
-  };
-  std::vector<Hidden> hidden;
-  const auto power_of = [&](const TypicalEffect& typical, double noncentrality) {
-    const double questions = found.rates.questions(typical.active.effect->info().id);
-    return detection_power(noncentrality, options.alarm_rate, questions);
-  };
-  for (const Unseen& unseen : result.unseen)
-    for (const TypicalEffect& typical : effects)
-      if (typical.active.effect->info().id == unseen.effect)
-        hidden.push_back({&typical, unseen.harm_m, power_of(typical, typical.noncentrality)});
-  struct Ranked {
-    NextExperiment next;
-    double score = 0.0;
-  };
-  std::vector<Ranked> list;
-  const auto judge = [&](const MenuEntry& entry, const std::vector<Hidden>& opened,
-                         const auto& noncentrality) {
-    Ranked scored{{entry.code, entry.change, {}, 0.0}, 0.0};
-    double weights = 0.0;
-    const auto count = [&](const Hidden& h, double power) {
-      const std::string& id = h.typical->active.effect->info().id;
-      std::vector<std::string>& settles = scored.next.settles;
-      if (power < 0.1 || power < 2.0 * h.power + 0.05 ||
-          std::find(settles.begin(), settles.end(), id) != settles.end())
-        return;
-      const double weight = std::max(h.harm, 1e-6);
-      settles.push_back(id);
-      scored.next.power += weight * power;
-      scored.score += weight * (power - h.power);
-      weights += weight;
-    };
-    for (const Hidden& h : opened) count(h, power_of(*h.typical, h.typical->noncentrality));
-    for (const Hidden& h : hidden) count(h, power_of(*h.typical, noncentrality(*h.typical)));
-    if (weights == 0.0) return;
-    scored.next.power /= weights;
-    list.push_back(std::move(scored));
-  };
-  for (const Evaluated& change : menu) {
-    const Space space(change.design.rows, in_design(change.design, here.model()), change.design.state);
-    std::vector<TypicalEffect> brought;
-    if (here.rows().pairs) brought = opened_by(change.design, space, here);
-    std::vector<Hidden> opened;
-    for (const TypicalEffect& typical : brought) {
-      const std::string& id = typical.active.effect->info().id;
-      const auto known = std::find_if(hidden.begin(), hidden.end(), [&](const Hidden& h) {
-        return h.typical->active.effect->info().id == id;
-      });
-      const bool seen = known == hidden.end() &&
-                        std::any_of(effects.begin(), effects.end(), [&](const TypicalEffect& other) {
-                          return other.active.effect->info().id == id;
-                        });
-      const double harm = harm_of(space, typical);
-      if (seen || !std::isfinite(harm)) continue;
-      opened.push_back({&typical, harm, known == hidden.end() ? 0.0 : known->power});
-    }
-    judge(change.entry, opened, [&](const TypicalEffect& typical) {
-      const Model model = in_design(change.design, {typical.active});
-      return space.change(model).information + shape_noncentrality(space, typical.active);
-    });
-  }
-  // A radius wrong by dR in the same way on the calliper as in the recording: lambda = (dR / sigma)^2.
-  double radius = 0.0;
-  for (double r : here.rows().problem.landmark_radius_m) radius = std::max(radius, r);
-  if (radius > 0.0)
-    judge({"E5", "measure the landmarks with a calliper"}, {}, [&](const TypicalEffect& typical) {
-      const std::string& id = typical.active.effect->info().id;
-      const double size = typical.index >= 0 ? typical.active.parameters[typical.index] : 0.0;
-      const double error = id == "radius_scale"                              ? size * radius
-                           : id == "range_offset" || id == "landmark_radius" ? size
-                                                                             : 0.0;
-      return std::pow(error / calliper_m, 2);
-    });
-  std::stable_sort(list.begin(), list.end(),
-                   [](const Ranked& a, const Ranked& b) { return a.score > b.score; });
-  for (Ranked& scored : list) {
-    const bool listed =
-        std::any_of(result.next_experiments.begin(), result.next_experiments.end(),
-                    [&](const NextExperiment& next) { return next.code == scored.next.code; });
-    if (!listed) result.next_experiments.push_back(std::move(scored.next));
-  }
-}
-
 }  // namespace
 
 void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options,
                           const JointState& state, const std::vector<TypicalEffect>& effects,
                           Diagnosis& result) {
-  std::vector<Evaluated> menu;
+  std::vector<PossibleChange> menu;
   for (const MenuEntry& entry : menu_for(space.rows())) {
     ExtendedDesign design = extend(space.rows(), state, entry.code);
     // Lights and waiting only tell of the effects that they take away; the rest is a run repeated.
