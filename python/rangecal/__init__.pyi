@@ -96,6 +96,7 @@ class Calibration:
     alpha: Floats  # (order + 1,), alpha_i in m^(1-i)
     covariance: Optional[Floats]  # (order + 1, order + 1)
     covariance_with_choice: Optional[Floats]  # (n, n), n - 1 the highest order that may hold
+    bound_alpha_std: Optional[Floats]  # (order + 1,)
     covariance_reason: str
     noise_law: str
     noise_parameters: Floats
@@ -108,6 +109,8 @@ class Calibration:
     sigma_s_upper95_m: Optional[float]
     range_m: Tuple[float, float]  # distances over which it was fitted
     effects: dict[str, dict[str, float]]
+    effects_covariance: Optional[Floats]  # (n, n), n = order + 1 + len(effects_covariance_parameters)
+    effects_covariance_parameters: list[str]
     landmark_labels: list[str]
     landmarks: Floats  # (landmarks, 2) [m]
     landmark_covariance: Floats  # (landmarks, 2, 2) [m^2], NaN where there is none

@@ -80,6 +80,8 @@ _DOCS = {
         Of alpha, units m^(2-i-j), given order and noise law.
     covariance_with_choice : ndarray (n, n) or None
         Where order or noise law were chosen: with that choice in it, n - 1 the highest order that may hold.
+    bound_alpha_std : ndarray (order + 1,) or None
+        The Cramer-Rao bound of alpha at the estimate, as standard deviations; set by `calibrate` and `compare`.
     covariance_reason : str
         Why there is none, or a caution.
     noise_law : {"constant", "f", "f2", "f3", "d2", "polynomial"}
@@ -97,6 +99,12 @@ _DOCS = {
         Distances over which it was fitted [m].
     effects : dict of dict of float
         By id and parameter, for `correct` to undo.
+    effects_covariance : ndarray (n, n) or None
+        Of alpha, then of `effects_covariance_parameters`, in their units; set by `diagnose`, where effects were estimated
+        with the curve. `correct` counts it; without it the effects count as exact.
+    effects_covariance_parameters : list of str
+        ``"EFFECT.PARAMETER"``, in the order of `effects_covariance`; empty where that is None. Parameters of `effects` that
+        are not here are exact.
     landmark_labels : list of str
     landmarks : ndarray (landmarks, 2)
         Axes, x and y [m].

@@ -34,11 +34,18 @@ inline py::array view(const Eigen::VectorXd& values, py::handle owner) {
   return view(values.data(), {values.size()}, {sizeof(double)}, owner);
 }
 
-/// (rows, columns) on an Eigen matrix, or None.
+/// (rows, columns) on an Eigen matrix.
+inline py::array view(const Eigen::MatrixXd& matrix, py::handle owner) {
+  return view(matrix.data(), {matrix.rows(), matrix.cols()},
+              {sizeof(double), static_cast<py::ssize_t>(sizeof(double)) * matrix.rows()}, owner);
+}
+
+/// On the vector or matrix, or None.
+inline py::object view(const std::optional<Eigen::VectorXd>& values, py::handle owner) {
+  return values ? py::object(view(*values, owner)) : py::none();
+}
 inline py::object view(const std::optional<Eigen::MatrixXd>& matrix, py::handle owner) {
-  if (!matrix) return py::none();
-  return view(matrix->data(), {matrix->rows(), matrix->cols()},
-              {sizeof(double), static_cast<py::ssize_t>(sizeof(double)) * matrix->rows()}, owner);
+  return matrix ? py::object(view(*matrix, owner)) : py::none();
 }
 
 /// (n,) or (n, width) on `width` numbers that stand side by side in every item, from `first` on.

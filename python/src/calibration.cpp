@@ -52,6 +52,14 @@ std::vector<std::string> labels(const Items& items) {
   return texts;
 }
 
+py::object effects_covariance(const py::object& self) {
+  const auto& known = of(self).effects_covariance;
+  return known ? py::object(view(known->matrix, self)) : py::none();
+}
+std::vector<std::string> effects_covariance_parameters(const Calibration& c) {
+  return c.effects_covariance ? c.effects_covariance->parameters : std::vector<std::string>{};
+}
+
 py::array landmarks(const py::object& self) {
   const auto& items = of(self).landmarks;
   return field_view(items, items.empty() ? nullptr : items.front().position_m.data(), 2, self);
@@ -108,6 +116,8 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly(
           "covariance_with_choice",
           [](const py::object& self) { return view(of(self).covariance_with_choice, self); })
+      .def_property_readonly("bound_alpha_std",
+                             [](const py::object& self) { return view(of(self).bound_alpha_std, self); })
       .def_readonly("covariance_reason", &Calibration::covariance_reason)
       .def_property_readonly("noise_law", [](const Calibration& c) { return to_string(c.noise.law); })
       .def_property_readonly("noise_parameters",
@@ -124,6 +134,8 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly("range_m",
                              [](const Calibration& c) { return std::pair(c.range_min_m, c.range_max_m); })
       .def_readonly("effects", &Calibration::effects)
+      .def_property_readonly("effects_covariance", &effects_covariance)
+      .def_property_readonly("effects_covariance_parameters", &effects_covariance_parameters)
       .def_property_readonly("landmark_labels", [](const Calibration& c) { return labels(c.landmarks); })
       .def_property_readonly("landmarks", &landmarks)
       .def_property_readonly("landmark_covariance", &landmark_covariance)

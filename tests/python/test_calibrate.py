@@ -36,6 +36,13 @@ def test_tails_have_every_standard_deviation_or_none(field):
     assert shapes["bearing"]["nu_std"] is None and shapes["range"]["nu_std"] > 0.0
 
 
+def test_the_bound_is_that_of_the_file(calibration, diagnosis):
+    bound = calibration.bound_alpha_std
+    assert bound.shape == (calibration.order + 1,) and not bound.flags.writeable
+    np.testing.assert_array_equal(bound, calibration.to_dict()["bound_alpha_std"])
+    assert diagnosis.corrected.bound_alpha_std is None   # of a curve that effects go with
+
+
 def test_arrays_are_views_that_keep_the_calibration_alive(field):
     calibration = rangecal.calibrate(field, order=2, noise="f2")
     alpha, covariance, landmarks = calibration.alpha, calibration.covariance, calibration.landmarks

@@ -30,6 +30,20 @@ def test_the_effect_is_named_and_measured(diagnosis):
     assert np.mean(np.abs(found.after)) < np.mean(np.abs(found.before))
 
 
+def test_what_is_known_of_effects_and_curve_together(diagnosis, calibration):
+    corrected = diagnosis.corrected
+    names, covariance = corrected.effects_covariance_parameters, corrected.effects_covariance
+    assert names == corrected.to_dict()["effects_covariance"]["parameters"]
+    assert {name.partition(".")[0] for name in names} == {"range_eccentricity"}
+    n = corrected.order + 1
+    assert covariance.shape == (n + len(names), n + len(names)) and not covariance.flags.writeable
+    np.testing.assert_array_equal(covariance, corrected.to_dict()["effects_covariance"]["matrix"])
+    np.testing.assert_allclose(covariance, covariance.T, rtol=1e-9)
+    # cov(alpha) = C + B P B^T, C given the effect: no variance is smaller than where the effect is known.
+    assert np.all(np.diag(covariance)[:n] > (1 - 1e-9) * np.diag(corrected.covariance))
+    assert calibration.effects_covariance is None and calibration.effects_covariance_parameters == []
+
+
 def test_frames(diagnosis):
     for table, columns in (("explanations", "effects"), ("location", "covariate"), ("fit", "before"),
                            ("unseen", "harm_m"), ("next_experiments", "power")):
