@@ -105,6 +105,9 @@ void add_open_questions(Page& page, const Diagnosis& d) {
                             d.explanations[0].separated_by});
   for (const auto& set : d.twins) {
     std::string by;
+    for (const std::string& id : set)  // in words for this recording where it has them
+      for (const Unseen& u : d.unseen)
+        if (u.effect == id && by.empty()) by = u.settled_by;
     for (const std::string& id : set)
       if (const Effect* effect = find_effect(id); effect && by.empty()) by = effect->info().settled_by;
     twins.rows.push_back({fmt::format("{}", fmt::join(set, " = ")), by});

@@ -10,6 +10,7 @@
 #include "calibrate/landmarks_job.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/projector.hpp"
+#include "diagnosis/settled_by.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
 #include "diagnosis/working.hpp"
@@ -59,7 +60,7 @@ Explanation explain(const Rows& rows, const SearchResult& found, const Candidate
   for (const ActiveEffect& active : candidate.fit.model) {
     if (!e.physics.empty()) e.physics += " ";
     e.physics += active.effect->info().physics;
-    if (e.separated_by.empty()) e.separated_by = active.effect->info().settled_by;
+    if (e.separated_by.empty()) e.separated_by = settled_by(rows, *active.effect);
   }
   return e;
 }

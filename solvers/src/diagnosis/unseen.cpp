@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "diagnosis/settled_by.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
@@ -113,7 +114,7 @@ std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEff
       entry.detectable = size_of(space, typical, *factor).second;
     entry.harm_m = harm_of(space, typical);
     if (!std::isfinite(entry.harm_m)) continue;
-    entry.settled_by = typical.active.effect->info().settled_by;
+    entry.settled_by = settled_by(space.rows(), *typical.active.effect);
     unseen.push_back(std::move(entry));
   }
   std::stable_sort(unseen.begin(), unseen.end(),

@@ -12,6 +12,7 @@
 
 #include "diagnosis/extended_design.hpp"
 #include "diagnosis/next_experiments.hpp"
+#include "diagnosis/settled_by.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
@@ -215,6 +216,41 @@ TEST(PairsNext, AColumnThatAChangeTakesIsNamed) {
     EXPECT_GE(next.power, 0.1);
     EXPECT_LE(next.power, 1.0);
   }
+}
+
+TEST(PairsNext, WhatSettlesAnEffectIsSaidOfTargetsAtKnownDistances) {
+  Recording recording = rising(nullptr, false);
+  for (const char* label : {"a", "b"}) {
+    Landmark target;
+    target.label = label;
+    target.radius_m = 0.05;
+    recording.landmarks.push_back(target);
+  }
+  for (std::size_t i = 0; i < recording.pairs.size(); ++i) {
+    recording.pairs.landmark.push_back(recording.pairs.batch[i] % 2);
+    recording.pairs.bearing_rad.push_back(2.0 * std::sin(static_cast<double>(i)));
+  }
+  const Rows rows = make_rows({&recording, 1});
+  std::vector<std::string> menu;
+  for (const MenuEntry& entry : menu_for(rows)) menu.push_back(entry.change);
+  int asked = 0;
+  for (const auto& effect : effect_registry()) {
+    if (!effect->missing(rows.context).empty()) continue;
+    ++asked;
+    const std::string words = settled_by(rows, *effect);
+    for (const char* word : {"stop", "landmark", "sweep", "path", "robot", "heading"})
+      EXPECT_EQ(words.find(word), std::string::npos) << effect->info().id << ": " << words;
+    if (effect->info().id == "range_eccentricity" || effect->info().id == "reciprocal_noise") {
+      EXPECT_EQ(std::count(menu.begin(), menu.end(), words), 1) << words;
+    }
+  }
+  EXPECT_GE(asked, 15);
+  EXPECT_EQ(settled_by(rows, *find_effect("warmup_drift")),
+            "let the sensor cool down, then record the same distances in random order");
+  Rows of_stops = rows;
+  of_stops.pairs = false;
+  EXPECT_EQ(settled_by(of_stops, *find_effect("warmup_drift")),
+            find_effect("warmup_drift")->info().settled_by);
 }
 
 TEST(PairsNext, AnExtendedDesignKeepsWhatIsThere) {
