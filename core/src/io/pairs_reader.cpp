@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "io/recording_parts.hpp"
@@ -161,6 +162,32 @@ void number_batches(const Batches& batches, Pairs& pairs) {
   }
 }
 
+// Of the true distances of a batch. Encoders of rails jitter: what differs by less than 5 mm or 1 % is not asked about.
+struct DistanceSpan {
+  double low = std::numeric_limits<double>::infinity(), high = 0.0;
+  bool wide() const { return high - low > std::max(0.005, 0.01 * low); }
+};
+
+void note_wide_batches(const std::string& file, Recording& recording) {
+  const Pairs& pairs = recording.pairs;
+  std::vector<DistanceSpan> spans(pairs.batch_labels.size());
+  for (std::size_t i = 0; i < pairs.batch.size(); ++i) {
+    if (pairs.batch[i] < 0) continue;
+    DistanceSpan& span = spans[static_cast<std::size_t>(pairs.batch[i])];
+    span.low = std::min(span.low, pairs.true_m[i]);
+    span.high = std::max(span.high, pairs.true_m[i]);
+  }
+  const auto wide = [](const DistanceSpan& span) { return span.wide(); };
+  const auto first = std::find_if(spans.begin(), spans.end(), wide);
+  if (first == spans.end()) return;
+  std::string what = fmt::format(
+      "batch '{}' holds true distances from {:.6g} to {:.6g} m: a batch is read at one distance",
+      pairs.batch_labels[static_cast<std::size_t>(first - spans.begin())], first->low, first->high);
+  if (const auto more = std::count_if(first + 1, spans.end(), wide); more > 0)
+    what += fmt::format("; {} more {} as well", more, more == 1 ? "does" : "do");
+  recording.notes.emplace_back(InputError(file, 0, "true_m", what).what());
+}
+
 }  // namespace
 
 void read_pairs_kind(const Files& files, const RecordingHeader& header, Recording& recording) {
@@ -204,7 +231,10 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
   distances.count_used(pairs);
   leave_out_cut_pairs(batches, distances, covariates, recording);
   number_batches(batches, pairs);
-  if (!columns.batch) note_lone_distances(rows.file(), distances, recording);
+  if (columns.batch)
+    note_wide_batches(rows.file(), recording);
+  else
+    note_lone_distances(rows.file(), distances, recording);
 }
 
 }  // namespace rangecal::io

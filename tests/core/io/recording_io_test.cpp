@@ -411,6 +411,23 @@ TEST(RecordingIo, PairsWhoseDistancesDoNotRepeatAreNoted) {
               ::testing::IsEmpty());
 }
 
+TEST(RecordingIo, BatchesAtMoreThanOneDistanceAreNoted) {
+  const auto notes_of = [](const std::string& rows) {
+    return parse_recording({{"recording.yaml", "format: rangecal/1\nkind: pairs\nsensor: {range_max_m: 6}\n"},
+                            {"pairs.csv", "true_m,reading_m,batch\n" + rows}})
+        .notes;
+  };
+  // Both are passed: 4.9 mm at 0.2 m are 2.4 %, 19 mm at 2 m are 0.95 %; without a batch, or not used: not asked.
+  EXPECT_THAT(notes_of("0.2,0.2,a\n0.2049,0.2,a\n2,2,b\n2.019,2,b\n1,1,\n3,3,\n4,4,c\n5,7,c\n"),
+              ::testing::IsEmpty());
+  const std::string head = "pairs.csv, column 'true_m': batch ", tail = ": a batch is read at one distance";
+  EXPECT_THAT(notes_of("1,1,x\n2.021,2,b\n1,1,x\n2,2,b\n"),
+              ElementsAre(head + "'b' holds true distances from 2 to 2.021 m" + tail));
+  EXPECT_THAT(
+      notes_of("0.2,0.2,a\n0.2051,0.2,a\n1,1,b\n2,2,b\n"),
+      ElementsAre(head + "'a' holds true distances from 0.2 to 0.2051 m" + tail + "; 1 more does as well"));
+}
+
 TEST(RecordingIo, AFolderThatCannotBeMadeIsNamed) {
   const TemporaryFolder folder;
   folder.write("file", "x");
