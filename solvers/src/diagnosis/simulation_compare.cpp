@@ -335,19 +335,8 @@ Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<c
   return result;
 }
 
-}  // namespace
-}  // namespace diagnosis
-
-Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
-                           const DiagnoseOptions& options) {
-  using namespace diagnosis;
-  if (std::optional<Prepared> ready = prepared(recordings)) {
-    Diagnosis result = diagnose_against(ready->recordings, simulation, options);
-    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
-    return result;
-  }
-  if (const std::optional<Prepared> ready = prepared(simulation))
-    return diagnose_against(recordings, ready->recordings, options);
+Diagnosis compared(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                   const DiagnoseOptions& options) {
   check_labels(recordings, simulation);
   const SeedFit fitted = seed_fit(simulation, options);
   const bool clean = is_clean(fitted, options);
@@ -405,6 +394,34 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
 
   Diagnosis result = diagnose_difference(recordings, simulation, differences, of_difference, options);
   if (!options.force) compare_noise_levels(recordings, fitted.calibration, options, result);
+  return result;
+}
+
+/// What the readers noted of the simulation: whose it is stands before it.
+void add_notes_of_simulation(std::span<const Recording> simulation, Diagnosis& result) {
+  for (const Recording& recording : simulation)
+    for (const std::string& note : recording.notes) {
+      std::string said = "of the simulation: " + note;
+      if (std::find(result.notes.begin(), result.notes.end(), said) == result.notes.end())
+        result.notes.push_back(std::move(said));
+    }
+}
+
+}  // namespace
+}  // namespace diagnosis
+
+Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
+                           const DiagnoseOptions& options) {
+  using namespace diagnosis;
+  if (std::optional<Prepared> ready = prepared(recordings)) {
+    Diagnosis result = diagnose_against(ready->recordings, simulation, options);
+    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+    return result;
+  }
+  if (const std::optional<Prepared> ready = prepared(simulation))
+    return diagnose_against(recordings, ready->recordings, options);
+  Diagnosis result = compared(recordings, simulation, options);
+  add_notes_of_simulation(simulation, result);
   return result;
 }
 

@@ -5,7 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "rangecal/core/errors.hpp"
 #include "solvers/diagnosis/made_recordings.hpp"
@@ -85,6 +88,19 @@ TEST(SimulationCompare, ACovarianceThatIsNoneIsSaidAndNotTakenForCertainty) {
   const Diagnosis zero = held_against(recording, off), none = held_against(recording, exact);
   EXPECT_EQ(zero.before.nll, none.before.nll);
   EXPECT_EQ(zero.final_effects, none.final_effects);
+}
+
+TEST(SimulationCompare, ANoteOfTheSimulationSaysWhoseItIs) {
+  Recording recording = testing::recording_of({.sigma = 0.002}, "SimulationCompare.Notes", 1);
+  Recording simulation = testing::recording_of({.sigma = 0.002}, "SimulationCompare.Notes", 2);
+  recording.notes = {"own.csv: a column is left out"};
+  simulation.notes = {"sim.csv: a column is left out"};
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  const std::vector<std::string> notes =
+      diagnose_against(std::span(&recording, 1), std::span(&simulation, 1), options).notes;
+  EXPECT_EQ(std::count(notes.begin(), notes.end(), "own.csv: a column is left out"), 1);
+  EXPECT_EQ(std::count(notes.begin(), notes.end(), "of the simulation: sim.csv: a column is left out"), 1);
 }
 
 }  // namespace
