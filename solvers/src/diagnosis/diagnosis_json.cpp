@@ -154,6 +154,7 @@ std::string diagnosis_to_json(const Diagnosis& d) {
     json["next_experiments"].push_back(
         {{"change", e.change}, {"settles", e.settles}, {"power", number(e.power)}});
   json["notes"] = d.notes;
+  if (!d.heldout_blocks.empty()) json["heldout_blocks"] = d.heldout_blocks;
   std::string text = json.dump(2);
   if (!d.simulation.recordings.empty()) {  // its long columns stay on one line each
     text.erase(text.rfind('\n'));

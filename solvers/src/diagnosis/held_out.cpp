@@ -1,20 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Held-out predictive density: fitted on four fifths of the blocks, asked about the last fifth,
 //   sum over folds of  l_s(all readings; theta of the rest) - l_s(the rest; theta of the rest),
-// stops integrated by Laplace's method in both.
+// stops integrated by Laplace's method in both. Where several recordings are given: held_recordings.hpp.
 #include "diagnosis/held_out.hpp"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <set>
+#include <string>
 
 #include "diagnosis/chosen_anew.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
+#include "diagnosis/held_recordings.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/subset.hpp"
+#include "diagnosis/training_part.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
@@ -22,54 +27,7 @@ namespace {
 
 constexpr int fold_count = 5;
 constexpr int parts_of_fold = 8;  ///< groups of blocks whose predictions give the standard error
-
-struct HeldOut {
-  double nll = 0.0;
-  std::vector<double> parts;  ///< predictive NLL of groups of blocks, each given the rest alone
-  bool ok = true;
-};
-
-/// Parameters of dependence and tails, which have no score: one parabola through three values of l_s, the
-/// rest held.
-void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointState& state) {
-  for (const FreeParameter& p : full.free) {
-    if (p.acts != FreeParameter::Acts::numeric) continue;
-    const EffectParameter& info = model[p.effect].effect->info().parameters[p.index];
-    double& value = model[p.effect].parameters[p.index];
-    const double centre = value, step = 0.2 * std::max(std::abs(centre), 0.2 * info.typical);
-    const auto at = [&](double x) {
-      value = std::clamp(x, info.low, info.high);
-      JointState trial = state;
-      return laplace_value(rows, model, trial);
-    };
-    const double low = at(centre - step), high = at(centre + step), middle = at(centre);
-    const double curvature = low - 2.0 * middle + high;
-    const double shift = curvature > 0.0 ? std::clamp(0.5 * (low - high) / curvature, -2.0, 2.0) : 0.0;
-    const double there = at(centre + shift * step);
-    if (!(there <= middle)) value = centre;
-  }
-}
-
-/// The model fitted on a training part, from the fit to all readings.
-Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options) {
-  const bool numeric = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
-    return p.acts == FreeParameter::Acts::numeric;
-  });
-  options.max_iterations = 2;
-  if (!numeric) return refit(rest, full.model, full.state, options);
-  Fit fit = full;
-  fit_numeric(rest, full, fit.model, full.state);
-  const bool others = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
-    return p.acts != FreeParameter::Acts::numeric;
-  });
-  if (others) {
-    options.settled = static_cast<int>(fit.model.size());
-    return refit(rest, fit.model, fit.state, options);
-  }
-  fit.nll = calibrate_under(rest, fit.model, fit.state, options);
-  fit.ok = std::isfinite(fit.nll);
-  return fit;
-}
+constexpr int steps_of_fold = 2;  ///< towards the fit to four fifths, from the fit to all
 
 /// True if the errors of the stops add up along the path: a reading then tells of every stop.
 bool is_chained(const Rows& rows, const Fit& fit) {
@@ -106,7 +64,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         for (std::size_t c = 0; c < folds.size(); ++c) out[c] = folds[c] == f;
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
         const Rows rest = without_cells(rows, out);
-        Fit fit = fit_part(rest, full, options);
+        Fit fit = fit_part(rest, full, options, steps_of_fold);
         if (fit.ok && rates) fit = chosen_anew(rest, std::move(fit), *rates, options);
         if (!fit.ok) {
           held.ok = false;
@@ -223,24 +181,60 @@ std::optional<double> std_of_difference(const HeldOut& before, const HeldOut& af
   return std::sqrt(square * static_cast<double>(parts) / static_cast<double>(parts - 1));
 }
 
-/// Predictions of the same blocks, those of `blocks_for`, by several fits.
-std::vector<HeldOut> predict_all(const Rows& rows, const SearchResult& found, const Model& blocks_for,
-                                 const std::vector<const Fit*>& fits) {
+/// Predictions of the same blocks by several fits.
+struct Predictions {
+  std::vector<HeldOut> of_fit;
+  std::string blocks, note;  ///< what was left out, where several recordings are given
+};
+
+/// Fills `all` by whole recordings, if there are several and each fit can be asked about them; else says why not.
+bool predict_by_recordings(const Rows& rows, const SearchResult& found, BlockKind kind,
+                           const std::vector<const Fit*>& fits, Predictions& all) {
+  if (recordings_with_readings(rows) < 2) return false;
+  std::string why_not;
+  for (const Fit* fit : fits)
+    if (why_not.empty()) why_not = why_not_whole_recordings(rows, fit->model);
+  if (why_not.empty()) {
+    in_parallel(
+        fits.size(),
+        [&](std::size_t i) {
+          all.of_fit[i] = predict_recordings(rows, kind, *fits[i], found.rates, RefitOptions{});
+        },
+        jobs_at_once(rows.size()));
+    all.blocks = "recordings";
+    all.note = whole_recordings_in_words(rows, kind);
+    if (std::all_of(all.of_fit.begin(), all.of_fit.end(), [](const HeldOut& held) { return held.ok; }))
+      return true;
+    why_not = "without one, the others do not determine a calibration that predicts it";
+  }
+  all.blocks = to_words(kind);
+  all.note = fmt::format("held out: {} of all recordings, not whole recordings: {}", all.blocks, why_not);
+  return false;
+}
+
+/// By whole recordings, else by the blocks of `blocks_for`.
+Predictions predict_all(const Rows& rows, const SearchResult& found, const Model& blocks_for,
+                        const std::vector<const Fit*>& fits) {
   const RefitOptions refit_options;
-  const std::vector<int> blocks = blocks_of(rows, block_kind(rows, blocks_for));
+  const BlockKind kind = block_kind(rows, blocks_for);
+  Predictions all;
+  all.of_fit.resize(fits.size());
+  if (predict_by_recordings(rows, found, kind, fits, all)) return all;
+  const std::vector<int> blocks = blocks_of(rows, kind);
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
-  std::vector<HeldOut> held(fits.size());
   in_parallel(
       fits.size(),
-      [&](std::size_t i) { held[i] = predict(rows, blocks, folds, *fits[i], refit_options, &found.rates); },
+      [&](std::size_t i) {
+        all.of_fit[i] = predict(rows, blocks, folds, *fits[i], refit_options, &found.rates);
+      },
       jobs_at_once(rows.size()));
-  return held;
+  return all;
 }
 
 }  // namespace
 
 std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& fit) {
-  const std::vector<HeldOut> held = predict_all(rows, found, fit.model, {&found.baseline, &fit});
+  const std::vector<HeldOut> held = predict_all(rows, found, fit.model, {&found.baseline, &fit}).of_fit;
   if (!held[0].ok || !held[1].ok) return std::nullopt;
   return HeldOutChange{held[1].nll - held[0].nll, std_of_difference(held[0], held[1])};
 }
@@ -252,9 +246,12 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   if (final_fit) fits.push_back(final_fit);
   if (explained)
     for (const Candidate& rival : found.rivals) fits.push_back(&rival.fit);
-  const std::vector<HeldOut> held = predict_all(rows, found, final_fit ? final_fit->model : Model{}, fits);
+  const Predictions predictions = predict_all(rows, found, final_fit ? final_fit->model : Model{}, fits);
+  const std::vector<HeldOut>& held = predictions.of_fit;
   const HeldOut& before = held[0];
   if (!before.ok) return;
+  result.heldout_blocks = predictions.blocks;
+  if (!predictions.note.empty()) result.notes.push_back(predictions.note);
   result.before.heldout_nll = before.nll;
   result.before.heldout_std = 0.0;
   if (!final_fit) {

@@ -12,7 +12,8 @@ namespace rangecal::diagnosis {
 std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, Diagnosis& result);
 
 /// Cross-validated predictive densities of baseline, final model and all other explanations, by the final model's
-/// blocks (docs/diagnosis.md), so that they compare; the standard error is that of the difference to the baseline.
+/// blocks (docs/diagnosis.md; where several recordings are given and each can be predicted from the others, whole
+/// recordings), so that they compare; the standard error is that of the difference to the baseline.
 /// `completed`: the fit that is shown for `unexplained` (with a smooth model, or a partial name alone), or
 /// null. Cost: that of a refit on four fifths of the readings, from the full fit, for each fold and explanation.
 void add_held_out(const Rows& rows, const SearchResult& found, const Fit* completed, Diagnosis& result);

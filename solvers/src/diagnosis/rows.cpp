@@ -81,8 +81,8 @@ void append_landmark_rows(const Recording& recording, int first_stop, int first_
   }
 }
 
-/// One cell of pairs, its readings the rows from `begin` on.
-void append_cell_of_pairs(double true_m, int begin, Rows& rows) {
+/// One cell of pairs of the recording of that index, its readings the rows from `begin` on.
+void append_cell_of_pairs(double true_m, int begin, int recording, Rows& rows) {
   JointProblem& problem = rows.problem;
   Cells& c = problem.cells;
   const auto count = static_cast<Eigen::Index>(rows.size()) - begin;
@@ -91,6 +91,7 @@ void append_cell_of_pairs(double true_m, int begin, Rows& rows) {
   StopPrior prior;
   prior.commanded = {-true_m, 0.0, 0.0};
   prior.place = problem.place_count++;
+  prior.recording = recording;
   c.stop.push_back(problem.stop_count());
   problem.stops.push_back(prior);
   problem.sigma_s_shared.push_back(0);
@@ -106,7 +107,8 @@ void append_cell_of_pairs(double true_m, int begin, Rows& rows) {
   problem.readings += static_cast<double>(count);
 }
 
-void append_pair_rows(const Recording& recording, int first_landmark, double first_time, Rows& rows) {
+void append_pair_rows(const Recording& recording, int index, int first_landmark, double first_time,
+                      Rows& rows) {
   const Pairs& p = recording.pairs;
   const std::vector<int> cell = cells_of_pairs(p);
   const std::vector<std::size_t> order = pairs_in_order(cell);
@@ -128,7 +130,7 @@ void append_pair_rows(const Recording& recording, int first_landmark, double fir
     rows.heading_rad.push_back(0.0);
     add_covariates(p.covariates, i, rows);
     if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
-      append_cell_of_pairs(p.true_m[i], rows.cell_begin.back(), rows);
+      append_cell_of_pairs(p.true_m[i], rows.cell_begin.back(), index, rows);
   }
 }
 
@@ -210,14 +212,15 @@ Rows make_rows(std::span<const Recording> recordings) {
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);
-  int first_stop = 0, first_landmark = 0;
+  int first_stop = 0, first_landmark = 0, index = 0;
   for (const Recording& recording : recordings) {
     if (rows.pairs)
-      append_pair_rows(recording, first_landmark, first_time_of(recording), rows);
+      append_pair_rows(recording, index, first_landmark, first_time_of(recording), rows);
     else
       append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), rows);
     first_stop += static_cast<int>(recording.stops.size());
     first_landmark += static_cast<int>(recording.landmarks.size());
+    ++index;
   }
   rows.cell_begin.push_back(static_cast<int>(rows.size()));
   if (rows.pairs) {

@@ -23,6 +23,39 @@ std::vector<T> taken(const std::vector<T>& values, const std::vector<int>& order
   return result;
 }
 
+/// First cell of every stop, and their end, from the stops of the cells in order.
+void index_stops(JointProblem& problem) {
+  Cells& cells = problem.cells;
+  cells.stop_begin.assign(problem.stops.size() + 1, 0);
+  for (int stop : cells.stop) ++cells.stop_begin[static_cast<std::size_t>(stop) + 1];
+  std::partial_sum(cells.stop_begin.begin(), cells.stop_begin.end(), cells.stop_begin.begin());
+}
+
+/// What a part keeps of things that are numbered: which, and their new numbers (-1: none).
+struct Numbering {
+  std::vector<int> kept, number;
+  template <typename Keeps>
+  Numbering(int count, const Keeps& keeps) : number(static_cast<std::size_t>(count), -1) {
+    for (int i = 0; i < count; ++i) {
+      if (!keeps(static_cast<std::size_t>(i))) continue;
+      number[static_cast<std::size_t>(i)] = static_cast<int>(kept.size());
+      kept.push_back(i);
+    }
+  }
+  int operator()(int old) const { return number[static_cast<std::size_t>(old)]; }
+};
+
+/// The context of those stops and landmarks; what it says of all readings stays.
+void keep_in_context(const Numbering& stops, const Numbering& landmarks, EffectContext& context) {
+  context.stop_count = static_cast<int>(stops.kept.size());
+  context.landmark_count = static_cast<int>(landmarks.kept.size());
+  context.landmark_labels = taken(context.landmark_labels, landmarks.kept);
+  context.landmark_radius_m = taken(context.landmark_radius_m, landmarks.kept);
+  context.commanded = taken(context.commanded, stops.kept);
+  context.path_m = taken(context.path_m, stops.kept);
+  context.stop_time_s = taken(context.stop_time_s, stops.kept);
+}
+
 }  // namespace
 
 Rows without_cells(const Rows& rows, const std::vector<char>& out) {
@@ -67,11 +100,45 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
        {&Cells::count, &Cells::range_weight, &Cells::bearing_weight, &Cells::range_mean,
         &Cells::range_mean_square, &Cells::bearing_mean, &Cells::bearing_mean_square, &Cells::radius_m})
     p.*member = taken(rows.problem.cells.*member, cells);
-  p.stop_begin.assign(rows.problem.stops.size() + 1, 0);
-  for (int stop : p.stop) ++p.stop_begin[static_cast<std::size_t>(stop) + 1];
-  std::partial_sum(p.stop_begin.begin(), p.stop_begin.end(), p.stop_begin.begin());
+  index_stops(part.problem);
   part.problem.readings = std::accumulate(p.count.begin(), p.count.end(), 0.0);
   if (rows.pairs) part.nll_offset = -part.problem.readings * (half_log_two_pi + 0.5);
+  return part;
+}
+
+Rows of_recordings(const Rows& rows, const std::vector<char>& kept, JointState& state) {
+  const auto keeps = [&](int recording) { return kept[static_cast<std::size_t>(recording)] != 0; };
+  std::vector<char> out(static_cast<std::size_t>(rows.cell_count));
+  for (std::size_t c = 0; c < out.size(); ++c) out[c] = !keeps(recording_of(rows, c));
+  Rows part = without_cells(rows, out);
+  if (rows.pairs) return part;  // every cell has a stop of its own, and the landmark is none
+  const JointProblem& all = rows.problem;
+  const Numbering stops(all.stop_count(), [&](std::size_t k) { return keeps(all.stops[k].recording); });
+  const Numbering landmarks(all.landmark_count(),
+                            [&](std::size_t l) { return keeps(all.landmark_recording[l]); });
+  JointProblem& problem = part.problem;
+  problem.stops = taken(all.stops, stops.kept);
+  problem.sigma_s_shared = taken(all.sigma_s_shared, stops.kept);
+  std::map<int, int> places;
+  for (StopPrior& stop : problem.stops)
+    stop.place = places.emplace(stop.place, static_cast<int>(places.size())).first->second;
+  problem.place_count = static_cast<int>(places.size());
+  problem.landmark_radius_m = taken(all.landmark_radius_m, landmarks.kept);
+  problem.landmark_recording = taken(all.landmark_recording, landmarks.kept);
+  problem.known_distances.clear();
+  for (KnownDistance taped : all.known_distances) {  // both its ends are of one recording
+    taped.from = landmarks(taped.from);
+    taped.to = landmarks(taped.to);
+    if (taped.from >= 0 && taped.to >= 0) problem.known_distances.push_back(taped);
+  }
+  for (std::vector<int>* column : {&problem.cells.stop, &part.stop})
+    for (int& stop : *column) stop = stops(stop);
+  for (std::vector<int>* column : {&problem.cells.landmark, &part.landmark})
+    for (int& landmark : *column) landmark = landmarks(landmark);
+  index_stops(problem);
+  keep_in_context(stops, landmarks, part.context);
+  state.stops = taken(state.stops, stops.kept);
+  state.landmarks = taken(state.landmarks, landmarks.kept);
   return part;
 }
 

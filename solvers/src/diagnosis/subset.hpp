@@ -11,6 +11,16 @@ namespace rangecal::diagnosis {
 /// same.
 Rows without_cells(const Rows& rows, const std::vector<char>& out);
 
+/// The rows of the recordings marked `kept`, by their index, alone. Of landmarks their stops and landmarks are numbered
+/// anew, in `state` too: an effect that names one by its number means another then. What the context says of all
+/// readings (distances, durations, columns) stays, so that all other effects mean the same.
+Rows of_recordings(const Rows& rows, const std::vector<char>& kept, JointState& state);
+
+/// Recording that a cell belongs to, by its index in the job.
+inline int recording_of(const Rows& rows, std::size_t cell) {
+  return rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[cell])].recording;
+}
+
 /// l_s of the readings under `model` at the given calibration and parameters, stops integrated by Laplace's
 /// method [nats]; NaN if the stops have no optimum. `state` gets the stops' optimum.
 double laplace_value(const Rows& rows, const Model& model, JointState& state);

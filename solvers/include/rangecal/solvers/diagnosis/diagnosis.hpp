@@ -105,7 +105,10 @@ struct Diagnosis {
   std::vector<Unseen> unseen;
   std::vector<NextExperiment> next_experiments;
   std::vector<std::string>
-      notes;                   ///< what could not be modelled and which column or repetition it would take
+      notes;  ///< what could not be modelled and which column or repetition it would take
+  /// What was left out at a time where several recordings were given: "recordings", or where none can be predicted from
+  /// the others "cells", "stops" or "batches" of them all, and a note says why; empty for one recording.
+  std::string heldout_blocks;
   SimulationModel simulation;  ///< the final model with the recordings' layout: `simulate --from`
 };
 
