@@ -79,23 +79,6 @@ bool others_cover(const Rows& rows) {
   return true;
 }
 
-/// Negative log density of the readings, their stops and landmarks integrated; `state`: the sensor's calibration, moved
-/// to the optimum of the rest. NaN where there is none.
-double predictive_nll(const Rows& rows, const Model& model, JointState& state) {
-  if (rows.pairs) return laplace_value(rows, model, state);
-  RefitOptions of_sensor;
-  of_sensor.held.alpha = of_sensor.held.sigmas = true;
-  MarginalFit detail;
-  const double value = calibrate_under(rows, model, state, of_sensor, &detail);
-  if (!std::isfinite(value) || !detail.covariance) return not_predicted;
-  const Eigen::Index first = state.alpha.size(), coordinates = 2 * rows.problem.landmark_count();
-  const Eigen::LLT<Eigen::MatrixXd> root(detail.covariance->block(first, first, coordinates, coordinates));
-  if (root.info() != Eigen::Success) return not_predicted;
-  // The root's diagonal: 1/2 log det A = -sum log of it.
-  return value - root.matrixLLT().diagonal().array().log().sum() -
-         static_cast<double>(coordinates) * half_log_two_pi;
-}
-
 /// Predictions of parts of a recording: of pairs given the sensor alone, of landmarks given the rest of it too, by
 /// which the landmarks are known.
 void add_parts(const Rows& rows, BlockKind kind, int parts, const Model& model, const JointState& state,
@@ -155,6 +138,21 @@ HeldOut predict_recording(const Rows& rows, int recording, std::size_t recording
 }  // namespace
 
 int recordings_with_readings(const Rows& rows) { return static_cast<int>(recordings_of(rows).size()); }
+
+double predictive_nll(const Rows& rows, const Model& model, JointState& state) {
+  if (rows.pairs) return laplace_value(rows, model, state);
+  RefitOptions of_sensor;
+  of_sensor.held.alpha = of_sensor.held.sigmas = true;
+  MarginalFit detail;
+  const double value = calibrate_under(rows, model, state, of_sensor, &detail);
+  if (!std::isfinite(value) || !detail.covariance) return not_predicted;
+  const Eigen::Index first = state.alpha.size(), coordinates = 2 * rows.problem.landmark_count();
+  const Eigen::LLT<Eigen::MatrixXd> root(detail.covariance->block(first, first, coordinates, coordinates));
+  if (root.info() != Eigen::Success) return not_predicted;
+  // The root's diagonal: 1/2 log det A = -sum log of it.
+  return value - root.matrixLLT().diagonal().array().log().sum() -
+         static_cast<double>(coordinates) * half_log_two_pi;
+}
 
 std::string to_words(BlockKind kind) {
   if (kind == BlockKind::batches) return "batches";

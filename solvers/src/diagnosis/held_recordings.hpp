@@ -17,15 +17,18 @@ int recordings_with_readings(const Rows& rows);
 /// they can.
 std::string why_not_whole_recordings(const Rows& rows, const Model& model);
 
-/// Negative log density of each recording under the model fitted to the others, summed; five folds of recordings at
-/// most. With theta = (alpha, noise, effects) fixed at the training fit and a recording's own stops s and landmarks m
-/// nuisances,
+/// Negative log density of readings whose stops s and landmarks m are not known, at theta = (alpha, noise, effects) of
+/// `model` and `state` [nats]:
 ///   -log int int p(y | s, m; theta) p(s) ds dm,
 /// by Laplace's method for both: min over m of l_s + 1/2 log det A - L log(2 pi), A = d2 l_s / dm2, L landmarks. The
 /// prior of m is flat, 1 per square metre, in every model, so that differences between models are well defined; the
-/// value itself depends on the metre. Pairs have no nuisances. `parts`: of fewer than eight recordings, parts of each
-/// (made of blocks of `kind`), given the rest of it; of more, the recordings. Not ok where a training part does not
-/// determine the calibration. Source: Laplace's method as of the marginal likelihood (docs/equations.md).
+/// value itself depends on the metre. Pairs have no such unknowns. `rows` without a prior of alpha; `state` moves to
+/// the optimum. NaN where there is none. Source: as of the marginal likelihood (docs/equations.md).
+double predictive_nll(const Rows& rows, const Model& model, JointState& state);
+
+/// That of each recording under the model fitted to the others, summed; five folds of recordings at most. `parts`: of
+/// fewer than eight recordings, parts of each (made of blocks of `kind`), given the rest of it; of more, the
+/// recordings. Not ok where a training part does not determine the calibration.
 HeldOut predict_recordings(const Rows& rows, BlockKind kind, const Fit& full, const Rates& rates,
                            const RefitOptions& options);
 
