@@ -303,6 +303,8 @@ _DOCS = {
     unseen : list of Unseen
     next_experiments : list of NextExperiment
     notes : list of str
+    heldout_blocks : str
+        What was left out at a time where several recordings were given ("recordings", "cells", ...); else empty.
     """,
     "Residuals": """What a calibration leaves of every reading; ordered by recording, stop, landmark and time.
 

@@ -150,9 +150,9 @@ inline void archive_fields(python::Archive& a, SimulationModel& s) {
 }
 inline void archive_fields(python::Archive& a, Diagnosis& s) {
   auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins,
-         unseen, next, notes, simulation] = s;
+         unseen, next, notes, blocks, simulation] = s;
   a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins,
-    unseen, next, notes, simulation);
+    unseen, next, notes, blocks, simulation);
 }
 inline void archive_fields(python::Archive& a, ReadingResidual& s) {
   auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,

@@ -161,6 +161,7 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("unseen", &Diagnosis::unseen)
       .def_readonly("next_experiments", &Diagnosis::next_experiments)
       .def_readonly("notes", &Diagnosis::notes)
+      .def_readonly("heldout_blocks", &Diagnosis::heldout_blocks)
       .def("to_dict", to_dict, "The diagnosis as the dictionary of its file, rangecal-diagnosis/1.")
       .def("to_json", &diagnosis_to_json, "The text of its file, rangecal-diagnosis/1.")
       .def(

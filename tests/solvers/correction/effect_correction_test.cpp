@@ -150,7 +150,8 @@ TEST(EffectCorrector, WhatComesBeforeTheCurveMovesWithTheCurve) {
 }
 
 TEST(EffectCorrector, EffectsThatMoveNoMeanAreNotTakenAsExact) {
-  EXPECT_FALSE(EffectCorrector(straight("cell_effect", {{"sigma_m", 0.01}}), {}).takes_effects_as_exact());
+  const Calibration spread = straight("cell_effect", {{"sigma_m", 0.01}});
+  EXPECT_FALSE(EffectCorrector(spread, {}).takes_effects_as_exact());
 }
 
 TEST(EffectCorrector, StandardDeviationPredictsTheScatterOfCalibrationsWithAnEffect) {
