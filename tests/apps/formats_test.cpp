@@ -93,6 +93,9 @@ TEST(Formats, NameEveryMemberOfADiagnosis) {
   std::vector<json> files;
   for (const char* recording : {"field-layout", "pairs-2016", "concealed/world-01", "concealed/world-11"})
     files.push_back(written(folder, "diagnose " + shipped(recording) + " --json"));
+  const std::string second = folder.file("second");
+  ASSERT_EQ(run("simulate " + shipped("scenes/pairs-2016.yaml") + " --seed 5 -o " + second).code, 0);
+  files.push_back(written(folder, "diagnose " + shipped("pairs-2016") + " " + second + " --json"));
   files.push_back({{"simulation", json::parse(simulation_model_to_json(full_model()))}});
   expect_documented("A diagnosis", files);
 }

@@ -214,10 +214,17 @@ std::vector<EffectEstimate> effect_estimates(const Rows& rows, const Fit& fit) {
       const auto high = active.effect->reported(rows.context, up.data());
       const auto low = active.effect->reported(rows.context, down.data());
       for (std::size_t v = 0; v < values.size(); ++v) {
-        double difference = high[v].second - low[v].second;
-        if (values[v].first.find("_rad") != std::string::npos)
-          difference = std::remainder(difference, 2.0 * std::numbers::pi);
-        slopes(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(a)) = difference / (2.0 * step);
+        double forward = high[v].second - values[v].second, backward = values[v].second - low[v].second;
+        if (values[v].first.find("_rad") != std::string::npos) {  // an axis jumps by pi where it is cut
+          forward = std::remainder(forward, 2.0 * std::numbers::pi);
+          backward = std::remainder(backward, 2.0 * std::numbers::pi);
+          constexpr double jump = 0.5;
+          if (std::abs(forward - backward) > jump)
+            (std::abs(forward) > std::abs(backward) ? forward : backward) =
+                std::min(forward, backward, [](double x, double y) { return std::abs(x) < std::abs(y); });
+        }
+        slopes(static_cast<Eigen::Index>(v), static_cast<Eigen::Index>(a)) =
+            (forward + backward) / (2.0 * step);
       }
     }
     for (std::size_t v = 0; v < values.size(); ++v) {

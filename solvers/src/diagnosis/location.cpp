@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/location.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "diagnosis/findings.hpp"
 #include "diagnosis/places.hpp"
@@ -91,7 +97,26 @@ Eigen::VectorXd change_of(const Rows& rows, const std::string& channel, const Mo
   const RowChanges changes = row_changes(rows, cell_geometry(rows, fitted), effects);
   const Eigen::VectorXd& log_variance =
       channel == "bearing_noise" ? changes.bearing_log_variance : changes.range_log_variance;
-  return (log_variance.array() - log_variance.mean()).matrix();
+  // About the median: an estimated noise takes up what most readings have, not what one group does to their mean.
+  std::vector<double> sorted(log_variance.begin(), log_variance.end());
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  return (log_variance.array() - *middle).matrix();
+}
+
+/// The landmarks that the effects are of, where they are of one each. What the calibration leaves of such a change is on the
+/// others too, since the curve follows it.
+std::string landmarks_of(const Rows& rows, const Model& effects) {
+  std::set<std::string> labels;
+  for (const ActiveEffect& active : effects) {
+    const auto& parameters = active.effect->info().parameters;
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      if (parameters[j].name != "landmark" || !parameters[j].discrete) continue;
+      const auto l = static_cast<std::size_t>(std::lround(active.parameters[static_cast<Eigen::Index>(j)]));
+      if (l < rows.context.landmark_labels.size()) labels.insert(rows.context.landmark_labels[l]);
+    }
+  }
+  return fmt::format("{}", fmt::join(labels, ", "));
 }
 
 Finding finding_of(const Question& q) {
@@ -199,6 +224,9 @@ void add_named_curves(const Rows& rows, const SearchResult& found, Diagnosis& re
       const Eigen::VectorXd change = change_of(rows, f.channel, curve.effects, fit.state, trace);
       if (curve.effects.size() > 1)
         f.size = std::sqrt(change.squaredNorm() / static_cast<double>(change.size()));
+      if (f.covariate == "landmark")
+        if (std::string own_landmarks = landmarks_of(rows, curve.effects); !own_landmarks.empty())
+          f.group = std::move(own_landmarks);
       place_by_change(rows, geometry, change, f);
       if (kind == EffectKind::mean && excess && trace.fall > 0.0)
         f.share = (trace.fall - parameters_of(fit, curve)) / *excess;

@@ -205,7 +205,7 @@ void add_next_experiments(const Space& space, const SearchResult& found, const D
       for (const auto& set : explanation.indistinguishable_from)
         asked = asked || std::any_of(set.begin(), set.end(), taken_away);
     }
-    if (asked) menu.push_back({entry, std::move(design)});
+    if (asked && design.rows.cell_count > 0) menu.push_back({entry, std::move(design)});
   }
   if (found.verdict == Verdict::explained && !result.explanations.empty() &&
       !result.explanations[0].indistinguishable_from.empty())

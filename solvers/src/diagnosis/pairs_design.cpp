@@ -106,7 +106,7 @@ class MorePairs {
   /// `count`, one after the other.
   void visit(int like, double true_m, int count = 0) {
     const double slope = evaluate_derivative(draft_.state.alpha, true_m);
-    if (!(slope > 0.0) || !(evaluate_polynomial(draft_.state.alpha, true_m) > 0.0)) return;
+    if (slope == 0.0 || !(evaluate_polynomial(draft_.state.alpha, true_m) > 0.0)) return;
     const int begin = rows_.cell_begin[static_cast<std::size_t>(like)];
     const int size = rows_.cell_begin[static_cast<std::size_t>(like) + 1] - begin;
     for (int j = 0; j < (count > 0 ? count : size); ++j) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "diagnosis/residual_bins.hpp"
 
@@ -39,18 +40,31 @@ std::string landmarks_changed(const Rows& rows, const Eigen::VectorXd& change) {
 
 }  // namespace
 
-std::optional<Interval> interval_of(const Eigen::VectorXd& x, const Eigen::VectorXd& change) {
+/// Without the largest gap between them, of angles in (-pi, pi]: from > to where the place holds pi.
+Interval on_circle(std::vector<double> angles) {
+  std::sort(angles.begin(), angles.end());
+  Interval interval{angles.front(), angles.back()};
+  double gap = 2.0 * std::numbers::pi - (angles.back() - angles.front());
+  for (std::size_t i = 1; i < angles.size(); ++i)
+    if (angles[i] - angles[i - 1] > gap) {
+      gap = angles[i] - angles[i - 1];
+      interval = {angles[i], angles[i - 1]};
+    }
+  return interval;
+}
+
+std::optional<Interval> interval_of(const Eigen::VectorXd& x, const Eigen::VectorXd& change, bool circular) {
   double largest = 0.0;
   for (Eigen::Index i = 0; i < x.size(); ++i)
     if (std::isfinite(x[i]) && std::isfinite(change[i])) largest = std::max(largest, std::abs(change[i]));
   if (!(largest > 0.0)) return std::nullopt;
-  Interval interval{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    if (!std::isfinite(x[i]) || !(std::abs(change[i]) >= acting_share * largest)) continue;
-    interval.from = std::min(interval.from, x[i]);
-    interval.to = std::max(interval.to, x[i]);
-  }
-  return interval;
+  std::vector<double> acting;
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    if (std::isfinite(x[i]) && std::abs(change[i]) >= acting_share * largest) acting.push_back(x[i]);
+  if (acting.empty()) return std::nullopt;
+  if (circular) return on_circle(std::move(acting));
+  const auto [low, high] = std::minmax_element(acting.begin(), acting.end());
+  return Interval{*low, *high};
 }
 
 std::optional<Interval> interval_of(const std::vector<BinnedResidual>& bins) {
@@ -101,7 +115,8 @@ void place_by_change(const Rows& rows, const CellGeometry& geometry, const Eigen
   }
   const std::optional<Eigen::VectorXd> x = covariate_values(rows, geometry, finding.covariate);
   if (!x) return;
-  if (const std::optional<Interval> interval = interval_of(*x, change)) {
+  const bool circular = finding.covariate == "sensor_bearing" || finding.covariate == "heading";
+  if (const std::optional<Interval> interval = interval_of(*x, change, circular)) {
     finding.from = interval->from;
     finding.to = interval->to;
   }

@@ -14,8 +14,10 @@ struct Interval {
 };
 
 /// Where a change acts: the shortest interval of x that holds all readings that it changes by half of its largest change
-/// or more. None where it changes none, or x is missing in all that it changes. Cost: linear in the readings.
-std::optional<Interval> interval_of(const Eigen::VectorXd& x, const Eigen::VectorXd& change);
+/// or more. None where it changes none, or x is missing in all that it changes. `circular`: x are angles [rad], and from > to
+/// where the interval holds pi. Cost: that of sorting the readings.
+std::optional<Interval> interval_of(const Eigen::VectorXd& x, const Eigen::VectorXd& change,
+                                    bool circular = false);
 
 /// The same of binned residuals, where no model of the change is known: the bins whose mean is half of the largest or
 /// more, and two standard errors or more where any is. Bins meet half-way between their centres.

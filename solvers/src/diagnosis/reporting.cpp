@@ -82,7 +82,10 @@ class Reporting {
     settle_what_is_open();
     write();
     const std::string against = options_.force ? std::string() : withdraw_names(rows_, found_, result_);
-    if (!against.empty()) write();
+    if (!against.empty()) {
+      settle_what_is_open();  // of the model that is delivered now
+      write();
+    }
     add_residual_bins(rows_, found_, completed_, result_);
     place_by_residuals(rows_, result_.location);
     say("looking for what could be hidden", 0.9);
@@ -143,7 +146,7 @@ class Reporting {
     result_.sentence = verdict_sentence(result_);
     if (open_ && !unobservable())
       result_.sentence += fmt::format(" The calibration itself is not determined: {}.", open_->what);
-    if (!against.empty()) result_.sentence += " " + against;
+    if (!against.empty() && !unobservable()) result_.sentence += " " + against;
     constexpr std::string_view found_by_search = "Explained by ";
     if (options_.force && result_.sentence.starts_with(found_by_search))
       result_.sentence = fmt::format("Fitted as asked: {} The seed model's residuals have p = {:.2g}.",

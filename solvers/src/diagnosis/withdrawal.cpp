@@ -30,7 +30,8 @@ bool speaks_against(const HeldOutChange& change) {
 
 std::string withdraw_names(const Rows& rows, SearchResult& found, Diagnosis& result) {
   const bool named = found.verdict == Verdict::explained || found.partial;
-  if (!named || result.explanations.empty()) return {};
+  // The density held out is that of all that was found: beside bookkeeping it does not judge the name alone.
+  if (!named || result.explanations.empty() || !found.known.model.empty()) return {};
   std::vector<std::string> searched;
   for (const ActiveEffect& active : found.best.fit.model)
     if (!is_bookkeeping(active.effect->info().kind)) searched.push_back(active.effect->info().id);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <tuple>
@@ -13,6 +14,7 @@
 
 #include "diagnosis/findings.hpp"
 #include "diagnosis/places.hpp"
+#include "rangecal/core/angles.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/physical/designs.hpp"
 #include "rangecal/problems/world/physical/plants.hpp"
@@ -36,6 +38,23 @@ TEST(Places, AnIntervalHoldsAllThatIsHalfAsLargeAsTheLargest) {
   EXPECT_DOUBLE_EQ(interval->from, 3.0);
   EXPECT_DOUBLE_EQ(interval->to, 7.0);
   EXPECT_FALSE(interval_of(x, Eigen::VectorXd::Zero(12)));
+}
+
+TEST(Places, AlongAnglesMayHoldTheSeam) {
+  // A bump of half a radian about 180 degrees, over bearings all around.
+  constexpr int count = 126;
+  Eigen::VectorXd x(count), change(count);
+  for (int i = 0; i < count; ++i) {
+    x[i] = -std::numbers::pi + (i + 0.5) * 2.0 * std::numbers::pi / count;
+    change[i] = std::max(0.0, 1.0 - std::abs(wrap_angle(x[i] - std::numbers::pi)));
+  }
+  const auto interval = interval_of(x, change, true);
+  ASSERT_TRUE(interval);
+  EXPECT_NEAR(interval->from, std::numbers::pi - 0.5, 0.05);
+  EXPECT_NEAR(interval->to, -std::numbers::pi + 0.5, 0.05);
+  const auto everywhere = interval_of(x, Eigen::VectorXd::Ones(count), true);
+  ASSERT_TRUE(everywhere);
+  EXPECT_LT(everywhere->from, everywhere->to);
 }
 
 TEST(Places, OfBinsCountThoseThatAreLargeAndClear) {
@@ -161,6 +180,32 @@ TEST(Location, OfWhatHasNoNameItIsTheIntervalOfItsCurve) {
   }
   EXPECT_EQ(of_name, 1);
   EXPECT_EQ(of_bump, 1);
+}
+
+TEST(Location, OfOneLandmarkItIsThatLandmark) {
+  // Three landmarks, the second read four times as wildly: the noise that all share makes the others too quiet by as much.
+  Recording recording;
+  recording.kind = RecordingKind::landmarks;
+  recording.path = "made";
+  testing::add_landmarks(recording, 3);
+  Random random(seed_from("Location.OfOneLandmark"));
+  const std::vector<Eigen::Vector2d> places{{1.5, 1.0}, {2.5, -1.0}, {0.5, -2.0}};
+  for (int k = 0; k < 20; ++k) {
+    const Pose2 commanded{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), random.uniform(-3.0, 3.0)};
+    testing::add_stop(recording, commanded, 0.01);
+    const Eigen::Vector2d at(random.normal(commanded.x_m, 0.01), random.normal(commanded.y_m, 0.01));
+    for (int l = 0; l < 3; ++l) {
+      const Eigen::Vector2d way = places[static_cast<std::size_t>(l)] - at;
+      const double bearing = wrap_angle(std::atan2(way.y(), way.x()) - commanded.heading_rad), f = way.norm();
+      for (int i = 0; i < (l == 1 ? 16 : 8); ++i)
+        testing::add_reading(recording, k, l, i, random.normal(f, (l == 1 ? 0.02 : 0.005) * f * f),
+                             wrap_angle(bearing + random.normal(0.0, 0.0087)));
+    }
+  }
+  const Diagnosis found = testing::verdict_of(recording);
+  ASSERT_EQ(found.final_effects, std::vector<std::string>{"dark_target"}) << found.sentence;
+  ASSERT_FALSE(found.location.empty());
+  EXPECT_EQ(found.location[0].group, recording.landmarks[1].label);
 }
 
 TEST(Location, AnAlarmOfOneEffectAloneHasAPlace) {

@@ -253,6 +253,21 @@ TEST(PairsNext, WhatSettlesAnEffectIsSaidOfTargetsAtKnownDistances) {
             find_effect("warmup_drift")->info().settled_by);
 }
 
+TEST(PairsNext, SensorsThatReadLessFartherAwayAreAskedToo) {
+  // y = 6 m - d, as of a sensor that counts down; without times the new run stands alone.
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.path = "falling";
+  Random random(seed_from("PairsNext.Falling"));
+  for (int i = 0; i < 120; ++i) {
+    const double d = 0.5 + 0.25 * (i % 12);
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(random.normal(6.0 - d, 0.005));
+  }
+  const Diagnosis found = diagnose(std::span(&recording, 1));
+  EXPECT_TRUE(std::isfinite(found.after.nll));
+}
+
 TEST(PairsNext, AnExtendedDesignKeepsWhatIsThere) {
   const Recording recording = rising(nullptr, false);
   const Rows rows = make_rows({&recording, 1});

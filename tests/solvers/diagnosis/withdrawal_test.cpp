@@ -77,6 +77,9 @@ TEST(Withdrawal, LeavesWhatPredictsAndWhatWasReadOffTheValues) {
   labels.found.best = candidate_of("label_swap");
   EXPECT_EQ(withdraw_names(Rows{}, labels.found, labels.result), "");
   EXPECT_EQ(labels.found.verdict, Verdict::explained);
+  Named beside(160.0, 60.0);  // beside what bookkeeping found the density is not the name's alone
+  beside.found.known.model = candidate_of("quantisation").fit.model;
+  EXPECT_EQ(withdraw_names(Rows{}, beside.found, beside.result), "");
 }
 
 TEST(HeldOut, EveryExplanationHasADensityAndItsStandardError) {
