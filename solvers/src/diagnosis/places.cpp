@@ -40,11 +40,13 @@ std::string landmarks_changed(const Rows& rows, const Eigen::VectorXd& change) {
 
 }  // namespace
 
-/// Without the largest gap between them, of angles in (-pi, pi]: from > to where the place holds pi.
+/// Without the largest gap between them, of angles in (-pi, pi]: from > to where the place holds pi. All around, where no gap
+/// is clearly larger than that at pi.
 Interval on_circle(std::vector<double> angles) {
+  constexpr double clearly = 1.2;
   std::sort(angles.begin(), angles.end());
   Interval interval{angles.front(), angles.back()};
-  double gap = 2.0 * std::numbers::pi - (angles.back() - angles.front());
+  double gap = clearly * (2.0 * std::numbers::pi - (angles.back() - angles.front()));
   for (std::size_t i = 1; i < angles.size(); ++i)
     if (angles[i] - angles[i - 1] > gap) {
       gap = angles[i] - angles[i - 1];
