@@ -94,12 +94,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         held.ok = std::isfinite(held.nll);
       },
       jobs_at_once(rows.size()));
-  HeldOut all;
-  for (const HeldOut& held : of_fold) {
-    all.nll += held.nll;
-    all.parts.insert(all.parts.end(), held.parts.begin(), held.parts.end());
-    all.ok = all.ok && held.ok;
-  }
+  HeldOut all = sum_of(of_fold);
   all.ok = all.ok && std::any_of(folds.begin(), folds.end(), [](int f) { return f >= 0; });
   return all;
 }

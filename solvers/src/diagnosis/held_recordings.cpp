@@ -186,12 +186,7 @@ HeldOut predict_recordings(const Rows& rows, BlockKind kind, const Fit& full, co
         }
       },
       jobs_at_once(rows.size()));
-  HeldOut all;
-  for (const HeldOut& held : of_recording) {
-    all.nll += held.nll;
-    all.parts.insert(all.parts.end(), held.parts.begin(), held.parts.end());
-    all.ok = all.ok && held.ok;
-  }
+  HeldOut all = sum_of(of_recording);
   const bool known =
       std::all_of(all.parts.begin(), all.parts.end(), [](double v) { return std::isfinite(v); });
   if (!known) all.parts.clear();  // then no standard error

@@ -54,23 +54,7 @@ struct Trace {
 Trace trace_of(const Rows& rows, const Projector& projector, const Model& effects, const JointState& fitted) {
   const RowChanges changes = row_changes(rows, cell_geometry(rows, fitted), effects);
   Signature x = projector.of_rows(changes.range, changes.bearing);
-  const std::vector<StopPrior>& before = rows.problem.stops;
-  std::vector<StopPrior> after = before;
-  for (const ActiveEffect& active : effects)
-    if (active.effect->acts_on_stops()) active.effect->stops(rows.context, active.parameters.data(), after);
-  std::vector<Eigen::Vector3d> moved(before.size());
-  bool moves = false;
-  for (std::size_t k = 0; k < before.size(); ++k) {
-    moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m,
-                after[k].commanded.y_m - before[k].commanded.y_m,
-                after[k].commanded.heading_rad - before[k].commanded.heading_rad};
-    moves = moves || moved[k].squaredNorm() > 0.0;
-  }
-  if (moves) {
-    const Signature stops = projector.of_stops(moved);
-    x.range += stops.range;
-    x.bearing += stops.bearing;
-  }
+  add_stop_changes(rows, projector, effects, x);
   const Eigen::VectorXd projected = projector.project(x);
   const double information = projector.inner(x, projected, x);
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
@@ -90,7 +74,7 @@ Trace trace_of(const Rows& rows, const Projector& projector, const Model& effect
   return trace;
 }
 
-/// The change of one channel's rows under effects: means as `trace` has them, log variances about their mean.
+/// The change of one channel's rows under effects: means as `trace` has them, log variances about their median.
 Eigen::VectorXd change_of(const Rows& rows, const std::string& channel, const Model& effects,
                           const JointState& fitted, const Trace& trace) {
   if (!channel.ends_with("_noise")) return channel == "bearing" ? trace.bearing : trace.range;

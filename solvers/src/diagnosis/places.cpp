@@ -38,8 +38,6 @@ std::string landmarks_changed(const Rows& rows, const Eigen::VectorXd& change) {
   return text;
 }
 
-}  // namespace
-
 /// Without the largest gap between them, of angles in (-pi, pi]: from > to where the place holds pi. All around, where no gap
 /// is clearly larger than that at pi.
 Interval on_circle(std::vector<double> angles) {
@@ -54,6 +52,8 @@ Interval on_circle(std::vector<double> angles) {
     }
   return interval;
 }
+
+}  // namespace
 
 std::optional<Interval> interval_of(const Eigen::VectorXd& x, const Eigen::VectorXd& change, bool circular) {
   double largest = 0.0;

@@ -106,24 +106,7 @@ Space::Changes Space::changes(const Model& model) const {
     result.range_variance = std::move(range_rows);
     result.bearing_variance = std::move(bearing_rows);
   }
-  const std::vector<StopPrior>& before = rows_.problem.stops;
-  std::vector<StopPrior> after = before;
-  bool moves = false;
-  for (const ActiveEffect& active : model)
-    if (active.effect->acts_on_stops()) {
-      active.effect->stops(rows_.context, active.parameters.data(), after);
-      moves = true;
-    }
-  if (moves) {
-    std::vector<Eigen::Vector3d> moved(before.size());
-    for (std::size_t k = 0; k < before.size(); ++k)
-      moved[k] = {after[k].commanded.x_m - before[k].commanded.x_m,
-                  after[k].commanded.y_m - before[k].commanded.y_m,
-                  after[k].commanded.heading_rad - before[k].commanded.heading_rad};
-    const Signature stops = projector_.of_stops(moved);
-    result.mean.range += stops.range;
-    result.mean.bearing += stops.bearing;
-  }
+  add_stop_changes(rows_, projector_, model, result.mean);
   return result;
 }
 

@@ -32,6 +32,16 @@ void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointSta
 
 }  // namespace
 
+HeldOut sum_of(const std::vector<HeldOut>& parts) {
+  HeldOut all;
+  for (const HeldOut& held : parts) {
+    all.nll += held.nll;
+    all.parts.insert(all.parts.end(), held.parts.begin(), held.parts.end());
+    all.ok = all.ok && held.ok;
+  }
+  return all;
+}
+
 Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options, int iterations) {
   const bool numeric = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
     return p.acts == FreeParameter::Acts::numeric;

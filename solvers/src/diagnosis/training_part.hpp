@@ -14,6 +14,9 @@ struct HeldOut {
   bool ok = true;             ///< false: a training part could not be fitted, or predicts nothing
 };
 
+/// The parts together.
+HeldOut sum_of(const std::vector<HeldOut>& parts);
+
 /// The model fitted on a training part, from the fit to all readings (its stops and landmarks those of `rest`).
 /// Parameters of means and variances move by `iterations` steps at most; dependence and tails, which have no
 /// score, by one parabola through three values of l_s each.

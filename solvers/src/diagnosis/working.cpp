@@ -10,6 +10,21 @@
 namespace rangecal::diagnosis {
 namespace {
 
+/// How the commanded poses of `to` differ from those of `from`.
+std::vector<Eigen::Vector3d> moves_between(const std::vector<StopPrior>& from, const std::vector<StopPrior>& to) {
+  std::vector<Eigen::Vector3d> moves(from.size());
+  for (std::size_t k = 0; k < from.size(); ++k)
+    moves[k] = {to[k].commanded.x_m - from[k].commanded.x_m, to[k].commanded.y_m - from[k].commanded.y_m,
+                to[k].commanded.heading_rad - from[k].commanded.heading_rad};
+  return moves;
+}
+
+void add(const Signature& part, Signature& x) {
+  x.range += part.range;
+  x.bearing += part.bearing;
+  x.drift += part.drift;
+}
+
 /// Weights of a contaminated normal at residual z, and what its NLL differs by from the weighted one: a share
 /// has variance 1 + extra^2 in units of the spread.
 double contaminated_weights(double share, double extra, double z, double& multiplier) {
@@ -225,18 +240,22 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     std::vector<StopPrior> low = high;
     active.effect->stops(rows.context, up.parameters.data(), high);
     active.effect->stops(rows.context, down.parameters.data(), low);
-    std::vector<Eigen::Vector3d> moved(high.size());
-    for (std::size_t k = 0; k < high.size(); ++k)
-      moved[k] = Eigen::Vector3d(high[k].commanded.x_m - low[k].commanded.x_m,
-                                 high[k].commanded.y_m - low[k].commanded.y_m,
-                                 high[k].commanded.heading_rad - low[k].commanded.heading_rad) /
-                 (2.0 * step);
-    const Signature stops = projector.of_stops(moved);
-    x.range += stops.range;
-    x.bearing += stops.bearing;
-    x.drift += stops.drift;
+    std::vector<Eigen::Vector3d> slopes = moves_between(low, high);
+    for (Eigen::Vector3d& slope : slopes) slope /= 2.0 * step;
+    add(projector.of_stops(slopes), x);
   }
   return x;
+}
+
+void add_stop_changes(const Rows& rows, const Projector& projector, const Model& model, Signature& x) {
+  std::vector<StopPrior> after = rows.problem.stops;
+  bool moves = false;
+  for (const ActiveEffect& active : model)
+    if (active.effect->acts_on_stops()) {
+      active.effect->stops(rows.context, active.parameters.data(), after);
+      moves = true;
+    }
+  if (moves) add(projector.of_stops(moves_between(rows.problem.stops, after)), x);
 }
 
 void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,

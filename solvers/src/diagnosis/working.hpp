@@ -50,6 +50,9 @@ Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, c
 Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,
                            int index);
 
+/// Adds to `x` how the model moves the commanded stops.
+void add_stop_changes(const Rows& rows, const Projector& projector, const Model& model, Signature& x);
+
 /// Derivative of the log variances of the rows (range, bearing) with respect to it; zero if it has none.
 void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,
                         Eigen::VectorXd& range, Eigen::VectorXd& bearing);

@@ -34,6 +34,18 @@ double scaled_squares(const PairsProblem& cells, const VectorXd& alpha, NoiseLaw
   return sum;
 }
 
+/// sum c d^-8 s^2 phi phi^T, k x k: what readings of spread s put into the normal equations of weights d^-4.
+MatrixXd spread_of_weighted(const PairsProblem& cells, const Noise& noise, const VectorXd& alpha) {
+  const Eigen::Index k = alpha.size();
+  MatrixXd J = MatrixXd::Zero(k, k);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const double d = cells.true_m[i], s = noise.spread(d, evaluate_polynomial(alpha, d));
+    const VectorXd phi = powers_of(d, k);
+    J += cells.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
+  }
+  return J;
+}
+
 /// Standard deviation of the moment estimate x = sigma^2 over x, of residuals about a curve that was fitted with weights d^-4
 /// while the spread is s: residual_spread (closed_form/residual_spread.hpp) of independent readings, whose traces are those of
 /// k x k matrices. With A = sum w d^-4 phi phi^T, J = sum w d^-8 s^2 phi phi^T, K = sum w s^-2 phi phi^T, P = A^-1 J A^-1 K and N
@@ -42,11 +54,11 @@ double scaled_squares(const PairsProblem& cells, const VectorXd& alpha, NoiseLaw
 double relative_spread(const PairsProblem& cells, const Noise& noise, const VectorXd& alpha,
                        const MatrixXd& cofactor, double readings) {
   const Eigen::Index k = alpha.size();
-  MatrixXd J = MatrixXd::Zero(k, k), K = J;
+  const MatrixXd J = spread_of_weighted(cells, noise, alpha);
+  MatrixXd K = MatrixXd::Zero(k, k);
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const double d = cells.true_m[i], s = noise.spread(d, evaluate_polynomial(alpha, d));
     const VectorXd phi = powers_of(d, k);
-    J += cells.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
     K += cells.count[i] / (s * s) * phi * phi.transpose();
   }
   const MatrixXd P = cofactor * J * cofactor * K;
@@ -110,13 +122,7 @@ Calibration RecursiveCalibrator::approximate() const {
   // (sum w d^-4 phi phi^T)^-1 sum w^2 d^-8 s^2 phi phi^T (the same)^-1, s by the law estimated; of d^2 with the
   // residuals' degrees of freedom, as the batch has it
   const double unbiased = law == NoiseLaw::d_squared ? W / dof : 1.0;
-  const PairsProblem squared = moments_.cells(factor, true);
-  MatrixXd inner = MatrixXd::Zero(p, p);
-  for (std::size_t i = 0; i < squared.size(); ++i) {
-    const double d = squared.true_m[i], s = result.noise.spread(d, evaluate_polynomial(result.alpha, d));
-    const VectorXd phi = powers_of(d, p);
-    inner += squared.count[i] * s * s * std::pow(d, -8) * phi * phi.transpose();
-  }
+  const MatrixXd inner = spread_of_weighted(moments_.cells(factor, true), result.noise, result.alpha);
   result.alpha_covariance = unbiased * cofactor * inner * cofactor;
   result.outcome = Outcome::converged;
   return result;
