@@ -85,7 +85,11 @@ INSTANTIATE_TEST_SUITE_P(
                       World{202611222004, "pair", 201, "turning", "wheel_slip+path_curvature",
                             Answer::right_name, "errors of the stops"},
                       World{911, "pair", 20, "line", "range_eccentricity+sweep_motion", Answer::right_name,
-                            "nothing in the catalogue: neither was among the three best single names"}));
+                            "nothing in the catalogue: neither was among the three best single names"},
+                      World{77002, "pair", 296, "line", "cyclic_error+warmup_drift", Answer::right_name,
+                            "nothing: 99 nats beyond any curve, but a curve found a trace, p 0.0008"},
+                      World{77002, "pair", 38, "line", "warmup_drift+pixel_locking", Answer::right_name,
+                            "nothing: 89 nats beyond any curve, but cells hung together, p 0.001"}));
 
 }  // namespace
 }  // namespace rangecal::proof

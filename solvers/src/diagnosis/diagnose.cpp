@@ -121,7 +121,10 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
     SearchResult robust = search(rows, with_tails, options);
-    const bool better = robust.partial && (!found.partial || robust.best.evidence > found.best.evidence);
+    const bool tails_alone =
+        found.partial && found.best.fit.model.back().effect->info().kind == EffectKind::tail;
+    const bool better =
+        robust.partial && (!found.partial || tails_alone || robust.best.evidence > found.best.evidence);
     if (robust.verdict == Verdict::explained || better) found = std::move(robust);
   }
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {

@@ -18,6 +18,9 @@ constexpr double partial_margin = 15.0;  ///< nats that a name for one channel o
 /// Of what is left without a name: a name that explains less may be its shadow.
 constexpr double shadow_share = 0.5;
 
+/// Nats of tails that are named though something is left, and how many times as much as a free curve they have to explain.
+constexpr double outlier_margin = 50.0, clear_of_curves = 3.0;
+
 /// Questions about one channel, its noise, dependence and tails included.
 bool is_of_channel(const Question& q, const std::string& channel) { return q.channel.rfind(channel, 0) == 0; }
 
@@ -39,11 +42,29 @@ bool may_be_a_shadow(const Candidate& name, const Battery& battery) {
   });
 }
 
+/// True if a wider law for a share of the readings explains several times what any free curve does, of means or of spreads:
+/// outliers beyond doubt, which both would be led astray by.
+bool are_outliers(const Candidate& name, const Battery& root) {
+  return name.fit.model.back().effect->info().kind == EffectKind::tail && name.evidence > outlier_margin &&
+         std::none_of(root.questions.begin(), root.questions.end(), [&](const Question& q) {
+           return !q.effect && !q.channel.ends_with("_tail") &&
+                  clear_of_curves * (q.gain - q.dof) > name.evidence;
+         });
+}
+
 }  // namespace
 
 void find_partial(const Rows& rows, const DiagnoseOptions& options, const Battery& root,
                   const std::vector<Candidate>& singles, std::vector<std::unique_ptr<Battery>>& batteries,
                   SearchResult& result) {
+  const auto answer_in_part = [&](std::size_t i) {
+    result.partial = true;
+    result.best = singles[i];
+    result.last = std::move(batteries[i]);
+    result.left = findings(rows, *result.last, options.alarm_rate);
+    add_rivals(rows, options, singles, result);
+  };
+  if (!batteries.empty() && are_outliers(singles[0], root)) return answer_in_part(0);
   std::set<std::string> asked;
   for (std::size_t i = 0; i < batteries.size(); ++i) {
     const EffectInfo& info = singles[i].fit.model.back().effect->info();
@@ -65,11 +86,7 @@ void find_partial(const Rows& rows, const DiagnoseOptions& options, const Batter
         may_be_a_shadow(singles[i], *batteries[i]) ||
         !(complete || dominates(singles[i], *batteries[i], info.channel, curve)))
       continue;
-    result.partial = true;
-    result.best = singles[i];
-    result.last = std::move(batteries[i]);
-    result.left = findings(rows, *result.last, options.alarm_rate);
-    add_rivals(rows, options, singles, result);
+    answer_in_part(i);
     return;
   }
 }

@@ -22,6 +22,8 @@ namespace {
 constexpr double adequacy_rate = 0.003;
 /// Corrected p below which what a first name left is no trace.
 constexpr double trace_rate = 3e-4;
+/// Nats over the best free curve of two names that may leave a trace, too.
+constexpr double beyond_a_trace = 50.0;
 /// Errors of the stops take up what two causes do: beside a cause that explains this share of what they
 /// explain, two names are tried, and given where they gain so much more [nats].
 constexpr double soaking_share = 0.4, soaked_margin = 10.0;
@@ -99,6 +101,7 @@ class SearchSteps {
   bool one_name_answers();
   bool two_names_answer();
   bool one_of_pairs_answers(const std::vector<Candidate>& pairs);
+  bool pair_with_a_trace_answers(const std::vector<Candidate>& pairs);
 
   bool is_clean(const Candidate& candidate, std::unique_ptr<Battery>& battery) const;
   bool leaves_a_trace(const Candidate& named, const Battery& battery) const;
@@ -267,9 +270,10 @@ bool SearchSteps::two_names_answer() {
     return true;
   }
   if (!combinations.found_beyond_doubt()) return false;
-  // It leaves something: it is not the right two.
+  // It leaves something: it may not be the right two.
   combinations.extend_from_others(proposals_, Combinations::Until::end);
-  return one_of_pairs_answers(pairs);
+  return one_of_pairs_answers(pairs) ||
+         (combinations.found_beyond_doubt() && pair_with_a_trace_answers(pairs));
 }
 
 /// Among the best three: one beyond a free curve that leaves nothing.
@@ -289,6 +293,22 @@ bool SearchSteps::one_of_pairs_answers(const std::vector<Candidate>& pairs) {
     return true;
   }
   return false;
+}
+
+/// The best two, beyond doubt by their scores too, where what they leave is a trace of their formulas' approximation.
+bool SearchSteps::pair_with_a_trace_answers(const std::vector<Candidate>& pairs) {
+  const Candidate& best = pairs.front();
+  if (!(std::min(best.evidence, best.foreseen) > free_curve_gain_ + beyond_a_trace)) return false;
+  auto battery = std::make_unique<Battery>(rows_, best.fit.model, best.fit.state, result_.rates);
+  const bool faint =
+      std::all_of(battery->questions.begin(), battery->questions.end(),
+                  [&](const Question& q) { return q.gain - q.dof < trace_share * best.evidence; });
+  if (!faint || !leaves_a_trace(best, *battery)) return false;
+  result_.verdict = Verdict::explained;
+  result_.best = best;
+  result_.last = std::move(battery);
+  add_rivals(rows_, options_, pairs, result_);
+  return true;
 }
 
 }  // namespace

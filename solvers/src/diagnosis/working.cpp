@@ -11,7 +11,8 @@ namespace rangecal::diagnosis {
 namespace {
 
 /// How the commanded poses of `to` differ from those of `from`.
-std::vector<Eigen::Vector3d> moves_between(const std::vector<StopPrior>& from, const std::vector<StopPrior>& to) {
+std::vector<Eigen::Vector3d> moves_between(const std::vector<StopPrior>& from,
+                                           const std::vector<StopPrior>& to) {
   std::vector<Eigen::Vector3d> moves(from.size());
   for (std::size_t k = 0; k < from.size(); ++k)
     moves[k] = {to[k].commanded.x_m - from[k].commanded.x_m, to[k].commanded.y_m - from[k].commanded.y_m,
