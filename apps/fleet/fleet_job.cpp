@@ -45,7 +45,7 @@ class Fleet {
         " range_min_m REAL, range_max_m REAL, " +
         columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_std REAL, nll REAL, shape_p REAL, shape_m REAL, tail_p REAL, kurtosis REAL, dependence_p REAL,"
-        " correlation REAL, theta BLOB, information BLOB, stamp INTEGER, contents INTEGER) WITHOUT ROWID;"
+        " correlation REAL, theta BLOB, information BLOB, stamp INTEGER, contents INTEGER, notes TEXT) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " +
         columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_relative_std REAL, distance_sq REAL, p_value REAL) WITHOUT ROWID;"
@@ -140,7 +140,7 @@ class Fleet {
     const int n = job_.order;
     if (!insert_) {
       std::string marks = "?";
-      for (int i = 1; i < 21 + 2 * (n + 1); ++i) marks += ", ?";
+      for (int i = 1; i < 22 + 2 * (n + 1); ++i) marks += ", ?";
       insert_.reset(new Statement(database_.prepare("INSERT INTO units VALUES(" + marks + ")")));
     }
     const Calibration& c = unit.calibration;
@@ -177,6 +177,7 @@ class Fleet {
     put(unit.summary ? VectorXd(unit.summary->information.reshaped()) : VectorXd());
     put(unit.fingerprint.stamp);
     put(unit.fingerprint.contents);
+    put(unit.notes);
     insert_->run();
   }
 

@@ -54,6 +54,7 @@ void identify_inputs(Database& database) {
   add_column(database, "inputs", "identity", "TEXT");
   add_column(database, "units", "stamp", "INTEGER");
   add_column(database, "units", "contents", "INTEGER");
+  add_column(database, "units", "notes", "TEXT");
   database.execute("CREATE INDEX IF NOT EXISTS identities ON inputs(identity)");
   std::vector<std::pair<std::string, std::string>> found;
   {
@@ -130,10 +131,11 @@ void merge_fleet(Database& database, const std::string& file) {
   if (database.count("SELECT count(*) FROM other.meta a JOIN main.meta b USING(key)"
                      " WHERE key IN ('format', 'order', 'law') AND a.value = b.value") != 3)
     throw InputError(file, 0, "", "was made with another order or noise law");
-  const bool early = !has_column(database, "other", "units", "contents");
+  const bool early = !has_column(database, "other", "units", "contents"),
+             noted = has_column(database, "other", "units", "notes");
   database.execute(fmt::format(
       "BEGIN;"
-      "CREATE TEMP VIEW theirs AS SELECT *{} FROM other.units;"
+      "CREATE TEMP VIEW theirs AS SELECT *{}{} FROM other.units;"
       "CREATE TEMP VIEW places AS SELECT name, {} AS identity FROM other.inputs;"
       "INSERT OR IGNORE INTO main.inputs(name, identity) SELECT name, identity FROM places"
       " WHERE identity IS NULL OR identity NOT IN (SELECT identity FROM main.inputs WHERE identity IS NOT NULL);"
@@ -146,7 +148,7 @@ void merge_fleet(Database& database, const std::string& file) {
       " WHERE places.name = units.name) WHERE name NOT IN (SELECT name FROM main.inputs);"
       "DELETE FROM main.units WHERE name NOT IN (SELECT name FROM main.inputs);"
       "DROP VIEW theirs; DROP VIEW places; COMMIT; DETACH other",
-      early ? ", NULL AS stamp, NULL AS contents" : "",
+      early ? ", NULL AS stamp, NULL AS contents" : "", noted ? "" : ", NULL AS notes",
       has_column(database, "other", "inputs", "identity") ? "identity" : "NULL",
       same_fits(database, "other")
           ? ""

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "fleet/units.hpp"
 
+#include <fmt/format.h>
+
 #include <new>
 
 #include "rangecal/core/csv_rows.hpp"
@@ -18,6 +20,7 @@ namespace {
 void read_and_fit(Unit& unit, const std::string& place, const FleetJob& job) {
   unit.fingerprint = {stamp_of(place), contents_of(place)};  // before the reading: a change meanwhile is one
   const Recording recording = load_recording(place);
+  unit.notes = fmt::format("{}", fmt::join(recording.notes, "\n"));
   if (recording.kind == RecordingKind::pairs) {
     PairsOptions options;
     options.order = job.order;
@@ -66,7 +69,7 @@ Unit fit_unit(const std::string& name, const std::string& place, const FleetJob&
 
 void write_csv(Database& database, const std::string& path) {
   Statement rows = database.prepare(
-      "SELECT u.name, u.kind, u.outcome, u.reason, u.readings, u.used, p.* FROM units u LEFT JOIN posteriors p USING(name) ORDER BY u.name");
+      "SELECT u.name, u.kind, u.outcome, u.reason, u.readings, u.used, p.*, u.notes FROM units u LEFT JOIN posteriors p USING(name) ORDER BY u.name");
   std::string text;
   for (int c = 0; c < rows.columns(); ++c)
     if (c != 6) text += (c ? "," : "") + rows.name(c);

@@ -19,6 +19,7 @@ struct Unit {
   UnitMisfit misfit;
   std::optional<UnitSummary> summary;
   Fingerprint fingerprint;
+  std::string notes;  ///< of the reader: what it left out or could not ask, one by line
 };
 
 /// Below so many the likelihood of a unit is not taken for a normal one.

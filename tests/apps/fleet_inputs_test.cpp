@@ -52,6 +52,26 @@ TEST(FleetInputs, ChangedRecordingsAreFittedAnew) {
   EXPECT_THAT(run_fleet_of(fleet, db).out, HasSubstr("10 were there already\n"));
 }
 
+TEST(FleetInputs, WhatAReaderHasToSayStandsWithItsUnit) {
+  const TemporaryFolder folder;
+  write_fleet(folder, 10, 60);
+  const std::string fleet = folder.file("fleet"), db = folder.file("a.db"), csv = folder.file("a.csv");
+  std::string text = slurp(folder.file("fleet/u004/pairs.csv")), noted;
+  for (std::size_t row = 0, at = 0; at < text.size(); ++row) {
+    const std::size_t end = text.find('\n', at);
+    noted += text.substr(at, end - at) + (row == 0 ? ",weather" : row % 2 ? ",rain" : ",sun") + "\n";
+    at = end + 1;
+  }
+  folder.write("fleet/u004/pairs.csv", noted);
+  ASSERT_EQ(run_fleet_of(fleet, db, csv).code, 0);
+  EXPECT_EQ(app::Database(db).count("SELECT count(*) FROM units WHERE notes LIKE '%weather%'"), 1);
+  EXPECT_EQ(app::Database(db).count(
+                "SELECT count(*) FROM units WHERE name LIKE '%u004' AND notes LIKE '%weather%'"),
+            1);
+  EXPECT_THAT(slurp(csv), HasSubstr("weather"));
+  EXPECT_THAT(slurp(csv).substr(0, slurp(csv).find('\n')), ::testing::EndsWith(",notes"));
+}
+
 TEST(FleetInputs, AUnitThatIsGoneKeepsItsRow) {
   const TemporaryFolder folder;
   write_fleet(folder, 10, 60);
@@ -103,7 +123,8 @@ TEST(FleetInputs, FilesOfEarlierVersionsGoOn) {
   for (const std::string& file : {db, shard})
     app::Database(file).execute(
         "DROP INDEX identities; ALTER TABLE inputs DROP COLUMN identity;"
-        "ALTER TABLE units DROP COLUMN stamp; ALTER TABLE units DROP COLUMN contents");
+        "ALTER TABLE units DROP COLUMN stamp; ALTER TABLE units DROP COLUMN contents;"
+        "ALTER TABLE units DROP COLUMN notes");
   // what their files were is not known: they are fitted anew, once
   const RunResult once = run_fleet_of(fleet, db, folder.file("b.csv"));
   EXPECT_THAT(once.out, HasSubstr("0 were there already, 10 fitted anew (by another version before)\n"))
