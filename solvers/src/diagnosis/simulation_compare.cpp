@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/simulation_compare.hpp"
 
-#include <fmt/core.h>
-
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
 #include <set>
-#include <tuple>
 
-#include "diagnosis/location.hpp"
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/report.hpp"
-#include "rangecal/core/angles.hpp"
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 
@@ -28,193 +22,6 @@ std::set<std::string> labels_of(const Items& items) {
   for (const auto& item : items) labels.insert(item.label);
   return labels;
 }
-
-/// Geometry of (stop, landmark) under a fit, by labels of one recording.
-struct Predicted {
-  double f = 0.0, bearing = 0.0;
-};
-
-/// Rank of every reading within its (stop, landmark).
-std::vector<int> ranks(const Readings& r) {
-  std::map<std::pair<int, int>, int> seen;
-  std::vector<int> rank;
-  for (std::size_t i = 0; i < r.size(); ++i) rank.push_back(seen[{r.stop[i], r.landmark[i]}]++);
-  return rank;
-}
-
-bool near(const Recording& recording, const Stop& a, const Stop& b) {
-  const double sigma = std::max({0.01, 3.0 * sigma_xy_of(recording, a)});
-  const double turn = std::max(0.01, 3.0 * sigma_heading_of(recording, a));
-  return std::hypot(a.commanded.x_m - b.commanded.x_m, a.commanded.y_m - b.commanded.y_m) < sigma &&
-         std::abs(wrap_angle(a.commanded.heading_rad - b.commanded.heading_rad)) < turn;
-}
-
-}  // namespace
-
-std::optional<Recording> paired(const Recording& recording, const Recording& simulation,
-                                const Rows& simulation_rows, const JointState& state, int first_stop,
-                                int first_landmark) {
-  if (recording.kind == RecordingKind::pairs) return std::nullopt;
-  std::map<std::string, int> stop_of, landmark_of;
-  for (std::size_t k = 0; k < simulation.stops.size(); ++k)
-    stop_of[simulation.stops[k].label] = static_cast<int>(k);
-  for (std::size_t l = 0; l < simulation.landmarks.size(); ++l)
-    landmark_of[simulation.landmarks[l].label] = static_cast<int>(l);
-  for (const Stop& stop : recording.stops) {
-    const auto other = stop_of.find(stop.label);
-    if (other == stop_of.end() || !near(recording, stop, simulation.stops[other->second]))
-      return std::nullopt;
-  }
-  const CellGeometry geometry = cell_geometry(simulation_rows, state);
-  const Cells& cells = simulation_rows.problem.cells;
-  std::map<std::pair<int, int>, Predicted> predicted;
-  for (int c = 0; c < simulation_rows.cell_count; ++c)
-    predicted[{cells.stop[c] - first_stop, cells.landmark[c] - first_landmark}] = {geometry.f[c],
-                                                                                   geometry.bearing[c]};
-  std::map<std::tuple<int, int, int>, std::size_t> partner;
-  const std::vector<int> simulation_rank = ranks(simulation.readings), rank = ranks(recording.readings);
-  for (std::size_t i = 0; i < simulation.readings.size(); ++i)
-    partner[{simulation.readings.stop[i], simulation.readings.landmark[i], simulation_rank[i]}] = i;
-
-  Recording difference = recording;
-  const double root2 = std::numbers::sqrt2;
-  difference.sigma_xy_m *= root2;
-  difference.sigma_heading_rad *= root2;
-  for (Stop& stop : difference.stops) {
-    stop.commanded = state.stops[first_stop + stop_of[stop.label]];
-    if (stop.sigma_xy_m) *stop.sigma_xy_m *= root2;
-    if (stop.sigma_heading_rad) *stop.sigma_heading_rad *= root2;
-    if (stop.covariance) *stop.covariance *= 2.0;
-  }
-  Readings& r = difference.readings;
-  const Readings &own = recording.readings, &other = simulation.readings;
-  r = Readings{};
-  for (const auto& [name, values] : own.covariates) r.covariates[name] = {};
-  for (std::size_t i = 0; i < own.size(); ++i) {
-    const auto landmark = landmark_of.find(recording.landmarks[own.landmark[i]].label);
-    if (landmark == landmark_of.end()) continue;
-    const int k = stop_of[recording.stops[own.stop[i]].label];
-    const auto match = partner.find({k, landmark->second, rank[i]});
-    if (match == partner.end()) continue;
-    const std::size_t j = match->second;
-    const Predicted& at = predicted.at({k, landmark->second});
-    const double range = own.range_m[i] - other.range_m[j] + at.f;
-    if (!(range > 0.0)) continue;
-    r.stop.push_back(own.stop[i]);
-    r.landmark.push_back(own.landmark[i]);
-    r.repeat.push_back(own.repeat.empty() ? rank[i] : own.repeat[i]);
-    if (!own.time_s.empty()) r.time_s.push_back(own.time_s[i]);
-    if (!own.row.empty()) r.row.push_back(own.row[i]);
-    r.range_m.push_back(range);
-    r.bearing_rad.push_back(wrap_angle(own.bearing_rad[i] - other.bearing_rad[j] + at.bearing));
-    for (const auto& [name, values] : own.covariates) r.covariates[name].push_back(values[i]);
-  }
-  if (r.size() < own.size() / 2) return std::nullopt;
-  return difference;
-}
-
-/// Nats that a further name for the difference of two curves has to earn, p = 3e-4: less may be the first
-/// one's formula.
-constexpr double curve_price = 6.5;
-
-std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& known, const SearchResult& found,
-                                        const DiagnoseOptions& options) {
-  Rows own = rows;
-  own.alpha_prior.reset();
-  DiagnoseOptions alone = options;
-  alone.simulation.reset();
-  alone.progress = nullptr;
-  if (search(own, known, alone).verdict != Verdict::no_mismatch) return {};
-  const std::vector<std::string> curve = {"range_offset", "range_scale", "laser_pointing"};
-  std::vector<std::string> best;
-  double lowest = found.baseline.nll;
-  for (unsigned set = 1; set < 8; ++set) {
-    Model model;
-    std::vector<std::string> ids;
-    for (unsigned j = 0; j < 3; ++j) {
-      if (!(set >> j & 1u)) continue;
-      const Effect* effect = find_effect(curve[j]);
-      if (!effect) continue;
-      ids.push_back(curve[j]);
-      model.push_back({effect, effect->start_grid(rows.context).front()});
-    }
-    const Fit fit = refit(rows, model, found.baseline.state, RefitOptions{});
-    const double value = fit.nll + curve_price * static_cast<double>(ids.size());
-    if (!fit.ok || !(value < lowest)) continue;
-    lowest = value;
-    best = ids;
-  }
-  return best;
-}
-
-namespace {
-
-/// One channel's noise in the recordings and in the simulation.
-struct NoiseLevels {
-  const char *channel, *parameter;
-  Estimate own, held;
-
-  bool known() const { return own.std_dev && own.value > 0.0 && held.value > 0.0; }
-  double log_ratio() const { return std::log(own.value / held.value); }
-  double z() const {
-    const double sigma = std::hypot(*own.std_dev / own.value, held.std_dev.value_or(0.0) / held.value);
-    return std::abs(log_ratio()) / std::max(sigma, 1e-9);
-  }
-};
-
-std::vector<NoiseLevels> noise_levels(const Calibration& simulation, const Calibration& own) {
-  std::vector<NoiseLevels> levels;
-  if (own.noise.law == simulation.noise.law && own.noise_estimates.size() == 1 &&
-      simulation.noise.parameters.size() == 1) {
-    const Estimate held = simulation.noise_estimates.size() == 1
-                              ? simulation.noise_estimates[0]
-                              : Estimate{simulation.noise.parameters[0], std::nullopt};
-    levels.push_back({"range_noise", "sigma_e", own.noise_estimates[0], held});
-  }
-  if (own.sigma_theta_rad && simulation.sigma_theta_rad)
-    levels.push_back({"bearing_noise", "sigma_theta", *own.sigma_theta_rad, *simulation.sigma_theta_rad});
-  std::erase_if(levels, [](const NoiseLevels& level) { return !level.known(); });
-  return levels;
-}
-
-}  // namespace
-
-void compare_noise(const Calibration& simulation, const Calibration& own, Diagnosis& result) {
-  constexpr double least_z = 3.5;
-  const std::vector<NoiseLevels> levels = noise_levels(simulation, own);
-  for (const NoiseLevels& level : levels) {
-    if (level.z() < least_z) continue;
-    Finding f;
-    f.channel = level.channel;
-    f.covariate = "constant";
-    f.shape = "level";
-    f.size = 2.0 * level.log_ratio();
-    // Two-sided, times the number of levels compared.
-    f.set_log_p(std::min(
-        0.0, log_chi_sq_survival(level.z() * level.z(), 1) + std::log(static_cast<double>(levels.size()))));
-    f.effects = {"generic"};
-    f.everywhere = "it is asked of all readings alike";
-    result.location.push_back(f);
-    order_location(result.location);
-    result.notes.push_back(
-        fmt::format("the recordings' {} is {:.3g} times the simulation's: {:.4g} against {:.4g}",
-                    level.parameter, level.own.value / level.held.value, level.own.value, level.held.value));
-    if (result.verdict != Verdict::no_mismatch) continue;
-    result.verdict = Verdict::unexplained;
-    result.final_effects = {"generic"};
-    Explanation explanation;
-    explanation.effects = {"generic"};
-    explanation.probability = 1.0;
-    explanation.nll = result.after.nll;
-    explanation.p_value = f.p_value;
-    explanation.physics =
-        "The noise of the recordings has another level than the simulation's; set the simulator's spread to "
-        "it.";
-    result.explanations.push_back(explanation);
-  }
-}
-
-namespace {
 
 /// The seed model fitted to recordings.
 struct SeedFit {
@@ -397,14 +204,17 @@ Diagnosis compared(std::span<const Recording> recordings, std::span<const Record
   return result;
 }
 
-/// What the readers noted of the simulation: whose it is stands before it.
+/// Whose note it is stands before it.
+void add_note_of_simulation(const std::string& note, Diagnosis& result) {
+  std::string said = "of the simulation: " + note;
+  if (std::find(result.notes.begin(), result.notes.end(), said) == result.notes.end())
+    result.notes.push_back(std::move(said));
+}
+
+/// What the readers noted of the simulation.
 void add_notes_of_simulation(std::span<const Recording> simulation, Diagnosis& result) {
   for (const Recording& recording : simulation)
-    for (const std::string& note : recording.notes) {
-      std::string said = "of the simulation: " + note;
-      if (std::find(result.notes.begin(), result.notes.end(), said) == result.notes.end())
-        result.notes.push_back(std::move(said));
-    }
+    for (const std::string& note : recording.notes) add_note_of_simulation(note, result);
 }
 
 }  // namespace
@@ -418,10 +228,12 @@ Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<cons
     result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
     return result;
   }
-  if (const std::optional<Prepared> ready = prepared(simulation))
-    return diagnose_against(recordings, ready->recordings, options);
+  const std::optional<Prepared> ready = prepared(simulation);
+  if (ready) simulation = ready->recordings;
   Diagnosis result = compared(recordings, simulation, options);
   add_notes_of_simulation(simulation, result);
+  if (ready)
+    for (const std::string& note : ready->notes) add_note_of_simulation(note, result);
   return result;
 }
 
