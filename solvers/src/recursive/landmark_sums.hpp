@@ -92,6 +92,9 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Eig
 Eigen::MatrixXd information_at(const LandmarkSums& sums, const Eigen::VectorXd& delta,
                                const Eigen::Vector2d& log_sigmas);
 
+/// sum_i delta_i T_i, the third derivatives along one direction; 0 where none are kept.
+Eigen::MatrixXd along(const std::vector<Eigen::MatrixXd>& third, const Eigen::VectorXd& delta);
+
 /// (alpha, landmarks) of a state.
 Eigen::VectorXd phi_of(const JointState& state);
 /// (log sigma_e, log sigma_theta) of a state.
