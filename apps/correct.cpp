@@ -21,6 +21,7 @@
 namespace rangecal::app {
 namespace {
 
+constexpr double fastest = 3e8, farthest = 1e12;  ///< [m/s], [m]
 constexpr std::size_t most_bytes = std::size_t{256} << 20;
 
 std::string text_of_stdin() {
@@ -124,6 +125,7 @@ class Posteriors {
     if (kind == "motion") {
       if (!(speed > 0.0))
         throw InputError("--prior motion needs --speed, the largest speed along the beam in m/s");
+      if (!(speed < fastest)) throw InputError(fmt::format("--speed {:g} is no speed in m/s", speed));
       time_ = column("time_s");
     }
   }
@@ -152,7 +154,7 @@ class Posteriors {
     double time = 0.0;
     if (time_) {
       time = table_->finite(i, *time_);
-      if (before_) prior = moved(*before_, base_, speed_ * (time - last_time_));
+      if (before_) prior = moved(*before_, base_, std::min(farthest, speed_ * (time - last_time_)));
     }
     if (!(reading > 0.0) || !std::isfinite(reading) || !settings_.of_reading[i].complete) {
       const CorrectionCandidate why =

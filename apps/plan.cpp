@@ -39,6 +39,9 @@ Json to_json(const PlanDesign& d) {
   return json;
 }
 
+/// A text in YAML, which takes JSON's strings.
+std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+
 /// The design as a scene file: the sketch's sensor, the plan's stops and landmarks.
 std::string scene_file(const PlanRequest& request, const PlanDesign& d) {
   const Scene& s = request.sketch;
@@ -46,10 +49,10 @@ std::string scene_file(const PlanRequest& request, const PlanDesign& d) {
   for (Eigen::Index i = 0; i < s.alpha.size(); ++i) text += fmt::format("{}{}", i ? ", " : "", s.alpha[i]);
   text += fmt::format("]\n  noise: {{law: {}, sigma: {}}}\n  sigma_theta_rad: {}\n", to_string(s.noise.law),
                       s.noise.parameters[0], s.sigma_theta_rad);
-  if (!s.sensor.name.empty()) text += fmt::format("  name: {}\n", csv_field(s.sensor.name));
-  if (!s.sensor.principle.empty()) text += fmt::format("  principle: {}\n", csv_field(s.sensor.principle));
-  if (std::isfinite(s.sensor.range_max_m))
-    text += fmt::format("  range_min_m: {}\n  range_max_m: {}\n", s.sensor.range_min_m, s.sensor.range_max_m);
+  if (!s.sensor.name.empty()) text += fmt::format("  name: {}\n", quoted(s.sensor.name));
+  if (!s.sensor.principle.empty()) text += fmt::format("  principle: {}\n", quoted(s.sensor.principle));
+  if (s.sensor.range_min_m > 0.0) text += fmt::format("  range_min_m: {}\n", s.sensor.range_min_m);
+  if (std::isfinite(s.sensor.range_max_m)) text += fmt::format("  range_max_m: {}\n", s.sensor.range_max_m);
   text += fmt::format("stops:\n  sigma_xy_m: {}\n  sigma_heading_rad: {}\n  error: {}\n  list:\n",
                       s.sigma_xy_m, s.sigma_heading_rad,
                       s.stop_error == StopErrorModel::random_walk ? "random_walk" : "independent");
@@ -64,6 +67,8 @@ std::string scene_file(const PlanRequest& request, const PlanDesign& d) {
   text += fmt::format("repeats: {}\n", d.repeats);
   if (std::isfinite(s.visible_max_m))
     text += fmt::format("visibility: {{min_m: {}, max_m: {}}}\n", s.visible_min_m, s.visible_max_m);
+  else if (s.visible_min_m > 0.0)
+    text += fmt::format("visibility: {{min_m: {}}}\n", s.visible_min_m);
   return text;
 }
 

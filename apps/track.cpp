@@ -197,8 +197,9 @@ void add_track(CLI::App& app, Action& chosen) {
           "time constant of the memory: seconds, or readings where there is no time_s; of landmarks: stops")
       ->check(positive());
   command->add_option("--range", state->range, "true distances taken [m]: MIN MAX (0.05 50)")->expected(2);
-  command->add_flag("--approximate", state->job.approximate,
-                    "the approximate model (noise d^2; 2016 paper, eq. 21-26) instead of full likelihood");
+  command->add_flag(
+      "--approximate", state->job.approximate,
+      "the approximate model instead of full likelihood: alpha by least squares of weights d^-4 (2016 paper, eq. 21-25), the noise by its law from the residuals");
   command->add_option(
       "--stops", state->job.stops,
       "readings of landmarks: the recording whose stops and landmarks the stream names by label");

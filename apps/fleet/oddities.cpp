@@ -58,6 +58,16 @@ std::string other_model(const Calibration& own, const FleetJob& job) {
   return text;
 }
 
+/// " range_offset.offset_m 0.182 +- 0.010.": what the effects named are estimated at.
+std::string estimates_in_words(const Diagnosis& diagnosis) {
+  if (diagnosis.explanations.empty()) return "";
+  std::string text;
+  for (const EffectEstimate& e : diagnosis.explanations[0].parameters)
+    if (std::isfinite(e.std_dev))
+      text += fmt::format("{}{} {:.3g} +- {:.2g}", text.empty() ? " " : ", ", e.name, e.estimate, e.std_dev);
+  return text.empty() ? text : text + ".";
+}
+
 std::string diagnosis_in_words(const OddUnit& unit, const Calibration& typical, const FleetJob& job) {
   try {
     const Recording recording = load_recording(unit.place);
@@ -68,7 +78,7 @@ std::string diagnosis_in_words(const OddUnit& unit, const Calibration& typical, 
       const Diagnosis apart = diagnose({&recording, 1}, options);
       if (apart.verdict != Verdict::no_mismatch)
         return "beside the population's curve (sizes: what is left beyond the population's scatter): " +
-               apart.sentence;
+               apart.sentence + estimates_in_words(apart);
       options.simulation.reset();
     }
     const Diagnosis own = diagnose({&recording, 1}, options);

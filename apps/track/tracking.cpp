@@ -132,7 +132,7 @@ class Run {
       if (!state_.header.empty()) columns_ = columns_of(state_.header, name_, 0);
       if (const Json now = asked(); state_.asked.is_object())
         for (const auto& [option, value] : now.items())
-          if (state_.asked.at(option) != value)
+          if (state_.asked.value(option, value) != value)  // those of an earlier version lack some
             throw InputError(path + ": was made with another --" + option);
       if (!state_.header.empty() || state_.calibrator.is_object()) {
         begin();
@@ -181,7 +181,8 @@ class Run {
     return {{"from", given_ ? fingerprint_of(*given_) : ""},
             {"watch", job_.watch},
             {"radius", job_.radius_m},
-            {"stops", !job_.stops.empty()}};
+            {"stops", !job_.stops.empty()},
+            {"approximate", job_.approximate}};
   }
 
   void save() {

@@ -19,6 +19,15 @@ double component_density(const DistancePrior::Component& c, double d) {
   return (normal_below(-a) - normal_below(-b)) / (2.0 * c.half_width_m);
 }
 
+/// What lies between low and high of a component: all of a narrow one, whose mean is within.
+double mass_within(const DistancePrior::Component& c, double low, double high) {
+  constexpr int pieces = 200;
+  if (std::max(c.sigma_m, c.half_width_m) < 0.25 * (high - low)) return 1.0;
+  double sum = 0.0;
+  for (int i = 0; i < pieces; ++i) sum += component_density(c, low + (high - low) * (i + 0.5) / pieces);
+  return std::min(1.0, sum * (high - low) / pieces);
+}
+
 /// A zero of mean(d) = y between a and b, where it changes sign.
 double crossing(const ReadingDensity& density, double a, double b, double at_a, double at_b) {
   for (int step = 0; step < 100 && b - a > 1e-12 * b; ++step) {  // Illinois' rule
@@ -67,6 +76,17 @@ double ReadingDensity::log_prior(double d) const {
   return std::log((1.0 - prior_.surprise) * sum + prior_.surprise * uniform);
 }
 
+bool ReadingDensity::is_surprise(double d) const {
+  const double uniform = prior_.surprise / (prior_.high_m - prior_.low_m);
+  if (prior_.components.empty() || !(log_prior(d) < std::log(2.0 * uniform))) return false;
+  double sum = 0.0, mass = 0.0;
+  for (const DistancePrior::Component& c : prior_.components) {
+    sum += c.weight * component_density(c, d);
+    mass += c.weight * mass_within(c, prior_.low_m, prior_.high_m);
+  }
+  return (1.0 - prior_.surprise) * sum < uniform * mass;
+}
+
 std::vector<double> panel_ends(const ReadingDensity& density, const DistancePrior& prior,
                                const std::vector<double>& turning_points) {
   constexpr int coarse = 32;
@@ -84,16 +104,22 @@ std::vector<double> panel_ends(const ReadingDensity& density, const DistancePrio
     }
   };
   const double step = 1e-6 * width;
+  const auto slope_at = [&](double d) {
+    const double a = std::max(prior.low_m, d - step), b = std::min(prior.high_m, d + step);
+    return std::max(std::abs(density.mean(b) - density.mean(a)) / (b - a), 1e-3);
+  };
   double before = density.mean(ends[0]) - density.y();
   for (std::size_t i = 1; i < ends.size(); ++i) {
     const double at = density.mean(ends[i]) - density.y();
     if ((before < 0.0) != (at < 0.0) && ends[i] > ends[i - 1]) {
       const double d = crossing(density, ends[i - 1], ends[i], before, at);
-      const double slope = std::abs(density.mean(d + step) - density.mean(d - step)) / (2.0 * step);
-      around(d, density.spread(d) / std::max(slope, 1e-3));
+      around(d, density.spread(d) / slope_at(d));
     }
     before = at;
   }
+  for (const double d :
+       {prior.low_m, prior.high_m})  // where the reading lies beyond the curve, the density falls off by z'
+    around(d, density.spread(d) / (slope_at(d) * std::max(1.0, density.off(d))));
   for (const double d : turning_points) {  // |f''| / 2 delta^2 = s
     const double bend =
         std::abs(density.mean(d + 1e3 * step) - 2.0 * density.mean(d) + density.mean(d - 1e3 * step)) /

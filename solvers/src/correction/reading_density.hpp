@@ -41,11 +41,8 @@ class ReadingDensity {
     return expected.spread_m > 0.0 ? std::abs(y_ - expected.mean_m) / expected.spread_m
                                    : std::numeric_limits<double>::infinity();
   }
-  /// At d the prior's components give less than the share that is left for surprises.
-  bool is_surprise(double d) const {
-    return !prior_.components.empty() &&
-           log_prior(d) < std::log(2.0 * prior_.surprise / (prior_.high_m - prior_.low_m));
-  }
+  /// At d the prior's components, of what they give to the range at all, give less than the share that is left for surprises.
+  bool is_surprise(double d) const;
   double log_prior(double d) const;
   double y() const { return y_; }
 

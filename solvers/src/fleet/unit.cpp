@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "pairs_ml/dense_newton.hpp"
+#include "fleet/posterior_in_population.hpp"
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
@@ -107,39 +107,33 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
   result.counts = problem.counts;
   result.range_min_m = population.range_min_m;
   result.range_max_m = population.range_max_m;
-  const pairs_ml::DenseNewton end = pairs_ml::minimise(
-      [&](const VectorXd& x) {
-        PairsDerivatives d =
-            pairs_derivatives(problem, x.head(n), {population.law, VectorXd::Constant(1, std::exp(x[n]))});
-        const VectorXd e = x - population.mean, pull = *precision * e;
-        d.nll += 0.5 * e.dot(pull);
-        d.gradient += pull;
-        d.hessian += *precision;
-        d.information += *precision;
-        return d;
-      },
-      population.mean);
-  const VectorXd& x = end.x;
-  result.outcome = end.outcome;
-  result.iterations = end.iterations;
-  result.alpha = x.head(n);
-  result.noise = {population.law, VectorXd::Constant(1, std::exp(x[n]))};
+  const PosteriorInPopulation posterior(problem, population, *precision);
+  const pairs_ml::DenseNewton joint =
+      pairs_ml::minimise([&](const VectorXd& x) { return posterior.derivatives(x); }, population.mean);
+  result.outcome = joint.outcome;
+  result.iterations = joint.iterations;
+  const auto take = [&](const VectorXd& x) {
+    result.alpha = x.head(n);
+    result.noise = {population.law, VectorXd::Constant(1, std::exp(x[n]))};
+  };
+  take(joint.x);
   if (result.outcome != Outcome::converged) {
-    result.reason = end.outcome == Outcome::failed
+    result.reason = joint.outcome == Outcome::failed
                         ? "the population's mean lies outside the model's domain at these distances"
                         : "the Newton steps did not settle";
     return result;
   }
-  const std::optional<MatrixXd> covariance = scaled_inverse(end.at.information);
-  if (!covariance) {
+  const std::optional<PosteriorInPopulation::Marginal> marginal = posterior.marginal(joint.x);
+  if (!marginal) {
     result.outcome = Outcome::failed;
     result.reason = "the information at the end is not positive definite";
     return result;
   }
-  result.alpha_covariance = covariance->topLeftCorner(n, n);
+  take(marginal->x);
+  result.alpha_covariance = marginal->covariance.topLeftCorner(n, n);
   result.covariance_reason = "of the posterior, population included";
-  result.noise_estimates = {
-      Estimate{result.noise.parameters[0], result.noise.parameters[0] * std::sqrt((*covariance)(n, n))}};
+  const double sigma = result.noise.parameters[0];
+  result.noise_estimates = {Estimate{sigma, sigma * std::sqrt(marginal->covariance(n, n))}};
   result.joint_nll = result.marginal_nll = pairs_nll(problem, result.alpha, result.noise);
   return result;
 }

@@ -34,12 +34,14 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
   for (int iteration = 1; iteration <= max_iterations; ++iteration) {
     result.iterations = iteration;
     Eigen::LLT<Matrix> factor(at->hessian.topLeftCorner(free, free));
+    bool by_information = false;
     if (factor.info() != Eigen::Success || (at->hessian.diagonal().head(free).array() <= 0.0).any()) {
       if (!has_information) {
         pairs.evaluate(x, true, *at);
         has_information = true;
       }
       factor.compute(at->information.topLeftCorner(free, free));
+      by_information = true;
       if (factor.info() != Eigen::Success) {
         result.outcome = Outcome::failed;
         break;
@@ -59,11 +61,13 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
     const bool near = decrement < switch_norm;
     if (pairs.log_sigma() && free == pairs.unknowns()) {
       // For fixed coefficients log sigma has its optimum at log(S / N) / 2, S the sum of squares in units of s, of
-      // which Newton takes the first order: the rest is added. Of second order, so the speed near the optimum stays.
+      // which the step takes the first order, over 2 S by the Hessian and over 2 N by the information: the rest is added.
+      // Of second order, so the speed near the optimum stays.
       const double squares = 0.5 * at->hessian(free - 1, free - 1),
                    readings = at->gradient[free - 1] + squares;
       if (squares > 0.0 && readings > 0.0) {
-        step[free - 1] += 0.5 * std::log(squares / readings) - 0.5 * (1.0 - readings / squares);
+        const double first = by_information ? squares / readings - 1.0 : 1.0 - readings / squares;
+        step[free - 1] += 0.5 * std::log(squares / readings) - 0.5 * first;
       }
     }
     last_norm = decrement;

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <set>
+#include <string>
 
 #include "diagnosis/twins.hpp"
 #include "plan/information.hpp"
@@ -234,6 +236,8 @@ void PlanRequest::check() const {
     if (!(radius >= 0.0 && radius < 1.0)) refuse(fmt::format("radius {} m is outside of 0 to 1", radius));
   for (const double cost : {costs.place_s, costs.turn_s, costs.landmark_s, costs.scan_s})
     if (!(cost >= 0.0) || !std::isfinite(cost)) refuse(fmt::format("a cost is {} s", cost));
+  if (std::set<std::string>(effects.begin(), effects.end()).size() < effects.size())
+    refuse("an effect is named twice");
   if (most_places < 4 || most_landmarks < 3 || most_repeats < 1)
     refuse("fewer than 4 places, 3 landmarks or 1 repeat are allowed");
 }

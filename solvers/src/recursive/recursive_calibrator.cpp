@@ -15,6 +15,8 @@ namespace {
 
 /// Weights are relative to an origin that moves on before they grow beyond e^30.
 constexpr double largest_log_weight = 30.0;
+/// Times the largest distance tracked: a reading beyond is no reading, and its square would end every sum.
+constexpr double beyond_any = 1e3;
 
 }  // namespace
 
@@ -46,6 +48,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
                        : !std::isfinite(reading_m) || !std::isfinite(true_m) ? "not finite"
                        : reading_m == 0.0                                    ? "zero"
                        : reading_m < 0.0                                     ? "negative"
+                       : reading_m > beyond_any * options_.range_max_m       ? "beyond any distance tracked"
                        : !moments_.holds(true_m) ? "true distance outside the range tracked"
                                                  : nullptr;
   if (reason) {

@@ -14,6 +14,11 @@
 #include "recursive/landmark_sums.hpp"
 
 namespace rangecal {
+namespace {
+
+constexpr double largest_length_m = 1e6;  ///< of a pose or a reading: its square would end every sum
+
+}  // namespace
 
 void RecursiveLandmarksOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("RecursiveLandmarksOptions: " + what); };
@@ -67,7 +72,9 @@ void RecursiveLandmarks::hold_last_pose() {
 
 StopPrior RecursiveLandmarks::prior_of(const Stop& stop) const {
   for (const double value : {stop.commanded.x_m, stop.commanded.y_m, stop.commanded.heading_rad})
-    if (!std::isfinite(value)) throw InputError("stop '" + stop.label + "': its pose is not finite");
+    if (!(std::abs(value) <= largest_length_m))
+      throw InputError(
+          fmt::format("stop '{}': its pose is not finite, or beyond {:g} m", stop.label, largest_length_m));
   StopPrior prior;
   prior.commanded = stop.commanded;
   if (stop.covariance) {
@@ -168,6 +175,7 @@ bool RecursiveLandmarks::add(const LandmarkReading& reading) {
                        : !std::isfinite(range) || !std::isfinite(bearing) ? "not finite"
                        : range == 0.0                                     ? "zero"
                        : range < 0.0                                      ? "negative"
+                       : range > largest_length_m                         ? "beyond any distance tracked"
                                                                           : nullptr;
   if (reason) {
     drop(reason);

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -32,6 +33,15 @@ Fit fit_plane(const Rows& rows, const JointState& start) {
     if (fit.ok && (!best.ok || fit.nll < best.nll)) best = std::move(fit);
   }
   return best;
+}
+
+/// True if a tilt of 10 degrees would lie outside of the 95 % region of none about its own plane: by the information of the design,
+/// whatever this recording happens to say.
+bool sees_a_tilt(const Fit& plane) {
+  constexpr double rim = 2.45;  // sqrt(5.99), two dimensions
+  if (plane.free.size() != 2 || !plane.covariance.allFinite()) return false;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(plane.covariance.topLeftCorner<2, 2>());
+  return rim * std::sqrt(axes.eigenvalues().maxCoeff()) < largest_tilt_rad * largest_tilt_rad;
 }
 
 /// The plane's share of a fit with leans: the covariance of its own two parameters, the leans' uncertainty in
@@ -90,7 +100,7 @@ std::vector<LeanEstimate> leans_of(const Fit& fit, std::span<const Recording> re
 
 std::string statement_of(const LeaningFit& fit) {
   if (!fit.tilt_seen)
-    return fit.tilt.high95 < largest_tilt_rad
+    return fit.design_sees && fit.tilt.high95 < largest_tilt_rad
                ? fmt::format(
                      "The plane is level to {:.1f} degrees (95 %). A cylinder's lean is seen, and does harm, "
                      "in a tilted plane only.",
@@ -149,6 +159,7 @@ LeaningFit fit_leaning(std::span<const Recording> recordings, const LeaningOptio
   take_plane(plane);
   result.outcome = Outcome::converged;
   result.tilt_gain = none.nll - plane.nll;
+  result.design_sees = sees_a_tilt(plane);
   result.tilt_seen = result.tilt.low95 > 0.0 && result.tilt.high95 < 1.5 * largest_tilt_rad;
   Fit stood_by = result.tilt_seen ? plane : none;
   if (result.tilt_seen) {

@@ -80,6 +80,25 @@ TEST(Posterior, IntegralsMatchABruteForceSum) {
   }
 }
 
+TEST(Posterior, OfAReadingBeyondTheEndIsATailAtTheEnd) {
+  // f = 0.05 + 0.95 d, s = 0.001, range from 0.3: f(0.3) = 0.335, and y = 0.333 lies 2 sd below. The distance is the normal of
+  // mean 0.283/0.95 = 0.2978947 and sd s/0.95 = 0.0010526 cut off at 0.3, a = 2: mean = m + sd h, var = sd^2 (1 + a h - h^2) with
+  // h = phi(2)/Q(2) = 2.373216; 2.5 and 97.5 % at 1 - Q(2) 0.975, 0.025: z = 2.0103 and 3.2542.
+  const Calibration c = calibration_of(Eigen::Vector2d(0.05, 0.95), NoiseLaw::constant, 0.001, 0.3, 6.0);
+  const DistancePosterior low = distance_posterior(EffectCorrector(c, {}), 0.333, {});
+  const double sd = 0.001 / 0.95, m = 0.283 / 0.95, h = 2.3732155;
+  EXPECT_NEAR(low.mean_m, m + sd * h, 1e-8);
+  EXPECT_NEAR(low.std_dev_m, sd * std::sqrt(1.0 + 2.0 * h - h * h), 1e-7);
+  EXPECT_NEAR(low.low_m, 0.300011, 2e-6);
+  EXPECT_NEAR(low.high_m, 0.301320, 2e-6);
+  // and its image at the other end
+  const Calibration back =
+      calibration_of(Eigen::Vector2d(0.05 + 0.95 * 6.3, -0.95), NoiseLaw::constant, 0.001, 0.3, 6.0);
+  const DistancePosterior high = distance_posterior(EffectCorrector(back, {}), 0.333, {});
+  EXPECT_NEAR(high.mean_m, 6.3 - low.mean_m, 1e-8);
+  EXPECT_NEAR(high.std_dev_m, low.std_dev_m, 1e-8);
+}
+
 TEST(Posterior, StatesWhatHappensAsOftenAsItHappens) {
   // Distances from the prior, readings from the model: binomial limits, 4 standard deviations.
   const Calibration c = turning();
@@ -176,7 +195,7 @@ TEST(Posterior, AReadingThatNoDistanceExplainsHasNone) {
   EXPECT_EQ(distance_posterior(corrector, 0.4985, {}).outcome, Outcome::converged);  // 3 s
   EXPECT_LT(distance_posterior(corrector, 0.4985, {}).high_m, 0.51);
   EXPECT_EQ(distance_posterior(corrector, 0.4975, {}).outcome, Outcome::failed);  // 5 s
-  EXPECT_EQ(distance_posterior(corrector, 0.45, {}).outcome, Outcome::failed);  // 100 s there, 91 s at 5 m
+  EXPECT_EQ(distance_posterior(corrector, 0.45, {}).outcome, Outcome::failed);    // 100 s there, 91 s at 5 m
   DistancePrior map;
   map.components = {{1.0, 0.45, 0.05, 0.0}};
   EXPECT_EQ(distance_posterior(corrector, 0.45, {}, map).outcome, Outcome::failed);

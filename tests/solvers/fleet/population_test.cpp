@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/fleet/population.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -214,6 +215,29 @@ TEST(Population, PosteriorsCoverTheirUnits) {
     held += std::abs(fit.alpha[1] - theta[1]) < 1.96 * std::sqrt((*fit.alpha_covariance)(1, 1));
   }
   EXPECT_NEAR(held / 500.0, 0.95, 0.039);
+}
+
+TEST(Population, SigmaOfFewReadingsIsNeitherLowNorOversure) {
+  // The maximum of alpha and sigma together has sigma low by half a unit of log where four readings meet four unknowns. z of log
+  // sigma over 400 new units: mean 0 +- 4 / sqrt(400), rms 1 +- 4 / sqrt(800).
+  const Population population = true_population();
+  for (const int readings : {3, 6, 12, 30}) {
+    SCOPED_TRACE(readings);
+    Random random(seed_from(fmt::format("population sigma {}", readings)));
+    double sum = 0.0, squares = 0.0;
+    for (int i = 0; i < 400; ++i) {
+      const VectorXd theta = draw_unit(random);
+      const Recording recording = readings_of(theta, readings, random);
+      const Calibration fit = calibrate_in_population(make_pairs_problem({&recording, 1}), population);
+      ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+      const Estimate sigma = fit.noise_estimates.at(0);
+      const double z = (std::log(sigma.value) - theta[3]) / (*sigma.std_dev / sigma.value);
+      sum += z;
+      squares += z * z;
+    }
+    EXPECT_NEAR(sum / 400.0, 0.0, 0.2);
+    EXPECT_NEAR(std::sqrt(squares / 400.0), 1.0, 0.142);
+  }
 }
 
 TEST(Population, NoReadingsGiveThePopulationAndManyTheUnit) {

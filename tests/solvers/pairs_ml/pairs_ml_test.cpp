@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -97,6 +98,35 @@ TEST(FullPairs, EveryLawReachesItsOptimum) {
       }
     }
   }
+}
+
+TEST(FullPairs, FallingCurvesConverge) {
+  // An infrared sensor whose reading falls with distance: noise s f^2 of a small f lets log sigma run away from its start.
+  for (const int order : {1, 2})
+    for (const NoiseLaw law : {NoiseLaw::f_squared, NoiseLaw::f_cubed, NoiseLaw::f}) {
+      SCOPED_TRACE(fmt::format("order {}, {}", order, to_string(law)));
+      Random random(seed_from(fmt::format("falling {} {}", order, to_string(law))));
+      const Eigen::VectorXd alpha = order == 1 ? Eigen::VectorXd(Eigen::Vector2d(6.0, -0.8))
+                                               : Eigen::VectorXd(Eigen::Vector3d(6.0, -1.1, 0.05));
+      std::vector<double> d, y;
+      for (int i = 0; i < 400; ++i) {
+        d.push_back(random.uniform(0.3, 5.0));
+        const double f = evaluate_polynomial(alpha, d.back());
+        y.push_back(f + 0.01 *
+                            std::pow(f, law == NoiseLaw::f           ? 1
+                                        : law == NoiseLaw::f_squared ? 2
+                                                                     : 3) *
+                            random.normal());
+      }
+      PairsOptions options;
+      options.order = order;
+      options.law = law;
+      const Calibration fit = full_pairs(make_pairs_problem(d, y), options).calibration;
+      ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+      for (int i = 0; i <= order; ++i)
+        EXPECT_NEAR(fit.alpha[i], alpha[i], 4.0 * std::sqrt((*fit.alpha_covariance)(i, i)));
+      EXPECT_NEAR(fit.noise.parameters[0], 0.01, 0.0015);  // 4 sd of sigma / sqrt(2 N)
+    }
 }
 
 TEST(FullPairs, CellsAndRowsHaveOneOptimum) {

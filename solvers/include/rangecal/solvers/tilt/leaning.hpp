@@ -54,6 +54,8 @@ struct LeaningFit {
   Outcome outcome = Outcome::failed;
   std::string reason;
   EffectEstimate tilt, axis;  ///< [rad]; of the model that is stood by
+  /// By its information the design tells a tilt of 10 degrees from none, whatever the readings say.
+  bool design_sees = false;
   bool tilt_seen =
       false;  ///< its 95 % interval does not hold 0 and ends below 15 degrees, half as much again as is searched
   bool leans_seen = false;                  ///< leans are in the answer
