@@ -138,7 +138,7 @@ void add_calibrate(CLI::App& app, Action& chosen) {
       "  rangecal calibrate notebooks_data/field-layout --json cal.json\n"
       "  rangecal calibrate monday tuesday --order 2 --noise f2        two recordings of one sensor\n"
       "  rangecal calibrate today --from cal.json --json new.json      has the sensor changed?\n"
-      "  rangecal calibrate wall-readings --noise-shape auto           outliers");
+      "  rangecal calibrate wall-readings --noise-shape gaussian       all readings as they are, as the papers do");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
 }
 

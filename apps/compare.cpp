@@ -37,10 +37,18 @@ int run(const JobOptions& job, const std::string& page) {
   }
   const Advice advice = advise(report, recordings, scores);
   if (!page.empty()) write_file(page, report::comparison_page(recordings, report, scores, advice));
+  if (best)
+    if (const std::string warning = not_usable_in_words(*best, recordings); !warning.empty())
+      fmt::print("{}\n", wrapped("WARNING: " + warning, 2));
   fmt::print("{}\n", wrapped(describe(recordings) + "; " + describe(report.calibrations[0].counts), 2));
   if (best) fmt::print("{}\n", wrapped(describe_choice(*best, report), 2));
   fmt::print("\n{}", comparison_table(report, scores));
   fmt::print("{}", footnotes_text(report, scores));
+  if (best) {
+    for (const std::string& text : {left_out_in_words(*best), outlier_count_in_words(*best)})
+      if (!text.empty()) fmt::print("{}\n", wrapped(text, 2));
+    for (const std::string& line : outlier_lines(*best)) fmt::print("  {}\n", line);
+  }
   if (best)
     for (const std::string& bound : bound_in_words(*best, recordings))
       fmt::print("{}\n", wrapped(fmt::format("{}: {}", to_string(best->method), bound), 2));

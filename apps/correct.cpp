@@ -242,6 +242,8 @@ struct CorrectCommand {
     require_curve(loaded, calibration);
     if (loaded.outcome == Outcome::unobservable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
+    if (loaded.left_out && !loaded.left_out->usable)
+      fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.left_out->reason);
     const bool from_stdin = file == "-";
     std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
     if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());

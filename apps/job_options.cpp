@@ -54,8 +54,11 @@ void JobOptions::add_to(CLI::App& command) {
       .add_option("--solver", solver, "of the full likelihood: ceres or block; both reach the same optimum")
       ->capture_default_str();
   command
-      .add_option("--noise-shape", shape,
-                  "gaussian, student-t, contaminated (outliers), or auto by AIC; of full and marginal")
+      .add_option(
+          "--noise-shape", shape,
+          "density of the noise: auto (of ranges and of bearings, each by AIC), gaussian, student-t, "
+          "contaminated (outliers on both sides) or one-sided (late or early echoes); no reading is thrown "
+          "away. Other than gaussian, the closed forms see the readings that agree with most others")
       ->capture_default_str();
   command
       .add_option("--criterion", criterion,

@@ -15,7 +15,7 @@ namespace rangecal::app {
 /// The options that `calibrate` and `compare` share, as texts of the command line.
 struct JobOptions {
   std::vector<std::string> recordings;
-  std::string order = "auto", noise = "auto", solver = "ceres", shape = "gaussian", weights = "consistent",
+  std::string order = "auto", noise = "auto", solver = "ceres", shape = "auto", weights = "consistent",
               criterion = "aic";
   bool check = false;
 

@@ -137,6 +137,7 @@ WorldResult run_world(int index, std::uint64_t number) {
   CalibrateOptions options;
   options.order = 2;
   options.noise = design.law;
+  options.noise_shape = NoiseShape::gaussian;
   options.methods = {Method::marginal};
   const Calibration c = calibrate({&recording, 1}, options)[0];
   result.outcome = to_string(c.outcome);

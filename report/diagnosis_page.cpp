@@ -161,6 +161,7 @@ std::vector<Recording> relabelled(std::span<const Recording> recordings, const D
 std::vector<ModelScore> scores_of(std::span<const Recording> recordings) {
   CalibrateOptions options;
   options.methods = {Method::marginal};
+  options.noise_shape = NoiseShape::gaussian;
   try {
     return calibrate_report(recordings, options).models;
   } catch (const InputError&) {

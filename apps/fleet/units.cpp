@@ -30,6 +30,7 @@ void read_and_fit(Unit& unit, const std::string& place, const FleetJob& job) {
   } else {
     CalibrateOptions options;
     options.methods = {Method::marginal};
+    options.noise_shape = NoiseShape::gaussian;  // the population knows no other
     options.order = job.order;
     options.noise = job.law;
     unit.calibration = calibrate({&recording, 1}, options).front();

@@ -238,6 +238,7 @@ inline void judge_marginal(const JointProblem& problem, const std::optional<Join
 /// a second program too.
 inline std::vector<Judgement> judge(const World& world, bool ask_nlopt) {
   CalibrateOptions options;
+  options.noise_shape = NoiseShape::gaussian;  // whose optimum is judged
   options.order = world.setting.fitted_order;
   options.noise = world.setting.fitted_law;
   if (!world.setting.estimate_sigma_s) options.methods = {Method::full, Method::marginal};

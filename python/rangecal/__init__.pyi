@@ -96,12 +96,17 @@ class Calibration:
     alpha: Floats  # (order + 1,), alpha_i in m^(1-i)
     covariance: Optional[Floats]  # (order + 1, order + 1)
     covariance_with_choice: Optional[Floats]  # (n, n), n - 1 the highest order that may hold
+    covariance_by_stops: Optional[Floats]  # (order + 1, order + 1)
+    misfit: Optional[dict[str, Any]]
+    left_out: Optional[dict[str, Any]]
     bound_alpha_std: Optional[Floats]  # (order + 1,)
     covariance_reason: str
     noise_law: str
     noise_parameters: Floats
     noise_std: Floats
     noise_shapes: dict[str, dict[str, Any]]
+    outlier_count: int
+    outliers: list[dict[str, Any]]
     sigma_theta_rad: Optional[float]
     sigma_theta_std_rad: Optional[float]
     sigma_s_m: Optional[float]
@@ -114,6 +119,7 @@ class Calibration:
     landmark_labels: list[str]
     landmarks: Floats  # (landmarks, 2) [m]
     landmark_covariance: Floats  # (landmarks, 2, 2) [m^2], NaN where there is none
+    landmark_covariance_by_stops: Floats  # (landmarks, 2, 2) [m^2], NaN where there is none
     landmark_recording: Ints
     stop_labels: list[str]
     stops: Floats  # (stops, 3): x [m], y [m], heading [rad]
@@ -339,11 +345,11 @@ Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]
 
 def load(path: Path) -> Union[Recording, Calibration]: ...
 def calibrate(recordings: Recordings, method: Method = "marginal", *, order: Union[int, Literal["auto"]] = "auto",
-              noise: str = "auto", noise_shape: str = "gaussian", solver: Literal["ceres", "block"] = "ceres",
+              noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
               weights: str = "consistent", check: bool = False, start: Optional[Union[Calibration, Path]] = None,
               progress: Optional[Progress] = None) -> Calibration: ...
 def compare(recordings: Recordings, *, methods: Union[Method, Sequence[Method]] = ...,
-            order: Union[int, Literal["auto"]] = "auto", noise: str = "auto", noise_shape: str = "gaussian", solver: Literal["ceres", "block"] = "ceres",
+            order: Union[int, Literal["auto"]] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
             weights: str = "consistent", check: bool = False,
             progress: Optional[Progress] = None) -> Comparison: ...
 def compare_curves(before: Union[Calibration, Path], after: Union[Calibration, Path]) -> CurveChange: ...

@@ -40,7 +40,7 @@ def load(path):
     return _native.load_recording(path)
 
 
-def calibrate(recordings, method="marginal", *, order="auto", noise="auto", noise_shape="gaussian",
+def calibrate(recordings, method="marginal", *, order="auto", noise="auto", noise_shape="auto",
               solver="ceres", weights="consistent", check=False, start=None, progress=None):
     """Estimate the curve f, the noise law, stops and landmarks by one method.
 
@@ -56,8 +56,10 @@ def calibrate(recordings, method="marginal", *, order="auto", noise="auto", nois
         Order of f; ``"auto"`` tries 1 to 4 and keeps the lowest AIC.
     noise : {"auto", "constant", "f", "f2", "f3", "d2", "polynomial"}
         How the standard deviation s [m] of one reading depends on f; ``"auto"`` tries the first four.
-    noise_shape : {"gaussian", "student-t", "contaminated", "auto"}
-        Tails of the noise, for ``"full"`` and ``"marginal"``.
+    noise_shape : {"auto", "gaussian", "student-t", "contaminated", "one-sided"}
+        Outliers: the density of the noise, for ``"full"`` and ``"marginal"``. ``"auto"`` chooses by AIC, of ranges and of
+        bearings for themselves, and lets the closed forms see the readings that agree with most others; ``"gaussian"``
+        takes all readings as they are.
     solver : {"ceres", "block"}
         Program for the full likelihood; both reach the same optimum.
     weights : {"consistent", "paper", "printed"}
@@ -85,7 +87,7 @@ def calibrate(recordings, method="marginal", *, order="auto", noise="auto", nois
 
 
 def compare(recordings, *, methods=("closed-form", "approximate", "full", "marginal"), order="auto", noise="auto",
-            noise_shape="gaussian", solver="ceres", weights="consistent", check=False, progress=None):
+            noise_shape="auto", solver="ceres", weights="consistent", check=False, progress=None):
     """Calibrate by several methods side by side, with errors against ground truth where there is any.
 
     Parameters are those of `calibrate`; `methods` are the methods wanted, in their order, or one alone. Order and noise

@@ -80,6 +80,16 @@ _DOCS = {
         Of alpha, units m^(2-i-j), given order and noise law.
     covariance_with_choice : ndarray (n, n) or None
         Where order or noise law were chosen: with that choice in it, n - 1 the highest order that may hold.
+    covariance_by_stops : ndarray (order + 1, order + 1) or None
+        Of alpha, from how the answer changes when each stop is left out: holds where the noise law is wrong or readings of
+        a stop depend on each other. None along a random walk, for pairs, and of other methods than ``"marginal"``.
+    misfit : dict or None
+        ``factor``: the largest of standard deviations by stops over those stated, ``where``; above ``threshold`` the model
+        does not hold.
+    left_out : dict or None
+        Readings of stops (pairs: stretches of distance) left out in turn: ``rms_raw_m`` and ``rms_corrected_m`` with
+        ``..._std_m``, ``groups``, ``halves_p_value`` (do the curves of both halves agree?), ``better_than_raw`` and, where
+        that is False, the ``reason``: such a curve makes readings no better.
     bound_alpha_std : ndarray (order + 1,) or None
         The Cramer-Rao bound of alpha at the estimate, as standard deviations; set by `calibrate` and `compare`.
     covariance_reason : str
@@ -91,6 +101,11 @@ _DOCS = {
     noise_shapes : dict of dict
         Tails of ``range`` and ``bearing`` where they are not Gaussian: ``family``, its parameters and
         their standard deviations ``..._std``, None at an end of a parameter's range.
+    outlier_count : int
+        Readings that the noise shapes take for outliers. None is thrown away.
+    outliers : list of dict
+        The gravest, up to ten: ``recording``, ``row`` of its file, ``channel``, ``sigmas`` (error in the spreads of the
+        others), ``reason`` ("label of B", "late echo", "early echo", "grazing", "bearing").
     sigma_theta_rad, sigma_theta_std_rad : float or None
         Standard deviation of one bearing [rad], and that of the estimate.
     sigma_s_m, sigma_s_std_m, sigma_s_upper95_m : float or None
@@ -110,6 +125,8 @@ _DOCS = {
         Axes, x and y [m].
     landmark_covariance : ndarray (landmarks, 2, 2)
         [m^2]; NaN where there is none.
+    landmark_covariance_by_stops : ndarray (landmarks, 2, 2)
+        As `covariance_by_stops` [m^2]; NaN where there is none.
     landmark_recording, stop_recording : ndarray of int
         Which recording of the job.
     stop_labels : list of str

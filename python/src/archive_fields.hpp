@@ -74,8 +74,20 @@ inline void archive_fields(python::Archive& a, ShapeEstimate& s) {
   a(family, parameters, std_dev);
 }
 inline void archive_fields(python::Archive& a, LandmarkEstimate& s) {
-  auto& [recording, label, position, covariance] = s;
-  a(recording, label, position, covariance);
+  auto& [recording, label, position, covariance, by_stops] = s;
+  a(recording, label, position, covariance, by_stops);
+}
+inline void archive_fields(python::Archive& a, LeftOutCheck& s) {
+  auto& [groups, raw, raw_std, corrected, corrected_std, halves, usable, reason] = s;
+  a(groups, raw, raw_std, corrected, corrected_std, halves, usable, reason);
+}
+inline void archive_fields(python::Archive& a, MisfitOfDeviations& s) {
+  auto& [factor, threshold, where] = s;
+  a(factor, threshold, where);
+}
+inline void archive_fields(python::Archive& a, OutlierReading& s) {
+  auto& [recording, row, channel, sigmas, reason] = s;
+  a(recording, row, channel, sigmas, reason);
 }
 inline void archive_fields(python::Archive& a, StopEstimate& s) {
   auto& [recording, label, pose] = s;
@@ -86,12 +98,13 @@ inline void archive_fields(python::Archive& a, EffectsCovariance& s) {
   a(parameters, matrix);
 }
 inline void archive_fields(python::Archive& a, Calibration& s) {
-  auto& [method, kind, outcome, reason, alpha, covariance, with_choice, bound, why, noise, noise_estimates,
-         shapes, sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts,
-         joint, marginal, aic, weakest, iterations, seconds] = s;
-  a(method, kind, outcome, reason, alpha, covariance, with_choice, bound, why, noise, noise_estimates, shapes,
-    sigma_theta, sigma_s, upper, lowest, highest, effects, known, landmarks, stops, counts, joint, marginal,
-    aic, weakest, iterations, seconds);
+  auto& [method, kind, outcome, reason, alpha, covariance, by_stops, misfit, left_out, with_choice, bound,
+         why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest,
+         highest, effects, known, landmarks, stops, counts, joint, marginal, aic, weakest, iterations,
+         seconds] = s;
+  a(method, kind, outcome, reason, alpha, covariance, by_stops, misfit, left_out, with_choice, bound, why,
+    noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest, highest,
+    effects, known, landmarks, stops, counts, joint, marginal, aic, weakest, iterations, seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
   auto& [order, law, nll, aic] = s;

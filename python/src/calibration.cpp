@@ -45,6 +45,45 @@ py::dict noise_shapes(const Calibration& c) {
   return shapes;
 }
 
+/// {rms_raw_m, ...} of Calibration::left_out; None where there is none.
+py::object left_out(const Calibration& c) {
+  if (!c.left_out) return py::none();
+  const LeftOutCheck& check = *c.left_out;
+  py::dict entry;
+  entry["groups"] = check.groups;
+  entry["rms_raw_m"] = check.rms_raw_m;
+  entry["rms_raw_std_m"] = check.rms_raw_std_m;
+  entry["rms_corrected_m"] = check.rms_corrected_m;
+  entry["rms_corrected_std_m"] = check.rms_corrected_std_m;
+  entry["halves_p_value"] = check.halves_p_value;
+  entry["better_than_raw"] = check.usable;
+  entry["reason"] = check.reason;
+  return entry;
+}
+
+py::object misfit(const Calibration& c) {
+  if (!c.misfit) return py::none();
+  py::dict entry;
+  entry["factor"] = c.misfit->factor;
+  entry["threshold"] = c.misfit->threshold;
+  entry["where"] = c.misfit->where;
+  return entry;
+}
+
+py::list outliers(const Calibration& c) {
+  py::list list;
+  for (const OutlierReading& one : c.outliers) {
+    py::dict entry;
+    entry["recording"] = one.recording;
+    entry["row"] = one.row;
+    entry["channel"] = one.channel;
+    entry["sigmas"] = one.sigmas;
+    entry["reason"] = one.reason;
+    list.append(entry);
+  }
+  return list;
+}
+
 template <typename Items>
 std::vector<std::string> labels(const Items& items) {
   std::vector<std::string> texts;
@@ -70,7 +109,8 @@ py::array stops(const py::object& self) {
   return field_view(items, items.empty() ? nullptr : &items.front().pose.x_m, 3, self);
 }
 
-/// (n, 2, 2), NaN where a landmark has no covariance.
+/// (n, 2, 2), NaN where a landmark has no such covariance.
+template <std::optional<Eigen::Matrix2d> LandmarkEstimate::*which>
 py::array landmark_covariance(const Calibration& c) {
   py::array_t<double> array({static_cast<py::ssize_t>(c.landmarks.size()), py::ssize_t{2}, py::ssize_t{2}});
   auto at = array.mutable_unchecked<3>();
@@ -78,7 +118,7 @@ py::array landmark_covariance(const Calibration& c) {
     for (py::ssize_t a = 0; a < 2; ++a)
       for (py::ssize_t b = 0; b < 2; ++b)
         at(static_cast<py::ssize_t>(i), a, b) =
-            c.landmarks[i].covariance ? (*c.landmarks[i].covariance)(a, b) : nan;
+            c.landmarks[i].*which ? (*(c.landmarks[i].*which))(a, b) : nan;
   return array;
 }
 
@@ -116,6 +156,11 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly(
           "covariance_with_choice",
           [](const py::object& self) { return view(of(self).covariance_with_choice, self); })
+      .def_property_readonly(
+          "covariance_by_stops",
+          [](const py::object& self) { return view(of(self).alpha_covariance_by_stops, self); })
+      .def_property_readonly("misfit", &misfit)
+      .def_property_readonly("left_out", &left_out)
       .def_property_readonly("bound_alpha_std",
                              [](const py::object& self) { return view(of(self).bound_alpha_std, self); })
       .def_readonly("covariance_reason", &Calibration::covariance_reason)
@@ -124,6 +169,8 @@ void bind_calibration(py::module_& module) {
                              [](const py::object& self) { return view(of(self).noise.parameters, self); })
       .def_property_readonly("noise_std", &noise_std)
       .def_property_readonly("noise_shapes", &noise_shapes)
+      .def_readonly("outlier_count", &Calibration::outlier_count)
+      .def_property_readonly("outliers", &outliers)
       .def_property_readonly("sigma_theta_rad",
                              [](const Calibration& c) { return value_of(c.sigma_theta_rad); })
       .def_property_readonly("sigma_theta_std_rad",
@@ -138,7 +185,9 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly("effects_covariance_parameters", &effects_covariance_parameters)
       .def_property_readonly("landmark_labels", [](const Calibration& c) { return labels(c.landmarks); })
       .def_property_readonly("landmarks", &landmarks)
-      .def_property_readonly("landmark_covariance", &landmark_covariance)
+      .def_property_readonly("landmark_covariance", &landmark_covariance<&LandmarkEstimate::covariance>)
+      .def_property_readonly("landmark_covariance_by_stops",
+                             &landmark_covariance<&LandmarkEstimate::covariance_by_stops>)
       .def_property_readonly("landmark_recording",
                              [](const py::object& self) {
                                return field_view(of(self).landmarks, &LandmarkEstimate::recording, self);

@@ -117,7 +117,11 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
                (std_dev == found->second.std_dev.end() ? "" : fmt::format(" +- {:.2g}", std_dev->second));
       }
       if (at.at("outlier_share") < 1e-5) return std::string("no outlier");
-      return fmt::format("{:.2g} % x {:.3g}", 100.0 * at.at("outlier_share"), at.at("outlier_scale"));
+      const double percent = 100.0 * at.at("outlier_share");
+      if (const auto mean = at.find("outlier_mean"); mean != at.end())
+        return fmt::format("{:.2g} % {} by {:.2g} m", percent, mean->second > 0.0 ? "late" : "early",
+                           std::abs(mean->second));
+      return fmt::format("{:.2g} % x {:.3g}", percent, at.at("outlier_scale"));
     });
   if (!pairs)
     table.row("joint NLL", [](const Calibration& c, std::size_t) {
@@ -130,6 +134,13 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
             [](const Calibration& c, std::size_t) { return has_answer(c) ? or_dash(c.aic, "{:.2f}") : "-"; });
   table.row("time [ms]",
             [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
+  table.row("std by stops / std", [](const Calibration& c, std::size_t) {
+    return c.misfit && has_answer(c) ? fmt::format("{:.2f}", c.misfit->factor) : "-";
+  });
+  table.row("left out, RMS [mm]", [](const Calibration& c, std::size_t) {
+    if (!c.left_out || !has_answer(c)) return std::string("-");
+    return fmt::format("{:.1f} -> {:.1f}", 1e3 * c.left_out->rms_raw_m, 1e3 * c.left_out->rms_corrected_m);
+  });
   table.row("landmark RMSE [mm]", [&](const Calibration&, std::size_t i) {
     return or_dash(scores[i].landmark_rmse_m, "{:.1f}", 1e3);
   });
@@ -285,11 +296,13 @@ Advice advise(const CalibrationReport& report, std::span<const Recording> record
     return advice;
   }
   advice.trust = why_marginal(trusted, recordings);
+  const std::string useless = not_usable_in_words(trusted, recordings);
+  if (!useless.empty()) advice.trust = fmt::format("Trust marginal before the others, but {}", useless);
   for (const Calibration& c : report.calibrations) {
     if (c.method != trusted.method)
       advice.others.push_back(fmt::format("{} {}", to_string(c.method), what_it_gives_away(c, trusted)));
   }
-  std::vector<std::string> against{contradiction(report, scores, best)};
+  std::vector<std::string> against{contradiction(report, scores, best), misfit_in_words(trusted)};
   const ResidualCheck check = check_residuals(recordings, trusted);
   if (report.noise_shape.empty() && check.suspicious()) against.push_back(outliers_in_words(check));
   against.push_back(repeats_in_words(check));

@@ -92,7 +92,7 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
     add(fmt::format("{:.0f} % of the readings were dropped: see the reasons above",
                     100.0 - 100.0 * c.counts.used / c.counts.read));
   if (report.noise_shape.empty() && check.suspicious())
-    add("try --noise-shape auto, which tells outliers from noise");
+    add("look at the farthest readings: outliers that no noise shape takes for such, or an effect that the model lacks");
   if (c.method == Method::full && !pairs) add("use --method marginal for honest standard deviations");
   add(json.empty() ? "keep the result with --json cal.json, then 'rangecal correct cal.json readings.csv'"
                    : fmt::format("'rangecal correct {} readings.csv' turns readings into distances", json));
@@ -186,6 +186,8 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
                                        std::span<const Recording> recordings, const std::string& json) {
   std::vector<SummaryItem> items;
   const auto add = [&](const char* title, const std::string& text) { items.push_back({title, text}); };
+  if (const std::string warning = not_usable_in_words(c, recordings); !warning.empty())
+    add("USELESS", warning);
   add("Recording", describe(recordings));
   add("Readings", describe(c.counts));
   add("Outcome", outcome_in_words(c));
@@ -209,8 +211,15 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
                             with_std(1e3 * c.sigma_s_m->value,
                                      c.sigma_s_m->std_dev ? std::optional(1e3 * *c.sigma_s_m->std_dev)
                                                           : std::nullopt)));
+    if (const std::string left_out = left_out_in_words(c); !left_out.empty()) add("Left out", left_out);
+    if (const std::string misfit = misfit_in_words(c); !misfit.empty())
+      add("Misfit",
+          misfit + fmt::format("; 'rangecal diagnose {}' looks for the effect that it lacks",
+                               recordings.size() == 1 && !recordings[0].path.empty() ? recordings[0].path
+                                                                                     : "REC..."));
     if (!c.noise_shapes.empty())
       add("Tails", shapes_in_words(c) + "; sigmas are the scales of these, not standard deviations");
+    if (const std::string outliers = outlier_count_in_words(c); !outliers.empty()) add("Outliers", outliers);
     const ResidualCheck check = check_residuals(recordings, c);
     if (report.noise_shape.empty() && check.ranges > 0) {
       std::string text = outliers_in_words(check);
@@ -241,6 +250,8 @@ std::string summary_page(const CalibrationReport& report, const Calibration& c,
   for (const SummaryItem& item : summary_items(report, c, recordings, json)) {
     page += fmt::format("{:<10} {}\n", item.title, wrapped(item.text, 11));
     if (item.title == "Curve f") page += curve_table(c);
+    if (item.title == "Outliers")
+      for (const std::string& line : outlier_lines(c)) page += "           " + line + "\n";
   }
   return page;
 }

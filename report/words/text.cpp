@@ -119,6 +119,58 @@ std::string shapes_in_words(const Calibration& calibration) {
   return text;
 }
 
+std::string not_usable_in_words(const Calibration& calibration, std::span<const Recording> recordings) {
+  if (!calibration.left_out || calibration.left_out->usable) return {};
+  const std::string which =
+      recordings.size() == 1 && !recordings[0].path.empty() ? recordings[0].path : "REC...";
+  return fmt::format("do not use this curve: {}; 'rangecal diagnose {}' looks for what the model lacks",
+                     calibration.left_out->reason, which);
+}
+
+std::string left_out_in_words(const Calibration& calibration) {
+  if (!calibration.left_out) return {};
+  const LeftOutCheck& check = *calibration.left_out;
+  const char* what = calibration.kind == RecordingKind::pairs ? "stretches of distance" : "stops";
+  std::string text =
+      fmt::format("readings of {} {} left out in turn: raw {} mm RMS, corrected {} mm", check.groups, what,
+                  with_std(1e3 * check.rms_raw_m, 1e3 * check.rms_raw_std_m),
+                  with_std(1e3 * check.rms_corrected_m, 1e3 * check.rms_corrected_std_m));
+  if (check.halves_p_value) {
+    constexpr double level = 0.01;
+    text += fmt::format("; the curves of both halves of the recording {} (p = {:.2g})",
+                        *check.halves_p_value < level ? "DISAGREE" : "agree", *check.halves_p_value);
+  }
+  return text;
+}
+
+std::string misfit_in_words(const Calibration& calibration) {
+  if (!calibration.misfit || calibration.misfit->holds()) return {};
+  return fmt::format(
+      "the model does not hold: standard deviations by stops (how far the answer moves when a stop is left out) are {:.1f} "
+      "times those stated for {}",
+      calibration.misfit->factor, calibration.misfit->where);
+}
+
+std::string outlier_count_in_words(const Calibration& calibration) {
+  if (calibration.outlier_count == 0) return {};
+  return fmt::format("{} of {} readings ({:.2g} %) are outliers by the noise shape; none is thrown away{}",
+                     calibration.outlier_count, calibration.counts.used,
+                     100.0 * calibration.outlier_count / std::max(1, calibration.counts.used),
+                     calibration.outliers.empty() ? "" : "; the gravest, in spreads of the others");
+}
+
+std::vector<std::string> outlier_lines(const Calibration& calibration) {
+  std::vector<std::string> lines;
+  bool several = false;
+  for (const OutlierReading& one : calibration.outliers) several = several || one.recording > 0;
+  const char* file = calibration.kind == RecordingKind::pairs ? "pairs.csv" : "observations.csv";
+  for (const OutlierReading& one : calibration.outliers)
+    lines.push_back(fmt::format("row {:>6} of {}{}  {:<7}  {:+8.1f}  {}", one.row, file,
+                                several ? fmt::format(" of recording {}", one.recording + 1) : "",
+                                one.channel, one.sigmas, one.reason));
+  return lines;
+}
+
 std::string outliers_in_words(const ResidualCheck& check) {
   constexpr double tail = 6.334e-5;  // P(|z| > 4), z ~ N(0, 1)
   std::string text = fmt::format("{} of {} ranges", check.range_outliers, check.ranges);

@@ -118,7 +118,7 @@ TEST(CalibrateCommand, NoiseShapeOfLandmarksIsInPageAndFile) {
   // 15 parameters as for the Gaussian, and nu of each channel.
   EXPECT_NEAR(*calibration.aic, 2.0 * (*calibration.marginal_nll + 17.0), 1e-9);
   const auto notes = nlohmann::json::parse(slurp(json)).at("notes").get<std::vector<std::string>>();
-  EXPECT_THAT(notes, ::testing::ElementsAre(HasSubstr("noise is student-t with nu")));
+  EXPECT_THAT(notes, ::testing::ElementsAre(HasSubstr("noise is of ranges student-t with nu")));
   EXPECT_EQ(slurp(json), calibrations_to_json(load_calibrations(json), notes));
 }
 

@@ -62,8 +62,18 @@ TEST_P(RealRecording, EndsInAConvergedFullLikelihood) {
   EXPECT_THAT(result.out, HasSubstr("converged by full"));
 }
 
+TEST(CompareCommand, SpuriousJointMaximumIsNotCalledConverged) {
+  // Stops of three coordinates each see three landmarks or so: sigma_theta of full falls to a third of marginal's.
+  const std::string folder = recordings() + "/rangecal/brenner-lego";
+  if (slurp(folder + "/recording.yaml").empty()) GTEST_SKIP() << "the recording " << folder << " is not here";
+  const RunResult result = run("calibrate " + folder + " --method full --order 2");
+  EXPECT_EQ(result.code, 1) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("UNBOUNDED"));
+  EXPECT_THAT(result.out, HasSubstr("no maximum of use"));
+}
+
 INSTANTIATE_TEST_SUITE_P(All, RealRecording,
-                         ::testing::Values("mrclam6-robot3", "brenner-lego", "mrclam6-robot1-pairs",
+                         ::testing::Values("mrclam6-robot3", "mrclam6-robot1-pairs",
                                            "wall-sonar-calibration"),
                          [](const auto& one) {
                            std::string name = one.param;

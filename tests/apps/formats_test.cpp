@@ -45,10 +45,19 @@ TEST(Formats, NameEveryMemberOfACalibration) {
   EXPECT_EQ(all.size(), 2u) << "with --method all the file holds 'format' and 'methods'";
   std::vector<json> files = all.at("methods").get<std::vector<json>>();
   EXPECT_EQ(files.size(), 4u);
-  for (const std::string shape : {"student-t", "contaminated"})
+  for (const std::string shape : {"student-t", "contaminated", "one-sided"})
     files.push_back(written(folder, "calibrate " + shipped("field-layout") +
                                         " --order 2 --noise f2 --noise-shape " + shape + " --json"));
   files.push_back(written(folder, "calibrate " + shipped("pairs-2016") + " --order 2 --noise f2 --json"));
+  std::string echo = "true_m,reading_m\n";
+  for (int i = 0; i < 200; ++i)
+    echo += std::to_string(1.0 + 0.01 * i) + "," +
+            std::to_string(1.01 + 0.01 * i + 0.003 * ((7 * i) % 11 - 5) + (i == 77 ? 1.0 : 0.0)) + "\n";
+  std::filesystem::create_directory(folder.file("echo"));
+  folder.write("echo/recording.yaml", "format: rangecal/1\nkind: pairs\n");
+  folder.write("echo/pairs.csv", echo);  // one late echo, which is listed
+  files.push_back(written(folder, "calibrate " + folder.file("echo") + " --json"));
+  EXPECT_EQ(files.back().at("outliers").size(), 1u);
   std::filesystem::create_directory(folder.file("noted"));
   folder.write("noted/recording.yaml", "format: rangecal/1\nkind: pairs\n");
   std::string pairs = "true_m,reading_m,by\n";

@@ -59,6 +59,10 @@ class Field {
     if (!value_.is_string()) fail("is not a text");
     return value_.get<std::string>();
   }
+  bool flag() const {
+    if (!value_.is_boolean()) fail("is neither true nor false");
+    return value_.get<bool>();
+  }
   std::optional<double> maybe_number() const {
     if (is_null()) return std::nullopt;
     if (!value_.is_number()) fail("is not a number");
@@ -192,9 +196,12 @@ void read_places(const Field& top, Calibration& calibration) {
     LandmarkEstimate landmark{item.at("recording").whole(),
                               item.required("landmark").text(),
                               {item.at("x_m").number(), item.at("y_m").number()},
+                              std::nullopt,
                               std::nullopt};
     if (const auto covariance = item.at("covariance").matrix(2))
       landmark.covariance = Eigen::Matrix2d(*covariance);
+    if (const auto covariance = item.at("covariance_by_stops").matrix(2))
+      landmark.covariance_by_stops = Eigen::Matrix2d(*covariance);
     calibration.landmarks.push_back(std::move(landmark));
   }
   for (const Field& item : top.at("stops").items()) {
@@ -203,6 +210,31 @@ void read_places(const Field& top, Calibration& calibration) {
          item.required("stop").text(),
          {item.at("x_m").number(), item.at("y_m").number(), item.at("heading_rad").number()}});
   }
+}
+
+/// Files written before these checks have none of it.
+void read_checks(const Field& top, Calibration& calibration) {
+  calibration.alpha_covariance_by_stops = top.at("covariance_by_stops").matrix(calibration.alpha.size());
+  if (const Field misfit = top.at("misfit"); !misfit.is_null())
+    calibration.misfit = MisfitOfDeviations{misfit.at("factor").number(), misfit.at("threshold").number(),
+                                            misfit.at("where").text()};
+  calibration.outlier_count = top.at("outlier_count").whole();
+  for (const Field& item : top.at("outliers").items())
+    calibration.outliers.push_back({item.at("recording").whole(), item.at("row").whole(),
+                                    item.at("channel").text(), item.at("sigmas").number(),
+                                    item.at("reason").text()});
+  const Field left_out = top.at("left_out");
+  if (left_out.is_null()) return;
+  LeftOutCheck check;
+  check.groups = left_out.at("groups").whole();
+  check.rms_raw_m = left_out.at("rms_raw_m").number();
+  check.rms_raw_std_m = left_out.at("rms_raw_std_m").number();
+  check.rms_corrected_m = left_out.at("rms_corrected_m").number();
+  check.rms_corrected_std_m = left_out.at("rms_corrected_std_m").number();
+  check.halves_p_value = left_out.at("halves_p_value").maybe_number();
+  check.usable = top.at("usable").flag();
+  check.reason = top.at("usable_reason").text();
+  calibration.left_out = std::move(check);
 }
 
 void read_counts(const Field& field, Counts& counts) {
@@ -255,6 +287,7 @@ Calibration read_calibration(const Field& top) {
       bound.fail("is not finite, or negative");
   }
   calibration.covariance_reason = top.at("covariance_reason").text();
+  read_checks(top, calibration);
   const Field noise = top.required("noise");
   read_noise(noise, calibration);
   if (is_usable(calibration.outcome)) {

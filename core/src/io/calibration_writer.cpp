@@ -50,6 +50,27 @@ Json noise(const Calibration& calibration) {
   return object;
 }
 
+/// Whether the curve is better than none: null where that was not judged.
+void put_checks(Json& object, const Calibration& calibration) {
+  const std::optional<LeftOutCheck>& check = calibration.left_out;
+  object["usable"] = check ? Json(check->usable) : Json(nullptr);
+  object["usable_reason"] = check ? check->reason : std::string();
+  object["left_out"] = nullptr;
+  if (check)
+    object["left_out"] = {{"groups", check->groups},
+                          {"rms_raw_m", number(check->rms_raw_m)},
+                          {"rms_raw_std_m", number(check->rms_raw_std_m)},
+                          {"rms_corrected_m", number(check->rms_corrected_m)},
+                          {"rms_corrected_std_m", number(check->rms_corrected_std_m)},
+                          {"halves_p_value", number(check->halves_p_value)}};
+  object["covariance_by_stops"] = matrix(calibration.alpha_covariance_by_stops);
+  object["misfit"] = nullptr;
+  if (const auto& misfit = calibration.misfit)
+    object["misfit"] = {{"factor", number(misfit->factor)},
+                        {"threshold", number(misfit->threshold)},
+                        {"where", misfit->where}};
+}
+
 void put_estimate(Json& object, const std::string& name, const std::optional<Estimate>& estimate) {
   object[name] = estimate ? number(estimate->value) : Json(nullptr);
   object[name + "_std"] = estimate ? number(estimate->std_dev) : Json(nullptr);
@@ -69,7 +90,16 @@ Json to_json(const Calibration& calibration) {
   object["bound_alpha_std"] =
       calibration.bound_alpha_std ? vector(*calibration.bound_alpha_std) : Json(nullptr);
   object["covariance_reason"] = calibration.covariance_reason;
+  put_checks(object, calibration);
   object["noise"] = noise(calibration);
+  object["outlier_count"] = calibration.outlier_count;
+  object["outliers"] = Json::array();
+  for (const OutlierReading& one : calibration.outliers)
+    object["outliers"].push_back({{"recording", one.recording},
+                                  {"row", one.row},
+                                  {"channel", one.channel},
+                                  {"sigmas", number(one.sigmas)},
+                                  {"reason", one.reason}});
   put_estimate(object, "sigma_theta_rad", calibration.sigma_theta_rad);
   put_estimate(object, "sigma_s_m", calibration.sigma_s_m);
   object["sigma_s_upper95_m"] = number(calibration.sigma_s_upper95_m);
@@ -91,7 +121,8 @@ Json to_json(const Calibration& calibration) {
                                    {"landmark", landmark.label},
                                    {"x_m", number(landmark.position_m.x())},
                                    {"y_m", number(landmark.position_m.y())},
-                                   {"covariance", matrix(landmark.covariance)}});
+                                   {"covariance", matrix(landmark.covariance)},
+                                   {"covariance_by_stops", matrix(landmark.covariance_by_stops)}});
   }
   object["stops"] = Json::array();
   for (const StopEstimate& stop : calibration.stops) {

@@ -147,6 +147,59 @@ JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping 
   return problem;
 }
 
+JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
+                        std::vector<int>* cell_of_row) {
+  const Cells& r = rows.cells;
+  JointProblem merged = rows;
+  Cells& c = merged.cells;
+  c = Cells{};
+  std::vector<int> cell(r.size(), -1);
+  std::vector<std::size_t> first;  // row of each cell
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    if (!kept.empty() && !kept[i]) continue;
+    const bool same =
+        !first.empty() && r.stop[i] == c.stop.back() && r.landmark[i] == c.landmark.back() && r.bend.empty();
+    if (!same) {
+      first.push_back(i);
+      c.stop.push_back(r.stop[i]);
+      c.landmark.push_back(r.landmark[i]);
+      c.radius_m.push_back(r.radius_m[i]);
+      c.count.push_back(0.0);
+      c.range_mean.push_back(0.0);
+      c.bearing_mean.push_back(0.0);
+      if (!r.bend.empty()) {
+        c.bend.push_back(r.bend[i]);
+        c.bend_at_m.push_back(r.bend_at_m[i]);
+      }
+    }
+    cell[i] = static_cast<int>(first.size()) - 1;
+    c.count.back() += 1.0;
+    c.range_mean.back() += r.range_mean[i];
+    c.bearing_mean.back() += wrap_angle(r.bearing_mean[i] - r.bearing_mean[first.back()]);
+  }
+  c.range_weight = c.bearing_weight = c.count;
+  c.range_mean_square.assign(c.size(), 0.0);
+  c.bearing_mean_square.assign(c.size(), 0.0);
+  for (std::size_t j = 0; j < c.size(); ++j) {
+    c.range_mean[j] /= c.count[j];
+    c.bearing_mean[j] = wrap_angle(r.bearing_mean[first[j]] + c.bearing_mean[j] / c.count[j]);
+  }
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    if (cell[i] < 0) continue;
+    const std::size_t j = static_cast<std::size_t>(cell[i]);
+    const double range = r.range_mean[i] - c.range_mean[j],
+                 turn = wrap_angle(r.bearing_mean[i] - c.bearing_mean[j]);
+    c.range_mean_square[j] += range * range / c.count[j];
+    c.bearing_mean_square[j] += turn * turn / c.count[j];
+  }
+  c.stop_begin.assign(merged.stops.size() + 1, 0);
+  for (const int stop : c.stop) ++c.stop_begin[stop + 1];
+  std::partial_sum(c.stop_begin.begin(), c.stop_begin.end(), c.stop_begin.begin());
+  merged.readings = std::accumulate(c.count.begin(), c.count.end(), 0.0);
+  if (cell_of_row) *cell_of_row = std::move(cell);
+  return merged;
+}
+
 double mean_range(const JointProblem& problem) {
   const std::vector<double>& means = problem.cells.range_mean;
   const double sum = std::accumulate(means.begin(), means.end(), 0.0);

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <boost/math/special_functions/digamma.hpp>
 #include <cmath>
 #include <limits>
@@ -19,6 +20,7 @@ namespace {
 constexpr auto shape_names = names_of<NoiseShape>("noise shape", {{NoiseShape::gaussian, "gaussian"},
                                                                   {NoiseShape::student_t, "student-t"},
                                                                   {NoiseShape::contaminated, "contaminated"},
+                                                                  {NoiseShape::one_sided, "one-sided"},
                                                                   {NoiseShape::automatic, "auto"}});
 
 }  // namespace
@@ -28,7 +30,17 @@ const char* to_string(NoiseShape shape) { return shape_names.name_of(shape); }
 NoiseShape noise_shape_from_string(const std::string& text) { return shape_names.value_of(text); }
 
 int shape_parameter_count(NoiseShape shape) {
-  return shape == NoiseShape::student_t ? 1 : shape == NoiseShape::contaminated ? 2 : 0;
+  switch (shape) {
+    case NoiseShape::gaussian:
+    case NoiseShape::automatic:
+      return 0;
+    case NoiseShape::student_t:
+      return 1;
+    case NoiseShape::contaminated:
+    case NoiseShape::one_sided:
+      return 2;
+  }
+  return 0;
 }
 
 ContaminatedDensity contaminated_density(double p, double k, double z) {
@@ -39,80 +51,158 @@ ContaminatedDensity contaminated_density(double p, double k, double z) {
   return {total, outlier, 1.0 - outlier + outlier / (k * k)};
 }
 
+OneSidedDensity one_sided_density(double lambda, double z) {
+  const double x = z - 1.0 / lambda, t = -x / std::numbers::sqrt2;
+  OneSidedDensity at;
+  double mills = 0.0;  // phi(x) / Phi(x)
+  if (t < 0.0) {
+    const double Phi = 0.5 * std::erfc(t);
+    at.log_density = (0.5 / lambda - z) / lambda + std::log(Phi / lambda);
+    mills = std::exp(-0.5 * x * x - half_log_two_pi) / Phi;
+  } else {  // by erfcx(t) = exp(t^2) erfc(t), where Phi(x) alone underflows
+    constexpr double far = 25.0;
+    const double erfcx =
+        t < far ? std::exp(t * t) * std::erfc(t) : (1.0 - 0.5 / (t * t)) / (t * std::sqrt(std::numbers::pi));
+    at.log_density = std::log(0.5 * erfcx / lambda) - 0.5 * z * z;
+    mills = std::sqrt(2.0 / std::numbers::pi) / erfcx;
+  }
+  at.mean = std::max(0.0, x + mills);
+  at.variance = std::max(0.0, 1.0 - mills * at.mean);
+  return at;
+}
+
 ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {
   const double nu = shape.nu;
   constant_ = -half_log_two_pi;
-  if (shape.shape == NoiseShape::automatic) throw InputError("noise shape auto has no density of its own");
-  if (shape.shape == NoiseShape::student_t) {
-    constant_ = std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
-    in_nu_ = boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu;
+  switch (shape.shape) {
+    case NoiseShape::automatic:
+      throw InputError("noise shape auto has no density of its own");
+    case NoiseShape::gaussian:
+      break;
+    case NoiseShape::student_t:
+      constant_ =
+          std::lgamma(0.5 * (nu + 1.0)) - std::lgamma(0.5 * nu) - 0.5 * std::log(nu * std::numbers::pi);
+      in_nu_ = boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu;
+      break;
+    case NoiseShape::contaminated:
+    case NoiseShape::one_sided:
+      log_body_ = std::log1p(-shape.outlier_share);
+      log_share_ = std::log(shape.outlier_share);
+      break;
   }
 }
 
-LogDensity ShapeDensity::operator()(double z) const {
+/// Of a body and outliers on one side of it.
+LogDensity ShapeDensity::mixture(double z, double s) const {
+  const double p = shape_.outlier_share, sign = shape_.outlier_mean < 0.0 ? -1.0 : 1.0;
+  const double lambda = std::abs(shape_.outlier_mean) / s;
+  const OneSidedDensity echo = one_sided_density(lambda, sign * z);
+  const double body = log_body_ - half_log_two_pi - 0.5 * z * z, wide = log_share_ + echo.log_density;
+  const double high = std::fmax(body, wide);
   LogDensity out;
-  if (shape_.shape == NoiseShape::student_t) {
-    const double nu = shape_.nu, bend = std::log1p(z * z / nu);
-    out.value = constant_ - 0.5 * (nu + 1.0) * bend;
-    out.weight = (nu + 1.0) / (nu + z * z);
-    out.in_shape[0] = 0.5 * (in_nu_ - bend + out.weight * z * z / nu);
-  } else if (shape_.shape == NoiseShape::contaminated) {
-    const double p = shape_.outlier_share, k = shape_.outlier_scale;
-    const ContaminatedDensity at = contaminated_density(p, k, z);
-    const double responsibility = at.outlier;
-    out.value = at.log_density + constant_;
-    out.weight = at.weight;
-    out.in_shape[0] = responsibility / p - (1.0 - responsibility) / (1.0 - p);
-    out.in_shape[1] = responsibility * (z * z / (k * k) - 1.0) / k;
-  } else {
-    out.value = constant_ - 0.5 * z * z;
+  out.value = high + std::log(std::exp(body - high) + std::exp(wide - high));
+  const double r = std::exp(wide - out.value);
+  out.outlier = r;
+  out.shift = r * sign * echo.mean;
+  out.extra_square = r * echo.variance + r * (1.0 - r) * echo.mean * echo.mean;
+  out.derivative = out.shift - z;
+  const double in_lambda = r * (echo.mean - lambda) / (lambda * lambda);
+  out.in_log_s = -in_lambda * lambda;
+  out.in_shape[0] = r / p - (1.0 - r) / (1.0 - p);
+  out.in_shape[1] = sign * in_lambda / s;
+  return out;
+}
+
+LogDensity ShapeDensity::operator()(double z, double s) const {
+  LogDensity out;
+  switch (shape_.shape) {
+    case NoiseShape::student_t: {
+      const double nu = shape_.nu, bend = std::log1p(z * z / nu);
+      out.value = constant_ - 0.5 * (nu + 1.0) * bend;
+      out.weight = (nu + 1.0) / (nu + z * z);
+      out.in_shape[0] = 0.5 * (in_nu_ - bend + out.weight * z * z / nu);
+      break;
+    }
+    case NoiseShape::contaminated: {
+      const double p = shape_.outlier_share, k = shape_.outlier_scale;
+      const ContaminatedDensity at = contaminated_density(p, k, z);
+      out.outlier = at.outlier;
+      out.value = at.log_density + constant_;
+      out.weight = at.weight;
+      out.in_shape[0] = at.outlier / p - (1.0 - at.outlier) / (1.0 - p);
+      out.in_shape[1] = at.outlier * (z * z / (k * k) - 1.0) / k;
+      break;
+    }
+    case NoiseShape::one_sided:
+      return mixture(z, s);
+    case NoiseShape::gaussian:
+    case NoiseShape::automatic:
+      out.value = constant_ - 0.5 * z * z;
+      break;
   }
   out.derivative = -out.weight * z;
   return out;
 }
 
-LogDensity log_density(const NoiseShapeParameters& shape, double z) { return ShapeDensity(shape)(z); }
+LogDensity log_density(const NoiseShapeParameters& shape, double z, double s) {
+  return ShapeDensity(shape)(z, s);
+}
 
-double standard_deviation(const NoiseShapeParameters& shape) {
+double standard_deviation(const NoiseShapeParameters& shape, double s) {
+  const double p = shape.outlier_share;
   switch (shape.shape) {
     case NoiseShape::student_t:
       return shape.nu > 2.0 ? std::sqrt(shape.nu / (shape.nu - 2.0))
                             : std::numeric_limits<double>::infinity();
     case NoiseShape::contaminated:
-      return std::sqrt(1.0 - shape.outlier_share +
-                       shape.outlier_share * shape.outlier_scale * shape.outlier_scale);
-    default:
+      return std::sqrt(1.0 - p + p * shape.outlier_scale * shape.outlier_scale);
+    case NoiseShape::one_sided:
+      return std::sqrt(1.0 + p * (2.0 - p) * std::pow(shape.outlier_mean / s, 2));
+    case NoiseShape::gaussian:
+    case NoiseShape::automatic:
       return 1.0;
   }
+  return 1.0;
 }
 
-ShapeInformation shape_information(const NoiseShapeParameters& shape) {
+ShapeInformation shape_information(const NoiseShapeParameters& shape, double s) {
   constexpr double step = 1.0 / 64.0, farthest = 30.0;  // z = sinh(30) = 5e12, for tails as those of nu = 1
   const ShapeDensity density_at(shape);
   const int count = 1 + shape_parameter_count(shape.shape);
   ShapeInformation information;
   information.location = information.weight = 0.0;
   information.spread = Eigen::MatrixXd::Zero(count, count);
-  for (double t = 0.5 * step; t < farthest; t += step) {  // both signs alike
-    const double z = std::sinh(t);
-    const LogDensity at = density_at(z);
-    const double mass = 2.0 * step * std::cosh(t) * std::exp(at.value);
-    if (!(mass > 0.0)) continue;
-    const Eigen::Vector3d score(at.weight * z * z - 1.0, at.in_shape[0], at.in_shape[1]);
-    information.location += mass * at.derivative * at.derivative;
-    information.weight += mass * at.weight;
-    information.spread += mass * score.head(count) * score.head(count).transpose();
-  }
+  for (double t = 0.5 * step; t < farthest; t += step)
+    for (const double z : {std::sinh(t), -std::sinh(t)}) {
+      const LogDensity at = density_at(z, s);
+      const double mass = step * std::cosh(t) * std::exp(at.value);
+      if (!(mass > 0.0)) continue;
+      const Eigen::Vector3d score(-at.derivative * z - 1.0 + at.in_log_s, at.in_shape[0], at.in_shape[1]);
+      information.location += mass * at.derivative * at.derivative;
+      information.weight += mass * at.weight;
+      information.spread += mass * score.head(count) * score.head(count).transpose();
+    }
   return information;
 }
 
-bool at_limit(const NoiseShapeParameters& shape) {
+bool at_limit(const NoiseShapeParameters& shape, double s) {
   using Limits = NoiseShapeParameters;
-  if (shape.shape == NoiseShape::student_t)
-    return shape.nu < 1.01 * Limits::nu_min || shape.nu > 0.95 * Limits::nu_max;
-  if (shape.shape != NoiseShape::contaminated) return false;
-  return shape.outlier_share < 1e-4 || shape.outlier_share > 0.489 ||
-         shape.outlier_scale < Limits::scale_min + 0.01 || shape.outlier_scale > Limits::scale_max - 0.05;
+  const double most = shape.shape == NoiseShape::one_sided ? Limits::one_sided_share_max : Limits::share_max;
+  const bool share = shape.outlier_share < 1e-4 || shape.outlier_share > most - 1e-3;
+  switch (shape.shape) {
+    case NoiseShape::student_t:
+      return shape.nu < 1.01 * Limits::nu_min || shape.nu > 0.95 * Limits::nu_max;
+    case NoiseShape::contaminated:
+      return share || shape.outlier_scale < Limits::scale_min + 0.01 ||
+             shape.outlier_scale > 0.99 * Limits::scale_max;
+    case NoiseShape::one_sided:
+      return share || std::abs(shape.outlier_mean) < 1.01 * Limits::scale_min * s ||
+             std::abs(shape.outlier_mean) > 0.99 * Limits::scale_max * s;
+    case NoiseShape::gaussian:
+    case NoiseShape::automatic:
+      return false;
+  }
+  return false;
 }
 
 }  // namespace rangecal

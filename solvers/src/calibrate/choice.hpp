@@ -2,10 +2,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include "rangecal/core/calibration.hpp"
+#include "rangecal/solvers/calibrate.hpp"
 
 namespace rangecal {
 
@@ -33,5 +37,28 @@ constexpr double aic_that_matters = 14.0;
 /// the curve has no covariance, or fewer than two models with one have a weight of a thousandth.
 std::optional<Eigen::MatrixXd> covariance_with_choice(const Calibration& delivered,
                                                       std::span<const TriedCurve> tried);
+
+/// The search for order and noise law: from the usual pair to the law of lowest value there, to the order of lowest value
+/// under it, and once more to the law. `value_of(order, law)` fits a model when first asked for it.
+template <typename Value>
+std::pair<int, NoiseLaw> search_model(const CalibrateOptions& options, int highest,
+                                      std::pair<int, NoiseLaw> start, const Value& value_of) {
+  const std::vector<NoiseLaw> laws =
+      options.noise
+          ? std::vector<NoiseLaw>{*options.noise}
+          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+  auto [order, law] = start;
+  const auto best_law = [&] {
+    for (NoiseLaw candidate : laws)
+      if (value_of(order, candidate) < value_of(order, law)) law = candidate;
+  };
+  best_law();
+  const int first_order = order;
+  if (!options.order)
+    for (int n = 1; n <= std::max(1, highest); ++n)
+      if (value_of(n, law) < value_of(order, law)) order = n;
+  if (order != first_order) best_law();
+  return {order, law};
+}
 
 }  // namespace rangecal

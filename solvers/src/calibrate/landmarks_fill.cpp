@@ -7,6 +7,7 @@
 
 #include "calibrate/landmarks_job.hpp"
 #include "calibrate/what_is_open.hpp"
+#include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
@@ -80,8 +81,8 @@ Calibration calibration_from_fit(const LandmarksJob& job, Method method, const J
   result.alpha = fit.state.alpha;
   result.noise = fit.state.noise;
   for (std::size_t l = 0; l < job.landmark_labels.size(); ++l)
-    result.landmarks.push_back(
-        {job.problem.landmark_recording[l], job.landmark_labels[l], fit.state.landmarks[l], std::nullopt});
+    result.landmarks.push_back({job.problem.landmark_recording[l], job.landmark_labels[l],
+                                fit.state.landmarks[l], std::nullopt, std::nullopt});
   for (std::size_t k = 0; k < job.stop_labels.size(); ++k)
     result.stops.push_back({job.problem.stops[k].recording, job.stop_labels[k], fit.state.stops[k]});
   fill_deviations(job.problem, fit, result);
@@ -100,8 +101,8 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
   closed.noise_law = law;
   closed.bearings.weights = job.options.weights;
   if (job.problem.estimate_sigma_s) closed.bearings.sigma_s_m = job.default_sigma_s_m;
-  Calibration result = method == Method::closed_form ? closed_form_calibration(job.problem, closed)
-                                                     : approximate_joint_calibration(job.problem, closed);
+  Calibration result = method == Method::closed_form ? closed_form_calibration(job.agreeing, closed)
+                                                     : approximate_joint_calibration(job.agreeing, closed);
   result.method = method;
   result.counts = job.counts;
   result.reason = with_labels(result.reason, job.landmark_labels);
@@ -120,8 +121,34 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
   return result;
 }
 
+namespace {
+
+/// Both likelihoods at the stops that are best for the rest of `state`; marginal_nll is NaN where there are none.
+LaplaceValue at_best_stops(const LandmarksJob& job, JointState state, const RobustShapes* shapes) {
+  if (!shapes) return laplace_marginal(job.problem, state);
+  constexpr int rounds = 20;
+  constexpr double settled = 1e-6;  // [nats]
+  LaplaceValue value;
+  for (int round = 0; round < rounds; ++round) {  // the weights go with the stops
+    const LaplaceValue moved =
+        laplace_marginal(weighted_problem(*job.rows, state, shapes->range, shapes->bearing), state);
+    if (!moved.ok) return moved;
+    state = moved.state;
+    const RobustNll nll = robust_nll(*job.rows, state, shapes->range, shapes->bearing);
+    const double before = value.joint_nll;
+    value.state = state;
+    value.ok = nll.ok;
+    value.joint_nll = nll.joint;
+    value.marginal_nll = nll.marginal;
+    if (round > 0 && !(before - nll.joint > settled)) break;
+  }
+  return value;
+}
+
+}  // namespace
+
 void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
-           Calibration& calibration) {
+           const RobustShapes* shapes, Calibration& calibration) {
   if (calibration.alpha.size() == 0 || calibration.landmarks.size() != job.landmark_labels.size()) return;
   JointState state;
   state.alpha = calibration.alpha;
@@ -138,7 +165,12 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
     state.stops.push_back(calibration.stops.size() == job.problem.stops.size()
                               ? calibration.stops[k].pose
                               : job.problem.stops[k].commanded);
-  const LaplaceValue value = laplace_marginal(job.problem, state);
+  LaplaceValue value;
+  try {
+    value = at_best_stops(job, state, shapes);
+  } catch (const InputError&) {  // outside of the model's domain
+    value.ok = false;
+  }
   if (!value.ok) {
     calibration.reason += std::string(calibration.reason.empty() ? "" : "; ") +
                           "no likelihood: f, a distance or a spread is not positive at some reading";
@@ -146,7 +178,9 @@ void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::option
   }
   calibration.joint_nll = value.joint_nll;
   calibration.marginal_nll = value.marginal_nll;
-  calibration.aic = 2.0 * (value.marginal_nll + job.parameters(state));
+  const int of_shapes =
+      shapes ? shape_parameter_count(shapes->range.shape) + shape_parameter_count(shapes->bearing.shape) : 0;
+  calibration.aic = 2.0 * (value.marginal_nll + job.parameters(state) + of_shapes);
 }
 
 }  // namespace rangecal

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,6 +13,7 @@
 #include "calibrate/too_few.hpp"
 #include "calibrate/walk_seed.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/seen_landmarks.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
@@ -40,9 +42,16 @@ LandmarksJob::LandmarksJob(std::span<const Recording> all, const CalibrateOption
   for (const Recording& recording : recordings)
     if (recording.estimate_sigma_xy)
       default_sigma_s_m = std::clamp(recording.sigma_xy_m, 4e-4 * scale, 0.1 * scale);
-  if (options.noise_shape != NoiseShape::gaussian) rows = make_joint_problem(recordings, Grouping::rows);
+  agreeing = problem;
   too_few = why_too_few(problem, options.order.value_or(1));
+  if (options.noise_shape == NoiseShape::gaussian || too_few) return;
+  rows = make_joint_problem(recordings, Grouping::rows);
+  consensus = find_consensus(*rows);
+  if (consensus.left_out > 0 && !why_too_few(consensus.problem, options.order.value_or(1)))
+    agreeing = consensus.problem;
 }
+
+void LandmarksJob::take_all_readings() { agreeing = problem; }
 
 std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
   std::vector<JointState> candidates;
@@ -57,9 +66,9 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
     } catch (const InputError&) {  // this seed does not exist for this problem; others may
     }
   };
-  add([&] { return closed_form_state(problem, closed); });
-  if (is_walk(problem)) add([&] { return walk_seed(problem, order, law); });
-  add([&] { return position_seed(problem, order, law); });
+  add([&] { return closed_form_state(agreeing, closed); });
+  if (is_walk(agreeing)) add([&] { return walk_seed(agreeing, order, law); });
+  add([&] { return position_seed(agreeing, order, law); });
   if (options.from && !candidates.empty()) {
     JointState state = candidates.back();
     const Calibration& from = *options.from;
@@ -68,7 +77,7 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
         if (landmark.label == landmark_labels[l] && landmark.recording == problem.landmark_recording[l])
           state.landmarks[l] = landmark.position_m;
     add([&] {
-      seed_curve_and_noise(problem, order, state);
+      seed_curve_and_noise(agreeing, order, state);
       return state;
     });
     if (from.order() <= order) {
@@ -83,7 +92,7 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
   double best_nll = infinity;
   for (JointState& state : candidates) {
     if (problem.estimate_sigma_s) state.sigma_s_m = default_sigma_s_m;
-    const double nll = joint_nll(problem, state);
+    const double nll = joint_nll(agreeing, state);
     if (nll < best_nll) {
       best_nll = nll;
       best = state;
@@ -93,11 +102,11 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
 }
 
 JointFit LandmarksJob::full(const JointState& start) const {
-  if (options.solver == JointSolver::block) return solve_joint_block(problem, start);
-  JointFit fit = solve_joint_ceres(problem, start);
+  if (options.solver == JointSolver::block) return solve_joint_block(agreeing, start);
+  JointFit fit = solve_joint_ceres(agreeing, start);
   if (fit.outcome != Outcome::not_converged) return fit;
   // Sums of squares that round away what is left to gain, or a sigma that creeps to 0: exact second derivatives see both.
-  JointFit other = solve_joint_block(problem, start);
+  JointFit other = solve_joint_block(agreeing, start);
   return other.outcome == Outcome::not_converged && !(other.joint_nll < fit.joint_nll) ? fit : other;
 }
 
@@ -106,12 +115,12 @@ MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full
   marginal.estimate_sigma_s = problem.estimate_sigma_s;
   MarginalFit best = marginal_by_joint(start, full_fit, marginal);
   // The joint likelihood may lead into another basin than that of the seed, and a higher one.
-  const LaplaceValue at_seed = laplace_marginal(problem, start);
+  const LaplaceValue at_seed = laplace_marginal(agreeing, start);
   const auto stands = [&](const MarginalFit& fit) {
     return fit.outcome == Outcome::converged && fit.marginal_nll <= at_seed.marginal_nll;
   };
   if (!at_seed.ok || best.outcome == Outcome::unobservable || stands(best)) return best;
-  if (MarginalFit direct = solve_marginal(problem, start, marginal);
+  if (MarginalFit direct = solve_marginal(agreeing, start, marginal);
       stands(direct) && !(best.outcome == Outcome::converged && best.marginal_nll < direct.marginal_nll))
     return direct;
   // REML's sigmas are not those of the lowest l_s: the criterion decides.
@@ -125,7 +134,7 @@ MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full
 double LandmarksJob::reml_at(const JointState& state) const {
   MarginalOptions held;
   held.held.sigmas = true;
-  const MarginalFit fit = solve_marginal(problem, state, held);
+  const MarginalFit fit = solve_marginal(agreeing, state, held);
   if (fit.outcome != Outcome::converged || !fit.covariance) return infinity;
   const Eigen::Index n = state.alpha.size() + 2 * problem.landmark_count();
   const Eigen::LLT<Eigen::MatrixXd> factor(fit.covariance->topLeftCorner(n, n));
@@ -136,7 +145,7 @@ MarginalFit LandmarksJob::marginal_by_joint(const JointState& start, const Joint
                                             const MarginalOptions& marginal) const {
   MarginalFit best;
   if (full_fit && full_fit->outcome == Outcome::converged && !problem.estimate_sigma_s) {
-    best = solve_marginal(problem, full_fit->state, marginal);
+    best = solve_marginal(agreeing, full_fit->state, marginal);
     if (best.outcome == Outcome::converged) return best;
   }
   JointState held_start = start;
@@ -144,7 +153,7 @@ MarginalFit LandmarksJob::marginal_by_joint(const JointState& start, const Joint
   closed.order = static_cast<int>(start.alpha.size()) - 1;
   closed.noise_law = start.noise.law;
   if (problem.estimate_sigma_s) closed.bearings.sigma_s_m = default_sigma_s_m;
-  const Calibration approximate = approximate_joint_calibration(problem, closed);
+  const Calibration approximate = approximate_joint_calibration(agreeing, closed);
   if (is_usable(approximate.outcome) && approximate.noise.parameters.allFinite() &&
       approximate.noise.parameters.cwiseAbs().maxCoeff() > 0.0) {
     if (approximate.noise.law == start.noise.law) held_start.noise = approximate.noise;
@@ -154,9 +163,9 @@ MarginalFit LandmarksJob::marginal_by_joint(const JointState& start, const Joint
   JointOptions held;
   held.held.sigmas = true;
   for (const JointState& from : {held_start, start}) {
-    const JointFit fit = solve_joint_block(problem, from, held);
+    const JointFit fit = solve_joint_block(agreeing, from, held);
     if (!std::isfinite(fit.joint_nll)) continue;
-    MarginalFit next = solve_marginal(problem, fit.state, marginal);
+    MarginalFit next = solve_marginal(agreeing, fit.state, marginal);
     if (next.outcome == Outcome::converged || next.outcome == Outcome::unobservable) return next;
     if (best.state.alpha.size() == 0 || next.marginal_nll < best.marginal_nll) best = next;
   }
@@ -171,78 +180,168 @@ double parameter_count(const JointProblem& problem, const JointState& state, boo
   return curve_and_noise + 1.0 + 2.0 * problem.landmark_count() + (problem.estimate_sigma_s ? 1.0 : 0.0);
 }
 
+JointState LandmarksJob::restated(const JointState& from, int order, NoiseLaw law) const {
+  JointState state = from;
+  const Cells& c = problem.cells;
+  const Eigen::Index cells = static_cast<Eigen::Index>(c.size());
+  Eigen::MatrixXd rows(cells, order + 1);
+  Eigen::VectorXd curve(cells), distance(cells), spread(cells);
+  for (Eigen::Index i = 0; i < cells; ++i) {
+    const Pose2& pose = from.stops[c.stop[i]];
+    const Eigen::Vector2d sight = from.landmarks[c.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m);
+    distance[i] = sight.norm() - c.radius_m[i];
+    curve[i] = evaluate_polynomial(from.alpha, distance[i]);
+    spread[i] = from.noise.spread(distance[i], curve[i]);
+    double power = 1.0 / spread[i];
+    for (int j = 0; j <= order; ++j, power *= distance[i]) rows(i, j) = power;
+  }
+  if (order + 1 >= from.alpha.size()) {
+    state.alpha = Eigen::VectorXd::Zero(order + 1);
+    state.alpha.head(from.alpha.size()) = from.alpha;
+  } else {
+    state.alpha = rows.colPivHouseholderQr().solve(curve.cwiseQuotient(spread));
+  }
+  if (law == from.noise.law) return state;
+  state.noise.law = law;
+  state.noise.parameters = Eigen::VectorXd::Ones(1);
+  if (law == NoiseLaw::polynomial) {
+    state.noise.parameters = Eigen::VectorXd::Zero(order + 1);
+    state.noise.parameters[0] = 1.0;
+  }
+  double log_ratio = 0.0;
+  for (Eigen::Index i = 0; i < cells; ++i)
+    log_ratio += std::log(spread[i] / state.noise.spread(distance[i], curve[i])) / static_cast<double>(cells);
+  state.noise.parameters *= std::exp(log_ratio);
+  return state;
+}
+
+int LandmarksJob::highest_order() const {
+  return std::min(options.max_order, static_cast<int>(problem.cells.size()) - 3);
+}
+
+void LandmarksJob::say_trying(int order, NoiseLaw law) const {
+  if (options.on_progress)
+    options.on_progress(fmt::format("trying order {} with noise law {}", order, to_string(law)));
+}
+
 std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models,
                                                     std::vector<TriedCurve>& curves) const {
-  const int highest = std::min(options.max_order, static_cast<int>(problem.cells.size()) - 3);
-  const std::vector<NoiseLaw> laws =
-      options.noise
-          ? std::vector<NoiseLaw>{*options.noise}
-          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
-  int order = options.order.value_or(std::clamp(highest, 1, 2));
-  NoiseLaw law = options.noise.value_or(NoiseLaw::f_squared);
-  if (options.order && options.noise) return {order, law};
+  const int highest = highest_order();
+  const std::pair<int, NoiseLaw> start{options.order.value_or(std::clamp(highest, 1, 2)),
+                                       options.noise.value_or(NoiseLaw::f_squared)};
+  if (options.order && options.noise) return start;
 
   std::map<std::pair<int, NoiseLaw>, double> known;
   std::optional<JointState> warm;
   const auto aic_of = [&](int n, NoiseLaw candidate) {
     const auto found = known.find({n, candidate});
     if (found != known.end()) return found->second;
-    if (options.on_progress)
-      options.on_progress(fmt::format("trying order {} with noise law {}", n, to_string(candidate)));
+    say_trying(n, candidate);
     ModelScore tried{n, candidate, infinity, infinity};
     TriedCurve curve;
-    const auto keep = [&](const JointFit& tried_fit) {
-      curve.alpha = tried_fit.state.alpha;
-      if (tried_fit.covariance) curve.covariance = tried_fit.covariance->topLeftCorner(n + 1, n + 1);
-    };
     MarginalFit fit;
     MarginalOptions marginal_options;
     marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
     if (warm) {
-      JointState start = *warm;
-      start.noise.law = candidate;
-      seed_curve_and_noise(problem, n, start);
-      fit = solve_marginal(problem, start, marginal_options);
+      JointState begin = *warm;
+      begin.noise.law = candidate;
+      seed_curve_and_noise(agreeing, n, begin);
+      fit = solve_marginal(agreeing, begin, marginal_options);
     }
     if (fit.outcome != Outcome::converged)
-      if (const auto start = seed(n, candidate)) {
-        const JointFit joint = problem.estimate_sigma_s ? JointFit{} : solve_joint_block(problem, *start);
-        fit = marginal(*start, &joint);
+      if (const auto begin = seed(n, candidate)) {
+        const JointFit joint = problem.estimate_sigma_s ? JointFit{} : solve_joint_block(agreeing, *begin);
+        fit = marginal(*begin, &joint);
       }
     if (fit.outcome == Outcome::converged) {
       tried.nll = fit.marginal_nll;
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
-      keep(fit);
+      curve.alpha = fit.state.alpha;
+      if (fit.covariance) curve.covariance = fit.covariance->topLeftCorner(n + 1, n + 1);
       warm = fit.state;
       if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * no_sigma_s(problem))
         warm.reset();
-      if (rows) {
-        const bool any = options.noise_shape == NoiseShape::automatic;
-        const RobustMarginalFit robust = solve_marginal_robust(
-            *rows, fit.state, any ? NoiseShape::student_t : options.noise_shape, marginal_options);
-        tried.nll = robust.shapes.nll;
-        tried.aic = is_usable(robust.fit.outcome) ? robust.shapes.aic : infinity;
-        curve.covariance.reset();
-        keep(robust.fit);
-      }
     }
     curve.aic = tried.aic;
     curves.push_back(curve);
     models.push_back(tried);
     return known[{n, candidate}] = tried.aic;
   };
-  const auto best_law = [&] {
-    for (NoiseLaw candidate : laws)
-      if (aic_of(order, candidate) < aic_of(order, law)) law = candidate;
-  };
-  best_law();
-  const int first_order = order;
-  if (!options.order)
-    for (int n = 1; n <= std::max(1, highest); ++n)
-      if (aic_of(n, law) < aic_of(order, law)) order = n;
-  if (order != first_order) best_law();
+  auto [order, law] = search_model(options, highest, start, aic_of);
   if (!options.order && !std::isfinite(known[{order, law}])) order = 1;
   return {order, law};
+}
+
+std::optional<RobustMarginalFit> LandmarksJob::choose_shapes(const JointState& start,
+                                                             std::vector<ModelScore>& models,
+                                                             std::vector<TriedCurve>& curves) const {
+  MarginalOptions marginal_options;
+  marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
+  const bool automatic = options.noise_shape == NoiseShape::automatic;
+  if (options.on_progress) options.on_progress("choosing the noise shapes");
+  RobustMarginalFit best = solve_marginal_robust(*rows, start, options.noise_shape, marginal_options);
+  if (best.shapes.range.shape == NoiseShape::gaussian && best.shapes.bearing.shape == NoiseShape::gaussian)
+    return std::nullopt;
+  if (options.order && options.noise) return best;
+
+  std::vector<ModelScore> tried_models;
+  std::vector<TriedCurve> tried_curves;
+  std::map<std::pair<int, NoiseLaw>, RobustMarginalFit> known;
+  const auto key_of = [](const JointState& state) {
+    return std::pair(static_cast<int>(state.alpha.size()) - 1, state.noise.law);
+  };
+  const auto keep = [&](std::pair<int, NoiseLaw> model, RobustMarginalFit fit) {
+    const bool usable = is_usable(fit.fit.outcome);
+    TriedCurve curve;
+    curve.aic = usable ? fit.shapes.aic : infinity;
+    curve.alpha = fit.fit.state.alpha;
+    if (fit.fit.covariance)
+      curve.covariance = fit.fit.covariance->topLeftCorner(model.first + 1, model.first + 1);
+    tried_models.push_back({model.first, model.second, fit.shapes.nll, curve.aic});
+    tried_curves.push_back(curve);
+    known.insert_or_assign(model, std::move(fit));
+  };
+  const std::pair<int, NoiseLaw> first = key_of(best.fit.state);
+  keep(first, best);
+  RobustMarginalFit nearest = best;
+  const auto aic_of = [&](int n, NoiseLaw candidate) {
+    const std::pair<int, NoiseLaw> model{n, candidate};
+    if (const auto found = known.find(model); found == known.end()) {
+      say_trying(n, candidate);
+      const JointState begin = restated(nearest.fit.state, n, candidate);
+      keep(model, solve_marginal_robust(*rows, begin, nearest.shapes, marginal_options, true));
+    }
+    const RobustMarginalFit& fit = known.at(model);
+    if (!is_usable(fit.fit.outcome)) return infinity;
+    if (fit.shapes.aic < nearest.shapes.aic) nearest = fit;
+    return fit.shapes.aic;
+  };
+  const std::pair<int, NoiseLaw> chosen = search_model(options, highest_order(), first, aic_of);
+  if (chosen != first && is_usable(known.at(chosen).fit.outcome)) {
+    RobustMarginalFit at =
+        solve_marginal_robust(*rows, known.at(chosen).fit.state, known.at(chosen).shapes, marginal_options);
+    at.shapes.range_tried = best.shapes.range_tried;
+    at.shapes.bearing_tried = best.shapes.bearing_tried;
+    // Heavy tails have several maxima: the one that the search carried along, and the one next to the Gaussian fit.
+    RobustMarginalFit fresh = solve_marginal_robust(
+        *rows, restated(start, chosen.first, chosen.second),
+        ChannelShapes(at.shapes.range.shape, at.shapes.bearing.shape), marginal_options);
+    if (is_usable(fresh.fit.outcome) && fresh.shapes.aic < at.shapes.aic) {
+      fresh.shapes.range_tried = at.shapes.range_tried;
+      fresh.shapes.bearing_tried = at.shapes.bearing_tried;
+      at = std::move(fresh);
+    }
+    if (automatic) {  // a law chosen under the wrong family, or a family under the wrong law
+      if (const auto other = better_shapes(*rows, at.fit.state, at.shapes)) {
+        RobustMarginalFit again = solve_marginal_robust(*rows, at.fit.state, *other, marginal_options);
+        if (is_usable(again.fit.outcome) && again.shapes.aic < at.shapes.aic) at = std::move(again);
+      }
+    }
+    best = std::move(at);
+  }
+  models = std::move(tried_models);
+  curves = std::move(tried_curves);
+  return best;
 }
 
 }  // namespace rangecal

@@ -10,7 +10,9 @@
 #include "calibrate/choice.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 #include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/closed_form/consensus.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
+#include "rangecal/solvers/joint_ml/robust.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 #include "rangecal/solvers/nlopt/nlopt_check.hpp"
 
@@ -24,7 +26,11 @@ struct LandmarksJob {
   std::vector<Recording> recordings;  ///< without the landmarks that no reading sees
   CalibrateOptions options;
   JointProblem problem;
+  /// What closed forms, seeds and Gaussian solves see: `problem`, or where a noise shape is asked for the readings that
+  /// agree (find_consensus).
+  JointProblem agreeing;
   std::optional<JointProblem> rows;  ///< each reading a cell of its own, where a noise shape is asked for
+  Consensus consensus;               ///< of `rows`; its problem is `agreeing`
   std::vector<std::string> landmark_labels, stop_labels;
   Counts counts;
   std::optional<std::string> too_few;  ///< why no method can work, in words
@@ -39,10 +45,23 @@ struct LandmarksJob {
   double reml_at(const JointState& state) const;
   MarginalFit marginal_by_joint(const JointState& seed, const JointFit* full,
                                 const MarginalOptions& options) const;
-  /// Order and noise law, by the AIC of the marginal NLL; every model tried goes to `models`, its curve to `curves`.
+  /// Order and noise law of Gaussian noise, by the AIC of the marginal NLL; every model tried goes to `models`, its curve
+  /// to `curves`.
   std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models,
                                         std::vector<TriedCurve>& curves) const;
+  /// The noise shapes asked for at (order, law), the optimum of Gaussian noise on the agreeing readings being `start`; none
+  /// where both channels are best Gaussian. Order and law are then chosen again under these families, and the families
+  /// at the model chosen; models and curves are those tried with them.
+  std::optional<RobustMarginalFit> choose_shapes(const JointState& start, std::vector<ModelScore>& models,
+                                                 std::vector<TriedCurve>& curves) const;
+  /// All readings agree and no noise shape is needed.
+  void take_all_readings();
 
+  /// `from` with a curve of another order and another noise law, as near to its own as they can be over the distances of the
+  /// cells: least squares between the curves, equal spreads on average. No reading is looked at, so no outlier.
+  JointState restated(const JointState& from, int order, NoiseLaw law) const;
+  int highest_order() const;  ///< that the readings can bear, up to max_order
+  void say_trying(int order, NoiseLaw law) const;
   double parameters(
       const JointState& state) const;  ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated
 };
@@ -55,10 +74,10 @@ double parameter_count(const JointProblem& problem, const JointState& state, boo
 Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit);
 Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, int order, NoiseLaw law);
 
-/// joint_nll, marginal_nll and aic by the same two functions for every method. `sigma_s_m` where it was
-/// estimated; `sigma_theta_rad` stands in where the method has none.
+/// joint_nll, marginal_nll and aic by the same two functions for every method, with the noise shapes of `shapes` (null:
+/// Gaussian). `sigma_s_m` where it was estimated; `sigma_theta_rad` stands in where the method has none.
 void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
-           Calibration& calibration);
+           const RobustShapes* shapes, Calibration& calibration);
 
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);

@@ -3,8 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
+#include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
+#include "calibrate/walk_seed.hpp"
 #include "calibrate/what_is_open.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/calibrate/doubts.hpp"
@@ -16,9 +20,15 @@ namespace {
 /// The parts of a job that several methods share, each solved when first asked for.
 class Run {
  public:
-  explicit Run(const LandmarksJob& job, int order, NoiseLaw law) : job_(job), seed_(job.seed(order, law)) {}
+  /// `shaped`: the marginal fit with the noise shapes that all methods share; none: Gaussian noise.
+  Run(const LandmarksJob& job, int order, NoiseLaw law, std::optional<RobustMarginalFit> shaped)
+      : job_(job), shaped_(std::move(shaped)), seed_(job.seed(order, law)) {
+    if (shaped_) keep(shaped_->fit);
+  }
 
   const std::optional<JointState>& seed() const { return seed_; }
+  const RobustMarginalFit* shaped() const { return shaped_ ? &*shaped_ : nullptr; }
+  const RobustShapes* shapes() const { return shaped_ ? &shaped_->shapes : nullptr; }
   /// Where the likelihood stands best: the marginal's end, else the full's, else the seed.
   std::optional<JointState> best_state;
 
@@ -38,25 +48,6 @@ class Run {
     return marginal_ ? &*marginal_ : nullptr;
   }
 
-  /// `marginal` with the noise shape asked for, from the Gaussian's end; none without a seed.
-  const RobustMarginalFit* shaped_marginal() {
-    if (!shaped_ && seed_) {
-      MarginalOptions options;
-      options.estimate_sigma_s = job_.problem.estimate_sigma_s;
-      const JointState& start = is_usable(marginal()->outcome) && best_state ? *best_state : *seed_;
-      shaped_ = solve_marginal_robust(*job_.rows, start, job_.options.noise_shape, options);
-      keep(shaped_->fit);
-    }
-    return shaped_ ? &*shaped_ : nullptr;
-  }
-
-  /// The shape that all methods share: the one asked for; for `automatic` that of the marginal's lowest AIC.
-  NoiseShape shape() {
-    const NoiseShape asked = job_.options.noise_shape;
-    if (asked != NoiseShape::automatic) return asked;
-    return shaped_marginal() ? shaped_marginal()->shapes.range.shape : NoiseShape::gaussian;
-  }
-
  private:
   void keep(const MarginalFit& fit) {
     if (fit.state.alpha.size() == 0 || !std::isfinite(fit.joint_nll)) return;
@@ -66,10 +57,10 @@ class Run {
   }
 
   const LandmarksJob& job_;
+  std::optional<RobustMarginalFit> shaped_;
   std::optional<JointState> seed_;
   std::optional<JointFit> full_;
   std::optional<MarginalFit> marginal_;
-  std::optional<RobustMarginalFit> shaped_;
 };
 
 Calibration named(const LandmarksJob& job, Method method, Outcome outcome, const std::string& reason) {
@@ -82,23 +73,46 @@ Calibration named(const LandmarksJob& job, Method method, Outcome outcome, const
   return result;
 }
 
+/// A joint maximum of which a sigma is far below marginal's is spurious: the stops fit some readings exactly.
+void refuse_spurious(const JointState& marginal, JointFit& fit) {
+  constexpr double far_below = 0.4;  // what it should lack for the stops fitted is some ten per cent
+  if (!is_usable(fit.outcome) || fit.state.noise.law != marginal.noise.law) return;
+  const double theta = fit.state.sigma_theta_rad / marginal.sigma_theta_rad,
+               noise = fit.state.noise.parameters.norm() / marginal.noise.parameters.norm();
+  if (!(std::min(theta, noise) < far_below)) return;
+  fit.outcome = Outcome::unbounded;
+  fit.reason = fmt::format(
+      "the joint likelihood has no maximum of use: it falls along {}, here {:.2g} of what marginal finds, where the stops "
+      "fit as many readings exactly as they have free coordinates; use the marginal method",
+      theta < noise ? "sigma_theta" : "sigma_e", std::min(theta, noise));
+}
+
+/// The joint maximum with the shapes that `marginal` found, held: with the scale of a mixture free it has no maximum of
+/// use, for the stops can fit half of the readings exactly while the mixture takes the rest.
+Calibration full_with_shapes(const LandmarksJob& job, const RobustMarginalFit& shaped) {
+  RobustJointFit fit = solve_joint_with_shapes(*job.rows, shaped.fit.state, shaped.shapes);
+  refuse_spurious(shaped.fit.state, fit.fit);
+  return calibration_from_robust(job, fit);
+}
+
 Calibration by_full(const LandmarksJob& job, Run& run) {
   if (job.problem.estimate_sigma_s)
     return named(
         job, Method::full, Outcome::unbounded,
         "with sigma_xy_m: estimate the joint likelihood has no maximum: sigma_s goes to 0; use marginal");
+  if (const RobustMarginalFit* shaped = run.shaped()) return full_with_shapes(job, *shaped);
   const JointFit* fit = run.full();
   if (!fit) return named(job, Method::full, Outcome::failed, "no start inside the model's domain was found");
-  const NoiseShape shape = run.shape();
-  if (shape == NoiseShape::gaussian) return calibration_from_fit(job, Method::full, *fit);
-  const JointState& start = fit->outcome == Outcome::converged ? fit->state : *run.seed();
-  return calibration_from_robust(job, solve_joint_robust(*job.rows, start, shape));
+  JointFit judged = *fit;
+  if (const MarginalFit* marginal = run.marginal(); marginal && marginal->outcome == Outcome::converged)
+    refuse_spurious(marginal->state, judged);
+  return calibration_from_fit(job, Method::full, judged);
 }
 
 Calibration by_marginal(const LandmarksJob& job, Run& run) {
+  if (const RobustMarginalFit* shaped = run.shaped()) return calibration_from_robust(job, *shaped);
   if (!run.seed())
     return named(job, Method::marginal, Outcome::failed, "no start inside the model's domain was found");
-  if (run.shape() != NoiseShape::gaussian) return calibration_from_robust(job, *run.shaped_marginal());
   const MarginalFit& fit = *run.marginal();
   Calibration result = calibration_from_fit(job, Method::marginal, fit);
   result.sigma_s_upper95_m = fit.sigma_s_upper95_m;
@@ -136,13 +150,107 @@ CheckReport checked(const LandmarksJob& job, const JointState& seed, const Joint
   return report;
 }
 
-/// What the shapes that were tried cost against the one kept.
+/// A marginal fit, Gaussian or not, and what its stops say of it.
+struct Judged {
+  MarginalFit fit;
+  std::optional<StopInfluence> influence;
+};
+
+Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes) {
+  Judged result{fit, std::nullopt};
+  JointState& state = result.fit.state;
+  if (fit.outcome != Outcome::converged || !fit.covariance) return result;
+  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(job.problem));
+  if (shapes)
+    result.influence = stop_influence(weighted_problem(*job.rows, state, shapes->range, shapes->bearing),
+                                      state, *fit.covariance);
+  else
+    result.influence = stop_influence(job.problem, state, *fit.covariance);
+  return result;
+}
+
+/// The order below AIC's, if any, that predicts stops left out better than AIC's does; its fit where a noise shape is
+/// asked for. A curve bends after an effect of another variable, and AIC, which takes readings for independent, lets it.
+std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw law,
+                                  std::optional<RobustMarginalFit>& shaped, CalibrationReport& report) {
+  if (job.options.order || order < 2 || is_walk(job.problem)) return std::nullopt;
+  const auto fit_at = [&](int n, std::optional<RobustMarginalFit>& with_shapes) -> MarginalFit {
+    if (!shaped) {
+      Run run(job, n, law, std::nullopt);
+      const MarginalFit* fit = run.marginal();
+      return fit ? *fit : MarginalFit{};
+    }
+    if (n == order) {
+      with_shapes = shaped;
+    } else {
+      const JointState start = job.restated(shaped->fit.state, n, law);
+      MarginalOptions options;
+      options.estimate_sigma_s = job.problem.estimate_sigma_s;
+      with_shapes = solve_marginal_robust(*job.rows, start, shaped->shapes, options);
+    }
+    return with_shapes->fit;
+  };
+  std::optional<RobustMarginalFit> highest_shaped;
+  const Judged highest = judged(job, fit_at(order, highest_shaped), shaped ? &shaped->shapes : nullptr);
+  if (!highest.influence) return std::nullopt;
+  const LeftOutErrors of_highest =
+      left_out_errors(job.agreeing, highest.fit.state, *highest.influence, highest.fit.state);
+  std::optional<int> best;
+  LeftOutErrors of_best = of_highest;
+  for (int n = order - 1; n >= 1; --n) {
+    std::optional<RobustMarginalFit> lower_shaped;
+    const MarginalFit fit = fit_at(n, lower_shaped);
+    const Judged lower = judged(job, fit, lower_shaped ? &lower_shaped->shapes : nullptr);
+    if (!lower.influence) continue;
+    const LeftOutErrors errors =
+        left_out_errors(job.agreeing, lower.fit.state, *lower.influence, highest.fit.state);
+    if (!predicts_better(errors, of_best)) continue;
+    best = n;
+    of_best = errors;
+    if (lower_shaped) {
+      lower_shaped->shapes.range_tried = shaped->shapes.range_tried;
+      lower_shaped->shapes.bearing_tried = shaped->shapes.bearing_tried;
+      highest_shaped = std::move(lower_shaped);
+    }
+  }
+  if (!best) return std::nullopt;
+  report.notes.push_back(fmt::format(
+      "order {} rather than {}, which has the lowest AIC: it predicts the readings of stops left out better",
+      *best, order));
+  if (shaped) shaped = std::move(highest_shaped);
+  return best;
+}
+
+/// Standard deviations by stops, and whether the curve is better than none.
+void add_checks(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes,
+                Calibration& calibration) {
+  if (calibration.outcome != Outcome::converged) return;
+  const Judged at = judged(job, fit, shapes);
+  if (!at.influence) return;
+  const int alphas = static_cast<int>(fit.state.alpha.size());
+  calibration.alpha_covariance_by_stops = at.influence->covariance.topLeftCorner(alphas, alphas);
+  for (std::size_t l = 0; l < calibration.landmarks.size(); ++l)
+    calibration.landmarks[l].covariance_by_stops = at.influence->covariance.block<2, 2>(
+        alphas + 2 * static_cast<Eigen::Index>(l), alphas + 2 * static_cast<Eigen::Index>(l));
+  calibration.misfit = misfit_of(calibration, at.influence->groups());
+  calibration.left_out =
+      left_out_check(left_out_errors(job.agreeing, at.fit.state, *at.influence, at.fit.state), &*at.influence,
+                     "stops left out");
+}
+
+/// What the shapes that were tried cost against the ones kept.
 void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
-  std::string text;
-  for (const auto& [shape, aic] : shapes.tried)
-    text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(shape), aic - shapes.aic);
-  report.notes.push_back(
-      fmt::format("noise shape by AIC: {} is kept ({})", to_string(shapes.range.shape), text));
+  const auto in_words = [](NoiseShape kept, const std::vector<std::pair<NoiseShape, double>>& tried) {
+    std::string text;
+    for (const auto& [shape, above] : tried)
+      if (shape != kept)
+        text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(shape), above);
+    return std::string(to_string(kept)) + (text.empty() ? "" : " (" + text + ")");
+  };
+  if (shapes.range_tried.empty() && shapes.bearing_tried.empty()) return;
+  report.notes.push_back(fmt::format("noise shapes by AIC: of ranges {}, of bearings {}",
+                                     in_words(shapes.range.shape, shapes.range_tried),
+                                     in_words(shapes.bearing.shape, shapes.bearing_tried)));
 }
 
 /// What is asked for and does not exist for landmarks.
@@ -175,12 +283,47 @@ void mark_what_is_open(const LandmarksJob& job, const std::optional<JointState>&
   }
 }
 
+/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. Shapes that
+/// were chosen, and not for a gross outlier, go where Gaussian noise predicts stops left out better: they bend the curve
+/// after an effect that the model lacks.
+std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, NoiseLaw law,
+                                           CalibrationReport& report, std::vector<TriedCurve>& curves) {
+  if (!job.rows) return std::nullopt;
+  Run gaussian(job, order, law, std::nullopt);
+  if (!gaussian.seed()) return std::nullopt;
+  const MarginalFit* fit = gaussian.marginal();
+  std::vector<ModelScore> models = report.models;
+  std::vector<TriedCurve> shaped_curves = curves;
+  std::optional<RobustMarginalFit> shaped =
+      job.choose_shapes(gaussian.best_state ? *gaussian.best_state : *gaussian.seed(), models, shaped_curves);
+  if (shaped && job.options.noise_shape == NoiseShape::automatic && job.consensus.left_out == 0 && fit) {
+    const Judged plain = judged(job, *fit, nullptr), other = judged(job, shaped->fit, &shaped->shapes);
+    const std::optional<Gain> gain =
+        plain.influence && other.influence
+            ? gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
+                      left_out_errors(job.agreeing, other.fit.state, *other.influence, plain.fit.state))
+            : std::nullopt;
+    if (gain && gain->mean > 0.0) {
+      report.notes.push_back(fmt::format(
+          "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: it predicts the readings of "
+          "stops left out better, and no reading is a gross outlier",
+          to_string(shaped->shapes.range.shape), to_string(shaped->shapes.bearing.shape)));
+      return std::nullopt;
+    }
+  }
+  if (shaped) {
+    report.models = std::move(models);
+    curves = std::move(shaped_curves);
+  }
+  return shaped;
+}
+
 }  // namespace
 
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
                          CalibrationReport& report) {
   refuse_what_is_not(recordings, options);
-  const LandmarksJob job(recordings, options, report);
+  LandmarksJob job(recordings, options, report);
   const std::vector<Method> methods = methods_of(options);
   if (job.too_few) {
     for (Method method : methods)
@@ -197,8 +340,19 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     return;
   }
   std::vector<TriedCurve> curves;
-  const auto [order, law] = job.choose_model(report.models, curves);
-  Run run(job, order, law);
+  auto [order, law] = job.choose_model(report.models, curves);
+  std::optional<RobustMarginalFit> shaped = shapes_at(job, order, law, report, curves);
+  if (shaped) {
+    order = static_cast<int>(shaped->fit.state.alpha.size()) - 1;
+    law = shaped->fit.state.noise.law;
+  } else if (job.consensus.left_out > 0) {  // Gaussian noise holds them all
+    job.take_all_readings();
+    report.models.clear();
+    curves.clear();
+    std::tie(order, law) = job.choose_model(report.models, curves);
+  }
+  if (const auto lower = order_by_stops(job, order, law, shaped, report)) order = *lower;
+  Run run(job, order, law, std::move(shaped));
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
@@ -210,17 +364,21 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     if (calibration.sigma_s_m) sigma_s = calibration.sigma_s_m->value;
     if (calibration.sigma_theta_rad) sigma_theta = calibration.sigma_theta_rad->value;
   }
-  const bool gaussian = run.shape() == NoiseShape::gaussian;
   for (Calibration& calibration : report.calibrations)
-    if (gaussian) score(job, sigma_s, sigma_theta, calibration);
+    score(job, sigma_s, sigma_theta, run.shapes(), calibration);
   for (Calibration& calibration : report.calibrations)
     if (calibration.method == Method::marginal)  // the others' curves at other orders are not known
       calibration.covariance_with_choice = covariance_with_choice(calibration, curves);
+  for (Calibration& calibration : report.calibrations) {
+    if (calibration.method != Method::marginal) continue;
+    if (run.shaped()) list_outliers(job, *run.shaped(), calibration);
+    if (const MarginalFit* fit = run.shaped() ? &run.shaped()->fit : run.marginal())
+      add_checks(job, *fit, run.shapes(), calibration);
+  }
   report_shapes(report);
-  if (options.noise_shape == NoiseShape::automatic && run.shaped_marginal())
-    note_tried(run.shaped_marginal()->shapes, report);
+  if (run.shapes()) note_tried(*run.shapes(), report);
   mark_what_is_open(job, run.best_state ? run.best_state : run.seed(), report);
-  if (options.check && gaussian && !job.problem.estimate_sigma_s && run.seed()) {
+  if (options.check && !run.shapes() && !job.problem.estimate_sigma_s && run.seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
     report.check = checked(job, *run.seed(), *run.full());
   }

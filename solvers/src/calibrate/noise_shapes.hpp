@@ -16,6 +16,20 @@ std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape,
 Calibration calibration_from_robust(const LandmarksJob& job, const RobustJointFit& fit);
 Calibration calibration_from_robust(const LandmarksJob& job, const RobustMarginalFit& fit);
 
+/// Counts the readings that the shapes take for outliers, and lists the gravest with what each most likely is:
+///   label     both readings agree within 4 spreads with another landmark of the recording;
+///   late or early echo   the range alone is off;
+///   grazing   the bearing is off by the landmark's radius, as where a beam meets its edge;
+///   bearing   anything else.
+void list_outliers(const LandmarksJob& job, const RobustMarginalFit& fit, Calibration& calibration);
+
+/// The same of pairs: residuals in the order of the recordings' readings, and where each stands.
+struct PlacedReading {
+  int recording = 0, row = 0;
+};
+void list_outliers(const std::vector<double>& z, const std::vector<double>& outlier,
+                   const std::vector<PlacedReading>& places, Calibration& calibration);
+
 /// Tells what noise the report's calibrations have, and what that does to the scores of the others.
 void report_shapes(CalibrationReport& report);
 

@@ -6,12 +6,15 @@
 #include <deque>
 #include <limits>
 
+#include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
+#include "rangecal/solvers/closed_form/consensus.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "robust/residual_shape.hpp"
 
 namespace rangecal {
 namespace {
@@ -29,13 +32,28 @@ Recording joined(std::span<const Recording> recordings) {
   return all;
 }
 
-PairsOptions pairs_options(const CalibrateOptions& options, std::optional<int> order, NoiseLaw law) {
+/// The readings that agree with most others (agreeing_pairs), true distance and reading alone.
+Recording agreeing_of(const Recording& all) {
+  const std::vector<char> kept = agreeing_pairs(all.pairs.true_m, all.pairs.reading_m);
+  Recording agreeing = all;
+  agreeing.pairs.true_m.clear();
+  agreeing.pairs.reading_m.clear();
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    if (!kept[i]) continue;
+    agreeing.pairs.true_m.push_back(all.pairs.true_m[i]);
+    agreeing.pairs.reading_m.push_back(all.pairs.reading_m[i]);
+  }
+  return agreeing;
+}
+
+PairsOptions pairs_options(const CalibrateOptions& options, NoiseShape shape, std::optional<int> order,
+                           NoiseLaw law) {
   PairsOptions wanted;
   wanted.order = order;
   wanted.max_order = options.max_order;
   wanted.law = law;
   wanted.noise_order = order.value_or(1);
-  wanted.shape = options.noise_shape;
+  wanted.shape = shape;
   return wanted;
 }
 
@@ -59,8 +77,13 @@ Calibration with_shape(const PairsFit& fit) {
 /// delivered, the band that counts the choice and the check all ask for some of the same.
 class PairsRun {
  public:
-  PairsRun(std::span<const Recording> recordings, const CalibrateOptions& wanted)
-      : all(joined(recordings)), problem(make_pairs_problem(recordings)), options(wanted) {}
+  /// `closed`: what the closed forms see; `readings`: what the likelihoods do, with noise of that shape.
+  PairsRun(const Recording& closed, const Recording& readings, NoiseShape of_noise,
+           const CalibrateOptions& wanted)
+      : closed_forms_see(closed),
+        problem(make_pairs_problem({&readings, 1})),
+        shape(of_noise),
+        options(wanted) {}
 
   const Calibration& solved(Method method, int order, NoiseLaw law) {
     for (const Solved& one : solved_)
@@ -74,8 +97,9 @@ class PairsRun {
     return solved_.back().answer;
   }
 
-  const Recording all;
+  const Recording& closed_forms_see;
   const PairsProblem problem;
+  const NoiseShape shape;
   const CalibrateOptions& options;
 
  private:
@@ -94,13 +118,13 @@ Calibration PairsRun::by_method(Method method, int order, NoiseLaw law) const {
   closed.noise_law = law;
   switch (method) {
     case Method::closed_form:
-      return closed_form_pairs(all, closed);
+      return closed_form_pairs(closed_forms_see, closed);
     case Method::approximate:
-      return approximate_pairs(all, closed);
+      return approximate_pairs(closed_forms_see, closed);
     case Method::full:
-      return with_shape(full_pairs(problem, pairs_options(options, order, law)));
+      return with_shape(full_pairs(problem, pairs_options(options, shape, order, law)));
     case Method::marginal:
-      return with_shape(marginal_pairs(problem, pairs_options(options, order, law)));
+      return with_shape(marginal_pairs(problem, pairs_options(options, shape, order, law)));
   }
   Calibration none;
   none.reason = "it is no method for pairs";
@@ -143,8 +167,25 @@ std::optional<int> order_by_left_out(PairsRun& run, std::pair<int, NoiseLaw> kno
   return found.order;
 }
 
+/// The value of the criterion of one model, fitted where it was not; infinity where it did not converge.
+double criterion_at(PairsRun& run, int order, NoiseLaw law, std::vector<ModelScore>& models) {
+  const auto value = [&](const ModelScore& model) {
+    return criterion_of(model, run.options.criterion, run.problem.readings());
+  };
+  for (const ModelScore& model : models)
+    if (model.order == order && model.law == law) return value(model);
+  if (run.options.on_progress)
+    run.options.on_progress(fmt::format("trying order {} with noise law {}", order, to_string(law)));
+  const Calibration& fit = run.solved(Method::full, order, law);
+  const bool usable = fit.outcome == Outcome::converged && fit.aic && fit.marginal_nll;
+  models.push_back({order, law, fit.marginal_nll.value_or(std::numeric_limits<double>::quiet_NaN()),
+                    usable ? *fit.aic : std::numeric_limits<double>::infinity()});
+  return value(models.back());
+}
+
 /// Order and law by the criterion of the plain NLL. The fit of each law's order of lowest AIC is kept.
-std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, CalibrationReport& report) {
+std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::pair<int, NoiseLaw> start,
+                                            CalibrationReport& report) {
   std::vector<ModelScore>& models = report.models;
   const CalibrateOptions& options = run.options;
   const std::vector<NoiseLaw> laws =
@@ -153,10 +194,16 @@ std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, CalibrationReport& re
           : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
   std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
   if (options.order && options.noise) return best;
+  if (run.shape != NoiseShape::gaussian) {  // each fit costs many times the Gaussian's: not all of them
+    best = search_model(options, options.max_order, start,
+                        [&](int order, NoiseLaw law) { return criterion_at(run, order, law, models); });
+    if (leaves_out(options.criterion)) best.first = order_by_left_out(run, best, report).value_or(best.first);
+    return best;
+  }
   double lowest = std::numeric_limits<double>::infinity();
   for (NoiseLaw law : laws) {
     if (options.on_progress) options.on_progress(fmt::format("trying noise law {}", to_string(law)));
-    const PairsOptions wanted = pairs_options(options, options.order, law);
+    const PairsOptions wanted = pairs_options(options, run.shape, options.order, law);
     const PairsFit fit = full_pairs(run.problem, wanted);
     const int order = fit.calibration.order();
     if (fit.calibration.outcome == Outcome::unbounded) return {order, law};  // on the curve
@@ -238,32 +285,201 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
 
 }  // namespace
 
+namespace {
+
+/// Errors of all readings about a curve, in its spreads.
+ChannelResiduals residuals_about(const Calibration& curve, const PairsProblem& readings) {
+  ChannelResiduals at;
+  for (std::size_t i = 0; i < readings.row_true_m.size(); ++i) {
+    const double d = readings.row_true_m[i], f = evaluate_polynomial(curve.alpha, d);
+    at.s.push_back(curve.noise.spread(d, f));
+    at.z.push_back((readings.row_reading_m[i] - f) / at.s.back());
+  }
+  return at;
+}
+
+/// The noise shape of lowest AIC at the residuals about a curve; a note says by how much.
+NoiseShape shape_about(const Calibration& curve, const PairsProblem& readings, bool all_agree,
+                       std::vector<std::pair<NoiseShape, double>>& tried) {
+  if (curve.outcome != Outcome::converged) return NoiseShape::gaussian;
+  const ChannelResiduals residuals = residuals_about(curve, readings);
+  for (std::size_t i = 0; i < residuals.z.size(); ++i)
+    if (!std::isfinite(residuals.z[i]) || !(residuals.s[i] > 0.0)) return NoiseShape::gaussian;
+  if (all_agree && !may_have_outliers(residuals)) return NoiseShape::gaussian;
+  const RankedShapes ranked = rank_shapes(residuals, range_shapes());
+  tried.clear();
+  for (const auto& [fit, aic] : ranked) tried.emplace_back(fit.shape.shape, aic - ranked.front().second);
+  return ranked.front().second < -shape_margin_aic ? ranked.front().first.shape.shape : NoiseShape::gaussian;
+}
+
+/// Where each reading of the recordings stands, in the order of joined().
+std::vector<PlacedReading> places_of(std::span<const Recording> recordings) {
+  std::vector<PlacedReading> places;
+  for (std::size_t index = 0; index < recordings.size(); ++index) {
+    const Pairs& pairs = recordings[index].pairs;
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      places.push_back(
+          {static_cast<int>(index), i < pairs.row.size() ? pairs.row[i] : static_cast<int>(i) + 1});
+  }
+  return places;
+}
+
+/// The shape of a calibration, as its densities want it.
+NoiseShapeParameters shape_of(const Calibration& calibration) {
+  NoiseShapeParameters shape;
+  const auto found = calibration.noise_shapes.find("range");
+  if (found == calibration.noise_shapes.end()) return shape;
+  const auto value = [&](const char* name, double otherwise) {
+    const auto at = found->second.parameters.find(name);
+    return at == found->second.parameters.end() ? otherwise : at->second;
+  };
+  shape.shape = noise_shape_from_string(found->second.family);
+  shape.nu = value("nu", shape.nu);
+  shape.outlier_share = value("outlier_share", shape.outlier_share);
+  shape.outlier_scale = value("outlier_scale", shape.outlier_scale);
+  shape.outlier_mean = value("outlier_mean", shape.outlier_mean);
+  return shape;
+}
+
+/// Every reading beside a curve: its error in spreads, what the noise shape takes it for, and its robust weight.
+struct Readings {
+  std::vector<double> z, outlier, weight;
+  std::vector<char> judged;
+};
+
+Readings readings_about(const Recording& all, const Calibration& calibration) {
+  const NoiseShapeParameters shape = shape_of(calibration);
+  const bool mixture = shape.shape == NoiseShape::contaminated || shape.shape == NoiseShape::one_sided;
+  const ShapeDensity density_at(shape);
+  Readings about;
+  for (std::size_t i = 0; i < all.pairs.size(); ++i) {
+    const double d = all.pairs.true_m[i], f = evaluate_polynomial(calibration.alpha, d);
+    const double s = calibration.noise.spread(d, f);
+    about.z.push_back((all.pairs.reading_m[i] - f) / s);
+    const LogDensity at = density_at(about.z.back(), s);
+    about.outlier.push_back(mixture ? at.outlier : std::max(0.0, 1.0 - at.weight));
+    about.weight.push_back(mixture ? 1.0 - at.outlier : at.weight);
+    about.judged.push_back(about.weight.back() > 0.5);
+  }
+  return about;
+}
+
+/// Outliers, and whether the curve is better than none.
+void judge(const Recording& all, std::span<const Recording> recordings, Calibration& calibration) {
+  if (calibration.outcome != Outcome::converged) return;
+  const Readings about = readings_about(all, calibration);
+  list_outliers(about.z, about.outlier, places_of(recordings), calibration);
+  StopInfluence halves;
+  const LeftOutErrors errors = left_out_errors(
+      {all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged}, calibration, calibration, halves);
+  calibration.left_out = left_out_check(errors, &halves, "stretches of distance left out");
+}
+
+/// The lowest order that is nearly as likely as AIC's choice and predicts stretches left out no worse than within its
+/// standard error (the one-standard-error rule: Breiman et al. 1984): AIC alone takes an order too many in one of five.
+int order_by_left_out_stretches(const Recording& all, PairsRun& run, std::pair<int, NoiseLaw> model,
+                                CalibrationReport& report) {
+  constexpr double nearly = 4.0;  // of AIC
+  const Calibration& highest = run.solved(Method::full, model.first, model.second);
+  if (highest.outcome != Outcome::converged || model.first < 2) return model.first;
+  const Readings about = readings_about(all, highest);
+  StopInfluence unused;
+  const LeftOutErrors of_highest = left_out_errors(
+      {all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged}, highest, highest, unused);
+  const double value = criterion_at(run, model.first, model.second, report.models);
+  int best = model.first;
+  for (int order = model.first - 1; order >= 1; --order) {
+    if (!(criterion_at(run, order, model.second, report.models) < value + nearly)) break;
+    const Calibration& lower = run.solved(Method::full, order, model.second);
+    if (lower.outcome != Outcome::converged) break;
+    const std::vector<double> weight = readings_about(all, lower).weight;
+    const LeftOutErrors errors = left_out_errors(
+        {all.pairs.true_m, all.pairs.reading_m, weight, about.judged}, lower, highest, unused);
+    const std::optional<Gain> gain = gain_of(errors, of_highest);
+    if (!gain || gain->mean < -gain->std_dev) break;
+    best = order;
+  }
+  if (best != model.first)
+    report.notes.push_back(fmt::format(
+        "order {} rather than {}, which has the lowest AIC: it predicts stretches of distance left out no worse",
+        best, model.first));
+  return best;
+}
+
+}  // namespace
+
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report) {
-  PairsRun run(recordings, options);
   report.criterion = options.criterion;
-  const auto [order, law] = choose_pairs_model(run, report);
-  const bool shaped = options.noise_shape != NoiseShape::gaussian;
+  const Recording all = joined(recordings);
+  const bool looks = options.noise_shape != NoiseShape::gaussian;
+  const Recording agreeing = looks ? agreeing_of(all) : all;
+  const bool all_agree = agreeing.pairs.size() == all.pairs.size();
+  std::optional<PairsRun> run;
+  run.emplace(agreeing, agreeing, NoiseShape::gaussian, options);
+  std::pair<int, NoiseLaw> model{options.order.value_or(std::min(2, options.max_order)),
+                                 options.noise.value_or(NoiseLaw::f_squared)};
+  model = choose_pairs_model(*run, model, report);
+  NoiseShape shape = options.noise_shape;
+  std::vector<std::pair<NoiseShape, double>> tried;
+  if (looks) {
+    const Recording& closed = agreeing;
+    const PairsProblem readings = make_pairs_problem({&all, 1});
+    if (shape == NoiseShape::automatic)
+      shape = shape_about(run->solved(Method::full, model.first, model.second), readings, all_agree, tried);
+    for (int round = 0; round < 2 && (shape != NoiseShape::gaussian || !all_agree); ++round) {
+      const std::pair<int, NoiseLaw> before = model;
+      report.models.clear();
+      run.emplace(shape == NoiseShape::gaussian ? all : closed, all, shape, options);
+      model = choose_pairs_model(*run, before, report);
+      if (options.noise_shape != NoiseShape::automatic || shape == NoiseShape::gaussian || model == before)
+        break;
+      const NoiseShape again =
+          shape_about(run->solved(Method::full, model.first, model.second), readings, false, tried);
+      if (again == shape) break;  // the family holds under the law chosen with it
+      shape = again;
+    }
+    const bool chosen = options.noise_shape == NoiseShape::automatic && run->shape != NoiseShape::gaussian;
+    if (chosen && run->solved(Method::full, model.first, model.second).outcome != Outcome::converged) {
+      // A shape without an optimum is none: Gaussian noise holds all readings.
+      shape = NoiseShape::gaussian;
+      report.models.clear();
+      run.emplace(all, all, shape, options);
+      model = choose_pairs_model(*run, model, report);
+    }
+    if (!tried.empty() && shape != NoiseShape::gaussian) {
+      std::string text;
+      for (const auto& [one, above] : tried)
+        if (one != shape)
+          text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(one), above);
+      report.notes.push_back(fmt::format("noise shape by AIC: {} ({})", to_string(shape), text));
+    }
+  }
+  if (!options.order && options.criterion == OrderCriterion::aic && looks)
+    model.first = order_by_left_out_stretches(all, *run, model, report);
+  const auto [order, law] = model;
+  const bool shaped = run->shape != NoiseShape::gaussian;
   for (Method method : methods_of(options)) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
-    Calibration result = run.by_method(method, order, law);
+    Calibration result = run->by_method(method, order, law);
     if (options.on_method) options.on_method(method, false);
-    run.keep(method, order, law, result);
+    run->keep(method, order, law, result);
     if (report.models.size() > 1 && result.alpha_covariance)
       result.covariance_with_choice =
-          covariance_with_choice(result, tried_curves(method, run, report.models));
+          covariance_with_choice(result, tried_curves(method, *run, report.models));
     result.method = method;
     result.kind = RecordingKind::pairs;
-    result.counts = run.all.counts;
-    if (!shaped) score_pairs(run.problem, result);
+    result.counts = all.counts;
+    if (!shaped) score_pairs(run->problem, result);
+    if (method == Method::marginal) judge(all, recordings, result);
     report.calibrations.push_back(std::move(result));
   }
   report_shapes(report);
   if (options.check && !shaped) {
-    Calibration full = run.solved(Method::full, order, law);
-    score_pairs(run.problem, full);
-    report.check = check_pairs(run.problem, run.solved(Method::closed_form, order, law), full);
+    Calibration full = run->solved(Method::full, order, law);
+    score_pairs(run->problem, full);
+    report.check = check_pairs(run->problem, run->solved(Method::closed_form, order, law), full);
   }
 }
 

@@ -2,6 +2,7 @@
 #include "rangecal/solvers/calibrate/truth_score.hpp"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -66,8 +67,14 @@ TruthScore score_against_truth(std::span<const Recording> recordings, const Cali
       const Eigen::Vector2d error = found->second->position_m - *truth.landmarks[l];
       square += error.squaredNorm();
       ++score.landmarks;
-      if (const auto& covariance = found->second->covariance; covariance && covariance->determinant() > 0.0) {
-        strain += 0.5 * error.dot(covariance->inverse() * error);
+      std::optional<double> least;  // by the larger of the two covariances
+      for (const auto* covariance : {&found->second->covariance, &found->second->covariance_by_stops}) {
+        if (!*covariance || !((*covariance)->determinant() > 0.0)) continue;
+        const double own = 0.5 * error.dot((*covariance)->inverse() * error);
+        least = std::min(least.value_or(own), own);
+      }
+      if (least) {
+        strain += *least;
         ++strained;
       }
     }

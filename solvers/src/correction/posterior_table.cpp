@@ -78,7 +78,7 @@ PosteriorTable::PosteriorTable(const Calibration& calibration, const DistancePri
   low_ = std::numeric_limits<double>::infinity();
   high_ = 0.0;
   constexpr double within = 3.0;  // standard deviations: readings beyond may have no posterior (4)
-  for (const double d : ends) {  // all readings that the prior makes likely
+  for (const double d : ends) {   // all readings that the prior makes likely
     const EffectCorrector::Expected expected = corrector_.at(d, {});
     low_ = std::min(low_, expected.mean_m - within * expected.spread_m);
     high_ = std::max(high_, expected.mean_m + within * expected.spread_m);

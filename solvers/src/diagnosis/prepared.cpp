@@ -73,6 +73,7 @@ std::optional<double> estimated_sigma_xy(std::vector<Recording> recordings) {
   correct_labels(recordings);
   CalibrateOptions options;
   options.methods = {Method::marginal};
+  options.noise_shape = NoiseShape::gaussian;  // the seed model's; tails are an effect
   options.order = 2;
   const Calibration c = calibrate_report(recordings, options).calibrations.at(0);
   if (!is_usable(c.outcome) || !c.sigma_s_m) return std::nullopt;

@@ -13,7 +13,9 @@ namespace {
 /// What a channel's readings tell, and how many there are for it once the fit has taken its share.
 struct ChannelInformation {
   ChannelInformation(const ShapeAtEstimate& at, double readings)
-      : shape(shape_information(at.shape)), count(readings), share(std::min(1.0, at.squares / readings)) {}
+      : shape(shape_information(at.shape, at.spread)),
+        count(readings),
+        share(std::min(1.0, at.squares / readings)) {}
 
   double scale() const { return shape.spread(0, 0); }
   ShapeInformation shape;
@@ -25,18 +27,20 @@ struct ChannelInformation {
 JointProblem with_information(const JointProblem& rows, double location, double bearing, double spread) {
   JointProblem problem = rows;
   Cells& c = problem.cells;
-  std::fill(c.range_weight.begin(), c.range_weight.end(), location);
-  std::fill(c.bearing_weight.begin(), c.bearing_weight.end(), bearing);
-  std::fill(c.count.begin(), c.count.end(), 0.5 * spread);  // the Gaussian's is 2 of each reading
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    c.range_weight[i] = c.count[i] * location;
+    c.bearing_weight[i] = c.count[i] * bearing;
+    c.count[i] *= 0.5 * spread;  // the Gaussian's is 2 of each reading
+  }
   return problem;
 }
 
 /// Adds to the block from `begin` on what the parameters of the shape add along `v`; their standard
 /// deviations.
-std::vector<double> add_shape_part(const ChannelInformation& channel, const NoiseShapeParameters& shape,
+std::vector<double> add_shape_part(const ChannelInformation& channel, const ShapeAtEstimate& at,
                                    const Eigen::VectorXd& v, int begin, Eigen::MatrixXd& covariance) {
-  const Eigen::Index n = shape_parameter_count(shape.shape);
-  if (n == 0 || at_limit(shape) || !(covariance(begin, begin) > 0.0)) return {};
+  const Eigen::Index n = shape_parameter_count(at.shape.shape);
+  if (n == 0 || at_limit(at.shape, at.spread) || !(covariance(begin, begin) > 0.0)) return {};
   const Eigen::MatrixXd& I = channel.shape.spread;
   const Eigen::VectorXd c = I.col(0).tail(n) / channel.scale();
   const Eigen::MatrixXd own =
@@ -101,7 +105,7 @@ void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtE
                            ShapeAtEstimate& bearing, JointFit& fit) {
   range.shape_std.clear();
   bearing.shape_std.clear();
-  const double readings = static_cast<double>(weighted.cells.size());
+  const double readings = weighted.readings;
   if (!fit.covariance || !(readings > 0.0)) return;
   JointState state = fit.state;
   if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(weighted));
@@ -125,9 +129,9 @@ void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtE
   if (!fit.covariance) return;
   const bool polynomial = state.noise.law == NoiseLaw::polynomial;
   const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
-  range.shape_std = add_shape_part(of_range, range.shape, polynomial ? state.noise.parameters : one,
+  range.shape_std = add_shape_part(of_range, range, polynomial ? state.noise.parameters : one,
                                    layout.tau_begin, *fit.covariance);
-  bearing.shape_std = add_shape_part(of_bearing, bearing.shape, one, layout.sigma_theta, *fit.covariance);
+  bearing.shape_std = add_shape_part(of_bearing, bearing, one, layout.sigma_theta, *fit.covariance);
 }
 
 }  // namespace rangecal

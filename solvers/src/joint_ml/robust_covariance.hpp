@@ -14,6 +14,8 @@ struct ShapeAtEstimate {
   double squares = 0.0;  ///< sum w z^2: N, or N less the parameters fitted, where sigma allows for them
   std::vector<double>
       shape_std;  ///< out: of the shape's parameters; empty where there are none, or at a limit
+  double spread =
+      1.0;  ///< the typical spread of a reading, which a one-sided outlier's mean is compared with [m; rad]
 };
 
 /// Replaces the covariance of a fit with held weights by that of the likelihood of the shapes, their

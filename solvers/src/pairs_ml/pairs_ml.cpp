@@ -94,7 +94,8 @@ void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, con
     const NewtonResult corrected = pairs_ml::restricted(weighted, start, options.max_iterations);
     if (corrected.outcome == Outcome::converged) {
       x = corrected.x;
-      const pairs_ml::ShapePairs likelihood(problem, scaled, options.law, options.shape);
+      const pairs_ml::ShapePairs likelihood(problem, scaled, options.law, options.shape,
+                                            shaped.shape.outlier_mean < 0.0);
       nll = likelihood.evaluate(likelihood.internal(x, shaped.shape), nullptr);
     }
   }
@@ -272,7 +273,7 @@ PairsFit fit_pairs(const PairsProblem& problem, const PairsOptions& options, Met
   std::vector<std::pair<NoiseShape, double>> shapes;
   NoiseShape chosen = NoiseShape::gaussian;
   double best_aic = std::numeric_limits<double>::infinity();
-  for (const NoiseShape shape : {NoiseShape::gaussian, NoiseShape::student_t, NoiseShape::contaminated}) {
+  for (const NoiseShape shape : range_shapes()) {
     one.shape = shape;
     const PairsFit fit = fit_shape_orders(problem, one, Method::full);
     shapes.push_back(fit.shapes.front());

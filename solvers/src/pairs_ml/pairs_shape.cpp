@@ -10,7 +10,8 @@
 namespace rangecal::pairs_ml {
 namespace {
 
-constexpr double width = NoiseShapeParameters::scale_max - NoiseShapeParameters::scale_min;
+/// log k lies between log 3 and log 1000.
+const double width = std::log(NoiseShapeParameters::scale_max / NoiseShapeParameters::scale_min);
 double logistic(double u) { return 1.0 / (1.0 + std::exp(-u)); }
 double logit(double p) { return std::log(p / (1.0 - p)); }
 
@@ -23,7 +24,11 @@ NoiseShapeParameters ShapePairs::shape_at(const Eigen::VectorXd& x) const {
   if (shape_ == NoiseShape::student_t) shape.nu = NoiseShapeParameters::nu_min + std::exp(x[first]);
   if (shape_ == NoiseShape::contaminated) {
     shape.outlier_share = 0.5 * logistic(x[first]);
-    shape.outlier_scale = NoiseShapeParameters::scale_min + width * logistic(x[first + 1]);
+    shape.outlier_scale = NoiseShapeParameters::scale_min * std::exp(width * logistic(x[first + 1]));
+  }
+  if (shape_ == NoiseShape::one_sided) {
+    shape.outlier_share = 0.5 * logistic(x[first]);
+    shape.outlier_mean = sign_ * std::exp(x[first + 1]);
   }
   return shape;
 }
@@ -35,8 +40,12 @@ Eigen::VectorXd ShapePairs::internal(const Vector& x, const NoiseShapeParameters
   if (shape_ == NoiseShape::student_t) all[first] = std::log(shape.nu - NoiseShapeParameters::nu_min);
   if (shape_ == NoiseShape::contaminated) {
     all[first] = logit(std::clamp(2.0 * shape.outlier_share, 1e-4, 1.0 - 1e-4));
-    all[first + 1] =
-        logit(std::clamp((shape.outlier_scale - NoiseShapeParameters::scale_min) / width, 1e-3, 0.999));
+    all[first + 1] = logit(
+        std::clamp(std::log(shape.outlier_scale / NoiseShapeParameters::scale_min) / width, 1e-3, 0.999));
+  }
+  if (shape_ == NoiseShape::one_sided) {
+    all[first] = logit(std::clamp(2.0 * shape.outlier_share, 1e-4, 1.0 - 1e-4));
+    all[first + 1] = std::log(std::abs(shape.outlier_mean));
   }
   return all;
 }
@@ -63,10 +72,11 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
     const double s = noise.spread(d, f);
     if (!(s > 0.0) || (power > 0.0 && !(f > 0.0))) return infinity;
     const double z = (problem_.row_reading_m[i] - f) / s;
-    const LogDensity density = density_at(z);
+    const LogDensity density = density_at(z, s);
     nll += std::log(s) - density.value;
     if (!gradient) continue;
-    const double in_log_s = 1.0 + density.derivative * z;  // d/dlog s of log s - log g, dz/dlog s = -z
+    // d/dlog s of log s - log g, dz/dlog s = -z
+    const double in_log_s = 1.0 + density.derivative * z - density.in_log_s;
     const double in_f = density.derivative / s + (power > 0.0 ? in_log_s * power / f : 0.0);
     double power_of_d = 1.0;
     for (int j = 0; j < n; ++j, power_of_d *= d) in_user[j] += in_f * power_of_d;
@@ -85,22 +95,37 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
     if (shape_ == NoiseShape::contaminated) {
       const double a = logistic(x[first]), b = logistic(x[first + 1]);
       (*gradient)[first] = in_shape[0] * 0.5 * a * (1.0 - a);
-      (*gradient)[first + 1] = in_shape[1] * width * b * (1.0 - b);
+      (*gradient)[first + 1] = in_shape[1] * shape.outlier_scale * width * b * (1.0 - b);
+    }
+    if (shape_ == NoiseShape::one_sided) {
+      const double a = logistic(x[first]);
+      (*gradient)[first] = in_shape[0] * 0.5 * a * (1.0 - a);
+      (*gradient)[first + 1] = in_shape[1] * shape.outlier_mean;
     }
   }
   return nll;
 }
 
-std::vector<double> ShapePairs::weights(const Eigen::VectorXd& x) const {
-  const NoiseShapeParameters shape = shape_at(x);
+ChannelResiduals ShapePairs::residuals(const Eigen::VectorXd& x) const {
   const Vector gaussian = x.head(scaled_.unknowns());
   const Eigen::VectorXd alpha = scaled_.alpha(gaussian);
   const Noise noise = scaled_.noise(gaussian);
-  const ShapeDensity density_at(shape);
-  std::vector<double> out;
+  ChannelResiduals at;
   for (std::size_t i = 0; i < problem_.row_true_m.size(); ++i) {
     const double d = problem_.row_true_m[i], f = evaluate_polynomial(alpha, d);
-    out.push_back(density_at((problem_.row_reading_m[i] - f) / noise.spread(d, f)).weight);
+    at.s.push_back(noise.spread(d, f));
+    at.z.push_back((problem_.row_reading_m[i] - f) / at.s.back());
+  }
+  return at;
+}
+
+std::vector<double> ShapePairs::weights(const Eigen::VectorXd& x) const {
+  const ShapeDensity density_at(shape_at(x));
+  const ChannelResiduals at = residuals(x);
+  std::vector<double> out;
+  for (std::size_t i = 0; i < at.z.size(); ++i) {
+    const LogDensity density = density_at(at.z[i], at.s[i]);
+    out.push_back(shape_ == NoiseShape::one_sided ? 1.0 - density.outlier : density.weight);
   }
   return out;
 }
@@ -111,9 +136,12 @@ std::vector<double> deviations_of(const NoiseShapeParameters& shape, const Eigen
     double slope = shape.nu - NoiseShapeParameters::nu_min;
     if (shape.shape == NoiseShape::contaminated) {
       const double a = 2.0 * shape.outlier_share,
-                   b = (shape.outlier_scale - NoiseShapeParameters::scale_min) / width;
-      slope = out.empty() ? 0.5 * a * (1.0 - a) : width * b * (1.0 - b);
+                   b = std::log(shape.outlier_scale / NoiseShapeParameters::scale_min) / width;
+      slope = out.empty() ? 0.5 * a * (1.0 - a) : shape.outlier_scale * width * b * (1.0 - b);
     }
+    if (shape.shape == NoiseShape::one_sided)
+      slope = out.empty() ? shape.outlier_share * (1.0 - 2.0 * shape.outlier_share)
+                          : std::abs(shape.outlier_mean);
     out.push_back(slope * std::sqrt(variance));
   }
   return out;

@@ -5,32 +5,39 @@
 
 #include "pairs_newton.hpp"
 #include "rangecal/problems/noise_shape.hpp"
+#include "robust/residual_shape.hpp"
 
 namespace rangecal::pairs_ml {
 
 /// The row likelihood sum_i [ log s_i - log g(z_i) ], z_i = (y_i - f(d_i)) / s_i, g the shape's density, with its
-/// gradient in (x, shape) where the shape's parameters go by log(nu - 1), logit(2 p) and logit((k - 3) / 27).
+/// gradient in (x, shape) where the shape's parameters go by log(nu - 1), logit(2 p),
+/// logit(log(k / 3) / log(1000 / 3)) and log |outlier_mean|.
 class ShapePairs {
  public:
-  ShapePairs(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law, NoiseShape shape)
-      : problem_(problem), scaled_(scaled), law_(law), shape_(shape) {}
+  /// `early`: outliers of the one-sided shape lie below the curve.
+  ShapePairs(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law, NoiseShape shape,
+             bool early = false)
+      : problem_(problem), scaled_(scaled), law_(law), shape_(shape), sign_(early ? -1.0 : 1.0) {}
 
   int unknowns() const { return scaled_.unknowns() + shape_parameter_count(shape_); }
   /// Infinity, with no gradient, outside of the domain.
   double evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient) const;
   NoiseShapeParameters shape_at(const Eigen::VectorXd& x) const;
   Eigen::VectorXd internal(const Vector& x, const NoiseShapeParameters& shape) const;
-  /// Robust weights of the rows at x.
+  /// Robust weights of the rows at x; of the one-sided shape the probabilities of no outlier.
   std::vector<double> weights(const Eigen::VectorXd& x) const;
+  /// Errors of the rows in their spreads at x (the shape's own coordinates, if there are any, are not read).
+  ChannelResiduals residuals(const Eigen::VectorXd& x) const;
 
  private:
   const PairsProblem& problem_;
   const ScaledPairs& scaled_;
   NoiseLaw law_;
   NoiseShape shape_;
+  double sign_;
 };
 
-/// Standard deviations of nu, or of p and k, from the variances of what the solver moves (ShapePairs); none for none.
+/// Standard deviations of nu, of p and k, or of p and outlier_mean, from the variances of what the solver moves (ShapePairs); none for none.
 std::vector<double> deviations_of(const NoiseShapeParameters& shape, const Eigen::VectorXd& variances);
 
 struct ShapeResult {
@@ -54,7 +61,8 @@ struct NestedFit {
 };
 
 /// Minimises it: expectation-maximisation with the streaming Gaussian solver as its maximisation, from the Gaussian
-/// optimum, from least absolute deviations and from `nested` (may be null); then BFGS in whitened coordinates.
+/// optimum, from least absolute deviations and from `nested` (may be null); then BFGS from the
+/// observed information.
 ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian,
                       NoiseLaw law, int noise_order, NoiseShape shape, const NestedFit* nested);
 

@@ -1,42 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The minimum of the row likelihood: starts, whitened rounds of BFGS, covariance.
-#include <ceres/gradient_problem.h>
-#include <ceres/gradient_problem_solver.h>
-
+// The minimum of the row likelihood: starts, BFGS, covariance.
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "least_absolute.hpp"
 #include "pairs_shape.hpp"
-#include "quiet_ceres.hpp"
 
 namespace rangecal::pairs_ml {
 namespace {
-
-/// The objective in whitened coordinates u, x = origin + W u.
-class Whitened : public ceres::FirstOrderFunction {
- public:
-  Whitened(const ShapePairs& pairs, Eigen::VectorXd origin, Eigen::MatrixXd W)
-      : pairs_(pairs), origin_(std::move(origin)), W_(std::move(W)) {}
-  bool Evaluate(const double* const u, double* cost, double* gradient) const override {
-    const Eigen::VectorXd x = at(Eigen::Map<const Eigen::VectorXd>(u, origin_.size()));
-    Eigen::VectorXd in_x;
-    *cost = pairs_.evaluate(x, gradient ? &in_x : nullptr);
-    if (!std::isfinite(*cost)) return false;
-    if (gradient) Eigen::Map<Eigen::VectorXd>(gradient, origin_.size()) = W_.transpose() * in_x;
-    return true;
-  }
-  int NumParameters() const override { return static_cast<int>(origin_.size()); }
-  Eigen::VectorXd at(const Eigen::VectorXd& u) const { return origin_ + W_ * u; }
-
- private:
-  const ShapePairs& pairs_;
-  Eigen::VectorXd origin_;
-  Eigen::MatrixXd W_;
-};
 
 /// Observed information by central differences of the exact gradient; step in units of `scale`.
 Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorXd& x,
@@ -60,7 +36,7 @@ Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorX
 struct ShapeEnd {
   Eigen::VectorXd x;
   Eigen::MatrixXd hessian;  ///< there; empty where the domain ends within a step
-  double gradient_norm = std::numeric_limits<double>::infinity();  ///< whitened
+  double gradient_norm = std::numeric_limits<double>::infinity();  ///< sqrt(g^T H^-1 g)
   int iterations = 0;
 };
 
@@ -69,14 +45,15 @@ class ShapeFit {
  public:
   using Start = std::pair<Vector, NoiseShapeParameters>;
 
+  /// `first`: what the shape starts at; the sign of its outlier_mean is kept.
   ShapeFit(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law, int noise_order,
-           NoiseShape shape)
+           const NoiseShapeParameters& first)
       : problem_(problem),
         scaled_(scaled),
         law_(law),
         noise_order_(noise_order),
-        shape_(shape),
-        pairs_(problem, scaled, law, shape) {}
+        first_(first),
+        pairs_(problem, scaled, law, first.shape, first.outlier_mean < 0.0) {}
 
   std::vector<Start> starts(const Vector& gaussian, const NestedFit* nested) const;
   Eigen::VectorXd reweighted(const Start& start) const;
@@ -89,14 +66,13 @@ class ShapeFit {
     return ScaledPairs(rows, scaled_.mean_unknowns() - 1, law_, noise_order_, 65536);
   }
   Eigen::VectorXd scale_at(const Eigen::VectorXd& x) const;
-  Eigen::VectorXd minimised(const Eigen::VectorXd& origin, const Eigen::MatrixXd& W, int& iterations) const;
   void add_covariance(const Eigen::MatrixXd& hessian, ShapeResult& best) const;
 
   const PairsProblem& problem_;
   const ScaledPairs& scaled_;
   NoiseLaw law_;
   int noise_order_;
-  NoiseShape shape_;
+  NoiseShapeParameters first_;
   ShapePairs pairs_;
 };
 
@@ -104,16 +80,16 @@ class ShapeFit {
 std::vector<ShapeFit::Start> ShapeFit::starts(const Vector& gaussian, const NestedFit* nested) const {
   const int n = scaled_.mean_unknowns();
   std::vector<Start> starts;
-  NoiseShapeParameters plain;
-  plain.shape = shape_;
-  starts.emplace_back(gaussian, plain);
+  starts.emplace_back(gaussian, first_);
   scale_noise(starts.back().first, n, law_, 0.6);
   for (const NoiseLaw relative_to : {NoiseLaw::constant, NoiseLaw::d_squared}) {
     if (relative_to == NoiseLaw::d_squared && !(problem_.true_m.front() > 0.0)) continue;
     const Vector found = least_absolute(problem_, scaled_, law_, relative_to, gaussian);
-    if (found.size() > 0 && found.allFinite()) starts.emplace_back(found, plain);
+    if (found.size() > 0 && found.allFinite()) starts.emplace_back(found, first_);
   }
-  if (nested && nested->alpha.size() > 0 && nested->alpha.size() <= n && nested->shape.shape == shape_) {
+  if (nested && nested->alpha.size() > 0 && nested->alpha.size() <= n &&
+      nested->shape.shape == first_.shape &&
+      (first_.shape != NoiseShape::one_sided || nested->shape.outlier_mean * first_.outlier_mean > 0.0)) {
     Eigen::VectorXd alpha = Eigen::VectorXd::Zero(n);
     alpha.head(nested->alpha.size()) = nested->alpha;
     starts.emplace_back(scaled_.from_user(alpha, nested->noise), nested->shape);
@@ -147,45 +123,59 @@ Eigen::VectorXd ShapeFit::scale_at(const Eigen::VectorXd& x) const {
   return scale;
 }
 
-/// Where BFGS in u, x = origin + W u, comes to.
-Eigen::VectorXd ShapeFit::minimised(const Eigen::VectorXd& origin, const Eigen::MatrixXd& W,
-                                    int& iterations) const {
-  auto* whitened = new Whitened(pairs_, origin, W);  // owned by the problem
-  const ceres::GradientProblem program(whitened);
-  ceres::GradientProblemSolver::Options options;
-  options.line_search_direction_type = ceres::BFGS;
-  options.max_num_iterations = 300;
-  options.function_tolerance = 1e-16;
-  options.gradient_tolerance = 1e-9;
-  options.parameter_tolerance = 1e-15;
-  options.logging_type = ceres::SILENT;
-  Eigen::VectorXd u = Eigen::VectorXd::Zero(origin.size());
-  ceres::GradientProblemSolver::Summary summary;
-  silence_ceres();
-  ceres::Solve(options, program, u.data(), &summary);
-  iterations += static_cast<int>(summary.iterations.size());
-  return whitened->at(u);
+/// |H|^-1 by the eigenvectors in units of `scale`: along a direction of negative or no curvature its size stands in, at
+/// least a ten-thousandth of the largest (a share that goes to 0 leaves the likelihood flat along it).
+Eigen::MatrixXd inverse_curvature(const Eigen::MatrixXd& hessian, const Eigen::VectorXd& scale) {
+  if (hessian.size() == 0 || !hessian.allFinite()) return scale.cwiseAbs2().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * hessian *
+                                                             scale.asDiagonal());
+  const Eigen::VectorXd size = eigen.eigenvalues().cwiseAbs();
+  const double least = std::max(1e-4 * size.maxCoeff(), 1e-300);
+  const Eigen::MatrixXd root = scale.asDiagonal() * eigen.eigenvectors() *
+                               size.cwiseMax(least).cwiseSqrt().cwiseInverse().asDiagonal();
+  return root * root.transpose();
 }
 
-/// Up to three rounds, each whitened by the observed information of where the one before ended.
+/// Up to three rounds of BFGS, each from the observed information (by differences of the exact gradient) of where the one
+/// before ended.
 ShapeEnd ShapeFit::descend(Eigen::VectorXd from) const {
+  constexpr int rounds = 3, most = 100;
+  constexpr double close = 1e-7, rounding = 1e-14;
   ShapeEnd end;
   end.x = std::move(from);
-  for (int round = 0; round < 3 && end.gradient_norm > 1e-7; ++round) {
-    const Eigen::VectorXd scale = scale_at(end.x);
+  Eigen::VectorXd gradient;
+  double nll = pairs_.evaluate(end.x, &gradient);
+  const Eigen::VectorXd scale = scale_at(end.x);
+  for (int round = 0; round < rounds && end.gradient_norm > close && std::isfinite(nll); ++round) {
     end.hessian = difference_hessian(pairs_, end.x, scale);
-    Eigen::MatrixXd W = scale.asDiagonal();
-    if (end.hessian.size() > 0) {
-      const Eigen::LLT<Eigen::MatrixXd> factor(end.hessian);
-      if (factor.info() == Eigen::Success) W = Eigen::MatrixXd(factor.matrixU()).inverse();
+    Eigen::MatrixXd B = inverse_curvature(end.hessian, scale);
+    for (int iteration = 0; iteration < most; ++iteration, ++end.iterations) {
+      Eigen::VectorXd step = -B * gradient;
+      // No step longer than some standard deviations of what is expected.
+      step *= std::min(1.0, 30.0 / step.cwiseQuotient(scale).cwiseAbs().maxCoeff());
+      const double slope = gradient.dot(step);
+      if (!(-slope > rounding * (1.0 + std::abs(nll)))) break;
+      bool moved = false;
+      for (double factor = 1.0; factor > 1e-6 && !moved; factor *= 0.4) {
+        const Eigen::VectorXd trial = end.x + factor * step;
+        Eigen::VectorXd at_trial;
+        const double value = pairs_.evaluate(trial, &at_trial);
+        if (!(value < nll + 1e-4 * factor * slope)) continue;
+        moved = true;
+        const Eigen::VectorXd s = trial - end.x, y = at_trial - gradient;
+        if (const double sy = s.dot(y); sy > 1e-10 * s.norm() * y.norm()) {
+          const Eigen::MatrixXd left = Eigen::MatrixXd::Identity(s.size(), s.size()) - s * y.transpose() / sy;
+          B = left * B * left.transpose() + s * s.transpose() / sy;
+        }
+        end.x = trial;
+        nll = value;
+        gradient = std::move(at_trial);
+      }
+      if (!moved) break;
     }
-    const Eigen::VectorXd reached = minimised(end.x, W, end.iterations);
-    Eigen::VectorXd gradient;
-    const double before = pairs_.evaluate(end.x, nullptr), after = pairs_.evaluate(reached, &gradient);
-    if (!(after <= before + 1e-9 * std::abs(before))) break;
-    end.x = reached;
-    end.gradient_norm = (W.transpose() * gradient).norm();
     end.hessian = difference_hessian(pairs_, end.x, scale);
+    end.gradient_norm =
+        std::sqrt(std::max(0.0, gradient.dot(inverse_curvature(end.hessian, scale) * gradient)));
   }
   return end;
 }
@@ -195,7 +185,7 @@ void ShapeFit::add_covariance(const Eigen::MatrixXd& hessian, ShapeResult& best)
   // A shape parameter at its limit (nu at 1 or 200, p at 0) flattens its own direction: it is held there then.
   const int first = scaled_.unknowns();
   const NoiseShapeParameters reached = pairs_.shape_at(best.x);
-  best.at_limit = at_limit(reached);
+  best.at_limit = at_limit(reached, pairs_.residuals(best.x).typical_spread());
   const Eigen::Index kept = best.at_limit ? first : best.x.size();
   const Eigen::MatrixXd part = hessian.topLeftCorner(kept, kept);
   if (Eigen::LLT<Eigen::MatrixXd>(part).info() != Eigen::Success) return;
@@ -221,11 +211,28 @@ void ShapeFit::take(const ShapeEnd& end, double nll, ShapeResult& best) const {
   best.outcome = end.gradient_norm < 1e-3 || kink ? Outcome::converged : Outcome::not_converged;
 }
 
+/// The shape that goes with the residuals of least absolute deviations, or of the Gaussian optimum where there are none.
+NoiseShapeParameters first_shape(const PairsProblem& problem, const ScaledPairs& scaled,
+                                 const Vector& gaussian, NoiseLaw law, NoiseShape shape) {
+  const Vector robust = least_absolute(problem, scaled, law, NoiseLaw::constant, gaussian);
+  const Vector& x = robust.size() > 0 && robust.allFinite() ? robust : gaussian;
+  NoiseShapeParameters first;
+  first.shape = shape;
+  if (shape == NoiseShape::student_t) return first;
+  const ShapePairs plain(problem, scaled, law, NoiseShape::gaussian);
+  const ResidualShape found = first_residual_shape(plain.residuals(x), shape);
+  first.outlier_share = found.shape.outlier_share;
+  first.outlier_mean = found.shape.outlier_mean;
+  first.outlier_scale =
+      std::clamp(found.shape.outlier_scale, NoiseShapeParameters::scale_min, NoiseShapeParameters::scale_max);
+  return first;
+}
+
 }  // namespace
 
 ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian,
                       NoiseLaw law, int noise_order, NoiseShape shape, const NestedFit* nested) {
-  const ShapeFit fit(problem, scaled, law, noise_order, shape);
+  const ShapeFit fit(problem, scaled, law, noise_order, first_shape(problem, scaled, gaussian, law, shape));
   ShapeResult best;
   best.nll = std::numeric_limits<double>::infinity();
   for (const ShapeFit::Start& start : fit.starts(gaussian, nested)) {

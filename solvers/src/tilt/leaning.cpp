@@ -137,6 +137,7 @@ LeaningFit fit_leaning(std::span<const Recording> recordings, const LeaningOptio
   LeaningFit result;
   CalibrateOptions calibrate_options = options.calibrate;
   calibrate_options.methods = {Method::marginal};
+  calibrate_options.noise_shape = NoiseShape::gaussian;  // the effects' likelihood knows no other
   CalibrationReport plain = calibrate_report(recordings, calibrate_options);
   result.calibration = std::move(plain.calibrations[0]);
   result.models = std::move(plain.models);

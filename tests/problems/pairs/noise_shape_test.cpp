@@ -43,6 +43,74 @@ TEST(ContaminatedDensity, OfGrossOutliersIsTheWideLaws) {
     }
 }
 
+TEST(OneSidedDensity, IsThePlainFormulaWhereThatHasNumbers) {
+  // lambda = 2, z = 1: x = 1/2, log h = -log 2 + 1/8 - 1/2 + log Phi(1/2), Phi(1/2) = 0.6914624612740131.
+  const OneSidedDensity at = one_sided_density(2.0, 1.0);
+  EXPECT_NEAR(at.log_density, -std::numbers::ln2 + 0.125 - 0.5 + std::log(0.6914624612740131), 1e-14);
+  // M = phi(1/2) / Phi(1/2) = 0.3520653267642995 / 0.6914624612740131 = 0.509160438...; mean 1/2 + M, variance 1 - M mean.
+  const double M = 0.3520653267642995 / 0.6914624612740131;
+  EXPECT_NEAR(at.mean, 0.5 + M, 1e-14);
+  EXPECT_NEAR(at.variance, 1.0 - M * (0.5 + M), 1e-14);
+  // Far below, where Phi underflows: z^2 / 2 is nearly all of it, h(z) -> phi(z) / (1 - lambda z) for z -> -infinity.
+  for (const double z : {-30.0, -200.0}) {
+    const double rough = -0.5 * z * z - 0.5 * std::log(2.0 * std::numbers::pi) - std::log(1.0 - 2.0 * z);
+    EXPECT_NEAR(one_sided_density(2.0, z).log_density, rough, 2e-3);
+  }
+  // Far above it is the exponential: slope -1 / lambda.
+  EXPECT_NEAR(one_sided_density(2.0, 90.0).log_density - one_sided_density(2.0, 80.0).log_density, -5.0,
+              1e-12);
+}
+
+TEST(NoiseShape, OneSidedDerivativesAgreeWithDifferences) {
+  // Central differences of step h: errors of h^2 times a third derivative of order 1.
+  constexpr double h = 1e-5;
+  for (const double mean : {0.3, -0.15})
+    for (const double z : {-9.0, -2.0, -0.3, 0.7, 4.0, 25.0}) {
+      const double s = 0.04;
+      NoiseShapeParameters shape{NoiseShape::one_sided, 4.0, 0.12, 10.0, mean};
+      const LogDensity at = log_density(shape, z, s);
+      const auto slope = [&](const auto& value) { return (value(h) - value(-h)) / (2.0 * h); };
+      EXPECT_NEAR(at.derivative, slope([&](double e) { return log_density(shape, z + e, s).value; }), 1e-7);
+      EXPECT_NEAR(at.derivative, at.shift - z, 1e-12);
+      EXPECT_NEAR(at.in_log_s, slope([&](double e) { return log_density(shape, z, s * std::exp(e)).value; }),
+                  1e-7);
+      const auto moved = [&](double NoiseShapeParameters::*member, double by) {
+        NoiseShapeParameters other = shape;
+        other.*member += by;
+        return log_density(other, z, s).value;
+      };
+      EXPECT_NEAR(at.in_shape[0],
+                  slope([&](double e) { return moved(&NoiseShapeParameters::outlier_share, e); }), 1e-5);
+      EXPECT_NEAR(at.in_shape[1],
+                  slope([&](double e) { return moved(&NoiseShapeParameters::outlier_mean, e); }), 1e-5);
+      EXPECT_GE(at.outlier, 0.0);
+      EXPECT_LE(at.outlier, 1.0);
+    }
+}
+
+TEST(NoiseShape, OneSidedIntegratesToOneWithItsStatedDeviation) {
+  const NoiseShapeParameters shape{NoiseShape::one_sided, 4.0, 0.12, 10.0, 0.3};
+  const double s = 0.05;
+  double mass = 0.0, first = 0.0, second = 0.0;
+  for (double z = -12.0; z < 400.0; z += 0.01) {  // mean 6 of the echoes: e^-60 is left
+    const double p = 0.01 * std::exp(log_density(shape, z, s).value);
+    mass += p;
+    first += p * z;
+    second += p * z * z;
+  }
+  EXPECT_NEAR(mass, 1.0, 1e-9);
+  EXPECT_NEAR(first, 0.12 * 6.0, 1e-8);  // p times the mean of an echo
+  EXPECT_NEAR(std::sqrt(second - first * first), standard_deviation(shape, s), 1e-8);
+}
+
+TEST(ShapeInformation, OfOneSidedOutliersThatAreToldForCertain) {
+  // Echoes of 1e5 spreads say nothing of the mean: 1 - p, but for one in 1e4 of them near the body.
+  const ShapeInformation far = shape_information({NoiseShape::one_sided, 4.0, 0.1, 10.0, 1e5}, 1.0);
+  EXPECT_NEAR(far.location, 0.9, 1e-3);
+  EXPECT_NEAR(far.spread(0, 0), 2.0 * 0.9, 2e-3);
+  EXPECT_NEAR(far.weight, 1.0, 1e-9);
+}
+
 TEST(ShapeInformation, OfTheGaussian) {
   const ShapeInformation gaussian = shape_information({});
   EXPECT_NEAR(gaussian.location, 1.0, 1e-12);
@@ -99,7 +167,8 @@ TEST(ShapeInformation, LimitsAreWhereNothingIsKnown) {
   EXPECT_TRUE(at_limit(student_t(199.0)));
   EXPECT_FALSE(at_limit({NoiseShape::contaminated, 4.0, 0.05, 10.0}));
   EXPECT_TRUE(at_limit({NoiseShape::contaminated, 4.0, 1e-6, 10.0}));
-  EXPECT_TRUE(at_limit({NoiseShape::contaminated, 4.0, 0.05, 30.0}));
+  EXPECT_FALSE(at_limit({NoiseShape::contaminated, 4.0, 0.05, 30.0}));
+  EXPECT_TRUE(at_limit({NoiseShape::contaminated, 4.0, 0.05, 1000.0}));
 }
 
 }  // namespace

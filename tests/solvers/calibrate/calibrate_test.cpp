@@ -67,8 +67,7 @@ TEST(Calibrate, StopsInMillimetresAreAskedAbout) {
   EXPECT_THAT(calibrate_report(std::span(&recording, 1), options).notes, ::testing::IsEmpty());
   for (Stop& stop : recording.stops) stop.commanded.x_m *= 1000.0;
   const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
-  ASSERT_EQ(report.notes.size(), 1u);
-  EXPECT_THAT(report.notes[0], HasSubstr("stops (or taped distances) are in another unit"));
+  EXPECT_THAT(report.notes, ::testing::Contains(HasSubstr("stops (or taped distances) are in another unit")));
 }
 
 TEST(Calibrate, SaysWhatTheReadersNotedOnce) {
@@ -115,6 +114,7 @@ TEST(Calibrate, OrderAndLawAreChosenByAic) {
   EXPECT_GE(report.calibrations[0].order(),
             2);  // order 1 is tens of nats worse; AIC may take one order too many
   EXPECT_GE(report.models.size(), 7u);
+  // A lower order takes AIC's place where it predicts stops left out better; it is nearly as likely then.
   for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 0.05);
   // Orders 3 and 4 cost 2 each and gain something, so that they count in what the choice leaves open.
   ASSERT_TRUE(report.calibrations[0].covariance_with_choice);
@@ -260,7 +260,7 @@ TEST(Calibrate, NoiseShapesKeepTheCurveOfLandmarkRecordings) {
     for (std::size_t i : {2u, 3u}) {
       const Calibration& c = report.calibrations[i];
       ASSERT_EQ(c.outcome, Outcome::converged) << to_string(shape) << c.reason;
-      ASSERT_EQ(c.noise_shapes.size(), 2u) << to_string(shape);
+      ASSERT_GE(c.noise_shapes.size(), shape == NoiseShape::automatic ? 1u : 2u) << to_string(shape);
       EXPECT_EQ(c.noise_shapes.at("range").family, report.calibrations[3].noise_shapes.at("range").family);
       // The rule for all curves here: 4 standard deviations, 6e-5 by chance.
       EXPECT_LT(off(c), 4.0) << to_string(shape) << " " << to_string(c.method);
@@ -272,7 +272,8 @@ TEST(Calibrate, NoiseShapesKeepTheCurveOfLandmarkRecordings) {
       // 600 readings, share 0.05: binomial standard deviation 0.009; far echoes are told from the core one by one.
       EXPECT_NEAR(marginal.noise_shapes.at("range").parameters.at("outlier_share"), 0.05, 0.03);
     }
-    EXPECT_FALSE(report.calibrations[0].aic);  // the closed forms know no shape
+    ASSERT_TRUE(report.calibrations[0].aic);  // by the same functions, the shapes as marginal has them
+    EXPECT_GT(*report.calibrations[0].aic, *marginal.aic);
     EXPECT_THAT(report.noise_shape, HasSubstr("bearing"));
   }
   options.noise_shape = NoiseShape::gaussian;
@@ -287,10 +288,11 @@ TEST(Calibrate, AutomaticShapeOfCleanReadingsIsTheGaussianAnswer) {
   CalibrateOptions options;
   options.order = 2;
   options.noise = NoiseLaw::f_squared;
+  options.noise_shape = NoiseShape::gaussian;
   const std::vector<Calibration> plain = calibrate(std::span(&recording, 1), options);
   options.noise_shape = NoiseShape::automatic;
   const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
-  EXPECT_THAT(report.notes.back(), HasSubstr("gaussian is kept"));
+  EXPECT_TRUE(report.noise_shape.empty()) << report.noise_shape;
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_TRUE(report.calibrations[i].noise_shapes.empty());
     // Ceres adds up in the order of its threads, so that its end varies in the last digits.
@@ -307,7 +309,8 @@ TEST(Calibrate, OrderAndLawAreChosenWithTheShape) {
   const CalibrationReport report = calibrate_report(std::span(&recording, 1), options);
   ASSERT_EQ(report.calibrations[0].outcome, Outcome::converged) << report.calibrations[0].reason;
   EXPECT_EQ(report.calibrations[0].noise.law, NoiseLaw::f_squared);
-  for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 0.05);
+  // A lower order takes AIC's place where it predicts stops left out better; it is nearly as likely then.
+  for (const ModelScore& model : report.models) EXPECT_LE(*report.calibrations[0].aic, model.aic + 4.0);
 }
 
 TEST(Calibrate, LandmarkThatNobodySeesIsLeftOutAndNamed) {

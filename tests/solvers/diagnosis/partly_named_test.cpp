@@ -77,7 +77,8 @@ TEST(PartlyNamed, OutliersBeyondDoubtHaveTheirNameThoughTheyAreOneSided) {
   EXPECT_LT(*d.after.heldout_nll, *d.before.heldout_nll - 500.0);
   for (double at : {0.5, 2.0, 3.4}) {
     EXPECT_NEAR(evaluate_polynomial(d.corrected.alpha, at), 0.99 * at, 0.003) << at;
-    EXPECT_GT(std::abs(evaluate_polynomial(d.baseline.alpha, at) - 0.99 * at), 0.01) << at;  // the seed model's is led astray
+    EXPECT_GT(std::abs(evaluate_polynomial(d.baseline.alpha, at) - 0.99 * at), 0.01)
+        << at;  // the seed model's is led astray
   }
 }
 

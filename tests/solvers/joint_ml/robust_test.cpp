@@ -67,14 +67,21 @@ TEST(Robust, ContaminatedFindsTheShareOfOutliers) {
 }
 
 TEST(Robust, AutomaticKeepsTheGaussianWhereNothingIsWrong) {
-  const testing::JointScene scene =
-      make_scene("clean", {.stops = 30, .landmarks = 5, .law = NoiseLaw::f, .sigma_e = 0.02});
-  const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
-  const RobustJointFit fit = solve_joint_robust(scene.problem, seed, NoiseShape::automatic);
-  EXPECT_EQ(fit.shapes.tried.size(), 3u);
-  EXPECT_EQ(fit.shapes.range.shape, NoiseShape::gaussian);
-  const JointFit plain = solve_joint_block(scene.problem, seed);
-  EXPECT_NEAR(fit.shapes.nll, plain.joint_nll, 1e-8);
+  // A likelihood ratio of 6 (AIC lower by 4 at one parameter) at the boundary of each of two channels, three families:
+  // some 2 % of clean recordings; 3 of 30 once in a hundred times.
+  int kept = 0;
+  for (std::uint64_t repeat = 0; repeat < 30; ++repeat) {
+    const testing::JointScene scene =
+        make_scene("clean", {.stops = 30, .landmarks = 5, .law = NoiseLaw::f, .sigma_e = 0.02}, repeat);
+    const JointState seed = position_seed(scene.problem, 2, NoiseLaw::f);
+    const RobustJointFit fit = solve_joint_robust(scene.problem, seed, NoiseShape::automatic);
+    if (fit.shapes.range.shape != NoiseShape::gaussian || fit.shapes.bearing.shape != NoiseShape::gaussian)
+      continue;
+    ++kept;
+    const JointFit plain = solve_joint_block(scene.problem, seed);
+    EXPECT_NEAR(fit.shapes.nll, plain.joint_nll, 1e-8);
+  }
+  EXPECT_GE(kept, 27);
 }
 
 TEST(Robust, LikelihoodsAtAStateAreThoseThatWereMinimised) {

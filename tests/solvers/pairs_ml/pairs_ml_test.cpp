@@ -338,7 +338,7 @@ TEST(FullPairs, ShapesAreRecovered) {
     ASSERT_TRUE(mixed.calibration.alpha_covariance.has_value());
     const PairsFit normal = fit_pairs(make_pairs_problem(d, y_normal), options);
     EXPECT_EQ(normal.shape.shape, NoiseShape::gaussian);
-    EXPECT_EQ(normal.shapes.size(), 3u);
+    EXPECT_EQ(normal.shapes.size(), 4u);
   }
 }
 

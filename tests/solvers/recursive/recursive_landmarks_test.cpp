@@ -73,6 +73,7 @@ RecursiveLandmarks after(const Recording& r, const RecursiveLandmarksOptions& op
 Calibration batch_of(const Recording& r, int order, NoiseLaw law) {
   CalibrateOptions options;
   options.methods = {Method::marginal};
+  options.noise_shape = NoiseShape::gaussian;  // as a stream has it
   options.order = order;
   options.noise = law;
   return calibrate({&r, 1}, options)[0];
@@ -359,6 +360,7 @@ TEST(RecursiveLandmarks, TracksTheOrder) {
   const Calibration ours = after(recording, options).estimate();
   CalibrateOptions all;
   all.methods = {Method::marginal};
+  all.noise_shape = NoiseShape::gaussian;
   all.max_order = 3;
   all.noise = NoiseLaw::f_squared;
   const Calibration batch = calibrate({&recording, 1}, all)[0];

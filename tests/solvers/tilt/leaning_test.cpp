@@ -133,7 +133,8 @@ TEST(Leaning, ALevelPlaneSeesNoLean) {
   EXPECT_EQ(fit.tilt.low95, 0.0);
   EXPECT_LT(fit.tilt.high95, 4.0 * degree);
   EXPECT_TRUE(fit.leans.empty());
-  EXPECT_THAT(fit.statement, ::testing::HasSubstr("A cylinder's lean is seen, and does harm, in a tilted plane only"));
+  EXPECT_THAT(fit.statement,
+              ::testing::HasSubstr("A cylinder's lean is seen, and does harm, in a tilted plane only"));
   EXPECT_TRUE(fit.calibration.effects.empty());
 }
 

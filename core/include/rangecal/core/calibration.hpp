@@ -30,9 +30,10 @@ struct Estimate {
 
 /// The density of a channel's standardised errors where it is not the Gaussian; sigmas are then its scales.
 struct ShapeEstimate {
-  std::string family;                        ///< "student-t" or "contaminated"
-  std::map<std::string, double> parameters;  ///< nu; or outlier_share and outlier_scale
-  std::map<std::string, double> std_dev;     ///< of those that are known and at no end of their range
+  std::string family;  ///< "student-t", "contaminated" or "one-sided"
+  /// nu; outlier_share and outlier_scale; outlier_share and outlier_mean [m], > 0 of late returns, < 0 of early echoes
+  std::map<std::string, double> parameters;
+  std::map<std::string, double> std_dev;  ///< of those that are known and at no end of their range
 };
 
 struct LandmarkEstimate {
@@ -40,12 +41,48 @@ struct LandmarkEstimate {
   std::string label;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
   std::optional<Eigen::Matrix2d> covariance;  ///< [m^2]
+  std::optional<Eigen::Matrix2d> covariance_by_stops =
+      std::nullopt;  ///< see Calibration::alpha_covariance_by_stops [m^2]
+};
+
+/// Is the curve better than none? Readings of stops (pairs: of stretches of distance) that were left out whole, raw and
+/// corrected by the curve of the others, against distances that no range told: to landmarks placed by the bearings of the
+/// other stops (pairs: the known ones). The reference's own error is in both.
+struct LeftOutCheck {
+  int groups = 0;                                           ///< left out in turn
+  double rms_raw_m = 0.0, rms_raw_std_m = 0.0;              ///< of raw readings, and its standard error [m]
+  double rms_corrected_m = 0.0, rms_corrected_std_m = 0.0;  ///< of corrected ones [m]
+  /// Of the difference between the curves of both halves of the recording, if the model held; none where a half alone
+  /// does not determine one.
+  std::optional<double> halves_p_value;
+  bool usable = true;
+  std::string reason;  ///< why it is not usable
+};
+
+/// How much larger standard deviations by stops are than the model's.
+struct MisfitOfDeviations {
+  double factor = 1.0;  ///< the largest, of the curve and of the landmarks
+  double threshold =
+      1.5;            ///< above this, max(1.5, 1 + 3 / sqrt(2 (K - 1))) of K stops, the model does not hold
+  std::string where;  ///< "the curve at 3.1 m", "landmark T4"
+
+  bool holds() const { return factor <= threshold; }
 };
 
 struct StopEstimate {
   int recording = 0;
   std::string label;
   Pose2 pose;
+};
+
+/// A reading that the noise shape takes for an outlier.
+struct OutlierReading {
+  int recording = 0;    ///< which recording of the job
+  int row = 0;          ///< its line in the file (header = 1); of readings made in memory its number, from 1
+  std::string channel;  ///< "range" or "bearing", the one that is further off
+  double sigmas = 0.0;  ///< its error in the spreads of a reading that is no outlier, signed
+  std::string
+      reason;  ///< what it most likely is: "label of B", "late echo", "early echo", "grazing", "bearing"
 };
 
 /// How well the parameters of effects are known together with the curve.
@@ -65,6 +102,11 @@ struct Calibration {
 
   Eigen::VectorXd alpha;                            ///< order + 1 coefficients of f; alpha_i in m^(1-i)
   std::optional<Eigen::MatrixXd> alpha_covariance;  ///< given order, noise law and the effects' parameters
+  /// The same from how the answer changes when each stop is left out (jackknife, clustered by stop): holds where the noise
+  /// law is wrong or readings of a stop depend on each other. None along a random walk or with fewer than 4 stops.
+  std::optional<Eigen::MatrixXd> alpha_covariance_by_stops;
+  std::optional<MisfitOfDeviations> misfit;  ///< of these two
+  std::optional<LeftOutCheck> left_out;      ///< none where it was not asked or cannot be judged
   /// Where order or noise law were chosen by the data: with that choice in it, padded with zeros to the highest order that
   /// may hold; alpha is padded likewise. None: nothing was chosen, or one model alone can be right.
   std::optional<Eigen::MatrixXd> covariance_with_choice;
@@ -74,6 +116,8 @@ struct Calibration {
   Noise noise;
   std::vector<Estimate> noise_estimates;              ///< one per noise parameter
   std::map<std::string, ShapeEstimate> noise_shapes;  ///< of "range" and "bearing"; none: Gaussian
+  int outlier_count = 0;                 ///< readings that the noise shapes take for outliers rather than not
+  std::vector<OutlierReading> outliers;  ///< the gravest of them, up to ten, the furthest off first
   std::optional<Estimate> sigma_theta_rad;
   std::optional<Estimate> sigma_s_m;        ///< only where it was estimated
   std::optional<double> sigma_s_upper95_m;  ///< one-sided 95 % limit from the profile where the estimate is 0

@@ -30,8 +30,9 @@ struct CalibrateOptions {
   /// error of left-out readings, each weighed by its noise as the model of lowest AIC has it; the law goes by AIC.
   OrderCriterion criterion = OrderCriterion::aic;
   JointSolver solver = JointSolver::ceres;
-  NoiseShape noise_shape =
-      NoiseShape::gaussian;  ///< of full and marginal; the closed forms know the Gaussian only
+  /// Of ranges and bearings, each for itself where `automatic`. The closed forms know the Gaussian only and see the
+  /// readings that agree with most others (find_consensus); `gaussian`: all of them, for studies.
+  NoiseShape noise_shape = NoiseShape::automatic;
   BearingWeights weights = BearingWeights::consistent;  ///< of the closed form's lines of sight
   bool check = false;  ///< minimise the full likelihood a second time with NLopt
   std::optional<Calibration>
@@ -43,7 +44,7 @@ struct CalibrateOptions {
   void check_values() const;
 };
 
-/// One model of the search for order and noise law.
+/// One model of the search for order and noise law, under the noise shapes kept.
 struct ModelScore {
   int order = 0;
   NoiseLaw law = NoiseLaw::f_squared;
@@ -83,10 +84,16 @@ std::string in_words(const ShapeEstimate& shape);
 /// (laplace_marginal at their alpha, noise and landmarks); AIC = 2 (marginal NLL + parameters of alpha,
 /// noise, sigma_theta and landmarks, sigma_s where estimated).
 ///
-/// With a noise shape of heavy tails `full` and `marginal` have each reading as a cell of its own, start from their
-/// Gaussian answers and are scored by the same two functions with their shapes in them (robust_nll); the closed forms
-/// are not scored then. Order and law, where free, go by the AIC of `marginal` with that shape (Student's t for
-/// `automatic`); `automatic` then keeps the shape of the lowest AIC for both.
+/// Noise shapes (landmarks). First the readings that agree (find_consensus): closed forms, seeds and Gaussian solves see
+/// these. `marginal` is then fitted to all readings with the shapes asked for, or with those of lowest AIC for each channel
+/// (solve_marginal_robust); order and law, where free, are chosen again under them. `full` has the same shapes, held, and
+/// ends as `unbounded` where a sigma falls below 0.4 of marginal's. All methods are scored by the same two functions with
+/// the shapes in them (robust_nll). `automatic` keeps the Gaussian where no reading is an outlier, and where no gross one is
+/// and Gaussian noise predicts stops left out better. Pairs likewise, with agreeing_pairs.
+///
+/// `marginal` is checked: standard deviations by stops, and whether the curve is better than none (Calibration::left_out).
+/// Where an order was to be chosen, one below AIC's that predicts stops left out better, by more than a standard error,
+/// takes its place; of pairs, one nearly as likely that predicts no worse than within that.
 ///
 /// Throws InputError for recordings of different kinds, options out of range, a criterion that there is not for
 /// landmarks, and `full` asked by name where

@@ -59,6 +59,12 @@ enum class Grouping { cells, rows };
 /// int can index the block of. Cost: linear in the readings.
 JointProblem make_joint_problem(std::span<const Recording> recordings, Grouping grouping = Grouping::cells);
 
+/// The rows (a problem of Grouping::rows) summed up by cell again, those alone that are `kept` (one flag per row; empty:
+/// all); stops and landmarks stay, also where nothing of them is left. `cell_of_row`, where wanted, has the cell of each
+/// row, -1 of one left out. Cost: linear in the rows.
+JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept = {},
+                        std::vector<int>* cell_of_row = nullptr);
+
 /// A point in the space of all unknowns of the 2021 problem.
 struct JointState {
   Eigen::VectorXd alpha;  ///< f(d) = sum alpha_i d^i

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What outliers do to `calibrate` as it is by default. Worlds of the field layout and of five drawn designs, each
+// simulated clean and then with a share of its readings made wrong: gross ranges (one to three metres off, either way),
+// gross bearings (anywhere), both, or labels of another landmark. Figures by kind and share: RMS error of curve and
+// landmarks over that of the same worlds without outliers (medians would hide a few bad worlds: these are root mean
+// squares), 95 % intervals of curve and landmarks, and of clean worlds RMS error and time over those of the
+// Gaussian fit. Pairs: 8 % of the readings late by an exponential of 0.3 m.
+//
+//   robust_study WORLDS SCENE.yaml [THREADS]      notebooks_data/scenes/field-layout.yaml
+#include <tbb/parallel_for.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "bent_path.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "threads.hpp"
+
+namespace {
+
+using namespace rangecal;
+
+struct Design {
+  const char* name;
+  int stops, landmarks, repeats;
+};
+/// The first is the scene given.
+const Design designs[] = {{"field layout", 0, 0, 0},           {"20 stops, 5 landmarks", 20, 5, 3},
+                          {"60 stops, 4 landmarks", 60, 4, 1}, {"12 stops, 8 landmarks", 12, 8, 3},
+                          {"30 stops, 6 landmarks", 30, 6, 2}, {"100 stops, 8 landmarks", 100, 8, 1}};
+constexpr int design_count = static_cast<int>(std::size(designs));
+
+enum class Wrong { none, ranges, bearings, both, labels };
+const char* name_of(Wrong wrong) {
+  switch (wrong) {
+    case Wrong::none:
+      return "clean";
+    case Wrong::ranges:
+      return "gross ranges";
+    case Wrong::bearings:
+      return "gross bearings";
+    case Wrong::both:
+      return "both";
+    case Wrong::labels:
+      return "wrong labels";
+  }
+  return "";
+}
+
+double log_uniform(Random& r, double low, double high) { return low * std::pow(high / low, r.uniform()); }
+
+Scene draw_scene(const Design& design, Random& r) {
+  Scene scene;
+  scene.alpha = Eigen::Vector3d(r.uniform(-0.05, 0.1), r.uniform(0.8, 1.1), r.uniform(0.0, 0.08));
+  const double f = evaluate_polynomial(scene.alpha, 2.0), spread = log_uniform(r, 0.005, 0.03) * f;
+  scene.noise.parameters = Eigen::VectorXd::Constant(1, spread / (f * f));
+  scene.sigma_theta_rad = log_uniform(r, 0.005, 0.02);
+  scene.sigma_xy_m = log_uniform(r, 0.005, 0.02);
+  add_bent_path(scene, design.stops, design.landmarks, 0.5, false, r);
+  scene.repeats = design.repeats;
+  return scene;
+}
+
+void spoil(Recording& recording, Wrong wrong, double share, Random& r) {
+  Readings& readings = recording.readings;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    if (!(r.uniform() < share)) continue;
+    if (wrong == Wrong::ranges || wrong == Wrong::both) {
+      const double off = r.uniform(1.0, 3.0) * (r.uniform() < 0.5 ? -1.0 : 1.0);
+      readings.range_m[i] =
+          readings.range_m[i] + off > 0.05 ? readings.range_m[i] + off : readings.range_m[i] - off;
+    }
+    if (wrong == Wrong::bearings || wrong == Wrong::both)
+      readings.bearing_rad[i] = r.uniform(-3.1415, 3.1415);
+    if (wrong == Wrong::labels) {
+      const int count = static_cast<int>(recording.landmarks.size());
+      readings.landmark[i] = (readings.landmark[i] + 1 + static_cast<int>(r.uniform() * (count - 1))) % count;
+    }
+  }
+}
+
+struct Tally {
+  int worlds = 0, failed = 0, order_right = 0;
+  double curve_sq = 0.0, landmark_sq = 0.0, seconds = 0.0;
+  long intervals = 0, held = 0;
+  double bias = 0.0, bias_square = 0.0;  ///< of f at the middle over its stated deviation
+};
+
+struct Answer {
+  bool ok = false;
+  double curve_sq = 0.0, landmark_sq = 0.0, seconds = 0.0;
+  int order = 0;
+  long intervals = 0, held = 0;
+};
+
+Answer judge(const Recording& recording, const Scene& scene, NoiseShape shape) {
+  Answer answer;
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  options.noise_shape = shape;
+  const auto begin = std::chrono::steady_clock::now();
+  const Calibration c = calibrate({&recording, 1}, options)[0];
+  answer.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (c.outcome != Outcome::converged || !c.alpha_covariance) return answer;
+  answer.ok = true;
+  answer.order = c.order();
+  constexpr int points = 9;
+  for (int i = 0; i < points; ++i) {
+    const double d = c.range_min_m + (c.range_max_m - c.range_min_m) * i / (points - 1.0);
+    const double error = evaluate_polynomial(c.alpha, d) - evaluate_polynomial(scene.alpha, d);
+    const double noise = scene.noise.spread(d, evaluate_polynomial(scene.alpha, d));
+    answer.curve_sq += error * error / (noise * noise) / points;
+    ++answer.intervals;
+    answer.held += std::abs(error) <= 1.96 * std::sqrt(curve_variance(c, d).value_or(0.0));
+  }
+  int counted = 0;
+  for (const LandmarkEstimate& landmark : c.landmarks)
+    for (std::size_t l = 0; l < recording.landmarks.size(); ++l) {
+      if (recording.landmarks[l].label != landmark.label || !recording.truth.landmarks[l]) continue;
+      const Eigen::Vector2d error = landmark.position_m - *recording.truth.landmarks[l];
+      answer.landmark_sq += error.squaredNorm();
+      ++counted;
+      for (int axis = 0; axis < 2 && landmark.covariance; ++axis) {
+        ++answer.intervals;
+        answer.held += std::abs(error[axis]) <= 1.96 * std::sqrt((*landmark.covariance)(axis, axis));
+      }
+    }
+  if (counted > 0) answer.landmark_sq /= counted;
+  return answer;
+}
+
+void add(const Answer& answer, const Scene& scene, Tally& tally) {
+  ++tally.worlds;
+  tally.seconds += answer.seconds;
+  if (!answer.ok) {
+    ++tally.failed;
+    return;
+  }
+  tally.order_right += answer.order == static_cast<int>(scene.alpha.size()) - 1;
+  tally.curve_sq += answer.curve_sq;
+  tally.landmark_sq += answer.landmark_sq;
+  tally.intervals += answer.intervals;
+  tally.held += answer.held;
+}
+
+void print(const char* what, double share, const Tally& tally, const Tally& clean) {
+  const int done = std::max(1, tally.worlds - tally.failed),
+            clean_done = std::max(1, clean.worlds - clean.failed);
+  std::printf("  %-16s %5.1f %%  %7d  %6d   %8.3f  %8.3f   %6.1f %%   %5.1f %%  %8.2f\n", what, 100.0 * share,
+              tally.worlds, tally.failed, std::sqrt(tally.curve_sq / done / (clean.curve_sq / clean_done)),
+              std::sqrt(tally.landmark_sq / done / (clean.landmark_sq / clean_done)),
+              100.0 * static_cast<double>(tally.held) / static_cast<double>(std::max(1L, tally.intervals)),
+              100.0 * tally.order_right / done, 1e3 * tally.seconds / tally.worlds);
+}
+
+void study_design(int index, int worlds, const Scene& given) {
+  struct Case {
+    Wrong wrong;
+    double share;
+  };
+  std::vector<Case> cases;
+  for (const Wrong wrong : {Wrong::ranges, Wrong::bearings, Wrong::both, Wrong::labels})
+    for (const double share : {0.002, 0.01, 0.05}) cases.push_back({wrong, share});
+  std::vector<Tally> tallies(cases.size());
+  Tally clean, gaussian;
+  std::mutex mutex;
+  tbb::parallel_for(0, worlds, [&](int number) {
+    Random r(
+        seed_from("robust study", {static_cast<std::uint64_t>(index), static_cast<std::uint64_t>(number)}));
+    const Scene scene = index == 0 ? given : draw_scene(designs[index], r);
+    const Recording recording = simulate(scene, r.bits());
+    const Answer plain = judge(recording, scene, NoiseShape::gaussian);
+    const Answer usual = judge(recording, scene, NoiseShape::automatic);
+    std::vector<Answer> answers;
+    for (const Case& one : cases) {
+      Recording spoilt = recording;
+      spoil(spoilt, one.wrong, one.share, r);
+      answers.push_back(judge(spoilt, scene, NoiseShape::automatic));
+    }
+    const std::lock_guard lock(mutex);
+    add(plain, scene, gaussian);
+    add(usual, scene, clean);
+    for (std::size_t i = 0; i < cases.size(); ++i) add(answers[i], scene, tallies[i]);
+  });
+  std::printf("%s\n  %-16s  share    worlds  failed      curve  landmark   held 95 %%  order ok   ms\n",
+              designs[index].name, "outliers");
+  print("clean, gaussian", 0.0, gaussian, gaussian);
+  print("clean", 0.0, clean, gaussian);
+  for (std::size_t i = 0; i < cases.size(); ++i)
+    print(name_of(cases[i].wrong), cases[i].share, tallies[i], clean);
+  std::fflush(stdout);
+}
+
+/// 800 pairs, 8 % of them late.
+void study_echoes(int tables) {
+  double bias = 0.0, square = 0.0;
+  int order_right = 0, failed = 0, one_sided = 0;
+  std::mutex mutex;
+  tbb::parallel_for(0, tables, [&](int number) {
+    Random r(seed_from("robust study, echoes", {static_cast<std::uint64_t>(number)}));
+    const Eigen::Vector3d alpha(0.05, 0.95, 0.02);
+    Recording recording;
+    recording.kind = RecordingKind::pairs;
+    for (int i = 0; i < 800; ++i) {
+      const double d = r.uniform(0.3, 4.0), f = evaluate_polynomial(alpha, d);
+      recording.pairs.true_m.push_back(d);
+      double y = f + 0.01 * f * f * r.normal();
+      if (r.uniform() < 0.08) y -= 0.3 * std::log(1.0 - r.uniform());
+      recording.pairs.reading_m.push_back(y);
+    }
+    recording.counts.read = recording.counts.used = 800;
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    const Calibration c = calibrate({&recording, 1}, options)[0];
+    const std::lock_guard lock(mutex);
+    if (c.outcome != Outcome::converged || !c.alpha_covariance) {
+      ++failed;
+      return;
+    }
+    const double z = (evaluate_polynomial(c.alpha, 2.0) - evaluate_polynomial(alpha, 2.0)) /
+                     std::sqrt(curve_variance(c, 2.0).value_or(1.0));
+    bias += z;
+    square += z * z;
+    order_right += c.order() == 2;
+    const auto shape = c.noise_shapes.find("range");
+    one_sided += shape != c.noise_shapes.end() && shape->second.family == "one-sided";
+  });
+  const int done = std::max(1, tables - failed);
+  std::printf(
+      "800 pairs, 8 %% late by 0.3 m on average: %d tables, %d failed; error of f(2 m) in its stated deviation: mean %.3f, "
+      "RMS %.3f; order 2 in %.1f %%, one-sided in %.1f %%\n",
+      tables, failed, bias / done, std::sqrt(square / done), 100.0 * order_right / done,
+      100.0 * one_sided / done);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 3) {
+    std::fprintf(stderr, "usage: robust_study WORLDS SCENE.yaml [THREADS]\n");
+    return 2;
+  }
+  const int worlds = std::atoi(argv[1]);
+  const auto limit = at_most(argc > 3 ? std::atoi(argv[3]) : 0);
+  const Scene field = load_scene(argv[2]);
+  study_echoes(worlds);
+  for (int i = 0; i < design_count; ++i) study_design(i, worlds, field);
+  return 0;
+}

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "calibrate/left_out_check.hpp"
+
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+
+#include "closed_form/stop_variance.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/solvers/calibrate/curve.hpp"
+#include "rangecal/solvers/closed_form/landmarks_from_bearings.hpp"
+
+namespace rangecal {
+namespace {
+
+/// The root of f(d) = y that Newton's method finds from `near`; none where the curve turns on the way.
+std::optional<double> inverted(const Eigen::VectorXd& alpha, double y, double near) {
+  constexpr int most = 30;
+  constexpr double flat = 0.05;
+  double d = near;
+  for (int step = 0; step < most; ++step) {
+    const double slope = evaluate_derivative(alpha, d);
+    if (!(std::abs(slope) > flat * std::abs(evaluate_derivative(alpha, near)))) return std::nullopt;
+    const double move = (y - evaluate_polynomial(alpha, d)) / slope;
+    d += move;
+    if (!(d > 0.0) || d > 10.0 * near) return std::nullopt;
+    if (std::abs(move) < 1e-9 * near) return d;
+  }
+  return std::nullopt;
+}
+
+/// Weighted lines of sight of one landmark, taken together.
+struct LineSums {
+  Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d b = Eigen::Vector2d::Zero();
+  void add(const Eigen::Vector2d& across, const Eigen::Vector2d& from, double weight) {
+    A += weight * across * across.transpose();
+    b += weight * across * across.dot(from);
+  }
+  LineSums without(const LineSums& other) const { return {A - other.A, b - other.b}; }
+};
+
+}  // namespace
+
+LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& state,
+                              const StopInfluence& influence, const JointState& weighed_by) {
+  const Cells& c = agreeing.cells;
+  BearingOptions options;
+  if (state.sigma_s_m && *state.sigma_s_m > 0.0) options.sigma_s_m = state.sigma_s_m;
+  const LandmarksFromBearings found = landmarks_from_bearings(agreeing, options);
+  const std::vector<StopVariance> stops = stop_variances(agreeing, options.sigma_s_m);
+  const std::size_t landmarks = agreeing.landmark_radius_m.size();
+  const auto line = [&](std::size_t i, LineSums& sums) {
+    const Pose2& pose = agreeing.stops[c.stop[i]].commanded;
+    const double phi = pose.heading_rad + c.bearing_mean[i];
+    const Eigen::Vector2d from(pose.x_m, pose.y_m);
+    sums.add({std::sin(phi), -std::cos(phi)}, from - state.landmarks[c.landmark[i]], found.cell_weights[i]);
+  };
+  std::vector<LineSums> all(landmarks);
+  for (std::size_t i = 0; i < c.size(); ++i) line(i, all[c.landmark[i]]);
+
+  LeftOutErrors errors;
+  const Eigen::Index alphas = state.alpha.size();
+  for (std::size_t k = 0; k < influence.stops.size(); ++k) {
+    std::vector<LineSums> own(landmarks);
+    for (const int stop : influence.stops[k])
+      for (int i = c.stop_begin[stop]; i < c.stop_begin[stop + 1]; ++i)
+        line(static_cast<std::size_t>(i), own[c.landmark[i]]);
+    const Eigen::VectorXd alpha = state.alpha + influence.left_out[k].head(alphas);
+    double raw = 0.0, corrected = 0.0, readings = 0.0, raw_weighted = 0.0, corrected_weighted = 0.0;
+    for (const int stop : influence.stops[k])
+      for (int cell = c.stop_begin[stop]; cell < c.stop_begin[stop + 1]; ++cell) {
+        const std::size_t i = static_cast<std::size_t>(cell);
+        const int l = c.landmark[i];
+        if (found.landmarks[l].outcome != Outcome::converged) continue;
+        const LineSums others = all[l].without(own[l]);
+        const double trace = others.A.trace();
+        if (!(others.A.determinant() > 1e-3 * trace * trace)) continue;  // lines within some two degrees
+        const Eigen::Matrix2d covariance = others.A.inverse();
+        const Eigen::Vector2d landmark = state.landmarks[l] + covariance * others.b;
+        const Pose2& pose = agreeing.stops[stop].commanded;
+        const Eigen::Vector2d sight = landmark - Eigen::Vector2d(pose.x_m, pose.y_m), u = sight.normalized();
+        const double d = sight.norm() - c.radius_m[i], y = c.range_mean[i], R = c.count[i];
+        if (!(d > 0.0)) continue;
+        const auto root = inverted(alpha, y, d);
+        const double slope = root ? evaluate_derivative(alpha, *root) : 1.0, S_sq = c.range_mean_square[i],
+                     s = weighed_by.noise.spread(d, evaluate_polynomial(weighed_by.alpha, d));
+        const double variance = s * s / R + stops[stop].along(u) + u.dot(covariance * u);
+        const double off = y - d, left = root.value_or(y) - d;
+        const double raw_sq = off * off + S_sq, corrected_sq = left * left + S_sq / (slope * slope);
+        raw += R * raw_sq;
+        corrected += R * corrected_sq;
+        readings += R;
+        raw_weighted += raw_sq / variance;
+        corrected_weighted += corrected_sq / variance;
+      }
+    if (!(readings > 0.0)) continue;
+    errors.raw_sq.push_back(raw);
+    errors.corrected_sq.push_back(corrected);
+    errors.readings.push_back(readings);
+    errors.raw_weighted.push_back(raw_weighted);
+    errors.corrected_weighted.push_back(corrected_weighted);
+  }
+  return errors;
+}
+
+namespace {
+
+/// Which group each reading belongs to, from 0.
+std::vector<int> groups_of(std::span<const double> true_m) {
+  constexpr std::size_t stretches = 20;
+  const std::size_t count = true_m.size();
+  std::vector<double> distinct(true_m.begin(), true_m.end());
+  std::sort(distinct.begin(), distinct.end());
+  distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
+  const bool repeat = 2 * distinct.size() <= count;
+  std::vector<int> groups(count);
+  for (std::size_t i = 0; i < count; ++i)
+    groups[i] = repeat ? static_cast<int>(std::lower_bound(distinct.begin(), distinct.end(), true_m[i]) -
+                                          distinct.begin())
+                       : static_cast<int>(i * std::min(stretches, count) / count);
+  return groups;
+}
+
+/// Normal equations of the curve.
+struct Normal {
+  Eigen::MatrixXd A;
+  Eigen::VectorXd b;  ///< of what the estimate leaves
+  explicit Normal(Eigen::Index size) : A(Eigen::MatrixXd::Zero(size, size)), b(Eigen::VectorXd::Zero(size)) {}
+};
+
+}  // namespace
+
+LeftOutErrors left_out_errors(const KnownReadings& readings, const Calibration& calibration,
+                              const Calibration& weighed_by, StopInfluence& halves) {
+  LeftOutErrors errors;
+  const std::size_t count = readings.true_m.size();
+  const Eigen::Index size = calibration.alpha.size();
+  if (count == 0 || size == 0) return errors;
+  const std::vector<int> groups = groups_of(readings.true_m);
+  const std::size_t group_count =
+      static_cast<std::size_t>(*std::max_element(groups.begin(), groups.end())) + 1;
+  std::vector<Normal> own(group_count, Normal(size));
+  std::vector<Normal> half(2, Normal(size));
+  Normal all(size);
+  Eigen::VectorXd powers(size);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double d = readings.true_m[i], f = evaluate_polynomial(calibration.alpha, d);
+    const double s = calibration.noise.spread(d, f), weight = readings.weight[i] / (s * s);
+    if (!std::isfinite(weight)) return errors;
+    powers[0] = 1.0;
+    for (Eigen::Index j = 1; j < size; ++j) powers[j] = powers[j - 1] * d;
+    for (Normal* one : {&own[groups[i]], &half[2 * i >= count], &all}) {
+      one->A.noalias() += weight * powers * powers.transpose();
+      one->b += weight * (readings.reading_m[i] - f) * powers;
+    }
+  }
+  std::vector<Eigen::VectorXd> alpha;
+  for (const Normal& one : own) {
+    const Eigen::LDLT<Eigen::MatrixXd> left(all.A - one.A);
+    alpha.push_back(calibration.alpha + left.solve(all.b - one.b) - all.A.ldlt().solve(all.b));
+  }
+  for (std::vector<double>* sums : {&errors.raw_sq, &errors.corrected_sq, &errors.readings,
+                                    &errors.raw_weighted, &errors.corrected_weighted})
+    sums->assign(group_count, 0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double d = readings.true_m[i], y = readings.reading_m[i];
+    const std::size_t k = static_cast<std::size_t>(groups[i]);
+    if (readings.judged[i] == 0 || !(d > 0.0)) continue;  // an outlier's error says nothing of the curve
+    const auto root = inverted(alpha[k], y, d);
+    const double s = weighed_by.noise.spread(d, evaluate_polynomial(weighed_by.alpha, d));
+    const double raw = (y - d) * (y - d), corrected = std::pow(root.value_or(y) - d, 2);
+    errors.readings[k] += 1.0;
+    errors.raw_sq[k] += raw;
+    errors.corrected_sq[k] += corrected;
+    errors.raw_weighted[k] += raw / (s * s);
+    errors.corrected_weighted[k] += corrected / (s * s);
+  }
+  const Eigen::LLT<Eigen::MatrixXd> first(half[0].A), second(half[1].A);
+  if (first.info() == Eigen::Success && second.info() == Eigen::Success && first.rcond() > 1e-13 &&
+      second.rcond() > 1e-13) {
+    halves.halves_difference = first.solve(half[0].b) - second.solve(half[1].b);
+    halves.halves_covariance = first.solve(Eigen::MatrixXd::Identity(size, size)) +
+                               second.solve(Eigen::MatrixXd::Identity(size, size));
+  }
+  return errors;
+}
+
+std::optional<Gain> gain_of(const LeftOutErrors& simpler, const LeftOutErrors& other) {
+  if (simpler.readings != other.readings || other.readings.size() < 4) return std::nullopt;
+  const double K = static_cast<double>(other.readings.size());
+  Gain gain;
+  double square = 0.0;
+  for (std::size_t k = 0; k < other.readings.size(); ++k)
+    gain.mean += (other.corrected_weighted[k] - simpler.corrected_weighted[k]) / K;
+  for (std::size_t k = 0; k < other.readings.size(); ++k)
+    square += std::pow(other.corrected_weighted[k] - simpler.corrected_weighted[k] - gain.mean, 2);
+  gain.std_dev = std::sqrt(square / (K - 1.0) / K);
+  return gain;
+}
+
+std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const StopInfluence* influence,
+                                           const std::string& what_was_left_out) {
+  constexpr std::size_t fewest = 4;
+  const std::size_t groups = errors.readings.size();
+  const auto judged =
+      std::count_if(errors.readings.begin(), errors.readings.end(), [](double n) { return n > 0.0; });
+  if (judged < static_cast<std::ptrdiff_t>(fewest)) return std::nullopt;
+  const double K = static_cast<double>(groups);
+  LeftOutCheck check;
+  check.groups = static_cast<int>(groups);
+  double readings = 0.0;
+  for (const double n : errors.readings) readings += n;
+  const auto root_mean = [&](const std::vector<double>& squares, double& rms, double& std_dev) {
+    double sum = 0.0, spread = 0.0;
+    for (const double square : squares) sum += square;
+    const double mean = sum / readings;
+    for (std::size_t k = 0; k < groups; ++k) spread += std::pow(squares[k] - mean * errors.readings[k], 2);
+    rms = std::sqrt(mean);
+    std_dev = rms > 0.0 ? std::sqrt(spread * K / (K - 1.0)) / readings / (2.0 * rms) : 0.0;
+  };
+  root_mean(errors.raw_sq, check.rms_raw_m, check.rms_raw_std_m);
+  root_mean(errors.corrected_sq, check.rms_corrected_m, check.rms_corrected_std_m);
+  double mean = 0.0, square = 0.0;
+  for (std::size_t k = 0; k < groups; ++k)
+    mean += (errors.raw_weighted[k] - errors.corrected_weighted[k]) / K;
+  for (std::size_t k = 0; k < groups; ++k)
+    square += std::pow(errors.raw_weighted[k] - errors.corrected_weighted[k] - mean, 2);
+  const double deviation = std::sqrt(square / (K - 1.0) / K);
+  const double needed = boost::math::quantile(boost::math::students_t(K - 1.0), 0.975);
+  double raw = 0.0, corrected = 0.0;
+  for (std::size_t k = 0; k < groups; ++k) {
+    raw += errors.raw_weighted[k];
+    corrected += errors.corrected_weighted[k];
+  }
+  // By chance alone a curve a little too steep shrinks the noise along with the readings, and surely so: that is no gain.
+  constexpr double matters = 0.9;  // of the squares: 5 % of the error
+  check.usable =
+      mean > needed * deviation && corrected < matters * raw && check.rms_corrected_m <= check.rms_raw_m;
+  if (!check.usable)
+    check.reason =
+        fmt::format("corrected readings are no better than raw ones ({:.2g} against {:.2g} m RMS at {})",
+                    check.rms_corrected_m, check.rms_raw_m, what_was_left_out);
+  if (influence && influence->halves_difference.size() > 0) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(influence->halves_covariance);
+    if (factor.info() == Eigen::Success) {
+      const double chi_sq = influence->halves_difference.dot(factor.solve(influence->halves_difference));
+      const boost::math::chi_squared law(static_cast<double>(influence->halves_difference.size()));
+      if (std::isfinite(chi_sq))
+        check.halves_p_value = boost::math::cdf(boost::math::complement(law, chi_sq));
+    }
+  }
+  return check;
+}
+
+std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, int groups) {
+  if (!calibration.alpha_covariance || !calibration.alpha_covariance_by_stops || groups < 2)
+    return std::nullopt;
+  MisfitOfDeviations misfit;
+  misfit.threshold = std::max(1.5, 1.0 + 3.0 / std::sqrt(2.0 * (groups - 1.0)));
+  misfit.factor = 0.0;
+  Calibration by_stops = calibration;
+  by_stops.alpha_covariance = calibration.alpha_covariance_by_stops;
+  Calibration by_model = calibration;
+  for (Calibration* one : {&by_stops, &by_model}) one->covariance_with_choice.reset();
+  const std::vector<CurvePoint> wide = curve_points(by_stops), narrow = curve_points(by_model);
+  for (std::size_t i = 0; i < wide.size() && i < narrow.size(); ++i) {
+    if (!wide[i].std_dev_m || !narrow[i].std_dev_m || !(*narrow[i].std_dev_m > 0.0)) continue;
+    const double factor = *wide[i].std_dev_m / *narrow[i].std_dev_m;
+    if (factor <= misfit.factor) continue;
+    misfit.factor = factor;
+    misfit.where = fmt::format("the curve at {:.2f} m", wide[i].distance_m);
+  }
+  // One landmark alone is known to few degrees of freedom: their mean, and the one that is most off to point at.
+  double sum = 0.0, worst = 0.0;
+  int counted = 0;
+  std::string label;
+  for (const LandmarkEstimate& landmark : calibration.landmarks) {
+    if (!landmark.covariance || !landmark.covariance_by_stops) continue;
+    const double ratio = landmark.covariance_by_stops->trace() / landmark.covariance->trace();
+    sum += ratio;
+    ++counted;
+    if (ratio <= worst) continue;
+    worst = ratio;
+    label = landmark.label;
+  }
+  if (const double factor = counted > 0 ? std::sqrt(sum / counted) : 0.0; factor > misfit.factor) {
+    misfit.factor = factor;
+    misfit.where = fmt::format("the landmarks, most of all {}", label);
+  }
+  return misfit;
+}
+
+}  // namespace rangecal

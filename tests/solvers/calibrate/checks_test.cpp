@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Standard deviations by stops, and whether the curve is better than none.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calibrate/left_out_check.hpp"
+#include "calibrate/stop_influence.hpp"
+#include "rangecal/core/angles.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/world/polynomial_world.hpp"
+#include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/marginal/marginal.hpp"
+
+namespace rangecal {
+namespace {
+
+using ::testing::HasSubstr;
+
+Scene field() { return load_scene(RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml"); }
+
+Recording without_stop(const Recording& recording, int stop) {
+  Recording rest = recording;
+  Readings& r = rest.readings;
+  r = Readings{};
+  for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+    if (recording.readings.stop[i] == stop) continue;
+    r.stop.push_back(recording.readings.stop[i]);
+    r.landmark.push_back(recording.readings.landmark[i]);
+    r.repeat.push_back(recording.readings.repeat[i]);
+    r.range_m.push_back(recording.readings.range_m[i]);
+    r.bearing_rad.push_back(recording.readings.bearing_rad[i]);
+  }
+  return rest;
+}
+
+TEST(StopInfluence, OneStepEndsWhereTheFitWithoutTheStopDoes) {
+  const Recording recording = simulate(field(), seed_from("influence"));
+  const JointProblem problem = make_joint_problem({&recording, 1});
+  const MarginalFit fit = solve_marginal(problem, position_seed(problem, 2, NoiseLaw::f_squared));
+  ASSERT_EQ(fit.outcome, Outcome::converged);
+  const auto influence = stop_influence(problem, fit.state, *fit.covariance);
+  ASSERT_TRUE(influence);
+  ASSERT_EQ(influence->groups(), 10);
+  for (const int k : {0, 4, 9}) {
+    const Recording rest = without_stop(recording, k);
+    const JointProblem others = make_joint_problem({&rest, 1});
+    const MarginalFit refit = solve_marginal(others, fit.state);
+    ASSERT_EQ(refit.outcome, Outcome::converged);
+    // One Newton step where the fit takes several: within a fifth of a standard deviation of where it ends.
+    for (int i = 0; i < 3; ++i) {
+      const double std_dev = std::sqrt((*fit.covariance)(i, i));
+      EXPECT_NEAR(influence->left_out[static_cast<std::size_t>(k)][i],
+                  refit.state.alpha[i] - fit.state.alpha[i], 0.2 * std_dev)
+          << k << ' ' << i;
+    }
+  }
+}
+
+TEST(StopInfluence, DeviationsByStopsAreTheModelsWhereItHolds) {
+  // 40 worlds of 10 stops: each variance by stops has 9 degrees of freedom or fewer, their mean ratio a deviation of some
+  // sqrt(2 / 9 / 40) = 7 %; a jackknife is known to be a little too wide in few groups.
+  double ratio = 0.0;
+  constexpr int worlds = 40;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    const Recording recording = simulate(field(), seed_from("by stops", {repeat}));
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    options.order = 2;
+    options.noise = NoiseLaw::f_squared;
+    const Calibration c = calibrate({&recording, 1}, options)[0];
+    ASSERT_TRUE(c.alpha_covariance_by_stops);
+    const Eigen::Vector3d row(1.0, 2.0, 4.0);
+    ratio += row.dot(*c.alpha_covariance_by_stops * row) / row.dot(*c.alpha_covariance * row) / worlds;
+  }
+  EXPECT_GT(ratio, 0.75);
+  EXPECT_LT(ratio, 1.6);
+}
+
+TEST(Misfit, OfReadingsThatShareTheirStopsErrorIsSaid) {
+  // Every stop adds 3 cm of its own to all of its ranges: the noise law knows of readings alone.
+  Scene scene = field();
+  int said = 0;
+  constexpr int worlds = 10;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    Recording recording = simulate(scene, seed_from("shared errors", {repeat}));
+    Random random(seed_from("of stops", {repeat}));
+    std::vector<double> own;
+    for (std::size_t k = 0; k < recording.stops.size(); ++k) own.push_back(0.06 * random.normal());
+    for (std::size_t i = 0; i < recording.readings.size(); ++i)
+      recording.readings.range_m[i] += own[static_cast<std::size_t>(recording.readings.stop[i])];
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    const Calibration c = calibrate({&recording, 1}, options)[0];
+    said += c.misfit && !c.misfit->holds();
+  }
+  EXPECT_GE(said, 6);
+}
+
+TEST(LeftOut, ACurveThatHelpsIsUsableAndOneThatNoiseSwampsIsNot) {
+  Scene helps = field(), swamped = field();
+  swamped.alpha = Eigen::Vector3d(0.0, 1.0, 0.0);  // there is nothing to correct
+  swamped.noise.parameters = Eigen::VectorXd::Constant(1, 0.05);
+  int usable = 0, useless = 0;
+  constexpr int worlds = 40;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    const Recording good = simulate(helps, seed_from("helps", {repeat}));
+    const Calibration c = calibrate({&good, 1}, options)[0];
+    ASSERT_TRUE(c.left_out);
+    usable += c.left_out->usable;
+    EXPECT_LT(c.left_out->rms_corrected_m, 0.5 * c.left_out->rms_raw_m);
+    const Recording bad = simulate(swamped, seed_from("swamped", {repeat}));
+    const Calibration other = calibrate({&bad, 1}, options)[0];
+    if (!other.left_out) continue;
+    useless += !other.left_out->usable;
+    if (!other.left_out->usable) {
+      EXPECT_THAT(other.left_out->reason, HasSubstr("no better than raw ones"));
+    }
+  }
+  EXPECT_EQ(usable, worlds);
+  EXPECT_GE(useless, 35);  // asked: 95 %; 38 of 40 less two binomial deviations of 1.4
+}
+
+TEST(LeftOut, OfPairsComparesWithTheKnownDistances) {
+  Random random(seed_from("pairs left out"));
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  for (int i = 0; i < 300; ++i) {
+    const double d = random.uniform(0.3, 4.0), f = 0.05 + 0.9 * d;
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(f + 0.005 * f * f * random.normal());
+  }
+  recording.counts.read = recording.counts.used = 300;
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  const Calibration c = calibrate({&recording, 1}, options)[0];
+  ASSERT_TRUE(c.left_out);
+  EXPECT_TRUE(c.left_out->usable);
+  EXPECT_EQ(c.left_out->groups, 20);
+  // 0.1 d - 0.05 at 0.3 to 4 m: RMS sqrt(mean) = 0.19 m; noise of 0.005 f^2 / 0.9: 0.035 m.
+  EXPECT_NEAR(c.left_out->rms_raw_m, 0.19, 0.02);
+  EXPECT_NEAR(c.left_out->rms_corrected_m, 0.035, 0.01);
+  ASSERT_TRUE(c.left_out->halves_p_value);
+  EXPECT_GT(*c.left_out->halves_p_value, 1e-3);
+}
+
+TEST(LeftOut, IsNotJudgedAlongARandomWalk) {
+  Scene scene = field();
+  scene.stop_error = StopErrorModel::random_walk;
+  const Recording recording = simulate(scene, seed_from("walk"));
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  const Calibration c = calibrate({&recording, 1}, options)[0];
+  EXPECT_FALSE(c.left_out);
+  EXPECT_FALSE(c.alpha_covariance_by_stops);
+}
+
+TEST(Outliers, AreListedWithWhatTheyAre) {
+  Recording recording = simulate(field(), seed_from("listed"));
+  Readings& r = recording.readings;
+  std::size_t near = 0;  // where 1.5 m is far beyond noise
+  while (near == 50 || near == 60 || !(r.range_m[near] > 1.0 && r.range_m[near] < 1.5)) ++near;
+  r.range_m[near] += 1.5;
+  r.range_m[50] -= 0.3 * r.range_m[50];
+  const int labelled = r.landmark[60];
+  r.landmark[60] = (labelled + 1) % static_cast<int>(recording.landmarks.size());
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  const Calibration c = calibrate({&recording, 1}, options)[0];
+  ASSERT_EQ(c.outcome, Outcome::converged) << c.reason;
+  EXPECT_GE(c.outlier_count, 3);
+  ASSERT_GE(c.outliers.size(), 3u);
+  const auto reason_of = [&](int row) {
+    for (const OutlierReading& one : c.outliers)
+      if (one.row == row) return one.reason;
+    return std::string("not listed");
+  };
+  const auto row = [&](std::size_t i) { return i < r.row.size() ? r.row[i] : static_cast<int>(i) + 1; };
+  EXPECT_EQ(reason_of(row(near)), "late echo");
+  EXPECT_EQ(reason_of(row(50)), "early echo");
+  EXPECT_EQ(reason_of(row(60)), "label of " + recording.landmarks[static_cast<std::size_t>(labelled)].label);
+}
+
+}  // namespace
+}  // namespace rangecal
