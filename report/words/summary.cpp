@@ -187,7 +187,7 @@ std::vector<SummaryItem> summary_items(const CalibrationReport& report, const Ca
   std::vector<SummaryItem> items;
   const auto add = [&](const char* title, const std::string& text) { items.push_back({title, text}); };
   if (const std::string warning = not_usable_in_words(c, recordings); !warning.empty())
-    add("USELESS", warning);
+    add("Warning", warning);
   add("Recording", describe(recordings));
   add("Readings", describe(c.counts));
   add("Outcome", outcome_in_words(c));

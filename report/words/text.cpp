@@ -153,9 +153,11 @@ std::string misfit_in_words(const Calibration& calibration) {
 
 std::string outlier_count_in_words(const Calibration& calibration) {
   if (calibration.outlier_count == 0) return {};
-  return fmt::format("{} of {} readings ({:.2g} %) are outliers by the noise shape; none is thrown away{}",
-                     calibration.outlier_count, calibration.counts.used,
-                     100.0 * calibration.outlier_count / std::max(1, calibration.counts.used),
+  constexpr double many = 0.2;
+  const double share = static_cast<double>(calibration.outlier_count) / std::max(1, calibration.counts.used);
+  return fmt::format("{} of {} readings ({:.2g} %) are outliers by the noise shape; none is thrown away{}{}",
+                     calibration.outlier_count, calibration.counts.used, 100.0 * share,
+                     share > many ? "; so many are rather an effect that the model lacks" : "",
                      calibration.outliers.empty() ? "" : "; the gravest, in spreads of the others");
 }
 

@@ -235,10 +235,20 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
   const ShapeFit fit(problem, scaled, law, noise_order, first_shape(problem, scaled, gaussian, law, shape));
   ShapeResult best;
   best.nll = std::numeric_limits<double>::infinity();
+  // Where the starts have come to by expectation and maximisation, the likeliest first.
+  std::vector<std::pair<double, Eigen::VectorXd>> from;
   for (const ShapeFit::Start& start : fit.starts(gaussian, nested)) {
-    Eigen::VectorXd from = fit.reweighted(start);
-    if (!std::isfinite(fit.pairs().evaluate(from, nullptr))) continue;
-    const ShapeEnd end = fit.descend(std::move(from));
+    Eigen::VectorXd x = fit.reweighted(start);
+    if (const double nll = fit.pairs().evaluate(x, nullptr); std::isfinite(nll))
+      from.emplace_back(nll, std::move(x));
+  }
+  std::stable_sort(from.begin(), from.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  constexpr double hopeless = 10.0,
+                   same = 1e-3;  // [nats]: behind the likeliest; ahead of where a descent ended
+  for (auto& [nll_at_start, x] : from) {
+    if (nll_at_start > from.front().first + hopeless) break;
+    if (std::isfinite(best.nll) && std::abs(nll_at_start - from.front().first) < same) continue;
+    const ShapeEnd end = fit.descend(std::move(x));
     const double nll = fit.pairs().evaluate(end.x, nullptr);
     if (nll < best.nll) fit.take(end, nll, best);
   }
