@@ -42,6 +42,11 @@ bench-peers: build
 	@.ci/install benchmarks/peers/packages
 	python3 benchmarks/peers/run.py $(BUILD)/benchmarks/peers_compiled
 
+# What outliers do to calibrate as it is by default, about ten minutes: docs/robust.md.
+.PHONY: bench-robust
+bench-robust: build
+	$(BUILD)/benchmarks/robust_study 50 notebooks_data/scenes/field-layout.yaml
+
 # The time of a study point: 1000 repeats of the 2021 setting, all four methods; then milliseconds per repeat of each.
 bench-study: build
 	rm -rf build/study-speed
