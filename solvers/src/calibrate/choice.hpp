@@ -38,15 +38,18 @@ constexpr double aic_that_matters = 14.0;
 std::optional<Eigen::MatrixXd> covariance_with_choice(const Calibration& delivered,
                                                       std::span<const TriedCurve> tried);
 
+/// The noise laws that a search tries: the one asked for, else those of the 2016 paper (eq. 10).
+inline std::vector<NoiseLaw> laws_to_try(const CalibrateOptions& options) {
+  if (options.noise) return {*options.noise};
+  return {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+}
+
 /// The search for order and noise law: from the usual pair to the law of lowest value there, to the order of lowest value
 /// under it, and once more to the law. `value_of(order, law)` fits a model when first asked for it.
 template <typename Value>
 std::pair<int, NoiseLaw> search_model(const CalibrateOptions& options, int highest,
                                       std::pair<int, NoiseLaw> start, const Value& value_of) {
-  const std::vector<NoiseLaw> laws =
-      options.noise
-          ? std::vector<NoiseLaw>{*options.noise}
-          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
+  const std::vector<NoiseLaw> laws = laws_to_try(options);
   auto [order, law] = start;
   const auto best_law = [&] {
     for (NoiseLaw candidate : laws)

@@ -171,11 +171,14 @@ Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShape
 
 /// The order below AIC's, if any, that predicts stops left out better than AIC's does; its fit where a noise shape is
 /// asked for. A curve bends after an effect of another variable, and AIC, which takes readings for independent, lets it.
+/// `gaussian`: the fit at `order` where the noise is Gaussian, if it is known.
 std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw law,
+                                  const std::optional<MarginalFit>& gaussian,
                                   std::optional<RobustMarginalFit>& shaped, CalibrationReport& report) {
   if (job.options.order || order < 2 || is_walk(job.problem)) return std::nullopt;
   const auto fit_at = [&](int n, std::optional<RobustMarginalFit>& with_shapes) -> MarginalFit {
     if (!shaped) {
+      if (n == order && gaussian) return *gaussian;
       Run run(job, n, law, std::nullopt);
       const MarginalFit* fit = run.marginal();
       return fit ? *fit : MarginalFit{};
@@ -240,17 +243,10 @@ void add_checks(const LandmarksJob& job, const MarginalFit& fit, const RobustSha
 
 /// What the shapes that were tried cost against the ones kept.
 void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
-  const auto in_words = [](NoiseShape kept, const std::vector<std::pair<NoiseShape, double>>& tried) {
-    std::string text;
-    for (const auto& [shape, above] : tried)
-      if (shape != kept)
-        text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(shape), above);
-    return std::string(to_string(kept)) + (text.empty() ? "" : " (" + text + ")");
-  };
   if (shapes.range_tried.empty() && shapes.bearing_tried.empty()) return;
   report.notes.push_back(fmt::format("noise shapes by AIC: of ranges {}, of bearings {}",
-                                     in_words(shapes.range.shape, shapes.range_tried),
-                                     in_words(shapes.bearing.shape, shapes.bearing_tried)));
+                                     tried_in_words(shapes.range.shape, shapes.range_tried),
+                                     tried_in_words(shapes.bearing.shape, shapes.bearing_tried)));
 }
 
 /// What is asked for and does not exist for landmarks.
@@ -285,13 +281,15 @@ void mark_what_is_open(const LandmarksJob& job, const std::optional<JointState>&
 
 /// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. Shapes that
 /// were chosen, and not for a gross outlier, go where Gaussian noise predicts stops left out better: they bend the curve
-/// after an effect that the model lacks.
+/// after an effect that the model lacks. `gaussian_fit`: gets that optimum.
 std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, NoiseLaw law,
-                                           CalibrationReport& report, std::vector<TriedCurve>& curves) {
+                                           CalibrationReport& report, std::vector<TriedCurve>& curves,
+                                           std::optional<MarginalFit>& gaussian_fit) {
   if (!job.rows) return std::nullopt;
   Run gaussian(job, order, law, std::nullopt);
   if (!gaussian.seed()) return std::nullopt;
   const MarginalFit* fit = gaussian.marginal();
+  if (fit) gaussian_fit = *fit;
   std::vector<ModelScore> models = report.models;
   std::vector<TriedCurve> shaped_curves = curves;
   std::optional<RobustMarginalFit> shaped =
@@ -341,17 +339,19 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   }
   std::vector<TriedCurve> curves;
   auto [order, law] = job.choose_model(report.models, curves);
-  std::optional<RobustMarginalFit> shaped = shapes_at(job, order, law, report, curves);
+  std::optional<MarginalFit> gaussian;  // at (order, law)
+  std::optional<RobustMarginalFit> shaped = shapes_at(job, order, law, report, curves, gaussian);
   if (shaped) {
     order = static_cast<int>(shaped->fit.state.alpha.size()) - 1;
     law = shaped->fit.state.noise.law;
   } else if (job.consensus.left_out > 0) {  // Gaussian noise holds them all
     job.take_all_readings();
+    gaussian.reset();
     report.models.clear();
     curves.clear();
     std::tie(order, law) = job.choose_model(report.models, curves);
   }
-  if (const auto lower = order_by_stops(job, order, law, shaped, report)) order = *lower;
+  if (const auto lower = order_by_stops(job, order, law, gaussian, shaped, report)) order = *lower;
   Run run(job, order, law, std::move(shaped));
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));

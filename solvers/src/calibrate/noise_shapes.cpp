@@ -175,6 +175,13 @@ void list_outliers(const std::vector<double>& z, const std::vector<double>& outl
   keep_gravest(std::move(all), calibration);
 }
 
+std::string tried_in_words(NoiseShape kept, const std::vector<std::pair<NoiseShape, double>>& tried) {
+  std::string text;
+  for (const auto& [shape, above] : tried)
+    if (shape != kept) text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(shape), above);
+  return std::string(to_string(kept)) + (text.empty() ? "" : " (" + text + ")");
+}
+
 void report_shapes(CalibrationReport& report) {
   for (const Calibration& calibration : report.calibrations) {  // the last one asked for speaks
     if (calibration.noise_shapes.empty()) continue;

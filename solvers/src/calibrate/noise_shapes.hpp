@@ -30,6 +30,9 @@ struct PlacedReading {
 void list_outliers(const std::vector<double>& z, const std::vector<double>& outlier,
                    const std::vector<PlacedReading>& places, Calibration& calibration);
 
+/// "contaminated (student-t +147.3, gaussian +250.3)": the shape kept, and the AIC of the others above the lowest.
+std::string tried_in_words(NoiseShape kept, const std::vector<std::pair<NoiseShape, double>>& tried);
+
 /// Tells what noise the report's calibrations have, and what that does to the scores of the others.
 void report_shapes(CalibrationReport& report);
 

@@ -188,10 +188,6 @@ std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::pair<int, NoiseL
                                             CalibrationReport& report) {
   std::vector<ModelScore>& models = report.models;
   const CalibrateOptions& options = run.options;
-  const std::vector<NoiseLaw> laws =
-      options.noise
-          ? std::vector<NoiseLaw>{*options.noise}
-          : std::vector<NoiseLaw>{NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
   std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
   if (options.order && options.noise) return best;
   if (run.shape != NoiseShape::gaussian) {  // each fit costs many times the Gaussian's: not all of them
@@ -201,7 +197,7 @@ std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::pair<int, NoiseL
     return best;
   }
   double lowest = std::numeric_limits<double>::infinity();
-  for (NoiseLaw law : laws) {
+  for (NoiseLaw law : laws_to_try(options)) {
     if (options.on_progress) options.on_progress(fmt::format("trying noise law {}", to_string(law)));
     const PairsOptions wanted = pairs_options(options, run.shape, options.order, law);
     const PairsFit fit = full_pairs(run.problem, wanted);
@@ -283,17 +279,14 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
   return check_report(nlopt_check(search, options));
 }
 
-}  // namespace
-
-namespace {
-
-/// Errors of all readings about a curve, in its spreads.
-ChannelResiduals residuals_about(const Calibration& curve, const PairsProblem& readings) {
+/// Errors of readings y at distances d about a curve, in its spreads.
+ChannelResiduals residuals_about(const Calibration& curve, const std::vector<double>& d,
+                                 const std::vector<double>& y) {
   ChannelResiduals at;
-  for (std::size_t i = 0; i < readings.row_true_m.size(); ++i) {
-    const double d = readings.row_true_m[i], f = evaluate_polynomial(curve.alpha, d);
-    at.s.push_back(curve.noise.spread(d, f));
-    at.z.push_back((readings.row_reading_m[i] - f) / at.s.back());
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    const double f = evaluate_polynomial(curve.alpha, d[i]);
+    at.s.push_back(curve.noise.spread(d[i], f));
+    at.z.push_back((y[i] - f) / at.s.back());
   }
   return at;
 }
@@ -302,7 +295,7 @@ ChannelResiduals residuals_about(const Calibration& curve, const PairsProblem& r
 NoiseShape shape_about(const Calibration& curve, const PairsProblem& readings, bool all_agree,
                        std::vector<std::pair<NoiseShape, double>>& tried) {
   if (curve.outcome != Outcome::converged) return NoiseShape::gaussian;
-  const ChannelResiduals residuals = residuals_about(curve, readings);
+  const ChannelResiduals residuals = residuals_about(curve, readings.row_true_m, readings.row_reading_m);
   for (std::size_t i = 0; i < residuals.z.size(); ++i)
     if (!std::isfinite(residuals.z[i]) || !(residuals.s[i] > 0.0)) return NoiseShape::gaussian;
   if (all_agree && !may_have_outliers(residuals)) return NoiseShape::gaussian;
@@ -352,15 +345,14 @@ Readings readings_about(const Recording& all, const Calibration& calibration) {
   const bool mixture = shape.shape == NoiseShape::contaminated || shape.shape == NoiseShape::one_sided;
   const ShapeDensity density_at(shape);
   Readings about;
-  for (std::size_t i = 0; i < all.pairs.size(); ++i) {
-    const double d = all.pairs.true_m[i], f = evaluate_polynomial(calibration.alpha, d);
-    const double s = calibration.noise.spread(d, f);
-    about.z.push_back((all.pairs.reading_m[i] - f) / s);
-    const LogDensity at = density_at(about.z.back(), s);
+  ChannelResiduals residuals = residuals_about(calibration, all.pairs.true_m, all.pairs.reading_m);
+  for (std::size_t i = 0; i < residuals.z.size(); ++i) {
+    const LogDensity at = density_at(residuals.z[i], residuals.s[i]);
     about.outlier.push_back(mixture ? at.outlier : std::max(0.0, 1.0 - at.weight));
     about.weight.push_back(mixture ? 1.0 - at.outlier : at.weight);
     about.judged.push_back(about.weight.back() > 0.5);
   }
+  about.z = std::move(residuals.z);
   return about;
 }
 
@@ -447,13 +439,8 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
       run.emplace(all, all, shape, options);
       model = choose_pairs_model(*run, model, report);
     }
-    if (!tried.empty() && shape != NoiseShape::gaussian) {
-      std::string text;
-      for (const auto& [one, above] : tried)
-        if (one != shape)
-          text += fmt::format("{}{} {:+.1f}", text.empty() ? "" : ", ", to_string(one), above);
-      report.notes.push_back(fmt::format("noise shape by AIC: {} ({})", to_string(shape), text));
-    }
+    if (!tried.empty() && shape != NoiseShape::gaussian)
+      report.notes.push_back("noise shape by AIC: " + tried_in_words(shape, tried));
   }
   if (!options.order && options.criterion == OrderCriterion::aic && looks)
     model.first = order_by_left_out_stretches(all, *run, model, report);
