@@ -151,6 +151,7 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
                         std::vector<int>* cell_of_row) {
   const Cells& r = rows.cells;
   JointProblem merged = rows;
+  merged.rows_alike = false;
   Cells& c = merged.cells;
   c = Cells{};
   std::vector<int> cell(r.size(), -1);
@@ -173,9 +174,9 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
       }
     }
     cell[i] = static_cast<int>(first.size()) - 1;
-    c.count.back() += 1.0;
-    c.range_mean.back() += r.range_mean[i];
-    c.bearing_mean.back() += wrap_angle(r.bearing_mean[i] - r.bearing_mean[first.back()]);
+    c.count.back() += r.count[i];
+    c.range_mean.back() += r.count[i] * r.range_mean[i];
+    c.bearing_mean.back() += r.count[i] * wrap_angle(r.bearing_mean[i] - r.bearing_mean[first.back()]);
   }
   c.range_weight = c.bearing_weight = c.count;
   c.range_mean_square.assign(c.size(), 0.0);
@@ -189,8 +190,8 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
     const std::size_t j = static_cast<std::size_t>(cell[i]);
     const double range = r.range_mean[i] - c.range_mean[j],
                  turn = wrap_angle(r.bearing_mean[i] - c.bearing_mean[j]);
-    c.range_mean_square[j] += range * range / c.count[j];
-    c.bearing_mean_square[j] += turn * turn / c.count[j];
+    c.range_mean_square[j] += r.count[i] * (range * range + r.range_mean_square[i]) / c.count[j];
+    c.bearing_mean_square[j] += r.count[i] * (turn * turn + r.bearing_mean_square[i]) / c.count[j];
   }
   c.stop_begin.assign(merged.stops.size() + 1, 0);
   for (const int stop : c.stop) ++c.stop_begin[stop + 1];

@@ -120,6 +120,7 @@ LogDensity ShapeDensity::operator()(double z, double s) const {
       const double nu = shape_.nu, bend = std::log1p(z * z / nu);
       out.value = constant_ - 0.5 * (nu + 1.0) * bend;
       out.weight = (nu + 1.0) / (nu + z * z);
+      out.outlier = std::max(0.0, 1.0 - out.weight);
       out.in_shape[0] = 0.5 * (in_nu_ - bend + out.weight * z * z / nu);
       break;
     }
@@ -142,6 +143,50 @@ LogDensity ShapeDensity::operator()(double z, double s) const {
   }
   out.derivative = -out.weight * z;
   return out;
+}
+
+std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape,
+                                            const std::vector<double>& deviations) {
+  if (shape_parameter_count(shape.shape) == 0) return std::nullopt;
+  ShapeEstimate estimate;
+  estimate.family = to_string(shape.shape);
+  std::vector<std::pair<const char*, double>> parameters;
+  switch (shape.shape) {
+    case NoiseShape::student_t:
+      parameters = {{"nu", shape.nu}};
+      break;
+    case NoiseShape::contaminated:
+      parameters = {{"outlier_share", shape.outlier_share}, {"outlier_scale", shape.outlier_scale}};
+      break;
+    case NoiseShape::one_sided:
+      parameters = {{"outlier_share", shape.outlier_share}, {"outlier_mean", shape.outlier_mean}};
+      break;
+    case NoiseShape::gaussian:
+    case NoiseShape::automatic:
+      break;
+  }
+  for (std::size_t i = 0; i < parameters.size(); ++i) {
+    const auto& [name, value] = parameters[i];
+    estimate.parameters[name] = value;
+    if (i < deviations.size() && std::isfinite(deviations[i])) estimate.std_dev[name] = deviations[i];
+  }
+  return estimate;
+}
+
+NoiseShapeParameters noise_shape_of(const Calibration& calibration, const std::string& channel) {
+  NoiseShapeParameters shape;
+  const auto found = calibration.noise_shapes.find(channel);
+  if (found == calibration.noise_shapes.end()) return shape;
+  const auto take = [&](const char* name, double& value) {
+    const auto at = found->second.parameters.find(name);
+    if (at != found->second.parameters.end()) value = at->second;
+  };
+  shape.shape = noise_shape_from_string(found->second.family);
+  take("nu", shape.nu);
+  take("outlier_share", shape.outlier_share);
+  take("outlier_scale", shape.outlier_scale);
+  take("outlier_mean", shape.outlier_mean);
+  return shape;
 }
 
 LogDensity log_density(const NoiseShapeParameters& shape, double z, double s) {

@@ -44,13 +44,13 @@ void sort_rows(PairsProblem& problem) {
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return problem.row_true_m[a] < problem.row_true_m[b];
   });
-  std::vector<double> true_m(order.size()), reading_m(order.size());
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    true_m[i] = problem.row_true_m[order[i]];
-    reading_m[i] = problem.row_reading_m[order[i]];
+  for (std::vector<double>* column :
+       {&problem.row_true_m, &problem.row_reading_m, &problem.row_weight, &problem.row_weight_square}) {
+    if (column->empty()) continue;
+    std::vector<double> sorted(order.size());
+    for (std::size_t i = 0; i < order.size(); ++i) sorted[i] = (*column)[order[i]];
+    *column = std::move(sorted);
   }
-  problem.row_true_m = std::move(true_m);
-  problem.row_reading_m = std::move(reading_m);
 }
 
 /// s and its derivatives at one distance; `first` and `second` in f, `in_noise` in the noise parameters.
@@ -70,6 +70,26 @@ Spread spread_at(const Noise& noise, double d, double f) {
 }
 
 }  // namespace
+
+double PairsProblem::readings() const {
+  return row_weight.empty() ? static_cast<double>(row_true_m.size())
+                            : std::accumulate(row_weight.begin(), row_weight.end(), 0.0);
+}
+
+PairsProblem make_weighted_pairs(std::span<const double> true_m, std::span<const double> reading_m,
+                                 std::span<const double> weight, std::span<const double> weight_square) {
+  if (true_m.size() != reading_m.size() || true_m.size() != weight.size() ||
+      (!weight_square.empty() && true_m.size() != weight_square.size()))
+    throw InputError(fmt::format("pairs: {} true distances, {} readings, {} weights, {} squares",
+                                 true_m.size(), reading_m.size(), weight.size(), weight_square.size()));
+  PairsProblem problem;
+  problem.row_true_m.assign(true_m.begin(), true_m.end());
+  problem.row_reading_m.assign(reading_m.begin(), reading_m.end());
+  problem.row_weight.assign(weight.begin(), weight.end());
+  problem.row_weight_square.assign(weight_square.begin(), weight_square.end());
+  sort_rows(problem);
+  return pairs_as_rows(problem);
+}
 
 PairsProblem make_pairs_problem(std::span<const double> true_m, std::span<const double> reading_m) {
   if (true_m.size() != reading_m.size()) {
@@ -118,11 +138,14 @@ PairsProblem pairs_as_rows(const PairsProblem& problem, std::span<const double> 
   PairsProblem rows;
   rows.row_true_m = rows.true_m = problem.row_true_m;
   rows.row_reading_m = rows.mean_m = problem.row_reading_m;
-  rows.count.assign(rows.true_m.size(), 1.0);
+  rows.row_weight = problem.row_weight;
+  rows.row_weight_square = problem.row_weight_square;
+  rows.count = problem.row_weight;
+  if (rows.count.empty()) rows.count.assign(rows.true_m.size(), 1.0);
   rows.weight = rows.count;
-  if (!weights.empty()) rows.weight.assign(weights.begin(), weights.end());
+  for (std::size_t i = 0; i < weights.size(); ++i) rows.weight[i] *= weights[i];
   rows.mean_square.assign(rows.true_m.size(), 0.0);
-  rows.single = weights.empty();
+  rows.single = weights.empty() && problem.row_weight.empty();
   rows.counts = problem.counts;
   return rows;
 }

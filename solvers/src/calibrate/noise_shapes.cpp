@@ -28,34 +28,6 @@ Calibration shaped_calibration(const LandmarksJob& job, Method method, const Rob
 
 }  // namespace
 
-std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape,
-                                            const std::vector<double>& deviations) {
-  if (shape_parameter_count(shape.shape) == 0) return std::nullopt;
-  ShapeEstimate estimate;
-  estimate.family = to_string(shape.shape);
-  std::vector<std::pair<const char*, double>> parameters;
-  switch (shape.shape) {
-    case NoiseShape::student_t:
-      parameters = {{"nu", shape.nu}};
-      break;
-    case NoiseShape::contaminated:
-      parameters = {{"outlier_share", shape.outlier_share}, {"outlier_scale", shape.outlier_scale}};
-      break;
-    case NoiseShape::one_sided:
-      parameters = {{"outlier_share", shape.outlier_share}, {"outlier_mean", shape.outlier_mean}};
-      break;
-    case NoiseShape::gaussian:
-    case NoiseShape::automatic:
-      break;
-  }
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    const auto& [name, value] = parameters[i];
-    estimate.parameters[name] = value;
-    if (i < deviations.size() && std::isfinite(deviations[i])) estimate.std_dev[name] = deviations[i];
-  }
-  return estimate;
-}
-
 std::string in_words(const ShapeEstimate& shape) {
   const auto found_in = [](const std::map<std::string, double>& all, const char* name) {
     const auto found = all.find(name);

@@ -317,23 +317,6 @@ std::vector<PlacedReading> places_of(std::span<const Recording> recordings) {
   return places;
 }
 
-/// The shape of a calibration, as its densities want it.
-NoiseShapeParameters shape_of(const Calibration& calibration) {
-  NoiseShapeParameters shape;
-  const auto found = calibration.noise_shapes.find("range");
-  if (found == calibration.noise_shapes.end()) return shape;
-  const auto value = [&](const char* name, double otherwise) {
-    const auto at = found->second.parameters.find(name);
-    return at == found->second.parameters.end() ? otherwise : at->second;
-  };
-  shape.shape = noise_shape_from_string(found->second.family);
-  shape.nu = value("nu", shape.nu);
-  shape.outlier_share = value("outlier_share", shape.outlier_share);
-  shape.outlier_scale = value("outlier_scale", shape.outlier_scale);
-  shape.outlier_mean = value("outlier_mean", shape.outlier_mean);
-  return shape;
-}
-
 /// Every reading beside a curve: its error in spreads, what the noise shape takes it for, and its robust weight.
 struct Readings {
   std::vector<double> z, outlier, weight;
@@ -341,15 +324,13 @@ struct Readings {
 };
 
 Readings readings_about(const Recording& all, const Calibration& calibration) {
-  const NoiseShapeParameters shape = shape_of(calibration);
-  const bool mixture = shape.shape == NoiseShape::contaminated || shape.shape == NoiseShape::one_sided;
-  const ShapeDensity density_at(shape);
+  const ShapeDensity density_at(noise_shape_of(calibration, "range"));
   Readings about;
   ChannelResiduals residuals = residuals_about(calibration, all.pairs.true_m, all.pairs.reading_m);
   for (std::size_t i = 0; i < residuals.z.size(); ++i) {
     const LogDensity at = density_at(residuals.z[i], residuals.s[i]);
-    about.outlier.push_back(mixture ? at.outlier : std::max(0.0, 1.0 - at.weight));
-    about.weight.push_back(mixture ? 1.0 - at.outlier : at.weight);
+    about.outlier.push_back(at.outlier);
+    about.weight.push_back(1.0 - at.outlier);
     about.judged.push_back(about.weight.back() > 0.5);
   }
   about.z = std::move(residuals.z);

@@ -37,12 +37,12 @@ class Rows {
  public:
   explicit Rows(const JointProblem& rows) : rows_(rows) {
     for (double count : rows.cells.count)
-      if (count != 1.0)
+      if (count != 1.0 && !rows.rows_alike)
         throw InputError("robust noise shapes need every reading as a cell of its own (Grouping::rows)");
     merged_ = merge_rows(rows, {}, &cell_);
   }
 
-  double count() const { return static_cast<double>(rows_.cells.size()); }
+  double count() const { return rows_.readings; }
   const JointProblem& rows() const { return rows_; }
 
   /// Errors in spreads; false where a distance or a spread is not positive.
@@ -52,6 +52,7 @@ class Rows {
     for (ChannelResiduals* one : {&range, &bearing}) {
       one->z.resize(count);
       one->s.resize(count);
+      if (rows_.rows_alike) one->weight = r.count;
     }
     double f = 0.0, s = 1.0, direction = 0.0, d = 0.0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -78,14 +79,15 @@ class Rows {
     const Cells& r = rows_.cells;
     take(
         range, range_shape, c.range_weight, c.range_mean, c.range_mean_square,
-        [&](std::size_t i, std::size_t) { return r.range_mean[i]; }, work_);
+        [&](std::size_t i, std::size_t) { return r.range_mean[i]; },
+        rows_.rows_alike ? &r.range_mean_square : nullptr, work_);
     take(
         bearing, bearing_shape, c.bearing_weight, c.bearing_mean, c.bearing_mean_square,
         [&](std::size_t i,
             std::size_t first) {  // unwrapped about the landmark's direction, not about an outlier
           return r.bearing_mean[first] - bearing.z[first] * bearing.s[first] + bearing.z[i] * bearing.s[i];
         },
-        work_);
+        rows_.rows_alike ? &r.bearing_mean_square : nullptr, work_);
     for (double& mean : c.bearing_mean) mean = wrap_angle(mean);
     return merged_;
   }
@@ -110,7 +112,7 @@ class Rows {
   template <typename Reading>
   void take(const ChannelResiduals& residuals, const NoiseShapeParameters& shape, std::vector<double>& weight,
             std::vector<double>& mean, std::vector<double>& mean_square, const Reading& reading,
-            std::vector<LogDensity>& of_row) {
+            const std::vector<double>* own_square, std::vector<LogDensity>& of_row) {
     const ShapeDensity density_at(shape);
     const std::size_t count = residuals.z.size();
     of_row.resize(count);
@@ -120,14 +122,17 @@ class Rows {
       double w = 0.0, sum = 0.0, square = 0.0;
       for (; end < count && cell_[end] == cell_[begin]; ++end) {
         const LogDensity at = density_at(residuals.z[end], residuals.s[end]);
+        const double count_of_row = residuals.weight_of(end);
         of_row[end] = at;
-        w += at.weight;
-        sum += at.weight * (reading(end, begin) - residuals.s[end] * at.shift);
+        w += count_of_row * at.weight;
+        sum += count_of_row * at.weight * (reading(end, begin) - residuals.s[end] * at.shift);
       }
       const double at = sum / w;
       for (std::size_t i = begin; i < end; ++i) {
         const double off = reading(i, begin) - residuals.s[i] * of_row[i].shift - at;
-        square += of_row[i].weight * off * off + of_row[i].extra_square * residuals.s[i] * residuals.s[i];
+        square += residuals.weight_of(i) *
+                  (of_row[i].weight * off * off + of_row[i].extra_square * residuals.s[i] * residuals.s[i]);
+        if (own_square) square += residuals.weight_of(i) * of_row[i].weight * (*own_square)[i];
       }
       weight[cell] = w;
       mean[cell] = at;
@@ -146,7 +151,8 @@ double nll_of(const ChannelResiduals& residuals, const NoiseShapeParameters& sha
   const ShapeDensity density_at(shape);
   double sum = 0.0;
   for (std::size_t i = 0; i < residuals.z.size(); ++i)
-    sum += std::log(residuals.s[i]) - density_at(residuals.z[i], residuals.s[i]).value;
+    sum += residuals.weight_of(i) *
+           (std::log(residuals.s[i]) - density_at(residuals.z[i], residuals.s[i]).value);
   return sum;
 }
 
@@ -275,8 +281,8 @@ class RobustSolver {
     const auto nll = [&](const JointState& at) {
       if (!rows_.residuals(at, range_, bearing_)) return infinity;
       double sum = joint_nll_parts(rows_.rows(), at).stops;
-      for (const double s : range_.s) sum += std::log(s);
-      sum += static_cast<double>(bearing_.s.size()) * std::log(at.sigma_theta_rad);
+      for (std::size_t i = 0; i < range_.s.size(); ++i) sum += range_.weight_of(i) * std::log(range_.s[i]);
+      sum += bearing_.count() * std::log(at.sigma_theta_rad);
       return sum + fit_residual_shape(range_, first_residual_shape(range_, families.range)).nll +
              fit_residual_shape(bearing_, first_residual_shape(bearing_, families.bearing)).nll;
     };
@@ -566,15 +572,14 @@ ReadingErrors reading_errors(const JointProblem& rows, const JointState& state,
   const auto outliers = [](const ChannelResiduals& residuals, const NoiseShapeParameters& shape) {
     const ShapeDensity density_at(shape);
     std::vector<double> result;
-    for (std::size_t i = 0; i < residuals.z.size(); ++i) {
-      const LogDensity at = density_at(residuals.z[i], residuals.s[i]);
-      result.push_back(shape.shape == NoiseShape::student_t ? std::max(0.0, 1.0 - at.weight) : at.outlier);
-    }
+    for (std::size_t i = 0; i < residuals.z.size(); ++i)
+      result.push_back(density_at(residuals.z[i], residuals.s[i]).outlier);
     return result;
   };
   errors.range_outlier = outliers(range_residuals, range);
   errors.bearing_outlier = outliers(bearing_residuals, bearing);
   errors.range_z = std::move(range_residuals.z);
+  errors.range_s = std::move(range_residuals.s);
   errors.bearing_z = std::move(bearing_residuals.z);
   return errors;
 }

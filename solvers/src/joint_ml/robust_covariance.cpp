@@ -101,6 +101,40 @@ Eigen::MatrixXd reduced_information(const JointProblem& weighted, const JointSta
 
 }  // namespace
 
+Eigen::MatrixXd shape_information_gap(const JointProblem& weighted, const JointState& state,
+                                      const NoiseShapeParameters& range, const NoiseShapeParameters& bearing,
+                                      double range_spread_m) {
+  const int alphas = static_cast<int>(state.alpha.size()),
+            taus = static_cast<int>(state.noise.parameters.size());
+  const ShapeInformation of_range = shape_information(range, range_spread_m),
+                         of_bearing = shape_information(bearing, state.sigma_theta_rad);
+  const JointProblem shaped =
+      with_information(weighted, of_range.location, of_bearing.location, of_range.spread(0, 0));
+  const JointProblem held = with_information(weighted, of_range.weight, of_bearing.weight, 2.0);
+  JointSystem system(weighted, alphas, taus), of_shape(shaped, alphas, taus), of_weights(held, alphas, taus);
+  const Eigen::Index phis = system.layout().phi_count;
+  if (!std::isfinite(system.assemble(state, HessianKind::exact)) || !system.eliminate()) return {};
+  const Eigen::MatrixXd before = system.schur().topLeftCorner(phis, phis);
+  system.assemble(state, HessianKind::exact);
+  of_shape.assemble(state, HessianKind::fisher);
+  of_weights.assemble(state, HessianKind::fisher);
+  system.accumulate(of_shape, 1.0);  // priors cancel in the difference
+  system.accumulate(of_weights, -1.0);
+  if (!system.eliminate()) return {};
+  return system.schur().topLeftCorner(phis, phis) - before;
+}
+
+double shape_information_of_log_sigma(const NoiseShapeParameters& shape, double spread, double readings) {
+  return readings * (shape_information(shape, spread).spread(0, 0) - 2.0);
+}
+
+std::vector<double> add_shape_uncertainty(const NoiseShapeParameters& shape, double spread, double readings,
+                                          int at, Eigen::MatrixXd& covariance) {
+  const ShapeAtEstimate estimate{shape, readings, {}, spread};
+  return add_shape_part(ChannelInformation(estimate, readings), estimate, Eigen::VectorXd::Ones(1), at,
+                        covariance);
+}
+
 void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtEstimate& range,
                            ShapeAtEstimate& bearing, JointFit& fit) {
   range.shape_std.clear();

@@ -18,6 +18,19 @@ struct ShapeAtEstimate {
       1.0;  ///< the typical spread of a reading, which a one-sided outlier's mean is compared with [m; rad]
 };
 
+/// The part of H that shapes change, of phi = (alpha, landmarks) alone: the Schur complement with what readings of the
+/// shapes are expected to tell of their mean less that with the weights, sigmas held. Empty where the stops have no optimum.
+/// `state`: with the stops at theirs.
+Eigen::MatrixXd shape_information_gap(const JointProblem& weighted, const JointState& state,
+                                      const NoiseShapeParameters& range, const NoiseShapeParameters& bearing,
+                                      double range_spread_m);
+
+/// What `readings` of a shape tell of log sigma beyond the weights' 2 each, and what its parameters, estimated too, add to the
+/// variance of log sigma, `at` in `covariance`; returns their standard deviations, empty where there are none.
+double shape_information_of_log_sigma(const NoiseShapeParameters& shape, double spread, double readings);
+std::vector<double> add_shape_uncertainty(const NoiseShapeParameters& shape, double spread, double readings,
+                                          int at, Eigen::MatrixXd& covariance);
+
 /// Replaces the covariance of a fit with held weights by that of the likelihood of the shapes, their
 /// parameters estimated too.
 ///

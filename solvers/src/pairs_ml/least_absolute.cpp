@@ -24,6 +24,7 @@ Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, No
   const int n = scaled.mean_unknowns();
   const std::size_t size = problem.row_true_m.size();
   PairsProblem rows = pairs_as_rows(problem);
+  const std::vector<double> count = rows.count;
   rows.single = false;
   Vector c;
   std::vector<double> deviation(size);
@@ -39,8 +40,8 @@ Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, No
       deviation[i] = std::abs(problem.row_reading_m[i] - evaluate_polynomial(alpha, d));
       if (relative_to == NoiseLaw::d_squared) deviation[i] /= d * d;
     }
-    const double median = std::max(upper_median(deviation), 1e-12);
-    for (std::size_t i = 0; i < size; ++i) rows.weight[i] = 1.0 / std::max(deviation[i] / median, 0.05);
+    const double median = std::max(upper_median(deviation, problem.row_weight), 1e-12);
+    for (std::size_t i = 0; i < size; ++i) rows.weight[i] = count[i] / std::max(deviation[i] / median, 0.05);
   }
   Vector x = gaussian;
   x.head(n) = c;
@@ -54,7 +55,7 @@ Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, No
     if (unit.power_of_f() > 0 && !(f > 0.0)) return {};
     deviation[i] /= unit.spread(problem.row_true_m[i], f);
   }
-  scale_noise(x, n, law, 1.4826 * std::max(upper_median(std::move(deviation)), 1e-12));
+  scale_noise(x, n, law, 1.4826 * std::max(upper_median(deviation, problem.row_weight), 1e-12));
   return x;
 }
 

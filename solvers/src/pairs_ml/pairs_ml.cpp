@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "least_absolute.hpp"
 #include "pairs_newton.hpp"
 #include "pairs_reml.hpp"
 #include "pairs_report.hpp"
@@ -70,12 +71,11 @@ void set_nll(PairsFit& fit, double nll, int parameters) {
   fit.calibration.aic = 2.0 * (nll + parameters);
 }
 
-void fit_other_shape(const PairsProblem& problem, const ScaledPairs& scaled, const NewtonResult& gaussian,
-                     int order, const PairsOptions& options, Method method, const pairs_ml::NestedFit* nested,
-                     PairsFit& fit) {
+/// Delivers where a fit of another shape than the Gaussian came to; `marginal` corrects its noise.
+void take_other_shape(const PairsProblem& problem, const ScaledPairs& scaled,
+                      const pairs_ml::ShapeResult& shaped, int order, const PairsOptions& options,
+                      Method method, PairsFit& fit) {
   Calibration& calibration = fit.calibration;
-  pairs_ml::ShapeResult shaped = pairs_ml::fit_shape(problem, scaled, gaussian.x, options.law,
-                                                     options.noise_order, options.shape, nested);
   fit.shape = shaped.shape;
   fit.shape_std = shaped.shape_std;
   calibration.iterations = shaped.iterations;
@@ -182,7 +182,10 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
   }
   fit.gradient_norm = best.gradient_norm;
   if (best.outcome == Outcome::converged && options.shape != NoiseShape::gaussian) {
-    fit_other_shape(problem, scaled, best, order, options, method, nested, fit);
+    take_other_shape(
+        problem, scaled,
+        pairs_ml::fit_shape(problem, scaled, best.x, options.law, options.noise_order, options.shape, nested),
+        order, options, method, fit);
     return fit;
   }
   if (best.outcome == Outcome::converged && method == Method::marginal) {
@@ -308,6 +311,40 @@ void PairsOptions::check() const {
 
 PairsFit full_pairs(const PairsProblem& problem, const PairsOptions& options) {
   return fit_pairs(problem, options, Method::full);
+}
+
+PairsFit full_pairs_from(const PairsProblem& problem, const PairsFit& start, const PairsOptions& options) {
+  const Calibration& from = start.calibration;
+  if (problem.size() == 0 || from.alpha.size() == 0)
+    throw InputError("full_pairs_from: no reading, or a start without a curve");
+  PairsOptions own = options;
+  own.order = from.order();
+  own.law = from.noise.law;
+  own.shape = start.shape.shape;
+  own.check();
+  PairsFit fit = empty_fit(problem, Method::full);
+  if (outside_domain(problem, own, fit.calibration)) return fit;
+  const ScaledPairs scaled(problem, *own.order, own.law, own.noise_order, own.parallel_from);
+  take_other_shape(problem, scaled,
+                   pairs_ml::fit_shape_from(problem, scaled, own.law, own.noise_order,
+                                            {from.alpha, from.noise, start.shape}),
+                   *own.order, own, Method::full, fit);
+  return fit;
+}
+
+NoiseShape shape_of_pairs(const PairsProblem& problem, const PairsOptions& options, double margin) {
+  const int order = options.order.value_or(options.max_order);
+  if (problem.size() <= static_cast<std::size_t>(order) + 1 || !(problem.true_m.front() > 0.0))
+    return NoiseShape::gaussian;
+  const ScaledPairs scaled(problem, order, options.law, options.noise_order, options.parallel_from);
+  const pairs_ml::Vector x =
+      pairs_ml::least_absolute(problem, scaled, options.law, NoiseLaw::d_squared, scaled.seed());
+  if (x.size() == 0 || !x.allFinite()) return NoiseShape::gaussian;
+  const pairs_ml::ShapePairs gaussian(problem, scaled, options.law, NoiseShape::gaussian);
+  const ChannelResiduals residuals = gaussian.residuals(x);
+  if (!may_have_outliers(residuals)) return NoiseShape::gaussian;
+  const auto [best, aic] = rank_shapes(residuals, range_shapes()).front();
+  return aic < -margin ? best.shape.shape : NoiseShape::gaussian;
 }
 
 PairsFit marginal_pairs(const PairsProblem& problem, const PairsOptions& options) {

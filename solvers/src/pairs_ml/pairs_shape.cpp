@@ -73,17 +73,18 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
     if (!(s > 0.0) || (power > 0.0 && !(f > 0.0))) return infinity;
     const double z = (problem_.row_reading_m[i] - f) / s;
     const LogDensity density = density_at(z, s);
-    nll += std::log(s) - density.value;
+    const double w = problem_.weight_of_row(i);
+    nll += w * (std::log(s) - density.value);
     if (!gradient) continue;
     // d/dlog s of log s - log g, dz/dlog s = -z
-    const double in_log_s = 1.0 + density.derivative * z - density.in_log_s;
-    const double in_f = density.derivative / s + (power > 0.0 ? in_log_s * power / f : 0.0);
+    const double in_log_s = w * (1.0 + density.derivative * z - density.in_log_s);
+    const double in_f = w * density.derivative / s + (power > 0.0 ? in_log_s * power / f : 0.0);
     double power_of_d = 1.0;
     for (int j = 0; j < n; ++j, power_of_d *= d) in_user[j] += in_f * power_of_d;
     double in_parameter = law_ == NoiseLaw::polynomial ? in_log_s / s : in_log_s;
     for (int j = 0; j < m; ++j, in_parameter *= d) in_user[n + j] += in_parameter;
-    in_shape[0] -= density.in_shape[0];
-    in_shape[1] -= density.in_shape[1];
+    in_shape[0] -= w * density.in_shape[0];
+    in_shape[1] -= w * density.in_shape[1];
   }
   if (!std::isfinite(nll)) return infinity;
   if (gradient) {
@@ -111,6 +112,7 @@ ChannelResiduals ShapePairs::residuals(const Eigen::VectorXd& x) const {
   const Eigen::VectorXd alpha = scaled_.alpha(gaussian);
   const Noise noise = scaled_.noise(gaussian);
   ChannelResiduals at;
+  at.weight = problem_.row_weight;
   for (std::size_t i = 0; i < problem_.row_true_m.size(); ++i) {
     const double d = problem_.row_true_m[i], f = evaluate_polynomial(alpha, d);
     at.s.push_back(noise.spread(d, f));

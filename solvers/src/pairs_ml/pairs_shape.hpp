@@ -44,7 +44,9 @@ struct ShapeResult {
   Eigen::VectorXd x;  ///< (x, shape), internal
   NoiseShapeParameters shape;
   double nll = 0.0, gradient_norm = 0.0;
-  Eigen::MatrixXd covariance;  ///< of x without the shape, from the observed information; empty if singular
+  /// Of x without the shape, from the observed information H; with rows of weights w H^-1 J H^-1, H = sum w i and
+  /// J = sum w^2 i. Empty if singular.
+  Eigen::MatrixXd covariance;
   std::vector<double>
       shape_std;  ///< of the shape's parameters; empty where there is no covariance, or at a limit
   std::vector<double> weights;
@@ -65,5 +67,9 @@ struct NestedFit {
 /// observed information.
 ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, const Vector& gaussian,
                       NoiseLaw law, int noise_order, NoiseShape shape, const NestedFit* nested);
+
+/// From where the fit of nearly the same readings ended, of the same order and shape: BFGS alone.
+ShapeResult fit_shape_from(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law,
+                           int noise_order, const NestedFit& start);
 
 }  // namespace rangecal::pairs_ml

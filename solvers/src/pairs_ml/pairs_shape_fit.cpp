@@ -14,9 +14,10 @@
 namespace rangecal::pairs_ml {
 namespace {
 
-/// Observed information by central differences of the exact gradient; step in units of `scale`.
+/// Observed information by central differences of the exact gradient, or by one-sided ones from that at x; step in units of
+/// `scale`.
 Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorXd& x,
-                                   const Eigen::VectorXd& scale) {
+                                   const Eigen::VectorXd& scale, const Eigen::VectorXd* at_x = nullptr) {
   const Eigen::Index size = x.size();
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd above, below;
@@ -25,9 +26,10 @@ Eigen::MatrixXd difference_hessian(const ShapePairs& pairs, const Eigen::VectorX
     Eigen::VectorXd high = x, low = x;
     high[j] += step;
     low[j] -= step;
-    if (!std::isfinite(pairs.evaluate(high, &above)) || !std::isfinite(pairs.evaluate(low, &below)))
-      return {};
-    hessian.col(j) = (above - below) / (2.0 * step);
+    if (!std::isfinite(pairs.evaluate(high, &above))) return {};
+    if (!at_x && !std::isfinite(pairs.evaluate(low, &below))) return {};
+    hessian.col(j) =
+        at_x ? Eigen::VectorXd((above - *at_x) / step) : Eigen::VectorXd((above - below) / (2.0 * step));
   }
   return 0.5 * (hessian + hessian.transpose());
 }
@@ -57,7 +59,8 @@ class ShapeFit {
 
   std::vector<Start> starts(const Vector& gaussian, const NestedFit* nested) const;
   Eigen::VectorXd reweighted(const Start& start) const;
-  ShapeEnd descend(Eigen::VectorXd from) const;
+  /// `near`: the optimum is within a standard deviation, where the curvature is that at the start.
+  ShapeEnd descend(Eigen::VectorXd from, bool near = false) const;
   void take(const ShapeEnd& end, double nll, ShapeResult& best) const;
   const ShapePairs& pairs() const { return pairs_; }
 
@@ -138,7 +141,7 @@ Eigen::MatrixXd inverse_curvature(const Eigen::MatrixXd& hessian, const Eigen::V
 
 /// Up to three rounds of BFGS, each from the observed information (by differences of the exact gradient) of where the one
 /// before ended.
-ShapeEnd ShapeFit::descend(Eigen::VectorXd from) const {
+ShapeEnd ShapeFit::descend(Eigen::VectorXd from, bool near) const {
   constexpr int rounds = 3, most = 100;
   constexpr double close = 1e-7, rounding = 1e-14;
   ShapeEnd end;
@@ -147,7 +150,7 @@ ShapeEnd ShapeFit::descend(Eigen::VectorXd from) const {
   double nll = pairs_.evaluate(end.x, &gradient);
   const Eigen::VectorXd scale = scale_at(end.x);
   for (int round = 0; round < rounds && end.gradient_norm > close && std::isfinite(nll); ++round) {
-    end.hessian = difference_hessian(pairs_, end.x, scale);
+    end.hessian = difference_hessian(pairs_, end.x, scale, near ? &gradient : nullptr);
     Eigen::MatrixXd B = inverse_curvature(end.hessian, scale);
     for (int iteration = 0; iteration < most; ++iteration, ++end.iterations) {
       Eigen::VectorXd step = -B * gradient;
@@ -173,6 +176,12 @@ ShapeEnd ShapeFit::descend(Eigen::VectorXd from) const {
       }
       if (!moved) break;
     }
+    if (near && round == 0) {
+      end.gradient_norm =
+          std::sqrt(std::max(0.0, gradient.dot(inverse_curvature(end.hessian, scale) * gradient)));
+      constexpr double close_enough = 1e-4;
+      if (end.gradient_norm < close_enough) break;
+    }
     end.hessian = difference_hessian(pairs_, end.x, scale);
     end.gradient_norm =
         std::sqrt(std::max(0.0, gradient.dot(inverse_curvature(end.hessian, scale) * gradient)));
@@ -189,7 +198,15 @@ void ShapeFit::add_covariance(const Eigen::MatrixXd& hessian, ShapeResult& best)
   const Eigen::Index kept = best.at_limit ? first : best.x.size();
   const Eigen::MatrixXd part = hessian.topLeftCorner(kept, kept);
   if (Eigen::LLT<Eigen::MatrixXd>(part).info() != Eigen::Success) return;
-  const Eigen::MatrixXd inverse = part.inverse();
+  Eigen::MatrixXd inverse = part.inverse();
+  if (!problem_.row_weight_square.empty()) {
+    PairsProblem squared = problem_;
+    squared.row_weight = squared.row_weight_square;
+    const ShapePairs of_squares(squared, scaled_, law_, first_.shape, first_.outlier_mean < 0.0);
+    const Eigen::MatrixXd J = difference_hessian(of_squares, best.x, scale_at(best.x));
+    if (J.size() == 0) return;
+    inverse = inverse * J.topLeftCorner(kept, kept) * inverse;
+  }
   best.covariance = inverse.topLeftCorner(first, first);
   best.shape_std = deviations_of(reached, inverse.diagonal().tail(kept - first));
 }
@@ -256,6 +273,21 @@ ShapeResult fit_shape(const PairsProblem& problem, const ScaledPairs& scaled, co
     best.shape = fit.pairs().shape_at(best.x);
     best.weights = fit.pairs().weights(best.x);
   }
+  return best;
+}
+
+ShapeResult fit_shape_from(const PairsProblem& problem, const ScaledPairs& scaled, NoiseLaw law,
+                           int noise_order, const NestedFit& start) {
+  const ShapeFit fit(problem, scaled, law, noise_order, start.shape);
+  ShapeResult best;
+  best.nll = std::numeric_limits<double>::infinity();
+  const ShapeEnd end =
+      fit.descend(fit.pairs().internal(scaled.from_user(start.alpha, start.noise), start.shape), true);
+  const double nll = fit.pairs().evaluate(end.x, nullptr);
+  if (!std::isfinite(nll)) return best;
+  fit.take(end, nll, best);
+  best.shape = fit.pairs().shape_at(best.x);
+  best.weights = fit.pairs().weights(best.x);
   return best;
 }
 

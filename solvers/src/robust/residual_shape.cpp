@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -92,7 +93,7 @@ Value value_at(const ChannelResiduals& residuals, const Coordinates& coordinates
   const ResidualShape at = coordinates.at(q);
   const ShapeDensity density_at(at.shape);
   const int size = coordinates.size(), first = coordinates.first_of_shape();
-  const double count = static_cast<double>(residuals.z.size()), c = at.scale;
+  const double count = residuals.count(), c = at.scale;
   const double per_reading = 1.0 - fitted / count;
   double slopes[2] = {1.0, 1.0};  // of the shape's parameters in their coordinates
   if (at.shape.shape == NoiseShape::student_t) slopes[0] = at.shape.nu;
@@ -108,13 +109,14 @@ Value value_at(const ChannelResiduals& residuals, const Coordinates& coordinates
   for (std::size_t i = 0; i < residuals.z.size(); ++i) {
     const double z = (residuals.z[i] - at.location) / c;
     const LogDensity density = density_at(z, c * residuals.s[i]);
-    sum -= density.value;
+    const double w = residuals.weight_of(i);
+    sum -= w * density.value;
     if (!derivatives) continue;
     score[0] = -per_reading - density.derivative * z + density.in_log_s;
     if (coordinates.location) score[1] = -density.derivative / c;
     for (int j = first; j < size; ++j) score[j] = density.in_shape[j - first] * slopes[j - first];
-    value.gradient -= score;
-    value.outer.noalias() += score * score.transpose();
+    value.gradient -= w * score;
+    value.outer.noalias() += w * score * score.transpose();
   }
   if (at.shape.shape == NoiseShape::student_t) {
     const double nu = at.shape.nu;
@@ -144,12 +146,14 @@ Matrix curvature_at(const ChannelResiduals& residuals, const Coordinates& coordi
 }
 
 ResidualShape gaussian_shape(const ChannelResiduals& residuals, const ResidualShapeOptions& options) {
-  const double count = static_cast<double>(residuals.z.size());
+  const double count = residuals.count();
   ResidualShape result;
   if (options.free_location)
-    for (const double z : residuals.z) result.location += z / count;
+    for (std::size_t i = 0; i < residuals.z.size(); ++i)
+      result.location += residuals.weight_of(i) * residuals.z[i] / count;
   double squares = 0.0;
-  for (const double z : residuals.z) squares += (z - result.location) * (z - result.location);
+  for (std::size_t i = 0; i < residuals.z.size(); ++i)
+    squares += residuals.weight_of(i) * std::pow(residuals.z[i] - result.location, 2);
   const double degrees = std::max(1.0, count - options.fitted);
   result.scale = std::sqrt(std::max(squares / degrees, std::numeric_limits<double>::min()));
   result.nll = degrees * (std::log(result.scale) + 0.5) + count * half_log_two_pi;
@@ -162,7 +166,11 @@ constexpr std::array of_bearing{NoiseShape::gaussian, NoiseShape::student_t, Noi
 
 }  // namespace
 
-double ChannelResiduals::typical_spread() const { return upper_median(s); }
+double ChannelResiduals::typical_spread() const { return upper_median(s, weight); }
+
+double ChannelResiduals::count() const {
+  return weight.empty() ? static_cast<double>(z.size()) : std::accumulate(weight.begin(), weight.end(), 0.0);
+}
 
 ResidualShape fit_residual_shape(const ChannelResiduals& residuals, const ResidualShape& start,
                                  const ResidualShapeOptions& options) {
@@ -211,22 +219,24 @@ ResidualShape first_residual_shape(const ChannelResiduals& residuals, NoiseShape
   start.shape.shape = shape;
   std::vector<double> sizes;
   for (const double z : residuals.z) sizes.push_back(std::abs(z));
-  start.scale = std::max(upper_median(sizes) / of_normal, std::numeric_limits<double>::min());
-  const double count = static_cast<double>(residuals.z.size());
+  start.scale =
+      std::max(upper_median(sizes, residuals.weight) / of_normal, std::numeric_limits<double>::min());
+  const double count = residuals.count();
   double beyond = 0.0, squares = 0.0, above = 0.0, below = 0.0, reach_above = 0.0, reach_below = 0.0;
   for (std::size_t i = 0; i < residuals.z.size(); ++i) {
-    const double z = residuals.z[i] / start.scale;
+    const double z = residuals.z[i] / start.scale, w = residuals.weight_of(i);
     if (std::abs(z) < far) continue;
-    ++beyond;
-    squares += z * z;
-    (z > 0.0 ? above : below) += 1.0;
-    (z > 0.0 ? reach_above : reach_below) += std::abs(residuals.z[i]) * residuals.s[i];
+    beyond += w;
+    squares += w * z * z;
+    (z > 0.0 ? above : below) += w;
+    (z > 0.0 ? reach_above : reach_below) += w * std::abs(residuals.z[i]) * residuals.s[i];
   }
   const bool early = reach_below > reach_above;
   if (shape == NoiseShape::one_sided) {
     beyond = early ? below : above;
-    start.shape.outlier_mean = (early ? -reach_below : reach_above) / std::max(1.0, beyond);
-    if (beyond < 1.0) start.shape.outlier_mean = 5.0 * start.scale * residuals.typical_spread();
+    start.shape.outlier_mean =
+        (early ? -reach_below : reach_above) / std::max(std::numeric_limits<double>::min(), beyond);
+    if (!(beyond > 0.0)) start.shape.outlier_mean = 5.0 * start.scale * residuals.typical_spread();
   }
   start.shape.outlier_share = std::clamp(beyond / count, 0.5 / count, 0.25);
   start.shape.outlier_scale = beyond > 0.0 ? std::sqrt(squares / beyond) : 4.0;
@@ -254,15 +264,16 @@ RankedShapes rank_shapes(const ChannelResiduals& residuals, std::span<const Nois
 }
 
 bool may_have_outliers(const ChannelResiduals& residuals) {
-  const double count = static_cast<double>(residuals.z.size());
+  const double count = residuals.count();
   if (count < 8.0) return false;
   double mean = 0.0, m2 = 0.0, m3 = 0.0, m4 = 0.0, largest = 0.0;
-  for (const double z : residuals.z) mean += z / count;
-  for (const double z : residuals.z) {
-    const double u = z - mean;
-    m2 += u * u;
-    m3 += u * u * u;
-    m4 += u * u * u * u;
+  for (std::size_t i = 0; i < residuals.z.size(); ++i)
+    mean += residuals.weight_of(i) * residuals.z[i] / count;
+  for (std::size_t i = 0; i < residuals.z.size(); ++i) {
+    const double u = residuals.z[i] - mean, w = residuals.weight_of(i);
+    m2 += w * u * u;
+    m3 += w * u * u * u;
+    m4 += w * u * u * u * u;
     largest = std::max(largest, std::abs(u));
   }
   m2 /= count;

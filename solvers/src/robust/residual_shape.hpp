@@ -12,6 +12,10 @@ namespace rangecal {
 /// Standardised residuals z_i = (y_i - f_i) / s_i of one channel, and the spreads s_i [m; rad].
 struct ChannelResiduals {
   std::vector<double> z, s;
+  std::vector<double> weight;  ///< readings that one stands for; empty: one each
+
+  double weight_of(std::size_t i) const { return weight.empty() ? 1.0 : weight[i]; }
+  double count() const;  ///< N, readings
 
   /// The spread that stands for all, their median: what outlier_mean is compared with.
   double typical_spread() const;
@@ -56,6 +60,8 @@ RankedShapes rank_shapes(const ChannelResiduals& residuals, std::span<const Nois
 /// How far below the Gaussian's the AIC of another shape has to lie: clean readings, by chance, would have a tail of
 /// their own in one channel of eight without it; of outliers that matter it costs nothing.
 inline constexpr double shape_margin_aic = 4.0;
+/// The same where readings are looked at again and again as they come.
+inline constexpr double stream_margin_aic = 9.0;
 
 /// False where no shape can gain that much on the Gaussian: no excess of fourth moment, no skew and no reading beyond what
 /// so many normal ones hold. A look at three sums, for data that are mostly clean.

@@ -2,7 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
+#include <vector>
+
+#include "rangecal/core/calibration.hpp"
 
 namespace rangecal {
 
@@ -39,6 +43,14 @@ struct NoiseShapeParameters {
 /// Free parameters of the shape: 0, 1 (nu), 2 (p, k), 2 (p, outlier_mean). `automatic` has none of its own.
 int shape_parameter_count(NoiseShape shape);
 
+/// The shape as a calibration holds it, with the standard deviations of its parameters in their order (empty: none are
+/// known); none for the Gaussian.
+std::optional<ShapeEstimate> shape_estimate(const NoiseShapeParameters& shape,
+                                            const std::vector<double>& deviations);
+/// The shape of a calibration's "range" or "bearing"; the Gaussian where it holds none. Throws InputError for a family
+/// that is no shape's name.
+NoiseShapeParameters noise_shape_of(const Calibration& calibration, const std::string& channel);
+
 /// The contaminated normal at z: log[(1 - p) exp(-z^2 / 2) + (p / k) exp(-z^2 / (2 k^2))] [nats], the normal's
 /// constant -log(2 pi) / 2 left out, for a share 0 < p < 1 and a ratio k > 0 of any size. Finite at every finite z
 /// whose square is, though both terms underflow from |z| = 39 k on.
@@ -69,7 +81,8 @@ struct LogDensity {
   double value = 0.0, derivative = 0.0;  ///< derivative = -weight (z - shift)
   double weight = 1.0;                   ///< the robust weight of z^2 in the equivalent Gaussian
   double shift = 0.0, extra_square = 0.0;
-  double outlier = 0.0;   ///< probability that z is one of the share p; 0 where there is no share
+  /// Probability that z is one of the share p; of Student's t, which has none, what its weight lacks of 1; Gaussian: 0.
+  double outlier = 0.0;
   double in_log_s = 0.0;  ///< derivative in log s at fixed z (one-sided: its mean is no multiple of s)
   double in_shape[2] = {0.0,
                         0.0};  ///< derivatives in the shape's parameters: nu; p and k; p and outlier_mean

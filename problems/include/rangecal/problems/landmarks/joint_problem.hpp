@@ -45,6 +45,8 @@ struct JointProblem {
   bool estimate_sigma_s = false;     ///< sigma_xy of the stops without one of their own is a parameter
   std::vector<char> sigma_s_shared;  ///< per stop: it takes part in that parameter
   double readings = 0.0;             ///< N, the sum of the counts
+  /// Rows: a cell of several readings holds such as are alike within a fraction of their spread, and stands for them.
+  bool rows_alike = false;
 
   int stop_count() const { return static_cast<int>(stops.size()); }
   int landmark_count() const { return static_cast<int>(landmark_radius_m.size()); }

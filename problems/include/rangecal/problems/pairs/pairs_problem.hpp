@@ -25,11 +25,14 @@ struct PairsProblem {
   bool single = true;               ///< every cell is one reading of weight one
 
   std::vector<double> row_true_m;  ///< the readings themselves, ascending in distance: what a likelihood that
-  std::vector<double> row_reading_m;  ///< is not Gaussian needs
-  Counts counts;                      ///< summed over the recordings
+  std::vector<double> row_reading_m;      ///< is not Gaussian needs
+  std::vector<double> row_weight;         ///< readings that a row stands for, sum w; empty: one each
+  std::vector<double> row_weight_square;  ///< sum w^2, where these are not all 1; empty: as row_weight
+  Counts counts;                          ///< summed over the recordings
 
   std::size_t size() const { return true_m.size(); }  ///< cells
-  double readings() const { return static_cast<double>(row_true_m.size()); }
+  double weight_of_row(std::size_t i) const { return row_weight.empty() ? 1.0 : row_weight[i]; }
+  double readings() const;
 };
 
 /// Groups the readings of all recordings (kind pairs, one sensor) by true distance. Throws InputError for a
@@ -39,7 +42,12 @@ PairsProblem make_pairs_problem(std::span<const Recording> recordings);
 /// The same from plain arrays [m]. Throws InputError for different lengths and values that are not finite.
 PairsProblem make_pairs_problem(std::span<const double> true_m, std::span<const double> reading_m);
 
-/// Cells of one reading each, with given weights of the squares (one per row; empty: all one). For tests and for
+/// The same of rows that stand for many readings each, as sums over them have it: sum w > 0 and, unless every w is 1,
+/// sum w^2. Every row is a cell.
+PairsProblem make_weighted_pairs(std::span<const double> true_m, std::span<const double> reading_m,
+                                 std::span<const double> weight, std::span<const double> weight_square = {});
+
+/// Cells of one row each, with given robust weights of the squares (one per row; empty: all one). For tests and for
 /// likelihoods with robust weights.
 PairsProblem pairs_as_rows(const PairsProblem& problem, std::span<const double> weights = {});
 

@@ -70,9 +70,9 @@ struct RobustNll {
 ///
 /// The joint likelihood with a mixture's scale free has no maximum worth its name: the stops can fit half of the readings
 /// exactly and the mixture take the rest. A fit whose sigma of a channel falls below a third of the start's, while the
-/// start is that of `marginal`, is one: see CalibrateOptions; held shapes (`held`) are the remedy.
+/// start is that of `marginal`, is one; solve_joint_with_shapes, which holds the shapes, is the remedy.
 ///
-/// `rows` has one reading per cell (Grouping::rows), else InputError. Cost: some 5 to 20 solves from warm starts.
+/// `rows` has one reading per cell (Grouping::rows), or several that are alike (rows_alike), else InputError. Cost: some 5 to 20 solves from warm starts.
 RobustJointFit solve_joint_robust(const JointProblem& rows, const JointState& start, ChannelShapes shapes,
                                   const JointOptions& options = {});
 
@@ -106,10 +106,10 @@ RobustNll robust_nll(const JointProblem& rows, const JointState& state, const No
 JointProblem weighted_problem(const JointProblem& rows, const JointState& state,
                               const NoiseShapeParameters& range, const NoiseShapeParameters& bearing);
 
-/// Of every reading: its error in spreads and the probability that it is an outlier (of a mixture), or its lost
-/// weight, 1 - w, of Student's t.
+/// Of every reading: its error in spreads, the spread of its range [m], and the probability that it is an outlier
+/// (LogDensity::outlier). Empty at a state where a distance or a spread is not positive.
 struct ReadingErrors {
-  std::vector<double> range_z, bearing_z, range_outlier, bearing_outlier;
+  std::vector<double> range_z, range_s, bearing_z, range_outlier, bearing_outlier;
 };
 ReadingErrors reading_errors(const JointProblem& rows, const JointState& state,
                              const NoiseShapeParameters& range, const NoiseShapeParameters& bearing);

@@ -55,6 +55,15 @@ struct PairsFit {
 /// Cost: one pass of about 0.6 ns per cell and iteration, 4 to 6 iterations.
 PairsFit full_pairs(const PairsProblem& problem, const PairsOptions& options = {});
 
+/// The answer of full_pairs for readings that are nearly those of `start`, a fit that converged, and its order, law and
+/// shape: Newton's or BFGS steps from there alone. `options` says the rest.
+PairsFit full_pairs_from(const PairsProblem& problem, const PairsFit& start,
+                         const PairsOptions& options = {});
+
+/// The noise shape of lowest AIC at the residuals of a curve of least absolute deviations, of the order and noise law of
+/// `options`; Gaussian unless another gains `margin` in AIC, or where no curve goes through. Cost: some 100 passes.
+NoiseShape shape_of_pairs(const PairsProblem& problem, const PairsOptions& options, double margin = 4.0);
+
 /// The same alpha criterion with the noise by REML (flat prior on alpha):
 ///
 ///   noise = argmin  [ min_alpha NLL(alpha, noise) ] + 1/2 log det d^2 NLL / d alpha^2,   alpha = its minimiser.

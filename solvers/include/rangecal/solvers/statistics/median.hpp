@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 namespace rangecal {
@@ -15,6 +16,20 @@ inline double upper_median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+/// The same of values that count by weights > 0: the least value up to which more than half of the weight lies. Empty
+/// weights: one each. Cost: sorting.
+inline double upper_median(const std::vector<double>& values, const std::vector<double>& weights) {
+  if (weights.empty() || values.empty()) return upper_median(values);
+  std::vector<std::size_t> order(values.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+  const double half = 0.5 * std::accumulate(weights.begin(), weights.end(), 0.0);
+  double below = 0.0;
+  for (const std::size_t i : order)
+    if ((below += weights[i]) > half) return values[i];
+  return values[order.back()];
 }
 
 }  // namespace rangecal
