@@ -8,17 +8,6 @@
 namespace rangecal {
 namespace {
 
-constexpr double largest_ratio = 1.15;
-
-struct Interval {
-  double centre, half_width;
-};
-
-Interval interval(double low, double log_ratio, std::size_t bin) {
-  const double a = low * std::exp(log_ratio * static_cast<double>(bin)), b = a * std::exp(log_ratio);
-  return {0.5 * (a + b), 0.5 * (b - a)};
-}
-
 /// T_k(u) for k = 0 .. 7.
 std::array<double, DistanceMoments::degree> chebyshev(double u) {
   std::array<double, DistanceMoments::degree> t;
@@ -30,17 +19,13 @@ std::array<double, DistanceMoments::degree> chebyshev(double u) {
 
 }  // namespace
 
-DistanceMoments::DistanceMoments(double low_m, double high_m) : low_(low_m), high_(high_m) {
-  const double count = std::ceil(std::log(high_m / low_m) / std::log(largest_ratio));
-  bins.resize(static_cast<std::size_t>(std::max(1.0, count)));
-  log_ratio_ = std::log(high_m / low_m) / static_cast<double>(bins.size());
+DistanceMoments::DistanceMoments(double low_m, double high_m) : places_(low_m, high_m) {
+  bins.resize(places_.size());
 }
 
 void DistanceMoments::add(double d, double y, double weight) {
-  const auto found = static_cast<std::size_t>(std::max(0.0, std::log(d / low_) / log_ratio_));
-  const std::size_t index = std::min(found, bins.size() - 1);
-  const Interval at = interval(low_, log_ratio_, index);
-  const auto t = chebyshev((d - at.centre) / at.half_width);
+  const std::size_t index = places_.index_of(d);
+  const auto t = chebyshev(places_[index].place_of(d));
   Bin& bin = bins[index];
   const double z = y - d;
   for (int k = 0; k < degree; ++k) {
@@ -66,7 +51,7 @@ PairsProblem DistanceMoments::cells(double factor, bool squared) const {
     const Bin& bin = bins[b];
     const double total = bin.sums[squared ? 3 : 0][0];
     if (total == 0.0) continue;
-    const Interval at = interval(low_, log_ratio_, b);
+    const DistanceBins::Bin at = places_[b];
     for (int q = 0; q < degree; ++q) {
       const double u = std::cos((q + 0.5) * std::numbers::pi / degree);
       const auto t = chebyshev(u);
@@ -75,7 +60,7 @@ PairsProblem DistanceMoments::cells(double factor, bool squared) const {
         for (int k = 0; k < degree; ++k) W[j] += (k == 0 ? 1.0 : 2.0) / degree * bin.sums[j][k] * t[k];
       const double weight = squared ? W[3] : W[0];
       if (std::abs(weight) < 1e-12 * total) continue;
-      const double d = at.centre + at.half_width * u;
+      const double d = at.centre_m + at.half_width_m * u;
       const double z = squared ? 0.0 : W[1] / W[0];
       problem.true_m.push_back(d);
       problem.count.push_back(weight * (squared ? factor * factor : factor));

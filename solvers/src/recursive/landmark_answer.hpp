@@ -8,6 +8,7 @@
 #include "rangecal/core/outcome.hpp"
 #include "rangecal/solvers/recursive/recursive_landmarks.hpp"
 #include "recursive/landmark_sums.hpp"
+#include "robust/residual_shape.hpp"
 
 namespace rangecal {
 
@@ -25,10 +26,20 @@ struct RecursiveLandmarks::Answer {
   /// Converged, and not only as far as the sums reach.
   bool settled() const { return outcome == Outcome::converged && !at_edge; }
   std::optional<Eigen::MatrixXd> covariance;  ///< of (alpha, landmarks, log sigma_e, log sigma_theta)
+  std::optional<RobustShapes> shapes;         ///< none: Gaussian noise
+  Eigen::MatrixXd gap;                        ///< as RecursiveLandmarks keeps it, of the stops held
+  int outliers = 0;                           ///< among the readings held
 };
 
 /// phi_0 of the sums, followed by the landmarks that they do not know yet.
 Eigen::VectorXd reference_with(const LandmarkSums& sums, const JointState& state);
+
+/// Readings that one of the shapes takes for an outlier rather than not.
+int outliers_among(const JointProblem& rows, const JointState& state, const RobustShapes& shapes);
+
+/// Errors of the rows at `state` in their spreads, those of poses that follow them made up for (PoseLeverage), by channel.
+/// Empty where a distance or a spread is not positive.
+std::pair<ChannelResiduals, ChannelResiduals> residuals_of(const JointProblem& rows, const JointState& state);
 
 /// [low, high] widened by the distances of the problem's cells at `state` [m].
 std::pair<double, double> distances_of(const JointProblem& problem, const JointState& state, double low,

@@ -33,7 +33,9 @@ void RecursiveOptions::check() const {
 }
 
 RecursiveCalibrator::RecursiveCalibrator(const RecursiveOptions& options)
-    : options_((options.check(), options)), moments_(options.range_min_m, options.range_max_m) {
+    : options_((options.check(), options)),
+      moments_(options.range_min_m, options.range_max_m),
+      cells_(options.range_min_m, options.range_max_m) {
   const int size = options_.columns() + 1;
   triangle_ = Eigen::MatrixXd::Zero(size + 1, size);
 }
@@ -73,6 +75,7 @@ bool RecursiveCalibrator::add(double true_m, double reading_m, double time_s) {
   sum_w_ += w;
   sum_w_sq_ += w * w;
   moments_.add(true_m, reading_m, w);
+  if (looks_for_outliers()) cells_.add(true_m, reading_m, w);
   count_up(counts_.used);
 
   const Eigen::Index size = triangle_.cols(), row = size;
@@ -87,6 +90,7 @@ void RecursiveCalibrator::rescale(double log_factor) {
   const double factor = std::exp(log_factor);
   triangle_ *= std::sqrt(factor);
   moments_.scale(factor);
+  cells_.scale(factor);
   sum_w_ *= factor;
   sum_w_sq_ *= factor * factor;
 }

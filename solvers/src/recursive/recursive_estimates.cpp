@@ -12,6 +12,7 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
+#include "robust/residual_shape.hpp"
 
 namespace rangecal {
 namespace {
@@ -64,6 +65,20 @@ double relative_spread(const PairsProblem& cells, const Noise& noise, const Vect
   const MatrixXd P = cofactor * J * cofactor * K;
   const double left = readings - 2.0 * static_cast<double>(k);
   return std::sqrt(2.0 * (left + (P * P).trace())) / (left + P.trace());
+}
+
+/// Errors of the points in their spreads about a curve; none where it has no answer or no spread.
+ChannelResiduals residuals_about(const Calibration& curve, const PairsProblem& points) {
+  ChannelResiduals residuals;
+  if (curve.outcome != Outcome::converged) return residuals;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double d = points.true_m[i], f = evaluate_polynomial(curve.alpha, d), s = curve.noise.spread(d, f);
+    if (!(s > 0.0)) return {};
+    residuals.z.push_back((points.mean_m[i] - f) / s);
+    residuals.s.push_back(s);
+    residuals.weight.push_back(points.count[i]);
+  }
+  return residuals;
 }
 
 }  // namespace
@@ -236,7 +251,82 @@ std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibr
   return result;
 }
 
+std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
+  const bool choose = moments_.used >= choose_at_;
+  if (!choose && last_shape_.shape == NoiseShape::gaussian) return std::nullopt;
+  const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
+  const double worth = sum_w_ / (factor * sum_w_sq_);  // 1 / sum w^2 over sum w: weights then count readings
+  const PairsProblem points = cells_.points(factor * worth, std::isfinite(options_.forget));
+  PairsOptions wanted;
+  wanted.order = options_.order;
+  wanted.max_order = options_.max_order;
+  wanted.law = options_.law;
+  wanted.noise_order = options_.noise_order;
+  wanted.shape = last_shape_.shape;
+  std::optional<PairsFit> fit;
+  const auto converged = [&] { return fit && fit->calibration.outcome == Outcome::converged; };
+  const bool by_choice = options_.noise_shape == NoiseShape::automatic;
+  if (choose) {
+    // Outliers of a stream that had none are to be seen soon; a shape that holds is chosen anew where readings have doubled.
+    const bool was_gaussian = last_shape_.shape == NoiseShape::gaussian;
+    const ChannelResiduals plain =
+        was_gaussian ? residuals_about(full_gaussian(), points) : ChannelResiduals();
+    const bool clean = !plain.z.empty() && !may_have_outliers(plain);
+    wanted.shape = !by_choice ? options_.noise_shape
+                   : clean    ? NoiseShape::gaussian
+                              : shape_of_pairs(points, wanted, stream_margin_aic);
+    const double growth = wanted.shape == NoiseShape::gaussian ? 0.05 : 1.0;
+    choose_at_ =
+        moments_.used + std::max<std::int64_t>(1, static_cast<std::int64_t>(growth * effective_readings()));
+    if (wanted.shape != NoiseShape::gaussian) fit = full_pairs(points, wanted);
+  } else {
+    PairsFit last;
+    last.calibration.alpha = last_alpha_;
+    last.calibration.noise = {options_.law, last_noise_};
+    last.shape = last_shape_;
+    fit = full_pairs_from(points, last, wanted);
+    if (!converged()) fit = full_pairs(points, wanted);
+  }
+  if (wanted.shape == NoiseShape::gaussian ||
+      (by_choice && !converged())) {  // a shape without an optimum is none
+    last_shape_ = {};
+    return std::nullopt;
+  }
+  Calibration result = fit->calibration;
+  if (const auto shape = shape_estimate(fit->shape, fit->shape_std)) result.noise_shapes["range"] = *shape;
+  if (!converged()) return result;
+  last_shape_ = fit->shape;
+  cells_.refer_to(result.alpha, result.noise);
+  double outliers = 0.0;
+  const ShapeDensity density_at(fit->shape);
+  const ChannelResiduals residuals = residuals_about(result, points);
+  for (std::size_t i = 0; i < residuals.z.size(); ++i)
+    if (density_at(residuals.z[i], residuals.s[i]).outlier > 0.5) outliers += points.count[i] / worth;
+  result.outlier_count = static_cast<int>(std::lround(std::min(outliers, 2e9)));
+  result.joint_nll = result.marginal_nll = *result.joint_nll / worth;
+  return result;
+}
+
 Calibration RecursiveCalibrator::full() {
+  const Calibration approximately = approximate();
+  std::optional<Calibration> shaped;
+  if (looks_for_outliers() && approximately.outcome != Outcome::too_few_data) shaped = full_with_shape();
+  Calibration result = shaped ? *shaped : full_gaussian();
+  if (result.outcome == Outcome::converged) {
+    last_alpha_ = result.alpha;
+    last_noise_ = result.noise.parameters;
+  } else if (shaped) {
+    last_shape_ = {};
+  }
+  result.method = Method::full;
+  result.kind = RecordingKind::pairs;
+  result.counts = counts_;
+  result.range_min_m = low_m_;
+  result.range_max_m = high_m_;
+  return result;
+}
+
+Calibration RecursiveCalibrator::full_gaussian() {
   std::optional<Calibration> best;
   Calibration last;
   if (last_alpha_.size() > 0) {
@@ -259,15 +349,6 @@ Calibration RecursiveCalibrator::full() {
     result.outcome = why.outcome == Outcome::converged ? Outcome::failed : why.outcome;
     result.reason =
         why.outcome == Outcome::converged ? "no start inside the model's domain was found" : why.reason;
-  }
-  result.method = Method::full;
-  result.kind = RecordingKind::pairs;
-  result.counts = counts_;
-  result.range_min_m = low_m_;
-  result.range_max_m = high_m_;
-  if (result.outcome == Outcome::converged) {
-    last_alpha_ = result.alpha;
-    last_noise_ = result.noise.parameters;
   }
   return result;
 }

@@ -10,8 +10,11 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/stops_io.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 #include "recursive/count_up.hpp"
+#include "recursive/foretold_reading.hpp"
 #include "recursive/landmark_sums.hpp"
+#include "recursive/residual_sketch.hpp"
 
 namespace rangecal {
 namespace {
@@ -39,7 +42,9 @@ void RecursiveLandmarksOptions::check() const {
 }
 
 RecursiveLandmarks::RecursiveLandmarks(const RecursiveLandmarksOptions& options)
-    : options_((options.check(), options)) {
+    : options_((options.check(), options)),
+      range_residuals_(std::make_unique<ResidualSketch>()),
+      bearing_residuals_(std::make_unique<ResidualSketch>()) {
   clear_held();
 }
 RecursiveLandmarks::~RecursiveLandmarks() = default;
@@ -51,6 +56,7 @@ void RecursiveLandmarks::clear_held() {
   held_ = JointProblem{};
   held_.landmark_radius_m = radii;
   held_.landmark_recording.assign(radii.size(), 0);
+  held_.rows_alike = looks_for_outliers();
   held_.cells.stop_begin = {0};
   held_labels_.clear();
   held_places_.clear();
@@ -100,10 +106,7 @@ void RecursiveLandmarks::open_stop(const Stop& stop) {
     throw InputError(
         "stop '" + stop.label +
         "': a step of a random walk has an exact length but no exact heading; give it a sigma_xy_m");
-  if (!held_labels_.empty())
-    for (std::size_t cell = static_cast<std::size_t>(held_.cells.stop_begin.end()[-2]);
-         cell < held_.cells.size(); ++cell)
-      bearings_[static_cast<std::size_t>(held_.cells.landmark[cell])].add(line_of(cell));
+  add_latest_lines(bearings_);
   const bool same_place = !stop.place.empty() && !held_places_.empty() && held_places_.back() == stop.place;
   if (same_place) {
     require_turn_alone(stop, "stop '" + stop.label + "'");
@@ -155,18 +158,56 @@ int RecursiveLandmarks::landmark_of(const LandmarkReading& reading) {
   return static_cast<int>(labels_.size()) - 1;
 }
 
-std::size_t RecursiveLandmarks::cell_of(int landmark) {
+std::size_t RecursiveLandmarks::new_cell(std::size_t at, int landmark) {
   Cells& c = held_.cells;
-  for (std::size_t i = static_cast<std::size_t>(c.stop_begin.end()[-2]); i < c.size(); ++i)
-    if (c.landmark[i] == landmark) return i;
-  c.stop.push_back(held_.stop_count() - 1);
-  c.landmark.push_back(landmark);
-  c.radius_m.push_back(held_.landmark_radius_m[static_cast<std::size_t>(landmark)]);
+  const auto place = static_cast<std::ptrdiff_t>(at);
+  c.stop.insert(c.stop.begin() + place, held_.stop_count() - 1);
+  c.landmark.insert(c.landmark.begin() + place, landmark);
+  c.radius_m.insert(c.radius_m.begin() + place, held_.landmark_radius_m[static_cast<std::size_t>(landmark)]);
   for (auto* column : {&c.count, &c.range_weight, &c.bearing_weight, &c.range_mean, &c.range_mean_square,
                        &c.bearing_mean, &c.bearing_mean_square})
-    column->push_back(0.0);
+    column->insert(column->begin() + place, 0.0);
   ++c.stop_begin.back();
-  return c.size() - 1;
+  return at;
+}
+
+std::size_t RecursiveLandmarks::cell_of(int landmark) {
+  const Cells& c = held_.cells;
+  for (std::size_t i = static_cast<std::size_t>(c.stop_begin.end()[-2]); i < c.size(); ++i)
+    if (c.landmark[i] == landmark) return i;
+  return new_cell(c.size(), landmark);
+}
+
+/// The row of the latest stop that a reading is alike, else a new one behind the landmark's others.
+std::size_t RecursiveLandmarks::row_of(int landmark, double range_m, double bearing_rad) {
+  constexpr std::size_t apart = 64;  // rows of a landmark before any are put together
+  constexpr double alike = 0.25, of_normal = 1.4826022185056018;
+  const Cells& c = held_.cells;
+  std::size_t begin = static_cast<std::size_t>(c.stop_begin.end()[-2]);
+  while (begin < c.size() && c.landmark[begin] != landmark) ++begin;
+  std::size_t end = begin;
+  while (end < c.size() && c.landmark[end] == landmark) ++end;
+  if (end - begin < apart) return new_cell(end, landmark);
+  // About the median of the first rows, in their spread and the farther off the wider.
+  const auto row = static_cast<std::ptrdiff_t>(begin), last = static_cast<std::ptrdiff_t>(begin + apart);
+  const auto reach = [&](const std::vector<double>& values, double value) {
+    std::vector<double> first(values.begin() + row, values.begin() + last);
+    const double middle = upper_median(first);
+    for (double& one : first) one = std::abs(one - middle);
+    return alike * std::max(of_normal * upper_median(std::move(first)), std::abs(value - middle));
+  };
+  const double range_reach = reach(c.range_mean, range_m), bearing_reach = reach(c.bearing_mean, bearing_rad);
+  std::size_t nearest = end;
+  double least = 1.0;
+  for (std::size_t i = begin; i < end; ++i) {
+    const double off =
+        std::max(std::abs(c.range_mean[i] - range_m) / std::max(range_reach, 1e-300),
+                 std::abs(wrap_angle(c.bearing_mean[i] - bearing_rad)) / std::max(bearing_reach, 1e-300));
+    if (!(off < least)) continue;
+    least = off;
+    nearest = i;
+  }
+  return nearest < end ? nearest : new_cell(end, landmark);
 }
 
 bool RecursiveLandmarks::add(const LandmarkReading& reading) {
@@ -185,7 +226,8 @@ bool RecursiveLandmarks::add(const LandmarkReading& reading) {
   if (!(reading.radius_m >= 0.0 && std::isfinite(reading.radius_m)))
     throw InputError("landmark '" + reading.landmark + "': its radius is negative or not finite");
   if (held_labels_.empty() || held_labels_.back() != reading.stop.label) open_stop(reading.stop);
-  const std::size_t cell = cell_of(landmark_of(reading));
+  const int landmark = landmark_of(reading);
+  const std::size_t cell = looks_for_outliers() ? row_of(landmark, range, bearing) : cell_of(landmark);
   Cells& c = held_.cells;
   const double count = c.count[cell] + 1.0;
   const double from_range = range - c.range_mean[cell];
@@ -208,8 +250,16 @@ void RecursiveLandmarks::drop(const std::string& reason) {
   count_up(counts_.dropped[reason]);
 }
 
-RecursiveBearings::Line RecursiveLandmarks::line_of(std::size_t cell) const {
-  const Cells& c = held_.cells;
+void RecursiveLandmarks::add_latest_lines(std::vector<RecursiveBearings>& bearings) const {
+  if (held_labels_.empty()) return;
+  JointProblem merged;
+  if (looks_for_outliers()) merged = merge_rows(held_);
+  const Cells& c = looks_for_outliers() ? merged.cells : held_.cells;
+  for (std::size_t cell = static_cast<std::size_t>(c.stop_begin.end()[-2]); cell < c.size(); ++cell)
+    bearings[static_cast<std::size_t>(c.landmark[cell])].add(line_of(c, cell));
+}
+
+RecursiveBearings::Line RecursiveLandmarks::line_of(const Cells& c, std::size_t cell) const {
   const StopPrior& stop = held_.stops[static_cast<std::size_t>(c.stop[cell])];
   const double phi = stop.commanded.heading_rad + c.bearing_mean[cell],
                d = c.range_mean[cell] + c.radius_m[cell];
@@ -230,13 +280,25 @@ RecursiveBearings::Line RecursiveLandmarks::line_of(std::size_t cell) const {
 
 std::vector<LandmarkFromBearings> RecursiveLandmarks::from_bearings() const {
   std::vector<RecursiveBearings> all = bearings_;
-  if (!held_labels_.empty())
-    for (std::size_t cell = static_cast<std::size_t>(held_.cells.stop_begin.end()[-2]);
-         cell < held_.cells.size(); ++cell)
-      all[static_cast<std::size_t>(held_.cells.landmark[cell])].add(line_of(cell));
+  add_latest_lines(all);
   std::vector<LandmarkFromBearings> landmarks;
   for (const RecursiveBearings& one : all) landmarks.push_back(one.landmark());
   return landmarks;
+}
+
+std::optional<double> RecursiveLandmarks::outlier_probability(const LandmarkReading& reading) const {
+  if (!last_ || options_.random_walk) return std::nullopt;
+  const auto known =
+      static_cast<std::size_t>(std::find(labels_.begin(), labels_.end(), reading.landmark) - labels_.begin());
+  if (known >= last_->landmarks.size()) return std::nullopt;
+  if (!shapes_) return 0.0;
+  const StopPrior prior = prior_of(reading.stop);
+  const auto foretold = foretold_reading(*last_, prior.commanded, {covariance_of(prior, prior.sigma_xy_m)},
+                                         last_->landmarks[known], held_.landmark_radius_m[known],
+                                         reading.range_m, reading.bearing_rad);
+  if (!foretold) return std::nullopt;
+  return 1.0 - (1.0 - foretold->range.outlier_probability(shapes_->range)) *
+                   (1.0 - foretold->bearing.outlier_probability(shapes_->bearing));
 }
 
 double RecursiveLandmarks::effective_stops() const {

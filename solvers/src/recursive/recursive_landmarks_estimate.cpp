@@ -5,15 +5,20 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <tuple>
 
 #include "calibrate/landmarks_job.hpp"
 #include "joint_ml/newton_step.hpp"
+#include "joint_ml/robust_covariance.hpp"
 #include "marginal/laplace.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 #include "recursive/landmark_answer.hpp"
+#include "recursive/pose_leverage.hpp"
+#include "recursive/residual_sketch.hpp"
 
 namespace rangecal {
 namespace {
@@ -64,7 +69,39 @@ std::string with_names(std::string direction, const std::vector<std::string>& la
   return with_labels(direction, labels);
 }
 
+/// What the likelihood of the shapes is above that of the Gaussian readings that stand for the rows at `state` [nats].
+double excess_nll(const JointProblem& rows, const JointProblem& cells, const JointState& state,
+                  const RobustShapes& shapes) {
+  const RobustNll nll = robust_nll(rows, state, shapes.range, shapes.bearing);
+  return nll.joint - joint_nll(cells, state);
+}
+
 }  // namespace
+
+std::pair<ChannelResiduals, ChannelResiduals> residuals_of(const JointProblem& rows,
+                                                           const JointState& state) {
+  constexpr double least_left = 0.05;
+  ReadingErrors errors = reading_errors(rows, state, {}, {});
+  std::pair<ChannelResiduals, ChannelResiduals> residuals;
+  if (errors.range_z.empty()) return residuals;
+  const PoseLeverage leverage = pose_leverage(rows, state);
+  for (std::size_t i = 0; i < errors.range_z.size(); ++i) {
+    errors.range_z[i] /= std::sqrt(std::max(least_left, 1.0 - leverage.range[i]));
+    errors.bearing_z[i] /= std::sqrt(std::max(least_left, 1.0 - leverage.bearing[i]));
+  }
+  residuals.second = {std::move(errors.bearing_z),
+                      std::vector<double>(errors.range_s.size(), state.sigma_theta_rad), rows.cells.count};
+  residuals.first = {std::move(errors.range_z), std::move(errors.range_s), rows.cells.count};
+  return residuals;
+}
+
+int outliers_among(const JointProblem& rows, const JointState& state, const RobustShapes& shapes) {
+  const ReadingErrors errors = reading_errors(rows, state, shapes.range, shapes.bearing);
+  double count = 0.0;
+  for (std::size_t i = 0; i < errors.range_z.size(); ++i)
+    if (std::max(errors.range_outlier[i], errors.bearing_outlier[i]) > 0.5) count += rows.cells.count[i];
+  return static_cast<int>(std::min(count, 2e9));
+}
 
 VectorXd reference_with(const LandmarkSums& sums, const JointState& state) {
   VectorXd reference = phi_of(state);
@@ -115,7 +152,8 @@ void RecursiveLandmarks::add_first_pose(Answer& answer, const MatrixXd& hessian,
 }
 
 RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
-  constexpr int most_updates = 15;
+  constexpr int most_gaussian = 15,
+                most_shaped = 60;  // expectation and maximisation goes slower than Newton's steps
   // standard deviations; the step is of third order, so that what is left is far smaller
   constexpr double still = 3e-3;
   Answer answer;
@@ -126,6 +164,10 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
   LandmarkSums before = *sums_;
   before.grow(reference);
   answer.log_sigmas = log_sigmas_of(answer.state);
+  if (looks_for_outliers() && held_.cells.size() > 0) {
+    settle_held(answer.state);
+    answer.shapes = shapes_beside(answer.state);
+  }
   const LastPose* last_pose = before.last_pose ? &*before.last_pose : nullptr;
   SumsFit fit;
   std::vector<MatrixXd> third;
@@ -133,11 +175,11 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
   for (answer.iterations = 1;; ++answer.iterations) {
     LandmarkSums total = before;
     if (held_.cells.size() > 0) {
-      auto latest = expand_stops(held_, answer.state, before.grid, reference, last_pose);
+      auto latest = expand_held(answer, before.grid, reference, last_pose);
       for (int half = 0; !latest && half < 6 && answer.iterations > 1;
            ++half) {  // a step out of the model's domain
         put(answer.state, 0.5 * (phi_of(answer.state) + phi_of(last)), answer.log_sigmas);
-        latest = expand_stops(held_, answer.state, before.grid, reference, last_pose);
+        latest = expand_held(answer, before.grid, reference, last_pose);
       }
       if (!latest) {
         answer.reason =
@@ -170,12 +212,14 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     last = answer.state;
     put(answer.state, fit.phi, fit.log_sigmas);
     answer.log_sigmas = fit.log_sigmas;
-    if (held_.cells.size() == 0 || moved < still) break;
-    if (answer.iterations == most_updates) {
+    // Of weights that were taken at the stops where they agreed, one more expectation at least.
+    const int fewest = answer.shapes ? 2 : 1;
+    if (held_.cells.size() == 0 || (moved < still && answer.iterations >= fewest)) break;
+    if (answer.iterations == (answer.shapes ? most_shaped : most_gaussian)) {
       answer.outcome = Outcome::not_converged;
       answer.reason = fmt::format(
           "the answer still moves by {:.1g} standard deviations after {} updates; calibrate the recording as a whole",
-          moved, most_updates);
+          moved, answer.iterations);
       return answer;
     }
   }
@@ -188,7 +232,10 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
   }
   answer.nll = fit.nll;
   answer.at_edge = fit.at_edge;
-  answer.covariance = covariance_from(fit.hessian, alphas, order);
+  take_shapes_into(answer);
+  MatrixXd information = fit.hessian;
+  if (answer.shapes) information += information_gap(answer, gap_, 1.0);
+  answer.covariance = covariance_from(information, alphas, order);
   answer.outcome = answer.covariance ? Outcome::converged : Outcome::unobservable;
   if (!answer.covariance) {
     answer.reason = "curve and landmarks are not determined by the readings";
@@ -203,16 +250,138 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     LandmarkSums squared = *squared_;
     squared.grow(reference);
     if (answer.held) squared.add(*answer.held);
-    const MatrixXd J = information_at(squared, fit.phi - reference, fit.log_sigmas),
-                   sandwich = *answer.covariance * J * *answer.covariance;
+    MatrixXd J = information_at(squared, fit.phi - reference, fit.log_sigmas);
+    if (answer.shapes && sum_w_ > 0.0) J += information_gap(answer, squared_gap_, sum_w_sq_ / sum_w_);
+    const MatrixXd sandwich = *answer.covariance * J * *answer.covariance;
     const std::vector<int> free = free_entries(sandwich.rows(), alphas, order);
     if (Eigen::LLT<MatrixXd>(sandwich(free, free)).info() == Eigen::Success) answer.covariance = sandwich;
   }
   return answer;
 }
 
+double RecursiveLandmarks::readings_counted() const {
+  ChannelResiduals summed;
+  range_residuals_->append_to(summed);
+  return summed.count() + held_.readings;
+}
+
+double RecursiveLandmarks::typical_spread(const JointState& state) const {
+  ChannelResiduals residuals;
+  range_residuals_->append_to(residuals);
+  const ReadingErrors held = reading_errors(held_, state, {}, {});
+  residuals.s.insert(residuals.s.end(), held.range_s.begin(), held.range_s.end());
+  residuals.weight.insert(residuals.weight.end(), held_.cells.count.begin(),
+                          held_.cells.count.begin() + static_cast<std::ptrdiff_t>(held.range_s.size()));
+  return residuals.typical_spread();
+}
+
+/// What readings of the shapes tell of phi = (alpha, landmarks) beyond the cells that stand for them. Along a random walk,
+/// where stops are not for themselves: none (from_sums enlarges the covariance there).
+MatrixXd RecursiveLandmarks::gap_of(const JointProblem& cells, const JointState& state,
+                                    const RobustShapes& shapes) const {
+  if (options_.random_walk) return {};
+  return shape_information_gap(cells, state, shapes.range, shapes.bearing, typical_spread(state));
+}
+
+/// The same of all that is summed up (`summed`) and of the stops held, with that of both sigmas from the readings, which
+/// count `weight` each.
+MatrixXd RecursiveLandmarks::information_gap(const Answer& answer, const MatrixXd& summed,
+                                             double weight) const {
+  const Eigen::Index phis = phi_of(answer.state).size();
+  MatrixXd gap = MatrixXd::Zero(phis + 2, phis + 2);
+  gap.topLeftCorner(summed.rows(), summed.cols()) += summed;
+  gap.topLeftCorner(answer.gap.rows(), answer.gap.cols()) += answer.gap;
+  const double readings = weight * readings_counted();
+  gap(phis, phis) +=
+      shape_information_of_log_sigma(answer.shapes->range, typical_spread(answer.state), readings);
+  gap(phis + 1, phis + 1) +=
+      shape_information_of_log_sigma(answer.shapes->bearing, answer.state.sigma_theta_rad, readings);
+  return gap;
+}
+
+/// The rows held as cells of the Gaussian readings that they stand for at `state`. Throws InputError where a distance or a
+/// spread is not positive there.
+JointProblem RecursiveLandmarks::held_cells(const JointState& state,
+                                            const std::optional<RobustShapes>& shapes) const {
+  if (!looks_for_outliers()) return held_;
+  return shapes ? weighted_problem(held_, state, shapes->range, shapes->bearing) : merge_rows(held_);
+}
+
+/// The stops held, expanded at the answer, whose stops move there.
+std::optional<LandmarkSums> RecursiveLandmarks::expand_held(Answer& answer, const SigmaGrid& grid,
+                                                            const VectorXd& reference,
+                                                            const LastPose* last_pose) const {
+  try {
+    return expand_stops(held_cells(answer.state, answer.shapes), answer.state, grid, reference, last_pose);
+  } catch (const InputError&) {  // a distance or a spread that is not positive at this state
+    return std::nullopt;
+  }
+}
+
+/// What the shapes make of the stops held, at the answer: the likelihood that is theirs, outliers, and what readings of
+/// the shapes tell of phi.
+void RecursiveLandmarks::take_shapes_into(Answer& answer) const {
+  if (!answer.shapes || held_.cells.size() == 0) return;
+  const JointProblem cells = held_cells(answer.state, answer.shapes);
+  const double excess = excess_nll(held_, cells, answer.state, *answer.shapes);
+  answer.nll += excess;
+  answer.held->value.array() += excess;
+  answer.outliers = outliers_among(held_, answer.state, *answer.shapes);
+  answer.gap = gap_of(cells, answer.state, *answer.shapes);
+}
+
+/// The shapes summed up under, and of a channel whose noise was Gaussian so far the one that gains enough on it at the
+/// residuals summed up and those of the stops held at `state`.
+std::optional<RobustShapes> RecursiveLandmarks::shapes_beside(const JointState& state) const {
+  RobustShapes shapes = shapes_.value_or(RobustShapes{});
+  const auto known = [](const NoiseShapeParameters& shape) { return shape.shape != NoiseShape::gaussian; };
+  if (known(shapes.range) && known(shapes.bearing)) return shapes;
+  auto [range, bearing] = residuals_of(held_, state);
+  if (range.z.empty()) return shapes_;
+  range_residuals_->append_to(range);
+  bearing_residuals_->append_to(bearing);
+  if (!known(shapes.range)) shapes.range = shape_beside({}, range, range_shapes());
+  if (!known(shapes.bearing)) shapes.bearing = shape_beside({}, bearing, bearing_shapes());
+  if (ChannelShapes(shapes.range.shape, shapes.bearing.shape).gaussian()) return std::nullopt;
+  return shapes;
+}
+
+/// The shape asked for, or the family that gains enough on `own` and on the Gaussian, at these residuals.
+NoiseShapeParameters RecursiveLandmarks::shape_beside(const NoiseShapeParameters& own,
+                                                      const ChannelResiduals& residuals,
+                                                      std::span<const NoiseShape> families) const {
+  if (options_.noise_shape != NoiseShape::automatic)
+    return fit_residual_shape(residuals, first_residual_shape(residuals, options_.noise_shape)).shape;
+  if (own.shape == NoiseShape::gaussian && !may_have_outliers(residuals)) return own;
+  const RankedShapes ranked = rank_shapes(residuals, families);  // AIC above the Gaussian's
+  const auto present = std::find_if(ranked.begin(), ranked.end(),
+                                    [&](const auto& one) { return one.first.shape.shape == own.shape; });
+  const auto& [best, aic] = ranked.front();
+  if (present == ranked.end() || aic < present->second - stream_margin_aic)
+    return aic < -stream_margin_aic ? best.shape : NoiseShapeParameters{};
+  return present->second < -stream_margin_aic ? present->first.shape : NoiseShapeParameters{};
+}
+
 RecursiveLandmarks::Answer RecursiveLandmarks::answer(int order) const {
-  return sums_ ? from_sums(order) : first_answer(held_, order);
+  if (!sums_) return first_answer(held_, order);
+  Answer found = from_sums(order);
+  if (!found.covariance || !found.shapes) return found;
+  if (options_.random_walk) {
+    const auto least = [](const NoiseShapeParameters& shape, double spread) {
+      const ShapeInformation information = shape_information(shape, spread);
+      return information.location / information.weight;
+    };
+    *found.covariance /= std::min(least(found.shapes->range, typical_spread(found.state)),
+                                  least(found.shapes->bearing, found.state.sigma_theta_rad));
+  }
+  // The shapes' parameters are estimated beside all else.
+  const double readings = readings_counted();
+  const int log_sigma = static_cast<int>(found.covariance->rows()) - 2;
+  found.shapes->range_std = add_shape_uncertainty(found.shapes->range, typical_spread(found.state), readings,
+                                                  log_sigma, *found.covariance);
+  found.shapes->bearing_std = add_shape_uncertainty(found.shapes->bearing, found.state.sigma_theta_rad,
+                                                    readings, log_sigma + 1, *found.covariance);
+  return found;
 }
 
 Calibration RecursiveLandmarks::calibration_of(const Answer& answer) const {
@@ -251,8 +420,19 @@ Calibration RecursiveLandmarks::calibration_of(const Answer& answer) const {
   }
   std::tie(result.range_min_m, result.range_max_m) = distances_of(held_, answer.state, low_m_, high_m_);
   if (!std::isfinite(result.range_min_m)) result.range_min_m = 0.0;
+  if (answer.shapes) {
+    if (const auto shape = shape_estimate(answer.shapes->range, answer.shapes->range_std))
+      result.noise_shapes["range"] = *shape;
+    if (const auto shape = shape_estimate(answer.shapes->bearing, answer.shapes->bearing_std))
+      result.noise_shapes["bearing"] = *shape;
+    result.outlier_count = outliers_ + answer.outliers;
+  }
   result.marginal_nll = answer.nll;
-  result.aic = 2.0 * (answer.nll + static_cast<double>(kept + 2) + 2.0 * static_cast<double>(labels_.size()));
+  const int of_shapes = answer.shapes ? shape_parameter_count(answer.shapes->range.shape) +
+                                            shape_parameter_count(answer.shapes->bearing.shape)
+                                      : 0;
+  result.aic = 2.0 * (answer.nll + static_cast<double>(kept + 2 + of_shapes) +
+                      2.0 * static_cast<double>(labels_.size()));
   return result;
 }
 

@@ -5,14 +5,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "calibrate/landmarks_job.hpp"
 #include "marginal/laplace.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/closed_form/consensus.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
+#include "recursive/foretold_reading.hpp"
 #include "recursive/landmark_answer.hpp"
 
 namespace rangecal {
@@ -57,17 +61,38 @@ double inverted(const VectorXd& alpha, double y) {
   return d && *d > 0.2 * y && *d < 5.0 * y ? *d : y;
 }
 
+/// Rows that lie within six spreads of what `state` foretells of them, and those of landmarks that it does not know.
+std::vector<char> agreeing(const JointProblem& rows, const JointState& state) {
+  constexpr double far = 6.0;
+  const Cells& c = rows.cells;
+  const std::vector<StopVariance> variances = stop_variances(rows, std::nullopt);
+  std::vector<char> kept(c.size(), 1);
+  for (std::size_t i = 0; i < c.size(); ++i) {
+    const auto k = static_cast<std::size_t>(c.stop[i]), l = static_cast<std::size_t>(c.landmark[i]);
+    if (l >= state.landmarks.size()) continue;
+    const auto foretold = foretold_reading(state, state.stops[k], variances[k], state.landmarks[l],
+                                           c.radius_m[i], c.range_mean[i], c.bearing_mean[i]);
+    kept[i] = foretold && std::abs(foretold->range.z()) < far && std::abs(foretold->bearing.z()) < far;
+  }
+  return kept;
+}
+
 /// Stop after stop of a random walk from where the one before was found, by what it sees of the landmarks of
 /// `state`: the commanded path alone drifts away from them within a block.
 void find_stops(const JointProblem& walk, JointState& state) {
+  const bool looks_for_outliers = walk.rows_alike;
   const Cells& c = walk.cells;
   const auto known = static_cast<int>(state.landmarks.size());
   for (std::size_t k = 1; k < walk.stops.size(); ++k) {
     Pose2& pose = state.stops[k];
     pose = commanded_step(walk, state.stops[k - 1], k);
-    if (!walk.stops[k].opens_place) continue;
+    const bool turned = !walk.stops[k].opens_place;  // where it stood: its heading alone is open
+    if (turned && !looks_for_outliers) continue;
     JointProblem one;
     one.stops = {walk.stops[k]};
+    one.stops[0].opens_place = true;
+    if (turned) one.stops[0].sigma_xy_m = 0.0;
+    one.rows_alike = looks_for_outliers;
     one.stops[0].commanded = pose;
     one.stops[0].place = 0;
     one.stops[0].chained = false;
@@ -82,6 +107,7 @@ void find_stops(const JointProblem& walk, JointState& state) {
     one.cells.stop_begin = {0, static_cast<int>(one.cells.size())};
     JointState at = state;
     at.stops = {pose};
+    if (one.rows_alike) one = merge_rows(one, agreeing(one, at));
     JointSystem system(one, static_cast<int>(at.alpha.size()), 1);
     int evaluations = 0;
     if (std::isfinite(settle_stops(system, at, evaluations))) pose = at.stops[0];
@@ -112,7 +138,11 @@ RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(const JointProblem& 
     answer.reason = *why;
     return answer;
   }
-  const auto start = start_of(stops, order, options_.law);
+  // Outliers do not move the consensus.
+  const bool looks = looks_for_outliers();
+  const JointProblem cells = looks ? find_consensus(stops).problem : JointProblem();
+  const JointProblem& gaussian = looks ? cells : stops;
+  const auto start = start_of(gaussian, order, options_.law);
   if (!start) {
     answer.reason = "no start inside the model's domain was found";
     return answer;
@@ -121,13 +151,22 @@ RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(const JointProblem& 
   with_sigmas_held.held.sigmas = true;
   MarginalFit fit;
   for (const JointOptions& joint_options : {JointOptions{}, with_sigmas_held}) {
-    const JointFit joint = solve_joint_block(stops, *start, joint_options);
+    const JointFit joint = solve_joint_block(gaussian, *start, joint_options);
     if (joint.outcome != Outcome::converged) {
       if (fit.reason.empty()) fit.reason = joint.reason;
       continue;
     }
-    fit = solve_marginal(stops, joint.state, {});
+    fit = solve_marginal(gaussian, joint.state, {});
     if (fit.outcome == Outcome::converged) break;
+  }
+  if (looks) {
+    RobustMarginalFit shaped =
+        solve_marginal_robust(stops, is_usable(fit.outcome) ? fit.state : *start, options_.noise_shape);
+    fit = std::move(shaped.fit);
+    if (!ChannelShapes(shaped.shapes.range.shape, shaped.shapes.bearing.shape).gaussian()) {
+      fit.marginal_nll = shaped.shapes.nll;
+      answer.shapes = std::move(shaped.shapes);
+    }
   }
   answer.outcome = fit.outcome;
   answer.reason = fit.reason;
@@ -139,7 +178,20 @@ RecursiveLandmarks::Answer RecursiveLandmarks::first_answer(const JointProblem& 
   answer.nll = fit.marginal_nll;
   answer.covariance = fit.covariance;
   answer.log_sigmas = log_sigmas_of(fit.state);
+  if (answer.shapes) answer.outliers = outliers_among(stops, answer.state, *answer.shapes);
   return answer;
+}
+
+/// Stops to where the readings that agree with the map of `state` put them; those of a random walk are there already.
+void RecursiveLandmarks::settle_held(JointState& state) const {
+  if (options_.random_walk) return;
+  JointState known = state;
+  known.landmarks.resize(last_->landmarks.size());
+  const JointProblem cells = merge_rows(held_, agreeing(held_, known));
+  JointState settled = state;
+  JointSystem system(cells, static_cast<int>(state.alpha.size()), 1);
+  int evaluations = 0;
+  if (std::isfinite(settle_stops(system, settled, evaluations))) state = std::move(settled);
 }
 
 JointState RecursiveLandmarks::start_of_held() const {
@@ -155,16 +207,23 @@ JointState RecursiveLandmarks::start_of_held() const {
   const Cells& c = held_.cells;
   for (std::size_t l = state.landmarks.size(); l < labels_.size(); ++l) {
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-    double count = 0.0;
+    std::vector<double> x, y, count;
     for (std::size_t i = 0; i < c.size(); ++i) {
       if (c.landmark[i] != static_cast<int>(l)) continue;
       const Pose2& stop = state.stops[static_cast<std::size_t>(c.stop[i])];
       const double phi = stop.heading_rad + c.bearing_mean[i],
                    r = inverted(state.alpha, c.range_mean[i]) + c.radius_m[i];
-      sum += c.count[i] * Eigen::Vector2d(stop.x_m + r * std::cos(phi), stop.y_m + r * std::sin(phi));
-      count += c.count[i];
+      x.push_back(stop.x_m + r * std::cos(phi));
+      y.push_back(stop.y_m + r * std::sin(phi));
+      count.push_back(c.count[i]);
+      sum += count.back() * Eigen::Vector2d(x.back(), y.back());
     }
-    state.landmarks.push_back(count > 0.0 ? Eigen::Vector2d(sum / count) : Eigen::Vector2d::Zero());
+    if (x.empty())
+      state.landmarks.push_back(Eigen::Vector2d::Zero());
+    else if (looks_for_outliers())
+      state.landmarks.emplace_back(upper_median(x, count), upper_median(y, count));
+    else
+      state.landmarks.push_back(sum / std::accumulate(count.begin(), count.end(), 0.0));
   }
   return state;
 }

@@ -9,6 +9,7 @@
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "recursive/landmark_answer.hpp"
+#include "recursive/residual_sketch.hpp"
 
 namespace rangecal {
 namespace {
@@ -16,8 +17,33 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-constexpr const char* format_name = "rangecal-recursive-landmarks/2";
-constexpr const char* format_before = "rangecal-recursive-landmarks/1";  // keeps no squared sums and no past
+constexpr const char* format_name = "rangecal-recursive-landmarks/3";
+constexpr const char* gaussian_format = "rangecal-recursive-landmarks/2";  // knows Gaussian noise alone
+constexpr const char* format_before = "rangecal-recursive-landmarks/1";    // nor squared sums, nor a past
+
+Json json_of(const NoiseShapeParameters& shape) {
+  return {to_string(shape.shape), shape.nu, shape.outlier_share, shape.outlier_scale, shape.outlier_mean};
+}
+
+NoiseShapeParameters noise_shape_in(const Json& json) {
+  return {noise_shape_from_string(json.at(0).get<std::string>()), json.at(1), json.at(2), json.at(3),
+          json.at(4)};
+}
+
+Json json_of(const ResidualSketch& sketch) {
+  Json json = Json::array();
+  for (const auto& [place, sums] : sketch.cells) json.push_back({place.first, place.second, sums});
+  return json;
+}
+
+void restore(const Json& json, ResidualSketch& sketch) {
+  for (const Json& cell : json) {
+    const auto index = [&](std::size_t i) { return whole_number(cell.at(i), "residuals", -100000, 100000); };
+    const auto sums = cell.at(2).get<std::array<double, 4>>();
+    if (!(sums[0] > 0.0 && sums[3] > 0.0)) throw InputError("field 'residuals' holds what no readings make");
+    sketch.cells[{index(0), index(1)}] = sums;
+  }
+}
 
 Json json_of(const LastPose& law) {
   return {{"free", {law.free_position, law.free_heading}},
@@ -196,6 +222,13 @@ std::string RecursiveLandmarks::to_json() const {
              {"first_covariance", list(MatrixXd(first_covariance_))},
              {"first_position_m", {first_position_m_.x(), first_position_m_.y()}},
              {"anchored", anchored_},
+             {"noise_shape", to_string(options_.noise_shape)},
+             {"shapes", shapes_ ? Json{json_of(shapes_->range), json_of(shapes_->bearing)} : Json(nullptr)},
+             {"range_residuals", json_of(*range_residuals_)},
+             {"bearing_residuals", json_of(*bearing_residuals_)},
+             {"gap", list(gap_)},
+             {"squared_gap", list(squared_gap_)},
+             {"outliers", outliers_},
              {"forget", std::isfinite(options_.forget) ? Json(options_.forget) : Json(nullptr)},
              {"block", options_.block},
              {"used", used_},
@@ -233,8 +266,9 @@ std::string RecursiveLandmarks::to_json() const {
 RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const std::string& name) {
   try {
     const Json state = Json::parse(text);
-    const bool before = state.at("format") == format_before;
-    if (!before && state.at("format") != format_name)
+    const bool before = state.at("format") == format_before,
+               gaussian = before || state.at("format") == gaussian_format;
+    if (!gaussian && state.at("format") != format_name)
       throw InputError(std::string("field 'format' is not '") + format_name + "'");
     RecursiveLandmarksOptions options;
     options.order.reset();
@@ -247,6 +281,8 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
     const bool walks = state.contains("random_walk");  // states of 0.1.0 do not know it
     options.random_walk = walks && state.at("random_walk").get<bool>();
     if (state.at("forget").is_number()) options.forget = state.at("forget");
+    options.noise_shape =
+        gaussian ? NoiseShape::gaussian : noise_shape_from_string(state.at("noise_shape").get<std::string>());
     options.block = whole_number(state.at("block"), "block");
     RecursiveLandmarks result(options);
     result.sum_w_ = state.at("weights").at(0);
@@ -282,7 +318,9 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       for (int i = whole_number(held.at("cells"), "cells"); i > 0; --i, ++cell) {
         const int landmark = whole_number(cells.at("landmark").at(cell), "landmark", 0,
                                           static_cast<int>(result.labels_.size()) - 1);
-        const std::size_t at = result.cell_of(landmark);
+        const std::size_t at = result.looks_for_outliers()
+                                   ? result.new_cell(result.held_.cells.size(), landmark)
+                                   : result.cell_of(landmark);
         if (at != cell) throw InputError("field 'cells' holds a landmark twice at one stop");
         for (const auto& [field, column] : columns())
           (result.held_.cells.*column)[at] = cells.at(field).at(cell);
@@ -325,6 +363,7 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       result.last_ = at;
       if (!before && !state.at("past").is_null()) {
         result.past_ = std::make_unique<JointProblem>(past_in(state.at("past")));
+        result.past_->rows_alike = result.looks_for_outliers();
         if (options.random_walk || result.squared_ || result.past_->stops.empty() ||
             result.past_->landmark_radius_m.size() > at.landmarks.size())
           throw InputError("field 'past' does not go with what is summed up");
@@ -336,6 +375,24 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       if (result.past_ && result.anew_stops_ > result.past_->stop_count())
         throw InputError("field 'anew_stops' is more than there are stops in 'past'");
       result.stops_left_out_ = whole_number<std::int64_t>(state.at("stops_left_out"), "stops_left_out");
+    }
+    if (!gaussian) {
+      restore(state.at("range_residuals"), *result.range_residuals_);
+      restore(state.at("bearing_residuals"), *result.bearing_residuals_);
+      if (const Json& shapes = state.at("shapes"); shapes.is_array()) {
+        result.shapes_.emplace();
+        result.shapes_->range = noise_shape_in(shapes.at(0));
+        result.shapes_->bearing = noise_shape_in(shapes.at(1));
+      }
+      result.outliers_ = whole_number(state.at("outliers"), "outliers");
+      const auto gap_in = [&](const char* field) {
+        const auto size = static_cast<Eigen::Index>(std::lround(std::sqrt(state.at(field).size())));
+        if (size > phis)
+          throw InputError(std::string("field '") + field + "' is of more landmarks than there are");
+        return size > 0 ? square_in(state.at(field), size, field) : MatrixXd();
+      };
+      result.gap_ = gap_in("gap");
+      result.squared_gap_ = gap_in("squared_gap");
     }
     if (options.random_walk) {
       result.walked_ = square_in(state.at("walked"), 3, "walked");

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -11,7 +12,57 @@ namespace rangecal {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr const char* pairs_format = "rangecal-recursive/1";
+constexpr const char *pairs_format = "rangecal-recursive/2", *pairs_format_before = "rangecal-recursive/1";
+
+Json json_of(const ResidualCells& cells) {
+  Json json{{"alpha", list(cells.alpha)}, {"noise", list(cells.noise.parameters)}, {"bins", Json::array()}};
+  for (std::size_t b = 0; b < cells.bins.size(); ++b) {
+    const ResidualCells::Bin& bin = cells.bins[b];
+    if (bin.first.empty() && bin.cells.empty()) continue;
+    const auto& [a, slope, bend, spread, growth] = bin.reference;
+    Json one{{"bin", b},
+             {"reference", {a, slope, bend, spread, growth}},
+             {"first", Json::array()},
+             {"cells", Json::array()}};
+    for (const auto& [d, y, weight] : bin.first) one["first"].push_back({d, y, weight});
+    for (const auto& [place, sums] : bin.cells) one["cells"].push_back({place, sums});
+    json["bins"].push_back(std::move(one));
+  }
+  return json;
+}
+
+/// Throws InputError for what no readings make.
+void restore(const Json& json, NoiseLaw law, ResidualCells& cells) {
+  const auto vector = [&](const char* field) {
+    return vector_in(json.at(field), static_cast<Eigen::Index>(json.at(field).size()), field);
+  };
+  cells.alpha = vector("alpha");
+  cells.noise = {law, vector("noise")};
+  if (cells.alpha.size() > 0 && cells.noise.parameters.size() == 0)
+    throw InputError("field 'residuals' has a curve without noise");
+  for (const Json& one : json.at("bins")) {
+    ResidualCells::Bin& bin = cells.bins.at(static_cast<std::size_t>(whole_number(one.at("bin"), "bin")));
+    const Json& reference = one.at("reference");
+    bin.reference = {reference.at(0), reference.at(1), reference.at(2), reference.at(3), reference.at(4)};
+    if (!(std::abs(bin.reference.growth) <= 0.5))
+      throw InputError("field 'reference' has a spread that no bin has");
+    for (const Json& reading : one.at("first")) {
+      bin.first.push_back({reading.at(0), reading.at(1), reading.at(2)});
+      if (!(bin.first.back().d > 0.0 && bin.first.back().weight > 0.0))
+        throw InputError("field 'first' holds a distance or a weight that is not positive");
+    }
+    for (const Json& cell : one.at("cells")) {
+      bin.cells.push_back(
+          {whole_number(cell.at(0), "cells", -1000, 1000), cell.at(1).get<std::array<double, 7>>()});
+      if (!(bin.cells.back().sums[0] > 0.0))
+        throw InputError("field 'cells' holds a weight that is not positive");
+    }
+    const auto in_order = [](const auto& a, const auto& b) { return a.place < b.place; };
+    if (!std::is_sorted(bin.cells.begin(), bin.cells.end(), in_order) ||
+        bin.first.empty() != (bin.reference.spread > 0.0))
+      throw InputError("field 'residuals' holds a bin that no readings make");
+  }
+}
 
 }  // namespace
 
@@ -31,6 +82,12 @@ std::string RecursiveCalibrator::to_json() const {
              {"distances_m", {low_m_, high_m_}},
              {"last_alpha", list(last_alpha_)},
              {"last_noise", list(last_noise_)},
+             {"noise_shape", to_string(options_.noise_shape)},
+             {"last_shape",
+              {to_string(last_shape_.shape), last_shape_.nu, last_shape_.outlier_share,
+               last_shape_.outlier_scale, last_shape_.outlier_mean}},
+             {"choose_at", choose_at_},
+             {"residuals", json_of(cells_)},
              {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}}};
   const Eigen::Index size = triangle_.cols();
   state["triangle"] = Json::array();
@@ -46,7 +103,8 @@ std::string RecursiveCalibrator::to_json() const {
 RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, const std::string& name) {
   try {
     const Json state = Json::parse(text);
-    if (state.at("format") != pairs_format)
+    const bool gaussian = state.at("format") == pairs_format_before;
+    if (!gaussian && state.at("format") != pairs_format)
       throw InputError(std::string("field 'format' is not '") + pairs_format + "'");
     const auto whole = [](const Json& parent, const char* key) { return whole_number(parent.at(key), key); };
     RecursiveOptions options;
@@ -58,6 +116,8 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
     options.law = noise_law_from_string(state.at("law").get<std::string>());
     if (state.contains("noise_order")) options.noise_order = whole(state, "noise_order");
     if (state.at("forget").is_number()) options.forget = state.at("forget");
+    options.noise_shape =
+        gaussian ? NoiseShape::gaussian : noise_shape_from_string(state.at("noise_shape").get<std::string>());
     RecursiveCalibrator result(options);
     result.moments_.used = whole_number<std::int64_t>(state.at("used"), "used");
     if (state.at("timed").is_boolean()) result.timed_ = state.at("timed").get<bool>();
@@ -96,11 +156,18 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
     for (const Json& bin : state.at("bins"))
       result.moments_.bins.at(static_cast<std::size_t>(whole(bin, "bin"))).sums =
           bin.at("sums").get<std::array<std::array<double, DistanceMoments::degree>, 4>>();
+    if (!gaussian) {
+      const Json& shape = state.at("last_shape");
+      result.last_shape_ = {noise_shape_from_string(shape.at(0).get<std::string>()), shape.at(1), shape.at(2),
+                            shape.at(3), shape.at(4)};
+      result.choose_at_ = whole_number<std::int64_t>(state.at("choose_at"), "choose_at");
+      restore(state.at("residuals"), options.law, result.cells_);
+    }
     return result;
   } catch (const Json::exception& error) {
     throw InputError(name, 0, "", "is no state of a tracked calibration: " + json_complaint(error));
   } catch (const std::out_of_range&) {
-    throw InputError(name, 0, "", "field 'bins' names a bin outside the range");
+    throw InputError(name, 0, "", "field 'bins' or 'residuals' names a bin outside the range");
   } catch (const InputError& error) {
     throw InputError(name, 0, "", error.what());
   }

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
+#include <limits>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -84,6 +86,7 @@ TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDev
       const Stream stream = draw(7, count);
       RecursiveOptions options;
       options.law = law;
+      options.noise_shape = NoiseShape::gaussian;
       RecursiveCalibrator tracked(options);
       Calibration ours;
       for (std::size_t i = 0; i < stream.d.size(); ++i) {
@@ -117,6 +120,7 @@ TEST(RecursiveCalibrator, PolynomialNoiseIsTheBatchAnswerWithinOneHundredthOfIts
       RecursiveOptions options;
       options.law = NoiseLaw::polynomial;
       options.noise_order = noise_order;
+      options.noise_shape = NoiseShape::gaussian;
       RecursiveCalibrator tracked(options);
       std::vector<double> d, y;
       for (int i = 0; i < count; ++i) {
@@ -260,8 +264,116 @@ TEST(RecursiveCalibrator, StateIsSavedWholeAndGoesOnBitByBit) {
   EXPECT_THROW(RecursiveCalibrator::from_json("{}", "state"), InputError);
   EXPECT_THROW(RecursiveCalibrator::from_json("not json", "state"), InputError);
   std::string broken = first.to_json();
-  broken.replace(broken.find("recursive/1"), 11, "recursive/9");
+  broken.replace(broken.find("recursive/2"), 11, "recursive/9");
   EXPECT_THROW(RecursiveCalibrator::from_json(broken, "state"), InputError);
+}
+
+/// The stream with a share of readings gross (anything from 0.1 to 6 m) or late by 0.3 m in the mean.
+Stream with_outliers(std::uint64_t repeat, int count, double gross, double late) {
+  Stream stream = draw(repeat, count);
+  Random random(seed_from("recursive outliers", {repeat}));
+  for (double& y : stream.y) {
+    if (random.uniform(0.0, 1.0) < gross) y = random.uniform(0.1, 6.0);
+    if (random.uniform(0.0, 1.0) < late) y -= 0.3 * std::log(random.uniform(1e-9, 1.0));
+  }
+  return stream;
+}
+
+TEST(RecursiveCalibrator, IsTheBatchAnswerUnderOutliers) {
+  // The batch: full_pairs on all readings with the family that the stream has chosen.
+  for (const auto& [gross, late] :
+       {std::pair{0.002, 0.0}, {0.01, 0.0}, {0.05, 0.0}, {0.0, 0.01}, {0.0, 0.05}}) {
+    double ours_sq = 0.0, batch_sq = 0.0;
+    for (std::uint64_t repeat = 0; repeat < 6; ++repeat) {
+      const Stream stream = with_outliers(repeat, 3000, gross, late);
+      RecursiveCalibrator tracked;
+      for (std::size_t i = 0; i < stream.d.size(); ++i) {
+        tracked.add(stream.d[i], stream.y[i]);
+        if (i % 100 == 20) tracked.full();
+      }
+      const Calibration ours = tracked.full();
+      ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
+      ASSERT_EQ(ours.noise_shapes.count("range"), 1u) << gross << ' ' << late << ' ' << repeat;
+      PairsOptions pairs;
+      pairs.shape = noise_shape_of(ours, "range").shape;
+      const PairsFit batch = full_pairs(make_pairs_problem(stream.d, stream.y), pairs);
+      ASSERT_EQ(batch.calibration.outcome, Outcome::converged);
+      for (int i = 0; i < 3; ++i) {
+        const double std_dev = std::sqrt((*batch.calibration.alpha_covariance)(i, i));
+        EXPECT_NEAR(ours.alpha[i], batch.calibration.alpha[i], 0.05 * std_dev) << gross << ' ' << late;
+        EXPECT_NEAR(std::sqrt((*ours.alpha_covariance)(i, i)), std_dev, 0.02 * std_dev);
+      }
+      EXPECT_NEAR(*ours.joint_nll, batch.nll, 1e-3 * std::abs(batch.nll));
+      for (double d = 0.5; d < 5.0; d += 0.5) {
+        const double truth = evaluate_polynomial(Eigen::Vector3d(0.0525, 0.8838, 0.0584), d);
+        ours_sq += std::pow(evaluate_polynomial(ours.alpha, d) - truth, 2);
+        batch_sq += std::pow(evaluate_polynomial(batch.calibration.alpha, d) - truth, 2);
+      }
+    }
+    EXPECT_LT(std::sqrt(ours_sq / batch_sq), 1.02) << gross << ' ' << late;
+  }
+}
+
+TEST(RecursiveCalibrator, IntervalsHoldUnderOutliers) {
+  // z^2 = e^T C^-1 e / 3 of alpha over 120 streams: mean 1, variance 2 / 3 / 120, +- 4 of its deviations = 0.30; with
+  // forgetting and without.
+  for (const double forget : {std::numeric_limits<double>::infinity(), 200.0}) {
+    double squares = 0.0;
+    for (std::uint64_t repeat = 0; repeat < 120; ++repeat) {
+      const Stream stream = with_outliers(100 + repeat, 600, 0.03, 0.0);
+      RecursiveOptions options;
+      options.forget = forget;
+      RecursiveCalibrator tracked = after(stream, options);
+      const Calibration fit = tracked.full();
+      ASSERT_EQ(fit.outcome, Outcome::converged) << fit.reason;
+      const Eigen::Vector3d error = fit.alpha - Eigen::Vector3d(0.0525, 0.8838, 0.0584);
+      squares += error.dot(fit.alpha_covariance->inverse() * error) / 3.0;
+    }
+    EXPECT_NEAR(squares / 120.0, 1.0, 0.30) << forget;
+  }
+}
+
+TEST(RecursiveCalibrator, StateWithOutliersGoesOnBitByBit) {
+  const Stream stream = with_outliers(3, 1500, 0.01, 0.05);
+  RecursiveCalibrator whole, first;
+  const auto take = [&](RecursiveCalibrator& tracked, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      tracked.add(stream.d[i], stream.y[i]);
+      if (i % 50 == 49) tracked.full();
+    }
+  };
+  take(whole, 0, 1500);
+  take(first, 0, 700);
+  RecursiveCalibrator second = RecursiveCalibrator::from_json(first.to_json(), "state");
+  EXPECT_EQ(second.to_json(), first.to_json());
+  take(second, 700, 1500);
+  EXPECT_EQ(second.to_json(), whole.to_json());
+  EXPECT_EQ(second.full().alpha, whole.full().alpha);
+  for (const auto& [field, with] : {std::pair<std::string, std::string>{"\"first\":[", "\"first\":[7,"},
+                                    {"\"choose_at\":", "\"choose_at\":-"},
+                                    {"\"last_shape\":[\"", "\"last_shape\":[\"un"}}) {
+    std::string broken = first.to_json();
+    ASSERT_NE(broken.find(field), std::string::npos) << field;
+    broken.replace(broken.find(field), field.size(), with);
+    EXPECT_THROW(RecursiveCalibrator::from_json(broken, "state"), InputError) << field;
+  }
+}
+
+TEST(RecursiveCalibrator, TakesStatesOfGaussianNoise) {
+  // A state of version 1 has no cells of residuals: its noise stays Gaussian.
+  RecursiveOptions options;
+  options.noise_shape = NoiseShape::gaussian;
+  RecursiveCalibrator tracked = after(draw(5, 200), options);
+  std::string state = tracked.to_json();
+  state.replace(state.find("recursive/2"), 11, "recursive/1");
+  for (const char* field : {"\"noise_shape\"", "\"last_shape\"", "\"choose_at\"", "\"residuals\""}) {
+    const std::size_t at = state.find(field);
+    ASSERT_NE(at, std::string::npos);
+    state[at + 1] = 'x';
+  }
+  RecursiveCalibrator restored = RecursiveCalibrator::from_json(state, "state");
+  EXPECT_EQ(restored.options().noise_shape, NoiseShape::gaussian);
+  EXPECT_EQ(restored.full().alpha, tracked.full().alpha);
 }
 
 TEST(RecursiveCalibrator, HostileInput) {

@@ -6,11 +6,12 @@
 #include <vector>
 
 #include "rangecal/problems/pairs/pairs_problem.hpp"
+#include "rangecal/solvers/recursive/distance_bins.hpp"
 
 namespace rangecal {
 
 /// What a likelihood y ~ N(f(d), s(d)^2) needs to know about any number of pairs, whatever f and s are, as long as they
-/// are smooth. Distances d [m] fall into bins of equal ratio; a bin with centre c and half width h keeps
+/// are smooth. A bin of distances with centre c and half width h keeps
 ///
 ///   M_jk = sum_i w_i z_i^j T_k(u_i),   j = 0, 1, 2,  k = 0 .. 7,   z = y - d,  u = (d - c) / h,
 ///
@@ -28,7 +29,7 @@ class DistanceMoments {
 
   DistanceMoments(double low_m, double high_m);
 
-  bool holds(double d) const { return d >= low_ && d <= high_; }
+  bool holds(double d) const { return places_.hold(d); }
   /// Precondition: holds(d). Cost: 40 multiplications.
   void add(double d, double y, double weight);
   void scale(double factor);  ///< of every weight
@@ -45,7 +46,7 @@ class DistanceMoments {
   std::int64_t used = 0;
 
  private:
-  double low_, high_, log_ratio_;
+  DistanceBins places_;
 };
 
 }  // namespace rangecal

@@ -6,21 +6,28 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
+#include "rangecal/solvers/joint_ml/robust.hpp"
 #include "rangecal/solvers/recursive/recursive_bearings.hpp"
 
 namespace rangecal {
 
 struct LandmarkSums;
+struct LastPose;
+struct SigmaGrid;
+struct ChannelResiduals;
+class ResidualSketch;
 
 struct RecursiveLandmarksOptions {
   std::optional<int> order = 2;        ///< of f; nullopt: the lowest AIC of 1 .. max_order at each estimate
   int max_order = 3;                   ///< of that search
   NoiseLaw law = NoiseLaw::f_squared;  ///< every law but `polynomial`
+  NoiseShape noise_shape = NoiseShape::automatic;  ///< of ranges and of bearings, each for itself
   double sigma_xy_m = 0.01,
          sigma_heading_rad = 0.0;  ///< of stops that do not say how far they may be from their pose
   bool random_walk = false;        ///< these are errors of the step from the stop before, which add up
@@ -72,6 +79,15 @@ struct LandmarkReading {
 /// information of a stop: a second LandmarkSums has the weights squared. Where sums of second order make no J of H's
 /// kind, it is H^-1, which is never less, since w <= 1.
 ///
+/// Noise shapes. Readings are held as rows, those of one stop that are alike within a quarter of their spread as one. A block
+/// is summed up as the Gaussian readings that its rows stand for under the shapes at the estimate (weighted_problem):
+/// expectation and maximisation (Dempster, Laird, Rubin 1977) with the expectation of each block taken once, of the stops kept
+/// as they came as often as these are expanded anew. The shapes are those of solve_marginal_robust while all is kept, later
+/// fitted to a sketch of all residuals (Cappe and Moulines 2009, J. R. Statist. Soc. B 71, 593, for online expectation and
+/// maximisation); they are chosen from the sketch and the residuals of the stops held, about stops that the readings which
+/// agree with the map place. The covariance counts what readings of the shapes tell (robust_covariance.hpp); along a random
+/// walk it is enlarged as if every reading told as little as those of the channel that tells least.
+///
 /// from_bearings() is the linear part, 2021 eq. 18-25, by RecursiveBearings: the batch's answer to rounding.
 class RecursiveLandmarks {
  public:
@@ -96,6 +112,10 @@ class RecursiveLandmarks {
   /// Cost: some 100 assemblies of the stops held, 1 ms with five landmarks.
   Calibration estimate();
 
+  /// That range or bearing of a reading is an outlier, by what was summed up before: of a landmark that was, seen from within
+  /// the stop's accuracy. None for others, before that, and along a random walk, whose stops are nowhere in particular.
+  std::optional<double> outlier_probability(const LandmarkReading& reading) const;
+
   /// The landmarks from their bearings alone, in the order of their first reading, with the weights
   /// `consistent`.
   std::vector<LandmarkFromBearings> from_bearings() const;
@@ -112,10 +132,10 @@ class RecursiveLandmarks {
   double effective_stops() const;  ///< (sum w)^2 / sum w^2 of those that are in the answer
   const std::vector<std::string>& landmarks() const { return labels_; }
 
-  /// `rangecal-recursive-landmarks/2`: the whole state as JSON; doubles survive bit by bit.
+  /// `rangecal-recursive-landmarks/3`: the whole state as JSON; doubles survive bit by bit.
   std::string to_json() const;
-  /// Takes states of version 1 too, which keep no second sums: where they forget, these begin as the first times
-  /// sum w^2 / sum w. Throws InputError naming `name` and the field for a text that is no such state.
+  /// Takes states of versions 1 and 2 too, which know Gaussian noise alone. Those of version 1 keep no second sums: where
+  /// they forget, these begin as the first times sum w^2 / sum w. Throws InputError naming `name` and the field for a text that is no such state.
   static RecursiveLandmarks from_json(const std::string& text, const std::string& name);
 
  private:
@@ -123,9 +143,28 @@ class RecursiveLandmarks {
   StopPrior prior_of(const Stop& stop) const;
   void open_stop(const Stop& stop);
   void hold(const std::string& label, StopPrior prior, const std::string* new_place);
+  bool looks_for_outliers() const { return options_.noise_shape != NoiseShape::gaussian; }
   std::size_t cell_of(int landmark);
+  std::size_t new_cell(std::size_t at, int landmark);
+  std::size_t row_of(int landmark, double range_m, double bearing_rad);
+  JointProblem held_cells(const JointState& state, const std::optional<RobustShapes>& shapes) const;
+  std::optional<LandmarkSums> expand_held(Answer& answer, const SigmaGrid& grid,
+                                          const Eigen::VectorXd& reference, const LastPose* last_pose) const;
+  void settle_held(JointState& state) const;
+  void take_shapes_into(Answer& answer) const;
+  std::optional<RobustShapes> shapes_beside(const JointState& state) const;
+  NoiseShapeParameters shape_beside(const NoiseShapeParameters& own, const ChannelResiduals& residuals,
+                                    std::span<const NoiseShape> families) const;
+  double readings_counted() const;
+  double typical_spread(const JointState& state) const;
+  Eigen::MatrixXd gap_of(const JointProblem& cells, const JointState& state,
+                         const RobustShapes& shapes) const;
+  Eigen::MatrixXd information_gap(const Answer& answer, const Eigen::MatrixXd& summed, double weight) const;
+  void take_residuals(const JointProblem& rows, const JointState& state);
+  void renew_shapes();
   int landmark_of(const LandmarkReading& reading);
-  RecursiveBearings::Line line_of(std::size_t cell) const;
+  RecursiveBearings::Line line_of(const Cells& cells, std::size_t cell) const;
+  void add_latest_lines(std::vector<RecursiveBearings>& bearings) const;
   Answer answer(int order) const;
   Answer first_answer(const JointProblem& stops, int order) const;
   Answer from_sums(int order) const;
@@ -143,7 +182,8 @@ class RecursiveLandmarks {
   Calibration calibration_of(const Answer& answer) const;
 
   RecursiveLandmarksOptions options_;
-  JointProblem held_;      ///< the stops held; their cells carry the repeats
+  JointProblem
+      held_;  ///< the stops held; cells carry the repeats, or a row each where outliers are looked for
   bool anchored_ = false;  ///< the first of them is the last one summed up: its readings are in the sums
   Eigen::Matrix3d walked_ = Eigen::Matrix3d::Zero();  ///< random walk: covariance of the latest stop's pose,
   Eigen::Matrix3d first_covariance_ = Eigen::Matrix3d::Zero();  ///< of the first stop's
@@ -157,7 +197,12 @@ class RecursiveLandmarks {
   std::unique_ptr<LandmarkSums> squared_;  ///< with forgetting: the same by the squares of the weights
   std::unique_ptr<JointProblem> past_;     ///< the stops summed up as they came; null once they are too many
   int anew_stops_ = 0;                     ///< of these when they were last expanded about one answer
-  std::optional<JointState> last_;         ///< alpha, noise, sigma_theta and landmarks of the last answer
+  std::optional<RobustShapes> shapes_;     ///< of what was summed up; none: Gaussian
+  std::unique_ptr<ResidualSketch> range_residuals_, bearing_residuals_;  ///< of the same
+  Eigen::MatrixXd gap_,
+      squared_gap_;   ///< what readings of the shapes tell of phi beyond the sums; and by squared weights
+  int outliers_ = 0;  ///< readings summed up that the shapes take for such
+  std::optional<JointState> last_;  ///< alpha, noise, sigma_theta and landmarks of the last answer
   Counts counts_;
   std::int64_t used_ = 0, stops_ = 0, stops_left_out_ = 0;
   double sum_w_ = 0.0, sum_w_sq_ = 0.0;                                    ///< over stops summed up
