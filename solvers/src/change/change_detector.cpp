@@ -3,15 +3,20 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "change/over_range.hpp"
 #include "change/wave.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
 namespace {
@@ -32,12 +37,38 @@ double direction(ChangeKind kind, int wave, double f, double s, double bearing) 
     case ChangeKind::encoder:
       return (wave == 0 ? std::cos(bearing) : std::sin(bearing)) / s;
     case ChangeKind::noise:
+    case ChangeKind::outliers:
       break;
   }
   return 0.0;
 }
 
-double noise_step(double log_rho, double z) { return -log_rho + 0.5 * z * z * -std::expm1(-2.0 * log_rho); }
+constexpr double farthest_summed = 1e100;  // standard deviations: the squares of what is beyond have no sum
+constexpr double outlier_scale = 20.0;     // of outliers that the reference's shape does not have
+
+bool is_mixture(const NoiseShapeParameters& shape) {
+  return shape.shape == NoiseShape::contaminated || shape.shape == NoiseShape::one_sided;
+}
+
+/// log density of z where the share of outliers is `share`.
+double log_with_share(const NoiseShapeParameters& shape, double share, double z, double s) {
+  if (is_mixture(shape)) {
+    NoiseShapeParameters other = shape;
+    other.outlier_share = share;
+    return log_density(other, z, s).value;
+  }
+  const double body = std::log1p(-share) + log_density(shape, z, s).value,
+               wide = std::log(share / outlier_scale) - half_log_two_pi -
+                      0.5 * z * z / (outlier_scale * outlier_scale),
+               high = std::max(body, wide);
+  return high + std::log(std::exp(body - high) + std::exp(wide - high));
+}
+
+/// log density of z where the spread is e^log_rho times what it was; less that at log_rho = 0 for Gaussian noise exactly.
+double log_with_spread(const ShapeDensity& density_at, double log_rho, double z, double s) {
+  const double rho = std::exp(log_rho);
+  return density_at(z / rho, s * rho).value - log_rho;
+}
 
 /// Of a power law; a polynomial's is taken as exact.
 double variance_of_log_sigma(const Calibration& c) {
@@ -57,7 +88,116 @@ double sum_in(double value) {
   return value;
 }
 
-constexpr double farthest_summed = 1e100;  // standard deviations: the squares of what is beyond have no sum
+constexpr double this_version = -3.0;  // begins a state; those before begin with a count
+constexpr double log_farthest = 8.0;   // of a factor on the spread
+
+/// The readings since an alarm, and the likeliest size of a change of each kind.
+class ReadingsSince {
+ public:
+  ReadingsSince(const Calibration& reference, const ShapeDensity& density,
+                const std::vector<ChangeDetector::Reading>& readings)
+      : reference_(reference), density_(density), readings_(readings) {
+    for (const ChangeDetector::Reading& one : readings) {
+      f_.push_back(evaluate_polynomial(reference.alpha, one.true_m));
+      s_.push_back(reference.noise.spread(one.true_m, f_.back()));
+      z_.push_back((one.reading_m - f_.back()) / s_.back());
+    }
+  }
+
+  bool finite() const {
+    for (std::size_t i = 0; i < z_.size(); ++i)
+      if (!(s_[i] > 0.0 && std::abs(z_[i]) < farthest_summed)) return false;
+    return true;
+  }
+  double typical_spread() const { return upper_median(s_); }
+
+  /// Size b of sum_j b_j g_j with its covariance, and the gain of likelihood.
+  struct Along {
+    VectorXd size;
+    MatrixXd covariance;
+    double gain = 0.0;
+  };
+  /// By Newton's steps with the robust weights, from b = 0 and from b of least squares. None where the directions are alike.
+  std::optional<Along> along(const std::vector<std::pair<ChangeKind, int>>& directions,
+                             double location) const {
+    const Index size = static_cast<Index>(directions.size()), curve = reference_.alpha.size();
+    const auto count = static_cast<Index>(z_.size());
+    MatrixXd g(count, size), x(count, curve);
+    for (Index i = 0; i < count; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      for (Index j = 0; j < size; ++j) {
+        const auto& [kind, wave] = directions[static_cast<std::size_t>(j)];
+        g(i, j) = direction(kind, wave, f_[at], s_[at], readings_[at].bearing_rad);
+      }
+      x.row(i) = powers_of(readings_[at].true_m, curve).transpose() / s_[at];
+    }
+    const MatrixXd squares = g.transpose() * g;
+    if (!(squares.determinant() > 1e-9 * squares.diagonal().prod())) return std::nullopt;
+    const VectorXd z = VectorXd::Map(z_.data(), count), least = squares.ldlt().solve(g.transpose() * z);
+    Along best;
+    best.gain = -1.0;
+    for (const VectorXd& start : {VectorXd(VectorXd::Zero(size)), least}) {
+      VectorXd b = start;
+      constexpr int rounds = 50;
+      for (int round = 0; round < rounds; ++round) {
+        VectorXd U = VectorXd::Zero(size);
+        MatrixXd W = MatrixXd::Zero(size, size);
+        for (Index i = 0; i < count; ++i) {
+          const LogDensity at = density_(z[i] - g.row(i).dot(b), s_[static_cast<std::size_t>(i)]);
+          U -= at.derivative * g.row(i).transpose();
+          W += at.weight * g.row(i).transpose() * g.row(i);
+        }
+        const VectorXd step = W.ldlt().solve(U);
+        if (!step.allFinite()) break;
+        b += step;
+        constexpr double still = 1e-6;  // standard deviations
+        if (step.dot(squares * step) < still * still) break;
+      }
+      double gain = 0.0;
+      for (Index i = 0; i < count; ++i) {
+        const double s = s_[static_cast<std::size_t>(i)];
+        gain += density_(z[i] - g.row(i).dot(b), s).value - density_(z[i], s).value;
+      }
+      if (gain > best.gain) {
+        best.gain = gain;
+        best.size = b;
+      }
+    }
+    if (best.size.size() == 0) return std::nullopt;
+    const MatrixXd C = reference_.alpha_covariance.value_or(MatrixXd::Zero(curve, curve)),
+                   A = squares.inverse() * (g.transpose() * x);
+    best.covariance = squares.inverse() / location + A * C * A.transpose();
+    return best;
+  }
+
+  /// Argument of the largest sum of log_density(argument, z, s), and its gain over the reference's density.
+  template <typename LogDensityOf>
+  std::pair<double, double> likeliest(double low, double high, const LogDensityOf& log_density_of) const {
+    const auto negative = [&](double at) {
+      double sum = 0.0;
+      for (std::size_t i = 0; i < z_.size(); ++i)
+        sum -= log_density_of(at, z_[i], s_[i]) - density_(z_[i], s_[i]).value;
+      return sum;
+    };
+    constexpr int pieces = 16, bits = 26;
+    int lowest = 0;
+    std::vector<double> at(pieces + 1);
+    for (int k = 0; k <= pieces; ++k) {
+      at[static_cast<std::size_t>(k)] = negative(low + (high - low) * k / pieces);
+      if (at[static_cast<std::size_t>(k)] < at[static_cast<std::size_t>(lowest)]) lowest = k;
+    }
+    const double piece = (high - low) / pieces, about = low + piece * lowest;
+    const auto [argument, value] = boost::math::tools::brent_find_minima(
+        negative, std::max(low, about - piece), std::min(high, about + piece), bits);
+    return {argument, -value};
+  }
+
+ private:
+  const Calibration& reference_;
+  const ShapeDensity& density_;
+  const std::vector<ChangeDetector::Reading>& readings_;
+  std::vector<double> f_, s_, z_;
+};
 
 }  // namespace
 
@@ -73,6 +213,8 @@ const char* to_string(ChangeKind kind) {
       return "encoder";
     case ChangeKind::noise:
       return "noise";
+    case ChangeKind::outliers:
+      return "outliers";
   }
   return "window";
 }
@@ -84,11 +226,13 @@ void ChangeOptions::check() const {
   if (!(shift >= 0.01 && shift <= 5.0)) refuse(fmt::format("shift = {} is outside of 0.01 .. 5", shift));
   if (!(noise_factor > 1.01 && noise_factor <= 10.0))
     refuse(fmt::format("noise_factor = {} is outside of 1.01 .. 10", noise_factor));
+  if (!(outlier_share >= 1e-4 && outlier_share <= 0.2))
+    refuse(fmt::format("outlier_share = {} is outside of 1e-4 .. 0.2", outlier_share));
   if (naming < 10 || naming > 1000000) refuse(fmt::format("naming = {} is outside of 10 .. 1000000", naming));
 }
 
 ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions& options)
-    : reference_(reference), options_(options) {
+    : reference_(reference), options_(options), shape_(noise_shape_of(reference, "range")), density_(shape_) {
   options.check();
   if (!is_usable(reference.outcome) || reference.alpha.size() == 0 ||
       !(reference.range_max_m > reference.range_min_m))
@@ -100,7 +244,21 @@ ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions
     for (const int wave : {0, 1}) add_charts(ChangeKind::encoder, wave);
   const double log_rho = std::log(options_.noise_factor);
   for (const double sign : {1.0, -1.0}) charts_.push_back({ChangeKind::noise, 0, sign * log_rho});
+  constexpr double times = 4.0, highest = 0.25;
+  const double share = is_mixture(shape_) ? shape_.outlier_share : 0.0;
+  charts_.push_back(
+      {ChangeKind::outliers, 0, std::min(highest, std::max(options_.outlier_share, times * share))});
+  if (share > options_.outlier_share) charts_.push_back({ChangeKind::outliers, 0, share / times});
   start_again();
+}
+
+double ChangeDetector::step_of(const Chart& chart, double f, double s, double z, double bearing,
+                               double log_before) const {
+  if (chart.kind == ChangeKind::noise) return log_with_spread(density_, chart.size, z, s) - log_before;
+  if (chart.kind == ChangeKind::outliers) return log_with_share(shape_, chart.size, z, s) - log_before;
+  const double bg = chart.size * direction(chart.kind, chart.wave, f, s, bearing);
+  if (shape_.shape == NoiseShape::gaussian) return bg * (z - 0.5 * bg);  // exact where z is large
+  return density_(z - bg, s).value - log_before;
 }
 
 void ChangeDetector::add_charts(ChangeKind kind, int wave) {
@@ -123,15 +281,15 @@ std::optional<ChangeAlarm> ChangeDetector::add(double true_m, double reading_m, 
     return std::nullopt;
   ++readings_;
   if (naming_left_ > 0) {
-    sum_up(true_m, f, s, z, bearing_rad);
+    since_.push_back({true_m, reading_m, bearing_rad});
     if (--naming_left_ > 0) return std::nullopt;
     name(open_);
     start_again();
     return open_;
   }
+  const double log_before = density_(z, s).value;
   for (Chart& chart : charts_) {
-    const double bg = chart.size * direction(chart.kind, chart.wave, f, s, bearing_rad);
-    chart.step = chart.kind == ChangeKind::noise ? noise_step(chart.size, z) : bg * (z - 0.5 * bg);
+    chart.step = step_of(chart, f, s, z, bearing_rad, log_before);
     chart.before = chart.ratio;
     chart.ratio = (1.0 + chart.before) * std::exp(chart.step);
     chart.value = std::max(0.0, chart.value + chart.step);
@@ -156,32 +314,17 @@ const ChangeDetector::Chart* ChangeDetector::loudest() const {
                             [&](const Chart& a, const Chart& b) { return log_ratio(a) < log_ratio(b); });
 }
 
-void ChangeDetector::sum_up(double true_m, double f, double s, double z, double bearing) {
-  Eigen::VectorXd h(score_.size());
-  h.head<3>() << direction(ChangeKind::window, 0, f, s, 0.0), direction(ChangeKind::baseline, 0, f, s, 0.0),
-      direction(ChangeKind::pointing, 0, f, s, 0.0);
-  for (int wave = 0; options_.bearings && wave < 2; ++wave)
-    h[3 + wave] = direction(ChangeKind::encoder, wave, f, s, bearing);
-  h.tail(reference_.alpha.size()) = powers_of(true_m, reference_.alpha.size()) / s;
-  score_ += h * z;
-  information_ += h * h.transpose();
-  squares_ += z * z;
-}
-
 void ChangeDetector::start_again() {
   for (Chart& chart : charts_) {
     chart.ratio = chart.before = chart.step = chart.value = 0.0;
     chart.since = readings_;
   }
-  score_ = VectorXd::Zero(directions() + reference_.alpha.size());
-  information_ = MatrixXd::Zero(score_.size(), score_.size());
-  squares_ = 0.0;
+  since_.clear();
 }
 
 void ChangeDetector::name(ChangeAlarm& alarm) const {
-  const Index curve = reference_.alpha.size();
-  const MatrixXd C = reference_.alpha_covariance.value_or(MatrixXd::Zero(curve, curve));
-  const double N = options_.naming;
+  const ReadingsSince readings(reference_, density_, since_);
+  const double N = static_cast<double>(since_.size());
   ChangeAlarm best = alarm;
   double most = -1.0, all = 0.0;  // gain of the best, sum of e^(gain - most)
   const auto offer = [&](const ChangeAlarm& kind, double gain) {
@@ -192,84 +335,113 @@ void ChangeDetector::name(ChangeAlarm& alarm) const {
   };
   ChangeAlarm one = alarm;
   one.named = true;
-  constexpr ChangeKind plain[] = {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing};
-  for (Index k = 0; k < 3; ++k) {
-    const double U = score_[k], I = information_(k, k);
-    if (!(I > 0.0)) continue;
-    const VectorXd A = information_.row(k).tail(curve);
-    one.kind = plain[k];
-    one.size = U / I;
-    one.std_dev = std::sqrt(1.0 / I + A.dot(C * A) / (I * I));
-    offer(one, 0.5 * U * U / I);
+  const double location = shape_information(shape_, readings.typical_spread()).location;
+  for (const ChangeKind kind : {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing}) {
+    const auto change = readings.along({{kind, 0}}, location);
+    if (!change) continue;
+    one.kind = kind;
+    one.size = change->size[0];
+    one.std_dev = std::sqrt(change->covariance(0, 0));
+    offer(one, change->gain);
   }
-  const double v = std::max(squares_ / N, 1e-300);
+  const auto [log_rho, of_spread] =
+      readings.likeliest(-log_farthest, log_farthest,
+                         [&](double at, double z, double s) { return log_with_spread(density_, at, z, s); });
   one.kind = ChangeKind::noise;
-  one.size = 0.5 * std::log(v);
-  one.std_dev = std::sqrt(0.5 / N + variance_of_log_sigma(reference_));
-  offer(one, 0.5 * N * (v - 1.0 - std::log(v)));
+  one.size = log_rho;
+  one.std_dev = std::sqrt(1.0 / (N * shape_information(shape_, readings.typical_spread()).spread(0, 0)) +
+                          variance_of_log_sigma(reference_));
+  offer(one, of_spread);
   if (options_.bearings) {
-    const Eigen::Matrix2d I = information_.block<2, 2>(3, 3);
-    if (I.determinant() > 1e-9 * I(0, 0) * I(1, 1)) {  // else the bearings are all alike: an offset, too
-      const Eigen::Vector2d U = score_.segment<2>(3);
-      const Eigen::Matrix2d inverse = I.inverse();
-      const Eigen::Matrix2Xd A = inverse * information_.block(3, directions(), 2, curve);
-      tell_wave(inverse * U, inverse + A * C * A.transpose(), one);
-      offer(one, 0.5 * U.dot(inverse * U) - 0.5 * std::log(N));
+    // Bearings that are all alike tell an offset, too.
+    if (const auto waves = readings.along({{ChangeKind::encoder, 0}, {ChangeKind::encoder, 1}}, location)) {
+      tell_wave(waves->size, waves->covariance, one);
+      offer(one, waves->gain - 0.5 * std::log(N));
+      one.phase_rad.reset();
     }
   }
+  constexpr double least_logit = -12.0, most_logit = 0.0;  // shares of 6e-6 to 1 / 2
+  const auto share_at = [](double logit) { return 1.0 / (1.0 + std::exp(-logit)); };
+  const auto [logit, of_share] = readings.likeliest(
+      least_logit, most_logit,
+      [&](double at, double z, double s) { return log_with_share(shape_, share_at(at), z, s); });
+  one.kind = ChangeKind::outliers;
+  one.size = share_at(logit);
+  one.std_dev = std::sqrt(one.size * (1.0 - one.size) / N);
+  offer(one, of_share);
   best.probability = 1.0 / all;
   alarm = best;
 }
 
 std::vector<double> ChangeDetector::state() const {
-  std::vector<double> values{static_cast<double>(readings_), static_cast<double>(naming_left_),
-                             static_cast<double>(open_.reading), static_cast<double>(open_.since), squares_};
+  std::vector<double> values{this_version, static_cast<double>(readings_), static_cast<double>(naming_left_),
+                             static_cast<double>(open_.reading), static_cast<double>(open_.since)};
   for (const Chart& chart : charts_)
     for (const double value : {chart.ratio, chart.value, static_cast<double>(chart.since)})
       values.push_back(value);
-  values.insert(values.end(), score_.begin(), score_.end());
-  values.insert(values.end(), information_.data(), information_.data() + information_.size());
+  for (const Reading& one : since_)
+    for (const double value : {one.true_m, one.reading_m, one.bearing_rad}) values.push_back(value);
   return values;
 }
 
-void ChangeDetector::restore_first_version(const std::vector<double>& state) {
-  if (naming_left_ > 0) naming_left_ = options_.naming;
-  for (std::size_t i = 0; i < charts_.size(); ++i) {
-    charts_[i].value = state[4 + 4 * i];
-    charts_[i].ratio = std::exp(std::clamp(charts_[i].value, 0.0, 50.0));  // the largest of what R is the sum
-    charts_[i].since = whole_count(state[7 + 4 * i]);
+/// Of charts that watched for no outliers; false for a state that is none of theirs.
+bool ChangeDetector::restore_earlier_version(const std::vector<double>& state) {
+  const auto watched = static_cast<std::size_t>(std::count_if(
+      charts_.begin(), charts_.end(), [](const Chart& c) { return c.kind != ChangeKind::outliers; }));
+  const std::size_t sums = static_cast<std::size_t>((options_.bearings ? 5 : 3) + reference_.alpha.size());
+  const bool first = state.size() == 4 + 4 * watched;
+  if (!first && state.size() != 5 + 3 * watched + sums + sums * sums) return false;
+  readings_ = whole_count(state[0]);
+  naming_left_ = whole_count(state[1]) > 0 ? options_.naming : 0;
+  open_.reading = whole_count(state[2]);
+  open_.since = whole_count(state[3]);
+  const double* next = state.data() + (first ? 4 : 5);
+  for (std::size_t i = 0; i < watched; ++i) {
+    Chart& chart = charts_[i];
+    if (!first) {
+      chart.ratio = sum_in(*next++);
+      chart.value = sum_in(*next++);
+    } else {
+      chart.value = *next;
+      chart.ratio = std::exp(std::clamp(chart.value, 0.0, 50.0));  // the largest of what R is the sum
+      next += 3;
+    }
+    chart.since = whole_count(*next++);
   }
+  return true;
 }
 
 void ChangeDetector::restore(const std::vector<double>& state) {
-  const std::size_t charts = charts_.size(), sums = static_cast<std::size_t>(score_.size());
-  const bool first_version = state.size() == 4 + 4 * charts;
-  if (!first_version && state.size() != 5 + 3 * charts + sums + sums * sums)
-    throw InputError("ChangeDetector: the state is of other charts");
   if (!std::all_of(state.begin(), state.end(), [](double value) { return std::isfinite(value); }))
     throw InputError("ChangeDetector: the state has a number that is not finite");
   ChangeDetector restored(*this);
   restored.start_again();
-  restored.readings_ = whole_count(state[0]);
-  restored.naming_left_ = whole_count(state[1]);
   restored.open_ = {};
-  restored.open_.reading = whole_count(state[2]);
-  restored.open_.since = whole_count(state[3]);
-  if (first_version) {
-    restored.restore_first_version(state);
+  const auto other_charts = [] { return InputError("ChangeDetector: the state is of other charts"); };
+  if (state.empty()) throw other_charts();
+  if (state[0] != this_version) {
+    if (!restored.restore_earlier_version(state)) throw other_charts();
   } else {
-    const double* next = state.data() + 4;
-    restored.squares_ = sum_in(*next++);
+    const std::size_t of_charts = 5 + 3 * charts_.size();
+    if (state.size() < of_charts || (state.size() - of_charts) % 3 != 0) throw other_charts();
+    const double* next = state.data() + 1;
+    restored.readings_ = whole_count(*next++);
+    restored.naming_left_ = whole_count(*next++);
+    restored.open_.reading = whole_count(*next++);
+    restored.open_.since = whole_count(*next++);
     for (Chart& chart : restored.charts_) {
       chart.ratio = sum_in(*next++);
       chart.value = sum_in(*next++);
       chart.since = whole_count(*next++);
     }
-    for (double& value : restored.score_) value = *next++;
-    std::copy_n(next, restored.information_.size(), restored.information_.data());
+    for (std::size_t i = of_charts; i < state.size(); i += 3)
+      restored.since_.push_back({state[i], state[i + 1], state[i + 2]});
+    const auto taken = static_cast<std::int64_t>(restored.since_.size());
+    if (restored.naming_left_ > 0 ? restored.naming_left_ + taken != options_.naming : taken > 0)
+      throw InputError("ChangeDetector: the state names an alarm by more readings than are asked for");
+    const ReadingsSince usable(reference_, density_, restored.since_);
+    if (!usable.finite()) throw InputError("ChangeDetector: the state has a reading that was not taken");
   }
-  if (restored.naming_left_ > options_.naming)
-    throw InputError("ChangeDetector: the state names an alarm by more readings than are asked for");
   *this = std::move(restored);
 }
 
