@@ -19,9 +19,10 @@ std::vector<std::string> words_of(const FleetCommand& given) {
   for (const std::string& file : job.merge) words.insert(words.end(), {"--merge", file});
   if (!given.shard.empty()) words.insert(words.end(), {"--shard", given.shard});
   if (!job.csv.empty()) words.insert(words.end(), {"--csv", job.csv});
-  words.insert(words.end(), {"-o", job.output, "--order", std::to_string(job.order), "--noise", given.noise,
-                             "--diagnose", std::to_string(job.diagnoses), "--alarm-rate",
-                             fmt::format("{}", job.alarm_rate), "--threads", std::to_string(job.threads)});
+  words.insert(words.end(),
+               {"-o", job.output, "--order", std::to_string(job.order), "--noise", given.noise,
+                "--noise-shape", given.noise_shape, "--diagnose", std::to_string(job.diagnoses),
+                "--alarm-rate", fmt::format("{}", job.alarm_rate), "--threads", std::to_string(job.threads)});
   return words;
 }
 

@@ -34,6 +34,7 @@ void keep_recordings(const std::string& csv, const std::vector<std::string>& inp
 
 void FleetCommand::prepare() {
   job.law = noise_law_from_string(noise);
+  job.noise_shape = noise_shape_from_string(noise_shape);
   if (job.law == NoiseLaw::polynomial)
     throw InputError("--noise polynomial has no one sigma for a population");
   const Shard part = shard_from(shard);
@@ -104,6 +105,11 @@ CLI::App* declare_fleet(CLI::App& app, FleetCommand& given) {
       ->check(CLI::Range(0, 6))
       ->capture_default_str();
   command->add_option("--noise", given.noise, "noise law of all: constant, f, f2, f3, d2")
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--noise-shape", given.noise_shape,
+          "of each unit: auto (by AIC), gaussian, student-t, contaminated, one-sided (late or early echoes)")
       ->capture_default_str();
   command->add_option("--csv", given.job.csv, "write the units with their posteriors as a table");
   command

@@ -11,7 +11,7 @@ namespace rangecal::app {
 /// `fleet` as it is given on the command line.
 struct FleetCommand {
   FleetJob job;
-  std::string noise = "f2", shard;
+  std::string noise = "f2", noise_shape = "auto", shard;
 
   /// Fills the job from what was given as text. Throws InputError for what is none.
   void prepare();

@@ -45,7 +45,7 @@ class Fleet {
         " range_min_m REAL, range_max_m REAL, " +
         columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_std REAL, nll REAL, shape_p REAL, shape_m REAL, tail_p REAL, kurtosis REAL, dependence_p REAL,"
-        " correlation REAL, theta BLOB, information BLOB, stamp INTEGER, contents INTEGER, notes TEXT) WITHOUT ROWID;"
+        " correlation REAL, theta BLOB, information BLOB, stamp INTEGER, contents INTEGER, notes TEXT, noise_shape TEXT) WITHOUT ROWID;"
         "CREATE TABLE IF NOT EXISTS posteriors(name TEXT PRIMARY KEY, source TEXT, " +
         columns(n, "alpha_{0} REAL, alpha_{0}_std REAL, ") +
         "sigma REAL, sigma_relative_std REAL, distance_sq REAL, p_value REAL) WITHOUT ROWID;"
@@ -53,6 +53,7 @@ class Fleet {
     same("format", "rangecal-fleet/1");
     same("order", std::to_string(job.order));
     same("law", to_string(job.law));
+    same("noise_shape", to_string(job.noise_shape));
     same("shard", fmt::format("{}/{}", job.shard + 1, job.shards));
     identify_inputs(database_);
     renew_fits(database_);
@@ -140,7 +141,7 @@ class Fleet {
     const int n = job_.order;
     if (!insert_) {
       std::string marks = "?";
-      for (int i = 1; i < 22 + 2 * (n + 1); ++i) marks += ", ?";
+      for (int i = 1; i < 23 + 2 * (n + 1); ++i) marks += ", ?";
       insert_.reset(new Statement(database_.prepare("INSERT INTO units VALUES(" + marks + ")")));
     }
     const Calibration& c = unit.calibration;
@@ -178,6 +179,7 @@ class Fleet {
     put(unit.fingerprint.stamp);
     put(unit.fingerprint.contents);
     put(unit.notes);
+    put(shape_to_json(c));
     insert_->run();
   }
 

@@ -15,10 +15,11 @@ struct FleetJob {
   std::string output, csv;
   int order = 2;
   NoiseLaw law = NoiseLaw::f_squared;
-  int shard = 0, shards = 1;  ///< of the units, counted over their names in order
-  int diagnoses = 20;         ///< at most, of units that are odd
-  double alarm_rate = 0.01;   ///< of naming any unit of a faultless fleet
-  int threads = 0;            ///< 0: all
+  NoiseShape noise_shape = NoiseShape::automatic;  ///< of each unit for itself
+  int shard = 0, shards = 1;                       ///< of the units, counted over their names in order
+  int diagnoses = 20;                              ///< at most, of units that are odd
+  double alarm_rate = 0.01;                        ///< of naming any unit of a faultless fleet
+  int threads = 0;                                 ///< 0: all
   bool progress = false;
 };
 

@@ -55,6 +55,7 @@ void identify_inputs(Database& database) {
   add_column(database, "units", "stamp", "INTEGER");
   add_column(database, "units", "contents", "INTEGER");
   add_column(database, "units", "notes", "TEXT");
+  add_column(database, "units", "noise_shape", "TEXT");
   database.execute("CREATE INDEX IF NOT EXISTS identities ON inputs(identity)");
   std::vector<std::pair<std::string, std::string>> found;
   {
@@ -131,11 +132,15 @@ void merge_fleet(Database& database, const std::string& file) {
   if (database.count("SELECT count(*) FROM other.meta a JOIN main.meta b USING(key)"
                      " WHERE key IN ('format', 'order', 'law') AND a.value = b.value") != 3)
     throw InputError(file, 0, "", "was made with another order or noise law");
+  if (database.count("SELECT count(*) FROM other.meta a JOIN main.meta b USING(key)"
+                     " WHERE key = 'noise_shape' AND a.value <> b.value") > 0)
+    throw InputError(file, 0, "", "was made with another noise shape");
   const bool early = !has_column(database, "other", "units", "contents"),
-             noted = has_column(database, "other", "units", "notes");
+             noted = has_column(database, "other", "units", "notes"),
+             shaped = has_column(database, "other", "units", "noise_shape");
   database.execute(fmt::format(
       "BEGIN;"
-      "CREATE TEMP VIEW theirs AS SELECT *{}{} FROM other.units;"
+      "CREATE TEMP VIEW theirs AS SELECT *{}{}{} FROM other.units;"
       "CREATE TEMP VIEW places AS SELECT name, {} AS identity FROM other.inputs;"
       "INSERT OR IGNORE INTO main.inputs(name, identity) SELECT name, identity FROM places"
       " WHERE identity IS NULL OR identity NOT IN (SELECT identity FROM main.inputs WHERE identity IS NOT NULL);"
@@ -149,6 +154,7 @@ void merge_fleet(Database& database, const std::string& file) {
       "DELETE FROM main.units WHERE name NOT IN (SELECT name FROM main.inputs);"
       "DROP VIEW theirs; DROP VIEW places; COMMIT; DETACH other",
       early ? ", NULL AS stamp, NULL AS contents" : "", noted ? "" : ", NULL AS notes",
+      shaped ? "" : ", NULL AS noise_shape",
       has_column(database, "other", "inputs", "identity") ? "identity" : "NULL",
       same_fits(database, "other")
           ? ""

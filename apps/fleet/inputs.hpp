@@ -12,7 +12,7 @@ namespace rangecal::app {
 // The table `inputs`: each sensor once, by its folder's identity, under the name that it was first given.
 
 /// How a unit's theta and questions are made of its readings: fits of another file of results are made anew.
-constexpr const char* fit_version = "2";
+constexpr const char* fit_version = "3";
 
 /// Whether `schema` holds the tables of a fleet; throws InputError naming `file` where it holds others.
 bool holds_fleet(Database& database, const std::string& schema, const std::string& file);

@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 
 #include <new>
+#include <nlohmann/json.hpp>
 
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
+#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
@@ -16,6 +18,20 @@
 namespace rangecal::app {
 
 namespace {
+
+/// `full` with the noise shape asked for; of automatic the one that the readings show, Gaussian where it has no optimum.
+Calibration fit_pairs(const PairsProblem& problem, PairsOptions options, NoiseShape asked) {
+  const bool chooses = asked == NoiseShape::automatic;
+  options.shape = chooses ? shape_of_pairs(problem, options) : asked;
+  PairsFit fit = full_pairs(problem, options);
+  if (chooses && options.shape != NoiseShape::gaussian && fit.calibration.outcome != Outcome::converged) {
+    options.shape = NoiseShape::gaussian;
+    fit = full_pairs(problem, options);
+  }
+  if (const auto shape = shape_estimate(fit.shape, fit.shape_std))
+    fit.calibration.noise_shapes["range"] = *shape;
+  return fit.calibration;
+}
 
 void read_and_fit(Unit& unit, const std::string& place, const FleetJob& job) {
   unit.fingerprint = {stamp_of(place), contents_of(place)};  // before the reading: a change meanwhile is one
@@ -25,12 +41,12 @@ void read_and_fit(Unit& unit, const std::string& place, const FleetJob& job) {
     PairsOptions options;
     options.order = job.order;
     options.law = job.law;
-    unit.calibration = full_pairs(make_pairs_problem({&recording, 1}), options).calibration;
+    unit.calibration = fit_pairs(make_pairs_problem({&recording, 1}), options, job.noise_shape);
     unit.misfit = unit_misfit(recording, unit.calibration);
   } else {
     CalibrateOptions options;
     options.methods = {Method::marginal};
-    options.noise_shape = NoiseShape::gaussian;  // the population knows no other
+    options.noise_shape = job.noise_shape;
     options.order = job.order;
     options.noise = job.law;
     unit.calibration = calibrate({&recording, 1}, options).front();
@@ -66,6 +82,29 @@ Unit fit_unit(const std::string& name, const std::function<void(Unit&)>& fit) {
 
 Unit fit_unit(const std::string& name, const std::string& place, const FleetJob& job) {
   return fit_unit(name, [&](Unit& unit) { read_and_fit(unit, place, job); });
+}
+
+std::string shape_to_json(const Calibration& calibration) {
+  const auto found = calibration.noise_shapes.find("range");
+  if (found == calibration.noise_shapes.end()) return "";
+  nlohmann::ordered_json json{{"family", found->second.family}};
+  for (const auto& [name, value] : found->second.parameters) json[name] = value;
+  return json.dump();
+}
+
+NoiseShapeParameters shape_from_json(const std::string& text) {
+  Calibration calibration;
+  if (text.empty()) return {};
+  try {
+    const auto json = nlohmann::json::parse(text);
+    ShapeEstimate& shape = calibration.noise_shapes["range"];
+    shape.family = json.at("family");
+    for (const auto& [name, value] : json.items())
+      if (value.is_number()) shape.parameters[name] = value;
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError("units.noise_shape: " + json_complaint(error));
+  }
+  return noise_shape_of(calibration, "range");
 }
 
 void write_csv(Database& database, const std::string& path) {

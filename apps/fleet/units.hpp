@@ -34,6 +34,12 @@ Unit fit_unit(const std::string& name, const std::function<void(Unit&)>& fit);
 /// In words for `units.reason`: wrong input says it itself.
 std::string reason_of(const std::exception& error);
 
+/// The noise shape of a calibration's ranges as `units.noise_shape` has it: a JSON object of family and parameters; empty for
+/// the Gaussian.
+std::string shape_to_json(const Calibration& calibration);
+/// Throws InputError for a text that is none.
+NoiseShapeParameters shape_from_json(const std::string& text);
+
 /// The units joined with their posteriors, as CSV.
 void write_csv(Database& database, const std::string& path);
 

@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <optional>
 
 #include "fleet/fingerprint.hpp"
 #include "fleet/oddities.hpp"
+#include "fleet/units.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/fleet/judgement.hpp"
@@ -27,6 +29,38 @@ UnitSummary summary_in(const Statement& row, int column, const FleetJob& job) {
   if (theta.size() != p || information.size() != p * p)
     throw InputError(job.output + ": a unit's theta is not of order " + std::to_string(job.order));
   return {theta, information.reshaped(p, p)};
+}
+
+/// What outliers the fleet has: the family of most readings among the units that have one, with the means of its
+/// parameters, the share over the readings of all units.
+NoiseShapeParameters shape_of_fleet(Database& database) {
+  std::map<NoiseShape, double> readings;
+  std::map<NoiseShape, NoiseShapeParameters> sums;
+  double all = 0.0;
+  Statement rows =
+      database.prepare("SELECT noise_shape, used FROM units WHERE theta IS NOT NULL ORDER BY name");
+  while (rows.step()) {
+    const NoiseShapeParameters shape = shape_from_json(rows.text(0));
+    const double used = rows.number(1).value_or(0.0);
+    all += used;
+    if (shape.shape == NoiseShape::gaussian) continue;
+    NoiseShapeParameters& sum =
+        sums.try_emplace(shape.shape, NoiseShapeParameters{shape.shape, 0.0, 0.0, 0.0, 0.0}).first->second;
+    readings[shape.shape] += used;
+    sum.nu += used * shape.nu;
+    sum.outlier_share += used * shape.outlier_share;
+    sum.outlier_scale += used * shape.outlier_scale;
+    sum.outlier_mean += used * shape.outlier_mean;
+  }
+  if (readings.empty()) return {};
+  const auto [family, most] = *std::max_element(
+      readings.begin(), readings.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  NoiseShapeParameters shape = sums[family];
+  shape.nu /= most;
+  shape.outlier_scale /= most;
+  shape.outlier_mean /= most;
+  shape.outlier_share /= all;
+  return shape;
 }
 
 void put_population(Database& database, const Population& population) {
@@ -215,6 +249,7 @@ void fit_whole(Database& database, const FleetJob& job, FleetResult& result) {
   population = fit_population(stream);
   population.order = job.order;
   population.law = job.law;
+  population.shape = shape_of_fleet(database);
   {
     Statement range =
         database.prepare("SELECT min(range_min_m), max(range_max_m) FROM units WHERE theta IS NOT NULL");

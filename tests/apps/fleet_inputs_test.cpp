@@ -124,7 +124,8 @@ TEST(FleetInputs, FilesOfEarlierVersionsGoOn) {
     app::Database(file).execute(
         "DROP INDEX identities; ALTER TABLE inputs DROP COLUMN identity;"
         "ALTER TABLE units DROP COLUMN stamp; ALTER TABLE units DROP COLUMN contents;"
-        "ALTER TABLE units DROP COLUMN notes");
+        "ALTER TABLE units DROP COLUMN notes; ALTER TABLE units DROP COLUMN noise_shape;"
+        "DELETE FROM meta WHERE key = 'noise_shape'");
   // what their files were is not known: they are fitted anew, once
   const RunResult once = run_fleet_of(fleet, db, folder.file("b.csv"));
   EXPECT_THAT(once.out, HasSubstr("0 were there already, 10 fitted anew (by another version before)\n"))

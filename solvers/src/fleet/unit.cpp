@@ -62,6 +62,23 @@ double likelihood_ratio_upper(double ratio, double N, int coefficients, int more
   return boost::math::ibeta(0.5 * (N - coefficients), 0.5 * more, std::exp(-ratio / N));
 }
 
+/// Robust weights of the readings at theta = x by the population's shape, an error counting in the spread of the reading and
+/// that of a curve of covariance `curve`.
+std::vector<double> weights_at(const PairsProblem& problem, const VectorXd& x, const MatrixXd& curve,
+                               const Population& population) {
+  const Eigen::Index n = x.size() - 1;
+  const Noise noise{population.law, VectorXd::Constant(1, std::exp(x[n]))};
+  const ShapeDensity density_at(population.shape);
+  std::vector<double> weights;
+  for (std::size_t i = 0; i < problem.row_true_m.size(); ++i) {
+    const double d = problem.row_true_m[i], f = evaluate_polynomial(x.head(n), d), s = noise.spread(d, f);
+    const VectorXd powers = powers_of(d, n);
+    const double spread = std::sqrt(s * s + powers.dot(curve * powers));
+    weights.push_back(1.0 - density_at((problem.row_reading_m[i] - f) / spread, spread).outlier);
+  }
+  return weights;
+}
+
 }  // namespace
 
 std::optional<UnitSummary> summarise(const Calibration& calibration) {
@@ -79,7 +96,9 @@ std::optional<UnitSummary> summarise(const Calibration& calibration) {
   const bool printed =
       calibration.method == Method::approximate && calibration.noise.law == NoiseLaw::d_squared;
   const double p = static_cast<double>(n), lost = full ? p : 0.0;
-  const double readings = full && calibration.counts.used > 0 ? calibration.counts.used : worth;
+  const double readings = full && calibration.counts.used > 0 && calibration.noise_shapes.empty()
+                              ? calibration.counts.used
+                              : worth;
   if (!(worth > lost) || !(readings > lost)) return std::nullopt;
   const double divisor = printed ? readings + p : readings;
   const double bias = 0.5 * (boost::math::digamma(0.5 * (readings - lost)) - std::log(0.5 * divisor));
@@ -107,9 +126,22 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
   result.counts = problem.counts;
   result.range_min_m = population.range_min_m;
   result.range_max_m = population.range_max_m;
-  const PosteriorInPopulation posterior(problem, population, *precision);
-  const pairs_ml::DenseNewton joint =
-      pairs_ml::minimise([&](const VectorXd& x) { return posterior.derivatives(x); }, population.mean);
+  const auto minimum = [&](const PairsProblem& readings, const VectorXd& start) {
+    const PosteriorInPopulation posterior(readings, population, *precision);
+    return pairs_ml::minimise([&](const VectorXd& x) { return posterior.derivatives(x); }, start);
+  };
+  PairsProblem readings = problem;
+  pairs_ml::DenseNewton joint;
+  joint.x = population.mean;
+  constexpr int rounds = 8;
+  const bool outliers = population.shape.shape != NoiseShape::gaussian;
+  for (int round = 0; round < (outliers ? rounds : 0) && joint.outcome != Outcome::failed; ++round) {
+    const MatrixXd curve = round == 0 ? MatrixXd(prior.topLeftCorner(n, n)) : MatrixXd::Zero(n, n);
+    readings = pairs_as_rows(problem, weights_at(problem, joint.x, curve, population));
+    joint = minimum(readings, joint.x);
+  }
+  if (!outliers) joint = minimum(readings, population.mean);
+  const PosteriorInPopulation posterior(readings, population, *precision);
   result.outcome = joint.outcome;
   result.iterations = joint.iterations;
   const auto take = [&](const VectorXd& x) {
@@ -145,18 +177,21 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   if (recording.kind != RecordingKind::pairs || count < fewest_for_tails ||
       calibration.outcome != Outcome::converged)
     return misfit;
-  double second = 0.0, fourth = 0.0, neighbours = 0.0, before = 0.0;
+  double second = 0.0, fourth = 0.0, scores = 0.0, neighbours = 0.0, before = 0.0;
+  const ShapeDensity density_at(noise_shape_of(calibration, "range"));
   for (std::size_t i = 0; i < count; ++i) {
     const double f = evaluate_polynomial(calibration.alpha, pairs.true_m[i]);
-    const double z = (pairs.reading_m[i] - f) / calibration.noise.spread(pairs.true_m[i], f);
+    const double s = calibration.noise.spread(pairs.true_m[i], f), z = (pairs.reading_m[i] - f) / s;
     second += z * z;
     fourth += z * z * z * z;
-    neighbours += z * before;
-    before = z;
+    const double score = -density_at(z, s).derivative;  // of outliers nothing depends
+    scores += score * score;
+    neighbours += score * before;
+    before = score;
   }
   const double N = static_cast<double>(count);
   misfit.kurtosis = N * fourth / (second * second) - 3.0;
-  misfit.correlation = neighbours / second;
+  misfit.correlation = neighbours / scores;
   const double degrees = N - static_cast<double>(calibration.alpha.size());
   misfit.tail_p = normal_two_sided(kurtosis_score(misfit.kurtosis + 3.0, degrees));
   if (count < fewest_for_all) return misfit;
@@ -166,6 +201,7 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   PairsOptions wider;
   wider.order = calibration.order() + more;
   wider.law = calibration.noise.law;
+  wider.shape = noise_shape_of(calibration, "range").shape;
   const PairsFit fit = full_pairs(make_pairs_problem({&recording, 1}), wider);
   if (fit.calibration.outcome != Outcome::converged || !calibration.joint_nll) return misfit;
   const double gain = 2.0 * (*calibration.joint_nll - fit.nll);
@@ -186,6 +222,9 @@ std::string population_to_json(const Population& population) {
       {"order", population.order},
       {"law", to_string(population.law)},
       {"range_m", {population.range_min_m, population.range_max_m}},
+      {"noise_shape",
+       {to_string(population.shape.shape), population.shape.nu, population.shape.outlier_share,
+        population.shape.outlier_scale, population.shape.outlier_mean}},
       {"units", population.units},
       {"left_out", population.left_out},
       {"log_likelihood", population.log_likelihood},
@@ -206,6 +245,11 @@ Population population_from_json(const std::string& text, const std::string& name
     population.reason = object.at("reason");
     population.order = whole_number(object.at("order"), "order");
     population.law = noise_law_from_string(object.at("law").get<std::string>());
+    if (object.contains("noise_shape")) {  // files of earlier versions know Gaussian noise alone
+      const auto& shape = object.at("noise_shape");
+      population.shape = {noise_shape_from_string(shape.at(0).get<std::string>()), shape.at(1), shape.at(2),
+                          shape.at(3), shape.at(4)};
+    }
     population.range_min_m = object.at("range_m").at(0);
     population.range_max_m = object.at("range_m").at(1);
     population.units = whole_number<decltype(population.units)>(object.at("units"), "units");

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "rangecal/core/calibration.hpp"
+#include "rangecal/problems/noise_shape.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
 
 namespace rangecal {
@@ -39,6 +40,7 @@ struct Population {
   std::string reason;
   int order = 2;
   NoiseLaw law = NoiseLaw::f_squared;
+  NoiseShapeParameters shape;                   ///< what outliers its units have
   double range_min_m = 0.0, range_max_m = 0.0;  ///< distances that the units were seen at
   Eigen::VectorXd mean;                         ///< mu
   Eigen::MatrixXd covariance;                   ///< Sigma
@@ -93,14 +95,15 @@ UnitPosterior shrink(const UnitSummary& unit, const Population& population);
 /// N_e = 1 / (2 var) by the expected information: N where alpha says nothing of s. The bias is taken off
 /// theta. Over units of 40 readings and order 2, sigma^ itself would put mu of log sigma at -0.053. sigma by
 /// `marginal` counts the coefficients already, and so do those of `closed_form` and `approximate`, which
-/// divide by N - p: there p = 0 and N = N_e. `approximate` with the law d^2 has the sigma of the 2016 paper's
+/// divide by N - p: there p = 0 and N = N_e. Of another noise shape than the Gaussian N = N_e. `approximate` with the law d^2 has the sigma of the 2016 paper's
 /// eq. 26, divided by N, and deviations by N - p: the bias is that of `full` with N = N_e + p. Nothing where
 /// it has no covariance, more than one noise parameter, or no more readings than coefficients.
 std::optional<UnitSummary> summarise(const Calibration& calibration);
 
 /// The calibration of a unit from its pairs and its population together: the maximum of likelihood times
 /// N(theta; mu, Sigma + V_mu), covariance the inverse of the information there, the prior's included. A
-/// handful of readings will do, none gives the population. Throws InputError for a population without an
+/// handful of readings will do, none gives the population. Readings have the population's noise shape: by expectation and
+/// maximisation from mu, where an error counts in the spread of the reading and of the population's curve. Throws InputError for a population without an
 /// answer, or with a Sigma that is not positive definite. Outcomes: converged, not_converged, failed. Cost: 10
 /// passes over the readings.
 Calibration calibrate_in_population(const PairsProblem& problem, const Population& population);
