@@ -21,7 +21,7 @@ namespace {
 
 struct TrackCommand {
   TrackJob job;
-  std::string order = "2", noise = "f2", json;
+  std::string order = "2", noise = "f2", noise_shape = "auto", json;
   std::vector<double> range;
   double forget = 0.0;
 
@@ -34,6 +34,7 @@ struct TrackCommand {
     }
     job.options.law = noise_law_from_string(noise);
     job.options.noise_order = job.options.order.value_or(1);  // as 'calibrate' has it
+    job.options.noise_shape = noise_shape_from_string(noise_shape);
     if (!range.empty()) {
       job.options.range_min_m = range[0];
       job.options.range_max_m = range[1];
@@ -103,6 +104,9 @@ struct TrackCommand {
   }
 
   static std::string change(const ChangeAlarm& c) {
+    if (c.kind == ChangeKind::outliers)
+      return fmt::format("outliers, now a share of {} (probability {:.2f})", with_std(c.size, c.std_dev),
+                         c.probability);
     const bool length = c.kind == ChangeKind::window || c.kind == ChangeKind::encoder;
     const char* unit = length ? " m" : c.kind == ChangeKind::pointing ? " 1/m" : "";
     return fmt::format(
@@ -151,6 +155,8 @@ struct TrackCommand {
                                    : fmt::format(" d^{}", i));
     }
     text += fmt::format("; d in m, seen from {:.3g} to {:.3g} m\n", c.range_min_m, c.range_max_m);
+    if (const std::string outliers = outlier_count_in_words(c); !outliers.empty())
+      text += "Outliers   " + wrapped(outliers, 11) + "\n";
     for (const LandmarkEstimate& landmark : c.landmarks) {
       const auto std_dev = [&](int k) -> std::optional<double> {
         if (!landmark.covariance) return std::nullopt;
@@ -190,6 +196,11 @@ void add_track(CLI::App& app, Action& chosen) {
   command
       ->add_option("--noise", state->noise,
                    "noise law: constant, f, f2, f3, d2, polynomial (of f's order; pairs only)")
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--noise-shape", state->noise_shape,
+          "auto (by AIC), gaussian, student-t, contaminated, one-sided (late returns or early echoes)")
       ->capture_default_str();
   command
       ->add_option(

@@ -50,8 +50,9 @@ class PairsLearner : public Learner {
     calibrator_ = RecursiveCalibrator::from_json(state.dump(), path);
     const RecursiveOptions &saved = calibrator_.options(), &now = job_.options;
     if (saved.order != now.order || saved.law != now.law || saved.forget != now.forget ||
-        saved.range_min_m != now.range_min_m || saved.range_max_m != now.range_max_m)
-      throw InputError(path + ": was made with another --order, --noise, --forget or --range");
+        saved.range_min_m != now.range_min_m || saved.range_max_m != now.range_max_m ||
+        saved.noise_shape != now.noise_shape)
+      throw InputError(path + ": was made with another --order, --noise, --noise-shape, --forget or --range");
   }
 
  private:
@@ -78,6 +79,7 @@ class LandmarksLearner : public Learner {
   }
 
   bool take(const StreamRow& row) override {
+    outlier_.reset();
     if (row.stop.empty() || row.landmark.empty()) throw InputError("stop or landmark is missing");
     LandmarkReading reading;
     reading.landmark = row.landmark;
@@ -95,7 +97,9 @@ class LandmarksLearner : public Learner {
       calibrator_.drop(above ? "above range_max_m" : "below range_min_m");
       return true;
     }
+    outlier_ = calibrator_.outlier_probability(reading);
     const bool usable = calibrator_.add(reading);
+    if (!usable) outlier_.reset();
     if (usable && watch_) alarm_ = watch_->add(with_accuracy(reading));
     return true;
   }
@@ -106,6 +110,7 @@ class LandmarksLearner : public Learner {
   std::string watch_state() const override { return watch_ ? watch_->to_json() : "null"; }
   void restore_watch(const std::string& state) override { watch_->restore(state); }
   Calibration estimate() override { return calibrator_.estimate(); }
+  std::optional<double> outlier_probability() const override { return outlier_; }
   const Counts& counts() const override { return calibrator_.counts(); }
   std::int64_t used() const override { return calibrator_.used(); }
   std::int64_t stops_left_out() const override { return calibrator_.stops_left_out(); }
@@ -125,10 +130,10 @@ class LandmarksLearner : public Learner {
     const RecursiveLandmarksOptions& saved = calibrator_.options();
     if (saved.order != now.order || saved.law != now.law || saved.forget != now.forget ||
         saved.sigma_xy_m != now.sigma_xy_m || saved.sigma_heading_rad != now.sigma_heading_rad ||
-        saved.random_walk != now.random_walk)
-      throw InputError(
-          path +
-          ": was made with another --order, --noise, --forget, --sigma-xy, --sigma-heading or --random-walk");
+        saved.random_walk != now.random_walk || saved.noise_shape != now.noise_shape)
+      throw InputError(path +
+                       ": was made with another --order, --noise, --noise-shape, --forget, --sigma-xy, "
+                       "--sigma-heading or --random-walk");
   }
   Json stops_used() const override {
     if (!known_) return nullptr;
@@ -162,6 +167,7 @@ class LandmarksLearner : public Learner {
     RecursiveLandmarksOptions options;
     options.order = job.options.order;
     if (job.options.law != NoiseLaw::polynomial) options.law = job.options.law;  // refused below
+    options.noise_shape = job.options.noise_shape;
     options.forget = job.options.forget;
     options.sigma_xy_m = job.sigma_xy_m;
     options.sigma_heading_rad = job.sigma_heading_rad;
@@ -267,6 +273,7 @@ class LandmarksLearner : public Learner {
   RecursiveLandmarks calibrator_;
   std::optional<LandmarkChangeDetector> watch_;
   std::optional<ChangeAlarm> alarm_;
+  std::optional<double> outlier_;                        ///< of the last row taken
   std::unordered_map<std::string, std::size_t> number_;  ///< of a stop in the recording
   std::size_t used_stops_ = 0;
   std::uint64_t of_stops_ = 0;  ///< fingerprint of those

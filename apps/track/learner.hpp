@@ -22,6 +22,8 @@ class Learner {
   /// for a row of landmarks that cannot be understood.
   virtual bool take(const StreamRow& row) = 0;
   virtual Calibration estimate() = 0;
+  /// That the last row taken is an outlier, by what was taken before it; none where nothing is known of it, and of pairs.
+  virtual std::optional<double> outlier_probability() const { return std::nullopt; }
   virtual const Counts& counts() const = 0;
   virtual std::int64_t used() const = 0;
   virtual std::int64_t stops_left_out() const { return 0; }  ///< without an optimum beside the others

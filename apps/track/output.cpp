@@ -9,7 +9,7 @@
 
 namespace rangecal::app {
 
-void TrackOutput::open(std::int64_t bytes) {
+void TrackOutput::open(std::int64_t bytes, bool tells_outliers) {
   const bool resumed = bytes > 0;
   if (!path_.empty()) {
     if (resumed) {
@@ -23,7 +23,8 @@ void TrackOutput::open(std::int64_t bytes) {
     closer_.reset(out_);
   }
   bytes_ = bytes;
-  if (!resumed || path_.empty()) print("reading_m,distance_m,std_m,flag\n");
+  if (!resumed || path_.empty())
+    print(tells_outliers ? "reading_m,distance_m,std_m,flag,outlier\n" : "reading_m,distance_m,std_m,flag\n");
 }
 
 void TrackOutput::print(const std::string& text) {

@@ -16,7 +16,7 @@ class TrackOutput {
  public:
   explicit TrackOutput(std::string path) : path_(std::move(path)) {}
   /// With its header; or, where an earlier run wrote `bytes` that count, behind these: what follows them is cut off.
-  void open(std::int64_t bytes);
+  void open(std::int64_t bytes, bool tells_outliers);
   void print(const std::string& text);
   void flush();
   std::int64_t bytes() const { return bytes_; }

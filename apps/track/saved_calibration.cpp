@@ -4,22 +4,28 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/problems/noise_shape.hpp"
 
 namespace rangecal::app {
 
 using Json = nlohmann::ordered_json;
 
 Json json_of(const Calibration& c) {
-  return {{"alpha", std::vector<double>(c.alpha.begin(), c.alpha.end())},
-          {"covariance",
-           std::vector<double>(c.alpha_covariance->reshaped().begin(), c.alpha_covariance->reshaped().end())},
-          {"law", to_string(c.noise.law)},
-          {"noise", std::vector<double>(c.noise.parameters.begin(), c.noise.parameters.end())},
-          {"range_m", {c.range_min_m, c.range_max_m}}};
+  Json json{{"alpha", std::vector<double>(c.alpha.begin(), c.alpha.end())},
+            {"covariance", std::vector<double>(c.alpha_covariance->reshaped().begin(),
+                                               c.alpha_covariance->reshaped().end())},
+            {"law", to_string(c.noise.law)},
+            {"noise", std::vector<double>(c.noise.parameters.begin(), c.noise.parameters.end())},
+            {"range_m", {c.range_min_m, c.range_max_m}}};
+  for (const auto& [channel, shape] : c.noise_shapes)
+    json["noise_shapes"][channel] = {{"family", shape.family}, {"parameters", shape.parameters}};
+  return json;
 }
 
 Calibration calibration_in(const Json& json) {
@@ -42,6 +48,11 @@ Calibration calibration_in(const Json& json) {
   c.noise = {law, Eigen::VectorXd::Map(noise.data(), static_cast<Eigen::Index>(noise.size()))};
   c.range_min_m = json.at("range_m").at(0);
   c.range_max_m = json.at("range_m").at(1);
+  if (json.contains("noise_shapes"))
+    for (const auto& [channel, shape] : json.at("noise_shapes").items())
+      c.noise_shapes[channel] = {
+          shape.at("family"), shape.at("parameters").get<std::map<std::string, double>>(), {}};
+  noise_shape_of(c, "range");  // throws for a family that is none
   return c;
 }
 
@@ -55,6 +66,10 @@ std::string fingerprint_of(const Calibration& c) {
   add(std::array{c.range_min_m, c.range_max_m});
   if (c.alpha_covariance) add(c.alpha_covariance->reshaped());
   if (c.sigma_theta_rad) add(std::array{c.sigma_theta_rad->value});
+  for (const auto& [channel, shape] : c.noise_shapes) {
+    text += " " + channel + " " + shape.family;
+    for (const auto& [name, value] : shape.parameters) text += fmt::format(" {}", value);
+  }
   return fmt::format("{:016x}", seed_from(text));
 }
 

@@ -22,7 +22,7 @@ Json shallow_json(const std::string& text) {
 
 ChangeAlarm alarm_in(const Json& c) {
   const auto number = [&](std::size_t i) { return whole_number<std::int64_t>(c.at(i), "changes"); };
-  const int kind = whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::noise));
+  const int kind = whole_number(c.at(3), "changes", 0, static_cast<int>(ChangeKind::outliers));
   ChangeAlarm alarm{number(0), number(1), c.at(2), static_cast<ChangeKind>(kind), c.at(4), c.at(5), c.at(6)};
   if (alarm.named && alarm.kind == ChangeKind::encoder && c.size() > 7)  // version 0.1.0 told no phase
     alarm.phase_rad = Estimate{c.at(7), c.at(8).get<double>()};
@@ -43,6 +43,7 @@ std::string to_json(const TrackState& s) {
             {"out_of_range", s.out_of_range},
             {"malformed", s.malformed},
             {"next_estimate", s.next_estimate},
+            {"tells_outliers", s.tells_outliers},
             {"asked", s.asked},
             {"stops", s.stops},
             {"calibration", s.calibration ? json_of(*s.calibration) : Json(nullptr)},
@@ -76,6 +77,7 @@ TrackState state_in(const std::string& text) {
   if (json.contains("out_of_range")) s.out_of_range = count("out_of_range");  // 0.1.0: among `corrected`
   s.malformed = count("malformed");
   s.next_estimate = count("next_estimate");
+  s.tells_outliers = json.value("tells_outliers", false);
   s.asked = json.value("asked", Json());
   s.stops = json.value("stops", Json());
   if (json.at("calibration").is_object()) s.calibration = calibration_in(json.at("calibration"));

@@ -18,7 +18,8 @@ struct TrackState {
   std::string fingerprint;  ///< of the bytes taken; empty in states of 0.1.0
   std::int64_t offset = 0, line = 0, output_bytes = 0, rows = 0, corrected = 0, malformed = 0,
                next_estimate = 0, out_of_range = 0;  ///< the last not among `corrected`
-  std::optional<Calibration> calibration;            ///< by which readings are corrected
+  bool tells_outliers = true;  ///< each line of the output ends with a probability; not those begun by 0.1.0
+  std::optional<Calibration> calibration;  ///< by which readings are corrected
   std::vector<ChangeAlarm> changes;
   nlohmann::ordered_json watch, calibrator;  ///< null: none
   nlohmann::ordered_json asked;  ///< options that the calibrator does not keep; null in states of 0.1.0

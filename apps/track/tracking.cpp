@@ -15,7 +15,9 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/json_numbers.hpp"
+#include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/write_lock.hpp"
+#include "rangecal/problems/noise_shape.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
 #include "track/learner.hpp"
 #include "track/line_source.hpp"
@@ -56,7 +58,7 @@ class Run {
     source_ = std::make_unique<LineSource>(job.input);
     if (resumed_) go_on();
     // Of a new stream only when its columns are known: a wrong file leaves what was there.
-    if (learner_) output_.open(state_.output_bytes);
+    if (learner_) output_.open(state_.output_bytes, state_.tells_outliers);
     write_changes();  // a table without alarms is one, and none of an earlier run is left
   }
 
@@ -66,9 +68,9 @@ class Run {
     ::sigaction(SIGINT, &action, nullptr);
     ::sigaction(SIGTERM, &action, nullptr);
     if (state_.calibration)
-      corrector_.emplace(*state_.calibration, std::vector<std::string>{});
+      correct_by(*state_.calibration);
     else if (given_)
-      corrector_.emplace(*given_, std::vector<std::string>{});
+      correct_by(*given_);
     read_all();
     const int signal = stopped;
     if (signal == 0 && source_->has_rest()) {
@@ -203,7 +205,7 @@ class Run {
   void complain(const std::string& column, const std::string& what) {
     if (++state_.malformed <= most_complaints)
       notes_.push_back(InputError(name_, static_cast<long>(state_.line), column, what).what());
-    output_.print(",,,malformed\n");
+    output_.print(state_.tells_outliers ? ",,,malformed,\n" : ",,,malformed\n");
   }
 
   static bool is_blank(const std::string& line) { return line.find_first_not_of(" \t") == std::string::npos; }
@@ -219,7 +221,7 @@ class Run {
       }
       begin();
       write_changes();
-      output_.open(state_.output_bytes);
+      output_.open(state_.output_bytes, state_.tells_outliers);
       if (named) return;
     } else if (!source_->begins_anew() && names_columns(line)) {  // the same program started again
       if (columns_of(line, name_, number) == columns_) return;
@@ -242,15 +244,18 @@ class Run {
       return complain(bad.column, bad.what);
     if (columns_.time >= 0 && !std::isfinite(row.time_s)) return complain("time_s", "there is no time");
     if (detector_ && std::isfinite(row.true_m)) watch(row);
+    std::optional<double> outlier = outlier_probability(row);
     try {
       const bool taken = learner_->take(row);
+      if (const auto of_landmark = learner_->outlier_probability(); taken && of_landmark)
+        outlier = of_landmark;
       if (const auto alarm = learner_->alarm(); taken && alarm) note(*alarm);
       if (taken && learner_->used() >= state_.next_estimate) estimate();
     } catch (const InputError& error) {
       if (!columns_.landmarks()) throw;
       return complain("", error.what());
     }
-    correct_reading(row.reading_m);
+    correct_reading(row.reading_m, outlier);
   }
 
   /// The columns are known: what learns from them, and what watches them.
@@ -273,18 +278,21 @@ class Run {
     }
   }
 
-  /// The calibration so far, and when to look again: after 2 % more pairs of those that count.
+  /// The calibration so far, and when to look again: after 2 % more pairs of those that count, of noise that is not Gaussian
+  /// 5 %.
   void estimate() {
     if (learner_->used() >= learner_->first_estimate()) {
       Calibration now = learner_->estimate();
       if (now.outcome == Outcome::converged && now.alpha_covariance && now.range_max_m > now.range_min_m) {
         state_.calibration = std::move(now);
-        corrector_.emplace(*state_.calibration, std::vector<std::string>{});
+        correct_by(*state_.calibration);
       }
     }
+    const bool shaped = state_.calibration && !state_.calibration->noise_shapes.empty();
+    const double growth = shaped && !columns_.landmarks() ? 0.05 : 0.02;
     state_.next_estimate =
         learner_->used() +
-        std::max(learner_->least_between(), static_cast<std::int64_t>(0.02 * learner_->effective()));
+        std::max(learner_->least_between(), static_cast<std::int64_t>(growth * learner_->effective()));
   }
 
   void watch(const StreamRow& row) {
@@ -307,17 +315,35 @@ class Run {
     if (!job_.changes.empty()) write_file(job_.changes, table_of(state_.changes, columns_.landmarks()));
   }
 
-  void correct_reading(double reading) {
+  void correct_by(const Calibration& calibration) {
+    corrector_.emplace(calibration, std::vector<std::string>{});
+    density_.emplace(noise_shape_of(calibration, "range"));
+  }
+
+  /// That the row's reading is an outlier, by the calibration before it; none where no distance is known.
+  std::optional<double> outlier_probability(const StreamRow& row) const {
+    if (!density_ || !std::isfinite(row.true_m) || !std::isfinite(row.reading_m)) return std::nullopt;
+    const Calibration& known = state_.calibration ? *state_.calibration : *given_;
+    const double f = evaluate_polynomial(known.alpha, row.true_m), s = known.noise.spread(row.true_m, f);
+    if (!(s > 0.0)) return std::nullopt;
+    return (*density_)((row.reading_m - f) / s, s).outlier;
+  }
+
+  void correct_reading(double reading, std::optional<double> outlier_probability) {
     const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
-    if (!corrector_) return output_.print(field + ",,,no_calibration_yet\n");
+    std::string outlier;
+    if (state_.tells_outliers) outlier = ",";
+    if (state_.tells_outliers && outlier_probability && std::isfinite(*outlier_probability))
+      outlier += fmt::format("{:.3g}", *outlier_probability);
+    if (!corrector_) return output_.print(field + ",,,no_calibration_yet" + outlier + "\n");
     const CorrectionCandidate best = correction_candidates(*corrector_, reading, {}, false).front();
     if (best.flag.starts_with("out_of_range"))
       ++state_.out_of_range;
     else if (best.distance_m)
       ++state_.corrected;
-    output_.print(fmt::format("{},{},{},{}\n", field,
-                              best.distance_m ? fmt::format("{:.6f}", *best.distance_m) : "",
-                              best.std_dev_m ? fmt::format("{:.6f}", *best.std_dev_m) : "", best.flag));
+    output_.print(
+        fmt::format("{},{},{},{}{}\n", field, best.distance_m ? fmt::format("{:.6f}", *best.distance_m) : "",
+                    best.std_dev_m ? fmt::format("{:.6f}", *best.std_dev_m) : "", best.flag, outlier));
   }
 
   const TrackJob& job_;
@@ -326,6 +352,7 @@ class Run {
   std::string name_, lost_;
   std::optional<Calibration> given_;
   std::optional<EffectCorrector> corrector_;
+  std::optional<ShapeDensity> density_;  ///< of the calibration that corrects
   std::optional<ChangeDetector> detector_;
   std::unique_ptr<LineSource> source_;
   TrackOutput output_;

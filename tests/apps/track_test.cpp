@@ -61,7 +61,7 @@ TEST(TrackCommand, TeachesAndCorrectsAsReadingsCome) {
   const std::string out = slurp(folder.file("out.csv"));
   EXPECT_EQ(count_of(out, "\n"), 2001);
   EXPECT_THAT(out, HasSubstr("no_calibration_yet"));
-  EXPECT_EQ(count_of(out, ",ok\n") + count_of(out, "no_calibration_yet") + count_of(out, "out_of_range") +
+  EXPECT_EQ(count_of(out, ",ok,") + count_of(out, "no_calibration_yet") + count_of(out, "out_of_range") +
                 count_of(out, "extrapolated"),
             2000);
 }
@@ -121,8 +121,9 @@ TEST(TrackCommand, CorrectsByACalibrationGiven) {
   save_line(folder, 0.5, NoiseLaw::constant);
   const RunResult result = run("track --from " + folder.file("cal.json"), "1.1\n0.6\n");
   ASSERT_EQ(result.code, 0) << result.err;  // d = (y - 0.1) / 0.5
-  EXPECT_EQ(result.out,
-            "reading_m,distance_m,std_m,flag\n1.1,2.000000,0.020000,ok\n0.6,1.000000,0.020000,ok\n");
+  EXPECT_EQ(
+      result.out,
+      "reading_m,distance_m,std_m,flag,outlier\n1.1,2.000000,0.020000,ok,\n0.6,1.000000,0.020000,ok,\n");
 }
 
 TEST(TrackCommand, CountsRowsOutOfRangeApart) {
@@ -159,6 +160,42 @@ TEST(TrackCommand, TakesPolynomialNoiseThroughItsState) {
               0);
   }
   EXPECT_EQ(slurp(folder.file("a.csv")), slurp(folder.file("b.csv")));
+}
+
+TEST(TrackCommand, TellsOutliersAndIsNotMovedByThem) {
+  // f = 0.05 + 0.95 d, s = 0.01; every twentieth reading is late by 0.2 m and more.
+  const TemporaryFolder folder;
+  Random random(seed_from("track outliers"));
+  std::string table = "true_m,reading_m\n";
+  for (int i = 0; i < 2000; ++i) {
+    const double d = random.uniform(0.5, 4.0), late = i % 20 == 7 ? 0.2 + random.uniform(0.0, 0.5) : 0.0;
+    table += fmt::format("{:.6f},{:.6f}\n", d, random.normal(0.05 + 0.95 * d, 0.01) + late);
+  }
+  folder.write("in.csv", table);
+  const std::string command = "track " + folder.file("in.csv") + " --order 1 --noise constant -o " +
+                              folder.file("out.csv") + " --json " + folder.file("cal.json");
+  const RunResult result = run(command);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("Outliers   1"));  // some hundred
+  const Calibration tracked = load_calibration(folder.file("cal.json"));
+  EXPECT_NEAR(tracked.outlier_count, 100, 3);
+  EXPECT_NEAR(tracked.alpha[0], 0.05, 0.003);
+  EXPECT_EQ(tracked.noise_shapes.count("range"), 1u);
+  std::istringstream lines(slurp(folder.file("out.csv")));
+  std::string line;
+  std::getline(lines, line);
+  EXPECT_EQ(line, "reading_m,distance_m,std_m,flag,outlier");
+  int late = 0, wrong = 0;
+  for (int i = 0; std::getline(lines, line); ++i) {
+    if (i < 300) continue;
+    const double outlier = std::stod(line.substr(line.rfind(',') + 1));
+    late += i % 20 == 7 && outlier > 0.99;
+    wrong += i % 20 != 7 && outlier > 0.5;
+  }
+  EXPECT_EQ(late, 85);
+  EXPECT_LE(wrong, 2);
+  ASSERT_EQ(run(command + " --noise-shape gaussian").code, 0);
+  EXPECT_GT(load_calibration(folder.file("cal.json")).alpha[0], 0.06);
 }
 
 TEST(TrackCommand, WatchesForAChange) {
@@ -287,7 +324,7 @@ TEST(TrackCommand, CalibratesFromLandmarksAsTheyCome) {
   EXPECT_EQ(tracked.landmarks.size(), batch.landmarks.size());
   const std::string corrected = slurp(folder.file("a.csv"));
   EXPECT_EQ(count_of(corrected, "\n"), 501);
-  EXPECT_GT(count_of(corrected, ",ok\n"), 200);
+  EXPECT_GT(count_of(corrected, ",ok,"), 200);
 
   // The same from columns, cut within a line, from the state: byte by byte.
   const std::string whole = with_poses(rec);
