@@ -47,6 +47,11 @@ bench-peers: build
 bench-robust: build
 	$(BUILD)/benchmarks/robust_study 50 notebooks_data/scenes/field-layout.yaml
 
+# What outliers do to streams, a minute or two: docs/track.md.
+.PHONY: bench-streams
+bench-streams: build
+	$(BUILD)/benchmarks/stream_study 20
+
 # The time of a study point: 1000 repeats of the 2021 setting, all four methods; then milliseconds per repeat of each.
 bench-study: build
 	rm -rf build/study-speed
