@@ -88,6 +88,9 @@ class PosteriorRows {
         judge_(judge),
         result_(result),
         limit_(job.alarm_rate / (questions * static_cast<double>(std::max<std::int64_t>(result.units, 1)))),
+        tails_are_common_(
+            2 * database.count("SELECT count(*) FROM units WHERE theta IS NOT NULL AND noise_shape <> ''") >
+            database.count("SELECT count(*) FROM units WHERE theta IS NOT NULL")),
         units_(database.prepare(
             "SELECT name, kind, used, shape_p, shape_m, tail_p, kurtosis, dependence_p, correlation, theta, information, identity"
             " FROM units LEFT JOIN inputs USING(name) ORDER BY name")),
@@ -136,6 +139,8 @@ class PosteriorRows {
   const FleetJudge& judge_;
   FleetResult& result_;
   double limit_;  ///< p-value below which a unit is odd
+  bool
+      tails_are_common_;  ///< most units have a noise shape of their own: tails are nothing odd in this fleet
   Statement units_, posterior_, odd_;
   std::size_t index_ = 0;  ///< among the units of own readings
 };
@@ -197,9 +202,10 @@ void PosteriorRows::put_misfits() {
   put_misfit(shape_p, "shape of the curve", "m", [](double m) {
     return fmt::format("two orders more move the curve by up to {:.3g} mm", 1e3 * m);
   });
-  put_misfit(tail_p, "tails of the noise", "excess kurtosis", [](double k) {
-    return fmt::format("tails {} than normal: excess kurtosis {:+.2g}", k > 0.0 ? "heavier" : "lighter", k);
-  });
+  if (!tails_are_common_)
+    put_misfit(tail_p, "tails of the noise", "excess kurtosis", [](double k) {
+      return fmt::format("tails {} than normal: excess kurtosis {:+.2g}", k > 0.0 ? "heavier" : "lighter", k);
+    });
   put_misfit(dependence_p, "dependence of neighbours", "correlation", [](double r) {
     return fmt::format("neighbouring readings depend on each other: correlation {:+.2g}", r);
   });

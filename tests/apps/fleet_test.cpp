@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <sstream>
 #include <string>
 #include <thread>
 
@@ -88,6 +89,40 @@ std::string pairs_of(double offset, double slope, double correlation, std::uint6
     error = correlation * error + std::sqrt(1.0 - correlation * correlation) * random.normal();
   }
   return text;
+}
+
+TEST(FleetCommand, TakesOutliersOfItsUnitsAlong) {
+  // Every unit has 5 % of its readings late by 0.1 m and more; u011, of three readings, has one that is 0.6 m late.
+  const TemporaryFolder folder;
+  write_fleet(folder, 12, 200);
+  for (int u = 0; u < 12; ++u) {
+    Random random(seed_from("fleet outliers", {static_cast<std::uint64_t>(u)}));
+    const std::string path = fmt::format("fleet/u{:03}/pairs.csv", u);
+    std::istringstream lines(slurp(folder.file(path)));
+    std::string line, table;
+    for (int i = -1; std::getline(lines, line); ++i) {
+      const std::size_t comma = line.find(',');
+      const bool late = u == 11 ? i == 1 : i >= 0 && random.uniform() < 0.05;
+      const double by = u == 11 ? 0.6 : 0.1 - 0.3 * std::log(1.0 - random.uniform());
+      table += late
+                   ? fmt::format("{},{:.5f}\n", line.substr(0, comma), std::stod(line.substr(comma + 1)) + by)
+                   : line + "\n";
+    }
+    folder.write(path, table);
+  }
+  const std::string db = folder.file("a.db");
+  const std::string options = " --order 1 --diagnose 0 -o " + db;
+  ASSERT_EQ(run("fleet " + folder.file("fleet") + options).code, 0);
+  app::Database database(db);
+  EXPECT_GE(database.count("SELECT count(*) FROM units WHERE noise_shape LIKE '%outlier_share%'"), 9);
+  EXPECT_EQ(database.count("SELECT count(*) FROM oddities WHERE what LIKE 'tails%'"), 0);
+  app::Statement few = database.prepare(
+      "SELECT alpha_0, alpha_1, (SELECT mean FROM population WHERE parameter = 'log_sigma') FROM posteriors"
+      " WHERE source LIKE 'few%'");
+  ASSERT_TRUE(few.step());
+  // The late reading does not count: the unit's curve stays within the scatter of the others, log sigma at 0.01.
+  EXPECT_NEAR(*few.number(0) + 2.0 * *few.number(1), 0.05 + 2.0 * 0.9, 0.25);
+  EXPECT_NEAR(*few.number(2), std::log(0.01), 0.15);
 }
 
 TEST(FleetCommand, SaysWhatIsOddWhereTheDiagnosisFindsNothing) {

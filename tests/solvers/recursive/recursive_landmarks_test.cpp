@@ -644,7 +644,7 @@ TEST(RecursiveLandmarks, IsTheBatchAnswerUnderOutliers) {
   // as they came.
   for (const Outliers& outliers : {Outliers{0.002, 0.0}, {0.01, 0.0}, {0.05, 0.0}, {0.0, 0.05}}) {
     double ours_sq = 0.0, batch_sq = 0.0, ours_curve = 0.0, batch_curve = 0.0;
-    for (std::uint64_t repeat = 0; repeat < 4; ++repeat) {
+    for (std::uint64_t repeat = 0; repeat < 2; ++repeat) {
       const Drive d{350, 1};
       const Recording recording = drive_with(d, outliers, repeat);
       const Calibration ours = after(recording, options_for(d)).estimate();
@@ -674,8 +674,8 @@ TEST(RecursiveLandmarks, IsTheBatchAnswerUnderOutliers) {
 }
 
 TEST(RecursiveLandmarks, IntervalsHoldUnderOutliers) {
-  // Landmarks of 60 streams, one-sided outliers of 5 %, without and with forgetting and along a random walk: z^2 / 10 of all
-  // ten coordinates has mean 1; their correlation leaves some 20 worth: +- 4 sqrt(2 / 60 / 3) = 0.42 at most.
+  // Landmarks of 30 streams, one-sided outliers of 5 %, without and with forgetting and along a random walk: z^2 / 10 of all
+  // ten coordinates has mean 1; their correlation leaves some 20 worth: +- 4 sqrt(2 / 30 / 3) = 0.60 at most.
   constexpr double never = std::numeric_limits<double>::infinity();
   for (const auto& [forget, walk] : {std::pair{never, false}, {60.0, false}, {never, true}}) {
     Drive d{80, 1};
@@ -683,7 +683,7 @@ TEST(RecursiveLandmarks, IntervalsHoldUnderOutliers) {
     RecursiveLandmarksOptions options = options_for(d);
     options.forget = forget;
     double squares = 0.0;
-    constexpr int streams = 60;
+    constexpr int streams = 30;
     for (std::uint64_t repeat = 0; repeat < streams; ++repeat) {
       const Recording recording = drive_with(d, {0.0, 0.05}, 2000 + repeat);
       const Calibration fit = after(recording, options).estimate();
@@ -694,7 +694,7 @@ TEST(RecursiveLandmarks, IntervalsHoldUnderOutliers) {
         squares += error.dot(fit.landmarks[l].covariance->inverse() * error) / 10.0;
       }
     }
-    EXPECT_NEAR(squares / streams, 1.0, 0.42) << forget << walk;
+    EXPECT_NEAR(squares / streams, 1.0, 0.60) << forget << walk;
   }
 }
 
