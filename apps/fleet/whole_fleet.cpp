@@ -138,9 +138,8 @@ class PosteriorRows {
   const FleetJob& job_;
   const FleetJudge& judge_;
   FleetResult& result_;
-  double limit_;  ///< p-value below which a unit is odd
-  bool
-      tails_are_common_;  ///< most units have a noise shape of their own: tails are nothing odd in this fleet
+  double limit_;           ///< p-value below which a unit is odd
+  bool tails_are_common_;  ///< most units have a noise shape of their own
   Statement units_, posterior_, odd_;
   std::size_t index_ = 0;  ///< among the units of own readings
 };

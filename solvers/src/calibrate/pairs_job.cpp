@@ -279,18 +279,6 @@ CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, c
   return check_report(nlopt_check(search, options));
 }
 
-/// Errors of readings y at distances d about a curve, in its spreads.
-ChannelResiduals residuals_about(const Calibration& curve, const std::vector<double>& d,
-                                 const std::vector<double>& y) {
-  ChannelResiduals at;
-  for (std::size_t i = 0; i < d.size(); ++i) {
-    const double f = evaluate_polynomial(curve.alpha, d[i]);
-    at.s.push_back(curve.noise.spread(d[i], f));
-    at.z.push_back((y[i] - f) / at.s.back());
-  }
-  return at;
-}
-
 /// The noise shape of lowest AIC at the residuals about a curve; a note says by how much.
 NoiseShape shape_about(const Calibration& curve, const PairsProblem& readings, bool all_agree,
                        std::vector<std::pair<NoiseShape, double>>& tried) {

@@ -64,7 +64,7 @@ double log_with_share(const NoiseShapeParameters& shape, double share, double z,
   return high + std::log(std::exp(body - high) + std::exp(wide - high));
 }
 
-/// log density of z where the spread is e^log_rho times what it was; less that at log_rho = 0 for Gaussian noise exactly.
+/// log density of z where the spread is e^log_rho times what it was.
 double log_with_spread(const ShapeDensity& density_at, double log_rho, double z, double s) {
   const double rho = std::exp(log_rho);
   return density_at(z / rho, s * rho).value - log_rho;
@@ -335,9 +335,9 @@ void ChangeDetector::name(ChangeAlarm& alarm) const {
   };
   ChangeAlarm one = alarm;
   one.named = true;
-  const double location = shape_information(shape_, readings.typical_spread()).location;
+  const ShapeInformation information = shape_information(shape_, readings.typical_spread());
   for (const ChangeKind kind : {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing}) {
-    const auto change = readings.along({{kind, 0}}, location);
+    const auto change = readings.along({{kind, 0}}, information.location);
     if (!change) continue;
     one.kind = kind;
     one.size = change->size[0];
@@ -349,12 +349,12 @@ void ChangeDetector::name(ChangeAlarm& alarm) const {
                          [&](double at, double z, double s) { return log_with_spread(density_, at, z, s); });
   one.kind = ChangeKind::noise;
   one.size = log_rho;
-  one.std_dev = std::sqrt(1.0 / (N * shape_information(shape_, readings.typical_spread()).spread(0, 0)) +
-                          variance_of_log_sigma(reference_));
+  one.std_dev = std::sqrt(1.0 / (N * information.spread(0, 0)) + variance_of_log_sigma(reference_));
   offer(one, of_spread);
   if (options_.bearings) {
     // Bearings that are all alike tell an offset, too.
-    if (const auto waves = readings.along({{ChangeKind::encoder, 0}, {ChangeKind::encoder, 1}}, location)) {
+    if (const auto waves =
+            readings.along({{ChangeKind::encoder, 0}, {ChangeKind::encoder, 1}}, information.location)) {
       tell_wave(waves->size, waves->covariance, one);
       offer(one, waves->gain - 0.5 * std::log(N));
       one.phase_rad.reset();

@@ -18,6 +18,7 @@
 #include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/fleet/population.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "robust/shape_json.hpp"
 #include "statistics/kurtosis_law.hpp"
 
 namespace rangecal {
@@ -222,9 +223,7 @@ std::string population_to_json(const Population& population) {
       {"order", population.order},
       {"law", to_string(population.law)},
       {"range_m", {population.range_min_m, population.range_max_m}},
-      {"noise_shape",
-       {to_string(population.shape.shape), population.shape.nu, population.shape.outlier_share,
-        population.shape.outlier_scale, population.shape.outlier_mean}},
+      {"noise_shape", shape_list<nlohmann::ordered_json>(population.shape)},
       {"units", population.units},
       {"left_out", population.left_out},
       {"log_likelihood", population.log_likelihood},
@@ -245,11 +244,8 @@ Population population_from_json(const std::string& text, const std::string& name
     population.reason = object.at("reason");
     population.order = whole_number(object.at("order"), "order");
     population.law = noise_law_from_string(object.at("law").get<std::string>());
-    if (object.contains("noise_shape")) {  // files of earlier versions know Gaussian noise alone
-      const auto& shape = object.at("noise_shape");
-      population.shape = {noise_shape_from_string(shape.at(0).get<std::string>()), shape.at(1), shape.at(2),
-                          shape.at(3), shape.at(4)};
-    }
+    // files of earlier versions know Gaussian noise alone
+    if (object.contains("noise_shape")) population.shape = shape_in_list(object.at("noise_shape"));
     population.range_min_m = object.at("range_m").at(0);
     population.range_max_m = object.at("range_m").at(1);
     population.units = whole_number<decltype(population.units)>(object.at("units"), "units");

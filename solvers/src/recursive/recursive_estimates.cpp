@@ -67,18 +67,13 @@ double relative_spread(const PairsProblem& cells, const Noise& noise, const Vect
   return std::sqrt(2.0 * (left + (P * P).trace())) / (left + P.trace());
 }
 
-/// Errors of the points in their spreads about a curve; none where it has no answer or no spread.
-ChannelResiduals residuals_about(const Calibration& curve, const PairsProblem& points) {
-  ChannelResiduals residuals;
-  if (curve.outcome != Outcome::converged) return residuals;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double d = points.true_m[i], f = evaluate_polynomial(curve.alpha, d), s = curve.noise.spread(d, f);
-    if (!(s > 0.0)) return {};
-    residuals.z.push_back((points.mean_m[i] - f) / s);
-    residuals.s.push_back(s);
-    residuals.weight.push_back(points.count[i]);
-  }
-  return residuals;
+/// Whether the points may have outliers about a curve; true where it has no answer or leaves its domain.
+bool may_have_outliers_about(const Calibration& curve, const PairsProblem& points) {
+  if (curve.outcome != Outcome::converged) return true;
+  ChannelResiduals residuals = residuals_about(curve, points.true_m, points.mean_m);
+  residuals.weight = points.count;
+  const auto outside = [](double s) { return !(s > 0.0); };
+  return std::any_of(residuals.s.begin(), residuals.s.end(), outside) || may_have_outliers(residuals);
 }
 
 }  // namespace
@@ -264,14 +259,13 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
   wanted.noise_order = options_.noise_order;
   wanted.shape = last_shape_.shape;
   std::optional<PairsFit> fit;
+  std::optional<Calibration> plain;  // of Gaussian noise
   const auto converged = [&] { return fit && fit->calibration.outcome == Outcome::converged; };
   const bool by_choice = options_.noise_shape == NoiseShape::automatic;
   if (choose) {
     // Outliers of a stream that had none are to be seen soon; a shape that holds is chosen anew where readings have doubled.
-    const bool was_gaussian = last_shape_.shape == NoiseShape::gaussian;
-    const ChannelResiduals plain =
-        was_gaussian ? residuals_about(full_gaussian(), points) : ChannelResiduals();
-    const bool clean = !plain.z.empty() && !may_have_outliers(plain);
+    if (by_choice && last_shape_.shape == NoiseShape::gaussian) plain = full_gaussian();
+    const bool clean = plain && !may_have_outliers_about(*plain, points);
     wanted.shape = !by_choice ? options_.noise_shape
                    : clean    ? NoiseShape::gaussian
                               : shape_of_pairs(points, wanted, stream_margin_aic);
@@ -290,7 +284,7 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
   if (wanted.shape == NoiseShape::gaussian ||
       (by_choice && !converged())) {  // a shape without an optimum is none
     last_shape_ = {};
-    return std::nullopt;
+    return plain;
   }
   Calibration result = fit->calibration;
   if (const auto shape = shape_estimate(fit->shape, fit->shape_std)) result.noise_shapes["range"] = *shape;
@@ -299,7 +293,7 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
   cells_.refer_to(result.alpha, result.noise);
   double outliers = 0.0;
   const ShapeDensity density_at(fit->shape);
-  const ChannelResiduals residuals = residuals_about(result, points);
+  const ChannelResiduals residuals = residuals_about(result, points.true_m, points.mean_m);
   for (std::size_t i = 0; i < residuals.z.size(); ++i)
     if (density_at(residuals.z[i], residuals.s[i]).outlier > 0.5) outliers += points.count[i] / worth;
   result.outlier_count = static_cast<int>(std::lround(std::min(outliers, 2e9)));
@@ -308,9 +302,8 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
 }
 
 Calibration RecursiveCalibrator::full() {
-  const Calibration approximately = approximate();
   std::optional<Calibration> shaped;
-  if (looks_for_outliers() && approximately.outcome != Outcome::too_few_data) shaped = full_with_shape();
+  if (looks_for_outliers() && approximate().outcome != Outcome::too_few_data) shaped = full_with_shape();
   Calibration result = shaped ? *shaped : full_gaussian();
   if (result.outcome == Outcome::converged) {
     last_alpha_ = result.alpha;

@@ -10,6 +10,7 @@
 #include "rangecal/core/stops_io.hpp"
 #include "recursive/landmark_answer.hpp"
 #include "recursive/residual_sketch.hpp"
+#include "robust/shape_json.hpp"
 
 namespace rangecal {
 namespace {
@@ -20,15 +21,6 @@ using Eigen::VectorXd;
 constexpr const char* format_name = "rangecal-recursive-landmarks/3";
 constexpr const char* gaussian_format = "rangecal-recursive-landmarks/2";  // knows Gaussian noise alone
 constexpr const char* format_before = "rangecal-recursive-landmarks/1";    // nor squared sums, nor a past
-
-Json json_of(const NoiseShapeParameters& shape) {
-  return {to_string(shape.shape), shape.nu, shape.outlier_share, shape.outlier_scale, shape.outlier_mean};
-}
-
-NoiseShapeParameters noise_shape_in(const Json& json) {
-  return {noise_shape_from_string(json.at(0).get<std::string>()), json.at(1), json.at(2), json.at(3),
-          json.at(4)};
-}
 
 Json json_of(const ResidualSketch& sketch) {
   Json json = Json::array();
@@ -223,7 +215,8 @@ std::string RecursiveLandmarks::to_json() const {
              {"first_position_m", {first_position_m_.x(), first_position_m_.y()}},
              {"anchored", anchored_},
              {"noise_shape", to_string(options_.noise_shape)},
-             {"shapes", shapes_ ? Json{json_of(shapes_->range), json_of(shapes_->bearing)} : Json(nullptr)},
+             {"shapes", shapes_ ? Json{shape_list<Json>(shapes_->range), shape_list<Json>(shapes_->bearing)}
+                                : Json(nullptr)},
              {"range_residuals", json_of(*range_residuals_)},
              {"bearing_residuals", json_of(*bearing_residuals_)},
              {"gap", list(gap_)},
@@ -381,8 +374,8 @@ RecursiveLandmarks RecursiveLandmarks::from_json(const std::string& text, const 
       restore(state.at("bearing_residuals"), *result.bearing_residuals_);
       if (const Json& shapes = state.at("shapes"); shapes.is_array()) {
         result.shapes_.emplace();
-        result.shapes_->range = noise_shape_in(shapes.at(0));
-        result.shapes_->bearing = noise_shape_in(shapes.at(1));
+        result.shapes_->range = shape_in_list(shapes.at(0));
+        result.shapes_->bearing = shape_in_list(shapes.at(1));
       }
       result.outliers_ = whole_number(state.at("outliers"), "outliers");
       const auto gap_in = [&](const char* field) {

@@ -7,6 +7,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
+#include "robust/shape_json.hpp"
 
 namespace rangecal {
 namespace {
@@ -83,9 +84,7 @@ std::string RecursiveCalibrator::to_json() const {
              {"last_alpha", list(last_alpha_)},
              {"last_noise", list(last_noise_)},
              {"noise_shape", to_string(options_.noise_shape)},
-             {"last_shape",
-              {to_string(last_shape_.shape), last_shape_.nu, last_shape_.outlier_share,
-               last_shape_.outlier_scale, last_shape_.outlier_mean}},
+             {"last_shape", shape_list<Json>(last_shape_)},
              {"choose_at", choose_at_},
              {"residuals", json_of(cells_)},
              {"counts", {{"read", counts_.read}, {"used", counts_.used}, {"dropped", counts_.dropped}}}};
@@ -157,9 +156,7 @@ RecursiveCalibrator RecursiveCalibrator::from_json(const std::string& text, cons
       result.moments_.bins.at(static_cast<std::size_t>(whole(bin, "bin"))).sums =
           bin.at("sums").get<std::array<std::array<double, DistanceMoments::degree>, 4>>();
     if (!gaussian) {
-      const Json& shape = state.at("last_shape");
-      result.last_shape_ = {noise_shape_from_string(shape.at(0).get<std::string>()), shape.at(1), shape.at(2),
-                            shape.at(3), shape.at(4)};
+      result.last_shape_ = shape_in_list(state.at("last_shape"));
       result.choose_at_ = whole_number<std::int64_t>(state.at("choose_at"), "choose_at");
       restore(state.at("residuals"), options.law, result.cells_);
     }

@@ -9,6 +9,7 @@
 
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
+#include "recursive/signed_intervals.hpp"
 
 namespace rangecal {
 namespace {
@@ -16,17 +17,12 @@ namespace {
 using Reference = ResidualCells::Reference;
 
 constexpr std::size_t kept_first = 64;
-constexpr double width = 0.5, even_to = 5.0, ratio = 1.5, farthest = 1e6;
+constexpr SignedIntervals intervals{.width = 0.5, .even_to = 5.0, .ratio = 1.5, .farthest = 1e6};
 constexpr double of_normal = 1.4826022185056018;  // spread of a normal over its median deviation
 
 /// Number of the interval of v, for z at a place u of the bin.
 int interval_of(const Reference& reference, double u, double z) {
-  const double v = (z - reference.offset_at(u)) / reference.spread_at(u);
-  const double size = std::min(std::abs(v), farthest);
-  const double steps =
-      size < even_to ? size / width : even_to / width + std::log(size / even_to) / std::log(ratio);
-  const int place = static_cast<int>(steps);
-  return v < 0.0 ? -1 - place : place;
+  return intervals.index_of((z - reference.offset_at(u)) / reference.spread_at(u));
 }
 
 /// The line through a few readings that outliers do not move, and the spread about it.

@@ -4,23 +4,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include "recursive/signed_intervals.hpp"
+
 namespace rangecal {
 namespace {
 
-int interval_of(double z) {
-  constexpr double width = 0.25, even_to = 8.0, ratio = 1.1, farthest = 1e9;
-  const double size = std::min(std::abs(z), farthest);
-  const int place = static_cast<int>(
-      size < even_to ? size / width : even_to / width + std::log(size / even_to) / std::log(ratio));
-  return z < 0.0 ? -1 - place : place;
-}
+constexpr SignedIntervals intervals_of_z{.width = 0.25, .even_to = 8.0, .ratio = 1.1, .farthest = 1e9};
 
 }  // namespace
 
 void ResidualSketch::add(double z, double s, double weight) {
   constexpr double ratio = 1.3;
   const auto step = static_cast<int>(std::floor(std::log(s) / std::log(ratio)));
-  auto& sums = cells[{interval_of(z), step}];
+  auto& sums = cells[{intervals_of_z.index_of(z), step}];
   sums[0] += weight;
   sums[1] += weight * z;
   sums[2] += weight * z * z;

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "rangecal/core/distributions.hpp"
+#include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
@@ -170,6 +171,17 @@ double ChannelResiduals::typical_spread() const { return upper_median(s, weight)
 
 double ChannelResiduals::count() const {
   return weight.empty() ? static_cast<double>(z.size()) : std::accumulate(weight.begin(), weight.end(), 0.0);
+}
+
+ChannelResiduals residuals_about(const Calibration& curve, std::span<const double> d,
+                                 std::span<const double> y) {
+  ChannelResiduals at;
+  for (std::size_t i = 0; i < d.size(); ++i) {
+    const double f = evaluate_polynomial(curve.alpha, d[i]);
+    at.s.push_back(curve.noise.spread(d[i], f));
+    at.z.push_back((y[i] - f) / at.s.back());
+  }
+  return at;
 }
 
 ResidualShape fit_residual_shape(const ChannelResiduals& residuals, const ResidualShape& start,

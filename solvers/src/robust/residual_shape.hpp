@@ -21,6 +21,11 @@ struct ChannelResiduals {
   double typical_spread() const;
 };
 
+/// Errors of readings y at distances d [m] about a curve, in its spreads; not finite, or of a spread that is not positive,
+/// outside of the curve's domain.
+ChannelResiduals residuals_about(const Calibration& curve, std::span<const double> d,
+                                 std::span<const double> y);
+
 /// The noise shape that goes with residuals whose fit is held.
 struct ResidualShape {
   NoiseShapeParameters shape;
