@@ -49,9 +49,9 @@ struct RecursiveOptions {
 ///
 /// which is the batch's answer to rounding, and that of every lower order besides: its columns come first.
 ///
-/// Full likelihood (2016 eq. 17-20) of Gaussian noise: sums over readings of log s and (y - f)^2 / s^2 are taken from the DistanceMoments
-/// to 1e-7 of themselves or better and minimised by Newton's method from the last estimate. The batch's answer within 1 % of its
-/// standard deviation, for every order and law afterwards.
+/// Full likelihood (2016 eq. 17-20) of Gaussian noise: sums over readings of log s and (y - f)^2 / s^2 are taken from the
+/// DistanceMoments to 1e-7 of themselves or better and minimised by Newton's method from the last estimate. The batch's
+/// answer within 1 % of its standard deviation, for every order and law afterwards.
 ///
 /// Of other noise shapes: full_pairs on the points of ResidualCells, from the last estimate; the batch's answer within 5 %
 /// of its standard deviation.

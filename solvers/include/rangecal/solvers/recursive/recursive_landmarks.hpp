@@ -135,7 +135,8 @@ class RecursiveLandmarks {
   /// `rangecal-recursive-landmarks/3`: the whole state as JSON; doubles survive bit by bit.
   std::string to_json() const;
   /// Takes states of versions 1 and 2 too, which know Gaussian noise alone. Those of version 1 keep no second sums: where
-  /// they forget, these begin as the first times sum w^2 / sum w. Throws InputError naming `name` and the field for a text that is no such state.
+  /// they forget, these begin as the first times sum w^2 / sum w. Throws InputError naming `name` and the field for a text
+  /// that is no such state.
   static RecursiveLandmarks from_json(const std::string& text, const std::string& name);
 
  private:
