@@ -11,6 +11,7 @@
 
 #include "commands.hpp"
 #include "diagnosis_text.hpp"
+#include "job_options.hpp"
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -25,8 +26,9 @@ namespace {
 
 struct DiagnoseCommand {
   std::vector<std::string> recordings, force;
-  std::string simulation, json, calibration, report;
+  std::string simulation, json, calibration, report, trace;
   double alarm_rate = 0.02;
+  CauseSearch search = CauseSearch::steps;
 
   int run() const {
     if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
@@ -35,15 +37,19 @@ struct DiagnoseCommand {
       if (!find_effect(id))
         throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
     if (!report.empty()) report::require_available();
-    require_writable({json, report, calibration});
-    require_apart({json, report, calibration}, inputs());
+    require_writable({json, report, calibration, trace});
+    require_apart({json, report, calibration, trace}, inputs());
     const std::vector<Recording> loaded = load_recordings(recordings);
     DiagnoseOptions options;
     options.alarm_rate = alarm_rate;
+    options.search = search;
     if (!force.empty()) options.force = force;
+    std::vector<TriedSet> tried;
+    if (!trace.empty()) options.trace = [&](const TriedSet& set) { tried.push_back(set); };
     if (::isatty(STDERR_FILENO)) options.progress = show_progress;
     const Diagnosis diagnosis = against(loaded, options);
     if (!json.empty()) write_file(json, diagnosis_to_json(diagnosis));
+    if (!trace.empty()) write_file(trace, trace_to_json(tried));
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
@@ -123,6 +129,10 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       ->add_option("--force", state->force,
                    "fit exactly these effects, whatever the residuals say; several as a,b or a b")
       ->delimiter(',');
+  add_search_option(*command, state->search);
+  command->add_option(
+      "--trace", state->trace,
+      "with --search sets: write every set of causes that was fitted to this file (rangecal-trace/1)");
   command->footer(
       "Examples:\n"
       "  rangecal diagnose notebooks_data/field-layout\n"

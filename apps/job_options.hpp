@@ -9,6 +9,7 @@
 
 #include "rangecal/core/recording.hpp"
 #include "rangecal/solvers/calibrate.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal::app {
 
@@ -23,6 +24,9 @@ struct JobOptions {
   /// Throws InputError for a text that is not accepted.
   CalibrateOptions parsed() const;
 };
+
+/// --search of diagnose and prove.
+void add_search_option(CLI::App& command, CauseSearch& search);
 
 /// Runs a job with progress on stderr where that is a terminal, and fills in each method's seconds. Throws InputError
 /// where the recordings are too few for every method.

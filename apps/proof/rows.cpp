@@ -163,6 +163,75 @@ void draw_pair(Case& c, const SeedModel& model, Random& random) {
   throw InputError("no pair of effects reaches the target in design '" + c.design + "'");
 }
 
+/// How many causes a row conceals at once: 3 for "many-3"; 0 for a row of one cause, or of two by its own rule.
+int causes_of(const std::string& row) { return row.starts_with("many-") ? std::stoi(row.substr(5)) : 0; }
+
+/// Causes on the means, each of noncentrality 150 alone and of 60 or more beside the others, whose catalogue signatures are
+/// projected out too: larger where they take more. Another cause is drawn only where one cannot reach that within its
+/// physical maximum.
+void draw_many(Case& c, const SeedModel& model, Random& random) {
+  constexpr double alone = 150.0, beside_others = 60.0;
+  struct Cause {
+    std::string id;
+    std::uint64_t seed = 0;
+    double sign = 1.0;
+    Sized sized;
+  };
+  const Signatures signatures(model, c.seed);
+  const auto wanted = static_cast<std::size_t>(causes_of(c.row));
+  std::vector<std::string> left = candidates(c.row, c.design);
+  std::vector<Cause> causes;
+  const auto others_of = [&](std::size_t i) {
+    std::vector<std::string> others;
+    for (std::size_t j = 0; j < causes.size(); ++j)
+      if (j != i) others.push_back(causes[j].id);
+    return others;
+  };
+  /// Enlarges cause i until the others leave enough of it; false where its maximum is reached before.
+  const auto shows = [&](std::size_t i) {
+    Cause& cause = causes[i];
+    for (int enlarged = 0; enlarged < 4; ++enlarged) {
+      const double seen = signatures.left(projected(model, cause.sized.planted), others_of(i));
+      if (seen >= beside_others) return true;
+      if (!(seen > 0.02 * cause.sized.value)) return false;  // nearly a twin of the others
+      const double needed = 1.1 * cause.sized.value * beside_others / seen;
+      std::optional<Sized> larger =
+          size_for(model, cause.id, needed, Measure::lambda, cause.seed, cause.sign);
+      if (!larger) return false;
+      cause.sized = std::move(*larger);
+    }
+    return false;
+  };
+  while (causes.size() < wanted) {
+    if (left.empty())
+      throw InputError("no " + std::to_string(wanted) + " effects show beside one another in design '" +
+                       c.design + "'");
+    const auto pick = static_cast<std::ptrdiff_t>(random.index(left.size()));
+    Cause cause{left[static_cast<std::size_t>(pick)], random.bits(), 1.0, {}};
+    left.erase(left.begin() + pick);
+    cause.sign = any_sign(world::effect_info(cause.id), random);
+    std::optional<Sized> sized = size_for(model, cause.id, alone, Measure::lambda, cause.seed, cause.sign);
+    const std::string name = cause.id + " (" + c.design + ")";
+    if (sized) {
+      cause.sized = std::move(*sized);
+      const std::vector<Cause> before = causes;
+      causes.push_back(std::move(cause));
+      bool all = true;
+      for (std::size_t i = 0; all && i < causes.size(); ++i) all = shows(i);
+      if (all) continue;
+      causes = before;
+    }
+    c.out_of_reach.push_back(name);
+  }
+  for (const Cause& cause : causes) {
+    Random draw(cause.seed);
+    c.planted = world::apply(c.planted, cause.id, cause.sized.size, draw);
+    c.truth.push_back(cause.id);
+    c.sizes.push_back(cause.sized.size);
+  }
+  c.value = alone;
+}
+
 }  // namespace
 
 const std::vector<std::string>& row_names() {
@@ -181,7 +250,11 @@ const std::vector<std::string>& row_names() {
                                               "simulation-alike",
                                               "simulation-alpha",
                                               "closed-loop",
-                                              "speed"};
+                                              "speed",
+                                              "many-2",
+                                              "many-3",
+                                              "many-4",
+                                              "many-5"};
   return names;
 }
 
@@ -213,6 +286,8 @@ Case draw_case(const std::string& row, std::uint64_t seed, int index, const std:
   const SeedModel model(c.clean);
   if (row == "pair")
     draw_pair(c, model, random);
+  else if (causes_of(row) > 0)
+    draw_many(c, model, random);
   else
     draw_single(c, model, random);
   return c;

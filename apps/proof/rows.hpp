@@ -20,6 +20,7 @@ namespace rangecal::proof {
 ///   simulation-effect, -alike, -alpha, closed-loop    against a simulation
 ///   experiment                 effects with twins, lambda 100, and the experiment that is proposed
 ///   speed                      lambda 100, one world after the other
+///   many-2, -3, -4, -5         so many causes, lambda 150 each alone and 60 or more beside the others
 const std::vector<std::string>& row_names();
 
 /// The seed that draws the world of that row, number and design.

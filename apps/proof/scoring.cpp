@@ -115,6 +115,17 @@ std::string in_words(const std::vector<std::vector<std::string>>& sets) {
   return out.empty() ? "no_mismatch" : out;
 }
 
+Names names_of(const std::vector<std::vector<std::string>>& sets, const std::vector<std::string>& truth) {
+  Names best;
+  for (const std::vector<std::string>& set : sets) {
+    Names names;
+    for (const std::string& id : set)
+      if (find_effect(id)) ++(contains(truth, id) ? names.found : names.wrong);
+    if (names.found > best.found || &set == &sets.front()) best = names;
+  }
+  return best;
+}
+
 Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& truth,
                 const std::function<bool(const std::vector<std::string>&)>& is_twin) {
   if (truth.empty()) return diagnosis.verdict == Verdict::no_mismatch ? Answer::quiet : Answer::false_alarm;
@@ -203,6 +214,8 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
     out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
   if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);
   const bool in_part = diagnosis.verdict == Verdict::unexplained && diagnosis.final_effects.size() > 1;
+  out.causes = static_cast<int>(c.truth.size());
+  out.names = names_of(sets, c.truth);
   if (c.truth.size() == 2) out.partly_right = is_partly_right(c, sets);
   if (in_part && !c.truth.empty() && !is_partly_right(c, sets)) out.result = Answer::wrong_name;
   return out;

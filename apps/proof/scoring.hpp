@@ -31,6 +31,13 @@ enum class Answer {
 const char* to_string(Answer answer);
 inline bool is_right(Answer answer) { return answer == Answer::right_name || answer == Answer::right_set; }
 
+/// An answer held against several causes: of the names given, those of concealed causes and the others. Of the sets that
+/// an answer cannot tell apart the one with most causes counts; its names that are no cause are wrong.
+struct Names {
+  int found = 0, wrong = 0;
+};
+Names names_of(const std::vector<std::vector<std::string>>& sets, const std::vector<std::string>& truth);
+
 /// One world as it was put to the diagnosis.
 struct Case {
   std::string row, design;
@@ -63,6 +70,8 @@ struct Score {
   int set_size = 0;
   double probability = 0.0, alarm_p = 1.0;
   bool partly_right = false;  ///< a pair: one right and none wrong
+  int causes = 0;             ///< concealed
+  Names names;                ///< of the answer
   std::string location;       ///< "channel/covariate" first found
   bool located = false;
   std::optional<double> gain_ratio, gain_excess_nats;

@@ -54,7 +54,7 @@ std::vector<double> values_of(const std::vector<Score>& scores, const Condition&
   return out;
 }
 
-Condition row(const char* name) {
+Condition row(const std::string& name) {
   return [name](const Score& s) { return s.row == name; };
 }
 
@@ -99,6 +99,38 @@ void add_naming(std::vector<Line>& lines, const std::vector<Score>& scores) {
   add_share(
       lines, scores, "lambda 100: channel and covariate first", row("lambda-100"),
       [](const Score& s) { return s.located; }, 0.92);
+}
+
+/// A proportion of causes or names, not of worlds.
+void add_counted(std::vector<Line>& lines, const std::string& what, int hits, int all, double required,
+                 bool at_most = false) {
+  if (all == 0) return;
+  Line line{what, fmt::format("{} {:.0f} %", at_most ? "<=" : ">=", 100.0 * required), all,
+            static_cast<double>(hits) / all};
+  std::tie(line.low, line.high) = wilson(hits, all);
+  line.met = at_most ? line.figure <= required + 1e-12 : line.figure >= required - 1e-12;
+  lines.push_back(line);
+}
+
+void add_many(std::vector<Line>& lines, const std::vector<Score>& scores) {
+  int named = 0, wrong = 0;
+  const double found_wanted[] = {0.96, 0.95, 0.94, 0.93}, all_wanted[] = {0.9, 0.8, 0.7, 0.65};
+  for (int k = 2; k <= 5; ++k) {
+    const std::string name = fmt::format("many-{}", k);
+    int found = 0, causes = 0;
+    for (const Score& s : scores) {
+      if (s.row != name) continue;
+      found += s.names.found, causes += s.causes;
+      named += s.names.found + s.names.wrong, wrong += s.names.wrong;
+    }
+    add_counted(lines, fmt::format("{} causes: found (causes)", k), found, causes, found_wanted[k - 2]);
+    add_share(lines, scores, fmt::format("{} causes: all, and nothing else", k), row(name), right,
+              all_wanted[k - 2]);
+    add_share(
+        lines, scores, fmt::format("{} causes: the same by single names", k), row(name),
+        [](const Score& s) { return s.result == Answer::right_name; }, 0.0);
+  }
+  add_counted(lines, "several causes: names of nothing concealed (names)", wrong, named, 0.03, true);
 }
 
 void add_quality(std::vector<Line>& lines, const std::vector<Score>& scores) {
@@ -191,6 +223,7 @@ std::string tally(const std::vector<Score>& scores, const Condition& among, bool
 std::vector<Line> proof_lines(const std::vector<Score>& scores) {
   std::vector<Line> lines;
   add_naming(lines, scores);
+  add_many(lines, scores);
   add_quality(lines, scores);
   return lines;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,6 +22,7 @@ struct Candidate {
   double foreseen = 0.0;
   double log_p = 0.0;  ///< of its question in the battery that proposed it
   int parameters = 0;
+  std::optional<double> probability;  ///< over all sets that were compared, where they were
 };
 
 /// An effect worth fitting, and where to start.

@@ -12,6 +12,7 @@
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reporting.hpp"
 #include "diagnosis/search.hpp"
+#include "diagnosis/select/set_search.hpp"
 #include "diagnosis/simulation_compare.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
@@ -113,14 +114,18 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   known.step_beyond_noise_m = gaps.step_beyond_noise_m;
-  SearchResult found = search(rows, known, options);
+  const auto looked_for = [&](const Bookkeeping& with) {
+    return options.search == CauseSearch::sets && !options.force ? search_by_sets(rows, with, options)
+                                                                 : search(rows, with, options);
+  };
+  SearchResult found = looked_for(known);
   // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
   // allow them; a step among repeats that are all alike is none.
   if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first) &&
       known.step_beyond_noise_m == 0.0) {
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
-    SearchResult robust = search(rows, with_tails, options);
+    SearchResult robust = looked_for(with_tails);
     const bool tails_alone =
         found.partial && found.best.fit.model.back().effect->info().kind == EffectKind::tail;
     const bool better =

@@ -163,4 +163,24 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   return text + "\n";
 }
 
+std::string trace_to_json(const std::vector<TriedSet>& sets) {
+  Json written = Json::array();
+  for (const TriedSet& set : sets) {
+    Json proposals = Json::array();
+    for (const TriedSet::Proposal& p : set.proposals)
+      proposals.push_back({{"member", p.member}, {"promised", number(p.promised)}, {"fitted", p.fitted}});
+    written.push_back({{"members", set.members},
+                       {"parent", set.parent},
+                       {"promised", number(set.promised)},
+                       {"gain", number(set.gain)},
+                       {"parameter_volume", number(set.parameter_volume)},
+                       {"prior_mass", number(set.prior_mass)},
+                       {"log_posterior", number(set.log_posterior)},
+                       {"probability", number(set.probability)},
+                       {"scanned", set.scanned},
+                       {"proposals", std::move(proposals)}});
+  }
+  return Json{{"format", "rangecal-trace/1"}, {"sets", std::move(written)}}.dump(2) + "\n";
+}
+
 }  // namespace rangecal

@@ -8,7 +8,6 @@
 #include <set>
 #include <utility>
 
-#include "diagnosis/generic_effect.hpp"
 #include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal::diagnosis {
@@ -118,49 +117,58 @@ std::vector<CurveBasis> bases(const Question& finding, const Eigen::VectorXd& x)
 
 }  // namespace
 
+std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, const Fit& base,
+                                  const Question& question, const RefitOptions& options) {
+  const CurveChannel channel = curve_channel_of(question.channel);
+  const CovariateOf covariate = covariate_of(rows, question.covariate);
+  if (channel == CurveChannel::none || !covariate) return std::nullopt;
+  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
+  Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    x[i] = covariate(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
+  Reduced best;
+  CurveBasis chosen;
+  for (const CurveBasis& basis : bases(question, x)) {
+    const Reduced reduced = reduce(score_of(rows, projector, channel, x, basis), price);
+    if (reduced.penalised > best.penalised) {
+      best = reduced;
+      chosen = basis;
+    }
+  }
+  if (!(best.gain > 0.0) || best.directions.cols() == 0) return std::nullopt;
+  const double typical = is_mean(channel) ? 0.01 : 0.5;
+  CurveFit curve;
+  curve.channel = channel;
+  curve.effect = std::make_shared<GenericEffect>(channel, question.channel, question.covariate, covariate,
+                                                 chosen, best.directions, typical);
+  Model completed = base.model;
+  completed.push_back({curve.effect.get(), Eigen::VectorXd::Zero(best.directions.cols())});
+  curve.fit = refit(rows, completed, base.state, options);
+  if (!curve.fit.ok || curve.fit.nll > base.nll) return std::nullopt;
+  return curve;
+}
+
 GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, const RefitOptions& options) {
   GenericModel model;
   const Battery& battery = found.partial ? *found.last : *found.first;
   const Fit& base = found.partial ? found.best.fit : found.baseline;
-  const Projector& projector = battery.projector();
-  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
-  const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   for (const Question& finding :
        found.partial ? found.left : found.shapes) {  // the first finding that a curve can correct
-    const CurveChannel channel = curve_channel_of(finding.channel);
-    const CovariateOf covariate = covariate_of(rows, finding.covariate);
-    if (channel == CurveChannel::none || !covariate) continue;
-    Eigen::VectorXd x(n);
-    for (Eigen::Index i = 0; i < n; ++i)
-      x[i] = covariate(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
-    Reduced best;
-    CurveBasis chosen;
-    for (const CurveBasis& basis : bases(finding, x)) {
-      const Reduced reduced = reduce(score_of(rows, projector, channel, x, basis), price);
-      if (reduced.penalised > best.penalised) {
-        best = reduced;
-        chosen = basis;
-      }
-    }
-    if (!(best.gain > 0.0) || best.directions.cols() == 0) continue;
-    const double typical = is_mean(channel) ? 0.01 : 0.5;
-    const auto effect = std::make_shared<GenericEffect>(channel, finding.channel, finding.covariate,
-                                                        covariate, chosen, best.directions, typical);
-    Model completed = base.model;
-    completed.push_back({effect.get(), Eigen::VectorXd::Zero(best.directions.cols())});
-    Fit fit = refit(rows, completed, base.state, options);
-    if (!fit.ok || fit.nll > base.nll) continue;
-    model.effect = effect;
-    model.fit = std::move(fit);
+    std::optional<CurveFit> fitted = fit_curve(rows, battery.projector(), base, finding, options);
+    if (!fitted) continue;
+    const GenericEffect& effect = *fitted->effect;
+    const CurveChannel channel = fitted->channel;
+    model.effect = fitted->effect;
+    model.fit = std::move(fitted->fit);
     GenericCurve& curve = model.curve;
     curve.gain = base.nll - model.fit.nll;
-    const Eigen::VectorXd values = effect->directions() * model.fit.model.back().parameters;
-    const Eigen::MatrixXd covariance =
-        effect->directions() *
-        model.fit.covariance.bottomRightCorner(best.directions.cols(), best.directions.cols()) *
-        effect->directions().transpose();
+    const Eigen::VectorXd values = effect.directions() * model.fit.model.back().parameters;
+    const Eigen::Index size = effect.directions().cols();
+    const Eigen::MatrixXd covariance = effect.directions() *
+                                       model.fit.covariance.bottomRightCorner(size, size) *
+                                       effect.directions().transpose();
     const Eigen::VectorXd std_dev = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-    curve.knots = effect->basis().knots;
+    curve.knots = effect.basis().knots;
     curve.values.assign(values.begin(), values.end());
     curve.std_dev.assign(std_dev.begin(), std_dev.end());
     const RowChanges changes =

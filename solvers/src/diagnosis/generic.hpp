@@ -2,8 +2,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "diagnosis/generic_effect.hpp"
 #include "diagnosis/search.hpp"
 
 namespace rangecal::diagnosis {
@@ -30,6 +32,18 @@ struct GenericModel {
   Fit fit;
   GenericCurve curve;
 };
+
+/// A curve over one covariate, added to a model and fitted.
+struct CurveFit {
+  std::shared_ptr<GenericEffect> effect;
+  CurveChannel channel = CurveChannel::none;
+  Fit fit;
+};
+
+/// Adds to `base` the curve for the channel and covariate of a question, the projector being that of `base`. None for
+/// what no curve corrects, and where it does not fit better.
+std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, const Fit& base,
+                                  const Question& question, const RefitOptions& options);
 
 GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, const RefitOptions& options);
 

@@ -33,6 +33,12 @@ void fill_probabilities(const SearchResult& found, std::vector<Explanation>& exp
     explanations.front().probability = 1.0;
     return;
   }
+  if (found.best.probability) {
+    explanations.front().probability = *found.best.probability;
+    for (std::size_t i = 1; i < explanations.size() && i <= found.rivals.size(); ++i)
+      explanations[i].probability = found.rivals[i - 1].probability.value_or(0.0);
+    return;
+  }
   std::vector<double> evidence{found.best.evidence};
   for (const Candidate& rival : found.rivals) evidence.push_back(rival.evidence);
   double highest = 0.0, total = 0.0;

@@ -52,15 +52,6 @@ void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }
 
-/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter.
-/// The solves come back to it by small steps only where the grid holds most of that.
-JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state) {
-  if (!has_grid(known.model)) return state;
-  const std::optional<Noise> noise = noise_within_cells(rows, known.model);
-  if (noise && noise->law == state.noise.law) state.noise = *noise;
-  return state;
-}
-
 /// The steps of the search, each on what those before it found. Of those that answer a question: true once the
 /// verdict is known.
 class SearchSteps {
@@ -69,7 +60,7 @@ class SearchSteps {
       : rows_(rows), known_(known), options_(options) {}
 
   SearchResult run() {
-    scan_baseline();
+    result_ = scan_seed_model(rows_, known_, options_, refit_options_);
     if (options_.force)
       fit_forced(rows_, *options_.force, refit_options_, result_);
     else if (!(result_.alarm_p >= options_.alarm_rate && known_.model.empty()) && !known_suffices())
@@ -93,7 +84,6 @@ class SearchSteps {
     find_partial(rows_, options_, *root_battery_, singles_, batteries_, result_);
   }
 
-  void scan_baseline();
   bool known_suffices();
   void try_singles();
   void drop_soft_names();
@@ -123,19 +113,6 @@ class SearchSteps {
   /// Of the singles: errors of the stops that would do, but may stand for two causes.
   std::optional<std::size_t> soaked_;
 };
-
-/// The seed model, and whether its residuals hold anything.
-void SearchSteps::scan_baseline() {
-  report("fitting the seed model", 0.0);
-  result_.baseline = fit_baseline(rows_, options_, refit_options_, known_.model);
-  report("scanning the residuals", 0.1);
-  result_.first = std::make_unique<Battery>(rows_, Model{}, result_.baseline.state);
-  result_.first->calibrate(options_.null_draws, 1);
-  result_.rates = result_.first->rates;
-  result_.alarm_p = result_.first->alarm_p();
-  result_.shapes = findings(rows_, *result_.first, options_.alarm_rate);
-  result_.known = known_;
-}
 
 /// The root: the seed model with what bookkeeping found. True if that leaves nothing.
 bool SearchSteps::known_suffices() {
@@ -312,6 +289,31 @@ bool SearchSteps::pair_with_a_trace_answers(const std::vector<Candidate>& pairs)
 }
 
 }  // namespace
+
+JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state) {
+  if (!has_grid(known.model)) return state;
+  const std::optional<Noise> noise = noise_within_cells(rows, known.model);
+  if (noise && noise->law == state.noise.law) state.noise = *noise;
+  return state;
+}
+
+SearchResult scan_seed_model(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,
+                             RefitOptions& refit_options) {
+  const auto report = [&](const char* stage, double fraction) {
+    if (options.progress) options.progress(stage, fraction);
+  };
+  SearchResult result;
+  report("fitting the seed model", 0.0);
+  result.baseline = fit_baseline(rows, options, refit_options, known.model);
+  report("scanning the residuals", 0.1);
+  result.first = std::make_unique<Battery>(rows, Model{}, result.baseline.state);
+  result.first->calibrate(options.null_draws, 1);
+  result.rates = result.first->rates;
+  result.alarm_p = result.first->alarm_p();
+  result.shapes = findings(rows, *result.first, options.alarm_rate);
+  result.known = known;
+  return result;
+}
 
 SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
   return SearchSteps(rows, known, options).run();

@@ -28,7 +28,16 @@ struct SearchResult {
   std::unique_ptr<Battery> first, last;  ///< batteries of the baseline and of the final model
   std::vector<Candidate> tried;
   Bookkeeping known;
+  std::vector<std::shared_ptr<Effect>> curves;  ///< without a name, of models in `tried`
 };
+
+/// The seed model fitted, its residuals scanned, and how likely they are without any cause.
+SearchResult scan_seed_model(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,
+                             RefitOptions& refit_options);
+
+/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter.
+/// The solves come back to it by small steps only where the grid holds most of that.
+JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state);
 
 /// Baseline, scan, explanation by refits, greedy extension. `known`: what bookkeeping found; it is part of
 /// every model.

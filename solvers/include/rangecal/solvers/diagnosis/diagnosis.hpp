@@ -112,6 +112,28 @@ struct Diagnosis {
   SimulationModel simulation;  ///< the final model with the recordings' layout: `simulate --from`
 };
 
+/// One set of causes that the search by sets fitted.
+struct TriedSet {
+  std::vector<std::string> members;  ///< ids of effects; "curve of C along X" for a curve without a name
+  std::vector<std::string> parent;   ///< the set that it was made from, by adding or dropping a member
+  double promised = 0.0;  ///< by the score of the member that was added [nats]; 0 where one was dropped
+  double gain = 0.0;      ///< NLL of the seed model, with what bookkeeping found, less that of the set [nats]
+  double parameter_volume = 0.0;  ///< what choosing its parameters costs [nats]
+  double prior_mass = 0.0;        ///< ln of the prior probability of the set over that of none [nats]
+  double log_posterior = 0.0;     ///< the sum of the three above
+  double probability = 0.0;       ///< over all sets that were fitted
+  bool scanned = false;           ///< its residuals were scanned for what could be added
+  struct Proposal {
+    std::string member;
+    double promised = 0.0;  ///< nats
+    bool fitted = false;
+  };
+  std::vector<Proposal> proposals;  ///< what they proposed, best first
+};
+
+/// How causes are looked for. `steps`: one, two at most. `sets`: any number at once, by the posterior probability of sets.
+enum class CauseSearch { steps, sets };
+
 struct DiagnoseOptions {
   double alarm_rate = 0.02;      ///< of the whole battery on a recording of the seed model
   double naming_gap_nats = 3.0;  ///< a rival within this many nats is a twin, not a loser
@@ -120,6 +142,9 @@ struct DiagnoseOptions {
   std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
                                                   ///< one with effects is simulated, as diagnose_against
   std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says
+  CauseSearch search = CauseSearch::steps;
+  std::function<void(const TriedSet&)>
+      trace;  ///< of CauseSearch::sets: every set that was fitted, the likeliest first
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 
@@ -144,5 +169,8 @@ std::string verdict_sentence(const Diagnosis& diagnosis);
 
 /// `rangecal-diagnosis/1` JSON (docs/formats.md). Numbers that are not finite are null.
 std::string diagnosis_to_json(const Diagnosis& diagnosis);
+
+/// `rangecal-trace/1` JSON of the sets that a search by sets fitted (docs/formats.md).
+std::string trace_to_json(const std::vector<TriedSet>& sets);
 
 }  // namespace rangecal

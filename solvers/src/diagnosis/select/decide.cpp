@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/decide.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "diagnosis/findings.hpp"
+#include "diagnosis/rules.hpp"
+#include "diagnosis/twins.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Probability of every set over all of them.
+std::vector<double> probabilities(const Hypotheses& table) {
+  std::vector<double> p;
+  double total = 0.0;
+  for (const auto& h : table) {
+    p.push_back(std::exp(h->log_posterior - table.front()->log_posterior));
+    total += p.back();
+  }
+  for (double& value : p) value /= total;
+  return p;
+}
+
+bool holds(const Model& model, const std::string& id) {
+  return std::any_of(model.begin(), model.end(),
+                     [&](const ActiveEffect& a) { return a.effect->info().id == id; });
+}
+
+/// Of a name, its exact twins' added.
+double probability_of(const std::string& id, const Hypotheses& table, const std::vector<double>& p) {
+  std::vector<std::string> alike = exact_twins_of(id);
+  alike.push_back(id);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < table.size(); ++i)
+    if (std::any_of(alike.begin(), alike.end(),
+                    [&](const std::string& one) { return holds(table[i]->fit.model, one); }))
+      sum += p[i];
+  return sum;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// True if what a question found matters: its size exceeds the tolerance; of dependence, tails and errors of stops, which
+/// have no size in readings, its gain is no trace of all that was explained.
+bool is_material(const Rows& rows, const Fit& fit, double explained, const Question& q,
+                 const SelectionPriors& priors) {
+  if (q.channel == "range")
+    return std::abs(q.size) > priors.tolerance * median(cell_geometry(rows, fit.state).spread);
+  if (q.channel == "bearing") return std::abs(q.size) > priors.tolerance * fit.state.sigma_theta_rad;
+  if (q.of == Question::Of::variance) return std::abs(q.size) > 2.0 * priors.tolerance;
+  return gain_of(rows, q) > trace_share * explained;
+}
+
+TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
+  return {member_names(h.fit.model, known),
+          h.parent,
+          h.promised,
+          h.gain,
+          h.parameter_volume,
+          h.prior_mass,
+          h.log_posterior,
+          probability,
+          h.expanded,
+          h.proposals};
+}
+
+Candidate candidate_of(const Hypothesis& h, double probability, double baseline_nll) {
+  Candidate c;
+  c.fit = h.fit;
+  c.gain = baseline_nll - h.fit.nll;
+  c.evidence = c.foreseen = h.log_posterior;
+  c.promised = h.promised;
+  c.parameters = static_cast<int>(h.fit.free.size());
+  c.probability = probability;
+  return c;
+}
+
+}  // namespace
+
+void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseOptions& options,
+            const RefitOptions& refit_options, const SelectionPriors& priors, SearchResult& result) {
+  const std::size_t known = result.known.model.size();
+  const Hypothesis& best = *table.front();
+  const std::vector<double> p = probabilities(table);
+  if (options.trace)
+    for (std::size_t i = 0; i < table.size(); ++i) options.trace(tried_set(*table[i], p[i], known));
+  Model names(root.model.begin(), root.model.begin() + static_cast<std::ptrdiff_t>(known));
+  bool has_curve = false;
+  for (std::size_t i = known; i < best.fit.model.size(); ++i) {
+    const ActiveEffect& member = best.fit.model[i];
+    if (is_nameless(*member.effect))
+      has_curve = true;
+    else if (probability_of(member.effect->info().id, table, p) >= 0.5)
+      names.push_back(member);
+  }
+  result.verdict = Verdict::unexplained;
+  Candidate answer = candidate_of(best, p.front(), result.baseline.nll);
+  if (names.size() < best.fit.model.size()) {  // the names alone
+    Fit alone = refit(rows, names, best.fit.state, refit_options);
+    if (!alone.ok) return;
+    answer.fit = std::move(alone);
+    answer.gain = result.baseline.nll - answer.fit.nll;
+  }
+  auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
+  const double rate = has_grid(result.known.model) ? 1e-5 : clean_rate;
+  const bool rest = std::any_of(battery->questions.begin(), battery->questions.end(), [&](const Question& q) {
+    return !q.effect && !on_grid(result.known, q) && battery->corrected(q) < rate &&
+           is_material(rows, answer.fit, answer.gain, q, priors);
+  });
+  for (std::size_t i = 1; i < table.size(); ++i)
+    result.tried.push_back(candidate_of(*table[i], p[i], result.baseline.nll));
+  for (const auto& h : table) result.curves.insert(result.curves.end(), h->curves.begin(), h->curves.end());
+  if (names.size() == known && (known == 0 || rest || has_curve)) return;
+  result.best = std::move(answer);
+  result.last = std::move(battery);
+  if (rest || has_curve) {
+    result.partial = true;
+    result.left = findings(rows, *result.last, options.alarm_rate);
+    if (result.left.empty()) result.partial = false, result.verdict = Verdict::explained;
+  } else {
+    result.verdict = Verdict::explained;
+  }
+  std::vector<Candidate> ranked;
+  for (const Candidate& c : result.tried)
+    if (c.fit.model.size() == result.best.fit.model.size() &&
+        std::none_of(c.fit.model.begin(), c.fit.model.end(),
+                     [](const ActiveEffect& a) { return is_nameless(*a.effect); }))
+      ranked.push_back(c);
+  add_rivals(rows, options, ranked, result);
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "diagnosis/rows.hpp"
+#include "diagnosis/select/hypothesis.hpp"
+#include "diagnosis/select/priors.hpp"
+
+namespace rangecal::diagnosis {
+
+/// How many members this recording could have: names of the catalogue that it can hold, and places of curves without one.
+struct MemberCounts {
+  double names = 1.0, places = 1.0;
+};
+MemberCounts count_members(const Rows& rows, double places);
+
+/// ln of the prior mass of the set of members after the first `known`, over that of none [nats]:
+///
+///   sum_i ln w_i + (n - 1) ln q,   w = (1 - c) / N of a name, c / M of a curve without one
+///
+/// c, q of SelectionPriors, N names and M places that this recording could have.
+double log_prior_mass(const Model& model, std::size_t known, const MemberCounts& counts,
+                      const SelectionPriors& priors);
+
+/// What choosing the parameters of the members after the first `known` costs [nats], at most 0: the integral of the
+/// likelihood over them against its maximum, by Laplace's method over all of them together,
+///
+///   ln of  (2 pi)^(k/2) |C|^(1/2) prod_a p_a(theta_a) x N(c; 0, S + tau^2 I),
+///
+///   C    covariance of the k parameters that move means and variances, the calibration integrated out
+///   p_a  prior of a parameter of a name: Student's t at its typical size where the change is linear in it, uniform
+///        within its bounds elsewhere; one of as many as its grid has for one that is chosen from a list
+///   c, S parameters of a curve without a name and their part of C; tau its size, the likeliest, at a nat
+///
+/// Parameters of dependence, tails and errors of the stops enter by the curvature of the likelihood along each, in its
+/// logarithm where it is positive.
+double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known, const RefitOptions& options,
+                            const SelectionPriors& priors);
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/hypothesis.hpp"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+namespace rangecal::diagnosis {
+
+bool is_nameless(const Effect& effect) { return find_effect(effect.info().id) == nullptr; }
+
+std::string member_name(const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  return is_nameless(effect) ? "curve of " + info.channel + " along " + info.covariate : info.id;
+}
+
+std::vector<std::string> member_names(const Model& model, std::size_t known) {
+  std::vector<std::string> names;
+  for (std::size_t i = known; i < model.size(); ++i) names.push_back(member_name(*model[i].effect));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string key_of(const Model& model, std::size_t known) {
+  return fmt::format("{}", fmt::join(member_names(model, known), "+"));
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "diagnosis/refit.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
+
+namespace rangecal::diagnosis {
+
+/// A set of members beside the seed model, fitted: effects of the catalogue, and curves without a name.
+struct Hypothesis {
+  Fit fit;
+  std::vector<std::shared_ptr<Effect>> curves;  ///< those of the fit's model that are in no catalogue
+  double gain = 0.0;                            ///< NLL of the root less its own [nats]
+  double parameter_volume = 0.0;                ///< by `log_parameter_volume` [nats]
+  double prior_mass = 0.0;                      ///< by `log_prior_mass` [nats]
+  /// ln of its probability over that of the root [nats]: the sum of the three above.
+  double log_posterior = 0.0;
+  double promised = 0.0;                      ///< by the score that proposed its last member [nats]
+  std::vector<std::string> parent;            ///< members of the set that it was made from
+  std::vector<TriedSet::Proposal> proposals;  ///< what its residuals proposed
+  bool expanded = false;                      ///< what could be added to it was tried
+};
+
+/// True if the effect is a curve without a name.
+bool is_nameless(const Effect& effect);
+
+/// A member by its id; a curve by its channel and covariate.
+std::string member_name(const Effect& effect);
+
+/// The names of the members after the first `known`, sorted.
+std::vector<std::string> member_names(const Model& model, std::size_t known);
+
+/// The names of the members after the first `known`, sorted and joined by "+"; empty for none.
+std::string key_of(const Model& model, std::size_t known);
+
+}  // namespace rangecal::diagnosis

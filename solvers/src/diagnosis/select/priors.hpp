@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+namespace rangecal::diagnosis {
+
+/// Everything about the search that was chosen and not computed. docs/diagnosis.md has what halving and doubling each of
+/// them does.
+struct SelectionPriors {
+  /// Prior probability of a member being a curve without a name; the names of the catalogue share the rest equally.
+  double nameless = 0.2;
+  /// Odds of one member more, after the first.
+  double further_member = 0.5;
+  /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may
+  /// be much larger than is usual.
+  double size_dof = 2.0;
+  /// Rest that does not matter, in standard deviations of one reading (RMS over the readings).
+  double tolerance = 0.25;
+};
+
+}  // namespace rangecal::diagnosis
