@@ -26,18 +26,6 @@ double log_normal_density(const Eigen::VectorXd& x, const Eigen::MatrixXd& V) {
   return -0.5 * (static_cast<double>(x.size()) * log_two_pi + log_det + x.dot(factor.solve(x)));
 }
 
-/// ln of the prior density of a parameter of a name at `value`.
-double log_density(const EffectParameter& info, double low, double high, double value,
-                   const SelectionPriors& priors) {
-  if (info.linear || !std::isfinite(high - low)) {
-    const double typical = std::max(std::abs(info.typical), 1e-12);
-    const double both_signs = low >= 0.0 ? 2.0 : 1.0;
-    return std::log(both_signs * boost::math::pdf(boost::math::students_t(priors.size_dof), value / typical) /
-                    typical);
-  }
-  return -std::log(high - low);
-}
-
 /// Values that a parameter is chosen from.
 double choices(const Rows& rows, const Effect& effect, std::size_t index) {
   std::set<double> values;
@@ -74,11 +62,26 @@ double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParamet
   constexpr double widest = 1.0;  // an e-fold, or as many typical sizes as `reach` is parts of one
   const double sigma =
       sides == 0 || !(rise > 0.0) ? widest : std::min(widest, reach / std::sqrt(2.0 * rise / sides));
-  const double density = log_density(info, low, high, value, priors) + (positive ? std::log(value) : 0.0);
+  const double density =
+      log_prior_density(info, low, high, value, priors) + (positive ? std::log(value) : 0.0);
   return std::min(0.0, 0.5 * log_two_pi + std::log(sigma) + density);
 }
 
 }  // namespace
+
+double log_prior_density(const EffectParameter& parameter, double low, double high, double value,
+                         const SelectionPriors& priors) {
+  if (!parameter.linear && std::isfinite(high - low)) return -std::log(high - low);
+  const double typical = std::max(std::abs(parameter.typical), 1e-12);
+  const double both_signs = low >= 0.0 ? 2.0 : 1.0;
+  return std::log(both_signs * boost::math::pdf(boost::math::students_t(priors.size_dof), value / typical) /
+                  typical);
+}
+
+double prior_width(const EffectParameter& parameter, double low, double high, double value) {
+  if (!parameter.linear && std::isfinite(high - low)) return (high - low) / std::sqrt(12.0);
+  return std::max({std::abs(parameter.typical), std::abs(value), 1e-12});
+}
 
 MemberCounts count_members(const Rows& rows, double places) {
   MemberCounts counts;
@@ -120,8 +123,8 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
       curve.push_back(static_cast<Eigen::Index>(a));
     else {
       const auto [low, high] = bounds_of(rows, fit.model, p);
-      volume +=
-          log_density(info_of(fit.model, p), low, high, fit.model[p.effect].parameters[p.index], priors);
+      volume += log_prior_density(info_of(fit.model, p), low, high, fit.model[p.effect].parameters[p.index],
+                                  priors);
     }
   }
   for (std::size_t e = known; e < fit.model.size(); ++e) {
@@ -138,12 +141,9 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
     const FreeParameter& p = fit.free[static_cast<std::size_t>(joint[i])];
     const EffectParameter& info = info_of(fit.model, p);
     const auto [low, high] = bounds_of(rows, fit.model, p);
-    const double value = std::abs(fit.model[p.effect].parameters[p.index]);
-    if (is_nameless(*fit.model[p.effect].effect))
-      wide[i] = high - low;  // its prior comes below
-    else
-      wide[i] = info.linear || !std::isfinite(high - low) ? std::max({std::abs(info.typical), value, 1e-12})
-                                                          : (high - low) / std::sqrt(12.0);
+    const double value = fit.model[p.effect].parameters[p.index];
+    // The prior of a curve's parameters comes below.
+    wide[i] = is_nameless(*fit.model[p.effect].effect) ? high - low : prior_width(info, low, high, value);
     for (Eigen::Index j = 0; j < k; ++j) C(i, j) = fit.covariance(joint[i], joint[j]);
   }
   // (C^-1 + wide^-2)^-1 = C - C (C + wide^2)^-1 C

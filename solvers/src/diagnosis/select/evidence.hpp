@@ -21,6 +21,13 @@ MemberCounts count_members(const Rows& rows, double places);
 double log_prior_mass(const Model& model, std::size_t known, const MemberCounts& counts,
                       const SelectionPriors& priors);
 
+/// ln of the prior density of a parameter of a name at `value`: Student's t at its typical size where the change is linear
+/// in it, else uniform within its bounds.
+double log_prior_density(const EffectParameter& parameter, double low, double high, double value,
+                         const SelectionPriors& priors);
+/// How wide that prior is about `value`: no parameter is less certain.
+double prior_width(const EffectParameter& parameter, double low, double high, double value);
+
 /// What choosing the parameters of the members after the first `known` costs [nats], at most 0: the integral of the
 /// likelihood over them against its maximum, by Laplace's method over all of them together,
 ///

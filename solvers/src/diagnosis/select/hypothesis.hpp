@@ -19,10 +19,10 @@ struct Hypothesis {
   double prior_mass = 0.0;                      ///< by `log_prior_mass` [nats]
   /// ln of its probability over that of the root [nats]: the sum of the three above.
   double log_posterior = 0.0;
-  double promised = 0.0;                      ///< by the score that proposed its last member [nats]
-  std::vector<std::string> parent;            ///< members of the set that it was made from
-  std::vector<TriedSet::Proposal> proposals;  ///< what its residuals proposed
-  bool expanded = false;                      ///< what could be added to it was tried
+  double promised = 0.0;                           ///< by the score that proposed its last member [nats]
+  std::vector<std::string> parent;                 ///< members of the set that it was made from
+  std::vector<TriedSet::Proposal> proposals;       ///< what its residuals proposed
+  bool names_tried = false, curves_tried = false;  ///< what could be added to it was fitted
 };
 
 /// True if the effect is a curve without a name.

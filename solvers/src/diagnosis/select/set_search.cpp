@@ -16,23 +16,40 @@
 #include "diagnosis/findings.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/select/decide.hpp"
+#include "diagnosis/select/linear_search.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr std::size_t tried_at_once = 5;  ///< additions to one set that are fitted
-constexpr int most_expanded = 60;         ///< sets whose residuals are scanned
+/// Additions to one set that are fitted: names that move the mean, and of each other kind.
+constexpr std::size_t most_of_means = 3, most_of_others = 2;
+constexpr int most_scanned = 80;  ///< sets whose residuals are scanned
+constexpr int most_rounds = 8;    ///< linearisations
+/// Sets of the linearised problem that are fitted, and how far below the likeliest of them [nats].
+constexpr std::size_t most_of_sets = 8;
+constexpr double fitted_window = 8.0;
+constexpr double most_places = 30.0;  ///< of curves without a name: a channel along a covariate each
 
 /// A member to be added to a set: a name, or a curve for what a question found.
 struct Addition {
   std::optional<Proposal> name;
   std::optional<Question> curve;
-  double outlook = 0.0;  ///< nats that its score promises, less what its parameters cost by a rule of thumb
+  double promised = 0.0;  ///< nats
   std::string member() const {
     return name ? member_name(*name->effect) : "curve of " + curve->channel + " along " + curve->covariate;
   }
 };
+
+using Names = std::vector<std::string>;
+
+std::string joined(const Names& names) { return fmt::format("{}", fmt::join(names, "+")); }
+
+/// True if `larger` holds all of `smaller` and one more; both sorted.
+bool one_more(const Names& larger, const Names& smaller) {
+  return larger.size() == smaller.size() + 1 &&
+         std::includes(larger.begin(), larger.end(), smaller.begin(), smaller.end());
+}
 
 class SetSearch {
  public:
@@ -45,9 +62,18 @@ class SetSearch {
     fitted_.insert("");
   }
 
+  /// A curve of many parameters takes up several causes at once, and none of them alone is likelier than it: names are
+  /// looked for without curves first, then both together, then the names that curves stand for.
   Hypotheses run() {
-    climb();
-    while (exchange()) climb();
+    Hypothesis& root = *table_.front();
+    counts_ = count_members(rows_, most_places);
+    name_causes(root);
+    climb(root, true);
+    for (const Hypothesis* before = nullptr; before != &best();) {
+      before = &best();
+      name_causes(without_curves(best()));
+      climb(best(), true);
+    }
     std::stable_sort(table_.begin(), table_.end(),
                      [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
     return std::move(table_);
@@ -55,6 +81,10 @@ class SetSearch {
 
  private:
   std::size_t known_count() const { return known_.model.size(); }
+  Names names_of(const Hypothesis& h) const { return member_names(h.fit.model, known_count()); }
+  static bool likelier(const Hypothesis& a, const Hypothesis& b) {
+    return a.log_posterior > b.log_posterior + 1e-9;
+  }
 
   Hypothesis& best() {
     return **std::max_element(table_.begin(), table_.end(), [](const auto& a, const auto& b) {
@@ -62,49 +92,129 @@ class SetSearch {
     });
   }
 
-  /// Adds to the best set, and drops from it, until neither gains.
-  void climb() {
-    for (;;) {
-      Hypothesis& top = best();
-      if (top.expanded || expanded_ >= most_expanded) return;
-      drop_members(top);
-      if (&best() != &top) continue;
-      expand(top, -std::numeric_limits<double>::infinity());
+  static bool has_curve(const Hypothesis& h) {
+    return std::any_of(h.fit.model.begin(), h.fit.model.end(),
+                       [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+  }
+
+  /// Searches the problem linearised at a set, fits the likeliest sets that this finds, and does the same at the best of
+  /// them, until that stays. Spreads, tails, dependence and errors of stops, which are not linear, are tried beside it.
+  Hypothesis& name_causes(Hypothesis& start) {
+    Hypothesis* here = &start;
+    for (int round = 0; round < most_rounds; ++round) {
+      add_members(*here, false, 0.0);
+      fit_linear_sets(*here);
+      Hypothesis* next = here;
+      for (const auto& h : table_)
+        if (!has_curve(*h) && likelier(*h, *next)) next = h.get();
+      if (next == here) break;
+      here = next;
+    }
+    return *here;
+  }
+
+  void fit_linear_sets(const Hypothesis& here) {
+    Dictionary dictionary(rows_, here.fit);
+    Model means, others;  // the others are part of every set
+    for (const ActiveEffect& a : here.fit.model)
+      (a.effect->info().kind == EffectKind::mean ? means : others).push_back(a);
+    const std::vector<LinearSet> sets = search_linear(rows_, dictionary, means, counts_, priors_);
+    std::vector<Model> wanted;
+    for (const LinearSet& set : sets) {
+      if (wanted.size() >= most_of_sets || set.log_posterior < sets.front().log_posterior - fitted_window)
+        break;
+      Model model = others;
+      model.insert(model.end(), set.model.begin(), set.model.end());
+      if (model.size() > known_count() && fitted_.insert(key_of(model, known_count())).second)
+        wanted.push_back(std::move(model));
+    }
+    std::vector<std::unique_ptr<Hypothesis>> made(wanted.size());
+    in_parallel(
+        wanted.size(),
+        [&](std::size_t i) {
+          made[i] = std::make_unique<Hypothesis>();
+          made[i]->fit = refit(rows_, wanted[i], here.fit.state, options_);
+          if (made[i]->fit.ok) complete(*made[i], here);
+        },
+        jobs_at_once(rows_.size()));
+    keep(std::move(made));
+  }
+
+  /// Steps to the likeliest neighbour by one member more, one less or another one, until none is likelier.
+  void climb(Hypothesis& start, bool curves) {
+    Hypothesis* here = &start;
+    while (scanned_ < most_scanned) {
+      drop_members(*here);
+      add_members(*here, curves, 0.0);
+      Hypothesis* next = likeliest_neighbour(*here, curves);
+      if (next == here) next = exchange(*here, curves);
+      if (next == here) return;
+      here = next;
     }
   }
 
-  /// Every member of the best set exchanged for what is proposed without it; true if that finds a better set.
-  bool exchange() {
-    Hypothesis& top = best();
-    if (top.fit.model.size() <= known_count() + 0) return false;
-    const std::string key = key_of(top.fit.model, known_count());
-    const double level = top.log_posterior;
-    for (std::size_t i = known_count(); i < top.fit.model.size() && expanded_ < most_expanded; ++i) {
-      Hypothesis* without = find(key_without(top.fit.model, i));
-      if (!without || without->expanded) continue;
-      expand(*without, level - without->log_posterior);
-      if (best().log_posterior > level + 1e-9) return true;
+  Hypothesis* likeliest_neighbour(Hypothesis& here, bool curves) {
+    const Names mine = names_of(here);
+    Hypothesis* next = &here;
+    for (const auto& h : table_) {
+      if (!likelier(*h, *next) || (!curves && has_curve(*h))) continue;
+      const Names theirs = names_of(*h);
+      if (one_more(theirs, mine) || one_more(mine, theirs)) next = h.get();
     }
-    return false;
+    return next;
   }
 
-  std::string key_without(const Model& model, std::size_t member) const {
-    Model rest = model;
-    rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(member));
-    return key_of(rest, known_count());
+  /// Every member exchanged for what is proposed without it.
+  Hypothesis* exchange(Hypothesis& here, bool curves) {
+    const Names mine = names_of(here);
+    for (std::size_t i = 0; i < mine.size() && scanned_ < most_scanned; ++i) {
+      Names rest = mine;
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+      Hypothesis* without = find(rest);
+      if (!without) continue;
+      add_members(*without, curves, here.gain - without->gain);
+      Hypothesis* next = likeliest_neighbour(*without, curves);
+      if (likelier(*next, here)) return next;
+    }
+    return &here;
   }
 
-  Hypothesis* find(const std::string& key) {
-    for (const auto& hypothesis : table_)
-      if (key_of(hypothesis->fit.model, known_count()) == key) return hypothesis.get();
+  Hypothesis* find(const Names& names) {
+    for (const auto& h : table_)
+      if (names_of(*h) == names) return h.get();
     return nullptr;
+  }
+
+  Hypothesis& without_curves(Hypothesis& h) {
+    if (!has_curve(h)) return h;
+    Hypothesis* rest = make_without(h, [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+    return rest ? *rest : *table_.front();
+  }
+
+  template <typename Left>
+  Hypothesis* make_without(const Hypothesis& from, const Left& left_out) {
+    Model rest = from.fit.model;
+    std::erase_if(rest, left_out);
+    const Names names = member_names(rest, known_count());
+    if (Hypothesis* known = find(names)) return known;
+    auto made = std::make_unique<Hypothesis>();
+    made->fit = refit(rows_, rest, from.fit.state, options_);
+    made->curves = from.curves;
+    if (!made->fit.ok) return nullptr;
+    complete(*made, from);
+    fitted_.insert(joined(names));
+    table_.push_back(std::move(made));
+    return table_.back().get();
   }
 
   /// The set without each of its members, where that was not fitted before.
   void drop_members(const Hypothesis& from) {
     std::vector<std::size_t> members;
-    for (std::size_t i = known_count(); i < from.fit.model.size(); ++i)
-      if (fitted_.insert(key_without(from.fit.model, i)).second) members.push_back(i);
+    for (std::size_t i = known_count(); i < from.fit.model.size(); ++i) {
+      Model rest = from.fit.model;
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+      if (fitted_.insert(key_of(rest, known_count())).second) members.push_back(i);
+    }
     std::vector<std::unique_ptr<Hypothesis>> made(members.size());
     in_parallel(members.size(), [&](std::size_t n) {
       Model rest = from.fit.model;
@@ -120,7 +230,7 @@ class SetSearch {
 
   /// Gain and posterior of a set just fitted.
   void complete(Hypothesis& h, const Hypothesis& from) const {
-    h.parent = member_names(from.fit.model, known_count());
+    h.parent = names_of(from);
     h.gain = root_nll_ - h.fit.nll;
     h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_);
     h.prior_mass = log_prior_mass(h.fit.model, known_count(), counts_, priors_);
@@ -133,30 +243,35 @@ class SetSearch {
       if (h && h->fit.ok) table_.push_back(std::move(h));
   }
 
-  /// Fits what the scores of its residuals propose to add, where they promise more than `wanted` nats.
-  void expand(Hypothesis& from, double wanted) {
-    from.expanded = true;
-    ++expanded_;
+  /// Fits what the scores of a set's residuals propose to add: names where that was not done, curves where they are
+  /// allowed. Only what promises to make up for `lost` nats.
+  void add_members(Hypothesis& from, bool curves, double lost) {
+    const bool names = !from.names_tried;
+    curves = curves && !from.curves_tried;
+    if (!names && !curves) return;
+    ++scanned_;
     const Battery battery(rows_, from.fit.model, from.fit.state, rates_);
-    if (&from == table_.front().get()) counts_ = count_members(rows_, places_of(battery));
-    std::vector<Addition> additions = additions_to(from, battery);
-    for (const Addition& a : additions) from.proposals.push_back({a.member(), a.outlook, false});
-    std::erase_if(additions, [&](const Addition& a) { return a.outlook < std::max(0.0, wanted - 3.0); });
+    std::vector<Addition> additions;
+    if (names) additions = name_additions(from, battery);
+    if (curves)
+      for (Addition& a : curve_additions(from, battery)) additions.push_back(std::move(a));
+    from.names_tried = true;
+    from.curves_tried = from.curves_tried || curves;
+    const Names mine = names_of(from);
     std::erase_if(additions, [&](const Addition& a) {
-      std::vector<std::string> names = member_names(from.fit.model, known_count());
-      names.insert(std::upper_bound(names.begin(), names.end(), a.member()), a.member());
-      return fitted_.count(fmt::format("{}", fmt::join(names, "+"))) > 0;
+      Names larger = mine;
+      larger.insert(std::upper_bound(larger.begin(), larger.end(), a.member()), a.member());
+      const bool fitted = fitted_.count(joined(larger)) > 0;
+      const bool worth = a.promised > lost - 0.3 * lost - 3.0;
+      from.proposals.push_back({a.member(), a.promised, fitted || worth});
+      return fitted || !worth;
     });
-    if (additions.size() > tried_at_once) additions.resize(tried_at_once);
-    for (TriedSet::Proposal& p : from.proposals)
-      p.fitted = std::any_of(additions.begin(), additions.end(),
-                             [&](const Addition& a) { return a.member() == p.member; });
     std::vector<std::unique_ptr<Hypothesis>> made(additions.size());
     in_parallel(
         additions.size(), [&](std::size_t i) { made[i] = add(from, additions[i], battery); },
         jobs_at_once(rows_.size()));
     for (const auto& h : made)
-      if (h && h->fit.ok) fitted_.insert(key_of(h->fit.model, known_count()));
+      if (h && h->fit.ok) fitted_.insert(joined(names_of(*h)));
     keep(std::move(made));
   }
 
@@ -164,61 +279,58 @@ class SetSearch {
                                   const Battery& battery) const {
     auto made = std::make_unique<Hypothesis>();
     made->curves = from.curves;
+    made->promised = addition.promised;
     if (addition.name) {
       made->fit = try_model(rows_, from.fit, *addition.name, rates_, options_).fit;
-      made->promised = addition.name->promised;
     } else {
       std::optional<CurveFit> curve =
           fit_curve(rows_, battery.projector(), from.fit, *addition.curve, options_);
       if (!curve) return nullptr;
       made->fit = std::move(curve->fit);
       made->curves.push_back(std::move(curve->effect));
-      made->promised = addition.curve->gain;
     }
     if (made->fit.ok) complete(*made, from);
     return made;
   }
 
-  /// Places of curves without a name: a channel along a covariate each.
-  static double places_of(const Battery& battery) {
-    std::set<std::string> places;
-    for (const Question& q : battery.questions)
-      if (!q.effect && curve_channel_of(q.channel) != CurveChannel::none) places.insert(q.family);
-    return static_cast<double>(places.size());
-  }
-
-  std::vector<Addition> additions_to(const Hypothesis& from, const Battery& battery) const {
-    const double per_parameter = 0.5 * std::log(std::max(10.0, 2.0 * rows_.cell_count));
+  /// The names whose scores promise most, so many of each kind: what scores promise is comparable within a kind alone.
+  std::vector<Addition> name_additions(const Hypothesis& from, const Battery& battery) const {
     std::vector<Addition> additions;
+    std::map<EffectKind, std::size_t> taken;
     for (Proposal& p : propose(rows_, battery, from.fit.model)) {
-      if (known_.step_beyond_noise_m > 0.0 && p.effect->info().channel.starts_with("range_")) continue;
+      const EffectInfo& info = p.effect->info();
+      if (known_.step_beyond_noise_m > 0.0 && info.channel.starts_with("range_")) continue;
+      const std::size_t most = info.kind == EffectKind::mean ? most_of_means : most_of_others;
+      if (taken[info.kind]++ >= most) continue;
       Addition a;
-      a.outlook = p.promised;
+      a.promised = p.promised;
       a.name = std::move(p);
       additions.push_back(std::move(a));
     }
-    std::map<std::string, Addition> curves;  // the best of each channel
+    return additions;
+  }
+
+  /// The curve of most promise for its parameters in every channel.
+  std::vector<Addition> curve_additions(const Hypothesis& from, const Battery& battery) const {
+    const double per_parameter = 0.5 * std::log(std::max(10.0, 2.0 * rows_.cell_count));
+    std::map<std::string, std::pair<double, const Question*>> best;
     for (const Question& q : battery.questions) {
       if (q.effect || on_grid(known_, q) || curve_channel_of(q.channel) == CurveChannel::none) continue;
       const std::string member = "curve of " + q.channel + " along " + q.covariate;
       const bool has = std::any_of(from.fit.model.begin(), from.fit.model.end(),
                                    [&](const ActiveEffect& m) { return member_name(*m.effect) == member; });
-      const double outlook = q.gain - per_parameter * q.dof;
-      if (has || !(outlook > 0.0)) continue;
-      Addition& best = curves[q.channel];
-      if (best.curve && best.outlook >= outlook) continue;
-      best.curve = q;
-      best.outlook = outlook;
+      const double worth = q.gain - per_parameter * q.dof;
+      if (has || !(worth > 0.0)) continue;
+      auto& [most, question] = best[q.channel];
+      if (!question || worth > most) most = worth, question = &q;
     }
-    std::stable_sort(additions.begin(), additions.end(),
-                     [](const Addition& a, const Addition& b) { return a.outlook > b.outlook; });
-    // A curve is fitted only where it promises as much as the names do: it is there to beat them.
-    const double names = additions.empty() ? 0.0 : additions.front().outlook;
-    if (additions.size() > tried_at_once - 1) additions.resize(tried_at_once - 1);
-    std::optional<Addition> curve;
-    for (auto& [channel, a] : curves)
-      if (!curve || a.outlook > curve->outlook) curve = a;
-    if (curve && curve->outlook > 0.7 * names) additions.insert(additions.begin(), std::move(*curve));
+    std::vector<Addition> additions;
+    for (const auto& [channel, found] : best) {
+      Addition a;
+      a.curve = *found.second;
+      a.promised = found.second->gain;
+      additions.push_back(std::move(a));
+    }
     return additions;
   }
 
@@ -231,7 +343,7 @@ class SetSearch {
   MemberCounts counts_;
   Hypotheses table_;
   std::set<std::string> fitted_;  ///< keys
-  int expanded_ = 0;
+  int scanned_ = 0;
 };
 
 }  // namespace

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "diagnosis/projector.hpp"
+#include "diagnosis/refit.hpp"
+
+namespace rangecal::diagnosis {
+
+/// One effect at one start of its grid, as the linearised problem sees it.
+struct Block {
+  const Effect* effect = nullptr;
+  Eigen::VectorXd start;        ///< its parameters
+  std::vector<int> parameters;  ///< those that its columns are of
+  int first = 0, size = 0;      ///< its columns
+};
+
+/// What every effect on the means would do to the readings, to first order about a fit:
+///
+///   y = sum_i x_i theta_i + noise
+///
+/// y is what the fit leaves, with its own effects on the means put back. With P of the Projector, which takes out what the
+/// calibration can absorb,
+///
+///   G_ij = x_i^T P x_j,   g_i = x_i^T P y:
+///
+/// the columns of a set have the estimate theta = G^-1 g and gain g^T G^-1 g / 2 nats over the seed model. Cost: linear in
+/// the cells for every column, and for every column of a set linear in the columns of all.
+class Dictionary {
+ public:
+  /// Every effect on the means at every start of its grid, and the fit's own at their parameters. Effects on spreads,
+  /// tails and dependence stay as the fit has them.
+  Dictionary(const Rows& rows, const Fit& fit);
+  Dictionary(const Dictionary&) = delete;  ///< the projector refers to the working problem
+
+  const std::vector<Block>& blocks() const { return blocks_; }
+  const Eigen::VectorXd& scores() const { return scores_; }
+  /// Row of G, made when it is first asked for.
+  const Eigen::VectorXd& gram(int column);
+  /// The part of G of a block's own columns.
+  const Eigen::MatrixXd& own(std::size_t block) const { return own_[block]; }
+  /// How many starts the effect of a block has: what choosing among them costs.
+  double starts(const Effect* effect) const { return starts_.at(effect); }
+
+ private:
+  WorkingProblem working_;
+  Projector projector_;
+  std::vector<Block> blocks_;
+  std::vector<Signature> signatures_;
+  std::vector<Eigen::VectorXd> projected_;
+  std::vector<Eigen::MatrixXd> own_;
+  Eigen::VectorXd scores_;
+  std::map<int, Eigen::VectorXd> gram_;
+  std::map<const Effect*, double> starts_;
+};
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/linear_search.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <set>
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr double linear_window = 6.0;  ///< nats below the best set down to which sets are looked at
+constexpr int most_looked_at = 40;     ///< sets
+constexpr std::size_t branches = 8;    ///< likeliest sets that one move makes of a set
+
+const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
+
+using Key = std::vector<std::string>;  ///< ids, sorted
+
+class LinearSearch {
+ public:
+  LinearSearch(const Rows& rows, Dictionary& dictionary, const MemberCounts& counts,
+               const SelectionPriors& priors)
+      : rows_(rows), dictionary_(dictionary), counts_(counts), priors_(priors) {}
+
+  std::vector<LinearSet> run(const Model& start) {
+    keep(evaluated({}));
+    std::vector<int> blocks;  // those at the fit's own parameters come first in the dictionary
+    for (const ActiveEffect& active : start)
+      for (std::size_t b = 0; b < dictionary_.blocks().size(); ++b)
+        if (dictionary_.blocks()[b].effect == active.effect) {
+          blocks.push_back(static_cast<int>(b));
+          break;
+        }
+    if (!blocks.empty()) keep(evaluated(blocks));
+    for (int looked_at = 0; looked_at < most_looked_at; ++looked_at) {
+      const Key* next = nullptr;
+      double best = -std::numeric_limits<double>::infinity(), of_next = best;
+      for (const auto& [key, set] : sets_) {
+        best = std::max(best, set.log_posterior);
+        if (looked_.count(key) || !(set.log_posterior > of_next)) continue;
+        next = &key;
+        of_next = set.log_posterior;
+      }
+      if (!next || (of_next < best - linear_window && looked_at > 1)) break;
+      looked_.insert(*next);
+      look_at(sets_.at(*next).blocks);
+    }
+    std::vector<LinearSet> out;
+    for (auto& [key, set] : sets_) out.push_back(std::move(set));
+    std::stable_sort(out.begin(), out.end(), [](const LinearSet& a, const LinearSet& b) {
+      return a.log_posterior > b.log_posterior;
+    });
+    return out;
+  }
+
+ private:
+  const Block& block(int b) const { return dictionary_.blocks()[static_cast<std::size_t>(b)]; }
+
+  Key key_of(const std::vector<int>& blocks) const {
+    Key key;
+    for (const int b : blocks) key.push_back(block(b).effect->info().id);
+    std::sort(key.begin(), key.end());
+    return key;
+  }
+
+  void keep(LinearSet set) {
+    Key key = key_of(set.blocks);
+    const auto known = sets_.find(key);
+    if (known == sets_.end())
+      sets_.emplace(std::move(key), std::move(set));
+    else if (set.log_posterior > known->second.log_posterior + 1e-6) {
+      known->second = std::move(set);
+      looked_.erase(key);
+    }
+  }
+
+  /// Adds to the set, drops from it, and exchanges each of its members.
+  void look_at(const std::vector<int>& blocks) {
+    add_to(blocks);
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      std::vector<int> rest = blocks;
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+      keep(evaluated(rest));
+      add_to(rest);
+    }
+  }
+
+  /// The likeliest sets with one member more.
+  void add_to(const std::vector<int>& blocks) {
+    const Key has = key_of(blocks);
+    const Eigen::Index columns = dictionary_.scores().size();
+    std::vector<int> mine;
+    for (const int b : blocks)
+      for (int c = 0; c < block(b).size; ++c) mine.push_back(block(b).first + c);
+    const auto k = static_cast<Eigen::Index>(mine.size());
+    Eigen::MatrixXd G(k, k), across(k, columns);
+    Eigen::VectorXd g(k);
+    for (Eigen::Index i = 0; i < k; ++i) {
+      across.row(i) = dictionary_.gram(mine[static_cast<std::size_t>(i)]).transpose();
+      g[i] = dictionary_.scores()[mine[static_cast<std::size_t>(i)]];
+    }
+    for (Eigen::Index i = 0; i < k; ++i)
+      for (Eigen::Index j = 0; j < k; ++j) G(i, j) = across(i, mine[static_cast<std::size_t>(j)]);
+    Eigen::VectorXd left = dictionary_.scores();
+    Eigen::MatrixXd half;  // L^-1 G_S*, G = L L^T
+    if (k > 0) {
+      const Eigen::LLT<Eigen::MatrixXd> factor(G);
+      if (factor.info() != Eigen::Success) return;
+      half = factor.matrixL().solve(across);
+      const Eigen::VectorXd half_g = factor.matrixL().solve(g);
+      left -= half.transpose() * half_g;
+    }
+    std::map<std::string, std::pair<double, int>> best;  // gain less what its parameters roughly cost
+    for (std::size_t b = 0; b < dictionary_.blocks().size(); ++b) {
+      const Block& add = dictionary_.blocks()[b];
+      if (std::binary_search(has.begin(), has.end(), add.effect->info().id)) continue;
+      Eigen::MatrixXd information = dictionary_.own(b);
+      const Eigen::VectorXd diagonal = information.diagonal();
+      if (k > 0) {
+        const auto part = half.middleCols(add.first, add.size);
+        information -= part.transpose() * part;
+      }
+      if (!((information.diagonal() - 1e-4 * diagonal).array() > 0.0).all()) continue;
+      const Eigen::LLT<Eigen::MatrixXd> factor(information);
+      if (factor.info() != Eigen::Success) continue;
+      const double gain = 0.5 * factor.matrixL().solve(left.segment(add.first, add.size)).squaredNorm();
+      auto [entry, fresh] = best.try_emplace(add.effect->info().id, gain, static_cast<int>(b));
+      if (!fresh && gain > entry->second.first) entry->second = {gain, static_cast<int>(b)};
+    }
+    std::vector<LinearSet> made;
+    for (const auto& [id, found] : best) {
+      if (!(found.first > 2.0)) continue;
+      std::vector<int> larger = blocks;
+      larger.push_back(found.second);
+      made.push_back(evaluated(larger));
+    }
+    std::stable_sort(made.begin(), made.end(), [](const LinearSet& a, const LinearSet& b) {
+      return a.log_posterior > b.log_posterior;
+    });
+    if (made.size() > branches) made.resize(branches);
+    for (LinearSet& set : made) keep(std::move(set));
+  }
+
+  /// Estimates, gain and posterior of a set.
+  LinearSet evaluated(std::vector<int> blocks) {
+    std::sort(blocks.begin(), blocks.end(),
+              [&](int a, int b) { return block(a).effect->info().id < block(b).effect->info().id; });
+    LinearSet set;
+    std::vector<int> mine;
+    for (const int b : blocks)
+      for (int c = 0; c < block(b).size; ++c) mine.push_back(block(b).first + c);
+    const auto k = static_cast<Eigen::Index>(mine.size());
+    Eigen::MatrixXd G(k, k);
+    Eigen::VectorXd g(k);
+    for (Eigen::Index i = 0; i < k; ++i) {
+      const Eigen::VectorXd& row = dictionary_.gram(mine[static_cast<std::size_t>(i)]);
+      for (Eigen::Index j = 0; j < k; ++j) G(i, j) = row[mine[static_cast<std::size_t>(j)]];
+      g[i] = dictionary_.scores()[mine[static_cast<std::size_t>(i)]];
+    }
+    const Eigen::LLT<Eigen::MatrixXd> factor(G);
+    const Eigen::VectorXd theta = k > 0 ? factor.solve(g).eval() : Eigen::VectorXd();
+    set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;
+    double volume = 0.0;
+    Eigen::VectorXd wide(k);
+    Eigen::Index at = 0;
+    for (const int b : blocks) {
+      const Block& one = block(b);
+      ActiveEffect active{one.effect, one.start};
+      for (const int j : one.parameters) {
+        const EffectParameter& info = one.effect->info().parameters[static_cast<std::size_t>(j)];
+        const auto [low, high] = one.effect->bounds(rows_.context, static_cast<std::size_t>(j));
+        volume += log_prior_density(info, low, high, theta[at], priors_);
+        wide[at] = prior_width(info, low, high, theta[at]);
+        active.parameters[j] = std::clamp(theta[at], low, high);
+        ++at;
+      }
+      volume -= std::log(dictionary_.starts(one.effect));
+      set.model.push_back(std::move(active));
+    }
+    if (k > 0) {
+      // |(G + wide^-2)^-1|
+      const Eigen::MatrixXd information = wide.asDiagonal() * G * wide.asDiagonal();
+      const Eigen::LLT<Eigen::MatrixXd> of_all(information + Eigen::MatrixXd::Identity(k, k));
+      const Eigen::MatrixXd L = of_all.matrixL();
+      volume += static_cast<double>(k) * half_log_two_pi + wide.array().log().sum() -
+                L.diagonal().array().log().sum();
+      if (factor.info() != Eigen::Success) volume = -std::numeric_limits<double>::infinity();
+    }
+    set.log_posterior = set.gain + volume + log_prior_mass(set.model, 0, counts_, priors_);
+    set.blocks = std::move(blocks);
+    return set;
+  }
+
+  const Rows& rows_;
+  Dictionary& dictionary_;
+  const MemberCounts& counts_;
+  const SelectionPriors& priors_;
+  std::map<Key, LinearSet> sets_;
+  std::set<Key> looked_;
+};
+
+}  // namespace
+
+std::vector<LinearSet> search_linear(const Rows& rows, Dictionary& dictionary, const Model& start,
+                                     const MemberCounts& counts, const SelectionPriors& priors) {
+  return LinearSearch(rows, dictionary, counts, priors).run(start);
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "diagnosis/select/dictionary.hpp"
+#include "diagnosis/select/evidence.hpp"
+
+namespace rangecal::diagnosis {
+
+/// A set of effects on the linearised problem.
+struct LinearSet {
+  std::vector<int> blocks;  ///< of the dictionary, one an effect, by the effects' ids
+  double gain = 0.0;        ///< over the seed model [nats]
+  double log_posterior = 0.0;
+  Model model;  ///< the effects at their estimates, within their bounds
+};
+
+/// Sets of effects of high posterior probability on the linearised problem, the likeliest first: from each of `starts` and
+/// from none by one member more, one less, or another one, the likeliest set first, until none that was not looked at is
+/// within `window` nats of the best. Every effect stands at the start of its grid that fits best beside the others.
+std::vector<LinearSet> search_linear(const Rows& rows, Dictionary& dictionary, const Model& start,
+                                     const MemberCounts& counts, const SelectionPriors& priors);
+
+}  // namespace rangecal::diagnosis
