@@ -29,15 +29,25 @@ bool holds(const Model& model, const std::string& id) {
                      [&](const ActiveEffect& a) { return a.effect->info().id == id; });
 }
 
-/// Of a name, its exact twins' added.
-double probability_of(const std::string& id, const Hypotheses& table, const std::vector<double>& p) {
+/// Of a name of the likeliest set, its class's: exact twins, and effects that stand in its place at nearly the same
+/// probability, from which this recording cannot tell it.
+double probability_of(const ActiveEffect& member, const Hypotheses& table, const std::vector<double>& p,
+                      std::size_t known, double gap) {
+  const std::string& id = member.effect->info().id;
   std::vector<std::string> alike = exact_twins_of(id);
   alike.push_back(id);
+  std::vector<std::string> others = member_names(table.front()->fit.model, known);
+  std::erase(others, id);
   double sum = 0.0;
-  for (std::size_t i = 0; i < table.size(); ++i)
-    if (std::any_of(alike.begin(), alike.end(),
-                    [&](const std::string& one) { return holds(table[i]->fit.model, one); }))
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const std::vector<std::string> names = member_names(table[i]->fit.model, known);
+    const bool in_place = names.size() == others.size() + 1 &&
+                          std::includes(names.begin(), names.end(), others.begin(), others.end()) &&
+                          table.front()->log_posterior - table[i]->log_posterior < gap;
+    if (in_place || std::any_of(alike.begin(), alike.end(),
+                                [&](const std::string& one) { return holds(table[i]->fit.model, one); }))
       sum += p[i];
+  }
   return sum;
 }
 
@@ -97,7 +107,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     const ActiveEffect& member = best.fit.model[i];
     if (is_nameless(*member.effect))
       has_curve = true;
-    else if (probability_of(member.effect->info().id, table, p) >= 0.5)
+    else if (probability_of(member, table, p, known, options.naming_gap_nats) >= 0.5)
       names.push_back(member);
   }
   result.verdict = Verdict::unexplained;

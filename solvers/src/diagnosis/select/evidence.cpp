@@ -171,7 +171,8 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
     const double tau = share * rms;
     best = std::max(best, log_normal_density(c, S + tau * tau * Eigen::MatrixXd::Identity(m, m)));
   }
-  return volume + best - 1.0;
+  constexpr double chosen = 2.5;  // tau, and the basis among several of other widths
+  return volume + best - chosen;
 }
 
 }  // namespace rangecal::diagnosis

@@ -119,13 +119,23 @@ class SetSearch {
     for (const ActiveEffect& a : here.fit.model)
       (a.effect->info().kind == EffectKind::mean ? means : others).push_back(a);
     const std::vector<LinearSet> sets = search_linear(rows_, dictionary, means, counts_, priors_);
+    const Names mine = names_of(here);
+    double of_here = 0.0;
+    for (const LinearSet& set : sets) {
+      Model model = others;
+      model.insert(model.end(), set.model.begin(), set.model.end());
+      if (member_names(model, known_count()) == mine) of_here = set.gain;
+    }
+    constexpr double fell_short = 2.0;  // nats: it was fitted elsewhere than where it belongs
     std::vector<Model> wanted;
     for (const LinearSet& set : sets) {
       if (wanted.size() >= most_of_sets || set.log_posterior < sets.front().log_posterior - fitted_window)
         break;
       Model model = others;
       model.insert(model.end(), set.model.begin(), set.model.end());
-      if (model.size() > known_count() && fitted_.insert(key_of(model, known_count())).second)
+      if (model.size() == known_count()) continue;
+      const Hypothesis* fitted = find(member_names(model, known_count()));
+      if (!fitted || fitted->gain < here.gain + set.gain - of_here - fell_short)
         wanted.push_back(std::move(model));
     }
     std::vector<std::unique_ptr<Hypothesis>> made(wanted.size());
@@ -207,23 +217,17 @@ class SetSearch {
     return table_.back().get();
   }
 
-  /// The set without each of its members, where that was not fitted before.
+  /// The set without each of its members, from where it stands: it may be fitted better than it was from elsewhere.
   void drop_members(const Hypothesis& from) {
-    std::vector<std::size_t> members;
-    for (std::size_t i = known_count(); i < from.fit.model.size(); ++i) {
+    const std::size_t members = from.fit.model.size() - known_count();
+    std::vector<std::unique_ptr<Hypothesis>> made(members);
+    in_parallel(members, [&](std::size_t n) {
       Model rest = from.fit.model;
-      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
-      if (fitted_.insert(key_of(rest, known_count())).second) members.push_back(i);
-    }
-    std::vector<std::unique_ptr<Hypothesis>> made(members.size());
-    in_parallel(members.size(), [&](std::size_t n) {
-      Model rest = from.fit.model;
-      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(members[n]));
-      auto made_here = std::make_unique<Hypothesis>();
-      made_here->fit = refit(rows_, rest, from.fit.state, options_);
-      made_here->curves = from.curves;
-      if (made_here->fit.ok) complete(*made_here, from);
-      made[n] = std::move(made_here);
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(known_count() + n));
+      made[n] = std::make_unique<Hypothesis>();
+      made[n]->fit = refit(rows_, rest, from.fit.state, options_);
+      made[n]->curves = from.curves;
+      if (made[n]->fit.ok) complete(*made[n], from);
     });
     keep(std::move(made));
   }
@@ -238,9 +242,21 @@ class SetSearch {
     if (!std::isfinite(h.log_posterior)) h.log_posterior = -std::numeric_limits<double>::infinity();
   }
 
+  /// Enters sets into the table; of one that was fitted before, the better fit stands.
   void keep(std::vector<std::unique_ptr<Hypothesis>> made) {
-    for (auto& h : made)
-      if (h && h->fit.ok) table_.push_back(std::move(h));
+    constexpr double better = 0.01;  // nats
+    for (auto& h : made) {
+      if (!h || !h->fit.ok) continue;
+      const Names names = names_of(*h);
+      fitted_.insert(joined(names));
+      Hypothesis* known = find(names);
+      if (!known)
+        table_.push_back(std::move(h));
+      else if (h->fit.nll < known->fit.nll - better && known != table_.front().get()) {
+        h->proposals = std::move(known->proposals);
+        *known = std::move(*h);
+      }
+    }
   }
 
   /// Fits what the scores of a set's residuals propose to add: names where that was not done, curves where they are
@@ -270,8 +286,6 @@ class SetSearch {
     in_parallel(
         additions.size(), [&](std::size_t i) { made[i] = add(from, additions[i], battery); },
         jobs_at_once(rows_.size()));
-    for (const auto& h : made)
-      if (h && h->fit.ok) fitted_.insert(joined(names_of(*h)));
     keep(std::move(made));
   }
 
