@@ -54,9 +54,19 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state, 
   ask_variances();
   ask_means();
   ask_periods();
-  ask_catalogue();
+  ask_catalogue(Of::all);
   ask_between_cells();
   ask_scalars();
+}
+
+Battery Battery::of_spreads(const Rows& rows, const Model& model, const JointState& state,
+                            const Rates& known) {
+  Battery battery(Unasked{}, rows, model, state, known);
+  battery.ask_variances();
+  battery.ask_catalogue(Of::spreads);
+  battery.ask_between_cells();
+  battery.ask_scalars();
+  return battery;
 }
 
 Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,

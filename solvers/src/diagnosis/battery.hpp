@@ -38,6 +38,9 @@ class Battery {
  public:
   /// `known`: the rates of the recording's first battery, for all that follow it.
   Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known = {});
+  /// Asks about spreads, tails, dependence and errors of the stops alone: what moves no mean.
+  static Battery of_spreads(const Rows& rows, const Model& model, const JointState& state,
+                            const Rates& known);
   /// Asks about one effect of the catalogue alone, at every point of its start grid in turn.
   Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,
           const Effect& effect);
@@ -94,7 +97,8 @@ class Battery {
   void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
                             const std::vector<Eigen::VectorXd>& bearing, std::vector<Asked>& asked) const;
   void ask_means();
-  void ask_catalogue();
+  enum class Of { all, spreads };
+  void ask_catalogue(Of of);
   void fill_variance_units();
   void ask_variances();
   void ask_between_cells();

@@ -8,11 +8,15 @@
 
 namespace rangecal::diagnosis {
 
-void Battery::ask_catalogue() {
+void Battery::ask_catalogue(Of of) {
   const auto& effects = effect_registry();
   std::vector<std::vector<Asked>> asked(effects.size());
   in_parallel(
-      effects.size(), [&](std::size_t e) { asked[e] = asked_of_effect(*effects[e]); },
+      effects.size(),
+      [&](std::size_t e) {
+        if (of == Of::all || effects[e]->info().kind != EffectKind::mean)
+          asked[e] = asked_of_effect(*effects[e]);
+      },
       jobs_at_once(rows_.size()));
   for (std::vector<Asked>& of_effect : asked)
     for (Asked& a : of_effect) add(std::move(a));

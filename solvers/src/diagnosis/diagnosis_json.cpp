@@ -168,7 +168,7 @@ std::string trace_to_json(const std::vector<TriedSet>& sets) {
   for (const TriedSet& set : sets) {
     Json proposals = Json::array();
     for (const TriedSet::Proposal& p : set.proposals)
-      proposals.push_back({{"member", p.member}, {"promised", number(p.promised)}, {"fitted", p.fitted}});
+      proposals.push_back({{"members", p.members}, {"promised", number(p.promised)}, {"fitted", p.fitted}});
     written.push_back({{"members", set.members},
                        {"parent", set.parent},
                        {"promised", number(set.promised)},

@@ -77,7 +77,7 @@ TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
           h.prior_mass,
           h.log_posterior,
           probability,
-          h.names_tried,
+          h.scanned,
           h.proposals};
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
@@ -25,6 +26,16 @@ std::vector<int> columns_of(const Effect& effect) {
   return linear.empty() ? moving : linear;
 }
 
+bool contains_effect(const Model& model, const Effect* effect) {
+  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
+}
+
+std::vector<double> sizes_of(const Effect* effect, const std::vector<CurvePlace>& curves) {
+  for (const CurvePlace& curve : curves)
+    if (curve.effect.get() == effect) return curve.sizes;
+  return {};
+}
+
 struct Made {
   Block block;
   std::vector<Signature> signatures;
@@ -37,6 +48,7 @@ Made made_of(const Rows& rows, const Projector& projector, const Effect& effect,
              const std::vector<int>& parameters) {
   Made made;
   made.block.effect = &effect;
+  made.block.member = member_name(effect);
   made.block.start = start;
   for (const int j : parameters) {
     Signature x = effect_signature(rows, projector, {&effect, start}, j);
@@ -59,22 +71,28 @@ Made made_of(const Rows& rows, const Projector& projector, const Effect& effect,
 
 }  // namespace
 
-Dictionary::Dictionary(const Rows& rows, const Fit& fit)
+Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<CurvePlace>& curves)
     : working_(working_problem(rows, fit.model, fit.state)), projector_(rows, working_, fit.state) {
   struct Wanted {
     const Effect* effect;
     Eigen::VectorXd start;
     bool of_fit;
+    std::vector<double> sizes;  ///< of a curve
   };
   std::vector<Wanted> wanted;
   for (const ActiveEffect& active : fit.model)
     if (active.effect->info().kind == EffectKind::mean)
-      wanted.push_back({active.effect, active.parameters, true});
+      wanted.push_back({active.effect, active.parameters, true, sizes_of(active.effect, curves)});
   for (const auto& effect : effect_registry()) {
     if (effect->info().kind != EffectKind::mean || !effect->missing(rows.context).empty()) continue;
     const std::vector<Eigen::VectorXd> grid = effect->start_grid(rows.context);
-    starts_[effect.get()] = std::max<double>(1.0, static_cast<double>(grid.size()));
-    for (const Eigen::VectorXd& start : grid) wanted.push_back({effect.get(), start, false});
+    starts_[effect->info().id] = std::max<double>(1.0, static_cast<double>(grid.size()));
+    for (const Eigen::VectorXd& start : grid) wanted.push_back({effect.get(), start, false, {}});
+  }
+  for (const CurvePlace& curve : curves) {
+    const auto size = static_cast<Eigen::Index>(curve.effect->info().parameters.size());
+    if (contains_effect(fit.model, curve.effect.get())) continue;
+    wanted.push_back({curve.effect.get(), Eigen::VectorXd::Zero(size), false, curve.sizes});
   }
   std::vector<Made> made(wanted.size());
   constexpr std::size_t together = 16;
@@ -90,16 +108,24 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit)
     if (wanted[i].of_fit)
       for (int c = 0; c < block.size; ++c)
         put_back.emplace_back(block.first + c, block.start[block.parameters[static_cast<std::size_t>(c)]]);
-    if (!starts_.count(block.effect)) starts_[block.effect] = 1.0;
-    blocks_.push_back(std::move(block));
-    own_.push_back(std::move(made[i].own));
     std::move(made[i].signatures.begin(), made[i].signatures.end(), std::back_inserter(signatures_));
     std::move(made[i].projected.begin(), made[i].projected.end(), std::back_inserter(projected_));
+    const std::vector<double>& sizes = wanted[i].sizes;
+    for (std::size_t n = 0; n < std::max<std::size_t>(1, sizes.size()); ++n) {
+      blocks_.push_back(block);
+      blocks_.back().tau = sizes.empty() ? 0.0 : sizes[n];
+      own_.push_back(made[i].own);
+    }
   }
   scores_.resize(static_cast<Eigen::Index>(signatures_.size()));
   for (Eigen::Index i = 0; i < scores_.size(); ++i)
     scores_[i] = projector_.score(signatures_[static_cast<std::size_t>(i)]);
   for (const auto& [column, parameter] : put_back) scores_ += parameter * gram(column);
+}
+
+double Dictionary::starts(const Block& block) const {
+  const auto found = starts_.find(block.member);
+  return found == starts_.end() ? 1.0 : found->second;
 }
 
 const Eigen::VectorXd& Dictionary::gram(int column) {

@@ -2,16 +2,20 @@
 #pragma once
 
 #include <map>
+#include <string>
 #include <vector>
 
 #include "diagnosis/projector.hpp"
 #include "diagnosis/refit.hpp"
+#include "diagnosis/select/curve_places.hpp"
 
 namespace rangecal::diagnosis {
 
-/// One effect at one start of its grid, as the linearised problem sees it.
+/// One effect at one start of its grid, or a curve without a name of one size, as the linearised problem sees it.
 struct Block {
   const Effect* effect = nullptr;
+  std::string member;           ///< name, which all starts and sizes share
+  double tau = 0.0;             ///< of a curve: standard deviation of its parameters' prior; 0: of a name
   Eigen::VectorXd start;        ///< its parameters
   std::vector<int> parameters;  ///< those that its columns are of
   int first = 0, size = 0;      ///< its columns
@@ -30,9 +34,9 @@ struct Block {
 /// the cells for every column, and for every column of a set linear in the columns of all.
 class Dictionary {
  public:
-  /// Every effect on the means at every start of its grid, and the fit's own at their parameters. Effects on spreads,
+  /// Every effect on the means at every start of its grid, `curves`, and the fit's own at their parameters. Effects on spreads,
   /// tails and dependence stay as the fit has them.
-  Dictionary(const Rows& rows, const Fit& fit);
+  Dictionary(const Rows& rows, const Fit& fit, const std::vector<CurvePlace>& curves);
   Dictionary(const Dictionary&) = delete;  ///< the projector refers to the working problem
 
   const std::vector<Block>& blocks() const { return blocks_; }
@@ -42,7 +46,7 @@ class Dictionary {
   /// The part of G of a block's own columns.
   const Eigen::MatrixXd& own(std::size_t block) const { return own_[block]; }
   /// How many starts the effect of a block has: what choosing among them costs.
-  double starts(const Effect* effect) const { return starts_.at(effect); }
+  double starts(const Block& block) const;
 
  private:
   WorkingProblem working_;
@@ -53,7 +57,7 @@ class Dictionary {
   std::vector<Eigen::MatrixXd> own_;
   Eigen::VectorXd scores_;
   std::map<int, Eigen::VectorXd> gram_;
-  std::map<const Effect*, double> starts_;
+  std::map<std::string, double> starts_;  ///< by member
 };
 
 }  // namespace rangecal::diagnosis

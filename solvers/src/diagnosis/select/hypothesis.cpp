@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/select/hypothesis.hpp"
 
-#include <fmt/core.h>
-#include <fmt/ranges.h>
-
 #include <algorithm>
 
 namespace rangecal::diagnosis {
@@ -20,10 +17,6 @@ std::vector<std::string> member_names(const Model& model, std::size_t known) {
   for (std::size_t i = known; i < model.size(); ++i) names.push_back(member_name(*model[i].effect));
   std::sort(names.begin(), names.end());
   return names;
-}
-
-std::string key_of(const Model& model, std::size_t known) {
-  return fmt::format("{}", fmt::join(member_names(model, known), "+"));
 }
 
 }  // namespace rangecal::diagnosis

@@ -19,10 +19,10 @@ struct Hypothesis {
   double prior_mass = 0.0;                      ///< by `log_prior_mass` [nats]
   /// ln of its probability over that of the root [nats]: the sum of the three above.
   double log_posterior = 0.0;
-  double promised = 0.0;                           ///< by the score that proposed its last member [nats]
-  std::vector<std::string> parent;                 ///< members of the set that it was made from
-  std::vector<TriedSet::Proposal> proposals;       ///< what its residuals proposed
-  bool names_tried = false, curves_tried = false;  ///< what could be added to it was fitted
+  double promised = 0.0;                      ///< by the score that proposed its last member [nats]
+  std::vector<std::string> parent;            ///< members of the set that it was made from
+  std::vector<TriedSet::Proposal> proposals;  ///< what its residuals proposed
+  bool scanned = false;                       ///< what may be likelier was looked for from here
 };
 
 /// True if the effect is a curve without a name.
@@ -33,8 +33,5 @@ std::string member_name(const Effect& effect);
 
 /// The names of the members after the first `known`, sorted.
 std::vector<std::string> member_names(const Model& model, std::size_t known);
-
-/// The names of the members after the first `known`, sorted and joined by "+"; empty for none.
-std::string key_of(const Model& model, std::size_t known);
 
 }  // namespace rangecal::diagnosis

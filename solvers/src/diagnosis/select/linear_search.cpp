@@ -16,6 +16,8 @@ constexpr double linear_window = 6.0;  ///< nats below the best set down to whic
 constexpr int most_looked_at = 40;     ///< sets
 constexpr std::size_t branches = 8;    ///< likeliest sets that one move makes of a set
 
+constexpr double sizes_of_curves = 1.8;  ///< ln of the sizes and numbers of knots that a curve is chosen from
+
 const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 using Key = std::vector<std::string>;  ///< ids, sorted
@@ -62,9 +64,18 @@ class LinearSearch {
 
   Key key_of(const std::vector<int>& blocks) const {
     Key key;
-    for (const int b : blocks) key.push_back(block(b).effect->info().id);
+    for (const int b : blocks) key.push_back(block(b).member);
     std::sort(key.begin(), key.end());
     return key;
+  }
+
+  /// 1 / tau^2 of the columns of curves, 0 of names.
+  Eigen::VectorXd ridge_of(const std::vector<int>& blocks) const {
+    std::vector<double> ridge;
+    for (const int b : blocks)
+      ridge.insert(ridge.end(), static_cast<std::size_t>(block(b).size),
+                   block(b).tau > 0.0 ? 1.0 / (block(b).tau * block(b).tau) : 0.0);
+    return Eigen::Map<const Eigen::VectorXd>(ridge.data(), static_cast<Eigen::Index>(ridge.size()));
   }
 
   void keep(LinearSet set) {
@@ -105,6 +116,7 @@ class LinearSearch {
     }
     for (Eigen::Index i = 0; i < k; ++i)
       for (Eigen::Index j = 0; j < k; ++j) G(i, j) = across(i, mine[static_cast<std::size_t>(j)]);
+    G.diagonal() += ridge_of(blocks);
     Eigen::VectorXd left = dictionary_.scores();
     Eigen::MatrixXd half;  // L^-1 G_S*, G = L L^T
     if (k > 0) {
@@ -117,18 +129,28 @@ class LinearSearch {
     std::map<std::string, std::pair<double, int>> best;  // gain less what its parameters roughly cost
     for (std::size_t b = 0; b < dictionary_.blocks().size(); ++b) {
       const Block& add = dictionary_.blocks()[b];
-      if (std::binary_search(has.begin(), has.end(), add.effect->info().id)) continue;
+      if (std::binary_search(has.begin(), has.end(), add.member)) continue;
       Eigen::MatrixXd information = dictionary_.own(b);
       const Eigen::VectorXd diagonal = information.diagonal();
       if (k > 0) {
         const auto part = half.middleCols(add.first, add.size);
         information -= part.transpose() * part;
       }
-      if (!((information.diagonal() - 1e-4 * diagonal).array() > 0.0).all()) continue;
+      double choosing = 0.0;  // what the size of a curve takes off its gain
+      if (add.tau > 0.0) {
+        const Eigen::MatrixXd prior = Eigen::MatrixXd::Identity(add.size, add.size);
+        const Eigen::LLT<Eigen::MatrixXd> ratio(prior + add.tau * add.tau * information);
+        if (ratio.info() != Eigen::Success) continue;
+        const Eigen::MatrixXd L = ratio.matrixL();
+        choosing = L.diagonal().array().log().sum();
+        information += prior / (add.tau * add.tau);
+      } else if (!((information.diagonal() - 1e-4 * diagonal).array() > 0.0).all())
+        continue;
       const Eigen::LLT<Eigen::MatrixXd> factor(information);
       if (factor.info() != Eigen::Success) continue;
-      const double gain = 0.5 * factor.matrixL().solve(left.segment(add.first, add.size)).squaredNorm();
-      auto [entry, fresh] = best.try_emplace(add.effect->info().id, gain, static_cast<int>(b));
+      const double gain =
+          0.5 * factor.matrixL().solve(left.segment(add.first, add.size)).squaredNorm() - choosing;
+      auto [entry, fresh] = best.try_emplace(add.member, gain, static_cast<int>(b));
       if (!fresh && gain > entry->second.first) entry->second = {gain, static_cast<int>(b)};
     }
     std::vector<LinearSet> made;
@@ -161,11 +183,13 @@ class LinearSearch {
       for (Eigen::Index j = 0; j < k; ++j) G(i, j) = row[mine[static_cast<std::size_t>(j)]];
       g[i] = dictionary_.scores()[mine[static_cast<std::size_t>(i)]];
     }
+    const Eigen::VectorXd ridge = ridge_of(blocks);
+    G.diagonal() += ridge;
     const Eigen::LLT<Eigen::MatrixXd> factor(G);
     const Eigen::VectorXd theta = k > 0 ? factor.solve(g).eval() : Eigen::VectorXd();
-    set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;
+    set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;  // of curves: less what their prior takes
     double volume = 0.0;
-    Eigen::VectorXd wide(k);
+    Eigen::VectorXd wide(k);  // least precise that a parameter can be
     Eigen::Index at = 0;
     for (const int b : blocks) {
       const Block& one = block(b);
@@ -173,12 +197,13 @@ class LinearSearch {
       for (const int j : one.parameters) {
         const EffectParameter& info = one.effect->info().parameters[static_cast<std::size_t>(j)];
         const auto [low, high] = one.effect->bounds(rows_.context, static_cast<std::size_t>(j));
-        volume += log_prior_density(info, low, high, theta[at], priors_);
-        wide[at] = prior_width(info, low, high, theta[at]);
+        volume += one.tau > 0.0 ? -half_log_two_pi - std::log(one.tau)
+                                : log_prior_density(info, low, high, theta[at], priors_);
+        wide[at] = one.tau > 0.0 ? 1e3 * one.tau : prior_width(info, low, high, theta[at]);
         active.parameters[j] = std::clamp(theta[at], low, high);
         ++at;
       }
-      volume -= std::log(dictionary_.starts(one.effect));
+      volume -= one.tau > 0.0 ? sizes_of_curves : std::log(dictionary_.starts(one));
       set.model.push_back(std::move(active));
     }
     if (k > 0) {

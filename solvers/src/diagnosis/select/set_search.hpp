@@ -14,13 +14,11 @@ namespace rangecal::diagnosis {
 /// bookkeeping found.
 using Hypotheses = std::vector<std::unique_ptr<Hypothesis>>;
 
-/// Searches for the set of members of highest posterior probability beside the root, starting from none:
-///
-///   add       what the scores of a set's residuals propose, best first
-///   drop      one member
-///   exchange  one member, for what the residuals without it propose
-///
-/// until none of these gains. A set is fitted once, by `refit`, which moves all of its parameters and the calibration.
+/// Searches for the set of members of highest posterior probability beside the root. From the root on: the problem is
+/// linearised at the likeliest set so far (Dictionary) and searched there by adding, dropping and exchanging members
+/// (search_linear); the likeliest sets are fitted exactly by `refit`, which moves all of their parameters and the calibration,
+/// as are this set with each name for a spread, tail or dependence that its residuals propose, and without each of its
+/// members; until none of them is likelier.
 Hypotheses search_sets(const Rows& rows, const Fit& root, const Bookkeeping& known, const Rates& rates,
                        const RefitOptions& options, const SelectionPriors& priors);
 

@@ -124,11 +124,11 @@ struct TriedSet {
   double probability = 0.0;       ///< over all sets that were fitted
   bool scanned = false;           ///< its residuals were scanned for what could be added
   struct Proposal {
-    std::string member;
-    double promised = 0.0;  ///< nats
+    std::vector<std::string> members;
+    double promised = 0.0;  ///< gain [nats] on the problem linearised at this set
     bool fitted = false;
   };
-  std::vector<Proposal> proposals;  ///< what they proposed, best first
+  std::vector<Proposal> proposals;  ///< likely sets of the linearised problem, the likeliest first
 };
 
 /// How causes are looked for. `steps`: one, two at most. `sets`: any number at once, by the posterior probability of sets.

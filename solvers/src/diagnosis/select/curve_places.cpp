@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/curve_places.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "in_parallel.hpp"
+#include "rangecal/core/symmetric_eigen.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr std::size_t most_groups = 60;
+
+/// Knots at equal shares of the readings, or one value for each of few; none where there is nothing to vary along.
+std::vector<CurveBasis> bases_along(const std::string& covariate, const Eigen::VectorXd& x) {
+  std::vector<double> sorted;
+  for (const double v : x)
+    if (std::isfinite(v)) sorted.push_back(v);
+  std::sort(sorted.begin(), sorted.end());
+  const std::set<double> distinct(sorted.begin(), sorted.end());
+  if (distinct.size() < 2) return {};
+  const bool grouped = covariate == "landmark" || covariate == "stop";
+  if (grouped || distinct.size() <= 4) {
+    if (distinct.size() > most_groups) return {};
+    CurveBasis basis;
+    basis.groups = true;
+    basis.knots.assign(distinct.begin(), distinct.end());
+    return {basis};
+  }
+  std::vector<CurveBasis> bases;
+  for (const int count : {4, 9}) {
+    CurveBasis basis;
+    for (int j = 0; j < count; ++j) {
+      const double v = sorted[static_cast<std::size_t>(
+          std::lround((static_cast<double>(sorted.size()) - 1.0) * j / (count - 1.0)))];
+      if (basis.knots.empty() || v > basis.knots.back()) basis.knots.push_back(v);
+    }
+    if (basis.knots.size() >= 3) bases.push_back(std::move(basis));
+  }
+  return bases;
+}
+
+/// Directions of the basis that the calibration leaves.
+Eigen::MatrixXd directions_of(const Projector& projector, CurveChannel channel, const CurveBasis& basis,
+                              const Eigen::VectorXd& x) {
+  constexpr double least = 1e-4;  // of the largest information
+  const Eigen::Index size = basis.size();
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(x.size());
+  std::vector<Signature> signatures;
+  std::vector<Eigen::VectorXd> projected;
+  for (Eigen::Index k = 0; k < size; ++k) {
+    const Eigen::VectorXd unit = Eigen::VectorXd::Unit(size, k);
+    const Eigen::VectorXd shape = x.unaryExpr([&](double v) { return basis.value(v, unit); });
+    signatures.push_back(channel == CurveChannel::range ? projector.of_rows(shape, none)
+                                                        : projector.of_rows(none, shape));
+    projected.push_back(projector.project(signatures.back()));
+  }
+  Eigen::MatrixXd information(size, size);
+  for (Eigen::Index a = 0; a < size; ++a)
+    for (Eigen::Index b = 0; b <= a; ++b)
+      information(a, b) = information(b, a) = projector.inner(signatures[a], projected[b], signatures[b]);
+  const SymmetricEigen eigen = symmetric_eigen(information);
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index j = 0; j < size; ++j)
+    if (eigen.values[j] > least * eigen.values.tail(1)[0]) kept.push_back(j);
+  return eigen.vectors(Eigen::all, kept);
+}
+
+}  // namespace
+
+std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projector, double sigma_theta_rad) {
+  std::vector<std::string> covariates{"range",  "sensor_bearing", "heading", "time",
+                                      "repeat", "landmark",       "stop",    "radius"};
+  const auto& columns = rows.context.covariates;
+  covariates.insert(covariates.end(), columns.begin(), columns.end());
+  std::vector<double> spreads = projector.geometry().spread;
+  std::nth_element(spreads.begin(), spreads.begin() + static_cast<std::ptrdiff_t>(spreads.size() / 2),
+                   spreads.end());
+  const double spread = spreads[spreads.size() / 2];
+  struct Wanted {
+    std::string channel, covariate;
+    CurveBasis basis;
+    Eigen::VectorXd x;
+  };
+  std::vector<Wanted> wanted;
+  for (const std::string& covariate : covariates) {
+    const CovariateOf value = covariate_of(rows, covariate);
+    if (!value) continue;
+    Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
+    for (Eigen::Index i = 0; i < x.size(); ++i)
+      x[i] = value(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
+    for (const CurveBasis& basis : bases_along(covariate, x))
+      for (const char* channel : {"range", "bearing"})
+        if (!rows.pairs || channel == std::string("range")) wanted.push_back({channel, covariate, basis, x});
+  }
+  std::vector<CurvePlace> places(wanted.size());
+  in_parallel(wanted.size(), [&](std::size_t i) {
+    const Wanted& w = wanted[i];
+    const CurveChannel channel = curve_channel_of(w.channel);
+    Eigen::MatrixXd directions = directions_of(projector, channel, w.basis, w.x);
+    if (directions.cols() == 0) return;
+    const double unit = channel == CurveChannel::range ? spread : sigma_theta_rad;
+    places[i].effect =
+        std::make_shared<GenericEffect>(channel, w.channel, w.covariate, covariate_of(rows, w.covariate),
+                                        w.basis, std::move(directions), unit);
+    places[i].sizes = {0.5 * unit, 2.0 * unit, 8.0 * unit};
+  });
+  std::erase_if(places, [](const CurvePlace& place) { return !place.effect; });
+  return places;
+}
+
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "diagnosis/generic_effect.hpp"
+#include "diagnosis/projector.hpp"
+
+namespace rangecal::diagnosis {
+
+/// A curve without a name: a channel's mean along a covariate, as an effect that a model can hold.
+struct CurvePlace {
+  std::shared_ptr<GenericEffect> effect;
+  std::vector<double>
+      sizes;  ///< tau: standard deviations of its parameters that come into question [m] or [rad]
+};
+
+/// Curves of range and bearing along every covariate that the recording has, of few and of many knots; along landmarks and
+/// stops one value each. Directions that the calibration absorbs are left out. Sizes: a half, two and eight standard
+/// deviations of one reading.
+std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projector, double sigma_theta_rad);
+
+}  // namespace rangecal::diagnosis
