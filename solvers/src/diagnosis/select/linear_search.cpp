@@ -69,13 +69,23 @@ class LinearSearch {
     return key;
   }
 
-  /// 1 / tau^2 of the columns of curves, 0 of names.
+  /// Precision of the prior of every column: 1 / tau^2 of curves; of names that of their largest value, so that a direction
+  /// of which the calibration leaves next to nothing promises nothing.
   Eigen::VectorXd ridge_of(const std::vector<int>& blocks) const {
     std::vector<double> ridge;
     for (const int b : blocks)
-      ridge.insert(ridge.end(), static_cast<std::size_t>(block(b).size),
-                   block(b).tau > 0.0 ? 1.0 / (block(b).tau * block(b).tau) : 0.0);
+      for (const int j : block(b).parameters) ridge.push_back(ridge_of(block(b), j));
     return Eigen::Map<const Eigen::VectorXd>(ridge.data(), static_cast<Eigen::Index>(ridge.size()));
+  }
+
+  double ridge_of(const Block& one, int parameter) const {
+    if (one.tau > 0.0) return 1.0 / (one.tau * one.tau);
+    const auto [low, high] = one.effect->bounds(rows_.context, static_cast<std::size_t>(parameter));
+    const double typical = one.effect->info().parameters[static_cast<std::size_t>(parameter)].typical;
+    const double largest = std::max(std::abs(low), std::abs(high));
+    constexpr double far = 30.0;
+    const double width = std::isfinite(largest) && largest > 0.0 ? largest : far * std::abs(typical);
+    return width > 0.0 ? 1.0 / (width * width) : 0.0;
   }
 
   void keep(LinearSet set) {
@@ -143,9 +153,10 @@ class LinearSearch {
         if (ratio.info() != Eigen::Success) continue;
         const Eigen::MatrixXd L = ratio.matrixL();
         choosing = L.diagonal().array().log().sum();
-        information += prior / (add.tau * add.tau);
       } else if (!((information.diagonal() - 1e-4 * diagonal).array() > 0.0).all())
         continue;
+      for (int c = 0; c < add.size; ++c)
+        information(c, c) += ridge_of(add, add.parameters[static_cast<std::size_t>(c)]);
       const Eigen::LLT<Eigen::MatrixXd> factor(information);
       if (factor.info() != Eigen::Success) continue;
       const double gain =

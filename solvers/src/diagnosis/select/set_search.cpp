@@ -19,9 +19,12 @@ namespace {
 
 constexpr std::size_t most_of_a_kind =
     2;                           ///< names of spreads, tails, dependence that are tried beside one set, each
-constexpr int most_rounds = 10;  ///< linearisations
+constexpr int most_rounds = 12;  ///< linearisations
+/// Sets beside the likeliest that are scanned too, and how far below it [nats].
+constexpr std::size_t most_close = 4;
+constexpr double close_by = 4.0;
 /// Sets of the linearised problem that are fitted, and how far below the likeliest of them [nats].
-constexpr std::size_t most_of_sets = 8;
+constexpr std::size_t most_of_sets = 10;
 constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
@@ -44,12 +47,10 @@ class SetSearch {
   }
 
   Hypotheses run() {
-    Hypothesis* here = table_.front().get();
     for (int round = 0; round < most_rounds; ++round) {
+      Hypothesis* here = next_to_scan();
+      if (!here) break;
       look_around(*here);
-      Hypothesis* next = &likeliest();
-      if (next == here) break;
-      here = next;
     }
     std::stable_sort(table_.begin(), table_.end(),
                      [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
@@ -65,6 +66,29 @@ class SetSearch {
     return **std::max_element(table_.begin(), table_.end(), [](const auto& a, const auto& b) {
       return a->log_posterior < b->log_posterior;
     });
+  }
+
+  /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
+  /// of its spreads, tails and dependences, which take up what the means leave. Null when all of these were scanned.
+  Hypothesis* next_to_scan() {
+    Hypothesis& top = likeliest();
+    if (!top.scanned) return &top;
+    std::vector<Hypothesis*> close;
+    for (const auto& h : table_)
+      if (h->log_posterior > top.log_posterior - close_by) close.push_back(h.get());
+    std::stable_sort(close.begin(), close.end(), [](const Hypothesis* a, const Hypothesis* b) {
+      return a->log_posterior > b->log_posterior;
+    });
+    for (std::size_t i = 0; i < close.size() && i < most_close; ++i)
+      if (!close[i]->scanned) return close[i];
+    for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
+      if (top.fit.model[i].effect->info().kind == EffectKind::mean) continue;
+      Model rest = top.fit.model;
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+      Hypothesis* without = find(member_names(rest, known_count()));
+      if (without && !without->scanned) return without;
+    }
+    return nullptr;
   }
 
   Hypothesis* find(const Names& names) {
@@ -114,13 +138,17 @@ class SetSearch {
     for (const LinearSet& set : sets)
       if (member_names(with_others(set), known_count()) == mine) of_here = set.gain;
     std::vector<Wanted> wanted;
+    std::set<std::size_t> sizes;
     for (const LinearSet& set : sets) {
-      const bool likely = set.log_posterior > sets.front().log_posterior - fitted_window;
+      // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
+      const bool likely = set.log_posterior > sets.front().log_posterior - fitted_window ||
+                          sizes.insert(set.model.size()).second;
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
       const double gain = here.gain + set.gain - of_here;
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again = known && (names.empty() || known->gain > gain - fell_short);
+      sizes.insert(set.model.size());
       const bool fit = likely && wanted.size() < most_of_sets && !again;
       if (likely) here.proposals.push_back({names, gain, fit || known});
       if (fit) wanted.push_back({std::move(model), {}, gain});
