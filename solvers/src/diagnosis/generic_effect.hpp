@@ -45,6 +45,7 @@ class GenericEffect final : public Effect {
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override;
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override;
   const CurveBasis& basis() const { return basis_; }
+  double choices = 1.0;  ///< shapes and sizes that it is chosen from along its covariate
   const Eigen::MatrixXd& directions() const { return directions_; }
 
  private:

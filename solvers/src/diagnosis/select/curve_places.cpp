@@ -70,6 +70,49 @@ Eigen::MatrixXd directions_of(const Projector& projector, CurveChannel channel, 
   return eigen.vectors(Eigen::all, kept);
 }
 
+/// Value 1 between `from` and `to`, 0 elsewhere, over so short a way that no reading lies on it.
+CurveBasis plateau(double from, double to, double way) {
+  CurveBasis basis;
+  basis.knots = {from - way, from, to, to + way};
+  return basis;
+}
+
+/// A curve of one shape: basis, and its coefficients for each parameter.
+struct OneShape {
+  CurveBasis basis;
+  Eigen::MatrixXd directions;
+};
+
+/// The shapes that physics outside the catalogue most often has along a covariate.
+std::vector<OneShape> shapes_along(const std::string& covariate, const Rows& rows, const Eigen::VectorXd& x) {
+  std::vector<OneShape> shapes;
+  const double low = x.minCoeff(), span = x.maxCoeff() - low;
+  if (!(span > 0.0)) return shapes;
+  const double way = 1e-6 * span;
+  const Eigen::MatrixXd inside = (Eigen::MatrixXd(4, 1) << 0.0, 1.0, 1.0, 0.0).finished();
+  if (covariate == "sensor_bearing")
+    for (const int k : {1, 2, 3, 4, 5, 6, 8}) {
+      CurveBasis basis;
+      basis.wavenumber = k;
+      shapes.push_back({basis, Eigen::MatrixXd::Identity(2, 2)});
+    }
+  if (covariate == "sensor_bearing" || covariate == "range")
+    for (const double share : {0.06, 0.12, 0.25})
+      for (double from = low; from < low + span; from += 0.5 * share * span)
+        shapes.push_back({plateau(from, from + share * span, way), inside});
+  if (covariate == "time" && rows.context.stop_time_s.size() <= 40) {
+    std::vector<double> at = rows.context.stop_time_s;
+    std::sort(at.begin(), at.end());
+    at.erase(std::unique(at.begin(), at.end()), at.end());
+    for (std::size_t i = 1; i < at.size(); ++i) {
+      CurveBasis basis;
+      basis.knots = {at[i] - way, at[i]};
+      shapes.push_back({basis, Eigen::MatrixXd::Identity(2, 2).rightCols(1)});
+    }
+  }
+  return shapes;
+}
+
 }  // namespace
 
 std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projector, double sigma_theta_rad) {
@@ -84,30 +127,44 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
   struct Wanted {
     std::string channel, covariate;
     CurveBasis basis;
-    Eigen::VectorXd x;
+    Eigen::MatrixXd directions;  ///< none: those that the calibration leaves of a smooth curve
+    std::size_t among = 1;       ///< shapes of the same kind
+    const Eigen::VectorXd* x = nullptr;
   };
+  std::vector<Eigen::VectorXd> values;
+  values.reserve(covariates.size());
   std::vector<Wanted> wanted;
   for (const std::string& covariate : covariates) {
     const CovariateOf value = covariate_of(rows, covariate);
     if (!value) continue;
-    Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
+    Eigen::VectorXd& x = values.emplace_back(static_cast<Eigen::Index>(rows.size()));
     for (Eigen::Index i = 0; i < x.size(); ++i)
       x[i] = value(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
-    for (const CurveBasis& basis : bases_along(covariate, x))
-      for (const char* channel : {"range", "bearing"})
-        if (!rows.pairs || channel == std::string("range")) wanted.push_back({channel, covariate, basis, x});
+    const std::vector<CurveBasis> bases = bases_along(covariate, x);
+    if (bases.empty()) continue;
+    const std::vector<OneShape> shapes = shapes_along(covariate, rows, x);
+    for (const char* channel : {"range", "bearing"}) {
+      if (rows.pairs && channel != std::string("range")) continue;
+      for (const CurveBasis& basis : bases)
+        wanted.push_back({channel, covariate, basis, {}, bases.size(), &x});
+      for (const OneShape& shape : shapes)
+        wanted.push_back({channel, covariate, shape.basis, shape.directions, shapes.size(), &x});
+    }
   }
   std::vector<CurvePlace> places(wanted.size());
   in_parallel(wanted.size(), [&](std::size_t i) {
     const Wanted& w = wanted[i];
     const CurveChannel channel = curve_channel_of(w.channel);
-    Eigen::MatrixXd directions = directions_of(projector, channel, w.basis, w.x);
+    Eigen::MatrixXd directions =
+        w.directions.size() > 0 ? w.directions : directions_of(projector, channel, w.basis, *w.x);
     if (directions.cols() == 0) return;
     const double unit = channel == CurveChannel::range ? spread : sigma_theta_rad;
-    places[i].effect =
+    CurvePlace& place = places[i];
+    place.effect =
         std::make_shared<GenericEffect>(channel, w.channel, w.covariate, covariate_of(rows, w.covariate),
                                         w.basis, std::move(directions), unit);
-    places[i].sizes = {0.5 * unit, 2.0 * unit, 8.0 * unit};
+    place.sizes = {0.5 * unit, 2.0 * unit, 8.0 * unit};
+    place.effect->choices = 2.0 * static_cast<double>(w.among * place.sizes.size());
   });
   std::erase_if(places, [](const CurvePlace& place) { return !place.effect; });
   return places;

@@ -16,9 +16,13 @@ struct CurvePlace {
       sizes;  ///< tau: standard deviations of its parameters that come into question [m] or [rad]
 };
 
-/// Curves of range and bearing along every covariate that the recording has, of few and of many knots; along landmarks and
-/// stops one value each. Directions that the calibration absorbs are left out. Sizes: a half, two and eight standard
-/// deviations of one reading.
+/// Curves of range and bearing along every covariate that the recording has:
+///
+///   smooth      few or many knots; along landmarks and stops one value each
+///   one shape   harmonics 1 to 8 of the direction, one sector of directions, one stretch of distance, one step in time
+///
+/// half the prior mass each. Directions of smooth ones that the calibration absorbs are left out. Sizes: a half, two and
+/// eight standard deviations of one reading.
 std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projector, double sigma_theta_rad);
 
 }  // namespace rangecal::diagnosis

@@ -30,10 +30,10 @@ bool contains_effect(const Model& model, const Effect* effect) {
   return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
 }
 
-std::vector<double> sizes_of(const Effect* effect, const std::vector<CurvePlace>& curves) {
+const CurvePlace* place_of(const Effect* effect, const std::vector<CurvePlace>& curves) {
   for (const CurvePlace& curve : curves)
-    if (curve.effect.get() == effect) return curve.sizes;
-  return {};
+    if (curve.effect.get() == effect) return &curve;
+  return nullptr;
 }
 
 struct Made {
@@ -77,22 +77,24 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<Curve
     const Effect* effect;
     Eigen::VectorXd start;
     bool of_fit;
-    std::vector<double> sizes;  ///< of a curve
+    const CurvePlace* curve;
+    double choices;
   };
   std::vector<Wanted> wanted;
   for (const ActiveEffect& active : fit.model)
     if (active.effect->info().kind == EffectKind::mean)
-      wanted.push_back({active.effect, active.parameters, true, sizes_of(active.effect, curves)});
+      wanted.push_back({active.effect, active.parameters, true, place_of(active.effect, curves),
+                        static_cast<double>(active.effect->start_grid(rows.context).size())});
   for (const auto& effect : effect_registry()) {
     if (effect->info().kind != EffectKind::mean || !effect->missing(rows.context).empty()) continue;
     const std::vector<Eigen::VectorXd> grid = effect->start_grid(rows.context);
-    starts_[effect->info().id] = std::max<double>(1.0, static_cast<double>(grid.size()));
-    for (const Eigen::VectorXd& start : grid) wanted.push_back({effect.get(), start, false, {}});
+    for (const Eigen::VectorXd& start : grid)
+      wanted.push_back({effect.get(), start, false, nullptr, static_cast<double>(grid.size())});
   }
   for (const CurvePlace& curve : curves) {
     const auto size = static_cast<Eigen::Index>(curve.effect->info().parameters.size());
     if (contains_effect(fit.model, curve.effect.get())) continue;
-    wanted.push_back({curve.effect.get(), Eigen::VectorXd::Zero(size), false, curve.sizes});
+    wanted.push_back({curve.effect.get(), Eigen::VectorXd::Zero(size), false, &curve, 1.0});
   }
   std::vector<Made> made(wanted.size());
   constexpr std::size_t together = 16;
@@ -110,10 +112,11 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<Curve
         put_back.emplace_back(block.first + c, block.start[block.parameters[static_cast<std::size_t>(c)]]);
     std::move(made[i].signatures.begin(), made[i].signatures.end(), std::back_inserter(signatures_));
     std::move(made[i].projected.begin(), made[i].projected.end(), std::back_inserter(projected_));
-    const std::vector<double>& sizes = wanted[i].sizes;
-    for (std::size_t n = 0; n < std::max<std::size_t>(1, sizes.size()); ++n) {
+    const CurvePlace* curve = wanted[i].curve;
+    block.choices = curve ? curve->effect->choices : std::max(1.0, wanted[i].choices);
+    for (std::size_t n = 0; n < (curve ? curve->sizes.size() : 1); ++n) {
       blocks_.push_back(block);
-      blocks_.back().tau = sizes.empty() ? 0.0 : sizes[n];
+      if (curve) blocks_.back().tau = curve->sizes[n];
       own_.push_back(made[i].own);
     }
   }
@@ -121,11 +124,6 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<Curve
   for (Eigen::Index i = 0; i < scores_.size(); ++i)
     scores_[i] = projector_.score(signatures_[static_cast<std::size_t>(i)]);
   for (const auto& [column, parameter] : put_back) scores_ += parameter * gram(column);
-}
-
-double Dictionary::starts(const Block& block) const {
-  const auto found = starts_.find(block.member);
-  return found == starts_.end() ? 1.0 : found->second;
 }
 
 const Eigen::VectorXd& Dictionary::gram(int column) {

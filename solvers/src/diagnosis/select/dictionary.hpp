@@ -19,6 +19,7 @@ struct Block {
   Eigen::VectorXd start;        ///< its parameters
   std::vector<int> parameters;  ///< those that its columns are of
   int first = 0, size = 0;      ///< its columns
+  double choices = 1.0;         ///< starts, or shapes and sizes, that it is one of
 };
 
 /// What every effect on the means would do to the readings, to first order about a fit:
@@ -45,8 +46,6 @@ class Dictionary {
   const Eigen::VectorXd& gram(int column);
   /// The part of G of a block's own columns.
   const Eigen::MatrixXd& own(std::size_t block) const { return own_[block]; }
-  /// How many starts the effect of a block has: what choosing among them costs.
-  double starts(const Block& block) const;
 
  private:
   WorkingProblem working_;
@@ -57,7 +56,6 @@ class Dictionary {
   std::vector<Eigen::MatrixXd> own_;
   Eigen::VectorXd scores_;
   std::map<int, Eigen::VectorXd> gram_;
-  std::map<std::string, double> starts_;  ///< by member
 };
 
 }  // namespace rangecal::diagnosis

@@ -11,6 +11,7 @@
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/free_parameters.hpp"
+#include "diagnosis/generic_effect.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -129,6 +130,8 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
   }
   for (std::size_t e = known; e < fit.model.size(); ++e) {
     const auto& parameters = fit.model[e].effect->info().parameters;
+    if (const auto* of_curve = dynamic_cast<const GenericEffect*>(fit.model[e].effect))
+      volume -= std::log(of_curve->choices);
     for (std::size_t j = 0; j < parameters.size(); ++j)
       if (!free.count({static_cast<int>(e), static_cast<int>(j)}) && !parameters[j].linear)
         volume -= std::log(choices(rows, *fit.model[e].effect, j));
@@ -171,8 +174,7 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
     const double tau = share * rms;
     best = std::max(best, log_normal_density(c, S + tau * tau * Eigen::MatrixXd::Identity(m, m)));
   }
-  constexpr double chosen = 2.5;  // tau, and the basis among several of other widths
-  return volume + best - chosen;
+  return volume + best;
 }
 
 }  // namespace rangecal::diagnosis

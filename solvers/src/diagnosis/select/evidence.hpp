@@ -36,8 +36,8 @@ double prior_width(const EffectParameter& parameter, double low, double high, do
 ///   C    covariance of the k parameters that move means and variances, the calibration integrated out
 ///   p_a  prior of a parameter of a name: Student's t at its typical size where the change is linear in it, uniform
 ///        within its bounds elsewhere; one of as many as its grid has for one that is chosen from a list
-///   c, S parameters of a curve without a name and their part of C; tau its size, the likeliest; that and its basis
-///        were chosen among some, at 2.5 nats
+///   c, S parameters of a curve without a name and their part of C; tau its size, the likeliest; ln of the
+///        shapes and sizes that it was chosen from comes off
 ///
 /// Parameters of dependence, tails and errors of the stops enter by the curvature of the likelihood along each, in its
 /// logarithm where it is positive.

@@ -16,8 +16,6 @@ constexpr double linear_window = 6.0;  ///< nats below the best set down to whic
 constexpr int most_looked_at = 40;     ///< sets
 constexpr std::size_t branches = 8;    ///< likeliest sets that one move makes of a set
 
-constexpr double sizes_of_curves = 1.8;  ///< ln of the sizes and numbers of knots that a curve is chosen from
-
 const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 using Key = std::vector<std::string>;  ///< ids, sorted
@@ -152,7 +150,7 @@ class LinearSearch {
         const Eigen::LLT<Eigen::MatrixXd> ratio(prior + add.tau * add.tau * information);
         if (ratio.info() != Eigen::Success) continue;
         const Eigen::MatrixXd L = ratio.matrixL();
-        choosing = L.diagonal().array().log().sum();
+        choosing = L.diagonal().array().log().sum() + std::log(add.choices);
       } else if (!((information.diagonal() - 1e-4 * diagonal).array() > 0.0).all())
         continue;
       for (int c = 0; c < add.size; ++c)
@@ -214,7 +212,7 @@ class LinearSearch {
         active.parameters[j] = std::clamp(theta[at], low, high);
         ++at;
       }
-      volume -= one.tau > 0.0 ? sizes_of_curves : std::log(dictionary_.starts(one));
+      volume -= std::log(one.choices);
       set.model.push_back(std::move(active));
     }
     if (k > 0) {
