@@ -121,8 +121,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   SearchResult found = looked_for(known);
   // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
   // allow them; a step among repeats that are all alike is none.
-  if (found.verdict == Verdict::unexplained && !options.force && outliers_stand_out(*found.first) &&
-      known.step_beyond_noise_m == 0.0) {
+  if (options.search == CauseSearch::steps && found.verdict == Verdict::unexplained && !options.force &&
+      outliers_stand_out(*found.first) && known.step_beyond_noise_m == 0.0) {
     Bookkeeping with_tails = known;
     with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
     SearchResult robust = looked_for(with_tails);

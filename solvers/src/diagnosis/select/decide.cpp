@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "diagnosis/findings.hpp"
@@ -51,6 +52,15 @@ double probability_of(const ActiveEffect& member, const Hypotheses& table, const
   return sum;
 }
 
+/// Nats that a member of the likeliest set is worth: what the set without it lacks. Infinite where that was not fitted.
+double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t known) {
+  std::vector<std::string> rest = member_names(table.front()->fit.model, known);
+  std::erase(rest, member_name(*member.effect));
+  for (const auto& h : table)
+    if (member_names(h->fit.model, known) == rest) return table.front()->log_posterior - h->log_posterior;
+  return std::numeric_limits<double>::infinity();
+}
+
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -92,6 +102,14 @@ Candidate candidate_of(const Hypothesis& h, double probability, double baseline_
   return c;
 }
 
+/// Nats by which the readings prefer `best` to another set: fewer parameters alone are no reason to give one name only, unless
+/// they are far fewer.
+double gap_to(const Candidate& best, const Candidate& other) {
+  constexpr double far_fewer = 8.0;  // nats
+  const double gap = best.evidence - other.evidence;
+  return gap < far_fewer ? std::min(gap, std::max(0.0, best.gain - other.gain)) : gap;
+}
+
 }  // namespace
 
 void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseOptions& options,
@@ -102,12 +120,17 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   if (options.trace)
     for (std::size_t i = 0; i < table.size(); ++i) options.trace(tried_set(*table[i], p[i], known));
   Model names(root.model.begin(), root.model.begin() + static_cast<std::ptrdiff_t>(known));
-  bool has_curve = false;
+  const bool has_curve = std::any_of(best.fit.model.begin(), best.fit.model.end(),
+                                     [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+  double of_curves = 0.0;
+  for (const ActiveEffect& member : best.fit.model)
+    if (const double worth = worth_of(member, table, known);
+        is_nameless(*member.effect) && std::isfinite(worth))
+      of_curves = std::max(of_curves, worth);
   for (std::size_t i = known; i < best.fit.model.size(); ++i) {
     const ActiveEffect& member = best.fit.model[i];
-    if (is_nameless(*member.effect))
-      has_curve = true;
-    else if (probability_of(member, table, p, known, options.naming_gap_nats) >= 0.5)
+    if (!is_nameless(*member.effect) && worth_of(member, table, known) >= priors.shadow * of_curves &&
+        probability_of(member, table, p, known, options.naming_gap_nats) >= 0.5)
       names.push_back(member);
   }
   result.verdict = Verdict::unexplained;
@@ -138,11 +161,15 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     result.verdict = Verdict::explained;
   }
   std::vector<Candidate> ranked;
-  for (const Candidate& c : result.tried)
+  for (Candidate c : result.tried)
     if (c.fit.model.size() == result.best.fit.model.size() &&
         std::none_of(c.fit.model.begin(), c.fit.model.end(),
-                     [](const ActiveEffect& a) { return is_nameless(*a.effect); }))
-      ranked.push_back(c);
+                     [](const ActiveEffect& a) { return is_nameless(*a.effect); })) {
+      c.evidence = result.best.evidence - gap_to(result.best, c);
+      ranked.push_back(std::move(c));
+    }
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   add_rivals(rows, options, ranked, result);
 }
 

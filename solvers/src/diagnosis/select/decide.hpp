@@ -8,7 +8,8 @@ namespace rangecal::diagnosis {
 /// Sets the verdict of `result` from the sets that were fitted, the likeliest first. `root`: the seed model with what
 /// bookkeeping found.
 ///
-///   names     of the likeliest set, each of probability 0.5 or more over all sets (its exact twins' added)
+///   names     of the likeliest set, each of probability 0.5 or more over all sets (its class's: exact twins, and what stands
+///             in its place at nearly the same probability), and no shadow of a curve without a name
 ///   rest      what its curves without a name carry, and what its residuals hold at a corrected p below the rate at which
 ///             residuals count as clean; material where its RMS size over the readings exceeds the tolerance
 ///   verdict   explained: names, no material rest; unexplained: no name, or (`partial`) names and a material rest

@@ -13,6 +13,9 @@ struct SelectionPriors {
   /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may
   /// be much larger than is usual.
   double size_dof = 2.0;
+  /// Of what a curve without a name explains [nats]: a name beside it that explains less may be what its shape leaves of an
+  /// unknown cause, and is not given.
+  double shadow = 0.25;
   /// Rest that does not matter, in standard deviations of one reading (RMS over the readings).
   double tolerance = 0.25;
 };

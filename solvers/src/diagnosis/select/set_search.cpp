@@ -10,6 +10,8 @@
 #include <utility>
 
 #include "diagnosis/candidates.hpp"
+#include "diagnosis/findings.hpp"
+#include "diagnosis/generic.hpp"
 #include "diagnosis/select/decide.hpp"
 #include "diagnosis/select/linear_search.hpp"
 #include "in_parallel.hpp"
@@ -17,9 +19,8 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr std::size_t most_of_a_kind =
-    2;                           ///< names of spreads, tails, dependence that are tried beside one set, each
-constexpr int most_rounds = 12;  ///< linearisations
+constexpr std::size_t most_of_a_kind = 4;  ///< names of spreads, of tails, of dependence tried beside a set
+constexpr int most_rounds = 12;            ///< linearisations
 /// Sets beside the likeliest that are scanned too, and how far below it [nats].
 constexpr std::size_t most_close = 4;
 constexpr double close_by = 4.0;
@@ -68,8 +69,17 @@ class SetSearch {
     });
   }
 
+  /// True if the other members may have been fitted about a wrong start of this one: what moves no mean takes up what means
+  /// leave, and periods, time constants, stops and landmarks have many optima.
+  static bool may_hold_fast(const Effect& effect) {
+    const EffectInfo& info = effect.info();
+    return !is_nameless(effect) &&
+           (info.kind != EffectKind::mean || std::any_of(info.parameters.begin(), info.parameters.end(),
+                                                         [](const EffectParameter& p) { return !p.linear; }));
+  }
+
   /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
-  /// of its spreads, tails and dependences, which take up what the means leave. Null when all of these were scanned.
+  /// member that may hold the others fast. Null when all of these were scanned.
   Hypothesis* next_to_scan() {
     Hypothesis& top = likeliest();
     if (!top.scanned) return &top;
@@ -82,7 +92,7 @@ class SetSearch {
     for (std::size_t i = 0; i < close.size() && i < most_close; ++i)
       if (!close[i]->scanned) return close[i];
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
-      if (top.fit.model[i].effect->info().kind == EffectKind::mean) continue;
+      if (!may_hold_fast(*top.fit.model[i].effect)) continue;
       Model rest = top.fit.model;
       rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
       Hypothesis* without = find(member_names(rest, known_count()));
@@ -120,6 +130,7 @@ class SetSearch {
     Model model;
     std::optional<Proposal> added;
     double promised = 0.0;
+    std::shared_ptr<Effect> curve = nullptr;  ///< of a spread, in the model
   };
 
   std::vector<Wanted> sets_linearised_at(Hypothesis& here) {
@@ -156,6 +167,31 @@ class SetSearch {
     return wanted;
   }
 
+  /// The curves of the channels' spreads that promise most for their parameters.
+  void add_curves_of_spreads(const Hypothesis& here, const Battery& battery,
+                             std::vector<Wanted>& wanted) const {
+    const double per_parameter = 0.5 * std::log(std::max(10.0, 2.0 * rows_.cell_count));
+    std::map<std::string, std::pair<double, const Question*>> best;
+    for (const Question& q : battery.questions) {
+      const CurveChannel channel = curve_channel_of(q.channel);
+      if (q.effect || on_grid(known_, q) || channel == CurveChannel::none || is_mean(channel)) continue;
+      const double worth = q.gain - per_parameter * q.dof;
+      auto& [most, question] = best[q.channel];
+      if (worth > 0.0 && (!question || worth > most)) most = worth, question = &q;
+    }
+    for (const auto& [channel, found] : best) {
+      if (!found.second) continue;
+      std::optional<CurveFit> curve =
+          fit_curve(rows_, battery.projector(), here.fit, *found.second, options_);
+      if (!curve) continue;
+      Wanted added{std::move(curve->fit.model), {}, here.gain + found.second->gain, std::move(curve->effect)};
+      const std::string name = member_name(*added.curve);
+      const bool has = std::any_of(here.fit.model.begin(), here.fit.model.end(),
+                                   [&](const ActiveEffect& a) { return member_name(*a.effect) == name; });
+      if (!has) wanted.push_back(std::move(added));
+    }
+  }
+
   std::vector<Wanted> spreads_beside(const Hypothesis& here) const {
     const Battery battery = Battery::of_spreads(rows_, here.fit.model, here.fit.state, rates_);
     std::vector<Wanted> wanted;
@@ -169,6 +205,7 @@ class SetSearch {
       added.promised = here.gain + added.added->promised;
       wanted.push_back(std::move(added));
     }
+    add_curves_of_spreads(here, battery, wanted);
     return wanted;
   }
 
@@ -178,6 +215,8 @@ class SetSearch {
                              : refit(rows_, wanted.model, here.fit.state, options_);
     if (!made->fit.ok) return nullptr;
     made->promised = wanted.promised;
+    made->curves = here.curves;
+    if (wanted.curve) made->curves.push_back(wanted.curve);
     made->parent = names_of(here);
     made->gain = root_nll_ - made->fit.nll;
     made->parameter_volume = log_parameter_volume(rows_, made->fit, known_count(), options_, priors_);
