@@ -109,6 +109,12 @@ TEST(Formats, NameEveryMemberOfADiagnosis) {
   expect_documented("A diagnosis", files);
 }
 
+TEST(Formats, NameEveryMemberOfATrace) {
+  const TemporaryFolder folder;
+  expect_documented("A trace", {written(folder, "diagnose " + shipped("concealed/world-01") +
+                                                    " --search sets --trace")});
+}
+
 TEST(Formats, NameEveryMemberOfAPlan) {
   const TemporaryFolder folder;
   expect_documented("A plan", {written(folder, "plan " + shipped("scenes/field-layout.yaml") +

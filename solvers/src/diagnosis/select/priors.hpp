@@ -3,8 +3,7 @@
 
 namespace rangecal::diagnosis {
 
-/// Everything about the search that was chosen and not computed. docs/diagnosis.md has what halving and doubling each of
-/// them does.
+/// Everything about the posterior and the verdict of a search by sets that was chosen and not computed.
 struct SelectionPriors {
   /// Prior probability of a member being a curve without a name; the names of the catalogue share the rest equally.
   double nameless = 0.02;

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/curve_places.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+
+#include "diagnosis/select/hypothesis.hpp"
+#include "solvers/diagnosis/select/made_worlds.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+TEST(CurvePlaces, CoverEveryChannelAlongEveryCovariate) {
+  const testing::SeedFit seed(testing::recording_with({}, "CurvePlaces.Cover"));
+  const WorkingProblem working = working_problem(seed.rows, {}, seed.fit.state);
+  const Projector projector(seed.rows, working, seed.fit.state);
+  const std::vector<CurvePlace> places = curve_places(seed.rows, projector, seed.fit.state.sigma_theta_rad);
+  std::set<std::string> members;
+  std::map<std::string, double> mass;  // of the shapes of a member
+  for (const CurvePlace& place : places) {
+    members.insert(member_name(*place.effect));
+    mass[member_name(*place.effect)] += static_cast<double>(place.sizes.size()) / place.effect->choices;
+    EXPECT_TRUE(is_nameless(*place.effect));
+    for (std::size_t i = 1; i < place.sizes.size(); ++i) EXPECT_GT(place.sizes[i], place.sizes[i - 1]);
+  }
+  for (const char* covariate : {"range", "sensor_bearing", "time", "repeat", "landmark", "stop", "radius"})
+    for (const char* channel : {"range", "bearing"})
+      EXPECT_TRUE(members.count(std::string("curve of ") + channel + " along " + covariate))
+          << channel << " " << covariate;
+  for (const auto& [member, sum] : mass)
+    EXPECT_LE(sum, 1.0 + 1e-12) << member << ": masses sum to one at most";
+}
+
+TEST(CurvePlaces, AStepInTimeIsNothingBeforeIt) {
+  const testing::SeedFit seed(testing::recording_with({}, "CurvePlaces.Step"));
+  const WorkingProblem working = working_problem(seed.rows, {}, seed.fit.state);
+  const Projector projector(seed.rows, working, seed.fit.state);
+  int steps = 0;
+  for (const CurvePlace& place : curve_places(seed.rows, projector, seed.fit.state.sigma_theta_rad)) {
+    const EffectInfo& info = place.effect->info();
+    if (info.covariate != "time" || info.channel != "range" || info.parameters.size() != 1) continue;
+    ++steps;
+    const double at = place.effect->basis().knots.back(), size = 0.01;
+    for (std::size_t i = 0; i < seed.rows.size(); i += 37) {
+      const double change = place.effect->reading(view_of(seed.rows, projector.geometry(), i), &size).range;
+      EXPECT_NEAR(change, seed.rows.time_s[i] >= at ? size : 0.0, 1e-12);
+    }
+  }
+  EXPECT_EQ(steps, seed.rows.context.stop_count - 1);
+}
+
+}  // namespace
+}  // namespace rangecal::diagnosis

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/evidence.hpp"
+
+#include <gtest/gtest.h>
+
+#include <boost/math/distributions/normal.hpp>
+#include <boost/math/distributions/students_t.hpp>
+#include <boost/math/quadrature/gauss_kronrod.hpp>
+#include <cmath>
+
+#include "solvers/diagnosis/select/made_worlds.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+using boost::math::quadrature::gauss_kronrod;
+
+class Evidence : public ::testing::Test {
+ protected:
+  static testing::SeedFit& seed() {
+    static testing::SeedFit fit(testing::recording_with({}, "Evidence.Clean"));
+    return fit;
+  }
+  /// A fit of one effect whose parameters are `values`, of that covariance.
+  static Fit fit_of(const Effect* effect, const Eigen::VectorXd& values, const Eigen::MatrixXd& covariance) {
+    Fit fit = seed().fit;
+    fit.model = {{effect, values}};
+    fit.free.clear();
+    for (int j = 0; j < values.size(); ++j) fit.free.push_back({0, j, FreeParameter::Acts::mean});
+    fit.covariance = covariance;
+    return fit;
+  }
+  SelectionPriors priors;
+};
+
+TEST_F(Evidence, PriorMassesOfSetsAreThoseWorkedByHand) {
+  const Effect *tilt = find_effect("tilt"), *offset = find_effect("bearing_offset");
+  const MemberCounts counts{40.0, 20.0};
+  SelectionPriors half;
+  half.nameless = 0.5;
+  half.further_member = 0.25;
+  EXPECT_NEAR(log_prior_mass({}, 0, counts, half), 0.0, 1e-15);
+  EXPECT_NEAR(log_prior_mass({{tilt, {}}}, 0, counts, half), std::log(0.5 / 40.0), 1e-12);
+  EXPECT_NEAR(log_prior_mass({{tilt, {}}, {offset, {}}}, 0, counts, half),
+              std::log(0.25 * 0.5 * 0.5 / 1600.0), 1e-12);
+  EXPECT_NEAR(log_prior_mass({{tilt, {}}, {offset, {}}}, 1, counts, half), std::log(0.5 / 40.0), 1e-12)
+      << "what bookkeeping found is in every set";
+  GenericEffect curve(
+      CurveChannel::range, "range", "range", [](const auto& at) { return at.d; }, {{1.0, 2.0}, false, 0.0},
+      Eigen::MatrixXd::Identity(2, 2), 0.01);
+  EXPECT_NEAR(log_prior_mass({{&curve, {}}}, 0, counts, half), std::log(0.5 / 20.0), 1e-12);
+}
+
+TEST_F(Evidence, OfOneSizeIsTheIntegralOverIt) {
+  const Effect* offset = find_effect("bearing_offset");
+  const double typical = offset->info().parameters[0].typical;
+  const boost::math::students_t law(priors.size_dof);
+  for (const double estimate : {0.3, 1.0, 5.0}) {
+    const double sigma = 0.05 * typical;
+    const Fit fit = fit_of(offset, Eigen::VectorXd::Constant(1, estimate * typical),
+                           Eigen::MatrixXd::Constant(1, 1, sigma * sigma));
+    const double integral = gauss_kronrod<double, 61>::integrate(
+        [&](double x) {
+          return std::exp(-0.5 * std::pow((x - estimate * typical) / sigma, 2)) *
+                 boost::math::pdf(law, x / typical) / typical;
+        },
+        (estimate * typical) - 8.0 * sigma, (estimate * typical) + 8.0 * sigma);
+    EXPECT_NEAR(log_parameter_volume(seed().rows, fit, 0, seed().options, priors), std::log(integral), 0.01)
+        << estimate;
+  }
+}
+
+TEST_F(Evidence, AParameterThatTheReadingsSayNothingOfCostsNothing) {
+  const Effect* offset = find_effect("bearing_offset");
+  const double typical = offset->info().parameters[0].typical;
+  const Fit fit =
+      fit_of(offset, Eigen::VectorXd::Zero(1), Eigen::MatrixXd::Constant(1, 1, 1e8 * typical * typical));
+  const double volume = log_parameter_volume(seed().rows, fit, 0, seed().options, priors);
+  EXPECT_NEAR(volume, std::log(std::sqrt(2.0 * std::numbers::pi) / std::sqrt(8.0)), 0.01)
+      << "a normal prior in place of Student's t, whose density at 0 is 1 / sqrt(8) of the typical size";
+}
+
+TEST_F(Evidence, OfACurveIsTheIntegralOverItsSize) {
+  const double c = 0.02, S = 1e-5, tau = c;  // the likeliest of the sizes tried: tau^2 + S = c^2 nearly
+  GenericEffect curve(
+      CurveChannel::range, "range", "range", [](const auto& at) { return at.d; }, {{1.0, 2.0}, false, 0.0},
+      Eigen::MatrixXd::Identity(2, 1), 0.01);
+  const Fit fit = fit_of(&curve, Eigen::VectorXd::Constant(1, c), Eigen::MatrixXd::Constant(1, 1, S));
+  const double integral = gauss_kronrod<double, 61>::integrate(
+      [&](double x) {
+        return std::exp(-0.5 * (x - c) * (x - c) / S) * boost::math::pdf(boost::math::normal(0.0, tau), x);
+      },
+      c - 10.0 * std::sqrt(S), c + 10.0 * std::sqrt(S));
+  EXPECT_NEAR(log_parameter_volume(seed().rows, fit, 0, seed().options, priors), std::log(integral), 0.02);
+  curve.choices = 10.0;
+  EXPECT_NEAR(log_parameter_volume(seed().rows, fit, 0, seed().options, priors), std::log(0.1 * integral),
+              0.02);
+}
+
+TEST_F(Evidence, CountsTheNamesThatARecordingCanHold) {
+  const MemberCounts counts = count_members(seed().rows, 0.0);
+  EXPECT_EQ(counts.places, 1.0);
+  double names = 0.0;
+  for (const auto& effect : effect_registry()) {
+    const EffectKind kind = effect->info().kind;
+    names += kind != EffectKind::grid && kind != EffectKind::label && kind != EffectKind::detection &&
+             effect->missing(seed().rows.context).empty();
+  }
+  EXPECT_EQ(counts.names, names);
+  EXPECT_GT(names, 20.0);
+}
+
+}  // namespace
+}  // namespace rangecal::diagnosis
