@@ -102,12 +102,13 @@ Candidate candidate_of(const Hypothesis& h, double probability, double baseline_
   return c;
 }
 
-/// Nats by which the readings prefer `best` to another set: fewer parameters alone are no reason to give one name only, unless
-/// they are far fewer.
+/// Nats by which the readings prefer `best` to another set. Priors alone are no reason to give one name only: where the
+/// posteriors are not far apart, and the likelihoods less their parameters (AIC) next to nothing, they do not tell.
 double gap_to(const Candidate& best, const Candidate& other) {
-  constexpr double far_fewer = 8.0;  // nats
+  constexpr double not_far = 8.0, next_to_nothing = 1.0;  // nats
   const double gap = best.evidence - other.evidence;
-  return gap < far_fewer ? std::min(gap, std::max(0.0, best.gain - other.gain)) : gap;
+  const double by_aic = best.gain - best.parameters - (other.gain - other.parameters);
+  return gap < not_far && by_aic < next_to_nothing ? std::min(gap, std::max(0.0, by_aic)) : gap;
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ struct Hypothesis {
   double promised = 0.0;                      ///< by the score that proposed its last member [nats]
   std::vector<std::string> parent;            ///< members of the set that it was made from
   std::vector<TriedSet::Proposal> proposals;  ///< what its residuals proposed
+  int fits = 1;                               ///< how often it was fitted, from several starts
   bool scanned = false;                       ///< what may be likelier was looked for from here
 };
 

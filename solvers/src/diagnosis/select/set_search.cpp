@@ -29,7 +29,7 @@ constexpr std::size_t most_of_sets = 10;
 constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
-
+constexpr int most_fits = 3;  ///< of one set
 using Names = std::vector<std::string>;
 
 class SetSearch {
@@ -115,7 +115,9 @@ class SetSearch {
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
       Model rest = here.fit.model;
       rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
-      if (rest.size() > known_count()) wanted.push_back({std::move(rest), {}, 0.0});
+      const Hypothesis* known = find(member_names(rest, known_count()));
+      if (rest.size() > known_count() && (!known || known->fits < most_fits))
+        wanted.push_back({std::move(rest)});
     }
     const std::vector<Wanted> spreads = spreads_beside(here);
     wanted.insert(wanted.end(), spreads.begin(), spreads.end());
@@ -125,11 +127,10 @@ class SetSearch {
     keep(std::move(made));
   }
 
-  /// A set to be fitted from its parameters, or by adding a name to where the search stands.
+  /// A set to be fitted from its parameters.
   struct Wanted {
     Model model;
-    std::optional<Proposal> added;
-    double promised = 0.0;
+    double promised = 0.0;                    ///< gain [nats]
     std::shared_ptr<Effect> curve = nullptr;  ///< of a spread, in the model
   };
 
@@ -162,7 +163,7 @@ class SetSearch {
       sizes.insert(set.model.size());
       const bool fit = likely && wanted.size() < most_of_sets && !again;
       if (likely) here.proposals.push_back({names, gain, fit || known});
-      if (fit) wanted.push_back({std::move(model), {}, gain});
+      if (fit) wanted.push_back({std::move(model), gain});
     }
     return wanted;
   }
@@ -184,7 +185,7 @@ class SetSearch {
       std::optional<CurveFit> curve =
           fit_curve(rows_, battery.projector(), here.fit, *found.second, options_);
       if (!curve) continue;
-      Wanted added{std::move(curve->fit.model), {}, here.gain + found.second->gain, std::move(curve->effect)};
+      Wanted added{std::move(curve->fit.model), here.gain + found.second->gain, std::move(curve->effect)};
       const std::string name = member_name(*added.curve);
       const bool has = std::any_of(here.fit.model.begin(), here.fit.model.end(),
                                    [&](const ActiveEffect& a) { return member_name(*a.effect) == name; });
@@ -201,9 +202,9 @@ class SetSearch {
       if (info.kind == EffectKind::mean) continue;
       if (known_.step_beyond_noise_m > 0.0 && info.channel.starts_with("range_")) continue;
       if (taken[info.kind]++ >= most_of_a_kind) continue;
-      Wanted added{here.fit.model, std::move(p), 0.0};
-      added.promised = here.gain + added.added->promised;
-      wanted.push_back(std::move(added));
+      Model larger = here.fit.model;
+      larger.push_back({p.effect, p.start});
+      wanted.push_back({std::move(larger), here.gain + p.promised});
     }
     add_curves_of_spreads(here, battery, wanted);
     return wanted;
@@ -211,18 +212,37 @@ class SetSearch {
 
   std::unique_ptr<Hypothesis> fitted(const Hypothesis& here, const Wanted& wanted) const {
     auto made = std::make_unique<Hypothesis>();
-    made->fit = wanted.added ? try_model(rows_, here.fit, *wanted.added, rates_, options_).fit
-                             : refit(rows_, wanted.model, here.fit.state, options_);
-    if (!made->fit.ok) return nullptr;
+    made->fit = refit(rows_, wanted.model, here.fit.state, options_);
     made->promised = wanted.promised;
+    made->parent = names_of(here);
     made->curves = here.curves;
     if (wanted.curve) made->curves.push_back(wanted.curve);
-    made->parent = names_of(here);
-    made->gain = root_nll_ - made->fit.nll;
-    made->parameter_volume = log_parameter_volume(rows_, made->fit, known_count(), options_, priors_);
-    made->prior_mass = log_prior_mass(made->fit.model, known_count(), counts_, priors_);
-    made->log_posterior = made->gain + made->parameter_volume + made->prior_mass;
-    return std::isfinite(made->log_posterior) ? std::move(made) : nullptr;
+    return made->fit.ok && weigh(*made) ? std::move(made) : nullptr;
+  }
+
+  /// The three terms of a fit's posterior; false if they are no numbers.
+  bool weigh(Hypothesis& h) const {
+    h.gain = root_nll_ - h.fit.nll;
+    h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_);
+    h.prior_mass = log_prior_mass(h.fit.model, known_count(), counts_, priors_);
+    h.log_posterior = h.gain + h.parameter_volume + h.prior_mass;
+    return std::isfinite(h.log_posterior);
+  }
+
+  /// Searches the places of the likeliest set's members finely, which only a grid can find.
+  void place_finely() {
+    Hypothesis& top = likeliest();
+    Hypothesis moved;
+    moved.fit = top.fit;
+    for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
+      Model& model = moved.fit.model;
+      std::rotate(model.begin() + static_cast<std::ptrdiff_t>(known_count()),
+                  model.begin() + static_cast<std::ptrdiff_t>(known_count()) + 1, model.end());
+      search_places(rows_, options_, moved.fit);
+    }
+    if (!(moved.fit.nll < top.fit.nll) || !weigh(moved) || moved.log_posterior < top.log_posterior) return;
+    top.fit = std::move(moved.fit);
+    weigh(top);
   }
 
   /// Enters sets into the table; of one that was fitted before, the better fit stands.
@@ -231,9 +251,12 @@ class SetSearch {
     for (auto& h : made) {
       if (!h) continue;
       Hypothesis* known = find(names_of(*h));
-      if (!known)
+      if (!known) {
         table_.push_back(std::move(h));
-      else if (h->fit.nll < known->fit.nll - better && known != table_.front().get()) {
+        continue;
+      }
+      h->fits = ++known->fits;
+      if (h->fit.nll < known->fit.nll - better && known != table_.front().get()) {
         h->proposals = std::move(known->proposals);
         *known = std::move(*h);
       }
