@@ -19,20 +19,24 @@ bool in_row(const Score& s, std::initializer_list<const char*> rows) {
   return std::any_of(rows.begin(), rows.end(), [&](const char* row) { return s.row == row; });
 }
 
+/// A proportion: of worlds, of causes or of names.
+void add_counted(std::vector<Line>& lines, const std::string& what, int hits, int all, double required,
+                 bool at_most = false) {
+  if (all == 0) return;
+  Line line{what, fmt::format("{} {:.0f} %", at_most ? "<=" : ">=", 100.0 * required), all,
+            static_cast<double>(hits) / all};
+  std::tie(line.low, line.high) = wilson(hits, all);
+  line.met = at_most ? line.figure <= required + 1e-12 : line.figure >= required - 1e-12;
+  lines.push_back(line);
+}
+
 /// A proportion over the worlds of some rows that qualify.
 void add_share(std::vector<Line>& lines, const std::vector<Score>& scores, const std::string& what,
                const Condition& among, const Condition& hit, double required, bool at_most = false) {
-  Line line;
-  int hits = 0;
+  int worlds = 0, hits = 0;
   for (const Score& s : scores)
-    if (among(s)) ++line.worlds, hits += hit(s);
-  if (line.worlds == 0) return;
-  line.what = what;
-  line.figure = static_cast<double>(hits) / line.worlds;
-  std::tie(line.low, line.high) = wilson(hits, line.worlds);
-  line.met = at_most ? line.figure <= required + 1e-12 : line.figure >= required - 1e-12;
-  line.required = fmt::format("{} {:.0f} %", at_most ? "<=" : ">=", 100.0 * required);
-  lines.push_back(line);
+    if (among(s)) ++worlds, hits += hit(s);
+  add_counted(lines, what, hits, worlds, required, at_most);
 }
 
 void add_number(std::vector<Line>& lines, const std::string& what, std::vector<double> values,
@@ -99,17 +103,6 @@ void add_naming(std::vector<Line>& lines, const std::vector<Score>& scores) {
   add_share(
       lines, scores, "lambda 100: channel and covariate first", row("lambda-100"),
       [](const Score& s) { return s.located; }, 0.92);
-}
-
-/// A proportion of causes or names, not of worlds.
-void add_counted(std::vector<Line>& lines, const std::string& what, int hits, int all, double required,
-                 bool at_most = false) {
-  if (all == 0) return;
-  Line line{what, fmt::format("{} {:.0f} %", at_most ? "<=" : ">=", 100.0 * required), all,
-            static_cast<double>(hits) / all};
-  std::tie(line.low, line.high) = wilson(hits, all);
-  line.met = at_most ? line.figure <= required + 1e-12 : line.figure >= required - 1e-12;
-  lines.push_back(line);
 }
 
 void add_many(std::vector<Line>& lines, const std::vector<Score>& scores) {

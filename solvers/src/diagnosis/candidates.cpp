@@ -207,13 +207,6 @@ double price_of(const ActiveEffect& active, const Rates& rates) {
 // far beyond what the score promised is that choice, and no evidence.
 double credible_gain(const Proposal& proposal) { return 1.5 * proposal.promised + 3.0; }
 
-void search_places(const Rows& rows, const RefitOptions& options, Fit& fit) {
-  refine(rows, options, fit);
-  if (!Sides::matter({fit.model.back()})) return;
-  try_sides(rows, options, fit);
-  refine(rows, options, fit);
-}
-
 /// Starts the linear parameters of a proposal where the score puts them: the refit's first Gauss-Newton step
 /// does it.
 Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Rates& rates,
@@ -239,7 +232,11 @@ Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal,
       candidate.fit = std::move(fits[i]);
   const double first = base.nll - candidate.fit.nll;
   if (candidate.fit.ok && first > worth_refining && (1.0 + polish) * first + worth_refining > wanted) {
-    search_places(rows, held, candidate.fit);
+    refine(rows, held, candidate.fit);
+    if (Sides::matter({candidate.fit.model.back()})) {
+      try_sides(rows, held, candidate.fit);
+      refine(rows, held, candidate.fit);
+    }
     const bool of_mean = proposal.effect->info().kind == EffectKind::mean;
     if (of_mean && bends(rows, candidate.fit)) try_periods(rows, base, held, candidate.fit);
     if (held.settled > options.settled) {

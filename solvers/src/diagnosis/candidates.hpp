@@ -53,10 +53,6 @@ std::vector<Height> peaks_of(const std::vector<Height>& heights);
 /// The most nats that a proposal can be believed to bring.
 double credible_gain(const Proposal& proposal);
 
-/// Searches the places of the model's last effect finely that only a grid can find (a jump's distance, a sector), and beside a
-/// jump the side of it on which lines of sight lie.
-void search_places(const Rows& rows, const RefitOptions& options, Fit& fit);
-
 /// Adds the proposed effect to `base` and refits; `gain` and `evidence` are over `base`. Where the first
 /// refit stays far below `wanted` nats of gain, what only polishes it (steps, beats of a period) is left out.
 Candidate try_model(const Rows& rows, const Fit& base, const Proposal& proposal, const Rates& rates,

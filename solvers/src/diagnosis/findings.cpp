@@ -29,11 +29,15 @@ double gain_of(const Rows& rows, const Question& q) {
   return std::min(q.gain, rows.problem.stop_count() * (q.size - std::log1p(q.size)));
 }
 
+double price_of_curve_parameter(const Rows& rows) {
+  return 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
+}
+
 std::vector<Question> findings(const Rows& rows, const Battery& battery, double alarm_rate) {
   std::vector<Question> shapes;
   for (const Question& q : battery.questions)
     if (!q.effect) shapes.push_back(q);
-  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
+  const double price = price_of_curve_parameter(rows);
   // A shape of the mean makes readings of a cell hang together, never the other way round: dependence stands
   // back.
   const auto worth = [&](const Question& q) {

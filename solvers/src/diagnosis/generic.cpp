@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "diagnosis/findings.hpp"
 #include "rangecal/core/symmetric_eigen.hpp"
 
 namespace rangecal::diagnosis {
@@ -105,11 +106,7 @@ std::vector<CurveBasis> bases(const Question& finding, const Eigen::VectorXd& x)
   if (finding.covariate == "landmark") return candidates;
   for (int count : {3, 4, 6, 9, 14, 22}) {
     CurveBasis basis;
-    for (int j = 0; j < count; ++j) {
-      const double v = sorted[static_cast<std::size_t>(
-          std::lround((static_cast<double>(sorted.size()) - 1.0) * j / (count - 1.0)))];
-      if (basis.knots.empty() || v > basis.knots.back() + 1e-9 * span) basis.knots.push_back(v);
-    }
+    basis.knots = knots_at_equal_shares(sorted, count);
     if (basis.knots.size() >= 2) candidates.push_back(basis);
   }
   return candidates;
@@ -117,15 +114,18 @@ std::vector<CurveBasis> bases(const Question& finding, const Eigen::VectorXd& x)
 
 }  // namespace
 
+Eigen::MatrixXd directions_left(const Rows& rows, const Projector& projector, CurveChannel channel,
+                                const Eigen::VectorXd& x, const CurveBasis& basis) {
+  return reduce(score_of(rows, projector, channel, x, basis), 0.0).directions;
+}
+
 std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, const Fit& base,
                                   const Question& question, const RefitOptions& options) {
   const CurveChannel channel = curve_channel_of(question.channel);
   const CovariateOf covariate = covariate_of(rows, question.covariate);
   if (channel == CurveChannel::none || !covariate) return std::nullopt;
-  const double price = 0.5 * std::log(std::max(10.0, 2.0 * rows.cell_count));
-  Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
-  for (Eigen::Index i = 0; i < x.size(); ++i)
-    x[i] = covariate(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
+  const double price = price_of_curve_parameter(rows);
+  const Eigen::VectorXd x = values_along(rows, projector.geometry(), covariate);
   Reduced best;
   CurveBasis chosen;
   for (const CurveBasis& basis : bases(question, x)) {

@@ -33,6 +33,11 @@ struct GenericModel {
   GenericCurve curve;
 };
 
+/// Directions of a basis along x, of one value a reading, that the calibration leaves: of a ten-thousandth of the largest
+/// information or more.
+Eigen::MatrixXd directions_left(const Rows& rows, const Projector& projector, CurveChannel channel,
+                                const Eigen::VectorXd& x, const CurveBasis& basis);
+
 /// A curve over one covariate, added to a model and fitted.
 struct CurveFit {
   std::shared_ptr<GenericEffect> effect;

@@ -25,6 +25,24 @@ CovariateOf covariate_of(const Rows& rows, const std::string& name) {
   return [column = found - names.begin()](const auto& at) { return at.covariate[column]; };
 }
 
+Eigen::VectorXd values_along(const Rows& rows, const CellGeometry& geometry, const CovariateOf& covariate) {
+  Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    x[i] = covariate(view_of(rows, geometry, static_cast<std::size_t>(i)));
+  return x;
+}
+
+std::vector<double> knots_at_equal_shares(const std::vector<double>& sorted, int count) {
+  const double apart = 1e-9 * (sorted.back() - sorted.front());
+  std::vector<double> knots;
+  for (int j = 0; j < count; ++j) {
+    const double v = sorted[static_cast<std::size_t>(
+        std::lround((static_cast<double>(sorted.size()) - 1.0) * j / (count - 1.0)))];
+    if (knots.empty() || v > knots.back() + apart) knots.push_back(v);
+  }
+  return knots;
+}
+
 CurveChannel curve_channel_of(const std::string& name) {
   if (name == "range") return CurveChannel::range;
   if (name == "bearing") return CurveChannel::bearing;

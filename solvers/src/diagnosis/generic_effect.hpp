@@ -15,6 +15,9 @@ using CovariateOf = std::function<double(const ReadingView<double>&)>;
 /// The value of a covariate of docs/formats.md at a reading; empty if it is none.
 CovariateOf covariate_of(const Rows& rows, const std::string& name);
 
+/// Its value at every reading; NaN where it is missing.
+Eigen::VectorXd values_along(const Rows& rows, const CellGeometry& geometry, const CovariateOf& covariate);
+
 /// What a curve can change; none: what no curve corrects.
 enum class CurveChannel { range, bearing, range_noise, bearing_noise, none };
 CurveChannel curve_channel_of(const std::string& name);
@@ -34,6 +37,9 @@ struct CurveBasis {
   double value(double x, const Eigen::VectorXd& c) const;
 };
 
+/// At most `count` knots at equal shares of values in ascending order.
+std::vector<double> knots_at_equal_shares(const std::vector<double>& sorted, int count);
+
 /// A curve as an effect (see GenericModel): parameters a, coefficients V a of the basis.
 class GenericEffect final : public Effect {
  public:
@@ -45,8 +51,8 @@ class GenericEffect final : public Effect {
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override;
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override;
   const CurveBasis& basis() const { return basis_; }
-  double choices = 1.0;  ///< shapes and sizes that it is chosen from along its covariate
   const Eigen::MatrixXd& directions() const { return directions_; }
+  double choices = 1.0;  ///< shapes and sizes that it is chosen from along its covariate
 
  private:
   Eigen::VectorXd coefficients(const double* p) const {

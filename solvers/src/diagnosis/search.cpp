@@ -52,6 +52,15 @@ void let_known_move(const Rows& rows, std::vector<Candidate>& candidates) {
             [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
 }
 
+/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter.
+/// The solves come back to it by small steps only where the grid holds most of that.
+JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state) {
+  if (!has_grid(known.model)) return state;
+  const std::optional<Noise> noise = noise_within_cells(rows, known.model);
+  if (noise && noise->law == state.noise.law) state.noise = *noise;
+  return state;
+}
+
 /// The steps of the search, each on what those before it found. Of those that answer a question: true once the
 /// verdict is known.
 class SearchSteps {
@@ -116,13 +125,10 @@ class SearchSteps {
 
 /// The root: the seed model with what bookkeeping found. True if that leaves nothing.
 bool SearchSteps::known_suffices() {
-  root_.fit = result_.baseline;
+  root_.fit = fit_root(rows_, known_, result_.baseline, refit_options_);
+  root_.gain = result_.baseline.nll - root_.fit.nll;
   root_battery_ = result_.first.get();
   if (known_.model.empty()) return false;
-  root_.fit =
-      refit(rows_, known_.model, start_beside_grids(rows_, known_, result_.baseline.state), refit_options_);
-  root_.gain = result_.baseline.nll - root_.fit.nll;
-  if (!root_.fit.ok) root_.fit = result_.baseline;
   if (is_clean(root_, known_battery_)) {
     result_.verdict = Verdict::explained;
     result_.best = std::move(root_);
@@ -290,11 +296,10 @@ bool SearchSteps::pair_with_a_trace_answers(const std::vector<Candidate>& pairs)
 
 }  // namespace
 
-JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state) {
-  if (!has_grid(known.model)) return state;
-  const std::optional<Noise> noise = noise_within_cells(rows, known.model);
-  if (noise && noise->law == state.noise.law) state.noise = *noise;
-  return state;
+Fit fit_root(const Rows& rows, const Bookkeeping& known, const Fit& baseline, const RefitOptions& options) {
+  if (known.model.empty()) return baseline;
+  Fit root = refit(rows, known.model, start_beside_grids(rows, known, baseline.state), options);
+  return root.ok ? root : baseline;
 }
 
 SearchResult scan_seed_model(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,

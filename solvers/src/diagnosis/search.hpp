@@ -35,9 +35,8 @@ struct SearchResult {
 SearchResult scan_seed_model(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,
                              RefitOptions& refit_options);
 
-/// Where the fit beside a grid of ranges starts: with the noise that the grid leaves of the repeats' scatter.
-/// The solves come back to it by small steps only where the grid holds most of that.
-JointState start_beside_grids(const Rows& rows, const Bookkeeping& known, JointState state);
+/// The root of a search: the seed model with what bookkeeping found; the seed model alone where that cannot be fitted.
+Fit fit_root(const Rows& rows, const Bookkeeping& known, const Fit& baseline, const RefitOptions& options);
 
 /// Baseline, scan, explanation by refits, greedy extension. `known`: what bookkeeping found; it is part of
 /// every model.

@@ -7,8 +7,9 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/generic.hpp"
 #include "in_parallel.hpp"
-#include "rangecal/core/symmetric_eigen.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -34,40 +35,10 @@ std::vector<CurveBasis> bases_along(const std::string& covariate, const Eigen::V
   std::vector<CurveBasis> bases;
   for (const int count : {4, 9}) {
     CurveBasis basis;
-    for (int j = 0; j < count; ++j) {
-      const double v = sorted[static_cast<std::size_t>(
-          std::lround((static_cast<double>(sorted.size()) - 1.0) * j / (count - 1.0)))];
-      if (basis.knots.empty() || v > basis.knots.back()) basis.knots.push_back(v);
-    }
+    basis.knots = knots_at_equal_shares(sorted, count);
     if (basis.knots.size() >= 3) bases.push_back(std::move(basis));
   }
   return bases;
-}
-
-/// Directions of the basis that the calibration leaves.
-Eigen::MatrixXd directions_of(const Projector& projector, CurveChannel channel, const CurveBasis& basis,
-                              const Eigen::VectorXd& x) {
-  constexpr double least = 1e-4;  // of the largest information
-  const Eigen::Index size = basis.size();
-  const Eigen::VectorXd none = Eigen::VectorXd::Zero(x.size());
-  std::vector<Signature> signatures;
-  std::vector<Eigen::VectorXd> projected;
-  for (Eigen::Index k = 0; k < size; ++k) {
-    const Eigen::VectorXd unit = Eigen::VectorXd::Unit(size, k);
-    const Eigen::VectorXd shape = x.unaryExpr([&](double v) { return basis.value(v, unit); });
-    signatures.push_back(channel == CurveChannel::range ? projector.of_rows(shape, none)
-                                                        : projector.of_rows(none, shape));
-    projected.push_back(projector.project(signatures.back()));
-  }
-  Eigen::MatrixXd information(size, size);
-  for (Eigen::Index a = 0; a < size; ++a)
-    for (Eigen::Index b = 0; b <= a; ++b)
-      information(a, b) = information(b, a) = projector.inner(signatures[a], projected[b], signatures[b]);
-  const SymmetricEigen eigen = symmetric_eigen(information);
-  std::vector<Eigen::Index> kept;
-  for (Eigen::Index j = 0; j < size; ++j)
-    if (eigen.values[j] > least * eigen.values.tail(1)[0]) kept.push_back(j);
-  return eigen.vectors(Eigen::all, kept);
 }
 
 /// Value 1 between `from` and `to`, 0 elsewhere, over so short a way that no reading lies on it.
@@ -120,10 +91,7 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
                                       "repeat", "landmark",       "stop",    "radius"};
   const auto& columns = rows.context.covariates;
   covariates.insert(covariates.end(), columns.begin(), columns.end());
-  std::vector<double> spreads = projector.geometry().spread;
-  std::nth_element(spreads.begin(), spreads.begin() + static_cast<std::ptrdiff_t>(spreads.size() / 2),
-                   spreads.end());
-  const double spread = spreads[spreads.size() / 2];
+  const double spread = upper_median(projector.geometry().spread);
   struct Wanted {
     std::string channel, covariate;
     CurveBasis basis;
@@ -137,9 +105,7 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
   for (const std::string& covariate : covariates) {
     const CovariateOf value = covariate_of(rows, covariate);
     if (!value) continue;
-    Eigen::VectorXd& x = values.emplace_back(static_cast<Eigen::Index>(rows.size()));
-    for (Eigen::Index i = 0; i < x.size(); ++i)
-      x[i] = value(view_of(rows, projector.geometry(), static_cast<std::size_t>(i)));
+    const Eigen::VectorXd& x = values.emplace_back(values_along(rows, projector.geometry(), value));
     const std::vector<CurveBasis> bases = bases_along(covariate, x);
     if (bases.empty()) continue;
     const std::vector<OneShape> shapes = shapes_along(covariate, rows, x);
@@ -156,7 +122,7 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
     const Wanted& w = wanted[i];
     const CurveChannel channel = curve_channel_of(w.channel);
     Eigen::MatrixXd directions =
-        w.directions.size() > 0 ? w.directions : directions_of(projector, channel, w.basis, *w.x);
+        w.directions.size() > 0 ? w.directions : directions_left(rows, projector, channel, *w.x, w.basis);
     if (directions.cols() == 0) return;
     const double unit = channel == CurveChannel::range ? spread : sigma_theta_rad;
     CurvePlace& place = places[i];

@@ -9,6 +9,7 @@
 #include "diagnosis/findings.hpp"
 #include "diagnosis/rules.hpp"
 #include "diagnosis/twins.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -23,11 +24,6 @@ std::vector<double> probabilities(const Hypotheses& table) {
   }
   for (double& value : p) value /= total;
   return p;
-}
-
-bool holds(const Model& model, const std::string& id) {
-  return std::any_of(model.begin(), model.end(),
-                     [&](const ActiveEffect& a) { return a.effect->info().id == id; });
 }
 
 /// Of a name of the likeliest set, its class's: exact twins, and effects that stand in its place at nearly the same
@@ -45,8 +41,9 @@ double probability_of(const ActiveEffect& member, const Hypotheses& table, const
     const bool in_place = names.size() == others.size() + 1 &&
                           std::includes(names.begin(), names.end(), others.begin(), others.end()) &&
                           table.front()->log_posterior - table[i]->log_posterior < gap;
-    if (in_place || std::any_of(alike.begin(), alike.end(),
-                                [&](const std::string& one) { return holds(table[i]->fit.model, one); }))
+    if (in_place || std::any_of(alike.begin(), alike.end(), [&](const std::string& one) {
+          return contains(table[i]->fit.model, find_effect(one));
+        }))
       sum += p[i];
   }
   return sum;
@@ -61,19 +58,13 @@ double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t
   return std::numeric_limits<double>::infinity();
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// True if what a question found matters: its size exceeds the tolerance; of dependence, tails and errors of stops, which
 /// have no size in readings, its gain is no trace of all that was explained.
-bool is_material(const Rows& rows, const Fit& fit, double explained, const Question& q,
-                 const SelectionPriors& priors) {
-  if (q.channel == "range")
-    return std::abs(q.size) > priors.tolerance * median(cell_geometry(rows, fit.state).spread);
-  if (q.channel == "bearing") return std::abs(q.size) > priors.tolerance * fit.state.sigma_theta_rad;
+/// `spread_m`, `sigma_theta_rad`: of one reading.
+bool is_material(const Rows& rows, double spread_m, double sigma_theta_rad, double explained,
+                 const Question& q, const SelectionPriors& priors) {
+  if (q.channel == "range") return std::abs(q.size) > priors.tolerance * spread_m;
+  if (q.channel == "bearing") return std::abs(q.size) > priors.tolerance * sigma_theta_rad;
   if (q.of == Question::Of::variance) return std::abs(q.size) > 2.0 * priors.tolerance;
   return gain_of(rows, q) > trace_share * explained;
 }
@@ -144,9 +135,10 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   }
   auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
   const double rate = has_grid(result.known.model) ? 1e-5 : clean_rate;
+  const double spread = upper_median(battery->projector().geometry().spread);
   const bool rest = std::any_of(battery->questions.begin(), battery->questions.end(), [&](const Question& q) {
     return !q.effect && !on_grid(result.known, q) && battery->corrected(q) < rate &&
-           is_material(rows, answer.fit, answer.gain, q, priors);
+           is_material(rows, spread, answer.fit.state.sigma_theta_rad, answer.gain, q, priors);
   });
   for (std::size_t i = 1; i < table.size(); ++i)
     result.tried.push_back(candidate_of(*table[i], p[i], result.baseline.nll));

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/candidates.hpp"
 #include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
 
@@ -24,10 +24,6 @@ std::vector<int> columns_of(const Effect& effect) {
     if (parameters[j].linear) linear.push_back(j);
   }
   return linear.empty() ? moving : linear;
-}
-
-bool contains_effect(const Model& model, const Effect* effect) {
-  return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) { return a.effect == effect; });
 }
 
 const CurvePlace* place_of(const Effect* effect, const std::vector<CurvePlace>& curves) {
@@ -93,7 +89,7 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<Curve
   }
   for (const CurvePlace& curve : curves) {
     const auto size = static_cast<Eigen::Index>(curve.effect->info().parameters.size());
-    if (contains_effect(fit.model, curve.effect.get())) continue;
+    if (contains(fit.model, curve.effect.get())) continue;
     wanted.push_back({curve.effect.get(), Eigen::VectorXd::Zero(size), false, &curve, 1.0});
   }
   std::vector<Made> made(wanted.size());

@@ -97,6 +97,25 @@ class LinearSearch {
     }
   }
 
+  /// Normal equations (G + R) theta = g of a set's columns, R the precision of their prior.
+  struct Normal {
+    std::vector<int> columns;
+    Eigen::MatrixXd G;  ///< R included
+    Eigen::VectorXd g;
+  };
+  Normal normal_of(const std::vector<int>& blocks) {
+    Normal normal;
+    for (const int b : blocks)
+      for (int c = 0; c < block(b).size; ++c) normal.columns.push_back(block(b).first + c);
+    const auto k = static_cast<Eigen::Index>(normal.columns.size());
+    normal.G.resize(k, k);
+    for (Eigen::Index i = 0; i < k; ++i)
+      normal.G.row(i) = dictionary_.gram(normal.columns[i])(normal.columns).transpose();
+    normal.g = dictionary_.scores()(normal.columns);
+    normal.G.diagonal() += ridge_of(blocks);
+    return normal;
+  }
+
   /// Adds to the set, drops from it, and exchanges each of its members.
   void look_at(const std::vector<int>& blocks) {
     add_to(blocks);
@@ -111,27 +130,17 @@ class LinearSearch {
   /// The likeliest sets with one member more.
   void add_to(const std::vector<int>& blocks) {
     const Key has = key_of(blocks);
-    const Eigen::Index columns = dictionary_.scores().size();
-    std::vector<int> mine;
-    for (const int b : blocks)
-      for (int c = 0; c < block(b).size; ++c) mine.push_back(block(b).first + c);
-    const auto k = static_cast<Eigen::Index>(mine.size());
-    Eigen::MatrixXd G(k, k), across(k, columns);
-    Eigen::VectorXd g(k);
-    for (Eigen::Index i = 0; i < k; ++i) {
-      across.row(i) = dictionary_.gram(mine[static_cast<std::size_t>(i)]).transpose();
-      g[i] = dictionary_.scores()[mine[static_cast<std::size_t>(i)]];
-    }
-    for (Eigen::Index i = 0; i < k; ++i)
-      for (Eigen::Index j = 0; j < k; ++j) G(i, j) = across(i, mine[static_cast<std::size_t>(j)]);
-    G.diagonal() += ridge_of(blocks);
+    const Normal mine = normal_of(blocks);
+    const auto k = static_cast<Eigen::Index>(mine.columns.size());
     Eigen::VectorXd left = dictionary_.scores();
     Eigen::MatrixXd half;  // L^-1 G_S*, G = L L^T
     if (k > 0) {
-      const Eigen::LLT<Eigen::MatrixXd> factor(G);
+      const Eigen::LLT<Eigen::MatrixXd> factor(mine.G);
       if (factor.info() != Eigen::Success) return;
+      Eigen::MatrixXd across(k, left.size());
+      for (Eigen::Index i = 0; i < k; ++i) across.row(i) = dictionary_.gram(mine.columns[i]).transpose();
       half = factor.matrixL().solve(across);
-      const Eigen::VectorXd half_g = factor.matrixL().solve(g);
+      const Eigen::VectorXd half_g = factor.matrixL().solve(mine.g);
       left -= half.transpose() * half_g;
     }
     std::map<std::string, std::pair<double, int>> best;  // gain less what its parameters roughly cost
@@ -178,22 +187,10 @@ class LinearSearch {
 
   /// Estimates, gain and posterior of a set.
   LinearSet evaluated(std::vector<int> blocks) {
-    std::sort(blocks.begin(), blocks.end(),
-              [&](int a, int b) { return block(a).effect->info().id < block(b).effect->info().id; });
+    std::sort(blocks.begin(), blocks.end(), [&](int a, int b) { return block(a).member < block(b).member; });
     LinearSet set;
-    std::vector<int> mine;
-    for (const int b : blocks)
-      for (int c = 0; c < block(b).size; ++c) mine.push_back(block(b).first + c);
-    const auto k = static_cast<Eigen::Index>(mine.size());
-    Eigen::MatrixXd G(k, k);
-    Eigen::VectorXd g(k);
-    for (Eigen::Index i = 0; i < k; ++i) {
-      const Eigen::VectorXd& row = dictionary_.gram(mine[static_cast<std::size_t>(i)]);
-      for (Eigen::Index j = 0; j < k; ++j) G(i, j) = row[mine[static_cast<std::size_t>(j)]];
-      g[i] = dictionary_.scores()[mine[static_cast<std::size_t>(i)]];
-    }
-    const Eigen::VectorXd ridge = ridge_of(blocks);
-    G.diagonal() += ridge;
+    const auto [columns, G, g] = normal_of(blocks);
+    const auto k = static_cast<Eigen::Index>(columns.size());
     const Eigen::LLT<Eigen::MatrixXd> factor(G);
     const Eigen::VectorXd theta = k > 0 ? factor.solve(g).eval() : Eigen::VectorXd();
     set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;  // of curves: less what their prior takes

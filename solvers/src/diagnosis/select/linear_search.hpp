@@ -11,7 +11,7 @@ namespace rangecal::diagnosis {
 
 /// A set of effects on the linearised problem.
 struct LinearSet {
-  std::vector<int> blocks;  ///< of the dictionary, one an effect, by the effects' ids
+  std::vector<int> blocks;  ///< of the dictionary, one a member, by their names
   double gain = 0.0;        ///< over the seed model [nats]
   double log_posterior = 0.0;
   Model model;  ///< the effects at their estimates, within their bounds

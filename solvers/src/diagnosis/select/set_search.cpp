@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -30,6 +29,7 @@ constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
 constexpr int most_fits = 3;  ///< of one set
+
 using Names = std::vector<std::string>;
 
 class SetSearch {
@@ -171,7 +171,7 @@ class SetSearch {
   /// The curves of the channels' spreads that promise most for their parameters.
   void add_curves_of_spreads(const Hypothesis& here, const Battery& battery,
                              std::vector<Wanted>& wanted) const {
-    const double per_parameter = 0.5 * std::log(std::max(10.0, 2.0 * rows_.cell_count));
+    const double per_parameter = price_of_curve_parameter(rows_);
     std::map<std::string, std::pair<double, const Question*>> best;
     for (const Question& q : battery.questions) {
       const CurveChannel channel = curve_channel_of(q.channel);
@@ -229,22 +229,6 @@ class SetSearch {
     return std::isfinite(h.log_posterior);
   }
 
-  /// Searches the places of the likeliest set's members finely, which only a grid can find.
-  void place_finely() {
-    Hypothesis& top = likeliest();
-    Hypothesis moved;
-    moved.fit = top.fit;
-    for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
-      Model& model = moved.fit.model;
-      std::rotate(model.begin() + static_cast<std::ptrdiff_t>(known_count()),
-                  model.begin() + static_cast<std::ptrdiff_t>(known_count()) + 1, model.end());
-      search_places(rows_, options_, moved.fit);
-    }
-    if (!(moved.fit.nll < top.fit.nll) || !weigh(moved) || moved.log_posterior < top.log_posterior) return;
-    top.fit = std::move(moved.fit);
-    weigh(top);
-  }
-
   /// Enters sets into the table; of one that was fitted before, the better fit stands.
   void keep(std::vector<std::unique_ptr<Hypothesis>> made) {
     constexpr double better = 0.01;  // nats
@@ -285,12 +269,8 @@ SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const Di
   RefitOptions refit_options;
   SearchResult result = scan_seed_model(rows, known, options, refit_options);
   if (result.alarm_p >= options.alarm_rate && known.model.empty()) return result;
-  Fit root = result.baseline;
-  if (!known.model.empty()) {
-    root = refit(rows, known.model, start_beside_grids(rows, known, result.baseline.state), refit_options);
-    if (!root.ok) root = result.baseline;
-    refit_options.settled = static_cast<int>(known.model.size());
-  }
+  const Fit root = fit_root(rows, known, result.baseline, refit_options);
+  refit_options.settled = static_cast<int>(known.model.size());
   if (options.progress) options.progress("searching for causes", 0.3);
   const SelectionPriors priors;
   Hypotheses table = search_sets(rows, root, known, result.rates, refit_options, priors);

@@ -115,14 +115,15 @@ struct Diagnosis {
 /// One set of causes that the search by sets fitted.
 struct TriedSet {
   std::vector<std::string> members;  ///< ids of effects; "curve of C along X" for a curve without a name
-  std::vector<std::string> parent;   ///< the set that it was made from, by adding or dropping a member
-  double promised = 0.0;  ///< by the score of the member that was added [nats]; 0 where one was dropped
-  double gain = 0.0;      ///< NLL of the seed model, with what bookkeeping found, less that of the set [nats]
+  std::vector<std::string> parent;   ///< the set from which it was reached
+  double promised =
+      0.0;            ///< gain [nats] by the linearised problem, or by a score; 0 where neither promised any
+  double gain = 0.0;  ///< NLL of the seed model, with what bookkeeping found, less that of the set [nats]
   double parameter_volume = 0.0;  ///< what choosing its parameters costs [nats]
   double prior_mass = 0.0;        ///< ln of the prior probability of the set over that of none [nats]
   double log_posterior = 0.0;     ///< the sum of the three above
   double probability = 0.0;       ///< over all sets that were fitted
-  bool scanned = false;           ///< its residuals were scanned for what could be added
+  bool scanned = false;           ///< likelier sets were looked for from there
   struct Proposal {
     std::vector<std::string> members;
     double promised = 0.0;  ///< gain [nats] on the problem linearised at this set
