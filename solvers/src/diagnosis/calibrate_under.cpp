@@ -83,9 +83,11 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     }
     state = fit.state;
     value = fit_value + working.constant;
-    if (rounds.bends())  // the solve saw straight lines; the value is that of the effects where it ended
-      value +=
-          joint_nll(working_problem(rows, model, state).problem, state) - joint_nll(working.problem, state);
+    if (rounds.bends()) {  // the solve saw straight lines; the value is that of the effects where it ended
+      const WorkingProblem ended = working_problem(rows, model, state);
+      value += joint_nll(ended.problem, state) + ended.constant - joint_nll(working.problem, state) -
+               working.constant;
+    }
     if (rounds.bends() && !(value < least)) continue;
     least = value;
     least_state = state;

@@ -198,7 +198,7 @@ bool Rounds::another(const Rows& rows, const Model& model, JointState& state, do
   constexpr double settled = 1e-2;  // nats
   if (jumps_) value += sides_.restore(rows, model, state);
   ++done_;
-  if (--left_ == 0 && (bends_ || rounded_) && done_ < most && !(std::abs(value - before_) < settled)) ++left_;
+  if (--left_ == 0 && (bends_ || exact_) && done_ < most && !(std::abs(value - before_) < settled)) ++left_;
   before_ = value;
   return left_ > 0;
 }

@@ -40,7 +40,8 @@ class Sides {
 
 /// The alternation of taking effects out of the readings at a state and solving for the state: twice, the
 /// second time with the effects at the new geometry (and the tails' new weights); where they change fast with
-/// distance, or hold a grid's part of the noise, until the value stays.
+/// distance, hold a grid's part of the noise, or make it noise of 1/f, whose density has f in its Jacobian, until the value
+/// stays.
 ///
 ///   Rounds rounds(model);
 ///   do { working = rounds.begin(rows, model, state);  ... solve: state, value ... }
@@ -50,7 +51,7 @@ class Rounds {
   explicit Rounds(const Model& model, bool places_stay = false)
       : left_(model.empty() ? 1 : 2),
         jumps_(Sides::matter(model)),
-        rounded_(has_grid(model)),
+        exact_(has_grid(model) || has_reciprocal_noise(model)),
         places_stay_(places_stay) {}
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
   /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: go round
@@ -63,7 +64,7 @@ class Rounds {
 
  private:
   int left_, done_ = 0;
-  bool jumps_, rounded_, places_stay_, bends_ = false;
+  bool jumps_, exact_, places_stay_, bends_ = false;
   double before_ = 0.0;
   Sides sides_;
 };

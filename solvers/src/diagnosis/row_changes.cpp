@@ -42,6 +42,11 @@ Model without_grids(const Model& model) {
   return others;
 }
 
+bool has_reciprocal_noise(const Model& model) {
+  return std::any_of(model.begin(), model.end(),
+                     [](const ActiveEffect& active) { return active.effect->noise_before_reciprocal(); });
+}
+
 Dependence dependence_of(const Model& model) {
   Dependence sum;
   for (const ActiveEffect& active : model) {

@@ -121,9 +121,8 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   }
   const RowChanges changes = row_changes(rows, geometry, model);
   const Dependence dependence = dependence_of(model);
-  bool reciprocal = false;
+  const bool reciprocal = has_reciprocal_noise(model);
   for (const ActiveEffect& active : model) {
-    reciprocal = reciprocal || active.effect->noise_before_reciprocal();
     if (active.effect->acts_on_stops())
       active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
   }

@@ -23,6 +23,8 @@ double bend_of(const ActiveEffect& active, const ReadingView<double>& at);
 
 /// True if some effect of the model is a grid that the values sit on.
 bool has_grid(const Model& model);
+/// True if some effect makes 1/y normal about 1/f.
+bool has_reciprocal_noise(const Model& model);
 /// The model less its grids.
 Model without_grids(const Model& model);
 
