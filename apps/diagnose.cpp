@@ -28,7 +28,6 @@ struct DiagnoseCommand {
   std::vector<std::string> recordings, force;
   std::string simulation, json, calibration, report, trace;
   double alarm_rate = 0.02;
-  CauseSearch search = CauseSearch::steps;
 
   int run() const {
     if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
@@ -36,13 +35,14 @@ struct DiagnoseCommand {
     for (const std::string& id : force)
       if (!find_effect(id))
         throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
+    if (!trace.empty() && !force.empty())
+      throw InputError("--trace: with --force nothing is searched, so there is nothing to trace");
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration, trace});
     require_apart({json, report, calibration, trace}, inputs());
     const std::vector<Recording> loaded = load_recordings(recordings);
     DiagnoseOptions options;
     options.alarm_rate = alarm_rate;
-    options.search = search;
     if (!force.empty()) options.force = force;
     std::vector<TriedSet> tried;
     if (!trace.empty()) options.trace = [&](const TriedSet& set) { tried.push_back(set); };
@@ -129,10 +129,9 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       ->add_option("--force", state->force,
                    "fit exactly these effects, whatever the residuals say; several as a,b or a b")
       ->delimiter(',');
-  add_search_option(*command, state->search);
   command->add_option(
       "--trace", state->trace,
-      "with --search sets: write every set of causes that was fitted to this file (rangecal-trace/1)");
+      "write every set of causes that was fitted to this file (rangecal-trace/1): why was one not named?");
   command->footer(
       "Examples:\n"
       "  rangecal diagnose notebooks_data/field-layout\n"

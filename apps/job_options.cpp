@@ -86,17 +86,6 @@ CalibrateOptions JobOptions::parsed() const {
   return options;
 }
 
-void add_search_option(CLI::App& command, CauseSearch& search) {
-  static const std::map<std::string, CauseSearch> names{{"steps", CauseSearch::steps},
-                                                        {"sets", CauseSearch::sets}};
-  command
-      .add_option(
-          "--search", search,
-          "steps: one cause, or two; sets: any number at once, by the probability of sets (new, being proved)")
-      ->transform(CLI::CheckedTransformer(names).description("{steps,sets}"))
-      ->default_str("steps");
-}
-
 CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOptions options) {
   using Clock = std::chrono::steady_clock;
   const Progress progress;

@@ -25,9 +25,6 @@ struct JobOptions {
   CalibrateOptions parsed() const;
 };
 
-/// --search of diagnose and prove.
-void add_search_option(CLI::App& command, CauseSearch& search);
-
 /// Runs a job with progress on stderr where that is a terminal, and fills in each method's seconds. Throws InputError
 /// where the recordings are too few for every method.
 CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOptions options);

@@ -29,15 +29,11 @@ struct ProveOptions {
   std::uint64_t seed = 0;
   std::string design = "both", csv, out, dump;
   bool no_oracle = false, resume = false;
-  CauseSearch search = CauseSearch::steps;
 };
 
-/// The diagnosis under proof, with the search that was asked for.
-proof::Diagnose blind(const ProveOptions& o) {
-  return [search = o.search](std::span<const Recording> recordings, DiagnoseOptions options) {
-    options.search = search;
-    return diagnose(recordings, options);
-  };
+/// The diagnosis under proof.
+Diagnosis diagnose_blind(std::span<const Recording> recordings, const DiagnoseOptions& options) {
+  return diagnose(recordings, options);
 }
 
 void show_progress(int done, int all) {
@@ -64,7 +60,8 @@ int dump_world(const ProveOptions& o) {
     save_recording(proof::record(c, c.planted), o.dump, "rangecal prove");
     write_file(o.dump + "/key.json", world_as_json(c).dump(2) + "\n");
   }
-  const proof::Score score = proof::run_case(o.rows[0], o.seed, o.world, o.design, !o.no_oracle, blind(o));
+  const proof::Score score =
+      proof::run_case(o.rows[0], o.seed, o.world, o.design, !o.no_oracle, diagnose_blind);
   fmt::print("{}", proof::proof_csv({score}));
   return done;
 }
@@ -89,7 +86,7 @@ int prove_fresh(const ProveOptions& o) {
     journal.emplace(o.csv, options.known);
     options.scored = [&](const proof::Score& score) { journal->append(score); };
   }
-  const proof::FreshResult result = proof::run_fresh(options, blind(o));
+  const proof::FreshResult result = proof::run_fresh(options, diagnose_blind);
   if (journal) journal->finish(result.scores);
   fmt::print("{} fresh worlds a row, seed {}, designs: {}\n\n{}", o.fresh, o.seed, o.design,
              proof::proof_text(result.scores, result.out_of_reach));
@@ -109,7 +106,7 @@ int prove_sealed(const ProveOptions& o) {
   std::vector<proof::SealedAnswer> answers;
   nlohmann::ordered_json written = nlohmann::ordered_json::array();
   for (const std::string& recording : recordings) {
-    answers.push_back(proof::answer_sealed(recording, blind(o)));
+    answers.push_back(proof::answer_sealed(recording, diagnose_blind));
     const Diagnosis& diagnosis = answers.back().diagnosis;
     written.push_back(
         {{"recording", recording},
@@ -126,7 +123,7 @@ int prove_sealed(const ProveOptions& o) {
   std::vector<proof::Score> scores;
   fmt::print("{:<44} {:<14} {:<40} {}\n", "recording", "", "planted", "answer");
   for (const proof::SealedAnswer& answer : answers) {
-    scores.push_back(proof::score_sealed(answer, blind(o)));
+    scores.push_back(proof::score_sealed(answer, diagnose_blind));
     fmt::print("{:<44} {:<14} {:<40} {}\n", answer.recording, to_string(scores.back().result),
                scores.back().planted, scores.back().answer);
   }
@@ -169,7 +166,6 @@ void add_prove(CLI::App& app, Action& chosen) {
   command->add_option("--world", options->world, "run the world of that number of one --row and --design");
   command->add_option("--dump", options->dump, "folder for that world's recording, with its key");
   command->add_flag("--no-oracle", options->no_oracle, "do not refit the true effect for comparison");
-  add_search_option(*command, options->search);
   command->footer(
       "A key says what was put into a recording; it is read once the diagnosis stands, and only if it matches the hash committed\n"
       "beside the recording. Fresh worlds have no keys to read: they are drawn from the seed and scored in memory.\n"

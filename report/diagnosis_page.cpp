@@ -25,6 +25,8 @@ Badge badge_of(Verdict verdict) {
       return {"no mismatch", "good"};
     case Verdict::explained:
       return {"explained", "warn"};
+    case Verdict::partly_explained:
+      return {"explained in part", "warn"};
     case Verdict::unexplained:
       return {"unexplained", "bad"};
     case Verdict::unobservable:
@@ -67,6 +69,19 @@ void add_explanation(Page& page, const Diagnosis& d) {
     page.paragraph(best.physics);
   else
     page.table(effects);
+  const std::vector<app::MemberRow> members = app::member_rows(d);
+  if (!members.empty()) {
+    page.heading("What speaks for each name");
+    Table names{{{"name"},
+                 {"probability", true},
+                 {"evidence lost without it [nats]", true},
+                 {"held out, lost without it [nats]", true}},
+                {},
+                true};
+    for (const app::MemberRow& row : members)
+      names.rows.push_back({row.effect, row.probability, row.evidence, row.held_out});
+    page.table(names);
+  }
   page.heading("Parameters of the completed model");
   Table parameters{{{"parameter"}, {"value ± standard deviation", true}, {"unit"}}, {}, false};
   for (const app::ParameterRow& row : app::parameter_rows(d))

@@ -97,7 +97,7 @@ const char* to_string(Answer answer) {
 std::vector<std::vector<std::string>> answer_sets(const Diagnosis& diagnosis) {
   if (diagnosis.verdict == Verdict::no_mismatch) return {};
   if (diagnosis.verdict == Verdict::unobservable) return {{"unobservable"}};
-  if (diagnosis.verdict == Verdict::unexplained && diagnosis.final_effects.size() < 2) return {{"generic"}};
+  if (diagnosis.verdict == Verdict::unexplained) return {{"generic"}};
   std::vector<std::vector<std::string>> sets{sorted(diagnosis.final_effects)};
   if (!diagnosis.explanations.empty())
     for (const std::vector<std::string>& twin : diagnosis.explanations[0].indistinguishable_from)
@@ -131,7 +131,8 @@ Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& trut
   if (truth.empty()) return diagnosis.verdict == Verdict::no_mismatch ? Answer::quiet : Answer::false_alarm;
   if (diagnosis.verdict == Verdict::no_mismatch || diagnosis.verdict == Verdict::unobservable)
     return Answer::missed;
-  if (diagnosis.verdict == Verdict::unexplained) return Answer::unexplained;
+  if (diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::partly_explained)
+    return Answer::unexplained;
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
   const std::vector<std::string> wanted = sorted(truth);
   if (sets.size() == 1) return sets[0] == wanted ? Answer::right_name : Answer::wrong_name;
@@ -213,7 +214,7 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
   if (named && diagnosis.before.heldout_nll && diagnosis.after.heldout_nll)
     out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
   if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);
-  const bool in_part = diagnosis.verdict == Verdict::unexplained && diagnosis.final_effects.size() > 1;
+  const bool in_part = diagnosis.verdict == Verdict::partly_explained;
   out.causes = static_cast<int>(c.truth.size());
   out.names = names_of(sets, c.truth);
   if (c.truth.size() == 2) out.partly_right = is_partly_right(c, sets);

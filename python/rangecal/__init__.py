@@ -16,7 +16,7 @@ from ._api import (calibrate, compare, compare_curves, correct, diagnose, effect
                    simulate, study)
 from ._ingest import extract, import_dataset, import_lego, import_mrclam
 from ._native import (Calibration, CheckReport, CurveChange, Diagnosis, Effect, EffectEstimate, EffectParameter,
-                      Explanation, Finding, FitSummary, InputError, ModelScore, NextExperiment, Recording, Residuals,
+                      Explanation, Finding, FitSummary, InputError, Member, ModelScore, NextExperiment, Recording, Residuals,
                       Sensor, TruthScore, Unseen, __version__)
 from ._results import Comparison, Corrected, Extraction, Study
 
@@ -52,7 +52,7 @@ _attach(Residuals, to_frame=_results.residuals_to_frame, plot=_plots.residuals, 
 _attach(Effect, __repr__=_repr_of("Effect", lambda e: f"{e.id}, {e.channel} along {e.covariate}"))
 
 __all__ = ["Calibration", "CheckReport", "Comparison", "Corrected", "CurveChange", "Diagnosis", "Effect", "EffectEstimate",
-           "EffectParameter", "Explanation", "Extraction", "Finding", "FitSummary", "InputError", "ModelScore", "NextExperiment",
+           "EffectParameter", "Explanation", "Extraction", "Finding", "FitSummary", "InputError", "Member", "ModelScore", "NextExperiment",
            "Recording", "Residuals", "Sensor", "Study", "TruthScore", "Unseen", "calibrate", "compare", "compare_curves",
            "correct", "diagnose", "effects", "extract", "import_dataset", "import_lego", "import_mrclam", "load", "residuals",
            "simulate", "study"]

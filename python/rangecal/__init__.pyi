@@ -243,6 +243,12 @@ class Unseen:
     harm_m: float
     settled_by: str
 
+class Member:
+    effect: str
+    probability: float
+    log_evidence_without: Optional[float]
+    heldout_nll_without: Optional[float]
+
 class NextExperiment:
     change: str
     settles: list[str]
@@ -257,7 +263,7 @@ class FitSummary:
     chi_sq_per_dof: float
 
 class Diagnosis:
-    verdict: Literal["no_mismatch", "explained", "unexplained"]
+    verdict: Literal["no_mismatch", "explained", "partly_explained", "unexplained", "unobservable"]
     sentence: str
     baseline: Calibration
     corrected: Calibration
@@ -267,6 +273,8 @@ class Diagnosis:
     location: list[Finding]
     explanations: list[Explanation]
     final_effects: list[str]
+    members: list[Member]
+    evidence_omitted: Optional[float]
     twins: list[list[str]]
     unseen: list[Unseen]
     next_experiments: list[NextExperiment]

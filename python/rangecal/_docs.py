@@ -277,6 +277,18 @@ _DOCS = {
         RMS error in corrected range that it would cost [m].
     settled_by : str
     """,
+    "Member": """What speaks for one name of a diagnosis.
+
+    Attributes
+    ----------
+    effect : str
+    probability : float
+        Over the sets compared, of the class of effects that it cannot be told from.
+    log_evidence_without : float or None
+        Log evidence of the final model without it, less that with it [nats].
+    heldout_nll_without : float or None
+        Negative log predictive density of the blocks left out, under the final model without it [nats].
+    """,
     "NextExperiment": """A change of the experiment and what it would settle.
 
     Attributes
@@ -301,7 +313,7 @@ _DOCS = {
 
     Attributes
     ----------
-    verdict : {"no_mismatch", "explained", "unexplained", "unobservable"}
+    verdict : {"no_mismatch", "explained", "partly_explained", "unexplained", "unobservable"}
     sentence : str
         The verdict in one sentence.
     baseline, corrected : Calibration
@@ -314,7 +326,12 @@ _DOCS = {
     explanations : list of Explanation
         Best first.
     final_effects : list of str
-        Empty, or ids, or ``["generic"]`` where nothing in the catalogue explains it.
+        Empty, or ids, or ``["generic"]`` where nothing in the catalogue explains it; ids and ``"generic"`` where it is explained
+        in part.
+    members : list of Member
+        What speaks for each name; empty where one cause after the other was looked for.
+    evidence_omitted : float or None
+        Probability of sets of causes that were seen but not fitted.
     twins : list of list of str
         What no reading of these recordings can tell apart.
     unseen : list of Unseen

@@ -161,11 +161,15 @@ inline void archive_fields(python::Archive& a, SimulationModel& s) {
   auto& [recordings, read, calibration, added] = s;
   a(recordings, read, calibration, added);
 }
+inline void archive_fields(python::Archive& a, Member& s) {
+  auto& [effect, probability, evidence, held_out] = s;
+  a(effect, probability, evidence, held_out);
+}
 inline void archive_fields(python::Archive& a, Diagnosis& s) {
-  auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins,
-         unseen, next, notes, blocks, simulation] = s;
-  a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, twins,
-    unseen, next, notes, blocks, simulation);
+  auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects,
+         members, omitted, twins, unseen, next, notes, blocks, simulation] = s;
+  a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, members,
+    omitted, twins, unseen, next, notes, blocks, simulation);
 }
 inline void archive_fields(python::Archive& a, ReadingResidual& s) {
   auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,

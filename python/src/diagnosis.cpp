@@ -120,6 +120,12 @@ void bind_findings(py::module_& module) {
       .def_readonly("harm_m", &Unseen::harm_m)
       .def_readonly("settled_by", &Unseen::settled_by)
       .def(picklable<Unseen>());
+  py::class_<Member>(module, "Member")
+      .def_readonly("effect", &Member::effect)
+      .def_readonly("probability", &Member::probability)
+      .def_readonly("log_evidence_without", &Member::log_evidence_without)
+      .def_readonly("heldout_nll_without", &Member::heldout_nll_without)
+      .def(picklable<Member>());
   py::class_<NextExperiment>(module, "NextExperiment")
       .def_readonly("change", &NextExperiment::change)
       .def_readonly("settles", &NextExperiment::settles)
@@ -157,6 +163,8 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("location", &Diagnosis::location)
       .def_readonly("explanations", &Diagnosis::explanations)
       .def_readonly("final_effects", &Diagnosis::final_effects)
+      .def_readonly("members", &Diagnosis::members)
+      .def_readonly("evidence_omitted", &Diagnosis::evidence_omitted)
       .def_readonly("twins", &Diagnosis::twins)
       .def_readonly("unseen", &Diagnosis::unseen)
       .def_readonly("next_experiments", &Diagnosis::next_experiments)

@@ -55,6 +55,21 @@ std::string parameters(const Diagnosis& d) {
   return text;
 }
 
+/// What speaks for each of several names.
+std::string names(const Diagnosis& d) {
+  const std::vector<MemberRow> rows = member_rows(d);
+  if (rows.size() < 2 && d.verdict == Verdict::explained) return "";
+  std::string text;
+  for (const MemberRow& row : rows) {
+    if (text.empty())
+      text =
+          fmt::format("  {:<24}{:>12}{:>22}{:>22}\n", "", "probability", "nats lost without it", "held out");
+    text +=
+        fmt::format("  {:<24}{:>12}{:>22}{:>22}\n", row.effect, row.probability, row.evidence, row.held_out);
+  }
+  return text;
+}
+
 std::string cannot_tell_apart(const Diagnosis& d) {
   std::string text;
   if (!d.explanations.empty()) {
@@ -130,6 +145,7 @@ std::string diagnosis_text(const Diagnosis& d) {
                     4, width) +
             "\n";
     text += section("Why", why);
+    text += section("Names", names(d));
     text += section("Parameters", parameters(d));
   }
   text += section("Cannot tell apart", cannot_tell_apart(d));

@@ -184,6 +184,21 @@ std::string estimate_in_words(const EffectEstimate& e, double factor) {
 
 }  // namespace
 
+std::vector<MemberRow> member_rows(const Diagnosis& d) {
+  const auto nats = [](const std::optional<double>& value) {
+    return value ? fmt::format("{:.1f}", *value) : std::string("-");
+  };
+  std::vector<MemberRow> rows;
+  for (const Member& m : d.members) {
+    std::optional<double> evidence, held_out;
+    if (m.log_evidence_without) evidence = -*m.log_evidence_without;
+    if (m.heldout_nll_without && d.after.heldout_nll)
+      held_out = *m.heldout_nll_without - *d.after.heldout_nll;
+    rows.push_back({m.effect, fmt::format("{:.2f}", m.probability), nats(evidence), nats(held_out)});
+  }
+  return rows;
+}
+
 std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
   std::vector<ParameterRow> rows;
   const bool named =

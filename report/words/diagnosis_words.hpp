@@ -50,6 +50,12 @@ std::vector<BeforeAfter> before_after_rows(const Diagnosis& diagnosis);
 struct ParameterRow {
   std::string name, value, unit;
 };
+/// What speaks for one name; "-" where it is not known.
+struct MemberRow {
+  std::string effect, probability, evidence, held_out;  ///< the last two: nats lost without it
+};
+std::vector<MemberRow> member_rows(const Diagnosis& diagnosis);
+
 /// The effects' parameters and what is left of the calibration beside them.
 std::vector<ParameterRow> parameter_rows(const Diagnosis& diagnosis);
 

@@ -111,8 +111,7 @@ TEST(Formats, NameEveryMemberOfADiagnosis) {
 
 TEST(Formats, NameEveryMemberOfATrace) {
   const TemporaryFolder folder;
-  expect_documented("A trace", {written(folder, "diagnose " + shipped("concealed/world-01") +
-                                                    " --search sets --trace")});
+  expect_documented("A trace", {written(folder, "diagnose " + shipped("concealed/world-01") + " --trace")});
 }
 
 TEST(Formats, NameEveryMemberOfAPlan) {

@@ -4,6 +4,7 @@
 #include <tbb/global_control.h>
 
 #include <cstdint>
+#include <optional>
 #include <ostream>
 #include <string>
 
@@ -18,8 +19,8 @@ struct World {
   int index;
   const char* design;
   const char* planted;
-  Answer answer;
-  const char* was;  ///< what it was taken for, and why
+  std::optional<Answer> answer;  ///< none: all that was planted is in it
+  const char* was;               ///< what it was taken for, and why
 };
 
 void PrintTo(const World& world, std::ostream* out) { *out << world.planted << " for " << world.was; }
@@ -33,7 +34,10 @@ TEST_P(OnceWrong, IsAnsweredRight) {
                                  return diagnose(recordings, options);
                                });
   EXPECT_EQ(score.planted, world.planted);
-  EXPECT_EQ(to_string(score.result), std::string(to_string(world.answer))) << score.answer;
+  if (world.answer) {
+    EXPECT_EQ(to_string(score.result), std::string(to_string(*world.answer))) << score.answer;
+  }
+  EXPECT_TRUE(world.answer == Answer::unexplained || score.names.found == score.causes) << score.answer;
 }
 
 TEST(Threads, GiveTheSameNames) {
@@ -56,9 +60,9 @@ TEST(Threads, GiveTheSameNames) {
 
 INSTANTIATE_TEST_SUITE_P(
     Worlds, OnceWrong,
-    ::testing::Values(World{202611211702, "noise-50", 17, "turning", "odometry_random_walk",
-                            Answer::right_name, "one slip that gains as much"},
-                      World{202611211702, "noise-50", 294, "line", "odometry_random_walk", Answer::right_name,
+    ::testing::Values(World{202611211702, "noise-50", 17, "turning", "odometry_random_walk", std::nullopt,
+                            "one slip that gains as much"},
+                      World{202611211702, "noise-50", 294, "line", "odometry_random_walk", std::nullopt,
                             "a bearing offset"},
                       World{202611211702, "noise-50", 100, "line", "ambient_light", Answer::right_name,
                             "nothing in the catalogue: the first sector asked about held no reading"},
@@ -88,7 +92,7 @@ INSTANTIATE_TEST_SUITE_P(
                             "nothing in the catalogue: neither was among the three best single names"},
                       World{77002, "pair", 296, "line", "cyclic_error+warmup_drift", Answer::right_name,
                             "nothing: 99 nats beyond any curve, but a curve found a trace, p 0.0008"},
-                      World{77002, "pair", 38, "line", "warmup_drift+pixel_locking", Answer::right_name,
+                      World{77002, "pair", 38, "line", "warmup_drift+pixel_locking", std::nullopt,
                             "nothing: 89 nats beyond any curve, but cells hung together, p 0.001"}));
 
 }  // namespace

@@ -27,7 +27,7 @@ def test_every_member_is_in_the_stubs(source, field, calibration, diagnosis, ecc
     comparison = rangecal.compare(field, methods=["closed-form", "marginal"], check=True)
     examples = [field, field.sensor, calibration, comparison, comparison.scores[0], comparison.models[0],
                 rangecal.compare_curves(calibration, calibration), rangecal.correct(calibration, 1.0), diagnosis,
-                diagnosis.before, diagnosis.location[0], diagnosis.explanations[0],
+                diagnosis.before, diagnosis.location[0], diagnosis.explanations[0], diagnosis.members[0],
                 diagnosis.explanations[0].parameters[0], diagnosis.next_experiments[0], diagnosis.unseen[0],
                 rangecal.study(source / "notebooks_data/studies/quick.yaml", repeats=2),
                 rangecal.extract(scans_of([], [(0.0, 0.0)])), rangecal.residuals(eccentric, calibration),

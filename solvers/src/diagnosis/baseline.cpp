@@ -2,6 +2,8 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <optional>
 #include <set>
 #include <vector>
@@ -47,10 +49,23 @@ JointState start_of(const Rows& rows, int order, NoiseLaw law) {
   return state;
 }
 
+constexpr NoiseLaw triangulation_first[] = {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant,
+                                            NoiseLaw::f_cubed};
+
+/// Noise of another law and about the same level over the cells.
+Noise with_law(const CellGeometry& geometry, NoiseLaw law) {
+  Noise noise{law, Eigen::VectorXd::Ones(1)};
+  double log_ratio = 0.0;
+  for (std::size_t c = 0; c < geometry.d.size(); ++c)
+    log_ratio += std::log(geometry.spread[c] / noise.spread(geometry.d[c], geometry.f[c]));
+  noise.parameters[0] = std::exp(log_ratio / static_cast<double>(geometry.d.size()));
+  return noise;
+}
+
 }  // namespace
 
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options,
-                 const Model& grids) {
+                 const Model& grids, std::optional<NoiseLaw> law) {
   Fit best;
   if (options.simulation) {
     const Calibration& given = *options.simulation;
@@ -65,21 +80,48 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
   const int distances = distinct_distances(rows, start_of(rows, 1, NoiseLaw::f_squared));
   // One distance less than would leave nothing to judge by, but for two, which show a line and no more.
   const int order = distances == 2 ? 1 : std::clamp(distances - 2, 0, 2);
-  std::vector<NoiseLaw> laws = {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant, NoiseLaw::f_cubed};
-  if (const std::optional<Noise> noise = noise_within_cells(rows, grids)) laws = {noise->law};
-  // The triangulation law first; another only where it is better by more than three nats.
-  for (NoiseLaw law : laws) {
-    JointState state = start_of(rows, order, law);
+  std::vector<NoiseLaw> laws(std::begin(triangulation_first), std::end(triangulation_first));
+  if (law)
+    laws = {*law};
+  else if (const std::optional<Noise> noise = noise_within_cells(rows, grids))
+    laws = {noise->law};
+  for (const NoiseLaw one : laws) {
+    JointState state = start_of(rows, order, one);
     JointOptions full_options;
     full_options.held.landmarks = rows.pairs;
     const JointFit full = solve_joint_block(rows.problem, state, full_options);
     if (full.outcome == Outcome::converged) state = full.state;
     Fit fit = refit(rows, {}, state, refit_options);
-    if (fit.ok && (!best.ok || fit.nll < best.nll - 3.0)) best = fit;
+    if (fit.ok && (!best.ok || fit.nll < best.nll - law_margin)) best = fit;
   }
   if (!best.ok)
     throw NoAnswerError("the seed model cannot be fitted to this recording; run calibrate to see why");
   return best;
+}
+
+std::optional<NoiseLaw> law_beside(const Rows& rows, const Fit& fit, const DiagnoseOptions& options,
+                                   const RefitOptions& refit_options) {
+  if (options.simulation || fit.model.empty()) return std::nullopt;
+  Model model = fit.model;  // what describes the law itself would make any law's readings
+  std::erase_if(model, [](const ActiveEffect& a) {
+    return a.effect->info().channel == "range_noise" && a.effect->info().covariate == "range";
+  });
+  std::optional<NoiseLaw> due;
+  if (const std::optional<Noise> noise = noise_within_cells(rows, model, &fit.state)) {
+    due = noise->law;
+  } else {
+    const CellGeometry geometry = cell_geometry(rows, fit.state);
+    double least = std::numeric_limits<double>::infinity();
+    for (const NoiseLaw law : triangulation_first) {
+      JointState state = fit.state;
+      if (law != state.noise.law) state.noise = with_law(geometry, law);
+      const Fit other = refit(rows, model, state, refit_options);
+      if (!other.ok || !(other.nll < least - law_margin)) continue;
+      least = other.nll;
+      due = law;
+    }
+  }
+  return due == fit.state.noise.law ? std::nullopt : due;
 }
 
 }  // namespace rangecal::diagnosis

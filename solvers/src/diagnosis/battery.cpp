@@ -59,10 +59,12 @@ Battery::Battery(const Rows& rows, const Model& model, const JointState& state, 
   ask_scalars();
 }
 
-Battery Battery::of_spreads(const Rows& rows, const Model& model, const JointState& state,
-                            const Rates& known) {
+Battery Battery::of_shapes(const Rows& rows, const Model& model, const JointState& state,
+                           const Rates& known) {
   Battery battery(Unasked{}, rows, model, state, known);
   battery.ask_variances();
+  battery.ask_means();
+  battery.ask_periods();
   battery.ask_catalogue(Of::spreads);
   battery.ask_between_cells();
   battery.ask_scalars();

@@ -38,9 +38,8 @@ class Battery {
  public:
   /// `known`: the rates of the recording's first battery, for all that follow it.
   Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known = {});
-  /// Asks about spreads, tails, dependence and errors of the stops alone: what moves no mean.
-  static Battery of_spreads(const Rows& rows, const Model& model, const JointState& state,
-                            const Rates& known);
+  /// Asks about all but the catalogue's effects on the means.
+  static Battery of_shapes(const Rows& rows, const Model& model, const JointState& state, const Rates& known);
   /// Asks about one effect of the catalogue alone, at every point of its start grid in turn.
   Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,
           const Effect& effect);

@@ -8,6 +8,7 @@
 
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/forced.hpp"
 #include "diagnosis/prepared.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reporting.hpp"
@@ -28,6 +29,8 @@ const char* to_string(Verdict verdict) {
       return "no_mismatch";
     case Verdict::explained:
       return "explained";
+    case Verdict::partly_explained:
+      return "partly_explained";
     case Verdict::unexplained:
       return "unexplained";
     case Verdict::unobservable:
@@ -83,11 +86,14 @@ void require_testable(const diagnosis::Rows& rows, std::span<const Recording> re
   if (order) throw NoAnswerError(without_noise(*order));
 }
 
-/// Range residuals far too long in the tails for a normal law.
-bool outliers_stand_out(const diagnosis::Battery& battery) {
-  return std::any_of(battery.questions.begin(), battery.questions.end(), [](const diagnosis::Question& q) {
-    return q.channel == "range_tail" && q.shape == "heavy tails" && q.size > 3.0 && q.log_p < -20.0;
-  });
+/// What was asked for, fitted; else what the search finds.
+diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis::Bookkeeping& known,
+                                   const DiagnoseOptions& options) {
+  if (!options.force) return diagnosis::search_by_sets(rows, known, options);
+  diagnosis::RefitOptions refit_options;
+  diagnosis::SearchResult result = diagnosis::scan_seed_model(rows, known, options, refit_options);
+  diagnosis::fit_forced(rows, *options.force, refit_options, result);
+  return result;
 }
 
 }  // namespace
@@ -114,33 +120,16 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   known.step_beyond_noise_m = gaps.step_beyond_noise_m;
-  const auto looked_for = [&](const Bookkeeping& with) {
-    return options.search == CauseSearch::sets && !options.force ? search_by_sets(rows, with, options)
-                                                                 : search(rows, with, options);
-  };
-  SearchResult found = looked_for(known);
-  // Gross outliers hide a cause from every score. Where nothing explains, look once more with tails that
-  // allow them; a step among repeats that are all alike is none.
-  if (options.search == CauseSearch::steps && found.verdict == Verdict::unexplained && !options.force &&
-      outliers_stand_out(*found.first) && known.step_beyond_noise_m == 0.0) {
-    Bookkeeping with_tails = known;
-    with_tails.model.push_back({find_effect("heavy_tails"), Eigen::Vector2d(0.02, 6.0)});
-    SearchResult robust = looked_for(with_tails);
-    const bool tails_alone =
-        found.partial && found.best.fit.model.back().effect->info().kind == EffectKind::tail;
-    const bool better =
-        robust.partial && (!found.partial || tails_alone || robust.best.evidence > found.best.evidence);
-    if (robust.verdict == Verdict::explained || better) found = std::move(robust);
-  }
+  SearchResult found = looked_for(rows, known, options);
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
     if (!curve_alone.empty()) {
       DiagnoseOptions forced = options;
       forced.force = curve_alone;
-      found = search(rows, known, forced);
+      found = looked_for(rows, known, forced);
     }
   }
-  if (found.verdict == Verdict::explained || found.partial) {
+  if (found.named()) {
     if (!found.known.model.empty()) {  // what the search held moves with all the rest
       Fit free = refit(rows, found.best.fit.model, found.best.fit.state, RefitOptions{});
       if (free.ok) found.best.fit = std::move(free);

@@ -102,6 +102,29 @@ Json explanation(const Explanation& e) {
           {"physics", e.physics}};
 }
 
+/// What has no name.
+Json rest(const Diagnosis& d) {
+  Json rest = Json::array();
+  for (const Finding& f : d.location)
+    if (f.effects == std::vector<std::string>{"generic"})
+      rest.push_back({{"channel", f.channel},
+                      {"covariate", f.covariate},
+                      {"size", number(f.size)},
+                      {"unit", f.unit},
+                      {"share", number(f.share)}});
+  return rest;
+}
+
+Json members(const Diagnosis& d) {
+  Json members = Json::array();
+  for (const Member& m : d.members)
+    members.push_back({{"effect", m.effect},
+                       {"probability", number(m.probability)},
+                       {"log_evidence_without", number(m.log_evidence_without)},
+                       {"heldout_nll_without", number(m.heldout_nll_without)}});
+  return members;
+}
+
 Json fit(const FitSummary& f) {
   return {{"rms_range_m", number(f.rms_range_m)},
           {"rms_bearing_rad", number(f.rms_bearing_rad)},
@@ -137,7 +160,10 @@ std::string diagnosis_to_json(const Diagnosis& d) {
                    {"nll", number(d.after.nll)},
                    {"heldout_nll", number(d.after.heldout_nll)},
                    {"parameters", parameters},
-                   {"fit", fit(d.after)}};
+                   {"fit", fit(d.after)},
+                   {"rest", rest(d)},
+                   {"members", members(d)},
+                   {"evidence_omitted", number(d.evidence_omitted)}};
   json["twins"] = d.twins;
   json["unseen"] = Json::array();
   for (const Unseen& u : d.unseen) {
@@ -168,7 +194,10 @@ std::string trace_to_json(const std::vector<TriedSet>& sets) {
   for (const TriedSet& set : sets) {
     Json proposals = Json::array();
     for (const TriedSet::Proposal& p : set.proposals)
-      proposals.push_back({{"members", p.members}, {"promised", number(p.promised)}, {"fitted", p.fitted}});
+      proposals.push_back({{"members", p.members},
+                           {"promised", number(p.promised)},
+                           {"log_posterior", number(p.log_posterior)},
+                           {"fitted", p.fitted}});
     written.push_back({{"members", set.members},
                        {"parent", set.parent},
                        {"promised", number(set.promised)},

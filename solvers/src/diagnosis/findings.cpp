@@ -6,19 +6,27 @@
 
 namespace rangecal::diagnosis {
 
-bool on_grid(const Bookkeeping& known, const Question& q) {
-  const auto suffix = q.channel.find('_');
-  std::string of;
-  if (q.channel == "grid")
-    of = q.covariate;  // whether the grid's variance is there, which the model says
-  else if (q.channel == "detection" && q.of == Question::Of::variance)
-    of = "range";  // what missing readings take off the spread
-  else if (suffix != std::string::npos)
-    of = q.channel.substr(0, suffix);
-  if (of.empty()) return false;
+namespace {
+
+bool has_grid_of(const Bookkeeping& known, const std::string& readings) {
   return std::any_of(known.findings.begin(), known.findings.end(), [&](const Question& f) {
-    return f.channel == "grid" && (f.covariate == "range") == (of == "range");
+    return f.channel == "grid" && (f.covariate == "range") == (readings == "range");
   });
+}
+
+}  // namespace
+
+bool channel_is_on_grid(const Bookkeeping& known, const std::string& channel) {
+  const auto suffix = channel.find('_');
+  return suffix != std::string::npos && has_grid_of(known, channel.substr(0, suffix));
+}
+
+bool on_grid(const Bookkeeping& known, const Question& q) {
+  if (q.channel == "grid")
+    return has_grid_of(known, q.covariate);  // whether its variance is there, which the model says
+  if (q.channel == "detection" && q.of == Question::Of::variance)
+    return has_grid_of(known, "range");  // what missing readings take off the spread
+  return channel_is_on_grid(known, q.channel);
 }
 
 /// Squares and products of the stops' errors are tested as if they were normal;

@@ -8,6 +8,10 @@
 
 namespace rangecal::diagnosis {
 
+/// True if the readings of the channel, of whose spread, tails or dependence this is, sit on a grid: they are neither normal nor
+/// independent.
+bool channel_is_on_grid(const Bookkeeping& known, const std::string& channel);
+
 /// A question about dependence, tails or spread of a channel whose values sit on a grid, or about that grid.
 bool on_grid(const Bookkeeping& known, const Question& q);
 

@@ -21,10 +21,12 @@ void fit_forced(const Rows& rows, const std::vector<std::string>& names, const R
       if (q.effect == effect && q.gain > proposal.promised)
         proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
     const Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
-    result.best = try_model(rows, base, proposal, result.rates, options);
+    result.best.fit = fit_proposal(rows, base, proposal, options);
     if (!result.best.fit.ok) throw NoAnswerError("effect '" + id + "' cannot be fitted to this recording");
   }
   result.best.gain = result.baseline.nll - result.best.fit.nll;
+  result.best.parameters = static_cast<int>(result.best.fit.free.size());
+  result.best.evidence = result.best.gain - result.best.parameters;
   result.verdict = Verdict::explained;
   result.last = std::make_unique<Battery>(rows, result.best.fit.model, result.best.fit.state, result.rates);
 }

@@ -128,7 +128,8 @@ std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, 
   const Eigen::VectorXd x = values_along(rows, projector.geometry(), covariate);
   Reduced best;
   CurveBasis chosen;
-  for (const CurveBasis& basis : bases(question, x)) {
+  const std::vector<CurveBasis> candidates = bases(question, x);
+  for (const CurveBasis& basis : candidates) {
     const Reduced reduced = reduce(score_of(rows, projector, channel, x, basis), price);
     if (reduced.penalised > best.penalised) {
       best = reduced;
@@ -141,6 +142,8 @@ std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, 
   curve.channel = channel;
   curve.effect = std::make_shared<GenericEffect>(channel, question.channel, question.covariate, covariate,
                                                  chosen, best.directions, typical);
+  constexpr double sizes = 3.0;
+  curve.effect->choices = sizes * static_cast<double>(candidates.size());
   Model completed = base.model;
   completed.push_back({curve.effect.get(), Eigen::VectorXd::Zero(best.directions.cols())});
   curve.fit = refit(rows, completed, base.state, options);
@@ -150,10 +153,10 @@ std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, 
 
 GenericModel fit_generic_model(const Rows& rows, const SearchResult& found, const RefitOptions& options) {
   GenericModel model;
-  const Battery& battery = found.partial ? *found.last : *found.first;
-  const Fit& base = found.partial ? found.best.fit : found.baseline;
+  const Battery& battery = found.partly() ? *found.last : *found.first;
+  const Fit& base = found.partly() ? found.best.fit : found.baseline;
   for (const Question& finding :
-       found.partial ? found.left : found.shapes) {  // the first finding that a curve can correct
+       found.partly() ? found.left : found.shapes) {  // the first finding that a curve can correct
     std::optional<CurveFit> fitted = fit_curve(rows, battery.projector(), base, finding, options);
     if (!fitted) continue;
     const GenericEffect& effect = *fitted->effect;

@@ -33,6 +33,16 @@ Repeats repeats_of(const Rows& rows, const Model& grids) {
   return repeats;
 }
 
+/// What effects do to the variance of ranges: e^v on average in a cell.
+void take_off_variance(const Rows& rows, const RowChanges& changes, Repeats& repeats) {
+  std::size_t at = 0;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    if (rows.problem.cells.count[static_cast<std::size_t>(c)] < 2.0) continue;
+    const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
+    repeats.mean_square[at++] *= std::exp(-changes.range_log_variance.segment(begin, count).mean());
+  }
+}
+
 /// NLL of the repeats' deviations from their cells' means under s = sigma f^power.
 double nll_within(const Repeats& repeats, int power, double sigma) {
   double nll = 0.0;
@@ -77,11 +87,12 @@ double step_beyond_noise_of(const Repeats& repeats) {
 
 }  // namespace
 
-std::optional<Noise> noise_within_cells(const Rows& rows, const Model& grids) {
+std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model, const JointState* state) {
   double total = 0.0;
   for (double count : rows.problem.cells.count) total += count - 1.0;
   if (total < 50.0) return std::nullopt;
-  const Repeats repeats = repeats_of(rows, grids);
+  Repeats repeats = repeats_of(rows, model);
+  if (state) take_off_variance(rows, row_changes(rows, cell_geometry(rows, *state), model), repeats);
   const bool alike = step_beyond_noise_of(repeats) > 0.0;  // the few steps tell a level, but no law
   std::optional<Noise> best;
   double best_nll = std::numeric_limits<double>::infinity();

@@ -2,8 +2,6 @@
 // Held-out predictive density: fitted on four fifths of the blocks, asked about the last fifth,
 //   sum over folds of  l_s(all readings; theta of the rest) - l_s(the rest; theta of the rest),
 // stops integrated by Laplace's method in both. Where several recordings are given: held_recordings.hpp.
-#include "diagnosis/held_out.hpp"
-
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -49,10 +47,9 @@ std::vector<char> elsewhere(const Rows& rows, const std::vector<char>& part) {
   return away;
 }
 
-/// `rates`: of the recording's battery, where the training parts choose again what was chosen from a grid, and
-/// groups of blocks are predicted too.
+/// `rates`: of the recording's battery, by which the training parts choose again what was chosen from a grid.
 HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vector<int>& folds,
-                const Fit& full, const RefitOptions& options, const Rates* rates) {
+                const Fit& full, const RefitOptions& options, const Rates& rates) {
   std::vector<HeldOut> of_fold(fold_count);
   const bool chained = is_chained(rows, full);
   in_parallel(
@@ -65,7 +62,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
         const Rows rest = without_cells(rows, out);
         Fit fit = fit_part(rest, full, options, steps_of_fold);
-        if (fit.ok && rates) fit = chosen_anew(rest, std::move(fit), *rates, options);
+        if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options);
         if (!fit.ok) {
           held.ok = false;
           return;
@@ -77,7 +74,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         const double alone = value(rest);
         // Cells that are never left out belong to the training part of every fold.
         held.nll = value(rows) - alone;
-        for (int part = 0; rates && part < parts_of_fold; ++part) {
+        for (int part = 0; part < parts_of_fold; ++part) {
           std::vector<char> ours(folds.size());
           for (std::size_t c = 0; c < folds.size(); ++c)
             ours[c] = folds[c] == f && (blocks[c] / fold_count) % parts_of_fold == part;
@@ -109,36 +106,9 @@ BlockKind block_kind(const Rows& rows, const Model& model) {
 
 }  // namespace
 
-void settle_by_stops_left_out(const Rows& rows, const RefitOptions& options,
-                              std::vector<Candidate>& candidates) {
-  // Nats: a real displacement beats a random walk by more; a curve with a period, few batches by less.
-  const double close = rows.pairs ? 20.0 : 8.0;
-  const auto spreads_stops = [&](const Candidate& c) {
-    const ActiveEffect& last = c.fit.model.back();
-    if (last.effect->info().kind != EffectKind::dependence) return false;
-    return rows.pairs ? last.effect->dependence(last.parameters.data()).range_cell_sigma_m > 0.0
-                      : last.effect->acts_on_stops();
-  };
-  // The best of either kind, in the order of evidence.
-  const auto spread = std::find_if(candidates.begin(), candidates.end(), spreads_stops);
-  const auto other = std::find_if_not(candidates.begin(), candidates.end(), spreads_stops);
-  if (spread == candidates.end() || other == candidates.end() ||
-      std::abs(spread->evidence - other->evidence) > close)
-    return;
-  const std::vector<int> blocks = blocks_of(rows, rows.pairs ? BlockKind::batches : BlockKind::stops);
-  const std::vector<int> folds = folds_of(rows, blocks, fold_count);
-  // Choices stay as they are: the evidence has paid their price.
-  const HeldOut of_spread = predict(rows, blocks, folds, spread->fit, options, nullptr);
-  const HeldOut of_other = predict(rows, blocks, folds, other->fit, options, nullptr);
-  if (!of_spread.ok || !of_other.ok) return;
-  for (Candidate& c : candidates)
-    if (spreads_stops(c)) c.evidence += of_other.nll - of_spread.nll;
-  std::sort(candidates.begin(), candidates.end(),
-            [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
-}
-
 std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& found, Diagnosis& result) {
-  if (found.verdict != Verdict::unexplained || found.shapes.empty() || !found.first) return std::nullopt;
+  if ((found.verdict != Verdict::unexplained && !found.partly()) || found.shapes.empty() || !found.first)
+    return std::nullopt;
   GenericModel generic = fit_generic_model(rows, found, RefitOptions{});
   if (!generic.effect) return std::nullopt;
   add_profile_limits(rows, RefitOptions{}, generic.fit);
@@ -153,7 +123,7 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
   explanation.parameters = effect_estimates(rows, generic.fit);
   const double price = 2.0 * generic.curve.gain;
   explanation.p_value = found.rates.corrected(
-      (found.partial && !found.left.empty() ? found.left : found.shapes).front().family,
+      (found.partly() && !found.left.empty() ? found.left : found.shapes).front().family,
       log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
   const double taken =
       generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
@@ -207,6 +177,20 @@ bool predict_by_recordings(const Rows& rows, const SearchResult& found, BlockKin
   return false;
 }
 
+/// The fit without each of its members.
+std::vector<Fit> fits_without(const Rows& rows, const Fit& fit, const std::vector<Member>& members) {
+  std::vector<Fit> without(members.size());
+  in_parallel(
+      members.size(),
+      [&](std::size_t i) {
+        Model model = fit.model;
+        std::erase_if(model, [&](const ActiveEffect& a) { return a.effect->info().id == members[i].effect; });
+        without[i] = refit(rows, model, fit.state, RefitOptions{});
+      },
+      jobs_at_once(rows.size()));
+  return without;
+}
+
 /// By whole recordings, else by the blocks of `blocks_for`.
 Predictions predict_all(const Rows& rows, const SearchResult& found, const Model& blocks_for,
                         const std::vector<const Fit*>& fits) {
@@ -220,7 +204,7 @@ Predictions predict_all(const Rows& rows, const SearchResult& found, const Model
   in_parallel(
       fits.size(),
       [&](std::size_t i) {
-        all.of_fit[i] = predict(rows, blocks, folds, *fits[i], refit_options, &found.rates);
+        all.of_fit[i] = predict(rows, blocks, folds, *fits[i], refit_options, found.rates);
       },
       jobs_at_once(rows.size()));
   return all;
@@ -241,6 +225,12 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   if (final_fit) fits.push_back(final_fit);
   if (explained)
     for (const Candidate& rival : found.rivals) fits.push_back(&rival.fit);
+  const std::size_t first_without = fits.size();
+  const std::vector<Fit> without =
+      final_fit ? fits_without(rows, *final_fit, result.members) : std::vector<Fit>{};
+  std::vector<std::size_t> of_member;  // of the fits that follow
+  for (std::size_t i = 0; i < without.size(); ++i)
+    if (without[i].ok) fits.push_back(&without[i]), of_member.push_back(i);
   const Predictions predictions = predict_all(rows, found, final_fit ? final_fit->model : Model{}, fits);
   const std::vector<HeldOut>& held = predictions.of_fit;
   const HeldOut& before = held[0];
@@ -255,7 +245,10 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
     for (Explanation& e : result.explanations) e.heldout_nll = before.nll, e.heldout_std = 0.0;
     return;
   }
-  for (std::size_t i = 1; i < held.size() && i <= result.explanations.size(); ++i) {
+  for (std::size_t i = 0; i < of_member.size(); ++i)
+    if (held[first_without + i].ok)
+      result.members[of_member[i]].heldout_nll_without = held[first_without + i].nll;
+  for (std::size_t i = 1; i < first_without && i <= result.explanations.size(); ++i) {
     if (!held[i].ok) continue;
     result.explanations[i - 1].heldout_nll = held[i].nll;
     result.explanations[i - 1].heldout_std = std_of_difference(before, held[i]);

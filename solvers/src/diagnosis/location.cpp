@@ -233,7 +233,7 @@ bool is_left(const SearchResult& found, const Question& q) {
 void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel* generic, Diagnosis& result) {
   const CellGeometry geometry = cell_geometry(rows, found.baseline.state);
   const std::optional<double> excess = excess_of(*found.first);
-  const std::vector<Question>& shapes = found.partial ? found.left : found.shapes;
+  const std::vector<Question>& shapes = found.partly() ? found.left : found.shapes;
   const std::size_t named = result.location.size();
   double strongest_mean = 0.0;  // ln p
   for (const Question& q : shapes)
@@ -243,9 +243,9 @@ void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel*
       return f.channel == q.channel && f.covariate == q.covariate;
     });
     // What a name leaves of its own curve is a finding of its own.
-    if (seen != result.location.end() && !found.partial) continue;
+    if (seen != result.location.end() && !found.partly()) continue;
     Finding f = finding_of_shape(rows, found, q);
-    if (changes_mean(q) && excess && q.covariate != "repeat" && !found.partial)
+    if (changes_mean(q) && excess && q.covariate != "repeat" && !found.partly())
       f.share = (q.statistic - q.dof) / *excess;
     if (found.verdict == Verdict::explained && is_left(found, q)) {
       // Of effects that were asked for: none of them accounts for it.
@@ -276,7 +276,7 @@ void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel*
       const Model curve{generic->fit.model.back()};
       const Trace trace = trace_of(rows, found.first->projector(), curve, generic->fit.state);
       place_by_change(rows, geometry, change_of(rows, f.channel, curve, generic->fit.state, trace), f);
-      if (changes_mean(q) && excess && found.partial)
+      if (changes_mean(q) && excess && found.partly())
         f.share = (trace.fall - static_cast<double>(curve.front().parameters.size())) / *excess;
     }
     close_place(rows, geometry, f);
@@ -326,7 +326,7 @@ void add_location(const Rows& rows, const SearchResult& found, const GenericMode
       close_place(rows, geometry, result.location.back());
     }
   };
-  if (found.verdict == Verdict::explained || found.partial) {
+  if (found.named()) {
     add_bookkeeping();
     add_named_curves(rows, found, result);
   }

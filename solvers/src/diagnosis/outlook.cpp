@@ -10,7 +10,7 @@ namespace rangecal::diagnosis {
 
 void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,
                  Diagnosis& result) {
-  const Fit& fit = found.verdict == Verdict::explained || found.partial ? found.best.fit : found.baseline;
+  const Fit& fit = found.named() ? found.best.fit : found.baseline;
   Rows own = rows;
   const std::vector<double> d = cell_geometry(rows, fit.state).d;
   own.context.range_min_m = *std::min_element(d.begin(), d.end());

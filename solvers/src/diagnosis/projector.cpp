@@ -107,6 +107,10 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * information * scale.asDiagonal());
   Eigen::VectorXd inverse = eigen.values;
   for (double& value : inverse) value = value > 1e-11 ? 1.0 / value : 0.0;
+  for (const double value : inverse)
+    if (value > 0.0) log_phi_volume_ += 0.5 * std::log(value);
+  for (const double s : scale)
+    if (s > 0.0) log_phi_volume_ += std::log(s);
   phi_factor_.topLeftCorner(phi, phi) = scale.asDiagonal() * eigen.vectors * inverse.asDiagonal() *
                                         eigen.vectors.transpose() * scale.asDiagonal();
   // Effects that change fast with distance leave the calibration a little off its optimum when the readings

@@ -62,6 +62,8 @@ class Projector {
   /// Inverse information of (alpha, landmarks), alpha's prior included, over all globals; zero for the
   /// others.
   const Eigen::MatrixXd& phi_covariance() const { return phi_factor_; }
+  /// 1/2 ln of its determinant, over the directions that the recording determines.
+  double log_phi_volume() const { return log_phi_volume_; }
 
   /// Cells moved a little, each by what the errors of its range (or its bearing) do to it through the stop;
   /// null where all stops are exact.
@@ -93,6 +95,7 @@ class Projector {
   JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
   Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
+  double log_phi_volume_ = 0.0;
   std::vector<Eigen::Vector3d> stop_errors_;
   Signature expected_;                           ///< m: the residuals that are expected
   Eigen::VectorXd plain_range_, plain_bearing_;  ///< residuals at the optimum of F itself, no expectation off

@@ -26,33 +26,17 @@ std::string in_brackets(const std::string& missing) {
                                     : missing.substr(0, colon) + " (" + missing.substr(colon + 2) + ")";
 }
 
-/// Posterior probabilities over the answers that were fitted: softmax of log evidences, the baseline at 0.
+/// Over the sets that were compared; of effects that were asked for, over these and the seed model.
 void fill_probabilities(const SearchResult& found, std::vector<Explanation>& explanations) {
   if (found.best.fit.model.size() <=
       found.known.model.size()) {  // bookkeeping alone: it cannot happen by chance
     explanations.front().probability = 1.0;
     return;
   }
-  if (found.best.probability) {
-    explanations.front().probability = *found.best.probability;
-    for (std::size_t i = 1; i < explanations.size() && i <= found.rivals.size(); ++i)
-      explanations[i].probability = found.rivals[i - 1].probability.value_or(0.0);
-    return;
-  }
-  std::vector<double> evidence{found.best.evidence};
-  for (const Candidate& rival : found.rivals) evidence.push_back(rival.evidence);
-  double highest = 0.0, total = 0.0;
-  for (double e : evidence) highest = std::max(highest, e);
-  for (const Candidate& other : found.tried)
-    if (other.fit.model.size() == found.best.fit.model.size()) highest = std::max(highest, other.evidence);
-  total = std::exp(-highest);
-  if (found.best.fit.model.size() == found.known.model.size() + 1) {
-    for (const Candidate& other : found.tried) total += std::exp(other.evidence - highest);
-  } else {
-    for (double e : evidence) total += std::exp(e - highest);
-  }
-  for (std::size_t i = 0; i < explanations.size() && i < evidence.size(); ++i)
-    explanations[i].probability = std::exp(evidence[i] - highest) / total;
+  explanations.front().probability =
+      found.best.probability.value_or(1.0 / (1.0 + std::exp(-found.best.evidence)));
+  for (std::size_t i = 1; i < explanations.size() && i <= found.rivals.size(); ++i)
+    explanations[i].probability = found.rivals[i - 1].probability.value_or(0.0);
 }
 
 Explanation explain(const Rows& rows, const SearchResult& found, const Candidate& candidate) {
@@ -230,9 +214,9 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     for (const Candidate& rival : found.rivals) result.explanations.push_back(explain(rows, found, rival));
     fill_probabilities(found, result.explanations);
     result.final_effects = result.explanations[0].effects;
-  } else if (found.verdict == Verdict::unexplained) {
+  } else if (found.verdict == Verdict::unexplained || found.partly()) {
     Explanation generic;
-    if (found.partial) {
+    if (found.partly()) {
       generic = explain(rows, found, found.best);
       generic.indistinguishable_from = rivals_of(found);
       for (auto& set : generic.indistinguishable_from) set.push_back("generic");
@@ -243,15 +227,16 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
       generic.physics = "Nothing in the catalogue explains this mismatch; its place and size are given.";
     }
     generic.effects.push_back("generic");
-    generic.nll = found.partial ? found.best.fit.nll : found.baseline.nll;
+    generic.nll = found.partly() ? found.best.fit.nll : found.baseline.nll;
     generic.probability = 1.0;
     generic.p_value = found.alarm_p;
     result.final_effects = generic.effects;
     result.explanations.push_back(generic);
   }
+  if (found.named()) result.members = found.members;
+  result.evidence_omitted = found.evidence_omitted;
   result.notes = found.known.notes;
-  if (found.verdict == Verdict::explained || found.partial)
-    note_limits(rows, found.best.fit.model, result.notes);
+  if (found.named()) note_limits(rows, found.best.fit.model, result.notes);
   if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
     result.notes.push_back(fmt::format(
         "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",

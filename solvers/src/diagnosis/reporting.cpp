@@ -27,8 +27,7 @@ std::optional<Undetermined> still_undetermined(const Rows& rows, std::span<const
                                                const SearchResult& found) {
   if (rows.alpha_prior) return std::nullopt;
   std::optional<Undetermined> open = undetermined(rows, recordings, found.baseline);
-  if (open && (found.verdict == Verdict::explained || found.partial))
-    open = undetermined(rows, recordings, found.best.fit);
+  if (open && (found.named())) open = undetermined(rows, recordings, found.best.fit);
   return open;
 }
 
@@ -40,7 +39,7 @@ void add_simulation_model(const Rows& rows, std::span<const Recording> recording
   model.recordings.assign(recordings.begin(), recordings.end());
   for (const Recording& recording : corrected) model.landmark_read.push_back(recording.readings.landmark);
   model.calibration = result.corrected;
-  const bool named = found.verdict == Verdict::explained || found.partial;
+  const bool named = found.named();
   const Fit& fit = generic ? *generic : named ? found.best.fit : found.baseline;
   model.calibration.sigma_s_m.reset();
   if (fit.state.sigma_s_m) model.calibration.sigma_s_m = Estimate{*fit.state.sigma_s_m, std::nullopt};
@@ -111,7 +110,6 @@ class Reporting {
     differs_ = found_.verdict != Verdict::no_mismatch;
     if (!open_ || rows_.pairs || options_.force) return;
     found_.verdict = Verdict::no_mismatch;
-    found_.partial = false;
     found_.rivals.clear();
   }
 
@@ -135,7 +133,7 @@ class Reporting {
     generic_ = add_generic(rows_, found_, result_);
     add_location(rows_, found_, generic_ ? &*generic_ : nullptr, result_);
     // Where no curve stands for what a partial name leaves, the name's own.
-    completed_ = !curve() && found_.partial ? &found_.best.fit : curve();
+    completed_ = !curve() && found_.partly() ? &found_.best.fit : curve();
     if (options_.simulation) compare_noise(*options_.simulation, result_.corrected, result_);
     if (!options_.held_out || unobservable()) return;
     say("predicting readings held out", 0.8);

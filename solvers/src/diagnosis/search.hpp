@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,33 +19,39 @@ struct SearchResult {
   Rates rates;
   double alarm_p = 1.0;  ///< corrected, of the baseline's battery
   Verdict verdict = Verdict::no_mismatch;
-  Candidate best;                 ///< the explanation, for `explained`
-  std::vector<Candidate> rivals;  ///< single-step alternatives the data do not reject, best first
+  Candidate best;                 ///< what is named
+  std::vector<Candidate> rivals;  ///< other sets that the data do not reject, best first
   std::vector<Question> shapes;   ///< baseline's findings, best first, one per (channel, covariate)
-  /// For `unexplained`: `best` (with its rivals) accounts for all of its own channel, and something nameless is
-  /// left in the other.
-  bool partial = false;
-  std::vector<Question> left;            ///< findings of `last` then, as `shapes` are the baseline's
+  std::vector<Question> left;  ///< of `partly_explained`: findings of `last`, as `shapes` are the baseline's
   std::unique_ptr<Battery> first, last;  ///< batteries of the baseline and of the final model
-  std::vector<Candidate> tried;
   Bookkeeping known;
-  std::vector<std::shared_ptr<Effect>> curves;  ///< without a name, of models in `tried`
+  std::vector<Member> members;  ///< what speaks for each name of `best` that was searched for
+  std::optional<double> evidence_omitted;
+
+  bool partly() const { return verdict == Verdict::partly_explained; }
+  /// True if `best` names something.
+  bool named() const { return verdict == Verdict::explained || partly(); }
 };
 
 /// The seed model fitted, its residuals scanned, and how likely they are without any cause.
+/// `law`: that of its noise, where it is not to be chosen.
 SearchResult scan_seed_model(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,
-                             RefitOptions& refit_options);
+                             RefitOptions& refit_options, std::optional<NoiseLaw> law = std::nullopt);
 
 /// The root of a search: the seed model with what bookkeeping found; the seed model alone where that cannot be fitted.
 Fit fit_root(const Rows& rows, const Bookkeeping& known, const Fit& baseline, const RefitOptions& options);
 
-/// Baseline, scan, explanation by refits, greedy extension. `known`: what bookkeeping found; it is part of
-/// every model.
-SearchResult search(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options);
-
 /// Fits the seed model by marginal ML: order 2 (less where the distances do not carry it), the noise law of
-/// highest marginal likelihood with the triangulation law preferred within 3 nats.
+/// highest likelihood with the triangulation law preferred within `law_margin`, or `law`.
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options,
-                 const Model& grids = {});
+                 const Model& grids = {}, std::optional<NoiseLaw> law = std::nullopt);
+
+/// Nats by which another law of the noise has to beat that of triangulation.
+inline constexpr double law_margin = 3.0;
+
+/// The law of the noise that is due beside the effects of a fit, by the same rule; none where that is the fit's own, or given by
+/// a simulation.
+std::optional<NoiseLaw> law_beside(const Rows& rows, const Fit& fit, const DiagnoseOptions& options,
+                                   const RefitOptions& refit_options);
 
 }  // namespace rangecal::diagnosis

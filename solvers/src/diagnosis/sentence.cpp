@@ -142,8 +142,9 @@ std::string verdict_sentence(const Diagnosis& d) {
       }
       return text + ".";
     }
+    case Verdict::partly_explained:
+      return partly_explained(d);
     case Verdict::unexplained: {
-      if (d.final_effects.size() > 1) return partly_explained(d);
       if (d.location.empty())
         return "Unexplained: the seed model does not fit, and nothing in the catalogue does better.";
       const Finding& f = d.location[0];

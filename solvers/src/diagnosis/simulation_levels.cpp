@@ -22,7 +22,9 @@ std::vector<std::string> curve_mismatch(const Rows& rows, const Bookkeeping& kno
   DiagnoseOptions alone = options;
   alone.simulation.reset();
   alone.progress = nullptr;
-  if (search(own, known, alone).verdict != Verdict::no_mismatch) return {};
+  RefitOptions unused;
+  if (scan_seed_model(own, known, alone, unused).alarm_p < alone.alarm_rate || !known.model.empty())
+    return {};
   const std::vector<std::string> curve = {"range_offset", "range_scale", "laser_pointing"};
   std::vector<std::string> best;
   double lowest = found.baseline.nll;

@@ -29,7 +29,7 @@ bool speaks_against(const HeldOutChange& change) {
 }
 
 std::string withdraw_names(const Rows& rows, SearchResult& found, Diagnosis& result) {
-  const bool named = found.verdict == Verdict::explained || found.partial;
+  const bool named = found.named();
   // The density held out is that of all that was found: beside bookkeeping it does not judge the name alone.
   if (!named || result.explanations.empty() || !found.known.model.empty()) return {};
   std::vector<std::string> searched;
@@ -37,11 +37,10 @@ std::string withdraw_names(const Rows& rows, SearchResult& found, Diagnosis& res
     if (!is_bookkeeping(active.effect->info().kind)) searched.push_back(active.effect->info().id);
   std::optional<HeldOutChange> change = change_by(result, 0);
   if (searched.empty() || !change) return {};
-  if (found.partial && speaks_against(*change))  // by the name, or by the curve beside it
+  if (found.partly() && speaks_against(*change))  // by the name, or by the curve beside it
     change = held_out_change(rows, found, found.best.fit);
   if (change && speaks_against(*change)) {
     found.verdict = Verdict::unexplained;
-    found.partial = false;
     found.best = {};
     found.rivals.clear();
     found.left.clear();

@@ -65,6 +65,17 @@ TEST(DiagnosisJson, HoldsTheFieldsOfTheSchema) {
   EXPECT_LT(amplitude.at("ci95")[0].get<double>(), amplitude.at("ci95")[1].get<double>());
   EXPECT_EQ(json.at("final").at("effects"), best.at("effects"));
   EXPECT_EQ(json.at("final").at("nll"), best.at("nll"));
+  EXPECT_EQ(json.at("final").at("rest"), Json::array()) << "explained: nothing is left";
+  const Json& members = json.at("final").at("members");
+  ASSERT_EQ(members.size(), 1u);
+  EXPECT_EQ(members[0].at("effect"), "range_eccentricity");
+  EXPECT_GE(members[0].at("probability").get<double>(), best.at("probability").get<double>())
+      << "of all sets that hold it";
+  EXPECT_LT(members[0].at("log_evidence_without").get<double>(), -10.0);
+  EXPECT_NEAR(members[0].at("heldout_nll_without").get<double>(),
+              json.at("baseline").at("heldout_nll").get<double>(), 1e-6)
+      << "without its only name it is the seed model";
+  EXPECT_LT(json.at("final").at("evidence_omitted").get<double>(), 0.1);
   EXPECT_TRUE(json.at("final").at("parameters").contains("alpha_0"));
   ASSERT_FALSE(json.at("unseen").empty());
   for (const char* field : {"effect", "typical", "detectable", "harm_m", "settled_by"})
@@ -72,6 +83,26 @@ TEST(DiagnosisJson, HoldsTheFieldsOfTheSchema) {
   ASSERT_FALSE(json.at("next_experiments").empty());
   for (const char* field : {"change", "settles", "power"})
     EXPECT_TRUE(json.at("next_experiments")[0].contains(field)) << field;
+}
+
+TEST(DiagnosisJson, WhatHasNoNameIsTheRest) {
+  Diagnosis d;
+  d.verdict = Verdict::partly_explained;
+  d.final_effects = {"tilt", "generic"};
+  d.members = {{"tilt", 0.9, -20.0, std::nullopt}};
+  d.location.resize(2);
+  d.location[0].effects = {"tilt"};
+  Finding& left = d.location[1];
+  left.channel = "range", left.covariate = "time", left.effects = {"generic"};
+  left.size = 0.004, left.unit = "m", left.share = 0.25;
+  const Json json = Json::parse(diagnosis_to_json(d));
+  EXPECT_EQ(json.at("verdict"), "partly_explained");
+  EXPECT_EQ(json.at("final").at("rest"),
+            Json::parse(R"([{"channel":"range","covariate":"time","size":0.004,"unit":"m","share":0.25}])"));
+  EXPECT_EQ(json.at("final").at("members"), Json::parse(R"([{"effect":"tilt","probability":0.9,
+      "log_evidence_without":-20.0,"heldout_nll_without":null}])"));
+  EXPECT_TRUE(json.at("final").at("evidence_omitted").is_null());
+  EXPECT_THAT(verdict_sentence(d), HasSubstr("In part explained by tilt"));
 }
 
 TEST(Probabilities, OfAllThatWasFittedAddUpToOneAtMost) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -19,7 +20,7 @@ using testing::depth_camera;
 TEST(PartlyNamed, ACauseBeyondDoubtKeepsItsNameOverSomethingSmallThatHasNone) {
   const std::vector<Recording> recordings{depth_camera(900, 0.03, 0.0, "PartlyNamed.Bump")};
   const Diagnosis d = diagnose(recordings, {});
-  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_EQ(d.verdict, Verdict::partly_explained);
   ASSERT_EQ(d.final_effects, (std::vector<std::string>{"axial_depth", "generic"})) << d.sentence;
   EXPECT_EQ(d.sentence.rfind("In part explained by axial_depth, ", 0), 0u) << d.sentence;
   EXPECT_NE(d.sentence.find("in range along range"), std::string::npos) << d.sentence;
@@ -36,9 +37,8 @@ TEST(PartlyNamed, NothingElseLeftIsTheNameAlone) {
 TEST(PartlyNamed, GrossOutliersAreTakenForTailsAndDoNotHideTheCause) {
   const std::vector<Recording> recordings{depth_camera(300, 0.0, 0.02, "PartlyNamed.Wild")};
   const Diagnosis d = diagnose(recordings, {});
-  ASSERT_GE(d.final_effects.size(), 2u) << d.sentence;  // the noise law may be off beside them
-  EXPECT_EQ(d.final_effects[0], "heavy_tails");
-  EXPECT_EQ(d.final_effects[1], "axial_depth");
+  for (const char* cause : {"heavy_tails", "axial_depth"})  // the noise law may be off beside them
+    EXPECT_EQ(std::count(d.final_effects.begin(), d.final_effects.end(), cause), 1) << d.sentence;
   for (const EffectEstimate& e : d.explanations.at(0).parameters) {
     if (e.name == "heavy_tails.share") {
       EXPECT_LT(e.low95, 0.02);
@@ -93,9 +93,11 @@ Recording swinging_repeats(const std::string& name) {
   testing::add_landmarks(recording, posts.size());
   for (int k = 0; k < 12; ++k) {
     testing::add_stop(recording, {0.15 * k, 0.0, 0.0}, 0.005, 0.005);
+    const Eigen::Vector2d at(random.normal(0.15 * k, 0.005), random.normal(0.0, 0.005));
+    const double heading = random.normal(0.0, 0.005);
     for (std::size_t l = 0; l < posts.size(); ++l) {
-      const Eigen::Vector2d v = posts[l] - Eigen::Vector2d(0.15 * k, 0.0);
-      const double d = v.norm(), bearing = std::atan2(v.y(), v.x());
+      const Eigen::Vector2d v = posts[l] - at;
+      const double d = v.norm(), bearing = std::atan2(v.y(), v.x()) - heading;
       double error = random.normal(0.0, 0.003);
       for (int j = 0; j < 10; ++j) {
         testing::add_reading(recording, k, static_cast<int>(l), j,
@@ -111,7 +113,7 @@ Recording swinging_repeats(const std::string& name) {
 TEST(PartlyNamed, WithoutACurveForWhatIsLeftTheNamesOwnModelIsShown) {
   const std::vector<Recording> recordings{swinging_repeats("PartlyNamed.Swinging")};
   const Diagnosis d = diagnose(recordings, {});
-  EXPECT_EQ(d.verdict, Verdict::unexplained);
+  EXPECT_EQ(d.verdict, Verdict::partly_explained);
   ASSERT_EQ(d.final_effects, (std::vector<std::string>{"pixel_locking", "generic"})) << d.sentence;
   EXPECT_LT(d.after.nll, d.before.nll - 100.0);
   EXPECT_LT(d.after.rms_range_m, 0.7 * d.before.rms_range_m);

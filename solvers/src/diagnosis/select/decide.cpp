@@ -4,10 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/findings.hpp"
-#include "diagnosis/rules.hpp"
+#include "diagnosis/select/rivals.hpp"
 #include "diagnosis/twins.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
@@ -58,6 +62,40 @@ double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t
   return std::numeric_limits<double>::infinity();
 }
 
+/// The covariate of a curve; of those that are functions of one another, one for all.
+std::string along(const EffectInfo& info) {
+  if (info.covariate == "disparity") return "range";
+  return info.covariate == "stop" ? "time" : info.covariate;
+}
+
+/// What a curve in a name's own channel and along its covariate is worth [nats], in the likeliest set; 0 without one.
+double curve_along(const Effect& name, const Hypotheses& table, std::size_t known) {
+  const EffectInfo& own = name.info();
+  for (const ActiveEffect& a : table.front()->fit.model)
+    if (const EffectInfo& info = a.effect->info();
+        is_nameless(*a.effect) && info.channel == own.channel && along(info) == along(own))
+      return worth_of(a, table, known);
+  return 0.0;
+}
+
+/// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.
+double omitted_probability(const Hypotheses& table, std::size_t known) {
+  std::set<std::vector<std::string>> fitted;
+  double of_fitted = 0.0;
+  const double top = table.front()->log_posterior;
+  for (const auto& h : table) {
+    fitted.insert(member_names(h->fit.model, known));
+    of_fitted += std::exp(h->log_posterior - top);
+  }
+  std::map<std::vector<std::string>, double> omitted;  // their log posterior where it was seen last
+  for (const auto& h : table)
+    for (const TriedSet::Proposal& p : h->proposals)
+      if (!fitted.count(p.members)) omitted.try_emplace(p.members, p.log_posterior);
+  double of_omitted = 0.0;
+  for (const auto& [members, log_posterior] : omitted) of_omitted += std::exp(log_posterior - top);
+  return of_omitted / (of_fitted + of_omitted);
+}
+
 /// True if what a question found matters: its size exceeds the tolerance; of dependence, tails and errors of stops, which
 /// have no size in readings, its gain is no trace of all that was explained.
 /// `spread_m`, `sigma_theta_rad`: of one reading.
@@ -66,7 +104,7 @@ bool is_material(const Rows& rows, double spread_m, double sigma_theta_rad, doub
   if (q.channel == "range") return std::abs(q.size) > priors.tolerance * spread_m;
   if (q.channel == "bearing") return std::abs(q.size) > priors.tolerance * sigma_theta_rad;
   if (q.of == Question::Of::variance) return std::abs(q.size) > 2.0 * priors.tolerance;
-  return gain_of(rows, q) > trace_share * explained;
+  return gain_of(rows, q) > priors.trace * explained;
 }
 
 TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
@@ -86,8 +124,7 @@ Candidate candidate_of(const Hypothesis& h, double probability, double baseline_
   Candidate c;
   c.fit = h.fit;
   c.gain = baseline_nll - h.fit.nll;
-  c.evidence = c.foreseen = h.log_posterior;
-  c.promised = h.promised;
+  c.evidence = h.log_posterior;
   c.parameters = static_cast<int>(h.fit.free.size());
   c.probability = probability;
   return c;
@@ -97,7 +134,12 @@ Candidate candidate_of(const Hypothesis& h, double probability, double baseline_
 /// posteriors are not far apart, and the likelihoods less their parameters (AIC) next to nothing, they do not tell.
 double gap_to(const Candidate& best, const Candidate& other) {
   constexpr double not_far = 8.0, next_to_nothing = 1.0;  // nats
+  const auto moves_means = [](const Candidate& c) {
+    return std::all_of(c.fit.model.begin(), c.fit.model.end(),
+                       [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::mean; });
+  };
   const double gap = best.evidence - other.evidence;
+  if (!moves_means(best) || !moves_means(other)) return gap;
   const double by_aic = best.gain - best.parameters - (other.gain - other.parameters);
   return gap < not_far && by_aic < next_to_nothing ? std::min(gap, std::max(0.0, by_aic)) : gap;
 }
@@ -119,12 +161,19 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     if (const double worth = worth_of(member, table, known);
         is_nameless(*member.effect) && std::isfinite(worth))
       of_curves = std::max(of_curves, worth);
+  const double least = has_curve ? std::max(priors.shadow * of_curves, options.naming_gap_nats) : 0.0;
   for (std::size_t i = known; i < best.fit.model.size(); ++i) {
     const ActiveEffect& member = best.fit.model[i];
-    if (!is_nameless(*member.effect) && worth_of(member, table, known) >= priors.shadow * of_curves &&
-        probability_of(member, table, p, known, options.naming_gap_nats) >= 0.5)
-      names.push_back(member);
+    if (is_nameless(*member.effect)) continue;
+    const double worth = worth_of(member, table, known);
+    const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
+    if (worth < least || probability < 0.5) continue;
+    if (curve_along(*member.effect, table, known) > priors.discrepancy * worth) continue;
+    names.push_back(member);
+    result.members.push_back({member.effect->info().id, std::min(1.0, probability),
+                              std::isfinite(worth) ? std::optional(-worth) : std::nullopt, std::nullopt});
   }
+  result.evidence_omitted = omitted_probability(table, known);
   result.verdict = Verdict::unexplained;
   Candidate answer = candidate_of(best, p.front(), result.baseline.nll);
   if (names.size() < best.fit.model.size()) {  // the names alone
@@ -134,35 +183,32 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     answer.gain = result.baseline.nll - answer.fit.nll;
   }
   auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
-  const double rate = has_grid(result.known.model) ? 1e-5 : clean_rate;
+  const double rate = has_grid(result.known.model) ? priors.clean_rate_on_grid : priors.clean_rate;
   const double spread = upper_median(battery->projector().geometry().spread);
   const bool rest = std::any_of(battery->questions.begin(), battery->questions.end(), [&](const Question& q) {
     return !q.effect && !on_grid(result.known, q) && battery->corrected(q) < rate &&
            is_material(rows, spread, answer.fit.state.sigma_theta_rad, answer.gain, q, priors);
   });
-  for (std::size_t i = 1; i < table.size(); ++i)
-    result.tried.push_back(candidate_of(*table[i], p[i], result.baseline.nll));
-  for (const auto& h : table) result.curves.insert(result.curves.end(), h->curves.begin(), h->curves.end());
   if (names.size() == known && (known == 0 || rest || has_curve)) return;
   result.best = std::move(answer);
   result.last = std::move(battery);
   if (rest || has_curve) {
-    result.partial = true;
+    result.verdict = Verdict::partly_explained;
     result.left = findings(rows, *result.last, options.alarm_rate);
-    if (result.left.empty()) result.partial = false, result.verdict = Verdict::explained;
+    if (result.left.empty()) result.verdict = Verdict::explained;
   } else {
     result.verdict = Verdict::explained;
   }
   std::vector<Candidate> ranked;
-  for (Candidate c : result.tried)
-    if (c.fit.model.size() == result.best.fit.model.size() &&
-        std::none_of(c.fit.model.begin(), c.fit.model.end(),
-                     [](const ActiveEffect& a) { return is_nameless(*a.effect); })) {
-      c.evidence = result.best.evidence - gap_to(result.best, c);
-      ranked.push_back(std::move(c));
-    }
-  std::stable_sort(ranked.begin(), ranked.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  for (std::size_t i = 1; i < table.size(); ++i) {
+    const Model& model = table[i]->fit.model;
+    if (model.size() != result.best.fit.model.size() ||
+        std::any_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_nameless(*a.effect); }))
+      continue;
+    Candidate c = candidate_of(*table[i], p[i], result.baseline.nll);
+    c.evidence = result.best.evidence - gap_to(result.best, c);
+    ranked.push_back(std::move(c));
+  }
   add_rivals(rows, options, ranked, result);
 }
 

@@ -35,6 +35,18 @@ double choices(const Rows& rows, const Effect& effect, std::size_t index) {
   return std::max<double>(1.0, static_cast<double>(values.size()));
 }
 
+/// True of a time constant or a wavenumber that may be of any magnitude.
+bool spans_decades(double low, double high) { return low > 0.0 && high > 100.0 * low; }
+
+/// ln of the density of Student's t at a parameter's typical size, of its positive half where it has no sign.
+double log_density_of_size(const EffectParameter& parameter, double low, double value,
+                           const SelectionPriors& priors) {
+  const double typical = std::max(std::abs(parameter.typical), 1e-12);
+  const double both_signs = low >= 0.0 ? 2.0 : 1.0;
+  return std::log(both_signs * boost::math::pdf(boost::math::students_t(priors.size_dof), value / typical) /
+                  typical);
+}
+
 /// ln of sqrt(2 pi) times standard deviation times prior density of a parameter that only the value of the likelihood
 /// knows.
 double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParameter& p,
@@ -63,24 +75,54 @@ double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParamet
   constexpr double widest = 1.0;  // an e-fold, or as many typical sizes as `reach` is parts of one
   const double sigma =
       sides == 0 || !(rise > 0.0) ? widest : std::min(widest, reach / std::sqrt(2.0 * rise / sides));
-  const double density =
-      log_prior_density(info, low, high, value, priors) + (positive ? std::log(value) : 0.0);
+  const double density = log_density_of_size(info, low, value, priors) + (positive ? std::log(value) : 0.0);
   return std::min(0.0, 0.5 * log_two_pi + std::log(sigma) + density);
+}
+
+/// ln N(c; 0, S + T) of the parameters of curves, free.at(i) for i in `of_curves`; T = tau^2 I of each curve, its size tau
+/// the likeliest by its own parameters alone.
+double log_density_of_curves(const Fit& fit, const std::vector<Eigen::Index>& of_curves) {
+  const auto m = static_cast<Eigen::Index>(of_curves.size());
+  const auto free = [&](Eigen::Index i) -> const FreeParameter& {
+    return fit.free[static_cast<std::size_t>(of_curves[static_cast<std::size_t>(i)])];
+  };
+  Eigen::VectorXd c(m);
+  Eigen::MatrixXd V(m, m);
+  for (Eigen::Index i = 0; i < m; ++i) {
+    c[i] = fit.model[free(i).effect].parameters[free(i).index];
+    for (Eigen::Index j = 0; j < m; ++j)
+      V(i, j) =
+          fit.covariance(of_curves[static_cast<std::size_t>(i)], of_curves[static_cast<std::size_t>(j)]);
+  }
+  for (Eigen::Index begin = 0, end = 0; begin < m; begin = end) {
+    while (end < m && free(end).effect == free(begin).effect) ++end;
+    const Eigen::Index size = end - begin;
+    const Eigen::VectorXd own = c.segment(begin, size);
+    const Eigen::MatrixXd S = V.block(begin, begin, size, size);
+    const double rms = own.norm() / std::sqrt(static_cast<double>(size));
+    double best = -std::numeric_limits<double>::infinity(), variance = 0.0;
+    for (const double share : {0.1, 0.3, 0.6, 1.0, 1.5}) {
+      const double tau = share * rms;
+      const double density = log_normal_density(own, S + tau * tau * Eigen::MatrixXd::Identity(size, size));
+      if (density > best) best = density, variance = tau * tau;
+    }
+    V.block(begin, begin, size, size).diagonal().array() += variance;
+  }
+  return log_normal_density(c, V);
 }
 
 }  // namespace
 
 double log_prior_density(const EffectParameter& parameter, double low, double high, double value,
                          const SelectionPriors& priors) {
-  if (!parameter.linear && std::isfinite(high - low)) return -std::log(high - low);
-  const double typical = std::max(std::abs(parameter.typical), 1e-12);
-  const double both_signs = low >= 0.0 ? 2.0 : 1.0;
-  return std::log(both_signs * boost::math::pdf(boost::math::students_t(priors.size_dof), value / typical) /
-                  typical);
+  if (parameter.linear || !std::isfinite(high - low))
+    return log_density_of_size(parameter, low, value, priors);
+  return spans_decades(low, high) ? -std::log(value * std::log(high / low)) : -std::log(high - low);
 }
 
 double prior_width(const EffectParameter& parameter, double low, double high, double value) {
-  if (!parameter.linear && std::isfinite(high - low)) return (high - low) / std::sqrt(12.0);
+  if (!parameter.linear && std::isfinite(high - low))
+    return (spans_decades(low, high) ? value * std::log(high / low) : high - low) / std::sqrt(12.0);
   return std::max({std::abs(parameter.typical), std::abs(value), 1e-12});
 }
 
@@ -99,11 +141,19 @@ double log_prior_mass(const Model& model, std::size_t known, const MemberCounts&
                       const SelectionPriors& priors) {
   double mass = 0.0;
   for (std::size_t i = known; i < model.size(); ++i) {
-    mass += is_nameless(*model[i].effect) ? std::log(priors.nameless / counts.places)
-                                          : std::log((1.0 - priors.nameless) / counts.names);
-    if (i > known) mass += std::log(priors.further_member);
+    mass += is_nameless(*model[i].effect) ? std::log(priors.further_member * priors.nameless / counts.places)
+                                          : log_prior_of_one_more_name(counts, priors);
+    if (i == known) mass -= std::log(priors.further_member);
   }
   return mass;
+}
+
+double log_prior_of_one_more_name(const MemberCounts& counts, const SelectionPriors& priors) {
+  return std::log(priors.further_member * (1.0 - priors.nameless) / counts.names);
+}
+
+double log_calibration_volume(const Rows& rows, const Fit& fit) {
+  return Projector(rows, working_problem(rows, fit.model, fit.state), fit.state).log_phi_volume();
 }
 
 double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known, const RefitOptions& options,
@@ -159,22 +209,7 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
   double log_det = 2.0 * wide.array().log().sum();
   for (Eigen::Index i = 0; i < k; ++i) log_det += std::log(std::max(factor.vectorD()[i], 1e-300));
   volume += 0.5 * (static_cast<double>(k) * log_two_pi + log_det);
-  if (curve.empty()) return volume;
-  const auto m = static_cast<Eigen::Index>(curve.size());
-  Eigen::VectorXd c(m);
-  Eigen::MatrixXd S(m, m);
-  for (Eigen::Index i = 0; i < m; ++i) {
-    const FreeParameter& p = fit.free[static_cast<std::size_t>(curve[i])];
-    c[i] = fit.model[p.effect].parameters[p.index];
-    for (Eigen::Index j = 0; j < m; ++j) S(i, j) = fit.covariance(curve[i], curve[j]);
-  }
-  double best = -std::numeric_limits<double>::infinity();
-  const double rms = c.norm() / std::sqrt(static_cast<double>(m));
-  for (const double share : {0.1, 0.3, 0.6, 1.0, 1.5}) {
-    const double tau = share * rms;
-    best = std::max(best, log_normal_density(c, S + tau * tau * Eigen::MatrixXd::Identity(m, m)));
-  }
-  return volume + best;
+  return curve.empty() ? volume : volume + log_density_of_curves(fit, curve);
 }
 
 }  // namespace rangecal::diagnosis

@@ -21,8 +21,11 @@ MemberCounts count_members(const Rows& rows, double places);
 double log_prior_mass(const Model& model, std::size_t known, const MemberCounts& counts,
                       const SelectionPriors& priors);
 
-/// ln of the prior density of a parameter of a name at `value`: Student's t at its typical size where the change is linear
-/// in it, else uniform within its bounds.
+/// What one name more changes in that, after the first [nats].
+double log_prior_of_one_more_name(const MemberCounts& counts, const SelectionPriors& priors);
+
+/// ln of the prior density of a parameter of a name at `value`: Student's t at its typical size where the change is linear in it, else
+/// uniform within its bounds, or in its logarithm where these are positive and lie a hundredfold apart.
 double log_prior_density(const EffectParameter& parameter, double low, double high, double value,
                          const SelectionPriors& priors);
 /// How wide that prior is about `value`: no parameter is less certain.
@@ -34,14 +37,19 @@ double prior_width(const EffectParameter& parameter, double low, double high, do
 ///   ln of  (2 pi)^(k/2) |C|^(1/2) prod_a p_a(theta_a) x N(c; 0, S + tau^2 I),
 ///
 ///   C    covariance of the k parameters that move means and variances, the calibration integrated out
-///   p_a  prior of a parameter of a name: Student's t at its typical size where the change is linear in it, uniform
-///        within its bounds elsewhere; one of as many as its grid has for one that is chosen from a list
+///   p_a  prior of a parameter of a name, by `log_prior_density`; one of as many as its grid has for one that is chosen from a
+///        list
 ///   c, S parameters of a curve without a name and their part of C; tau its size, the likeliest; ln of the
 ///        shapes and sizes that it was chosen from comes off
 ///
 /// Parameters of dependence, tails and errors of the stops enter by the curvature of the likelihood along each, in its
-/// logarithm where it is positive.
+/// logarithm where it is positive, their prior Student's t.
 double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known, const RefitOptions& options,
                             const SelectionPriors& priors);
+
+/// 1/2 ln of the determinant of the covariance of alpha and the landmarks, the parameters of the members given [nats]: what the
+/// integral over them adds, up to what all sets have in common. Members that move means leave it as it is; those that weigh the
+/// readings anew do not.
+double log_calibration_volume(const Rows& rows, const Fit& fit);
 
 }  // namespace rangecal::diagnosis

@@ -23,11 +23,14 @@ struct Hypothesis {
   std::vector<std::string> parent;  ///< members of the set from which it was reached
   std::vector<TriedSet::Proposal> proposals;  ///< likely sets of the problem linearised here
   int fits = 1;                               ///< how often it was fitted, from several starts
+  bool refined = false;                       ///< other optima of its members were looked for
   bool scanned = false;                       ///< what may be likelier was looked for from here
 };
 
 /// True if the effect is a curve without a name.
 bool is_nameless(const Effect& effect);
+
+std::string curve_name(const std::string& channel, const std::string& covariate);
 
 /// A member by its id; a curve by its channel and covariate.
 std::string member_name(const Effect& effect);

@@ -15,6 +15,14 @@ struct SelectionPriors {
   /// Of what a curve without a name explains [nats]: a name beside it that explains less may be what its shape leaves of an
   /// unknown cause, and is not given.
   double shadow = 0.25;
+  /// The same where the curve lies along the covariate of the name itself, in its channel: a formula leaves of its own shape a
+  /// share of its worth [nats] of this or less, or it is another cause's.
+  double discrepancy = 0.1;
+  /// Corrected p below which residuals are not clean; where readings sit on a grid, which no law describes well.
+  double clean_rate = 0.005, clean_rate_on_grid = 1e-5;
+  /// Of dependence, tails and errors of stops, which have no size in readings: what is left of all that was explained [nats], of
+  /// this share or less, does not matter.
+  double trace = 0.1;
   /// Rest that does not matter, in standard deviations of one reading (RMS over the readings).
   double tolerance = 0.25;
 };

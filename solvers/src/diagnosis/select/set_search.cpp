@@ -11,6 +11,7 @@
 #include "diagnosis/candidates.hpp"
 #include "diagnosis/findings.hpp"
 #include "diagnosis/generic.hpp"
+#include "diagnosis/refine.hpp"
 #include "diagnosis/select/decide.hpp"
 #include "diagnosis/select/linear_search.hpp"
 #include "in_parallel.hpp"
@@ -29,6 +30,11 @@ constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
 constexpr int most_fits = 3;  ///< of one set
+/// What refining has added to a gain at most: nats, and a share of the gain.
+constexpr double refining_adds = 5.0, refining_share = 0.2;
+/// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
+constexpr double near_the_top = 15.0;
+constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
 
 using Names = std::vector<std::string>;
 
@@ -38,7 +44,9 @@ class SetSearch {
             const RefitOptions& options, const SelectionPriors& priors)
       : rows_(rows), known_(known), rates_(rates), options_(options), priors_(priors), root_nll_(root.nll) {
     const WorkingProblem working = working_problem(rows, root.model, root.state);
-    places_ = curve_places(rows, Projector(rows, working, root.state), root.state.sigma_theta_rad);
+    const Projector projector(rows, working, root.state);
+    root_volume_ = projector.log_phi_volume();
+    places_ = curve_places(rows, projector, root.state.sigma_theta_rad);
     std::set<std::string> places;
     for (const CurvePlace& place : places_) places.insert(member_name(*place.effect));
     counts_ = count_members(rows, static_cast<double>(places.size()));
@@ -49,9 +57,10 @@ class SetSearch {
 
   Hypotheses run() {
     for (int round = 0; round < most_rounds; ++round) {
-      Hypothesis* here = next_to_scan();
-      if (!here) break;
-      look_around(*here);
+      if (Hypothesis* here = next_to_scan())
+        look_around(*here);
+      else if (!refine_likeliest())
+        break;
     }
     std::stable_sort(table_.begin(), table_.end(),
                      [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
@@ -60,6 +69,15 @@ class SetSearch {
   }
 
  private:
+  /// A set to be fitted from its parameters.
+  struct Wanted {
+    Model model;
+    double promised = 0.0;                    ///< gain [nats]
+    std::shared_ptr<Effect> curve = nullptr;  ///< asked for by residuals, in the model
+    bool refine = false;                      ///< other optima are looked for
+    std::optional<Fit> fit = std::nullopt;    ///< where it is fitted already
+  };
+
   std::size_t known_count() const { return known_.model.size(); }
   Names names_of(const Hypothesis& h) const { return member_names(h.fit.model, known_count()); }
 
@@ -111,6 +129,7 @@ class SetSearch {
   /// it without each of its members.
   void look_around(Hypothesis& here) {
     here.scanned = true;
+    top_gain_ = likeliest().gain;
     std::vector<Wanted> wanted = sets_linearised_at(here);
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
       Model rest = here.fit.model;
@@ -119,20 +138,72 @@ class SetSearch {
       if (rest.size() > known_count() && (!known || known->fits < most_fits))
         wanted.push_back({std::move(rest)});
     }
-    const std::vector<Wanted> spreads = spreads_beside(here);
-    wanted.insert(wanted.end(), spreads.begin(), spreads.end());
+    const std::vector<Wanted> left = asked_of_residuals(here);
+    wanted.insert(wanted.end(), left.begin(), left.end());
+    choose_what_is_refined(here, wanted);
     std::vector<std::unique_ptr<Hypothesis>> made(wanted.size());
     in_parallel(
         wanted.size(), [&](std::size_t i) { made[i] = fitted(here, wanted[i]); }, jobs_at_once(rows_.size()));
     keep(std::move(made));
   }
 
-  /// A set to be fitted from its parameters.
-  struct Wanted {
-    Model model;
-    double promised = 0.0;                    ///< gain [nats]
-    std::shared_ptr<Effect> curve = nullptr;  ///< of a spread, in the model
-  };
+  /// The likeliest set that holds the effect, its optima looked for; null where there is none.
+  const Hypothesis* refined_with(const Effect* effect) const {
+    const Hypothesis* best = nullptr;
+    for (const auto& h : table_)
+      if (h->refined && contains(h->fit.model, effect) && (!best || h->log_posterior > best->log_posterior))
+        best = h.get();
+    return best;
+  }
+
+  /// Of every effect with many optima that is new, one set: others start where that has it.
+  void choose_what_is_refined(const Hypothesis& here, std::vector<Wanted>& wanted) const {
+    std::map<const Effect*, Wanted*> most;
+    for (Wanted& w : wanted)
+      for (std::size_t i = known_count(); i < w.model.size(); ++i) {
+        const Effect* effect = w.model[i].effect;
+        if (!has_many_optima(*effect) || contains(here.fit.model, effect) || refined_with(effect)) continue;
+        Wanted*& first = most[effect];
+        if (!first || w.promised > first->promised) first = &w;
+      }
+    for (const auto& [effect, w] : most) w->refine = true;
+  }
+
+  /// Looks for other optima of the likeliest set, and of those that lack one of its members and come near it. False if all had
+  /// been looked for, or none is better.
+  bool refine_likeliest() {
+    Hypothesis& top = likeliest();
+    std::vector<Hypothesis*> open;
+    const auto take = [&](Hypothesis* h) {
+      const bool many = h && std::any_of(h->fit.model.begin(), h->fit.model.end(),
+                                         [](const ActiveEffect& a) { return has_many_optima(*a.effect); });
+      if (many && !h->refined && h->log_posterior > top.log_posterior - near_the_top) open.push_back(h);
+    };
+    take(&top);
+    for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
+      Model rest = top.fit.model;
+      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+      take(find(member_names(rest, known_count())));
+    }
+    std::vector<std::unique_ptr<Hypothesis>> made(open.size());
+    in_parallel(
+        open.size(),
+        [&](std::size_t i) {
+          auto better = std::make_unique<Hypothesis>(*open[i]);
+          refine(better->fit);
+          better->refined = true;
+          if (weigh(*better)) made[i] = std::move(better);
+        },
+        jobs_at_once(rows_.size()));
+    bool any = false;
+    for (std::size_t i = 0; i < open.size(); ++i) {
+      open[i]->refined = true;
+      any = any || (made[i] && made[i]->log_posterior > open[i]->log_posterior + likelier);
+      if (made[i]) made[i]->scanned = made[i]->log_posterior < open[i]->log_posterior + fell_short;
+    }
+    keep(std::move(made));
+    return any;
+  }
 
   std::vector<Wanted> sets_linearised_at(Hypothesis& here) {
     Dictionary dictionary(rows_, here.fit, places_);
@@ -146,9 +217,9 @@ class SetSearch {
       return model;
     };
     const Names mine = names_of(here);
-    double of_here = 0.0;
+    LinearSet own;
     for (const LinearSet& set : sets)
-      if (member_names(with_others(set), known_count()) == mine) of_here = set.gain;
+      if (member_names(with_others(set), known_count()) == mine) own = set;
     std::vector<Wanted> wanted;
     std::set<std::size_t> sizes;
     for (const LinearSet& set : sets) {
@@ -157,62 +228,95 @@ class SetSearch {
                           sizes.insert(set.model.size()).second;
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
-      const double gain = here.gain + set.gain - of_here;
+      const double gain = here.gain + set.gain - own.gain;
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
-      const bool again = known && (names.empty() || known->gain > gain - fell_short);
+      const bool again =
+          known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
       sizes.insert(set.model.size());
-      const bool fit = likely && wanted.size() < most_of_sets && !again;
-      if (likely) here.proposals.push_back({names, gain, fit || known});
+      // One member more that is not worth its price changes no name and next to no probability.
+      const bool idle = std::includes(names.begin(), names.end(), mine.begin(), mine.end()) &&
+                        set.log_posterior < own.log_posterior;
+      const bool fit = likely && wanted.size() < most_of_sets && !again && !idle;
+      if (likely)
+        here.proposals.push_back(
+            {names, gain, here.log_posterior + set.log_posterior - own.log_posterior, fit || known});
       if (fit) wanted.push_back({std::move(model), gain});
     }
     return wanted;
   }
 
-  /// The curves of the channels' spreads that promise most for their parameters.
-  void add_curves_of_spreads(const Hypothesis& here, const Battery& battery,
-                             std::vector<Wanted>& wanted) const {
+  /// The curves of the channels' means and spreads that promise most for their parameters, of what cannot be chance.
+  void add_curves(const Hypothesis& here, const Battery& battery, std::vector<Wanted>& wanted) const {
+    constexpr double chance = 0.05;  // corrected p
     const double per_parameter = price_of_curve_parameter(rows_);
     std::map<std::string, std::pair<double, const Question*>> best;
     for (const Question& q : battery.questions) {
-      const CurveChannel channel = curve_channel_of(q.channel);
-      if (q.effect || on_grid(known_, q) || channel == CurveChannel::none || is_mean(channel)) continue;
+      if (q.effect || on_grid(known_, q) || curve_channel_of(q.channel) == CurveChannel::none) continue;
       const double worth = q.gain - per_parameter * q.dof;
       auto& [most, question] = best[q.channel];
-      if (worth > 0.0 && (!question || worth > most)) most = worth, question = &q;
+      if (worth > 0.0 && (!question || worth > most) && battery.corrected(q) < chance)
+        most = worth, question = &q;
     }
-    for (const auto& [channel, found] : best) {
-      if (!found.second) continue;
-      std::optional<CurveFit> curve =
-          fit_curve(rows_, battery.projector(), here.fit, *found.second, options_);
-      if (!curve) continue;
-      Wanted added{std::move(curve->fit.model), here.gain + found.second->gain, std::move(curve->effect)};
-      const std::string name = member_name(*added.curve);
-      const bool has = std::any_of(here.fit.model.begin(), here.fit.model.end(),
-                                   [&](const ActiveEffect& a) { return member_name(*a.effect) == name; });
-      if (!has) wanted.push_back(std::move(added));
+    std::vector<const Question*> asked;
+    for (const auto& [channel, found] : best)
+      if (found.second) asked.push_back(found.second);
+    std::vector<std::optional<CurveFit>> curves(asked.size());
+    in_parallel(
+        asked.size(), [&](std::size_t i) { curves[i] = curve_for(here, battery, *asked[i]); },
+        jobs_at_once(rows_.size()));
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      if (!curves[i]) continue;
+      Wanted w{curves[i]->fit.model, here.gain + asked[i]->gain, std::move(curves[i]->effect)};
+      w.fit = std::move(curves[i]->fit);
+      wanted.push_back(std::move(w));
     }
   }
 
-  std::vector<Wanted> spreads_beside(const Hypothesis& here) const {
-    const Battery battery = Battery::of_spreads(rows_, here.fit.model, here.fit.state, rates_);
+  /// A curve beside the set, or in place of one along the same covariate.
+  std::optional<CurveFit> curve_for(const Hypothesis& here, const Battery& battery, const Question& q) const {
+    Model rest = here.fit.model;
+    std::erase_if(rest, [&](const ActiveEffect& a) {
+      return is_nameless(*a.effect) && member_name(*a.effect) == curve_name(q.channel, q.covariate);
+    });
+    if (rest.size() == here.fit.model.size())
+      return fit_curve(rows_, battery.projector(), here.fit, q, options_);
+    const Fit without = refit(rows_, rest, here.fit.state, options_);
+    if (!without.ok) return std::nullopt;
+    const Projector projector(rows_, working_problem(rows_, without.model, without.state), without.state);
+    return fit_curve(rows_, projector, without, q, options_);
+  }
+
+  /// Beside the set: names for spreads, tails and dependence, and curves, as its residuals ask for them.
+  std::vector<Wanted> asked_of_residuals(const Hypothesis& here) const {
+    const Battery battery = Battery::of_shapes(rows_, here.fit.model, here.fit.state, rates_);
     std::vector<Wanted> wanted;
     std::map<EffectKind, std::size_t> taken;
+    const double price = log_prior_of_one_more_name(counts_, priors_);
     for (Proposal& p : propose(rows_, battery, here.fit.model)) {
       const EffectInfo& info = p.effect->info();
       if (info.kind == EffectKind::mean) continue;
-      if (known_.step_beyond_noise_m > 0.0 && info.channel.starts_with("range_")) continue;
+      if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
+      const bool by_value = info.kind != EffectKind::noise;    // then it may gain more than its test says
+      if ((by_value ? credible_gain(p) : p.promised) < -price) continue;
       if (taken[info.kind]++ >= most_of_a_kind) continue;
       Model larger = here.fit.model;
       larger.push_back({p.effect, p.start});
       wanted.push_back({std::move(larger), here.gain + p.promised});
     }
-    add_curves_of_spreads(here, battery, wanted);
+    add_curves(here, battery, wanted);
     return wanted;
   }
 
   std::unique_ptr<Hypothesis> fitted(const Hypothesis& here, const Wanted& wanted) const {
     auto made = std::make_unique<Hypothesis>();
-    made->fit = refit(rows_, wanted.model, here.fit.state, options_);
+    made->fit = wanted.fit ? *wanted.fit : refit(rows_, wanted.model, here.fit.state, options_);
+    if (made->fit.ok && !wanted.fit && root_nll_ - made->fit.nll < wanted.promised - fell_short)
+      start_elsewhere(wanted.model, made->fit);
+    const double gain = root_nll_ - made->fit.nll;
+    if (made->fit.ok && wanted.refine && gain + refining_adds + refining_share * gain > top_gain_) {
+      refine(made->fit);
+      made->refined = true;
+    }
     made->promised = wanted.promised;
     made->parent = names_of(here);
     made->curves = here.curves;
@@ -220,18 +324,36 @@ class SetSearch {
     return made->fit.ok && weigh(*made) ? std::move(made) : nullptr;
   }
 
+  /// From where the seed model has the stops and landmarks, and likelier sets have the places and periods.
+  void start_elsewhere(Model model, Fit& fit) const {
+    for (std::size_t i = known_count(); i < model.size(); ++i) {
+      const Hypothesis* other = has_many_optima(*model[i].effect) ? refined_with(model[i].effect) : nullptr;
+      if (!other) continue;
+      for (const ActiveEffect& a : other->fit.model)
+        if (a.effect == model[i].effect) model[i].parameters = a.parameters;
+    }
+    Fit again = refit(rows_, model, table_.front()->fit.state, options_);
+    if (again.ok && again.nll < fit.nll) fit = std::move(again);
+  }
+
+  void refine(Fit& fit) const {
+    for (std::size_t i = known_count(); i < fit.model.size(); ++i)
+      if (has_many_optima(*fit.model[i].effect))
+        refine_member(rows_, table_.front()->fit.state, i, options_, fit);
+  }
+
   /// The three terms of a fit's posterior; false if they are no numbers.
   bool weigh(Hypothesis& h) const {
     h.gain = root_nll_ - h.fit.nll;
-    h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_);
+    h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_) +
+                         log_calibration_volume(rows_, h.fit) - root_volume_;
     h.prior_mass = log_prior_mass(h.fit.model, known_count(), counts_, priors_);
     h.log_posterior = h.gain + h.parameter_volume + h.prior_mass;
     return std::isfinite(h.log_posterior);
   }
 
-  /// Enters sets into the table; of one that was fitted before, the better fit stands.
+  /// Enters sets into the table; of one that was fitted before, the likelier fit stands.
   void keep(std::vector<std::unique_ptr<Hypothesis>> made) {
-    constexpr double better = 0.01;  // nats
     for (auto& h : made) {
       if (!h) continue;
       Hypothesis* known = find(names_of(*h));
@@ -240,7 +362,7 @@ class SetSearch {
         continue;
       }
       h->fits = ++known->fits;
-      if (h->fit.nll < known->fit.nll - better && known != table_.front().get()) {
+      if (h->log_posterior > known->log_posterior + likelier && known != table_.front().get()) {
         h->proposals = std::move(known->proposals);
         *known = std::move(*h);
       }
@@ -253,6 +375,8 @@ class SetSearch {
   const RefitOptions& options_;
   const SelectionPriors& priors_;
   const double root_nll_;
+  double root_volume_ = 0.0;  ///< of its calibration
+  double top_gain_ = 0.0;     ///< of the likeliest set before the round [nats]
   std::vector<CurvePlace> places_;
   MemberCounts counts_;
   Hypotheses table_;
@@ -265,17 +389,45 @@ Hypotheses search_sets(const Rows& rows, const Fit& root, const Bookkeeping& kno
   return SetSearch(rows, root, known, rates, options, priors).run();
 }
 
-SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
+namespace {
+
+/// The search beside a seed model with a law of the noise that is given, or that fits it best.
+struct SearchedSets {
+  SearchResult result;
+  Fit root;
+  Hypotheses table;  ///< empty without an alarm
   RefitOptions refit_options;
-  SearchResult result = scan_seed_model(rows, known, options, refit_options);
-  if (result.alarm_p >= options.alarm_rate && known.model.empty()) return result;
-  const Fit root = fit_root(rows, known, result.baseline, refit_options);
-  refit_options.settled = static_cast<int>(known.model.size());
+
+  /// ln of the evidence, of the likeliest set, up to what all seed models have in common.
+  double log_evidence() const { return table.front()->log_posterior - root.nll; }
+};
+
+SearchedSets searched(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,
+                      const SelectionPriors& priors, std::optional<NoiseLaw> law) {
+  SearchedSets all;
+  all.result = scan_seed_model(rows, known, options, all.refit_options, law);
+  if (all.result.alarm_p >= options.alarm_rate && known.model.empty()) return all;
+  all.root = fit_root(rows, known, all.result.baseline, all.refit_options);
+  all.refit_options.settled = static_cast<int>(known.model.size());
   if (options.progress) options.progress("searching for causes", 0.3);
+  all.table = search_sets(rows, all.root, known, all.result.rates, all.refit_options, priors);
+  return all;
+}
+
+}  // namespace
+
+SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
   const SelectionPriors priors;
-  Hypotheses table = search_sets(rows, root, known, result.rates, refit_options, priors);
-  decide(rows, root, std::move(table), options, refit_options, priors, result);
-  return result;
+  SearchedSets found = searched(rows, known, options, priors, std::nullopt);
+  if (found.table.empty()) return std::move(found.result);
+  // The law of the noise was chosen beside no cause: another may be due beside those that were found.
+  if (const auto law = law_beside(rows, found.table.front()->fit, options, found.refit_options)) {
+    SearchedSets again = searched(rows, known, options, priors, law);
+    if (again.table.empty()) return std::move(again.result);
+    if (again.log_evidence() > found.log_evidence() - law_margin) found = std::move(again);
+  }
+  decide(rows, found.root, std::move(found.table), options, found.refit_options, priors, found.result);
+  return std::move(found.result);
 }
 
 }  // namespace rangecal::diagnosis

@@ -8,6 +8,7 @@
 #include <boost/math/quadrature/gauss_kronrod.hpp>
 #include <cmath>
 
+#include "solvers/diagnosis/made_recordings.hpp"
 #include "solvers/diagnosis/select/made_worlds.hpp"
 
 namespace rangecal::diagnosis {
@@ -49,6 +50,26 @@ TEST_F(Evidence, PriorMassesOfSetsAreThoseWorkedByHand) {
       CurveChannel::range, "range", "range", [](const auto& at) { return at.d; }, {{1.0, 2.0}, false, 0.0},
       Eigen::MatrixXd::Identity(2, 2), 0.01);
   EXPECT_NEAR(log_prior_mass({{&curve, {}}}, 0, counts, half), std::log(0.5 / 20.0), 1e-12);
+}
+
+TEST_F(Evidence, PriorsOfPlacesAndTimesIntegrateToOne) {
+  const auto integral = [&](const char* id, std::size_t index) {
+    const EffectParameter& p = find_effect(id)->info().parameters.at(index);
+    EXPECT_FALSE(p.linear) << id;
+    return gauss_kronrod<double, 61>::integrate(
+        [&](double u) { return std::exp(u + log_prior_density(p, p.low, p.high, std::exp(u), priors)); },
+        std::log(p.low), std::log(p.high));
+  };
+  EXPECT_NEAR(integral("warmup_drift", 2), 1.0, 1e-9) << "of any magnitude: uniform in its logarithm";
+  EXPECT_NEAR(integral("cyclic_error", 2), 1.0, 1e-9) << "2 to 140: uniform";
+}
+
+TEST(CalibrationVolume, GrowsByLnTwoForEveryCoefficientWhereTheNoiseIsTwiceAsLarge) {
+  const testing::SeedFit pairs(testing::depth_camera(300, 0.0, 0.0, "CalibrationVolume"));
+  Fit twice = pairs.fit;
+  twice.state.noise.parameters *= 2.0;
+  EXPECT_NEAR(log_calibration_volume(pairs.rows, twice) - log_calibration_volume(pairs.rows, pairs.fit),
+              static_cast<double>(pairs.fit.state.alpha.size()) * std::log(2.0), 1e-6);
 }
 
 TEST_F(Evidence, OfOneSizeIsTheIntegralOverIt) {

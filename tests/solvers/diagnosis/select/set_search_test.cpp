@@ -23,7 +23,6 @@ Answer answer_of(const Recording& recording) {
   Answer answer;
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
-  options.search = CauseSearch::sets;
   options.trace = [&](const TriedSet& set) { answer.tried.push_back(set); };
   answer.diagnosis = diagnose(std::span(&recording, 1), options);
   return answer;

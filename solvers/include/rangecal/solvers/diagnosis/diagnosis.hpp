@@ -14,9 +14,10 @@
 
 namespace rangecal {
 
-/// `unobservable`: the recording does not determine the curve, so that nothing is fine and no cause is named.
-enum class Verdict { no_mismatch, explained, unexplained, unobservable };
-/// "no_mismatch", "explained", "unexplained", "unobservable".
+/// `partly_explained`: names, and something material beside them that has none. `unobservable`: the recording does not determine
+/// the curve, so that nothing is fine and no cause is named.
+enum class Verdict { no_mismatch, explained, partly_explained, unexplained, unobservable };
+/// The value's own name: "no_mismatch", ...
 const char* to_string(Verdict verdict);
 
 /// Binned residual against the located covariate, before and after the model was completed.
@@ -83,6 +84,16 @@ struct NextExperiment {
   double power = 0.0;
 };
 
+/// What speaks for one name of the final model.
+struct Member {
+  std::string effect;
+  double probability = 0.0;  ///< over the sets compared, of the class of effects that it cannot be told from
+  /// Log evidence of the final model without it, less that with it [nats]; none where that was not fitted.
+  std::optional<double> log_evidence_without;
+  std::optional<double>
+      heldout_nll_without;  ///< of the final model without it; none where nothing was held out
+};
+
 /// Goodness of fit, for the table before / after.
 struct FitSummary {
   double nll = 0.0;
@@ -100,7 +111,11 @@ struct Diagnosis {
   std::vector<Finding> location;
   std::vector<Explanation> explanations;
   std::vector<std::string>
-      final_effects;  ///< empty for no_mismatch and unobservable, {"generic"} for unexplained
+      final_effects;  ///< empty for no_mismatch and unobservable, {"generic"} for unexplained, at last for partly_explained
+  std::vector<Member> members;  ///< the names of `final_effects` that were searched for
+  /// Probability of the sets that were seen but not fitted, by the problem linearised at those that were; none where nothing was
+  /// looked for.
+  std::optional<double> evidence_omitted;
   std::vector<std::vector<std::string>> twins;
   std::vector<Unseen> unseen;
   std::vector<NextExperiment> next_experiments;
@@ -112,7 +127,7 @@ struct Diagnosis {
   SimulationModel simulation;  ///< the final model with the recordings' layout: `simulate --from`
 };
 
-/// One set of causes that the search by sets fitted.
+/// One set of causes that the search fitted.
 struct TriedSet {
   std::vector<std::string> members;  ///< ids of effects; "curve of C along X" for a curve without a name
   std::vector<std::string> parent;   ///< the set from which it was reached
@@ -126,14 +141,12 @@ struct TriedSet {
   bool scanned = false;           ///< likelier sets were looked for from there
   struct Proposal {
     std::vector<std::string> members;
-    double promised = 0.0;  ///< gain [nats] on the problem linearised at this set
+    double promised = 0.0;       ///< gain [nats] on the problem linearised at this set
+    double log_posterior = 0.0;  ///< the same of the posterior
     bool fitted = false;
   };
   std::vector<Proposal> proposals;  ///< likely sets of the linearised problem, the likeliest first
 };
-
-/// How causes are looked for. `steps`: one, two at most. `sets`: any number at once, by the posterior probability of sets.
-enum class CauseSearch { steps, sets };
 
 struct DiagnoseOptions {
   double alarm_rate = 0.02;      ///< of the whole battery on a recording of the seed model
@@ -143,9 +156,7 @@ struct DiagnoseOptions {
   std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
                                                   ///< one with effects is simulated, as diagnose_against
   std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says
-  CauseSearch search = CauseSearch::steps;
-  std::function<void(const TriedSet&)>
-      trace;  ///< of CauseSearch::sets: every set that was fitted, the likeliest first
+  std::function<void(const TriedSet&)> trace;  ///< every set of causes that was fitted, the likeliest first
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 
@@ -171,7 +182,7 @@ std::string verdict_sentence(const Diagnosis& diagnosis);
 /// `rangecal-diagnosis/1` JSON (docs/formats.md). Numbers that are not finite are null.
 std::string diagnosis_to_json(const Diagnosis& diagnosis);
 
-/// `rangecal-trace/1` JSON of the sets that a search by sets fitted (docs/formats.md).
+/// `rangecal-trace/1` JSON of the sets that a search fitted (docs/formats.md).
 std::string trace_to_json(const std::vector<TriedSet>& sets);
 
 }  // namespace rangecal

@@ -1,24 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/rules.hpp"
+#include "diagnosis/select/rivals.hpp"
 
 #include <algorithm>
-#include <cmath>
 
-#include "diagnosis/rounds.hpp"
 #include "diagnosis/separation.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-/// Nats by which a free curve may beat a name before it is refused: 4, or for strong ones 5 %, what its
-/// freedom gains from the formula's own approximations.
-constexpr double curve_margin = 4.0, curve_share = 0.05;
-/// The same where both are promised by scores, which agree more closely than a score and a refit do; for strong
-/// ones what the steps between the starts of a name may lose.
-constexpr double score_margin = 2.5, score_share = 0.01;
 constexpr double tolerated_noncentrality = 7.0;  ///< below it two effects are twins in this design
-
-double margin_of(const Candidate& name) { return std::max(curve_margin, curve_share * name.evidence); }
 
 /// The effects of a model that another does not have.
 Model without(const Model& model, const Model& other) {
@@ -29,21 +19,6 @@ Model without(const Model& model, const Model& other) {
 }
 
 }  // namespace
-
-double best_curve(const Battery& battery, const Rates& rates, const std::string& channel) {
-  double best = 0.0;
-  for (const Question& q : battery.questions)
-    if (!q.effect && q.channel == channel)
-      best = std::max(best, q.gain - q.dof - std::log(rates.starts(q.family)));
-  return best;
-}
-
-bool equals_curve(const Candidate& name, double curve) {
-  const bool mean = name.fit.model.back().effect->info().kind == EffectKind::mean;
-  const bool by_score = mean && !Sides::matter(name.fit.model);
-  return name.evidence > curve - margin_of(name) &&
-         (!by_score || name.foreseen > curve - std::max(score_margin, score_share * name.evidence));
-}
 
 void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& ranked,
                 SearchResult& result) {

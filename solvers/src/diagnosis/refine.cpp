@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/refine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/rounds.hpp"
+#include "in_parallel.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Step of the grid of a parameter that only a grid can find; 0 for labels and numbers of stops, which have
+/// nothing in between.
+double grid_step(const std::vector<Eigen::VectorXd>& grid, Eigen::Index index) {
+  std::set<double> values;
+  for (const Eigen::VectorXd& start : grid) values.insert(start[index]);
+  double step = 0.0;
+  for (auto it = values.begin(); it != values.end(); ++it) {
+    if (*it != std::round(*it) && values.size() > 1)
+      step = (*values.rbegin() - *values.begin()) / static_cast<double>(values.size() - 1);
+  }
+  return step;
+}
+
+/// Refits from a state whose cells stay at first on the side of a switching distance on which they are: from
+/// parameters that are still far off, their readings would carry them back.
+Fit refit_from_sides(const Rows& rows, const Model& model, JointState state, const RefitOptions& options) {
+  RefitOptions staying = options;
+  staying.places_stay = true;
+  if (!std::isfinite(calibrate_under(rows, model, state, staying))) return {};
+  return refit(rows, model, state, options);
+}
+
+/// Scans such parameters of a member finely around the fit. Their likelihood has steps, one
+/// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
+void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
+  constexpr int reach = 12, parts = 8;
+  constexpr double level = 0.3;  // nats within which two values are on the same step
+  const ActiveEffect active = fit.model[member];
+  const auto& parameters = active.effect->info().parameters;
+  const auto grid = active.effect->start_grid(rows.context);
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const auto index = static_cast<Eigen::Index>(j);
+    const double step = parameters[j].discrete ? grid_step(grid, index) / parts : 0.0;
+    if (step == 0.0) continue;
+    std::vector<Fit> scan(2 * reach + 1);
+    in_parallel(
+        scan.size(),
+        [&](std::size_t i) {
+          Model model = fit.model;
+          model[member].parameters[index] += (static_cast<double>(i) - reach) * step;
+          scan[i] = refit(rows, model, fit.state, options);
+        },
+        jobs_at_once(rows.size()));
+    std::erase_if(scan, [](const Fit& moved) { return !moved.ok; });
+    if (scan.empty()) continue;
+    const auto best =
+        std::min_element(scan.begin(), scan.end(), [](const Fit& a, const Fit& b) { return a.nll < b.nll; });
+    auto first = best, last = best;
+    while (first != scan.begin() && std::prev(first)->nll < best->nll + level) --first;
+    while (std::next(last) != scan.end() && std::next(last)->nll < best->nll + level) ++last;
+    Fit middle = *(first + (last - first) / 2);
+    if (middle.nll < fit.nll + level) fit = std::move(middle);
+  }
+}
+
+/// Carries lines of sight near a switching distance over it, one at a time, while that gains: the seed model
+/// spread the jump over stops and landmarks, so that some started on the wrong side, where no small move
+/// leads back.
+void try_sides(const Rows& rows, const RefitOptions& options, Fit& fit) {
+  constexpr int most = 4;
+  constexpr double level = 0.3;  // nats
+  for (int pass = 0; pass < most; ++pass) {
+    Fit best = fit;
+    const auto others = Sides::others(rows, fit.model, fit.state);
+    std::vector<Fit> trials(others.size());
+    in_parallel(
+        trials.size(),
+        [&](std::size_t i) {
+          trials[i] = refit_from_sides(rows, others[i].first, others[i].second, options);
+        },
+        jobs_at_once(rows.size()));
+    for (Fit& trial : trials)
+      if (trial.ok && trial.nll < best.nll) best = std::move(trial);
+    if (!(best.nll < fit.nll - level)) return;
+    fit = std::move(best);
+  }
+}
+
+/// Tries the period of an effect that bends around the fit, by a quarter of a peak's width: the likelihood
+/// has many peaks beside the highest. Each trial starts from the given geometry, not from one that lies on a wrong peak.
+void try_periods(const Rows& rows, const JointState& geometry, std::size_t member,
+                 const RefitOptions& options, Fit& fit) {
+  constexpr int reach = 3;
+  constexpr double part = 0.003;
+  const Model home = fit.model;
+  const auto& parameters = home[member].effect->info().parameters;
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    if (parameters[j].linear || parameters[j].discrete) continue;
+    const auto index = static_cast<Eigen::Index>(j);
+    std::vector<Fit> trials(2 * reach + 1);
+    in_parallel(
+        trials.size(),
+        [&](std::size_t i) {
+          Model model = home;
+          for (std::size_t other = 0; other < parameters.size(); ++other)
+            if (parameters[other].linear) model[member].parameters[static_cast<Eigen::Index>(other)] = 0.0;
+          model[member].parameters[index] *= 1.0 + (static_cast<double>(i) - reach) * part;
+          trials[i] = refit(rows, model, geometry, options);
+        },
+        jobs_at_once(rows.size()));
+    for (Fit& trial : trials)
+      if (trial.ok && trial.nll < fit.nll) fit = std::move(trial);
+  }
+}
+
+}  // namespace
+
+bool has_many_optima(const Effect& effect) {
+  const auto& parameters = effect.info().parameters;
+  return effect.info().kind == EffectKind::mean &&
+         std::any_of(parameters.begin(), parameters.end(),
+                     [](const EffectParameter& p) { return p.discrete || !p.linear; });
+}
+
+bool bends(const Rows& rows, const Fit& fit) {
+  return !working_problem(rows, fit.model, fit.state).problem.cells.bend.empty();
+}
+
+void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,
+                   const RefitOptions& options, Fit& fit) {
+  scan_steps(rows, member, options, fit);
+  if (Sides::matter({fit.model[member]})) {
+    try_sides(rows, options, fit);
+    scan_steps(rows, member, options, fit);
+  }
+  if (fit.model[member].effect->info().kind == EffectKind::mean && bends(rows, fit))
+    try_periods(rows, geometry, member, options, fit);
+}
+
+}  // namespace rangecal::diagnosis

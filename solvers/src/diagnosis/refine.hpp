@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "diagnosis/refit.hpp"
+
+namespace rangecal::diagnosis {
+
+/// True if the likelihood has steps or many peaks along the effect's parameters: small moves do not lead from one to another.
+bool has_many_optima(const Effect& effect);
+
+/// Looks for a better optimum of one member of a fit, where small moves do not lead:
+///
+///   a jump's distance, a sector   on a grid an eighth as wide as its starts, and with places carried over the jump
+///   a fast period                 a quarter of a peak's width at a time, from `geometry`: stops and landmarks as they are without
+///                                 the member
+void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,
+                   const RefitOptions& options, Fit& fit);
+
+/// True if some effect of the fit changes fast with distance: its likelihood has many peaks.
+bool bends(const Rows& rows, const Fit& fit);
+
+}  // namespace rangecal::diagnosis
