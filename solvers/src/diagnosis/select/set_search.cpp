@@ -20,9 +20,11 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr std::size_t most_of_a_kind = 4;  ///< names of spreads, of tails, of dependence tried beside a set
-constexpr int most_rounds = 12;            ///< linearisations
-/// Sets beside the likeliest that are scanned too, and how far below it [nats].
-constexpr std::size_t most_close = 4;
+/// Linearisations, and sets beside the likeliest that are scanned too; fewer of many cells, whose fits are slow.
+constexpr int most_rounds = 12, most_rounds_of_many = 6;
+constexpr std::size_t most_close = 4, most_close_of_many = 1;
+constexpr int many_cells = 500;
+/// How far below the likeliest these are [nats].
 constexpr double close_by = 4.0;
 /// Sets of the linearised problem that are fitted, and how far below the likeliest of them [nats].
 constexpr std::size_t most_of_sets = 10;
@@ -56,7 +58,7 @@ class SetSearch {
   }
 
   Hypotheses run() {
-    for (int round = 0; round < most_rounds; ++round) {
+    for (int round = 0; round < (many() ? most_rounds_of_many : most_rounds); ++round) {
       if (Hypothesis* here = next_to_scan())
         look_around(*here);
       else if (!refine_likeliest())
@@ -78,6 +80,7 @@ class SetSearch {
     std::optional<Fit> fit = std::nullopt;    ///< where it is fitted already
   };
 
+  bool many() const { return rows_.cell_count > many_cells; }
   std::size_t known_count() const { return known_.model.size(); }
   Names names_of(const Hypothesis& h) const { return member_names(h.fit.model, known_count()); }
 
@@ -107,7 +110,7 @@ class SetSearch {
     std::stable_sort(close.begin(), close.end(), [](const Hypothesis* a, const Hypothesis* b) {
       return a->log_posterior > b->log_posterior;
     });
-    for (std::size_t i = 0; i < close.size() && i < most_close; ++i)
+    for (std::size_t i = 0; i < close.size() && i < (many() ? most_close_of_many : most_close); ++i)
       if (!close[i]->scanned) return close[i];
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
       if (!may_hold_fast(*top.fit.model[i].effect)) continue;
