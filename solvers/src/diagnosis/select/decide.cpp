@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <set>
 #include <string>
 #include <utility>
@@ -12,6 +13,7 @@
 
 #include "diagnosis/findings.hpp"
 #include "diagnosis/select/rivals.hpp"
+#include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
@@ -144,6 +146,82 @@ double gap_to(const Candidate& best, const Candidate& other) {
   return gap < not_far && by_aic < next_to_nothing ? std::min(gap, std::max(0.0, by_aic)) : gap;
 }
 
+/// Members of the likeliest set that have a name.
+struct Named {
+  Model model;
+  std::vector<Member> members;  ///< what speaks for each
+};
+
+/// Those whose class has half of the probability, less what may be a curve's shadow, or a formula for another shape; the one
+/// that costs most in a corrected range first.
+Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
+               const DiagnoseOptions& options, const SelectionPriors& priors) {
+  const Fit& fit = table.front()->fit;
+  bool has_curve = false;
+  double of_curves = 0.0;  // the most that one of them is worth
+  for (const ActiveEffect& member : fit.model) {
+    if (!is_nameless(*member.effect)) continue;
+    has_curve = true;
+    if (const double worth = worth_of(member, table, known); std::isfinite(worth))
+      of_curves = std::max(of_curves, worth);
+  }
+  const double least = has_curve ? std::max(priors.shadow * of_curves, options.naming_gap_nats) : 0.0;
+  std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
+  Model model;
+  const Space seed(rows, {}, fit.state);
+  for (std::size_t i = known; i < fit.model.size(); ++i) {
+    const ActiveEffect& member = fit.model[i];
+    if (is_nameless(*member.effect)) continue;
+    const double worth = worth_of(member, table, known);
+    const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
+    if (worth < least || probability < 0.5 ||
+        curve_along(*member.effect, table, known) > priors.discrepancy * worth)
+      continue;
+    const double harm = harm_of(seed, {member, -1, seed.change({member})});
+    costs.emplace_back(std::isfinite(harm) ? harm : 0.0,
+                       Member{member.effect->info().id, std::min(1.0, probability),
+                              std::isfinite(worth) ? std::optional(-worth) : std::nullopt, std::nullopt});
+    model.push_back(member);
+  }
+  std::vector<std::size_t> order(model.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return costs[a].first > costs[b].first; });
+  Named named;
+  for (const std::size_t i : order) {
+    named.model.push_back(model[i]);
+    named.members.push_back(std::move(costs[i].second));
+  }
+  return named;
+}
+
+/// True if residuals that are not clean hold something that matters.
+bool leaves_something(const Rows& rows, const Battery& battery, const Candidate& answer,
+                      const Bookkeeping& known, const SelectionPriors& priors) {
+  const double rate = has_grid(known.model) ? priors.clean_rate_on_grid : priors.clean_rate;
+  const double spread = upper_median(battery.projector().geometry().spread);
+  return std::any_of(battery.questions.begin(), battery.questions.end(), [&](const Question& q) {
+    return !q.effect && !on_grid(known, q) && battery.corrected(q) < rate &&
+           is_material(rows, spread, answer.fit.state.sigma_theta_rad, answer.gain, q, priors);
+  });
+}
+
+/// The other sets of names of the size of the answer, the likeliest first, by how far the readings prefer it.
+std::vector<Candidate> others_of_its_size(const Hypotheses& table, const std::vector<double>& p,
+                                          const Candidate& answer, double baseline_nll) {
+  std::vector<Candidate> others;
+  for (std::size_t i = 1; i < table.size(); ++i) {
+    const Model& model = table[i]->fit.model;
+    if (model.size() != answer.fit.model.size() ||
+        std::any_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_nameless(*a.effect); }))
+      continue;
+    Candidate c = candidate_of(*table[i], p[i], baseline_nll);
+    c.evidence = answer.evidence - gap_to(answer, c);
+    others.push_back(std::move(c));
+  }
+  return others;
+}
+
 }  // namespace
 
 void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseOptions& options,
@@ -153,63 +231,30 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   const std::vector<double> p = probabilities(table);
   if (options.trace)
     for (std::size_t i = 0; i < table.size(); ++i) options.trace(tried_set(*table[i], p[i], known));
-  Model names(root.model.begin(), root.model.begin() + static_cast<std::ptrdiff_t>(known));
-  const bool has_curve = std::any_of(best.fit.model.begin(), best.fit.model.end(),
-                                     [](const ActiveEffect& a) { return is_nameless(*a.effect); });
-  double of_curves = 0.0;
-  for (const ActiveEffect& member : best.fit.model)
-    if (const double worth = worth_of(member, table, known);
-        is_nameless(*member.effect) && std::isfinite(worth))
-      of_curves = std::max(of_curves, worth);
-  const double least = has_curve ? std::max(priors.shadow * of_curves, options.naming_gap_nats) : 0.0;
-  for (std::size_t i = known; i < best.fit.model.size(); ++i) {
-    const ActiveEffect& member = best.fit.model[i];
-    if (is_nameless(*member.effect)) continue;
-    const double worth = worth_of(member, table, known);
-    const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
-    if (worth < least || probability < 0.5) continue;
-    if (curve_along(*member.effect, table, known) > priors.discrepancy * worth) continue;
-    names.push_back(member);
-    result.members.push_back({member.effect->info().id, std::min(1.0, probability),
-                              std::isfinite(worth) ? std::optional(-worth) : std::nullopt, std::nullopt});
-  }
   result.evidence_omitted = omitted_probability(table, known);
   result.verdict = Verdict::unexplained;
+
+  Named named = named_of(rows, table, p, known, options, priors);
+  Model names(root.model.begin(), root.model.begin() + static_cast<std::ptrdiff_t>(known));
+  names.insert(names.end(), named.model.begin(), named.model.end());
   Candidate answer = candidate_of(best, p.front(), result.baseline.nll);
-  if (names.size() < best.fit.model.size()) {  // the names alone
+  if (ids_of(names) != ids_of(best.fit.model)) {  // the names alone, and in their order
     Fit alone = refit(rows, names, best.fit.state, refit_options);
     if (!alone.ok) return;
     answer.fit = std::move(alone);
     answer.gain = result.baseline.nll - answer.fit.nll;
   }
   auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
-  const double rate = has_grid(result.known.model) ? priors.clean_rate_on_grid : priors.clean_rate;
-  const double spread = upper_median(battery->projector().geometry().spread);
-  const bool rest = std::any_of(battery->questions.begin(), battery->questions.end(), [&](const Question& q) {
-    return !q.effect && !on_grid(result.known, q) && battery->corrected(q) < rate &&
-           is_material(rows, spread, answer.fit.state.sigma_theta_rad, answer.gain, q, priors);
-  });
-  if (names.size() == known && (known == 0 || rest || has_curve)) return;
+  const bool has_curve = std::any_of(best.fit.model.begin(), best.fit.model.end(),
+                                     [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+  const bool rest = has_curve || leaves_something(rows, *battery, answer, result.known, priors);
+  if (named.model.empty() && (known == 0 || rest)) return;
   result.best = std::move(answer);
   result.last = std::move(battery);
-  if (rest || has_curve) {
-    result.verdict = Verdict::partly_explained;
-    result.left = findings(rows, *result.last, options.alarm_rate);
-    if (result.left.empty()) result.verdict = Verdict::explained;
-  } else {
-    result.verdict = Verdict::explained;
-  }
-  std::vector<Candidate> ranked;
-  for (std::size_t i = 1; i < table.size(); ++i) {
-    const Model& model = table[i]->fit.model;
-    if (model.size() != result.best.fit.model.size() ||
-        std::any_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_nameless(*a.effect); }))
-      continue;
-    Candidate c = candidate_of(*table[i], p[i], result.baseline.nll);
-    c.evidence = result.best.evidence - gap_to(result.best, c);
-    ranked.push_back(std::move(c));
-  }
-  add_rivals(rows, options, ranked, result);
+  result.members = std::move(named.members);
+  if (rest) result.left = findings(rows, *result.last, options.alarm_rate);
+  result.verdict = result.left.empty() ? Verdict::explained : Verdict::partly_explained;
+  add_rivals(rows, options, others_of_its_size(table, p, result.best, result.baseline.nll), result);
 }
 
 }  // namespace rangecal::diagnosis

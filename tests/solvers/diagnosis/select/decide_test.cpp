@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/select/decide.hpp"
+
+#include <gtest/gtest.h>
+
+#include <utility>
+
+#include "diagnosis/generic_effect.hpp"
+#include "solvers/diagnosis/select/made_worlds.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// Verdicts on tables whose probabilities are given, over the readings of a recording without any cause.
+class Decide : public ::testing::Test {
+ protected:
+  static testing::SeedFit& seed() {
+    static testing::SeedFit fit(testing::recording_with({}, "Decide.Clean"));
+    return fit;
+  }
+
+  static ActiveEffect name(const char* id) {
+    const Effect* effect = find_effect(id);
+    return {effect, effect->start_grid(seed().rows.context).front()};
+  }
+
+  /// A nameless curve of two knots.
+  ActiveEffect curve(CurveChannel channel, const char* channel_name, const char* along) {
+    curves_.push_back(std::make_shared<GenericEffect>(
+        channel, channel_name, along, covariate_of(seed().rows, along), CurveBasis{{0.0, 6.0}, false, 0.0},
+        Eigen::MatrixXd::Identity(2, 2).rightCols(1), 0.01));
+    return {curves_.back().get(), Eigen::VectorXd::Zero(1)};
+  }
+
+  /// One set of the table.
+  void add(const Model& model, double log_posterior) {
+    auto h = std::make_unique<Hypothesis>();
+    h->fit = seed().fit;
+    if (!model.empty()) h->fit = refit(seed().rows, model, seed().fit.state, seed().options);
+    ASSERT_TRUE(h->fit.ok);
+    h->log_posterior = log_posterior;
+    table_.push_back(std::move(h));
+  }
+
+  SearchResult decided() {
+    SearchResult result;
+    result.baseline = seed().fit;
+    decide(seed().rows, seed().fit, std::exchange(table_, {}), {}, seed().options, SelectionPriors{}, result);
+    return result;
+  }
+
+  static std::vector<std::string> names_of(const SearchResult& result) {
+    return ids_of(result.best.fit.model);
+  }
+
+  Hypotheses table_;
+
+ private:
+  std::vector<std::shared_ptr<GenericEffect>> curves_;
+};
+
+TEST_F(Decide, ANameOfHighProbabilityExplains) {
+  add({name("settling")}, 20.0);
+  add({name("lever_arm")}, 10.0);
+  add({}, 0.0);
+  const SearchResult result = decided();
+  EXPECT_EQ(result.verdict, Verdict::explained);
+  EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
+  ASSERT_EQ(result.members.size(), 1u);
+  EXPECT_GT(result.members[0].probability, 0.999);
+  EXPECT_NEAR(*result.members[0].log_evidence_without, -20.0, 1e-12);
+  EXPECT_EQ(*result.evidence_omitted, 0.0);
+}
+
+TEST_F(Decide, TwinsPoolTheirProbability) {
+  // None has half of the probability alone.
+  add({name("bearing_drift")}, 20.0);
+  add({name("heading_drift")}, 19.9);
+  add({name("settling"), name("lever_arm")}, 19.5);
+  add({}, 0.0);
+  const SearchResult result = decided();
+  EXPECT_EQ(result.verdict, Verdict::explained);
+  EXPECT_EQ(names_of(result), std::vector<std::string>{"bearing_drift"});
+}
+
+TEST_F(Decide, ANameOfLessThanHalfTheProbabilityIsNotGiven) {
+  // The curves do what the name does: e^20 against twice e^19.9.
+  add({name("settling")}, 20.0);
+  add({curve(CurveChannel::range, "range", "range"), curve(CurveChannel::range, "range", "time")}, 19.9);
+  add({curve(CurveChannel::range, "range", "range"), curve(CurveChannel::bearing, "bearing", "time")}, 19.9);
+  add({}, 0.0);
+  EXPECT_EQ(decided().verdict, Verdict::unexplained);
+}
+
+TEST_F(Decide, WhatIsWorthLittleBesideACurveHasNoName) {
+  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  add({name("settling"), along_range}, 100.0);
+  add({along_range}, 98.0);  // settling is worth 2 nats
+  add({name("settling")}, 10.0);
+  add({}, 0.0);
+  EXPECT_EQ(decided().verdict, Verdict::unexplained);
+}
+
+TEST_F(Decide, ANameStaysBesideACurveOfAnotherPlaceIfItIsWorthAQuarterOfIt) {
+  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  for (const double worth : {20.0, 30.0}) {
+    add({name("settling"), along_range}, 100.0);
+    add({along_range}, 100.0 - worth);
+    add({name("settling")}, 0.0);  // the curve is worth 100 nats
+    const SearchResult result = decided();
+    if (worth < 25.0)
+      EXPECT_EQ(result.verdict, Verdict::unexplained);
+    else
+      EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
+  }
+}
+
+TEST_F(Decide, AFormulaThatItsOwnCurveImprovesByMoreThanATenthIsAnotherCauses) {
+  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  for (const double improved : {5.0, 20.0}) {
+    add({name("lens_distortion"), along_range}, 100.0);  // of the range along 1/d, a function of the distance
+    add({along_range}, 0.0);
+    add({name("lens_distortion")}, 100.0 - improved);
+    const SearchResult result = decided();
+    if (improved > 10.0)
+      EXPECT_EQ(result.verdict, Verdict::unexplained);
+    else
+      EXPECT_EQ(names_of(result), std::vector<std::string>{"lens_distortion"});
+  }
+}
+
+TEST_F(Decide, SetsThatWereSeenButNotFittedAreCounted) {
+  add({name("settling")}, 20.0);
+  table_.front()->proposals = {{{"tilt"}, 5.0, 20.0, false}, {{"settling"}, 20.0, 20.0, true}};
+  EXPECT_NEAR(*decided().evidence_omitted, 0.5, 1e-12) << "one, as likely as the one that was fitted";
+}
+
+}  // namespace
+}  // namespace rangecal::diagnosis
