@@ -92,6 +92,9 @@ INSTANTIATE_TEST_SUITE_P(
                             "nothing in the catalogue: neither was among the three best single names"},
                       World{77002, "pair", 296, "line", "cyclic_error+warmup_drift", Answer::right_name,
                             "nothing: 99 nats beyond any curve, but a curve found a trace, p 0.0008"},
+                      World{202611251640, "many-3", 19, "turning",
+                            "encoder_eccentricity+range_eccentricity+lever_arm", Answer::right_name,
+                            "the second alone: each of the others hides the other"},
                       World{77002, "pair", 38, "line", "warmup_drift+pixel_locking", std::nullopt,
                             "nothing: 89 nats beyond any curve, but cells hung together, p 0.001"}));
 

@@ -15,6 +15,8 @@ namespace {
 constexpr double linear_window = 6.0;  ///< nats below the best set down to which sets are looked at
 constexpr int most_looked_at = 40;     ///< sets
 constexpr std::size_t branches = 8;    ///< likeliest sets that one move makes of a set
+constexpr int most_for_pairs = 2;      ///< sets to which two names are added at once
+constexpr double hidden = 3.0;         ///< nats that these gain together beyond what they gain alone
 
 const double half_log_two_pi = 0.5 * std::log(2.0 * std::numbers::pi);
 
@@ -47,7 +49,7 @@ class LinearSearch {
       }
       if (!next || (of_next < best - linear_window && looked_at > 1)) break;
       looked_.insert(*next);
-      look_at(sets_.at(*next).blocks);
+      look_at(sets_.at(*next).blocks, looked_at < most_for_pairs);
     }
     std::vector<LinearSet> out;
     for (auto& [key, set] : sets_) out.push_back(std::move(set));
@@ -117,8 +119,8 @@ class LinearSearch {
   }
 
   /// Adds to the set, drops from it, and exchanges each of its members.
-  void look_at(const std::vector<int>& blocks) {
-    add_to(blocks);
+  void look_at(const std::vector<int>& blocks, bool pairs) {
+    add_to(blocks, pairs);
     for (std::size_t i = 0; i < blocks.size(); ++i) {
       std::vector<int> rest = blocks;
       rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
@@ -127,8 +129,50 @@ class LinearSearch {
     }
   }
 
-  /// The likeliest sets with one member more.
-  void add_to(const std::vector<int>& blocks) {
+  /// Of every member, its block that fits best beside a set: gain less what its parameters roughly cost [nats], and number.
+  using Additions = std::map<std::string, std::pair<double, int>>;
+
+  /// The likeliest sets with two names more, of which neither need be worth anything alone: one may hide the other. `half`, `left`:
+  /// of `add_to`.
+  void add_pairs(const std::vector<int>& blocks, const Additions& best, const Eigen::MatrixXd& half,
+                 const Eigen::VectorXd& left) {
+    std::vector<std::pair<double, int>> names;
+    for (const auto& [id, found] : best)
+      if (block(found.second).tau == 0.0) names.push_back(found);
+    const auto information = [&](const Block& a, const Block& b) {
+      Eigen::MatrixXd I(a.size, b.size);
+      for (int c = 0; c < a.size; ++c)
+        I.row(c) = dictionary_.gram(a.first + c).segment(b.first, b.size).transpose();
+      if (half.size() > 0)
+        I -= half.middleCols(a.first, a.size).transpose() * half.middleCols(b.first, b.size);
+      return I;
+    };
+    std::vector<std::pair<double, std::vector<int>>> pairs;  // by their gain
+    for (std::size_t i = 0; i < names.size(); ++i)
+      for (std::size_t j = i + 1; j < names.size(); ++j) {
+        const Block &a = block(names[i].second), &b = block(names[j].second);
+        Eigen::MatrixXd I(a.size + b.size, a.size + b.size);
+        I << information(a, a), information(a, b), information(b, a), information(b, b);
+        I.diagonal() += ridge_of({names[i].second, names[j].second});
+        Eigen::VectorXd g(a.size + b.size);
+        g << left.segment(a.first, a.size), left.segment(b.first, b.size);
+        const Eigen::LLT<Eigen::MatrixXd> factor(I);
+        if (factor.info() != Eigen::Success) continue;
+        const double gain = 0.5 * factor.matrixL().solve(g).squaredNorm();
+        if (gain > names[i].first + names[j].first + hidden)
+          pairs.push_back({gain, {names[i].second, names[j].second}});
+      }
+    std::stable_sort(pairs.begin(), pairs.end(),
+                     [](const auto& a, const auto& b) { return a.first > b.first; });
+    for (std::size_t i = 0; i < pairs.size() && i < branches; ++i) {
+      std::vector<int> larger = blocks;
+      larger.insert(larger.end(), pairs[i].second.begin(), pairs[i].second.end());
+      keep(evaluated(larger));
+    }
+  }
+
+  /// The likeliest sets with one member more; `pairs`: with two, too.
+  void add_to(const std::vector<int>& blocks, bool pairs = false) {
     const Key has = key_of(blocks);
     const Normal mine = normal_of(blocks);
     const auto k = static_cast<Eigen::Index>(mine.columns.size());
@@ -143,7 +187,7 @@ class LinearSearch {
       const Eigen::VectorXd half_g = factor.matrixL().solve(mine.g);
       left -= half.transpose() * half_g;
     }
-    std::map<std::string, std::pair<double, int>> best;  // gain less what its parameters roughly cost
+    Additions best;
     for (std::size_t b = 0; b < dictionary_.blocks().size(); ++b) {
       const Block& add = dictionary_.blocks()[b];
       if (std::binary_search(has.begin(), has.end(), add.member)) continue;
@@ -171,6 +215,7 @@ class LinearSearch {
       auto [entry, fresh] = best.try_emplace(add.member, gain, static_cast<int>(b));
       if (!fresh && gain > entry->second.first) entry->second = {gain, static_cast<int>(b)};
     }
+    if (pairs) add_pairs(blocks, best, half, left);
     std::vector<LinearSet> made;
     for (const auto& [id, found] : best) {
       if (!(found.first > 2.0)) continue;
