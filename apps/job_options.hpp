@@ -9,7 +9,6 @@
 
 #include "rangecal/core/recording.hpp"
 #include "rangecal/solvers/calibrate.hpp"
-#include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal::app {
 

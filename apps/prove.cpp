@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "commands.hpp"
-#include "job_options.hpp"
 #include "numbers.hpp"
 #include "proof/fresh.hpp"
 #include "proof/journal.hpp"
@@ -30,11 +29,6 @@ struct ProveOptions {
   std::string design = "both", csv, out, dump;
   bool no_oracle = false, resume = false;
 };
-
-/// The diagnosis under proof.
-Diagnosis diagnose_blind(std::span<const Recording> recordings, const DiagnoseOptions& options) {
-  return diagnose(recordings, options);
-}
 
 void show_progress(int done, int all) {
   if (!::isatty(STDERR_FILENO)) return;
@@ -60,8 +54,7 @@ int dump_world(const ProveOptions& o) {
     save_recording(proof::record(c, c.planted), o.dump, "rangecal prove");
     write_file(o.dump + "/key.json", world_as_json(c).dump(2) + "\n");
   }
-  const proof::Score score =
-      proof::run_case(o.rows[0], o.seed, o.world, o.design, !o.no_oracle, diagnose_blind);
+  const proof::Score score = proof::run_case(o.rows[0], o.seed, o.world, o.design, !o.no_oracle, diagnose);
   fmt::print("{}", proof::proof_csv({score}));
   return done;
 }
@@ -86,7 +79,7 @@ int prove_fresh(const ProveOptions& o) {
     journal.emplace(o.csv, options.known);
     options.scored = [&](const proof::Score& score) { journal->append(score); };
   }
-  const proof::FreshResult result = proof::run_fresh(options, diagnose_blind);
+  const proof::FreshResult result = proof::run_fresh(options, diagnose);
   if (journal) journal->finish(result.scores);
   fmt::print("{} fresh worlds a row, seed {}, designs: {}\n\n{}", o.fresh, o.seed, o.design,
              proof::proof_text(result.scores, result.out_of_reach));
@@ -106,7 +99,7 @@ int prove_sealed(const ProveOptions& o) {
   std::vector<proof::SealedAnswer> answers;
   nlohmann::ordered_json written = nlohmann::ordered_json::array();
   for (const std::string& recording : recordings) {
-    answers.push_back(proof::answer_sealed(recording, diagnose_blind));
+    answers.push_back(proof::answer_sealed(recording, diagnose));
     const Diagnosis& diagnosis = answers.back().diagnosis;
     written.push_back(
         {{"recording", recording},
@@ -123,7 +116,7 @@ int prove_sealed(const ProveOptions& o) {
   std::vector<proof::Score> scores;
   fmt::print("{:<44} {:<14} {:<40} {}\n", "recording", "", "planted", "answer");
   for (const proof::SealedAnswer& answer : answers) {
-    scores.push_back(proof::score_sealed(answer, diagnose_blind));
+    scores.push_back(proof::score_sealed(answer, diagnose));
     fmt::print("{:<44} {:<14} {:<40} {}\n", answer.recording, to_string(scores.back().result),
                scores.back().planted, scores.back().answer);
   }

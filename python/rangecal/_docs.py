@@ -329,7 +329,7 @@ _DOCS = {
         Empty, or ids, or ``["generic"]`` where nothing in the catalogue explains it; ids and ``"generic"`` where it is explained
         in part.
     members : list of Member
-        What speaks for each name; empty where one cause after the other was looked for.
+        What speaks for each name; empty where nothing was looked for.
     evidence_omitted : float or None
         Probability of sets of causes that were seen but not fitted.
     twins : list of list of str

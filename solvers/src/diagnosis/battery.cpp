@@ -51,24 +51,23 @@ Battery::Battery(Unasked, const Rows& rows, const Model& model, const JointState
 
 Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known)
     : Battery(Unasked{}, rows, model, state, known) {
-  ask_variances();
-  ask_means();
-  ask_periods();
-  ask_catalogue(Of::all);
-  ask_between_cells();
-  ask_scalars();
+  ask(Of::all);
 }
 
 Battery Battery::of_shapes(const Rows& rows, const Model& model, const JointState& state,
                            const Rates& known) {
   Battery battery(Unasked{}, rows, model, state, known);
-  battery.ask_variances();
-  battery.ask_means();
-  battery.ask_periods();
-  battery.ask_catalogue(Of::spreads);
-  battery.ask_between_cells();
-  battery.ask_scalars();
+  battery.ask(Of::spreads);
   return battery;
+}
+
+void Battery::ask(Of catalogue) {
+  ask_variances();
+  ask_means();
+  ask_periods();
+  ask_catalogue(catalogue);
+  ask_between_cells();
+  ask_scalars();
 }
 
 Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,

@@ -96,7 +96,8 @@ class Battery {
   void ask_variance_of_rows(const Question& question, const std::vector<Eigen::VectorXd>& range,
                             const std::vector<Eigen::VectorXd>& bearing, std::vector<Asked>& asked) const;
   void ask_means();
-  enum class Of { all, spreads };
+  enum class Of { all, spreads };  ///< effects of the catalogue
+  void ask(Of catalogue);
   void ask_catalogue(Of of);
   void fill_variance_units();
   void ask_variances();

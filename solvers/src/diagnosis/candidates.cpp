@@ -44,7 +44,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   for (const Question& q : battery.questions) {
     if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
     Proposal& p = best[q.effect->info().id];
-    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.log_p, q.gain - q.dof, {}};
+    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.gain - q.dof, {}};
     peaks[q.effect->info().id].emplace_back(q.gain, q.start);
   }
   // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose
@@ -67,7 +67,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
       if (p.effect && q.gain <= p.promised) continue;
       const auto grid = effect->start_grid(rows.context);
       if (grid.empty()) continue;
-      p = {effect.get(), grid[grid.size() / 2], q.gain, q.log_p, q.gain - q.dof, {}};
+      p = {effect.get(), grid[grid.size() / 2], q.gain, q.gain - q.dof, {}};
     }
   }
   // A period has many peaks of nearly the same height; the refit decides between the highest.

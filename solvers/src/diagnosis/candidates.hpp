@@ -24,7 +24,7 @@ struct Candidate {
 struct Proposal {
   const Effect* effect = nullptr;
   Eigen::VectorXd start;
-  double promised = 0.0, log_p = 0.0, rank = 0.0;
+  double promised = 0.0, rank = 0.0;
   std::vector<Eigen::VectorXd> others;  ///< further peaks over the start grid, best first
 };
 

@@ -14,12 +14,11 @@ void fit_forced(const Rows& rows, const std::vector<std::string>& names, const R
     if (!effect) throw InputError("no effect is called '" + id + "'");
     const auto grid = effect->start_grid(rows.context);
     if (grid.empty()) throw InputError("effect '" + id + "' has nothing to act on in this recording");
-    Proposal proposal{effect, grid.front(), 0.0, 0.0, 0.0, {}};
+    Proposal proposal{effect, grid.front(), 0.0, 0.0, {}};
     for (const Proposal& p : proposals)
       if (p.effect == effect) proposal = p;
     for (const Question& q : result.first->questions)
-      if (q.effect == effect && q.gain > proposal.promised)
-        proposal = {effect, q.start, q.gain, q.log_p, 0.0, {}};
+      if (q.effect == effect && q.gain > proposal.promised) proposal = {effect, q.start, q.gain, 0.0, {}};
     const Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
     result.best.fit = fit_proposal(rows, base, proposal, options);
     if (!result.best.fit.ok) throw NoAnswerError("effect '" + id + "' cannot be fitted to this recording");

@@ -119,6 +119,11 @@ void try_periods(const Rows& rows, const JointState& geometry, std::size_t membe
   }
 }
 
+/// True if some effect of the fit changes fast with distance: its likelihood has many peaks.
+bool bends(const Rows& rows, const Fit& fit) {
+  return !working_problem(rows, fit.model, fit.state).problem.cells.bend.empty();
+}
+
 }  // namespace
 
 bool has_many_optima(const Effect& effect) {
@@ -126,10 +131,6 @@ bool has_many_optima(const Effect& effect) {
   return effect.info().kind == EffectKind::mean &&
          std::any_of(parameters.begin(), parameters.end(),
                      [](const EffectParameter& p) { return p.discrete || !p.linear; });
-}
-
-bool bends(const Rows& rows, const Fit& fit) {
-  return !working_problem(rows, fit.model, fit.state).problem.cells.bend.empty();
 }
 
 void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,

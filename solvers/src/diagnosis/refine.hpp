@@ -16,7 +16,4 @@ bool has_many_optima(const Effect& effect);
 void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,
                    const RefitOptions& options, Fit& fit);
 
-/// True if some effect of the fit changes fast with distance: its likelihood has many peaks.
-bool bends(const Rows& rows, const Fit& fit);
-
 }  // namespace rangecal::diagnosis

@@ -27,7 +27,7 @@ std::optional<Undetermined> still_undetermined(const Rows& rows, std::span<const
                                                const SearchResult& found) {
   if (rows.alpha_prior) return std::nullopt;
   std::optional<Undetermined> open = undetermined(rows, recordings, found.baseline);
-  if (open && (found.named())) open = undetermined(rows, recordings, found.best.fit);
+  if (open && found.named()) open = undetermined(rows, recordings, found.best.fit);
   return open;
 }
 

@@ -157,15 +157,14 @@ struct Named {
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
-  bool has_curve = false;
   double of_curves = 0.0;  // the most that one of them is worth
   for (const ActiveEffect& member : fit.model) {
     if (!is_nameless(*member.effect)) continue;
-    has_curve = true;
     if (const double worth = worth_of(member, table, known); std::isfinite(worth))
       of_curves = std::max(of_curves, worth);
   }
-  const double least = has_curve ? std::max(priors.shadow * of_curves, options.naming_gap_nats) : 0.0;
+  const double least =
+      has_nameless(fit.model) ? std::max(priors.shadow * of_curves, options.naming_gap_nats) : 0.0;
   std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
   Model model;
   const Space seed(rows, {}, fit.state);
@@ -212,9 +211,7 @@ std::vector<Candidate> others_of_its_size(const Hypotheses& table, const std::ve
   std::vector<Candidate> others;
   for (std::size_t i = 1; i < table.size(); ++i) {
     const Model& model = table[i]->fit.model;
-    if (model.size() != answer.fit.model.size() ||
-        std::any_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_nameless(*a.effect); }))
-      continue;
+    if (model.size() != answer.fit.model.size() || has_nameless(model)) continue;
     Candidate c = candidate_of(*table[i], p[i], baseline_nll);
     c.evidence = answer.evidence - gap_to(answer, c);
     others.push_back(std::move(c));
@@ -245,8 +242,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     answer.gain = result.baseline.nll - answer.fit.nll;
   }
   auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
-  const bool has_curve = std::any_of(best.fit.model.begin(), best.fit.model.end(),
-                                     [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+  const bool has_curve = has_nameless(best.fit.model);
   const bool rest = has_curve || leaves_something(rows, *battery, answer, result.known, priors);
   if (named.model.empty() && (known == 0 || rest)) return;
   result.best = std::move(answer);

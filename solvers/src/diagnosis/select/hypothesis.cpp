@@ -7,6 +7,16 @@ namespace rangecal::diagnosis {
 
 bool is_nameless(const Effect& effect) { return find_effect(effect.info().id) == nullptr; }
 
+bool has_nameless(const Model& model) {
+  return std::any_of(model.begin(), model.end(),
+                     [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+}
+
+Model without(Model model, std::size_t index) {
+  model.erase(model.begin() + static_cast<std::ptrdiff_t>(index));
+  return model;
+}
+
 std::string curve_name(const std::string& channel, const std::string& covariate) {
   return "curve of " + channel + " along " + covariate;
 }

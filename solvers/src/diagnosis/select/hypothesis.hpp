@@ -30,6 +30,12 @@ struct Hypothesis {
 /// True if the effect is a curve without a name.
 bool is_nameless(const Effect& effect);
 
+/// True if one of the effects is.
+bool has_nameless(const Model& model);
+
+/// The model less the effect at `index`.
+Model without(Model model, std::size_t index);
+
 std::string curve_name(const std::string& channel, const std::string& covariate);
 
 /// A member by its id; a curve by its channel and covariate.

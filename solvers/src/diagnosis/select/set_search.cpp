@@ -93,10 +93,7 @@ class SetSearch {
   /// True if the other members may have been fitted about a wrong start of this one: what moves no mean takes up what means
   /// leave, and periods, time constants, stops and landmarks have many optima.
   static bool may_hold_fast(const Effect& effect) {
-    const EffectInfo& info = effect.info();
-    return !is_nameless(effect) &&
-           (info.kind != EffectKind::mean || std::any_of(info.parameters.begin(), info.parameters.end(),
-                                                         [](const EffectParameter& p) { return !p.linear; }));
+    return !is_nameless(effect) && (effect.info().kind != EffectKind::mean || has_many_optima(effect));
   }
 
   /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
@@ -114,10 +111,8 @@ class SetSearch {
       if (!close[i]->scanned) return close[i];
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
       if (!may_hold_fast(*top.fit.model[i].effect)) continue;
-      Model rest = top.fit.model;
-      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
-      Hypothesis* without = find(member_names(rest, known_count()));
-      if (without && !without->scanned) return without;
+      Hypothesis* smaller = find(member_names(without(top.fit.model, i), known_count()));
+      if (smaller && !smaller->scanned) return smaller;
     }
     return nullptr;
   }
@@ -135,8 +130,7 @@ class SetSearch {
     top_gain_ = likeliest().gain;
     std::vector<Wanted> wanted = sets_linearised_at(here);
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
-      Model rest = here.fit.model;
-      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
+      Model rest = without(here.fit.model, i);
       const Hypothesis* known = find(member_names(rest, known_count()));
       if (rest.size() > known_count() && (!known || known->fits < most_fits))
         wanted.push_back({std::move(rest)});
@@ -183,11 +177,8 @@ class SetSearch {
       if (many && !h->refined && h->log_posterior > top.log_posterior - near_the_top) open.push_back(h);
     };
     take(&top);
-    for (std::size_t i = known_count(); i < top.fit.model.size(); ++i) {
-      Model rest = top.fit.model;
-      rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(i));
-      take(find(member_names(rest, known_count())));
-    }
+    for (std::size_t i = known_count(); i < top.fit.model.size(); ++i)
+      take(find(member_names(without(top.fit.model, i), known_count())));
     std::vector<std::unique_ptr<Hypothesis>> made(open.size());
     in_parallel(
         open.size(),
@@ -283,10 +274,10 @@ class SetSearch {
     });
     if (rest.size() == here.fit.model.size())
       return fit_curve(rows_, battery.projector(), here.fit, q, options_);
-    const Fit without = refit(rows_, rest, here.fit.state, options_);
-    if (!without.ok) return std::nullopt;
-    const Projector projector(rows_, working_problem(rows_, without.model, without.state), without.state);
-    return fit_curve(rows_, projector, without, q, options_);
+    const Fit base = refit(rows_, rest, here.fit.state, options_);
+    if (!base.ok) return std::nullopt;
+    const Projector projector(rows_, working_problem(rows_, base.model, base.state), base.state);
+    return fit_curve(rows_, projector, base, q, options_);
   }
 
   /// Beside the set: names for spreads, tails and dependence, and curves, as its residuals ask for them.
