@@ -21,19 +21,26 @@ namespace {
 
 using Index = Eigen::Index;
 
-/// Negentropy of N(0, 1) with probability 1 - share, N(0, 1) + uniform(-half, half) otherwise: log-likelihood per
-/// reading that its shape gains over a normal law of the same variance [nats].
-double mixture_negentropy(double share, double half) {
-  if (!(share > 0.0) || !(half > 1e-6)) return 0.0;
+/// Variance of the extra error of a reading that has one, evenly between `low` and `high`, with probability `share`.
+double extra_variance(double share, double low, double high) {
+  const double middle = 0.5 * (low + high), width = high - low;
+  return share * (width * width / 12.0 + (1.0 - share) * middle * middle);
+}
+
+/// Negentropy of N(0, 1) with probability 1 - share, N(0, 1) + uniform(low, high) otherwise: log-likelihood per
+/// reading that its shape gains over a normal law of the same mean and variance [nats].
+double mixture_negentropy(double share, double low, double high) {
+  const double width = high - low;
+  if (!(share > 0.0) || !(width > 2e-6)) return 0.0;
   double entropy = 0.0;
-  const double step = 0.02, end = half + 8.0;
-  for (double z = -end; z <= end; z += step) {
+  const double step = 0.02;
+  for (double z = std::min(low, 0.0) - 8.0; z <= std::max(high, 0.0) + 8.0; z += step) {
     const double narrow = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-    const double wide = (normal_below(z + half) - normal_below(z - half)) / (2.0 * half);
+    const double wide = (normal_below(z - low) - normal_below(z - high)) / width;
     const double p = (1.0 - share) * narrow + share * std::max(wide, 0.0);
     if (p > 1e-300) entropy -= step * p * std::log(p);
   }
-  const double variance = 1.0 + share * half * half / 3.0;
+  const double variance = 1.0 + extra_variance(share, low, high);
   return std::max(0.0, 0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - entropy);
 }
 
@@ -57,7 +64,8 @@ double negentropy(const SeedModel& model, const world::World& planted, const wor
   for (std::size_t i = 0; i < target.stop.size(); ++i) {
     if (target.repeat[i] != 0) continue;  // all repeats of a cell share one law
     const double sd = target.range_sd_m[i];
-    sum += repeats * mixture_negentropy(target.tail_share[i], std::numbers::sqrt3 * target.tail_sd_m[i] / sd);
+    sum += repeats *
+           mixture_negentropy(target.tail_share[i], target.tail_low_m[i] / sd, target.tail_high_m[i] / sd);
     if (planted.noise.before_inversion)
       sum += repeats * reciprocal_negentropy(planted.noise.speckle_per_m * target.range_mean_m[i]);
   }
@@ -110,7 +118,7 @@ double oracle_nats(const SeedModel& model, const world::World& planted) {
                   bearing_ratio = Eigen::VectorXd::Zero(n);  // variances
   for (std::size_t i = 0; i < target.stop.size(); ++i) {
     const int c = model.cell(target.stop[i], target.landmark[i]);
-    const double tail = target.tail_share[i] * target.tail_sd_m[i] * target.tail_sd_m[i];
+    const double tail = extra_variance(target.tail_share[i], target.tail_low_m[i], target.tail_high_m[i]);
     const double sd = target.range_sd_m[i], known = model.range_sd_m(c);
     const double seen = target.detection[i] > 1e-6 ? (sd * sd + tail) / (known * known) : 1.0;
     range_ratio[c] += seen / repeats;

@@ -24,12 +24,17 @@ std::vector<std::string> ids(const Condition& wanted) {
   return out;
 }
 
+/// These have a row of their own.
+bool is_one_sided_tail(const std::string& id) { return id == "early_echo" || id == "late_return"; }
+
 std::vector<std::string> candidates(const std::string& row, const std::string& design) {
   const bool line = design == "line";
   if (row == "noise-50")
     return ids([](const EffectInfo& e) {
-      return e.catalogued && e.effect_class != EffectClass::mean && e.effect_class != EffectClass::absorbed;
+      return e.catalogued && e.effect_class != EffectClass::mean && e.effect_class != EffectClass::absorbed &&
+             !is_one_sided_tail(e.id);
     });
+  if (row == "one-sided") return {"early_echo", "late_return"};
   if (row == "outside") return ids([](const EffectInfo& e) { return !e.catalogued; });
   if (row == "absorbed") {
     std::vector<std::string> out{"range_offset", "range_scale", "laser_pointing", "odometry_scale"};
@@ -90,6 +95,7 @@ std::optional<Sized> draw_size(const std::string& row, const SeedModel& model, c
     const Sized sized = free_size(model, info, effect_seed, sign, 0.5, 1.0, random);
     return sized.value < 1.0 ? std::optional<Sized>(sized) : std::nullopt;
   }
+  if (row == "one-sided") return free_size(model, info, effect_seed, sign, 0.6, 2.0, random);
   if (info.effect_class == EffectClass::label || info.effect_class == EffectClass::grid)
     return free_size(model, info, effect_seed, sign, 0.5, 2.0, random);
   const bool mean = info.effect_class == EffectClass::mean || info.effect_class == EffectClass::absorbed;
@@ -232,6 +238,15 @@ void draw_many(Case& c, const SeedModel& model, Random& random) {
   c.value = alone;
 }
 
+/// Outliers on one side beside what is planted: too near in worlds of even number, too far in the others.
+void add_outliers(Case& c, Random& random) {
+  constexpr double share = 0.03;
+  c.outliers = c.index / 2 % 2 == 0 ? "early_echo" : "late_return";
+  c.planted = world::apply(c.planted, c.outliers, share, random);
+  c.truth.push_back(c.outliers);
+  c.sizes.push_back(share);
+}
+
 }  // namespace
 
 const std::vector<std::string>& row_names() {
@@ -254,14 +269,21 @@ const std::vector<std::string>& row_names() {
                                               "many-2",
                                               "many-3",
                                               "many-4",
-                                              "many-5"};
+                                              "many-5",
+                                              "many-2-outliers",
+                                              "many-3-outliers",
+                                              "many-4-outliers",
+                                              "many-5-outliers",
+                                              "one-sided"};
   return names;
 }
 
 std::uint64_t world_seed(const std::string& row, std::uint64_t seed, int index, const std::string& design) {
   // Worlds against a simulation, and those for speed, are those of lambda 100: the same draws.
   const bool same_as_100 = row == "simulation-effect" || row == "closed-loop" || row == "speed";
-  const std::string drawn = same_as_100 ? "lambda-100" : row;
+  const std::string drawn = same_as_100                  ? "lambda-100"
+                            : row.ends_with("-outliers") ? row.substr(0, row.rfind('-'))
+                                                         : row;
   std::uint64_t number = 0;
   while (row_names()[number] != drawn) ++number;
   return seed_from("prove",
@@ -290,6 +312,7 @@ Case draw_case(const std::string& row, std::uint64_t seed, int index, const std:
     draw_many(c, model, random);
   else
     draw_single(c, model, random);
+  if (row.ends_with("-outliers")) add_outliers(c, random);
   return c;
 }
 

@@ -42,6 +42,16 @@ bool twin_in_world(const Case& c, const std::vector<std::string>& names) {
          signatures.variance_left(c.planted, names) < told_apart;
 }
 
+std::vector<std::string> less(std::vector<std::string> names, const std::string& one) {
+  std::erase(names, one);
+  return names;
+}
+
+Case without_outliers(Case c) {
+  c.truth = less(std::move(c.truth), c.outliers);
+  return c;
+}
+
 bool is_named(const Diagnosis& diagnosis, const std::string& id) {
   for (const std::vector<std::string>& twins : diagnosis.twins)
     if (contains(twins, id)) return true;
@@ -202,8 +212,9 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
   out.answer = in_words(sets);
   out.set_size = static_cast<int>(sets.size());
-  out.result = classify(diagnosis, c.truth,
-                        [&](const std::vector<std::string>& set) { return twin_in_world(c, set); });
+  out.result = classify(diagnosis, c.truth, [&](const std::vector<std::string>& set) {
+    return twin_in_world(without_outliers(c), less(set, c.outliers));
+  });
   if (!diagnosis.explanations.empty()) out.probability = diagnosis.explanations[0].probability;
   out.alarm_p = diagnosis.alarm_p_value;
   if (!diagnosis.location.empty())
@@ -215,8 +226,12 @@ Score score(const Case& c, const Diagnosis& diagnosis) {
     out.held_out_improves = *diagnosis.after.heldout_nll < *diagnosis.before.heldout_nll;
   if (c.truth.size() == 1) out.listed = is_named(diagnosis, c.truth[0]);
   const bool in_part = diagnosis.verdict == Verdict::partly_explained;
-  out.causes = static_cast<int>(c.truth.size());
-  out.names = names_of(sets, c.truth);
+  const Case causes = without_outliers(c);
+  out.causes = static_cast<int>(causes.truth.size());
+  std::vector<std::vector<std::string>> beside;
+  for (const std::vector<std::string>& set : sets) beside.push_back(less(set, c.outliers));
+  out.names = names_of(beside, causes.truth);
+  if (!c.outliers.empty()) out.outliers_named = !sets.empty() && contains(sets.front(), c.outliers);
   if (c.truth.size() == 2) out.partly_right = is_partly_right(c, sets);
   if (in_part && !c.truth.empty() && !is_partly_right(c, sets)) out.result = Answer::wrong_name;
   return out;

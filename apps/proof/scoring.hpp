@@ -46,6 +46,7 @@ struct Case {
   std::uint64_t effect_seed = 0;
   world::World clean, planted;
   std::vector<std::string> truth;  ///< planted ids, none for a clean world
+  std::string outliers;            ///< of these the outliers beside the causes; empty: none
   std::vector<double> sizes;
   double value = 0.0;  ///< lambda or nats of the first effect
   bool in_nats = false;
@@ -69,10 +70,11 @@ struct Score {
   Answer result = Answer::missed;
   int set_size = 0;
   double probability = 0.0, alarm_p = 1.0;
-  bool partly_right = false;  ///< a pair: one right and none wrong
-  int causes = 0;             ///< concealed
-  Names names;                ///< of the answer
-  std::string location;       ///< "channel/covariate" first found
+  bool partly_right = false;           ///< a pair: one right and none wrong
+  int causes = 0;                      ///< concealed, beside outliers
+  Names names;                         ///< of the answer, outliers' own left out
+  std::optional<bool> outliers_named;  ///< as what they are
+  std::string location;                ///< "channel/covariate" first found
   bool located = false;
   std::optional<double> gain_ratio, gain_excess_nats;
   Coverage coverage;

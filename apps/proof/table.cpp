@@ -108,21 +108,27 @@ void add_naming(std::vector<Line>& lines, const std::vector<Score>& scores) {
 void add_many(std::vector<Line>& lines, const std::vector<Score>& scores) {
   int named = 0, wrong = 0;
   const double found_wanted[] = {0.96, 0.95, 0.94, 0.93}, all_wanted[] = {0.9, 0.8, 0.7, 0.65};
-  for (int k = 2; k <= 5; ++k) {
-    const std::string name = fmt::format("many-{}", k);
-    int found = 0, causes = 0;
-    for (const Score& s : scores) {
-      if (s.row != name) continue;
-      found += s.names.found, causes += s.causes;
-      named += s.names.found + s.names.wrong, wrong += s.names.wrong;
+  for (const char* beside : {"", "-outliers"})
+    for (int k = 2; k <= 5; ++k) {
+      const std::string name = fmt::format("many-{}{}", k, beside);
+      const std::string what = fmt::format("{} causes{}", k, *beside ? ", outliers" : "");
+      int found = 0, causes = 0;
+      for (const Score& s : scores) {
+        if (s.row != name) continue;
+        found += s.names.found, causes += s.causes;
+        named += s.names.found + s.names.wrong, wrong += s.names.wrong;
+      }
+      add_counted(lines, what + ": found (causes)", found, causes, found_wanted[k - 2]);
+      add_share(lines, scores, what + ": all, and nothing else", row(name), right, all_wanted[k - 2]);
+      add_share(
+          lines, scores, what + ": the same by single names", row(name),
+          [](const Score& s) { return s.result == Answer::right_name; }, 0.0);
     }
-    add_counted(lines, fmt::format("{} causes: found (causes)", k), found, causes, found_wanted[k - 2]);
-    add_share(lines, scores, fmt::format("{} causes: all, and nothing else", k), row(name), right,
-              all_wanted[k - 2]);
-    add_share(
-        lines, scores, fmt::format("{} causes: the same by single names", k), row(name),
-        [](const Score& s) { return s.result == Answer::right_name; }, 0.0);
-  }
+  add_share(
+      lines, scores, "outliers beside causes: named as one-sided",
+      [](const Score& s) { return s.outliers_named.has_value(); },
+      [](const Score& s) { return *s.outliers_named; }, 0.9);
+  add_share(lines, scores, "outliers on one side: named", row("one-sided"), right, 0.95);
   add_counted(lines, "several causes: names of nothing concealed (names)", wrong, named, 0.03, true);
 }
 

@@ -51,6 +51,8 @@ inline const std::vector<std::string> catalogue{"axial_depth",
                                                 "stop_effect",
                                                 "autocorrelated_noise",
                                                 "heavy_tails",
+                                                "early_echo",
+                                                "late_return",
                                                 "reciprocal_noise"};
 
 /// The channels of the file format, and its covariates that are no column.

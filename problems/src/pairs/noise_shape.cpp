@@ -51,7 +51,32 @@ ContaminatedDensity contaminated_density(double p, double k, double z) {
   return {total, outlier, 1.0 - outlier + outlier / (k * k)};
 }
 
-OneSidedDensity one_sided_density(double lambda, double z) {
+namespace {
+
+/// exp(t^2) erfc(t) for t >= 0; erfc alone underflows from t = 26 on.
+double scaled_erfc(double t) {
+  constexpr double far = 25.0;
+  return t < far ? std::exp(t * t) * std::erfc(t) : (1.0 - 0.5 / (t * t)) / (t * std::sqrt(std::numbers::pi));
+}
+
+double log_normal_below(double x) {
+  const double t = -x / std::numbers::sqrt2;
+  return t < 0.0 ? std::log(0.5 * std::erfc(t)) : std::log(0.5 * scaled_erfc(t)) - t * t;
+}
+
+/// Mean and variance of N(x, 1) cut off below 0 and above `end`; log_inside: ln of what is between.
+void cut_on_both_sides(double x, double end, double log_inside, OneSidedDensity& at) {
+  const auto density_at = [&](double edge) {
+    return std::exp(-0.5 * edge * edge - half_log_two_pi - log_inside);
+  };
+  const double low = density_at(x), high = density_at(end - x), moved = low - high;
+  at.mean = std::clamp(x + moved, 0.0, end);
+  at.variance = std::clamp(1.0 - x * low - (end - x) * high - moved * moved, 0.0, end * end / 12.0);
+}
+
+}  // namespace
+
+OneSidedDensity one_sided_density(double lambda, double z, double end) {
   const double x = z - 1.0 / lambda, t = -x / std::numbers::sqrt2;
   OneSidedDensity at;
   double mills = 0.0;  // phi(x) / Phi(x)
@@ -59,16 +84,31 @@ OneSidedDensity one_sided_density(double lambda, double z) {
     const double Phi = 0.5 * std::erfc(t);
     at.log_density = (0.5 / lambda - z) / lambda + std::log(Phi / lambda);
     mills = std::exp(-0.5 * x * x - half_log_two_pi) / Phi;
-  } else {  // by erfcx(t) = exp(t^2) erfc(t), where Phi(x) alone underflows
-    constexpr double far = 25.0;
-    const double erfcx =
-        t < far ? std::exp(t * t) * std::erfc(t) : (1.0 - 0.5 / (t * t)) / (t * std::sqrt(std::numbers::pi));
+  } else {
+    const double erfcx = scaled_erfc(t);
     at.log_density = std::log(0.5 * erfcx / lambda) - 0.5 * z * z;
     mills = std::sqrt(2.0 / std::numbers::pi) / erfcx;
   }
   at.mean = std::max(0.0, x + mills);
   at.variance = std::max(0.0, 1.0 - mills * at.mean);
+  if (!std::isfinite(end)) return at;
+  at.log_density -= std::log(-std::expm1(-end / lambda));
+  // The larger of the two probabilities first: both are near 1 where z lies beyond the end.
+  const bool beyond = x > 0.5 * end;
+  const double larger = log_normal_below(beyond ? end - x : x),
+               smaller = log_normal_below(beyond ? -x : x - end);
+  if (!beyond && smaller - larger < -40.0) return at;
+  const double log_inside = larger + std::log(-std::expm1(smaller - larger));
+  at.log_density += log_inside - log_normal_below(x);
+  cut_on_both_sides(x, end, log_inside, at);
   return at;
+}
+
+double one_sided_cumulative(double lambda, double z, double end) {
+  const double all = 0.5 * std::erfc(-z / std::numbers::sqrt2),
+               beyond = std::isfinite(end) ? 0.5 * std::erfc((end - z) / std::numbers::sqrt2) : 0.0;
+  const double density = std::exp(one_sided_density(lambda, z, end).log_density);
+  return std::clamp(beyond - (all - beyond) / std::expm1(-end / lambda) - lambda * density, 0.0, 1.0);
 }
 
 ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {

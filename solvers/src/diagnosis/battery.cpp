@@ -18,25 +18,6 @@ double log_chi_sq_survival(double statistic, int dof) {
   return (shape - 1.0) * std::log(half) - half - ::lgamma_r(shape, &sign);  // leading term of the tail
 }
 
-namespace {
-
-/// z at which the normal's upper tail is `upper`, in (0, 1/2]; 37 is where it leaves double precision.
-double upper_quantile(double upper) {
-  if (!(upper > 1e-299)) return 37.0;
-  if (upper >= 0.5) return 0.0;
-  return normal_upper_quantile(upper);
-}
-
-/// The normal quantile of a contaminated normal's probability; `wide`: standard deviation of the share.
-double mixture_to_normal(double z, double share, double wide) {
-  const double size = std::abs(z) / std::numbers::sqrt2;
-  const double upper = 0.5 * ((1.0 - share) * std::erfc(size) + share * std::erfc(size / wide));
-  const double normal = upper_quantile(upper);
-  return z < 0.0 ? -normal : normal;
-}
-
-}  // namespace
-
 Battery::Battery(Unasked, const Rows& rows, const Model& model, const JointState& state, const Rates& known)
     : rates(known),
       rows_(rows),
@@ -99,18 +80,20 @@ void Battery::score_rows(const Model& model) {
     const bool alone = rows_.cell_begin[cell + 1] - rows_.cell_begin[cell] == 1;
     const double home = projector_.geometry().bearing[cell];
     range[i] = alone ? 0.0 : working_.range[i] - c.range_mean[cell];
+    if (!alone && working_.tail_shift.size() > 0) range[i] += working_.tail_shift[i];
     bearing[i] = alone || rows_.pairs ? 0.0 : wrap_angle(working_.bearing[i] + home - c.bearing_mean[cell]);
   }
   range_scores_ = whiten(range, projector_.row_range_information, changes_.range_log_variance, range_rho);
   bearing_scores_ =
       whiten(bearing, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    const Contamination tail = contamination_of(rows_, projector_.geometry(), model, i);
-    if (!(tail.share > 0.0)) continue;
+    const TailLaw tails = tail_law_of(rows_, projector_.geometry(), model, i);
+    if (tails.empty()) continue;
     rescored_ = true;
-    double& z = range_scores_[static_cast<Eigen::Index>(i)];
-    const double ratio = tail.extra_sigma_m / projector_.geometry().spread[rows_.cell[i]];
-    z = mixture_to_normal(z, tail.share, std::sqrt(1.0 + ratio * ratio));
+    const auto at = static_cast<Eigen::Index>(i);
+    const double spread =
+        projector_.geometry().spread[rows_.cell[i]] * std::exp(0.5 * changes_.range_log_variance[at]);
+    range_scores_[at] = tails.normal_score(range_scores_[at] * spread, spread);
   }
 }
 

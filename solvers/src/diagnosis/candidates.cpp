@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/refine.hpp"
+#include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -91,6 +94,44 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
 // Effects that change fast with distance let the fit choose, stop by stop, among many bends to lie on: gain
 // far beyond what the score promised is that choice, and no evidence.
 double credible_gain(const Proposal& proposal) { return 1.5 * proposal.promised + 3.0; }
+
+namespace {
+
+/// The state with the level of the noise at which half of the readings lie within 0.6745 spreads: that of a fit that knew
+/// no outliers is theirs.
+JointState with_robust_noise(const Rows& rows, const Model& model, JointState state) {
+  const WorkingProblem working = working_problem(rows, model, state);
+  const CellGeometry geometry = cell_geometry(rows, state);
+  std::vector<double> sizes(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    sizes[i] = std::abs(working.range[static_cast<Eigen::Index>(i)] - geometry.f[rows.cell[i]]) /
+               geometry.spread[rows.cell[i]];
+  constexpr double normal_half = 0.6744897501960817;
+  state.noise.parameters[0] *= std::clamp(upper_median(std::move(sizes)) / normal_half, 1e-3, 1.0);
+  return state;
+}
+
+}  // namespace
+
+void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options,
+                                Model& model, JointState& state) {
+  constexpr int solves = 3;  // the weights and the level of the noise follow each other
+  const JointState robust = with_robust_noise(rows, without(model, member), state);
+  const JointState given = state;
+  Model from = model;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Eigen::VectorXd& start : model[member].effect->start_grid(rows.context))
+    for (const JointState& before : {given, robust}) {
+      from[member].parameters = start;
+      JointState moved = before;
+      double value = std::numeric_limits<double>::infinity();
+      for (int solve = 0; solve < solves; ++solve) value = calibrate_under(rows, from, moved, options);
+      if (!(value < least)) continue;
+      least = value;
+      model[member].parameters = start;
+      state = moved;
+    }
+}
 
 Fit fit_proposal(const Rows& rows, const Fit& base, const Proposal& proposal, const RefitOptions& options) {
   Model model = base.model;

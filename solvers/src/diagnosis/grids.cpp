@@ -5,14 +5,19 @@
 #include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
+
+#include "rangecal/core/quantiles.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
 
-/// Counts, mean squares and means of cells with repeats.
+/// Counts, mean squares and means of cells with repeats, and each repeat's deviation from its cell's median.
 struct Repeats {
   std::vector<double> count, mean_square, f, step_m;
+  std::vector<std::vector<double>> deviations_m;
 };
 
 Repeats repeats_of(const Rows& rows, const Model& grids) {
@@ -29,6 +34,12 @@ Repeats repeats_of(const Rows& rows, const Model& grids) {
     for (const ActiveEffect& grid : grids)
       step = std::max(step, grid.effect->grid_steps(at, grid.parameters.data()).range_m);
     repeats.step_m.push_back(step);
+    const auto begin = rows.range_m.begin() + rows.cell_begin[i],
+               end = rows.range_m.begin() + rows.cell_begin[i + 1];
+    std::vector<double> deviations(begin, end);
+    const double middle = upper_median(deviations);
+    for (double& value : deviations) value -= middle;
+    repeats.deviations_m.push_back(std::move(deviations));
   }
   return repeats;
 }
@@ -39,7 +50,10 @@ void take_off_variance(const Rows& rows, const RowChanges& changes, Repeats& rep
   for (int c = 0; c < rows.cell_count; ++c) {
     if (rows.problem.cells.count[static_cast<std::size_t>(c)] < 2.0) continue;
     const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
-    repeats.mean_square[at++] *= std::exp(-changes.range_log_variance.segment(begin, count).mean());
+    const double factor = std::exp(-changes.range_log_variance.segment(begin, count).mean());
+    repeats.mean_square[at] *= factor;
+    for (double& value : repeats.deviations_m[at]) value *= std::sqrt(factor);
+    ++at;
   }
 }
 
@@ -73,6 +87,39 @@ std::pair<double, double> least_within(const Repeats& repeats, int power) {
   return {std::exp(found.first), found.second};
 }
 
+/// The same of Student's t with 3 degrees of freedom about the cells' medians: what outliers leave of the law.
+std::pair<double, double> least_within_heavy(const Repeats& repeats, int power) {
+  constexpr double nu = 3.0;
+  constexpr int iterations = 30;
+  double degrees = 0.0, start = 0.0;
+  for (std::size_t i = 0; i < repeats.count.size(); ++i) degrees += repeats.count[i] - 1.0;
+  std::vector<double> sizes;
+  for (std::size_t i = 0; i < repeats.count.size(); ++i)
+    for (double e : repeats.deviations_m[i]) sizes.push_back(std::abs(e) / std::pow(repeats.f[i], power));
+  start = std::max(upper_median(sizes), 1e-300);
+  double variance = start * start;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    double square = 0.0;
+    for (std::size_t i = 0; i < repeats.count.size(); ++i) {
+      const double unit = std::pow(repeats.f[i], 2 * power),
+                   share = (repeats.count[i] - 1.0) / repeats.count[i];
+      for (double e : repeats.deviations_m[i])
+        square += share * (nu + 1.0) * e * e / unit / (nu + e * e / unit / variance);
+    }
+    variance = std::max(square / degrees, 1e-300);
+  }
+  // less the normal's constant
+  double nll = degrees * (0.5 * std::log(nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
+                          std::lgamma(0.5 * (nu + 1.0)) - half_log_two_pi);
+  for (std::size_t i = 0; i < repeats.count.size(); ++i) {
+    const double s_sq = variance * std::pow(repeats.f[i], 2 * power),
+                 share = (repeats.count[i] - 1.0) / repeats.count[i];
+    for (double e : repeats.deviations_m[i])
+      nll += share * (0.5 * std::log(s_sq) + 0.5 * (nu + 1.0) * std::log1p(e * e / s_sq / nu));
+  }
+  return {std::sqrt(variance), nll};
+}
+
 /// The largest step where repeats are alike in a quarter of these cells or more, else 0.
 double step_beyond_noise_of(const Repeats& repeats) {
   std::size_t alike = 0;
@@ -94,12 +141,17 @@ std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model, co
   Repeats repeats = repeats_of(rows, model);
   if (state) take_off_variance(rows, row_changes(rows, cell_geometry(rows, *state), model), repeats);
   const bool alike = step_beyond_noise_of(repeats) > 0.0;  // the few steps tell a level, but no law
+  const bool grid = *std::max_element(repeats.step_m.begin(), repeats.step_m.end()) > 0.0;
   std::optional<Noise> best;
   double best_nll = std::numeric_limits<double>::infinity();
   constexpr std::pair<int, NoiseLaw> laws[] = {
       {2, NoiseLaw::f_squared}, {1, NoiseLaw::f}, {0, NoiseLaw::constant}, {3, NoiseLaw::f_cubed}};
   for (const auto& [power, law] : laws) {
-    const auto [sigma, nll] = least_within(repeats, power);
+    auto [sigma, nll] = least_within(repeats, power);
+    if (!grid) {
+      const auto [heavy_sigma, heavy_nll] = least_within_heavy(repeats, power);
+      if (heavy_nll < nll) sigma = heavy_sigma, nll = heavy_nll;
+    }
     if (best && (alike || !(nll < best_nll - 3.0))) continue;
     best_nll = nll;
     best = Noise{law, Eigen::VectorXd::Constant(1, sigma)};

@@ -26,16 +26,21 @@ void move_parameters(const Rows& rows, const std::vector<FreeParameter>& free, c
   }
 }
 
-/// Line searches of the parameters that only the value of the likelihood knows; true if there are any. Where there are
-/// several they depend on one another.
+/// Fits the parameters that only the value of the likelihood knows: scoring of the tails', line searches of the others;
+/// true if there are any. Where there are several they depend on one another.
 bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
-  const auto numeric = std::count_if(fit.free.begin(), fit.free.end(), [](const FreeParameter& p) {
-    return p.acts == FreeParameter::Acts::numeric;
-  });
-  for (int sweep = 0; sweep < (numeric > 1 ? 2 : 1); ++sweep)
-    for (const FreeParameter& p : fit.free)
-      if (p.acts == FreeParameter::Acts::numeric) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
-  return numeric > 0;
+  std::vector<FreeParameter> lines;
+  bool tails = false;
+  for (const FreeParameter& p : fit.free)
+    if (is_of_tail(fit.model, p))
+      tails = true;
+    else if (p.acts == FreeParameter::Acts::numeric)
+      lines.push_back(p);
+  for (int sweep = 0; sweep < (lines.size() + (tails ? 1 : 0) > 1 ? 2 : 1); ++sweep) {
+    if (tails && (sweep == 0 || !lines.empty())) fit_tails(rows, options, fit);
+    for (const FreeParameter& p : lines) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
+  }
+  return tails || !lines.empty();
 }
 
 /// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.

@@ -39,6 +39,7 @@ ResidualSquares residual_squares(const Rows& rows, const WorkingProblem& working
     const double range = working.range[i] - projector.geometry().f[rows.cell[i]];
     squares.range[i] =
         std::pow(range * scale_of(working.range_whitening, i), 2) * projector.row_range_information[i];
+    if (working.tail_square.size() > 0) squares.range[i] += working.tail_square[i];
     squares.bearing[i] = std::pow(working.bearing[i] * scale_of(working.bearing_whitening, i), 2) *
                          projector.row_bearing_information[i];
   }
@@ -99,6 +100,56 @@ Eigen::MatrixXd information_of(const Projector& projector, const Model& model,
   return information;
 }
 
+/// Sums over the readings of the slopes of their log densities in the tails' u = ln p and in ln s, which comes last, and of
+/// the slopes' products. A parameter at a bound that its slope leads beyond has none.
+struct TailSlopes {
+  Eigen::VectorXd score;
+  Eigen::MatrixXd information;
+};
+
+TailSlopes tail_slopes(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& tails) {
+  constexpr double h = 1e-3;
+  const auto n = static_cast<Eigen::Index>(tails.size()), count = static_cast<Eigen::Index>(rows.size());
+  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+  const CellGeometry geometry = cell_geometry(rows, fit.state);
+  const RowChanges changes = row_changes(rows, geometry, fit.model);
+  std::vector<Model> up(tails.size(), fit.model), down = up;
+  for (std::size_t a = 0; a < tails.size(); ++a) {
+    value_of(up[a], tails[a]) *= std::exp(h);
+    value_of(down[a], tails[a]) *= std::exp(-h);
+  }
+  Eigen::MatrixXd slopes(count, n + 1);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const auto row = static_cast<std::size_t>(i);
+    const int cell = rows.cell[row];
+    const double shift = working.tail_shift.size() > 0 ? working.tail_shift[i] : 0.0;
+    const double e = working.range[i] + shift - geometry.f[cell];
+    const double s = geometry.spread[cell] * std::exp(0.5 * changes.range_log_variance[i]);
+    for (std::size_t a = 0; a < tails.size(); ++a)
+      slopes(i, static_cast<Eigen::Index>(a)) =
+          (tail_law_of(rows, geometry, up[a], row).density(e, s).value -
+           tail_law_of(rows, geometry, down[a], row).density(e, s).value) /
+          (2.0 * h);
+    const TailLaw law = tail_law_of(rows, geometry, fit.model, row);
+    slopes(i, n) =
+        (law.density(e, s * std::exp(h)).value - law.density(e, s * std::exp(-h)).value) / (2.0 * h) - 1.0;
+  }
+  TailSlopes out{slopes.colwise().sum().transpose(), slopes.transpose() * slopes};
+  out.score[n] = 0.0;  // the calibration has fitted it
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const FreeParameter& p = tails[static_cast<std::size_t>(a)];
+    const auto [low, high] = bounds_of(rows, fit.model, p);
+    const double value = fit.model[static_cast<std::size_t>(p.effect)].parameters[p.index];
+    const bool stuck = out.score[a] > 0.0 ? value >= high : value <= low;
+    if (!stuck) continue;
+    out.score[a] = 0.0;
+    out.information.row(a).setZero();
+    out.information.col(a).setZero();
+  }
+  out.information.diagonal().array() += 1e-6 * (1.0 + out.information.diagonal().array());
+  return out;
+}
+
 }  // namespace
 
 bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
@@ -150,6 +201,58 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
         }
       }
     }
+  }
+}
+
+bool is_of_tail(const Model& model, const FreeParameter& p) {
+  return p.acts == FreeParameter::Acts::numeric &&
+         model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::tail;
+}
+
+void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
+  constexpr int most_steps = 12, most_halvings = 5, most_rounds = 8;
+  constexpr double settled = 1e-3, rounds_settled = 0.05;  // nats
+  constexpr double longest = 1.5;                          // of a step in u: a factor of 4.5
+  RefitOptions staying = options;                          // tails move no place by much
+  staying.places_stay = true;
+  std::vector<FreeParameter> tails;
+  for (const FreeParameter& p : fit.free)
+    if (is_of_tail(fit.model, p)) tails.push_back(p);
+  for (int round = 0; round < most_rounds; ++round) {  // the spread follows the weights that the law gives
+    JointState state = fit.state;
+    const double value = calibrate_under(rows, fit.model, state, staying);
+    if (!(value < fit.nll)) break;
+    const double gain = fit.nll - value;
+    fit.nll = value;
+    fit.state = std::move(state);
+    if (gain < rounds_settled) break;
+  }
+  for (int iteration = 0; iteration < most_steps; ++iteration) {
+    const TailSlopes slopes = tail_slopes(rows, fit, tails);
+    const Eigen::LDLT<Eigen::MatrixXd> factor(slopes.information);
+    if (factor.info() != Eigen::Success) return;
+    Eigen::VectorXd step = factor.solve(slopes.score).head(static_cast<Eigen::Index>(tails.size()));
+    if (!step.allFinite()) return;
+    const double promised = 0.5 * slopes.score.head(step.size()).dot(step);
+    if (!(promised > settled)) return;
+    step *= std::min(1.0, longest / step.cwiseAbs().maxCoeff());
+    bool moved = false;
+    for (int halving = 0; halving < most_halvings && !moved; ++halving, step *= 0.5) {
+      Model trial = fit.model;
+      for (std::size_t a = 0; a < tails.size(); ++a) {
+        const auto [low, high] = bounds_of(rows, fit.model, tails[a]);
+        double& value = value_of(trial, tails[a]);
+        value = std::clamp(value * std::exp(step[static_cast<Eigen::Index>(a)]), low, high);
+      }
+      JointState state = fit.state;
+      const double value = calibrate_under(rows, trial, state, staying);
+      if (!(value < fit.nll - settled)) continue;
+      fit.nll = value;
+      fit.state = std::move(state);
+      fit.model = std::move(trial);
+      moved = true;
+    }
+    if (!moved) return;
   }
 }
 

@@ -16,4 +16,14 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit);
 
+/// True if the parameter is of a tail's law, which knows every reading's slope.
+bool is_of_tail(const Model& model, const FreeParameter& p);
+
+/// Fits the parameters u = ln p of the tails, and the rest by calibrate_under after each step, by scoring:
+///
+///   g_i = d ln p(e_i) / d(u, ln s),   step = (sum g_i g_i^T)^-1 sum g_i   (Berndt, Hall, Hall, Hausman 1974)
+///
+/// e_i the error of reading i at the fit. A step that is no gain is halved.
+void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit);
+
 }  // namespace rangecal::diagnosis

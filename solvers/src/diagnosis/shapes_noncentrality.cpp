@@ -20,21 +20,6 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// 2 (H_normal - H_mixture) at equal variance, per reading, for (1 - pi) N(0, 1) + pi N(0, w^2): the integral
-/// of the mixture's log density by the trapezoidal rule, exact to rounding for such smooth tails.
-double contamination_gain(double share, double wide) {
-  const double reach = 10.0 * wide, step = std::min(0.05, 0.05 * wide);
-  double entropy = 0.0;
-  for (double z = -reach; z <= reach; z += step) {
-    const double density =
-        ((1.0 - share) * std::exp(-0.5 * z * z) + share / wide * std::exp(-0.5 * z * z / (wide * wide))) /
-        std::sqrt(2.0 * std::numbers::pi);
-    if (density > 0.0) entropy -= step * density * std::log(density);
-  }
-  const double variance = 1.0 + share * (wide * wide - 1.0);
-  return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - entropy);
-}
-
 /// Covariance of the stops' x (axis 0) or y (axis 1) errors under a set of priors: shared in a place, summed
 /// along a chain.
 Eigen::MatrixXd covariance_along(const std::vector<StopPrior>& stops, int axis) {
@@ -144,14 +129,12 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   for (double rho : {own.range_correlation, rows.pairs ? 0.0 : own.bearing_correlation})
     if (rho != 0.0) sum -= repeats * std::log1p(-std::min(rho * rho, 0.999));
   if (active.effect->info().kind == EffectKind::tail) {
-    std::map<std::pair<double, double>, double> known;  // most readings share a law
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      const Contamination tail = active.effect->contamination(view_of(rows, p.geometry(), i), parameters);
-      if (!(tail.share > 0.0)) continue;
-      const double ratio = tail.extra_sigma_m / p.geometry().spread[static_cast<std::size_t>(rows.cell[i])];
-      const auto [at, fresh] = known.try_emplace({tail.share, ratio}, 0.0);
-      if (fresh) at->second = contamination_gain(tail.share, std::sqrt(1.0 + ratio * ratio));
-      sum += at->second;
+    for (int c = 0; c < rows.cell_count; ++c) {  // repeats share a law
+      const TailLaw law =
+          tail_law_of(rows, p.geometry(), {active}, static_cast<std::size_t>(rows.cell_begin[c]));
+      if (!law.empty())
+        sum += (rows.cell_begin[c + 1] - rows.cell_begin[c]) *
+               law.negentropy(p.geometry().spread[static_cast<std::size_t>(c)]);
     }
   }
   if (active.effect->noise_before_reciprocal())

@@ -152,8 +152,7 @@ std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model,
       range_error = follow(range_error, errors.dependence.range_correlation, random.normal());
       bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());
       double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
-      const Contamination tail = contamination_of(rows, geometry, effects, static_cast<std::size_t>(i));
-      if (tail.share > 0.0 && random.uniform() < tail.share) e += random.normal(0.0, tail.extra_sigma_m);
+      e += tail_law_of(rows, geometry, effects, static_cast<std::size_t>(i)).draw(random);
       double y = errors.reciprocal ? 1.0 / (1.0 / f + e / (f * f)) : f + e;
       y += changes.range[i];
       const double direction =

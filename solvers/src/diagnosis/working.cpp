@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "rangecal/core/angles.hpp"
-#include "rangecal/problems/noise_shape.hpp"
+#include "rangecal/core/quantiles.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -24,14 +24,6 @@ void add(const Signature& part, Signature& x) {
   x.range += part.range;
   x.bearing += part.bearing;
   x.drift += part.drift;
-}
-
-/// Weights of a contaminated normal at residual z, and what its NLL differs by from the weighted one: a share
-/// has variance 1 + extra^2 in units of the spread.
-double contaminated_weights(double share, double extra, double z, double& multiplier) {
-  const ContaminatedDensity at = contaminated_density(share, std::hypot(1.0, extra), z);
-  multiplier *= 1.0 / at.weight;
-  return -at.log_density - 0.5 * at.weight * z * z + 0.5 * std::log(at.weight);
 }
 
 /// Slope in d of what the model's effects add to the range of a cell, read at its first row.
@@ -59,13 +51,14 @@ void bend_cells(const Rows& rows, const CellGeometry& geometry, const Model& mod
 
 /// Weight and mean square of a cell whose readings share a variance of s^2 `ratio`, such that
 ///   n log s + weight ((mean - mu)^2 + mean square) / (2 s^2)
-/// and what is added to `constant` is the exact NLL of the white readings.
-void set_weight(const CellsAndRows& parts, int cell, double ratio, const Rows& rows, double& weight,
-                double& mean_square, double& constant) {
+/// and what is added to `constant` is the exact NLL of the white readings. `extra_square`: sum of squares [m^2] that tails
+/// add to those of the deviations.
+void set_weight(const CellsAndRows& parts, int cell, double ratio, double extra_square, const Rows& rows,
+                double& weight, double& mean_square, double& constant) {
   const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
   const double shared = parts.weights[cell] * ratio;
   weight = parts.weights[cell] / (1.0 + shared);
-  mean_square = parts.deviations.segment(begin, count).squaredNorm() / weight;
+  mean_square = (parts.deviations.segment(begin, count).squaredNorm() + extra_square) / weight;
   constant += 0.5 * std::log1p(shared);
 }
 
@@ -92,15 +85,12 @@ double bend_of(const ActiveEffect& active, const ReadingView<double>& at) {
   return (change_at(above) - change_at(-below)) / (above + below);
 }
 
-Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
-                               std::size_t row) {
-  for (const ActiveEffect& active : model) {
-    if (active.effect->info().kind != EffectKind::tail) continue;
-    const Contamination own =
-        active.effect->contamination(view_of(rows, geometry, row), active.parameters.data());
-    if (own.share > 0.0) return own;
-  }
-  return {};
+TailLaw tail_law_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row) {
+  TailLaw law;
+  for (const ActiveEffect& active : model)
+    if (active.effect->info().kind == EffectKind::tail)
+      law.add(active.effect->contamination(view_of(rows, geometry, row), active.parameters.data()));
+  return law;
 }
 
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state) {
@@ -142,11 +132,22 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     }
     if (!rows.pairs)
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
-    const Contamination tail = contamination_of(rows, geometry, model, static_cast<std::size_t>(i));
-    if (!(tail.share > 0.0)) continue;
+    const TailLaw tails = tail_law_of(rows, geometry, model, static_cast<std::size_t>(i));
+    if (tails.empty()) continue;
     const double spread = s * std::sqrt(range_m[i]);
-    working.constant +=
-        contaminated_weights(tail.share, tail.extra_sigma_m / spread, (range - f) / spread, range_m[i]);
+    // The Gaussian that stands for the law at this residual (expectation and maximisation).
+    const LogDensity at = tails.density(range - f, spread);
+    const double off = (range - f) / spread - at.shift;
+    working.constant += 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
+                        0.5 * (at.weight * off * off + at.extra_square);
+    range -= at.shift * spread;
+    range_m[i] /= at.weight;
+    if (working.tail_shift.size() == 0) {
+      working.tail_shift.setZero(n);
+      working.tail_square.setZero(n);
+    }
+    working.tail_shift[i] = at.shift * spread;
+    working.tail_square[i] = at.extra_square;
   }
   working.range_whitening = whitening_of(range_m, dependence.range_correlation);
   CellsAndRows range = split(rows, working.range, working.range_whitening);
@@ -154,8 +155,13 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   for (int cell = 0; cell < rows.cell_count; ++cell) {
     const double ratio = shared_variance(dependence.range_cell_sigma_m, changes.rounding.range, cell) /
                          (geometry.spread[cell] * geometry.spread[cell]);
+    const double s = geometry.spread[cell];
+    const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
+    const double extra =
+        working.tail_square.size() > 0 ? s * s * working.tail_square.segment(begin, count).sum() : 0.0;
     c.range_mean[cell] = range.means[cell];
-    set_weight(range, cell, ratio, rows, c.range_weight[cell], c.range_mean_square[cell], working.constant);
+    set_weight(range, cell, ratio, extra, rows, c.range_weight[cell], c.range_mean_square[cell],
+               working.constant);
   }
   working.range_deviation = std::move(range.deviations);
   if (rows.pairs) {
@@ -169,7 +175,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     const double ratio = shared_variance(dependence.bearing_cell_sigma_rad, changes.rounding.bearing, cell) /
                          (state.sigma_theta_rad * state.sigma_theta_rad);
     c.bearing_mean[cell] = wrap_angle(geometry.bearing[cell] + bearing.means[cell]);
-    set_weight(bearing, cell, ratio, rows, c.bearing_weight[cell], c.bearing_mean_square[cell],
+    set_weight(bearing, cell, ratio, 0.0, rows, c.bearing_weight[cell], c.bearing_mean_square[cell],
                working.constant);
   }
   working.bearing_deviation = std::move(bearing.deviations);

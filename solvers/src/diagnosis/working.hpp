@@ -43,9 +43,8 @@ struct RowChanges {
 };
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
 
-/// The contaminated law of a row under the model's tail effects; share 0 for none.
-Contamination contamination_of(const Rows& rows, const CellGeometry& geometry, const Model& model,
-                               std::size_t row);
+/// The law of a row's error under the model's tail effects; empty without one.
+TailLaw tail_law_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row);
 
 /// Derivative of the readings with respect to parameter `index` of `active`, stops included, by central
 /// differences.

@@ -16,6 +16,9 @@ struct WorkingProblem {
   double constant = 0.0;
   /// Corrected readings per row; bearings relative to the cell's predicted one.
   Eigen::VectorXd range, bearing;
+  /// What a tail's law, given its residual, expects a row's extra error to be [m], which `range` is less, and its variance
+  /// in units of the spread's square; empty without tails.
+  Eigen::VectorXd tail_shift, tail_square;
   Whitening range_whitening, bearing_whitening;
   Eigen::VectorXd range_deviation, bearing_deviation;  ///< white, from the cell means [m], [rad]
 };

@@ -64,7 +64,7 @@ Eigen::VectorXd changes(const Effect& effect, const Eigen::VectorXd& p, double n
   seen.radius = 0.1;
   seen.spread = 0.01;
   const Contamination tail = effect.contamination(seen, p.data());
-  all.insert(all.end(), {tail.share, tail.extra_sigma_m});
+  all.insert(all.end(), {tail.share, tail.extra_sigma_m, tail.mean_m});
   return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
 }
 

@@ -93,6 +93,8 @@ std::vector<Case> cases() {
       // what these do lies elsewhere: in stops, dependence, tails, labels
       {"label_swap", {0.0, 1.0, 3.0, 3.0}, {}},
       {"heavy_tails", {0.03, 5.0}, {}},
+      {"early_echo", {0.05, 0.4}, {}},
+      {"late_return", {0.05, 0.4}, {}},
       {"cell_effect", {0.005}, {}},
       {"autocorrelated_noise", {0.6, 0.3}, {}},
       {"bearing_quantisation", {0.0175}, {}},

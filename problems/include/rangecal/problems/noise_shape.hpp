@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -67,11 +68,18 @@ ContaminatedDensity contaminated_density(double p, double k, double z);
 ///
 /// Given z the exponential part is a normal of mean x and variance 1 cut off below 0: M = phi(x) / Phi(x),
 /// mean m = x + M, variance 1 - M (x + M). Finite at every finite z whose square is.
+///
+/// Where the exponential part ends at L, Phi(x) becomes Phi(x) - Phi(x - L), the density is divided by
+/// 1 - exp(-L / lambda), and the normal is cut off above L, too. lambda far above L: even between 0 and L.
 struct OneSidedDensity {
   double log_density = 0.0;  ///< with the normal's constant [nats]
   double mean = 0.0, variance = 0.0;
 };
-OneSidedDensity one_sided_density(double lambda, double z);
+OneSidedDensity one_sided_density(double lambda, double z,
+                                  double end = std::numeric_limits<double>::infinity());
+/// Its cumulative probability, with E = exp(-L / lambda) (by parts):
+///   H(z) = Phi(z - L) + (Phi(z) - Phi(z - L)) / (1 - E) - lambda h(z).
+double one_sided_cumulative(double lambda, double z, double end = std::numeric_limits<double>::infinity());
 
 /// log density of z [nats], with its first derivative in z, and what expectation and maximisation (Dempster, Laird,
 /// Rubin 1977) take from a reading: a Gaussian whose error is z - shift and whose squares are

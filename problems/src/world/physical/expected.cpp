@@ -83,8 +83,7 @@ Expected expected(const World& world, const Placing& placing) {
   const std::vector<Pose2> stops = true_stops(world, placing);
   for (const Exposure& exposure : expose(world, stops)) {
     const Moments range = range_moments(world, exposure), bearing = bearing_moments(world, exposure);
-    const Tail tail = tail_of(world, world.landmarks[static_cast<std::size_t>(exposure.landmark)],
-                              exposure.distance_m, exposure.range_sd_m);
+    const Tail tail = tail_of(world, world.landmarks[static_cast<std::size_t>(exposure.landmark)], exposure);
     out.stop.push_back(exposure.stop);
     out.landmark.push_back(exposure.landmark);
     out.reported_landmark.push_back(reported(world.driver, exposure));
@@ -97,7 +96,8 @@ Expected expected(const World& world, const Placing& placing) {
     out.bearing_sd_rad.push_back(bearing.sd);
     out.detection.push_back(range.weight);
     out.tail_share.push_back(tail.share);
-    out.tail_sd_m.push_back(tail.sd_m);
+    out.tail_low_m.push_back(tail.low_m);
+    out.tail_high_m.push_back(tail.high_m);
   }
   out.cell_sd_m = world.noise.cell_sd_m;
   out.smoothing = world.noise.smoothing;

@@ -43,15 +43,19 @@ double clipped_shift_m(const World& world, const Cylinder& landmark, double dist
   return (across_m > 0.0 ? 1.0 : -1.0) * moved * distance_m / (1e-3 * world.sensor.baseline_mm);
 }
 
-Tail tail_of(const World& world, const Cylinder& landmark, double distance_m, double sd_m) {
+Tail tail_of(const World& world, const Cylinder& landmark, const Exposure& exposure) {
   const NoiseBudget& noise = world.noise;
-  if (noise.interference_share > 0.0)
-    return {noise.interference_share, noise.interference_window * sd_m / std::numbers::sqrt3};
+  if (noise.interference_share > 0.0) {
+    const double half = noise.interference_window * exposure.range_sd_m;
+    return {noise.interference_share, -half, half};
+  }
+  if (noise.dust_share > 0.0) return {noise.dust_share, -exposure.range_m, 0.0};
+  if (noise.grazing_share > 0.0) return {noise.grazing_share, 0.0, noise.wall_behind_m};
   if (noise.spot_radius_m > 0.0) {
     const double share = std::min(1.0, noise.spot_radius_m / landmark.radius_m);
-    // rms over the clipped part of a shift that grows evenly from 0 to its value at the edge
-    const double at_edge = std::abs(clipped_shift_m(world, landmark, distance_m, landmark.radius_m));
-    return {share, at_edge / std::numbers::sqrt3};
+    // a shift that grows evenly from 0 to its value at the edge, on either side
+    const double at_edge = std::abs(clipped_shift_m(world, landmark, exposure.distance_m, landmark.radius_m));
+    return {share, -at_edge, at_edge};
   }
   return {};
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include "rangecal/problems/world/physical/simulate.hpp"
 #include "rangecal/problems/world/physical/world.hpp"
 
 namespace rangecal::world {
@@ -14,10 +15,10 @@ double range_sd_m(const World& world, const Cylinder& landmark, double distance_
 /// a spot centroid moved by du inside the scan plane reads as (d / s) du.
 double clipped_shift_m(const World& world, const Cylinder& landmark, double distance_m, double across_m);
 
-/// Share of readings with an extra error and the root mean square of that error.
+/// Share of readings with an extra error, which lies evenly between two ends.
 struct Tail {
-  double share = 0.0, sd_m = 0.0;
+  double share = 0.0, low_m = 0.0, high_m = 0.0;
 };
-Tail tail_of(const World& world, const Cylinder& landmark, double distance_m, double sd_m);
+Tail tail_of(const World& world, const Cylinder& landmark, const Exposure& exposure);
 
 }  // namespace rangecal::world

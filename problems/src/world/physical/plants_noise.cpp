@@ -52,6 +52,17 @@ void heavy_tails(World& world, double size, Random&) {
       std::sqrt(1.0 + world.noise.interference_window * world.noise.interference_window / 3.0);
 }
 
+void early_echo(World& world, double size, Random&) {
+  world.noise.dust_share = size;
+  world.truth["early_echo.share"] = size;
+}
+
+void late_return(World& world, double size, Random& random) {
+  world.noise.grazing_share = size;
+  world.noise.wall_behind_m = random.uniform(0.3, 1.5);
+  world.truth["late_return.share"] = size;
+}
+
 void reciprocal_noise(World& world, double size, Random&) {
   world.noise.before_inversion = true;
   world.noise.speckle_per_m = size;
@@ -112,6 +123,26 @@ std::vector<PlantEntry> noise_plants() {
         true,
         "another lidar's spot in the window"},
        heavy_tails},
+      {{"early_echo",
+        "1",
+        0.05,
+        0.3,
+        tail,
+        {"range_tail", "range_noise"},
+        {"any", "range"},
+        true,
+        "dust between sensor and landmark"},
+       early_echo},
+      {{"late_return",
+        "1",
+        0.05,
+        0.3,
+        tail,
+        {"range_tail", "range_noise"},
+        {"any", "range"},
+        true,
+        "beams that graze an edge read a mixture with the wall behind"},
+       late_return},
       {{"reciprocal_noise",
         "1/m",
         0.02,

@@ -47,13 +47,11 @@ struct Streams {
 
 double tail_error_m(const World& world, const Exposure& exposure, Random& random) {
   const double chance = random.uniform(), where = random.uniform(-1.0, 1.0);
-  if (world.noise.interference_share > 0.0 && chance < world.noise.interference_share)
-    return where * world.noise.interference_window * exposure.range_sd_m;
-  if (world.noise.spot_radius_m > 0.0) {
-    const Cylinder& cylinder = world.landmarks[static_cast<std::size_t>(exposure.landmark)];
+  const Cylinder& cylinder = world.landmarks[static_cast<std::size_t>(exposure.landmark)];
+  if (world.noise.spot_radius_m > 0.0)
     return clipped_shift_m(world, cylinder, exposure.distance_m, where * cylinder.radius_m);
-  }
-  return 0.0;
+  const Tail tail = tail_of(world, cylinder, exposure);
+  return chance < tail.share ? 0.5 * (tail.low_m + tail.high_m + where * (tail.high_m - tail.low_m)) : 0.0;
 }
 
 void add_reading(Recording& recording, const World& world, const Exposure& exposure, double range_m,

@@ -55,6 +55,26 @@ double probability_of(const ActiveEffect& member, const Hypotheses& table, const
   return sum;
 }
 
+/// Of the sets that hold nothing but these members, the one that gains most.
+const Hypothesis* likeliest_of_these(const Hypotheses& table, const Model& members, std::size_t known) {
+  const std::vector<std::string> all = member_names(members, known);
+  const Hypothesis* most = nullptr;
+  for (const auto& h : table) {
+    const std::vector<std::string> names = member_names(h->fit.model, known);
+    if (std::includes(all.begin(), all.end(), names.begin(), names.end()) && (!most || h->gain > most->gain))
+      most = h.get();
+  }
+  return most;
+}
+
+/// The members, with the parameters that another model has of them.
+Model with_parameters_of(Model members, const Model& other) {
+  for (ActiveEffect& a : members)
+    for (const ActiveEffect& b : other)
+      if (a.effect == b.effect) a.parameters = b.parameters;
+  return members;
+}
+
 /// Nats that a member of the likeliest set is worth: what the set without it lacks. Infinite where that was not fitted.
 double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t known) {
   std::vector<std::string> rest = member_names(table.front()->fit.model, known);
@@ -237,6 +257,11 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   Candidate answer = candidate_of(best, p.front(), result.baseline.nll);
   if (ids_of(names) != ids_of(best.fit.model)) {  // the names alone, and in their order
     Fit alone = refit(rows, names, best.fit.state, refit_options);
+    if (const Hypothesis* smaller = likeliest_of_these(table, names, known)) {
+      // What was left out may have held the fit where it was: a curve of the spread, say, the level of the noise.
+      Fit again = refit(rows, with_parameters_of(names, smaller->fit.model), smaller->fit.state, refit_options);
+      if (again.ok && !(alone.ok && alone.nll <= again.nll)) alone = std::move(again);
+    }
     if (!alone.ok) return;
     answer.fit = std::move(alone);
     answer.gain = result.baseline.nll - answer.fit.nll;

@@ -301,9 +301,14 @@ class SetSearch {
     return wanted;
   }
 
-  std::unique_ptr<Hypothesis> fitted(const Hypothesis& here, const Wanted& wanted) const {
+  std::unique_ptr<Hypothesis> fitted(const Hypothesis& here, Wanted wanted) const {
     auto made = std::make_unique<Hypothesis>();
-    made->fit = wanted.fit ? *wanted.fit : refit(rows_, wanted.model, here.fit.state, options_);
+    JointState start = here.fit.state;
+    for (std::size_t i = known_count(); !wanted.fit && i < wanted.model.size(); ++i)
+      if (wanted.model[i].effect->info().kind == EffectKind::tail &&
+          !contains(here.fit.model, wanted.model[i].effect))
+        start_tail_where_likeliest(rows_, i, options_, wanted.model, start);
+    made->fit = wanted.fit ? *wanted.fit : refit(rows_, wanted.model, start, options_);
     if (made->fit.ok && !wanted.fit && root_nll_ - made->fit.nll < wanted.promised - fell_short)
       start_elsewhere(wanted.model, made->fit);
     const double gain = root_nll_ - made->fit.nll;

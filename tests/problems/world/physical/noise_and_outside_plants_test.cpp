@@ -108,9 +108,9 @@ TEST(NoisePlants, InterferenceAndClippedSpotsHaveTails) {
   EXPECT_GT(far_out(scores(clipped, 1)), 1e-3);
   const Expected out = expected(clipped);
   EXPECT_NEAR(out.tail_share[0], 0.005 / 0.12, 1e-12);
-  // At the edge the centroid moves by w / 2 = 2.5 mm: d / s * 2.5 mm, rms over an even growth 1 / sqrt 3 of
-  // that.
-  EXPECT_NEAR(out.tail_sd_m[0], out.distance_m[0] / 0.05 * 0.0025 / std::sqrt(3.0), 1e-12);
+  // At the edge the centroid moves by w / 2 = 2.5 mm: d / s * 2.5 mm, evenly from there to the same on the other.
+  EXPECT_NEAR(out.tail_high_m[0], out.distance_m[0] / 0.05 * 0.0025, 1e-12);
+  EXPECT_NEAR(out.tail_low_m[0], -out.tail_high_m[0], 1e-12);
 }
 
 TEST(NoisePlants, NoiseBeforeTheReciprocalIsBiasedAndSkewed) {

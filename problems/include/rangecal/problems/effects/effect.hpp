@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "rangecal/problems/landmarks/joint_problem.hpp"
+#include "rangecal/problems/tail_law.hpp"
 
 namespace rangecal {
 
@@ -133,11 +134,6 @@ struct GridReading {
   double range_m = 0.0, bearing_rad = 0.0;
 };
 
-/// A share of readings has an extra error of that standard deviation [m]: a contaminated normal law.
-struct Contamination {
-  double share = 0.0, extra_sigma_m = 0.0;
-};
-
 /// A physical effect that a model may leave out. One file per effect in problems/effects; being there registers it.
 class Effect {
  public:
@@ -160,7 +156,7 @@ class Effect {
   /// What the user reads: names (ending in the unit) and values made from p, an amplitude and a phase from a cosine and
   /// a sine, say. By default the parameters themselves.
   virtual std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const;
-  /// Tail: which share of such readings misses, and by how much more than the spread.
+  /// Tail: which share of such readings misses, and by how much more than the spread, to both sides or to one.
   virtual Contamination contamination(const ReadingView<double>&, const double* /*p*/) const { return {}; }
   /// Grid: its steps where a reading lies.
   virtual GridSteps grid_steps(const ReadingView<double>&, const double* /*p*/) const { return {}; }

@@ -36,7 +36,8 @@ struct Expected {
   std::vector<double> range_mean_m, range_sd_m;  ///< of a reading that is seen; independent part only
   std::vector<double> bearing_mean_rad, bearing_sd_rad;
   std::vector<double> detection;              ///< probability that the reading is seen
-  std::vector<double> tail_share, tail_sd_m;  ///< readings with an extra error of that spread
+  /// Share of the readings with an extra error, and the ends between which that lies evenly.
+  std::vector<double> tail_share, tail_low_m, tail_high_m;
   double cell_sd_m = 0.0;                     ///< shared within a cell
   double smoothing = 0.0;                     ///< AR(1) coefficient over repeats
   double placing_sigma_m = 0.0, walk_sigma_m = 0.0, heading_sigma_rad = 0.0;  ///< of the stops

@@ -120,6 +120,9 @@ struct NoiseBudget {
   bool before_inversion = false;      ///< enters the centroid, before 1/x
   double interference_share = 0.0;    ///< readings with another lidar's spot in the window
   double interference_window = 10.0;  ///< half-width of that window, in units of the sd
+  double dust_share = 0.0;            ///< readings of dust, anywhere between sensor and landmark
+  double grazing_share = 0.0;         ///< readings whose beam is cut by the edge: a mixture with the wall behind
+  double wall_behind_m = 1.0;         ///< distance of that wall from the landmarks
   double spot_radius_m = 0.0;         ///< w on the target, for clipping at the landmark's edge; 0: a point
   double cell_sd_m = 0.0;             ///< texture: shared by all repeats of (stop, landmark)
   double smoothing = 0.0;             ///< rho of the AR(1) filter over the repeats of a cell

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <limits>
+
+#include "rangecal/core/random.hpp"
+#include "rangecal/problems/noise_shape.hpp"
+
+namespace rangecal {
+
+/// A share of readings has an extra error: even about 0, or on one side, where it is exponential and may end.
+struct Contamination {
+  double share = 0.0;
+  double extra_sigma_m = 0.0;  ///< standard deviation of an even, normal one
+  double mean_m = 0.0;         ///< of a one-sided one that has no end: > 0 late, < 0 early; 0: it is even
+  double end_m = std::numeric_limits<double>::infinity();  ///< the largest size of a one-sided one
+};
+
+/// The law of a reading's error e with standard deviation s, when shares p_k of the readings have extra errors x_k:
+///
+///   p(e) = (1 - P) N(e; 0, s^2) + sum_k w_k p_k(e)
+///   even:       p_k = N(e; 0, s^2 + sigma_k^2)
+///   one-sided:  p_k = law of s N(0, 1) +- x,  x of density exp(-x / tau_k) / tau_k / (1 - exp(-end_k / tau_k)), 0 < x < end_k
+///
+/// A reading is of one share or of none: w_k : (1 - P) = p_k : (1 - p_k), so that w = p for a single one.
+class TailLaw {
+ public:
+  static constexpr std::size_t most = 4;  ///< shares; further ones are not taken
+
+  /// A share of 0 adds nothing.
+  void add(const Contamination& part);
+  bool empty() const { return count_ == 0; }
+  /// log density of z = e / s, and the Gaussian that stands for it (expectation and maximisation), as in log_density().
+  LogDensity density(double e_m, double s_m) const;
+  /// The normal quantile of the error's probability: standard normal where the law is right.
+  double normal_score(double e_m, double s_m) const;
+  /// Mean [m] of the extra errors of all readings.
+  double mean_m() const;
+  /// Twice what the normal law of the same mean and variance loses of a reading's expected log density [nats].
+  double negentropy(double s_m) const;
+  /// Extra error of one reading [m].
+  double draw(Random& random) const;
+
+ private:
+  struct Part {
+    Contamination law;
+    double odds = 0.0;
+  };
+  double body() const { return 1.0 / (1.0 + odds_); }
+
+  std::array<Part, most> parts_{};
+  std::size_t count_ = 0;
+  double odds_ = 0.0;  ///< sum of p / (1 - p)
+};
+
+}  // namespace rangecal

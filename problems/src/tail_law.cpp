@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "rangecal/problems/tail_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "rangecal/core/distributions.hpp"
+#include "rangecal/core/quantiles.hpp"
+
+namespace rangecal {
+namespace {
+
+double upper_of_normal(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
+
+bool one_sided(const Contamination& law) { return law.mean_m != 0.0; }
+
+double sign_of(const Contamination& law) { return law.mean_m < 0.0 ? -1.0 : 1.0; }
+
+/// Ratio of an even share's standard deviation to the spread.
+double wide(const Contamination& law, double s) { return std::hypot(1.0, law.extra_sigma_m / s); }
+
+/// Probabilities below and above z of one share.
+struct Tails {
+  double below = 0.0, above = 0.0;
+};
+
+Tails tails_of(const Contamination& law, double z, double s) {
+  if (!one_sided(law)) return {upper_of_normal(-z / wide(law, s)), upper_of_normal(z / wide(law, s))};
+  const double sign = sign_of(law);
+  const double below = one_sided_cumulative(std::abs(law.mean_m) / s, sign * z, law.end_m / s);
+  return sign > 0.0 ? Tails{below, 1.0 - below} : Tails{1.0 - below, below};
+}
+
+/// z at which the normal's upper tail is `upper`, in [0, 1/2]; 37 is where it leaves double precision.
+double quantile_above(double upper) {
+  if (!(upper > 1e-299)) return 37.0;
+  if (upper >= 0.5) return 0.0;
+  return normal_upper_quantile(upper);
+}
+
+}  // namespace
+
+void TailLaw::add(const Contamination& part) {
+  if (!(part.share > 0.0) || count_ == most) return;
+  const double odds = part.share / (1.0 - std::min(part.share, 0.999));
+  parts_[count_++] = {part, odds};
+  odds_ += odds;
+}
+
+LogDensity TailLaw::density(double e, double s) const {
+  const double z = e / s;
+  struct Term {
+    double log = 0.0, weight = 1.0, mean = 0.0, variance = 0.0;
+  };
+  std::array<Term, most + 1> terms;
+  const double log_body = -std::log1p(odds_);
+  terms[0].log = log_body - half_log_two_pi - 0.5 * z * z;
+  double high = terms[0].log;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Contamination& law = parts_[k].law;
+    const double log_share = log_body + std::log(parts_[k].odds);
+    if (one_sided(law)) {
+      const double sign = sign_of(law);
+      const OneSidedDensity at = one_sided_density(std::abs(law.mean_m) / s, sign * z, law.end_m / s);
+      terms[k + 1] = {log_share + at.log_density, 1.0, sign * at.mean, at.variance};
+    } else {
+      const double ratio = wide(law, s);
+      terms[k + 1] = {log_share - std::log(ratio) - half_log_two_pi - 0.5 * z * z / (ratio * ratio),
+                      1.0 / (ratio * ratio), 0.0, 0.0};
+    }
+    high = std::max(high, terms[k + 1].log);
+  }
+  double total = 0.0;
+  for (std::size_t k = 0; k <= count_; ++k) total += std::exp(terms[k].log - high);
+  LogDensity out;
+  out.value = high + std::log(total);
+  double weight = 0.0, first = 0.0, second = 0.0;
+  for (std::size_t k = 0; k <= count_; ++k) {
+    const Term& term = terms[k];
+    const double r = std::exp(term.log - out.value);
+    if (k > 0) out.outlier += r;
+    weight += r * term.weight;
+    first += r * term.weight * term.mean;
+    second += r * term.weight * (term.mean * term.mean + term.variance);
+  }
+  out.weight = weight;
+  out.shift = first / weight;
+  out.extra_square = std::max(0.0, second - first * out.shift);
+  out.derivative = first - weight * z;
+  return out;
+}
+
+double TailLaw::normal_score(double e, double s) const {
+  const double z = e / s;
+  Tails all{body() * upper_of_normal(-z), body() * upper_of_normal(z)};
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Tails own = tails_of(parts_[k].law, z, s);
+    all.below += body() * parts_[k].odds * own.below;
+    all.above += body() * parts_[k].odds * own.above;
+  }
+  return all.below < all.above ? -quantile_above(all.below) : quantile_above(all.above);
+}
+
+double TailLaw::mean_m() const {
+  double mean = 0.0;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Contamination& law = parts_[k].law;
+    if (!one_sided(law)) continue;
+    // of an exponential of mean tau that ends at L: tau - L / (exp(L / tau) - 1)
+    const double tau = std::abs(law.mean_m), missing = std::expm1(law.end_m / tau);
+    mean +=
+        body() * parts_[k].odds * sign_of(law) * (tau - (std::isfinite(missing) ? law.end_m / missing : 0.0));
+  }
+  return mean;
+}
+
+double TailLaw::negentropy(double s) const {
+  double low = 10.0, high = 10.0;  // reaches of the law on either side [standard deviations]
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Contamination& law = parts_[k].law;
+    if (!one_sided(law)) {
+      low = std::max(low, 10.0 * wide(law, s)), high = std::max(high, 10.0 * wide(law, s));
+      continue;
+    }
+    const double reach = 10.0 + std::min(law.end_m, 40.0 * std::abs(law.mean_m)) / s;
+    (law.mean_m < 0.0 ? low : high) = std::max(law.mean_m < 0.0 ? low : high, reach);
+  }
+  // by the trapezoidal rule in arsinh z
+  constexpr double step = 0.02;
+  double total = 0.0, first = 0.0, second = 0.0, entropy = 0.0;
+  for (double u = -std::asinh(low); u <= std::asinh(high); u += step) {
+    const double z = std::sinh(u), value = density(z * s, s).value;
+    const double mass = step * std::cosh(u) * std::exp(value);
+    total += mass, first += mass * z, second += mass * z * z, entropy -= mass * value;
+  }
+  const double mean = first / total, variance = second / total - mean * mean;
+  return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - entropy);
+}
+
+double TailLaw::draw(Random& random) const {
+  if (empty()) return 0.0;
+  double left = random.uniform();
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Contamination& law = parts_[k].law;
+    const double share = body() * parts_[k].odds;
+    if (left < share) {
+      if (!one_sided(law)) return random.normal(0.0, law.extra_sigma_m);
+      const double tau = std::abs(law.mean_m);
+      return -sign_of(law) * tau * std::log1p(random.uniform() * std::expm1(-law.end_m / tau));
+    }
+    left -= share;
+  }
+  return 0.0;
+}
+
+}  // namespace rangecal
