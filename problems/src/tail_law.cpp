@@ -44,8 +44,9 @@ double quantile_above(double upper) {
 void TailLaw::add(const Contamination& part) {
   if (!(part.share > 0.0) || count_ == most) return;
   const double odds = part.share / (1.0 - std::min(part.share, 0.999));
-  parts_[count_++] = {part, odds};
+  parts_[count_++] = {part, odds, std::log(odds)};
   odds_ += odds;
+  log_body_ = -std::log1p(odds_);
 }
 
 LogDensity TailLaw::density(double e, double s) const {
@@ -54,12 +55,11 @@ LogDensity TailLaw::density(double e, double s) const {
     double log = 0.0, weight = 1.0, mean = 0.0, variance = 0.0;
   };
   std::array<Term, most + 1> terms;
-  const double log_body = -std::log1p(odds_);
-  terms[0].log = log_body - half_log_two_pi - 0.5 * z * z;
+  terms[0].log = log_body_ - half_log_two_pi - 0.5 * z * z;
   double high = terms[0].log;
   for (std::size_t k = 0; k < count_; ++k) {
     const Contamination& law = parts_[k].law;
-    const double log_share = log_body + std::log(parts_[k].odds);
+    const double log_share = log_body_ + parts_[k].log_odds;
     if (one_sided(law)) {
       const double sign = sign_of(law);
       const OneSidedDensity at = one_sided_density(std::abs(law.mean_m) / s, sign * z, law.end_m / s);
@@ -127,7 +127,7 @@ double TailLaw::negentropy(double s) const {
     (law.mean_m < 0.0 ? low : high) = std::max(law.mean_m < 0.0 ? low : high, reach);
   }
   // by the trapezoidal rule in arsinh z
-  constexpr double step = 0.02;
+  constexpr double step = 0.05;
   double total = 0.0, first = 0.0, second = 0.0, entropy = 0.0;
   for (double u = -std::asinh(low); u <= std::asinh(high); u += step) {
     const double z = std::sinh(u), value = density(z * s, s).value;

@@ -115,22 +115,30 @@ JointState with_robust_noise(const Rows& rows, const Model& model, JointState st
 
 void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options,
                                 Model& model, JointState& state) {
-  constexpr int solves = 3;  // the weights and the level of the noise follow each other
-  const JointState robust = with_robust_noise(rows, without(model, member), state);
-  const JointState given = state;
-  Model from = model;
-  double least = std::numeric_limits<double>::infinity();
-  for (const Eigen::VectorXd& start : model[member].effect->start_grid(rows.context))
-    for (const JointState& before : {given, robust}) {
-      from[member].parameters = start;
-      JointState moved = before;
-      double value = std::numeric_limits<double>::infinity();
-      for (int solve = 0; solve < solves; ++solve) value = calibrate_under(rows, from, moved, options);
-      if (!(value < least)) continue;
-      least = value;
-      model[member].parameters = start;
-      state = moved;
-    }
+  constexpr std::size_t most_followed = 3;
+  constexpr int further_solves = 2;  // the weights and the level of the noise follow each other
+  struct Start {
+    Eigen::VectorXd parameters;
+    JointState state;
+    double nll = 0.0;
+  };
+  std::vector<Start> starts;
+  const auto solve = [&](Start& start) {
+    model[member].parameters = start.parameters;
+    start.nll = calibrate_under(rows, model, start.state, options);
+  };
+  for (const JointState& from : {state, with_robust_noise(rows, without(model, member), state)})
+    for (const Eigen::VectorXd& parameters : model[member].effect->start_grid(rows.context))
+      solve(starts.emplace_back(Start{parameters, from}));
+  std::stable_sort(starts.begin(), starts.end(),
+                   [](const Start& a, const Start& b) { return a.nll < b.nll; });
+  if (starts.size() > most_followed) starts.resize(most_followed);
+  for (Start& start : starts)
+    for (int i = 0; i < further_solves && std::isfinite(start.nll); ++i) solve(start);
+  Start& best = *std::min_element(starts.begin(), starts.end(),
+                                  [](const Start& a, const Start& b) { return a.nll < b.nll; });
+  model[member].parameters = best.parameters;
+  if (std::isfinite(best.nll)) state = std::move(best.state);
 }
 
 Fit fit_proposal(const Rows& rows, const Fit& base, const Proposal& proposal, const RefitOptions& options) {

@@ -46,13 +46,14 @@ class TailLaw {
  private:
   struct Part {
     Contamination law;
-    double odds = 0.0;
+    double odds = 0.0, log_odds = 0.0;
   };
   double body() const { return 1.0 / (1.0 + odds_); }
 
   std::array<Part, most> parts_{};
   std::size_t count_ = 0;
-  double odds_ = 0.0;  ///< sum of p / (1 - p)
+  double odds_ = 0.0;      ///< sum of p / (1 - p)
+  double log_body_ = 0.0;  ///< ln (1 - P)
 };
 
 }  // namespace rangecal

@@ -123,11 +123,12 @@ class SetSearch {
     return nullptr;
   }
 
-  /// Fits what may be likelier than a set: sets of the problem linearised there, spreads, tails and dependence beside it, and
-  /// it without each of its members.
+  /// Fits what may be likelier than a set: spreads, tails and dependence beside it first, which set the scale of all else;
+  /// then sets of the problem linearised there that promise to come near the likeliest by then, and the set without each of
+  /// its members.
   void look_around(Hypothesis& here) {
     here.scanned = true;
-    top_gain_ = likeliest().gain;
+    fit_all(here, asked_of_residuals(here));
     std::vector<Wanted> wanted = sets_linearised_at(here);
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
       Model rest = without(here.fit.model, i);
@@ -135,8 +136,11 @@ class SetSearch {
       if (rest.size() > known_count() && (!known || known->fits < most_fits))
         wanted.push_back({std::move(rest)});
     }
-    const std::vector<Wanted> left = asked_of_residuals(here);
-    wanted.insert(wanted.end(), left.begin(), left.end());
+    fit_all(here, std::move(wanted));
+  }
+
+  void fit_all(const Hypothesis& here, std::vector<Wanted> wanted) {
+    top_gain_ = likeliest().gain;
     choose_what_is_refined(here, wanted);
     std::vector<std::unique_ptr<Hypothesis>> made(wanted.size());
     in_parallel(
@@ -218,8 +222,10 @@ class SetSearch {
     std::set<std::size_t> sizes;
     for (const LinearSet& set : sets) {
       // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
-      const bool likely = set.log_posterior > sets.front().log_posterior - fitted_window ||
-                          sizes.insert(set.model.size()).second;
+      const double promised = here.log_posterior + set.log_posterior - own.log_posterior;
+      const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
+                           sizes.insert(set.model.size()).second) &&
+                          promised > likeliest().log_posterior - fitted_window;
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
       const double gain = here.gain + set.gain - own.gain;
@@ -231,9 +237,7 @@ class SetSearch {
       const bool idle = std::includes(names.begin(), names.end(), mine.begin(), mine.end()) &&
                         set.log_posterior < own.log_posterior;
       const bool fit = likely && wanted.size() < most_of_sets && !again && !idle;
-      if (likely)
-        here.proposals.push_back(
-            {names, gain, here.log_posterior + set.log_posterior - own.log_posterior, fit || known});
+      if (likely) here.proposals.push_back({names, gain, promised, fit || known});
       if (fit) wanted.push_back({std::move(model), gain});
     }
     return wanted;
