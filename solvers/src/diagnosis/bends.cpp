@@ -21,6 +21,7 @@ constexpr double faint = 0.3;  ///< of a cell's error: a swing below it needs no
 /// One cell as its place sees it: h(d) in a table, the curve to second order, the bearing to first.
 class SwingingCell {
  public:
+  /// `model`: the effects that move the mean, differently at every distance.
   SwingingCell(const Rows& rows, const Model& model, const WorkingProblem& working,
                const CellGeometry& geometry, const JointState& state, int cell)
       : rows_(&rows), model_(&model), cell_(cell), view_(view_of(rows, geometry, first_row())) {
@@ -30,7 +31,7 @@ class SwingingCell {
     sight_ = geometry.axis_distance[cell] * geometry.n[cell];
     across_ = geometry.t[cell] / geometry.axis_distance[cell];
     bearing_error_ = wrap_angle(c.bearing_mean[cell] - geometry.bearing[cell]);
-    // What the effects took out of the mean comes back: the sum wants y - h at other distances.
+    // What these effects took out of the mean comes back: the sum wants y - h at other distances.
     error_ = c.range_mean[cell] + change(0.0) - view_.f;
     measure();
   }
@@ -65,8 +66,7 @@ class SwingingCell {
     const ReadingView<double> view = moved_by(view_, moved);
     double sum = 0.0;
     for (const ActiveEffect& active : *model_)
-      if (active.effect->info().kind == EffectKind::mean)
-        sum += active.effect->reading(view, active.parameters.data()).range;
+      sum += active.effect->reading(view, active.parameters.data()).range;
     return sum;
   }
 
@@ -179,10 +179,15 @@ bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& w
                    JointState& state) {
   const JointProblem& problem = working.problem;
   const CellGeometry geometry = cell_geometry(rows, state);
+  Model swinging = model;
+  std::erase_if(swinging, [](const ActiveEffect& active) {
+    return active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance();
+  });
   std::vector<SwingingPlace> places(static_cast<std::size_t>(problem.place_count));
   for (int cell = 0; cell < rows.cell_count; ++cell) {
     const int place = problem.stops[static_cast<std::size_t>(problem.cells.stop[cell])].place;
-    places[static_cast<std::size_t>(place)].cells.emplace_back(rows, model, working, geometry, state, cell);
+    places[static_cast<std::size_t>(place)].cells.emplace_back(rows, swinging, working, geometry, state,
+                                                               cell);
   }
   std::vector<Eigen::Vector2d> moves(places.size(), Eigen::Vector2d::Zero());
   for (std::size_t k = 0; k < problem.stops.size(); ++k) {

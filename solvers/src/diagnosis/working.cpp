@@ -82,7 +82,7 @@ double shared_variance(double sigma, const std::vector<RoundingVariance>& grid, 
 }  // namespace
 
 double bend_of(const ActiveEffect& active, const ReadingView<double>& at) {
-  if (active.effect->info().kind != EffectKind::mean) return 0.0;
+  if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) return 0.0;
   const double step = distance_step(at.d), jump = active.effect->switching_distance(active.parameters.data());
   const bool beside = std::abs(jump - at.d) <= 2.0 * step;
   const double below = beside && jump <= at.d ? 0.0 : step, above = beside && jump > at.d ? 0.0 : step;
