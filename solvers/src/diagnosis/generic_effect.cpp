@@ -71,10 +71,7 @@ GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_na
                                 .high = 1e3 * typical});
 }
 
-ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, const double* p) const {
-  const Eigen::Map<const Eigen::VectorXd> parameters(p, directions_.cols());
-  const double change =
-      basis_.value_of(covariate_(at), [&](Eigen::Index k) { return directions_.row(k).dot(parameters); });
+ReadingChange<double> GenericEffect::of_channel(double change) const {
   switch (channel_) {
     case CurveChannel::range:
       return {.range = change};
@@ -88,6 +85,18 @@ ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, cons
       break;
   }
   return {};
+}
+
+ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, const double* p) const {
+  const Eigen::Map<const Eigen::VectorXd> parameters(p, directions_.cols());
+  return of_channel(
+      basis_.value_of(covariate_(at), [&](Eigen::Index k) { return directions_.row(k).dot(parameters); }));
+}
+
+std::optional<ReadingChange<double>> GenericEffect::slope(const ReadingView<double>& at, const double*,
+                                                          int parameter) const {
+  return of_channel(
+      basis_.value_of(covariate_(at), [&](Eigen::Index k) { return directions_(k, parameter); }));
 }
 
 std::vector<std::pair<std::string, double>> GenericEffect::reported(const EffectContext&,

@@ -67,6 +67,8 @@ class GenericEffect final : public Effect {
 
   const EffectInfo& info() const override { return info_; }
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override;
+  std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
+                                             int parameter) const override;
   bool changes_with_distance() const override {
     return info_.covariate == "range" || info_.covariate == "disparity";
   }
@@ -79,6 +81,8 @@ class GenericEffect final : public Effect {
   Eigen::VectorXd coefficients(const double* p) const {
     return directions_ * Eigen::Map<const Eigen::VectorXd>(p, directions_.cols());
   }
+
+  ReadingChange<double> of_channel(double change) const;
 
   CurveChannel channel_;
   CovariateOf covariate_;

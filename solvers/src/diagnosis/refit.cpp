@@ -57,6 +57,7 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
       move_parameters(rows, fit.free, step, damping, trial);
       JointState state = fit.state;
       MarginalFit trial_detail;
+      trial_detail.reml = detail.reml;
       const double value = calibrate_under(rows, trial, state, options, &trial_detail);
       if (value < fit.nll + 1e-7) {
         accepted = fit.nll - value > 1e-3;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -153,6 +154,11 @@ class Effect {
   virtual std::pair<double, double> bounds(const EffectContext&, std::size_t parameter) const;
   /// Change of one reading under parameters p.
   virtual ReadingChange<double> reading(const ReadingView<double>&, const double* /*p*/) const { return {}; }
+  /// Change of that per unit of one parameter, where a formula gives it; else central differences do.
+  virtual std::optional<ReadingChange<double>> slope(const ReadingView<double>&, const double* /*p*/,
+                                                     int /*parameter*/) const {
+    return std::nullopt;
+  }
   /// False if reading() is the same at every distance, all else the same.
   virtual bool changes_with_distance() const { return true; }
   /// Change of the stops: commanded poses, sigmas, chain. `true` from acts_on_stops() makes it be called.
