@@ -49,7 +49,7 @@ class Battery {
   /// p-value of the question corrected for everything that was asked.
   double corrected(const Question& q) const { return rates.corrected(q.family, q.log_p); }
   /// Simulates the battery under the fitted model: the laws of its scalar tests and of its smallest p-values;
-  /// sets the rates.
+  /// sets the rates. Once: the columns of the questions, most of a battery's memory, are gone afterwards.
   void calibrate(int draws, std::uint64_t seed);
   /// The question of the smallest corrected p-value; there has to be one.
   const Question& strongest() const;
@@ -66,8 +66,8 @@ class Battery {
   /// A question with its answer, and the columns that its score is of.
   struct Asked {
     Question question;
-    std::vector<Eigen::VectorXd> mean_projected;    ///< P x, normalised, per column
-    std::vector<Signature> mean_within;             ///< rows' parts of normalised columns (empty if none)
+    std::vector<Eigen::VectorXd> mean_projected;  ///< P x, normalised, per column; of pairs without bearings
+    std::vector<Signature> mean_within;           ///< rows' parts of normalised columns (empty if none)
     std::vector<Eigen::VectorXd> variance_columns;  ///< normalised slopes over the units of a channel
     bool variance_of_bearing = false;
   };

@@ -47,7 +47,7 @@ class ScoreColumns {
   /// What a block of draws holds, to be filled; no rows where there is no column.
   Eigen::MatrixXf block(Eigen::Index draws) const { return {chosen_.empty() ? 0 : rows_, draws}; }
   static void set(Eigen::MatrixXf& block, Eigen::Index draw, const Eigen::VectorXd& drawn) {
-    if (block.rows() > 0) block.col(draw) = drawn.cast<float>();
+    if (block.rows() > 0) block.col(draw) = drawn.head(block.rows()).cast<float>();
   }
   /// scores += columns^T block
   template <typename Scores>
@@ -68,7 +68,8 @@ class ScoreColumns {
 
 Battery::NullScores Battery::draw_scores(int draws, std::uint64_t seed) {
   const Eigen::Index units = 2 * projector_.cells(), n = static_cast<Eigen::Index>(rows_.size());
-  ScoreColumns means(units), range_rows(n), bearing_rows(n), range_variances(units), bearing_variances(units);
+  ScoreColumns means(rows_.pairs ? projector_.cells() : units), range_rows(n), bearing_rows(n),
+      range_variances(units), bearing_variances(units);
   bool within = false;
   for (std::size_t j = 0; j < mean_projected_.size(); ++j) {
     const auto score = static_cast<Eigen::Index>(j);
@@ -144,6 +145,8 @@ Battery::NullScores Battery::draw_scores(int draws, std::uint64_t seed) {
 
 void Battery::calibrate(int draws, std::uint64_t seed) {
   const NullScores scores = draw_scores(draws, seed);
+  for (auto* columns : {&mean_projected_, &variance_columns_}) std::vector<Eigen::VectorXd>().swap(*columns);
+  std::vector<Signature>().swap(mean_within_);
   // Per family and number of degrees of freedom the p-value falls with the statistic: only the largest is
   // worth one.
   struct Largest {

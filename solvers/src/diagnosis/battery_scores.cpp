@@ -61,7 +61,7 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
     ++question.dof;
     kept.push_back(x);
     kept_projected.push_back(projected);
-    asked.mean_projected.push_back(projected);
+    asked.mean_projected.push_back(rows_.pairs ? projected.head(n).eval() : projected);
     Signature within;
     if (x.within()) {
       within.range_rows = x.range_rows.cwiseProduct(projector_.row_range_information);

@@ -18,19 +18,63 @@ constexpr int widest = 20;     ///< points of the grid on either side
 constexpr double worth = 0.3;  ///< nats below which a place stays
 constexpr double faint = 0.3;  ///< of a cell's error: a swing below it needs no resolution
 
+double range_information(const WorkingProblem& working, const CellGeometry& geometry, int cell) {
+  return working.problem.cells.range_weight[cell] / (geometry.spread[cell] * geometry.spread[cell]);
+}
+
+/// How far about d a swing is looked at [m]: over a tenth of d where that is close by, since a period may grow with its square.
+double within_m(double d) { return std::min(0.012, 0.1 * std::abs(d)); }
+
+/// The effects of a model on the mean range, as functions of the distance about each cell.
+struct Swinging {
+  Model effects;              ///< those that are no straight lines
+  std::vector<double> slope;  ///< of all others, by cell [m/m]
+};
+
+Swinging swinging_of(const Rows& rows, const Model& model, const WorkingProblem& working,
+                     const CellGeometry& geometry) {
+  constexpr std::array places{-0.52, 0.33, 0.76};
+  constexpr double straight = 0.1 * faint;  // of a cell's error
+  Swinging swinging;
+  swinging.slope.assign(static_cast<std::size_t>(rows.cell_count), 0.0);
+  std::vector<double> slope(swinging.slope.size());
+  for (const ActiveEffect& active : model) {
+    if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) continue;
+    bool swings = std::isfinite(active.effect->switching_distance(active.parameters.data()));
+    for (int c = 0; c < rows.cell_count && !swings; ++c) {
+      const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
+      const double reach_m = within_m(view.d);
+      const double least = straight / (reach_m * std::sqrt(range_information(working, geometry, c)));
+      slope[c] = bend_of(active, view);
+      for (const double place : places)
+        swings = swings || std::abs(bend_of(active, moved_by(view, place * reach_m)) - slope[c]) > least;
+    }
+    if (swings) {
+      swinging.effects.push_back(active);
+      continue;
+    }
+    for (std::size_t c = 0; c < slope.size(); ++c) swinging.slope[c] += slope[c];
+  }
+  return swinging;
+}
+
 /// One cell as its place sees it: h(d) in a table, the curve to second order, the bearing to first.
 class SwingingCell {
  public:
-  SwingingCell(const Rows& rows, const Model& model, const WorkingProblem& working,
+  SwingingCell(const Rows& rows, const Swinging& swinging, const WorkingProblem& working,
                const CellGeometry& geometry, const JointState& state, int cell)
-      : rows_(&rows), model_(&model), cell_(cell), view_(view_of(rows, geometry, first_row())) {
+      : rows_(&rows),
+        model_(&swinging.effects),
+        slope_(swinging.slope[cell]),
+        cell_(cell),
+        view_(view_of(rows, geometry, first_row())) {
     const Cells& c = working.problem.cells;
-    information_ = c.range_weight[cell] / (geometry.spread[cell] * geometry.spread[cell]);
+    information_ = range_information(working, geometry, cell);
     bearing_information_ = c.bearing_weight[cell] / (state.sigma_theta_rad * state.sigma_theta_rad);
     sight_ = geometry.axis_distance[cell] * geometry.n[cell];
     across_ = geometry.t[cell] / geometry.axis_distance[cell];
     bearing_error_ = wrap_angle(c.bearing_mean[cell] - geometry.bearing[cell]);
-    // What the effects took out of the mean comes back: the sum wants y - h at other distances.
+    // What these effects took out of the mean comes back: the sum wants y - h at other distances.
     error_ = c.range_mean[cell] + change(0.0) - view_.f;
     measure();
   }
@@ -63,23 +107,21 @@ class SwingingCell {
 
   double change(double moved) const {
     const ReadingView<double> view = moved_by(view_, moved);
-    double sum = 0.0;
+    double sum = slope_ * moved;
     for (const ActiveEffect& active : *model_)
-      if (active.effect->info().kind == EffectKind::mean)
-        sum += active.effect->reading(view, active.parameters.data()).range;
+      sum += active.effect->reading(view, active.parameters.data()).range;
     return sum;
   }
 
-  /// Amplitude and phase per metre of h about d, from samples that no period repeats; close by over a tenth of d, since
-  /// the period grows with its square.
+  /// Amplitude and phase per metre of h about d, from samples that no period repeats.
   void measure() {
-    const double within_m = std::min(0.012, 0.1 * std::abs(view_.d));
+    const double reach_m = within_m(view_.d);
     constexpr std::array places{-0.97, -0.71, -0.52, -0.33, -0.19, -0.07, 0.04, 0.21, 0.38, 0.55, 0.76, 1.0};
     double sum = 0.0, square = 0.0, slope_square = 0.0, slope_sum = 0.0;
     for (double place : places) {
-      const ReadingView<double> at = moved_by(view_, place * within_m);
-      const double h = change(place * within_m);
-      double slope = 0.0;
+      const ReadingView<double> at = moved_by(view_, place * reach_m);
+      const double h = change(place * reach_m);
+      double slope = slope_;
       for (const ActiveEffect& active : *model_) slope += bend_of(active, at);
       sum += h;
       square += h * h;
@@ -102,6 +144,7 @@ class SwingingCell {
 
   const Rows* rows_;
   const Model* model_;
+  double slope_;  ///< of the effects that are straight lines
   int cell_, middle_ = 0;
   ReadingView<double> view_;
   Eigen::Vector2d sight_, across_;
@@ -179,10 +222,13 @@ bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& w
                    JointState& state) {
   const JointProblem& problem = working.problem;
   const CellGeometry geometry = cell_geometry(rows, state);
+  const Swinging swinging = swinging_of(rows, model, working, geometry);
+  if (swinging.effects.empty()) return false;
   std::vector<SwingingPlace> places(static_cast<std::size_t>(problem.place_count));
   for (int cell = 0; cell < rows.cell_count; ++cell) {
     const int place = problem.stops[static_cast<std::size_t>(problem.cells.stop[cell])].place;
-    places[static_cast<std::size_t>(place)].cells.emplace_back(rows, model, working, geometry, state, cell);
+    places[static_cast<std::size_t>(place)].cells.emplace_back(rows, swinging, working, geometry, state,
+                                                               cell);
   }
   std::vector<Eigen::Vector2d> moves(places.size(), Eigen::Vector2d::Zero());
   for (std::size_t k = 0; k < problem.stops.size(); ++k) {

@@ -64,12 +64,14 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   double value = infinity, least = infinity;
   JointState least_state = state;
   Rounds rounds(model, options.places_stay);
+  if (detail) marginal.begin = detail->reml;
   do {
     const WorkingProblem working = rounds.begin(rows, model, state);
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
     MarginalFit fit = solve(rows, working.problem, start, marginal);
     if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
+    marginal.begin = fit.reml;
     // Alpha under a simulation's prior: held at each solve, moved in between while that gains.
     double fit_value = fit.marginal_nll + prior_nll(rows, fit.state.alpha);
     for (int move = 0; move < 3 && rows.alpha_prior && !rows.alpha_prior->exact(); ++move) {

@@ -19,12 +19,13 @@ std::vector<FreeParameter> free_parameters(const Rows& rows, const Projector& pr
       ActiveEffect probe = model[e];
       for (std::size_t a = 0; a < parameters.size(); ++a)
         if (parameters[a].linear && probe.parameters[a] == 0.0) probe.parameters[a] = parameters[a].typical;
-      Eigen::VectorXd range, bearing;
-      variance_signature(rows, projector.geometry(), probe, parameter.index, range, bearing);
-      if (projector.raw_information(effect_signature(rows, projector, probe, parameter.index)) > 0.0)
+      if (projector.raw_information(effect_signature(rows, projector, probe, parameter.index)) > 0.0) {
         parameter.acts = FreeParameter::Acts::mean;
-      else if (range.squaredNorm() + bearing.squaredNorm() > 0.0)
-        parameter.acts = FreeParameter::Acts::variance;
+      } else {
+        Eigen::VectorXd range, bearing;
+        variance_signature(rows, projector.geometry(), probe, parameter.index, range, bearing);
+        if (range.squaredNorm() + bearing.squaredNorm() > 0.0) parameter.acts = FreeParameter::Acts::variance;
+      }
       if (parameter.acts == FreeParameter::Acts::numeric && parameter.effect < settled) continue;
       free.push_back(parameter);
     }

@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cmath>
 
 namespace rangecal::diagnosis {
 
@@ -51,18 +50,6 @@ CurveChannel curve_channel_of(const std::string& name) {
   return CurveChannel::none;
 }
 
-double CurveBasis::value(double x, const Eigen::VectorXd& c) const {
-  if (!std::isfinite(x)) return 0.0;
-  if (wavenumber > 0.0) return c[0] * std::cos(wavenumber * x) + c[1] * std::sin(wavenumber * x);
-  const auto above = std::lower_bound(knots.begin(), knots.end(), x);
-  const auto j = above - knots.begin();
-  if (groups) return above != knots.end() && *above == x ? c[j] : 0.0;
-  if (above == knots.begin()) return c[0];
-  if (above == knots.end()) return c[c.size() - 1];
-  const double share = (x - knots[j - 1]) / (knots[j] - knots[j - 1]);
-  return (1.0 - share) * c[j - 1] + share * c[j];
-}
-
 GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_name,
                              const std::string& covariate_name, CovariateOf covariate, CurveBasis basis,
                              Eigen::MatrixXd directions, double typical)
@@ -84,9 +71,7 @@ GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_na
                                 .high = 1e3 * typical});
 }
 
-ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, const double* p) const {
-  const Eigen::VectorXd c = coefficients(p);
-  const double change = basis_.value(covariate_(at), c);
+ReadingChange<double> GenericEffect::of_channel(double change) const {
   switch (channel_) {
     case CurveChannel::range:
       return {.range = change};
@@ -100,6 +85,18 @@ ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, cons
       break;
   }
   return {};
+}
+
+ReadingChange<double> GenericEffect::reading(const ReadingView<double>& at, const double* p) const {
+  const Eigen::Map<const Eigen::VectorXd> parameters(p, directions_.cols());
+  return of_channel(
+      basis_.value_of(covariate_(at), [&](Eigen::Index k) { return directions_.row(k).dot(parameters); }));
+}
+
+std::optional<ReadingChange<double>> GenericEffect::slope(const ReadingView<double>& at, const double*,
+                                                          int parameter) const {
+  return of_channel(
+      basis_.value_of(covariate_(at), [&](Eigen::Index k) { return directions_(k, parameter); }));
 }
 
 std::vector<std::pair<std::string, double>> GenericEffect::reported(const EffectContext&,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <string>
 #include <utility>
@@ -34,7 +36,23 @@ struct CurveBasis {
   Eigen::Index size() const { return wavenumber > 0.0 ? 2 : static_cast<Eigen::Index>(knots.size()); }
 
   /// Value at x of the curve with coefficients c; nothing where x is missing.
-  double value(double x, const Eigen::VectorXd& c) const;
+  double value(double x, const Eigen::VectorXd& c) const {
+    return value_of(x, [&c](Eigen::Index k) { return c[k]; });
+  }
+
+  /// The same, where c(k) is the coefficient of function k; asks for those that are not 0 at x, two at most.
+  template <typename Coefficient>
+  double value_of(double x, const Coefficient& c) const {
+    if (!std::isfinite(x)) return 0.0;
+    if (wavenumber > 0.0) return c(0) * std::cos(wavenumber * x) + c(1) * std::sin(wavenumber * x);
+    const auto above = std::lower_bound(knots.begin(), knots.end(), x);
+    const auto j = above - knots.begin();
+    if (groups) return above != knots.end() && *above == x ? c(j) : 0.0;
+    if (above == knots.begin()) return c(0);
+    if (above == knots.end()) return c(size() - 1);
+    const double share = (x - knots[j - 1]) / (knots[j] - knots[j - 1]);
+    return (1.0 - share) * c(j - 1) + share * c(j);
+  }
 };
 
 /// At most `count` knots at equal shares of values in ascending order.
@@ -49,6 +67,11 @@ class GenericEffect final : public Effect {
 
   const EffectInfo& info() const override { return info_; }
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override;
+  std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
+                                             int parameter) const override;
+  bool changes_with_distance() const override {
+    return info_.covariate == "range" || info_.covariate == "disparity";
+  }
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override;
   const CurveBasis& basis() const { return basis_; }
   const Eigen::MatrixXd& directions() const { return directions_; }
@@ -58,6 +81,8 @@ class GenericEffect final : public Effect {
   Eigen::VectorXd coefficients(const double* p) const {
     return directions_ * Eigen::Map<const Eigen::VectorXd>(p, directions_.cols());
   }
+
+  ReadingChange<double> of_channel(double change) const;
 
   CurveChannel channel_;
   CovariateOf covariate_;

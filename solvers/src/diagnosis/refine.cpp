@@ -36,6 +36,12 @@ Fit refit_from_sides(const Rows& rows, const Model& model, JointState state, con
   return refit(rows, model, state, options);
 }
 
+/// What is tried around a fit is compared with its dependence, tails and errors of stops as they are.
+RefitOptions as_they_are(const Fit& fit, RefitOptions options) {
+  options.settled = static_cast<int>(fit.model.size());
+  return options;
+}
+
 /// Scans such parameters of a member finely around the fit. Their likelihood has steps, one
 /// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
 void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
@@ -54,7 +60,7 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
         [&](std::size_t i) {
           Model model = fit.model;
           model[member].parameters[index] += (static_cast<double>(i) - reach) * step;
-          scan[i] = refit(rows, model, fit.state, options);
+          scan[i] = refit(rows, model, fit.state, as_they_are(fit, options));
         },
         jobs_at_once(rows.size()));
     std::erase_if(scan, [](const Fit& moved) { return !moved.ok; });
@@ -64,17 +70,19 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
     auto first = best, last = best;
     while (first != scan.begin() && std::prev(first)->nll < best->nll + level) --first;
     while (std::next(last) != scan.end() && std::next(last)->nll < best->nll + level) ++last;
-    Fit middle = *(first + (last - first) / 2);
-    if (middle.nll < fit.nll + level) fit = std::move(middle);
+    const Fit& found = *(first + (last - first) / 2);
+    Fit middle = refit(rows, found.model, found.state, options);
+    if (middle.ok && middle.nll < fit.nll + level) fit = std::move(middle);
   }
 }
 
 /// Carries lines of sight near a switching distance over it, one at a time, while that gains: the seed model
 /// spread the jump over stops and landmarks, so that some started on the wrong side, where no small move
-/// leads back.
-void try_sides(const Rows& rows, const RefitOptions& options, Fit& fit) {
+/// leads back. False if none gained.
+bool try_sides(const Rows& rows, const RefitOptions& options, Fit& fit) {
   constexpr int most = 4;
   constexpr double level = 0.3;  // nats
+  bool any = false;
   for (int pass = 0; pass < most; ++pass) {
     Fit best = fit;
     const auto others = Sides::others(rows, fit.model, fit.state);
@@ -82,14 +90,17 @@ void try_sides(const Rows& rows, const RefitOptions& options, Fit& fit) {
     in_parallel(
         trials.size(),
         [&](std::size_t i) {
-          trials[i] = refit_from_sides(rows, others[i].first, others[i].second, options);
+          trials[i] = refit_from_sides(rows, others[i].first, others[i].second, as_they_are(fit, options));
         },
         jobs_at_once(rows.size()));
     for (Fit& trial : trials)
       if (trial.ok && trial.nll < best.nll) best = std::move(trial);
-    if (!(best.nll < fit.nll - level)) return;
-    fit = std::move(best);
+    if (!(best.nll < fit.nll - level)) break;
+    Fit again = refit(rows, best.model, best.state, options);
+    fit = again.ok ? std::move(again) : std::move(best);
+    any = true;
   }
+  return any;
 }
 
 /// Tries the period of an effect that bends around the fit, by a quarter of a peak's width: the likelihood
@@ -111,11 +122,14 @@ void try_periods(const Rows& rows, const JointState& geometry, std::size_t membe
           for (std::size_t other = 0; other < parameters.size(); ++other)
             if (parameters[other].linear) model[member].parameters[static_cast<Eigen::Index>(other)] = 0.0;
           model[member].parameters[index] *= 1.0 + (static_cast<double>(i) - reach) * part;
-          trials[i] = refit(rows, model, geometry, options);
+          trials[i] = refit(rows, model, geometry, as_they_are(fit, options));
         },
         jobs_at_once(rows.size()));
-    for (Fit& trial : trials)
-      if (trial.ok && trial.nll < fit.nll) fit = std::move(trial);
+    const Fit* best = &fit;
+    for (const Fit& trial : trials)
+      if (trial.ok && trial.nll < best->nll) best = &trial;
+    if (best == &fit) continue;
+    if (Fit again = refit(rows, best->model, best->state, options); again.ok) fit = std::move(again);
   }
 }
 
@@ -136,10 +150,8 @@ bool has_many_optima(const Effect& effect) {
 void refine_member(const Rows& rows, const JointState& geometry, std::size_t member,
                    const RefitOptions& options, Fit& fit) {
   scan_steps(rows, member, options, fit);
-  if (Sides::matter({fit.model[member]})) {
-    try_sides(rows, options, fit);
+  if (Sides::matter({fit.model[member]}) && try_sides(rows, options, fit))
     scan_steps(rows, member, options, fit);
-  }
   if (fit.model[member].effect->info().kind == EffectKind::mean && bends(rows, fit))
     try_periods(rows, geometry, member, options, fit);
 }

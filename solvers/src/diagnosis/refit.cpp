@@ -45,6 +45,7 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
 
 /// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.
 bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
+  constexpr double next_to_nothing = 5e-3;  // nats: a shorter step is not worth a solve
   bool moved = false;
   double damping = 1.0;
   for (int iteration = 0; iteration < options.max_iterations && !fit.free.empty(); ++iteration) {
@@ -56,10 +57,12 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
     if (promised < 1e-3) break;
     bool accepted = false;
     for (int attempt = 0; attempt < 5; ++attempt, damping *= 0.4) {
+      if (attempt > 0 && damping * promised < next_to_nothing) break;
       Model trial = fit.model;
       move_parameters(rows, fit.free, step, damping, trial);
       JointState state = fit.state;
       MarginalFit trial_detail;
+      trial_detail.reml = detail.reml;
       const double value = calibrate_under(rows, trial, state, options, &trial_detail);
       if (value < fit.nll + 1e-7) {
         accepted = fit.nll - value > 1e-3;

@@ -57,7 +57,8 @@ struct RefitOptions {
 /// dependence and tails: line searches on the exact value), in alternation until neither gains.
 Fit refit(const Rows& rows, const Model& model, const JointState& start, const RefitOptions& options);
 
-/// NLL of the model at its parameters with the calibration refitted; `state` moves to the fit.
+/// NLL of the model at its parameters with the calibration refitted; `state` moves to the fit. `detail`: the calibration, the
+/// slopes of REML on entry those to begin with.
 double calibrate_under(const Rows& rows, const Model& model, JointState& state, const RefitOptions& options,
                        MarginalFit* detail = nullptr);
 

@@ -173,33 +173,73 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
 
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit) {
-  RefitOptions staying = options;  // tails and dependence move no place by much
+  constexpr int most_hops = 6, most_refinements = 4;
+  constexpr double next_to_nothing = 2e-3;  // nats that a parabola promises
+  RefitOptions staying = options;           // tails and dependence move no place by much
   staying.places_stay = true;
   const EffectParameter& info = info_of(fit.model, p);
-  double best = value_of(fit.model, p);
   const bool positive = info.low >= 0.0;
-  double spread = positive ? reach : (reach - 1.0) * std::max(std::abs(info.typical), 1e-9);
-  for (int pass = 0; pass < 6; ++pass, spread = positive ? std::sqrt(spread) : 0.5 * spread) {
-    if (positive && best <= 0.0) best = info.typical;
-    bool moved = true;
-    for (int hop = 0; moved && hop < 4; ++hop) {
-      moved = false;
-      for (int side : {-1, 1}) {
-        const double x = positive ? best * std::pow(spread, side) : best + side * spread;
-        if (x < info.low || x > info.high) continue;
-        JointState state = fit.state;
-        Model trial = fit.model;
-        value_of(trial, p) = x;
-        const double value = calibrate_under(rows, trial, state, staying);
-        if (value < fit.nll - 1e-6) {
-          fit.nll = value;
-          fit.state = state;
-          best = x;
-          value_of(fit.model, p) = x;
-          moved = true;
-          break;
-        }
-      }
+  const double unit = std::max(std::abs(info.typical), 1e-9);
+  // u: the parameter in typical sizes, in its logarithm where it is positive.
+  const auto u_of = [&](double x) { return positive ? std::log(x / unit) : x / unit; };
+  const double lowest = u_of(info.low), highest = u_of(info.high), narrow = positive ? 0.02 : 0.01;
+  struct Point {
+    double u, nll;
+  };
+  const auto at = [&](double u) -> Point {
+    JointState state = fit.state;
+    Model trial = fit.model;
+    value_of(trial, p) = unit * (positive ? std::exp(u) : u);
+    const double nll = calibrate_under(rows, trial, state, staying);
+    if (nll < fit.nll - 1e-6) {
+      fit.nll = nll;
+      fit.state = std::move(state);
+      fit.model = std::move(trial);
+    }
+    return {u, nll};
+  };
+  const double start = value_of(fit.model, p);
+  Point best = positive && start <= 0.0 ? at(0.0) : Point{u_of(start), fit.nll};
+  double hop = positive ? std::log(reach) : reach - 1.0;
+  // Outwards by hops that double, until both neighbours are worse than `best`.
+  Point below = at(std::max(best.u - hop, lowest)), above = below;
+  if (below.nll < best.nll) {
+    above = best;
+    best = below;
+    for (int n = 0; n < most_hops && best.u > lowest; ++n) {
+      below = at(std::max(best.u - (hop *= 2.0), lowest));
+      if (!(below.nll < best.nll)) break;
+      above = best;
+      best = below;
+    }
+  } else {
+    above = at(std::min(best.u + hop, highest));
+    for (int n = 0; n < most_hops && above.nll < best.nll; ++n) {
+      below = best;
+      best = above;
+      if (best.u >= highest) break;
+      above = at(std::min(best.u + (hop *= 2.0), highest));
+    }
+  }
+  // To the vertex of the parabola through the three, not closer to the middle than a tenth of the way.
+  for (int n = 0; n < most_refinements && above.u - below.u > narrow; ++n) {
+    const double left = best.u - below.u, right = above.u - best.u;
+    const double down = (below.nll - best.nll) / std::max(left, 1e-12),
+                 up = (above.nll - best.nll) / std::max(right, 1e-12);
+    const bool wider_right = right > left;
+    double move = wider_right ? 0.38 * right : -0.38 * left;
+    if (left > 0.0 && right > 0.0 && std::isfinite(down) && std::isfinite(up) && down + up > 0.0) {
+      const double vertex = 0.5 * (down * right - up * left) / (down + up);
+      if (vertex * vertex * (down + up) / (left + right) < next_to_nothing) break;
+      const double least = 0.1 * (vertex > 0.0 ? right : left);
+      move = std::copysign(std::max(std::abs(vertex), least), vertex);
+    }
+    const Point moved = at(best.u + move);
+    if (moved.nll < best.nll) {
+      (move > 0.0 ? below : above) = best;
+      best = moved;
+    } else {
+      (move > 0.0 ? above : below) = moved;
     }
   }
 }

@@ -11,8 +11,8 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
                        const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
                        Eigen::MatrixXd& covariance, double& promised);
 
-/// Searches one parameter that only the value of the likelihood knows, by steps that shrink: a factor `reach`
-/// first for one that is positive, else its typical size.
+/// Searches one parameter that only the value of the likelihood knows, in its logarithm where it is positive: outwards by
+/// hops that double, a factor `reach` first (else `reach` - 1 typical sizes), then to the vertex of a parabola.
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit);
 

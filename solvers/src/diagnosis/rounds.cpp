@@ -184,6 +184,7 @@ std::vector<std::pair<Model, JointState>> Sides::others(const Rows& rows, const 
 }
 
 WorkingProblem Rounds::begin(const Rows& rows, const Model& model, JointState& state) {
+  jumps_ = jumps_ && !rows.pairs;  // whose distances are known
   if (jumps_) sides_.settle(rows, model, state, places_stay_);
   WorkingProblem working = working_problem(rows, model, state);
   bends_ = !working.problem.cells.bend.empty();

@@ -75,7 +75,7 @@ double shared_variance(double sigma, const std::vector<RoundingVariance>& grid, 
 }  // namespace
 
 double bend_of(const ActiveEffect& active, const ReadingView<double>& at) {
-  if (active.effect->info().kind != EffectKind::mean) return 0.0;
+  if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) return 0.0;
   const double step = distance_step(at.d), jump = active.effect->switching_distance(active.parameters.data());
   const bool beside = std::abs(jump - at.d) <= 2.0 * step;
   const double below = beside && jump <= at.d ? 0.0 : step, above = beside && jump > at.d ? 0.0 : step;
@@ -192,6 +192,11 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
   Signature x;
   const auto slope_at = [&](int i, double& range, double& bearing, const CellGeometry& geometry) {
     const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
+    if (const auto slope = active.effect->slope(view, active.parameters.data(), index)) {
+      range = slope->range;
+      bearing = slope->bearing;
+      return;
+    }
     const auto high = active.effect->reading(view, up.parameters.data());
     const auto low = active.effect->reading(view, down.parameters.data());
     range = (high.range - low.range) / (2.0 * step);
@@ -266,6 +271,21 @@ void add_stop_changes(const Rows& rows, const Projector& projector, const Model&
 
 void variance_signature(const Rows& rows, const CellGeometry& geometry, const ActiveEffect& active, int index,
                         Eigen::VectorXd& range, Eigen::VectorXd& bearing) {
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  const auto slope_at = [&](Eigen::Index i) {
+    return active.effect->slope(view_of(rows, geometry, static_cast<std::size_t>(i)),
+                                active.parameters.data(), index);
+  };
+  if (slope_at(0)) {
+    range.resize(n);
+    bearing.resize(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto slope = slope_at(i);
+      range[i] = slope->range_log_variance;
+      bearing[i] = slope->bearing_log_variance;
+    }
+    return;
+  }
   const double step = difference_step(active.effect->info().parameters[static_cast<std::size_t>(index)],
                                       active.parameters[index]);
   Model up{active}, down{active};

@@ -90,6 +90,7 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
   fit.iterations = marginal.iterations;
   fit.evaluations = marginal.evaluations;
   fit.outcome = converged ? Outcome::converged : Outcome::not_converged;
+  if (converged) fit.reml = marginal.reml();
   for (int i : converged ? marginal.vanished() : std::vector<int>{})
     fit.reason += fmt::format(
         "{}{} is drawn to 0 and held: the errors of the stops explain all that it would",

@@ -23,12 +23,22 @@ class Marginal {
         system_(problem, static_cast<int>(start.alpha.size()),
                 static_cast<int>(start.noise.parameters.size()), options.estimate_sigma_s),
         slopes_(Eigen::VectorXd::Zero(layout().sigma_count())),
-        further_turn_(Eigen::MatrixXd::Zero(layout().phi_count, layout().sigma_count())) {}
+        further_turn_(Eigen::MatrixXd::Zero(layout().phi_count, layout().sigma_count())) {
+    if (!options.begin || options.begin->slopes.size() != slopes_.size() ||
+        options.begin->further_turn.rows() != further_turn_.rows())
+      return;
+    slopes_ = options.begin->slopes;
+    further_turn_ = options.begin->further_turn;
+    polished_ = true;
+  }
 
   const JointLayout& layout() const { return system_.layout(); }
   JointSystem& system() { return system_; }
   /// After minimise(): the sigmas (as globals) that the likelihood draws to 0.
   const std::vector<int>& vanished() const { return vanished_; }
+  std::optional<RemlSlopes> reml() const {
+    return polished_ ? std::optional(RemlSlopes{slopes_, further_turn_}) : std::nullopt;
+  }
   int evaluations = 0, iterations = 0;
   double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
 

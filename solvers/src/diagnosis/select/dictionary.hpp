@@ -42,17 +42,29 @@ class Dictionary {
 
   const std::vector<Block>& blocks() const { return blocks_; }
   const Eigen::VectorXd& scores() const { return scores_; }
-  /// Row of G, made when it is first asked for.
+  /// Row of G, made with those of its block when it is first asked for.
   const Eigen::VectorXd& gram(int column);
   /// The part of G of a block's own columns.
   const Eigen::MatrixXd& own(std::size_t block) const { return own_[block]; }
 
  private:
+  /// White deviations within the cells of a column, times the roots of their information; empty where it has none.
+  struct Within {
+    int column = 0;
+    Eigen::VectorXd range, bearing;
+  };
+  struct Made;
+  Made made_of(const Effect& effect, const Eigen::VectorXd& start, const std::vector<int>& parameters,
+               Eigen::Ref<Eigen::MatrixXd> columns) const;
+  void add_grams_of_block(int column);
+
+  const Rows& rows_;
   WorkingProblem working_;
   Projector projector_;
   std::vector<Block> blocks_;
-  std::vector<Signature> signatures_;
-  std::vector<Eigen::VectorXd> projected_;
+  Eigen::MatrixXd
+      columns_;  ///< x_i: over the cells' ranges and, but for pairs, bearings; of scores_.size() columns
+  std::vector<Within> within_;
   std::vector<Eigen::MatrixXd> own_;
   Eigen::VectorXd scores_;
   std::map<int, Eigen::VectorXd> gram_;

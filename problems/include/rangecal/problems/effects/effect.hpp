@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -149,6 +150,13 @@ class Effect {
   virtual std::pair<double, double> bounds(const EffectContext&, std::size_t parameter) const;
   /// Change of one reading under parameters p.
   virtual ReadingChange<double> reading(const ReadingView<double>&, const double* /*p*/) const { return {}; }
+  /// Change of that per unit of one parameter, where a formula gives it; else central differences do.
+  virtual std::optional<ReadingChange<double>> slope(const ReadingView<double>&, const double* /*p*/,
+                                                     int /*parameter*/) const {
+    return std::nullopt;
+  }
+  /// False if reading() is the same at every distance, all else the same.
+  virtual bool changes_with_distance() const { return true; }
   /// Change of the stops: commanded poses, sigmas, chain. `true` from acts_on_stops() makes it be called.
   virtual bool acts_on_stops() const { return false; }
   virtual void stops(const EffectContext&, const double* /*p*/, std::vector<StopPrior>&) const {}

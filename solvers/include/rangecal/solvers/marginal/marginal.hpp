@@ -23,6 +23,13 @@ LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& sta
 /// A standard deviation that is estimated: of the ranges (sigma_e), of the bearings, of the stops.
 enum class Sigma { noise, theta, stops };
 
+/// What REML adds to l_s, as a solve ended: its slopes, and how phi-hat turns with sigma beyond what A predicts (see
+/// solve_marginal). A solve of nearly the same problem that begins with them takes half the evaluations.
+struct RemlSlopes {
+  Eigen::VectorXd slopes;        ///< in the sigmas
+  Eigen::MatrixXd further_turn;  ///< phi by sigmas
+};
+
 struct MarginalOptions {
   int max_iterations = 100;  ///< Newton iterations
   int max_outer = 80;        ///< updates of the REML slopes
@@ -30,11 +37,14 @@ struct MarginalOptions {
   bool estimate_sigma_s = false;  ///< sigma_s of the shared stops is a parameter
   Held held;
   std::optional<Sigma> held_sigma;  ///< noise or theta: this one alone stays where it is
+  std::optional<RemlSlopes>
+      begin;  ///< where the slopes begin; of other sizes than this problem's they are not used
 };
 
 /// Result of `marginal`; JointFit's covariance and weakest direction are those of the marginal likelihood.
 struct MarginalFit : JointFit {
-  double marginal_nll = 0.0;  ///< l_s at the estimate [nats]
+  double marginal_nll = 0.0;       ///< l_s at the estimate [nats]
+  std::optional<RemlSlopes> reml;  ///< where it converged
   std::optional<double>
       sigma_s_upper95_m;  ///< where sigma_s is estimated at 0: one-sided 95 % limit (profile)
 };
