@@ -35,7 +35,7 @@ TEST(PartlyNamed, NothingElseLeftIsTheNameAlone) {
 }
 
 TEST(PartlyNamed, GrossOutliersAreTakenForTailsAndDoNotHideTheCause) {
-  const std::vector<Recording> recordings{depth_camera(300, 0.0, 0.02, "PartlyNamed.Wild")};
+  const std::vector<Recording> recordings{depth_camera(900, 0.0, 0.02, "PartlyNamed.Wild")};
   const Diagnosis d = diagnose(recordings, {});
   for (const char* cause : {"heavy_tails", "axial_depth"})  // the noise law may be off beside them
     EXPECT_EQ(std::count(d.final_effects.begin(), d.final_effects.end(), cause), 1) << d.sentence;

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "diagnosis/select/rivals.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
+#include "in_parallel.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
@@ -214,6 +216,30 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
   return named;
 }
 
+/// A member of a fit, and the fit without it.
+struct Idle {
+  std::size_t member = 0;
+  Fit without;
+};
+
+/// Of the names that lose less than so many nats where they are left out, as what only a curve beside it makes a cause may, the
+/// one that loses least.
+std::optional<Idle> least_idle(const Rows& rows, const Fit& fit, std::size_t known,
+                               const RefitOptions& options, double nats) {
+  std::vector<Idle> each(fit.model.size() - known);
+  in_parallel(
+      each.size(),
+      [&](std::size_t i) {
+        each[i] = {known + i, refit(rows, without(fit.model, known + i), fit.state, options)};
+      },
+      jobs_at_once(rows.size()));
+  std::erase_if(each,
+                [&](const Idle& one) { return !one.without.ok || !(one.without.nll < fit.nll + nats); });
+  if (each.empty()) return std::nullopt;
+  return *std::min_element(each.begin(), each.end(),
+                           [](const Idle& a, const Idle& b) { return a.without.nll < b.without.nll; });
+}
+
 /// True if residuals that are not clean hold something that matters.
 bool leaves_something(const Rows& rows, const Battery& battery, const Candidate& answer,
                       const Bookkeeping& known, const SelectionPriors& priors) {
@@ -259,10 +285,19 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     Fit alone = refit(rows, names, best.fit.state, refit_options);
     if (const Hypothesis* smaller = likeliest_of_these(table, names, known)) {
       // What was left out may have held the fit where it was: a curve of the spread, say, the level of the noise.
-      Fit again = refit(rows, with_parameters_of(names, smaller->fit.model), smaller->fit.state, refit_options);
+      Fit again =
+          refit(rows, with_parameters_of(names, smaller->fit.model), smaller->fit.state, refit_options);
       if (again.ok && !(alone.ok && alone.nll <= again.nll)) alone = std::move(again);
     }
     if (!alone.ok) return;
+    while (has_nameless(best.fit.model)) {
+      std::optional<Idle> idle = least_idle(rows, alone, known, refit_options, options.naming_gap_nats);
+      if (!idle) break;
+      const auto at = static_cast<std::ptrdiff_t>(idle->member - known);
+      named.model.erase(named.model.begin() + at);
+      named.members.erase(named.members.begin() + at);
+      alone = std::move(idle->without);
+    }
     answer.fit = std::move(alone);
     answer.gain = result.baseline.nll - answer.fit.nll;
   }

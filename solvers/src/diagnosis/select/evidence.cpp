@@ -47,8 +47,33 @@ double log_density_of_size(const EffectParameter& parameter, double low, double 
                   typical);
 }
 
+/// ln of the integral of the likelihood, over its value at the fit, times the prior density of a size that may be 0, by the
+/// trapezoidal rule from its lower bound on.
+double log_integral_from_bound(const Rows& rows, const Fit& fit, const FreeParameter& p,
+                               const RefitOptions& options, const SelectionPriors& priors) {
+  constexpr double first = 0.02, factor = 2.0, gone = 6.0;  // of the typical size; nats
+  const EffectParameter& info = info_of(fit.model, p);
+  const auto [low, high] = bounds_of(rows, fit.model, p);
+  const double typical = std::max(std::abs(info.typical), 1e-12);
+  double integral = 0.0, x_before = low, density_before = -1.0;
+  for (double offset = 0.0;; offset = offset > 0.0 ? factor * offset : first * typical) {
+    const double x = std::min(low + offset, high);
+    Model model = fit.model;
+    value_of(model, p) = std::max(x, 1e-9 * typical);
+    JointState state = fit.state;
+    const double rise = calibrate_under(rows, model, state, options) - fit.nll;
+    const double density = std::isfinite(rise)
+                               ? std::exp(-std::max(0.0, rise) + log_density_of_size(info, low, x, priors))
+                               : 0.0;
+    if (density_before >= 0.0) integral += 0.5 * (x - x_before) * (density + density_before);
+    x_before = x, density_before = density;
+    if (x >= high || !(rise < gone)) break;
+  }
+  return std::log(std::max(integral, 1e-300));
+}
+
 /// ln of sqrt(2 pi) times standard deviation times prior density of a parameter that only the value of the likelihood
-/// knows.
+/// knows; of a size so small that the likelihood does not see it, the integral from its bound on.
 double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParameter& p,
                              const RefitOptions& options, const SelectionPriors& priors) {
   const EffectParameter& info = info_of(fit.model, p);
@@ -72,7 +97,10 @@ double log_volume_of_numeric(const Rows& rows, const Fit& fit, const FreeParamet
     ++sides;
   }
   // value +- reach raises the NLL by reach^2 / (2 sigma^2)
-  constexpr double widest = 1.0;  // an e-fold, or as many typical sizes as `reach` is parts of one
+  constexpr double widest = 1.0;   // an e-fold, or as many typical sizes as `reach` is parts of one
+  constexpr double unseen = 0.02;  // nats, for a factor of 1.3
+  if (positive && rise < unseen && value < std::abs(info.typical))
+    return std::min(0.0, log_integral_from_bound(rows, fit, p, staying, priors));
   const double sigma =
       sides == 0 || !(rise > 0.0) ? widest : std::min(widest, reach / std::sqrt(2.0 * rise / sides));
   const double density = log_density_of_size(info, low, value, priors) + (positive ? std::log(value) : 0.0);

@@ -43,7 +43,7 @@ double prior_width(const EffectParameter& parameter, double low, double high, do
 ///        shapes and sizes that it was chosen from comes off
 ///
 /// Parameters of dependence, tails and errors of the stops enter by the curvature of the likelihood along each, in its
-/// logarithm where it is positive, their prior Student's t.
+/// logarithm where it is positive, their prior Student's t; those next to a bound by quadrature from it on.
 double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known, const RefitOptions& options,
                             const SelectionPriors& priors);
 

@@ -32,7 +32,9 @@ constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
 constexpr int most_fits = 3;  ///< of one set
-/// What refining has added to a gain at most: nats, and a share of the gain.
+constexpr int most_completions =
+    3;  ///< of the likeliest set by its subsets, by which another may become likeliest
+/// What an exact fit and refining have added to a gain at most: nats, and a share of the gain.
 constexpr double refining_adds = 5.0, refining_share = 0.2;
 /// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
 constexpr double near_the_top = 15.0;
@@ -63,6 +65,8 @@ class SetSearch {
         look_around(*here);
       else if (!refine_likeliest())
         break;
+    }
+    for (int again = 0; again < most_completions && complete_likeliest(); ++again) {
     }
     std::stable_sort(table_.begin(), table_.end(),
                      [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
@@ -130,13 +134,31 @@ class SetSearch {
     here.scanned = true;
     fit_all(here, asked_of_residuals(here));
     std::vector<Wanted> wanted = sets_linearised_at(here);
+    std::vector<Wanted> smaller = sets_without_one(here, most_fits);
+    wanted.insert(wanted.end(), smaller.begin(), smaller.end());
+    fit_all(here, std::move(wanted));
+  }
+
+  /// The set without each of its members, but those that were fitted so often.
+  std::vector<Wanted> sets_without_one(const Hypothesis& here, int often) {
+    std::vector<Wanted> smaller;
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
       Model rest = without(here.fit.model, i);
       const Hypothesis* known = find(member_names(rest, known_count()));
-      if (rest.size() > known_count() && (!known || known->fits < most_fits))
-        wanted.push_back({std::move(rest)});
+      if (rest.size() > known_count() && (!known || known->fits < often))
+        smaller.push_back({std::move(rest)});
     }
-    fit_all(here, std::move(wanted));
+    return smaller;
+  }
+
+  /// Fits what the likeliest set is without each of its members where that was not fitted, so that of each it is known what it
+  /// is worth. False if nothing was left to fit.
+  bool complete_likeliest() {
+    const Hypothesis& top = likeliest();
+    std::vector<Wanted> smaller = sets_without_one(top, 1);
+    if (smaller.empty()) return false;
+    fit_all(top, std::move(smaller));
+    return true;
   }
 
   void fit_all(const Hypothesis& here, std::vector<Wanted> wanted) {
@@ -223,12 +245,12 @@ class SetSearch {
     for (const LinearSet& set : sets) {
       // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
       const double promised = here.log_posterior + set.log_posterior - own.log_posterior;
+      const double gain = here.gain + set.gain - own.gain;
       const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
                            sizes.insert(set.model.size()).second) &&
-                          promised > likeliest().log_posterior - fitted_window;
+                          promised + refining_adds + refining_share * gain > likeliest().log_posterior;
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
-      const double gain = here.gain + set.gain - own.gain;
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again =
           known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
