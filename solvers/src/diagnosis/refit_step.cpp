@@ -250,7 +250,7 @@ bool is_of_tail(const Model& model, const FreeParameter& p) {
 }
 
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
-  constexpr int most_steps = 12, most_halvings = 5, most_rounds = 8;
+  constexpr int most_steps = 12, most_halvings = 5, most_rounds = 8, most_solves = 2;
   constexpr double settled = 1e-3, rounds_settled = 0.05;  // nats
   constexpr double longest = 1.5;                          // of a step in u: a factor of 4.5
   RefitOptions staying = options;                          // tails move no place by much
@@ -267,6 +267,7 @@ void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
     fit.state = std::move(state);
     if (gain < rounds_settled) break;
   }
+  double stretch = 1.0;
   for (int iteration = 0; iteration < most_steps; ++iteration) {
     const TailSlopes slopes = tail_slopes(rows, fit, tails);
     const Eigen::LDLT<Eigen::MatrixXd> factor(slopes.information);
@@ -275,24 +276,33 @@ void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
     if (!step.allFinite()) return;
     const double promised = 0.5 * slopes.score.head(step.size()).dot(step);
     if (!(promised > settled)) return;
-    step *= std::min(1.0, longest / step.cwiseAbs().maxCoeff());
-    bool moved = false;
-    for (int halving = 0; halving < most_halvings && !moved; ++halving, step *= 0.5) {
-      Model trial = fit.model;
+    const double most = longest / step.cwiseAbs().maxCoeff();
+    const Fit before = fit;
+    const auto accept = [&](double length) {
+      Model trial = before.model;
       for (std::size_t a = 0; a < tails.size(); ++a) {
-        const auto [low, high] = bounds_of(rows, fit.model, tails[a]);
+        const auto [low, high] = bounds_of(rows, trial, tails[a]);
         double& value = value_of(trial, tails[a]);
-        value = std::clamp(value * std::exp(step[static_cast<Eigen::Index>(a)]), low, high);
+        value = std::clamp(value * std::exp(length * step[static_cast<Eigen::Index>(a)]), low, high);
       }
       JointState state = fit.state;
-      const double value = calibrate_under(rows, trial, state, staying);
-      if (!(value < fit.nll - settled)) continue;
+      double value = calibrate_under(rows, trial, state, staying);
+      // A solve under the weights of the state before is an upper bound, tight where it moved nothing.
+      for (int again = 0; again < most_solves && !(value < fit.nll - settled); ++again)
+        value = calibrate_under(rows, trial, state, staying);
+      if (!(value < fit.nll - settled)) return false;
       fit.nll = value;
       fit.state = std::move(state);
       fit.model = std::move(trial);
-      moved = true;
-    }
+      return true;
+    };
+    double length = std::min(stretch, most);
+    bool moved = accept(length);
+    if (moved)
+      while (2.0 * length <= most && accept(2.0 * length)) length *= 2.0;
+    for (int halving = 0; halving < most_halvings && !moved; ++halving) moved = accept(length *= 0.5);
     if (!moved) return;
+    stretch = std::max(1.0, length);
   }
 }
 

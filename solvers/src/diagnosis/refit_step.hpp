@@ -23,7 +23,8 @@ bool is_of_tail(const Model& model, const FreeParameter& p);
 ///
 ///   g_i = d ln p(e_i) / d(u, ln s),   step = (sum g_i g_i^T)^-1 sum g_i   (Berndt, Hall, Hall, Hausman 1974)
 ///
-/// e_i the error of reading i at the fit. A step that is no gain is halved.
+/// e_i the error of reading i at the fit. A step that is no gain is halved, one that is a gain doubled while it gains: far from
+/// the optimum the few outliers' products make steps too short.
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit);
 
 }  // namespace rangecal::diagnosis

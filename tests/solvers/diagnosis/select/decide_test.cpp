@@ -11,15 +11,24 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Verdicts on tables whose probabilities are given, over the readings of a recording without any cause.
+/// Verdicts on tables whose probabilities are given, over the readings of a recording: of one without any cause, where nothing
+/// else is said.
 class Decide : public ::testing::Test {
  protected:
-  static testing::SeedFit& seed() {
+  static testing::SeedFit& clean() {
     static testing::SeedFit fit(testing::recording_with({}, "Decide.Clean"));
     return fit;
   }
+  /// Two causes that are there, for a name has to be worth something without the curve beside it.
+  static testing::SeedFit& with_causes() {
+    static testing::SeedFit fit(
+        testing::recording_with({{"settling", 0.04}, {"lens_distortion", 3e-3}}, "Decide.Causes"));
+    return fit;
+  }
+  testing::SeedFit& seed() const { return *readings_; }
+  void look_at(testing::SeedFit& readings) { readings_ = &readings; }
 
-  static ActiveEffect name(const char* id) {
+  ActiveEffect name(const char* id) const {
     const Effect* effect = find_effect(id);
     return {effect, effect->start_grid(seed().rows.context).front()};
   }
@@ -56,6 +65,7 @@ class Decide : public ::testing::Test {
   Hypotheses table_;
 
  private:
+  testing::SeedFit* readings_ = &clean();
   std::vector<std::shared_ptr<GenericEffect>> curves_;
 };
 
@@ -102,6 +112,7 @@ TEST_F(Decide, WhatIsWorthLittleBesideACurveHasNoName) {
 }
 
 TEST_F(Decide, ANameStaysBesideACurveOfAnotherPlaceIfItIsWorthAQuarterOfIt) {
+  look_at(with_causes());
   const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
   for (const double worth : {20.0, 30.0}) {
     add({name("settling"), along_range}, 100.0);
@@ -115,7 +126,17 @@ TEST_F(Decide, ANameStaysBesideACurveOfAnotherPlaceIfItIsWorthAQuarterOfIt) {
   }
 }
 
+TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
+  // The table has 30 nats for it beside the curve; alone it gains nothing of these readings.
+  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  add({name("settling"), along_range}, 100.0);
+  add({along_range}, 70.0);
+  add({name("settling")}, 0.0);
+  EXPECT_EQ(decided().verdict, Verdict::unexplained);
+}
+
 TEST_F(Decide, AFormulaThatItsOwnCurveImprovesByMoreThanATenthIsAnotherCauses) {
+  look_at(with_causes());
   const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
   for (const double improved : {5.0, 20.0}) {
     add({name("lens_distortion"), along_range}, 100.0);  // of the range along 1/d, a function of the distance
