@@ -22,7 +22,7 @@ class Decide : public ::testing::Test {
   /// Two causes that are there, for a name has to be worth something without the curve beside it.
   static testing::SeedFit& with_causes() {
     static testing::SeedFit fit(
-        testing::recording_with({{"settling", 0.04}, {"lens_distortion", 3e-3}}, "Decide.Causes"));
+        testing::recording_with({{"settling", 0.04}, {"beam_offset", 0.02}}, "Decide.Causes"));
     return fit;
   }
   testing::SeedFit& seed() const { return *readings_; }
@@ -137,16 +137,16 @@ TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
 
 TEST_F(Decide, AFormulaThatItsOwnCurveImprovesByMoreThanATenthIsAnotherCauses) {
   look_at(with_causes());
-  const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
+  const ActiveEffect along_range = curve(CurveChannel::bearing, "bearing", "range");
   for (const double improved : {5.0, 20.0}) {
-    add({name("lens_distortion"), along_range}, 100.0);  // of the range along 1/d, a function of the distance
+    add({name("beam_offset"), along_range}, 100.0);  // of the bearing along 1/d, a function of the distance
     add({along_range}, 0.0);
-    add({name("lens_distortion")}, 100.0 - improved);
+    add({name("beam_offset")}, 100.0 - improved);
     const SearchResult result = decided();
     if (improved > 10.0)
       EXPECT_EQ(result.verdict, Verdict::unexplained);
     else
-      EXPECT_EQ(names_of(result), std::vector<std::string>{"lens_distortion"});
+      EXPECT_EQ(names_of(result), std::vector<std::string>{"beam_offset"});
   }
 }
 
