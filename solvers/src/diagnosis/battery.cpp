@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/distributions.hpp"

@@ -3,15 +3,13 @@
 // independent unit.
 //   AR(1), correlation rho, n repeats:     -(n - 1) ln(1 - rho^2)
 //   error shared in a cell, ratio q = n u^2 / s^2 of variances, one unit per cell:   q - ln(1 + q)
-//   Student's t of nu degrees of freedom against the normal of its variance:  2 (H_normal - H_t) per reading
+//   tails against the normal of their mean and variance:  2 (H_normal - H_tails) per reading (problems/tail_law.hpp)
 //   skewness g of a reading:               g^2 / 6, g = 6 cv for noise before the reciprocal
 //   other spread of the stops:             q - 1 - ln q per direction, q the ratio of variances of a stop's
 //   estimate
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <numbers>
 #include <utility>
 
 #include "diagnosis/signatures.hpp"
