@@ -16,7 +16,9 @@ inline std::pair<double, double> wilson(double hits, double trials) {
   const double n = trials, p = hits / n, z_sq = z95 * z95;
   const double middle = p + z_sq / (2.0 * n),
                half = z95 * std::sqrt(p * (1.0 - p) / n + z_sq / (4.0 * n * n));
-  return {(middle - half) / (1.0 + z_sq / n), (middle + half) / (1.0 + z_sq / n)};
+  // by rounding the ends at p = 0 and 1 may lie beyond them
+  return {std::fmax(0.0, (middle - half) / (1.0 + z_sq / n)),
+          std::fmin(1.0, (middle + half) / (1.0 + z_sq / n))};
 }
 
 }  // namespace rangecal
