@@ -34,7 +34,7 @@ std::vector<std::string> candidates(const std::string& row, const std::string& d
       return e.catalogued && e.effect_class != EffectClass::mean && e.effect_class != EffectClass::absorbed &&
              !is_one_sided_tail(e.id);
     });
-  if (row == "one-sided") return {"early_echo", "late_return"};
+  if (row == "one-sided") return ids([](const EffectInfo& e) { return is_one_sided_tail(e.id); });
   if (row == "outside") return ids([](const EffectInfo& e) { return !e.catalogued; });
   if (row == "absorbed") {
     std::vector<std::string> out{"range_offset", "range_scale", "laser_pointing", "odometry_scale"};

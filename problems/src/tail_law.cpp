@@ -11,8 +11,6 @@
 namespace rangecal {
 namespace {
 
-double upper_of_normal(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
-
 bool one_sided(const Contamination& law) { return law.mean_m != 0.0; }
 
 double sign_of(const Contamination& law) { return law.mean_m < 0.0 ? -1.0 : 1.0; }
@@ -26,7 +24,7 @@ struct Tails {
 };
 
 Tails tails_of(const Contamination& law, double z, double s) {
-  if (!one_sided(law)) return {upper_of_normal(-z / wide(law, s)), upper_of_normal(z / wide(law, s))};
+  if (!one_sided(law)) return {normal_below(z / wide(law, s)), normal_below(-z / wide(law, s))};
   const double sign = sign_of(law);
   const double below = one_sided_cumulative(std::abs(law.mean_m) / s, sign * z, law.end_m / s);
   return sign > 0.0 ? Tails{below, 1.0 - below} : Tails{1.0 - below, below};
@@ -93,26 +91,13 @@ LogDensity TailLaw::density(double e, double s) const {
 
 double TailLaw::normal_score(double e, double s) const {
   const double z = e / s;
-  Tails all{body() * upper_of_normal(-z), body() * upper_of_normal(z)};
+  Tails all{body() * normal_below(z), body() * normal_below(-z)};
   for (std::size_t k = 0; k < count_; ++k) {
     const Tails own = tails_of(parts_[k].law, z, s);
     all.below += body() * parts_[k].odds * own.below;
     all.above += body() * parts_[k].odds * own.above;
   }
   return all.below < all.above ? -quantile_above(all.below) : quantile_above(all.above);
-}
-
-double TailLaw::mean_m() const {
-  double mean = 0.0;
-  for (std::size_t k = 0; k < count_; ++k) {
-    const Contamination& law = parts_[k].law;
-    if (!one_sided(law)) continue;
-    // of an exponential of mean tau that ends at L: tau - L / (exp(L / tau) - 1)
-    const double tau = std::abs(law.mean_m), missing = std::expm1(law.end_m / tau);
-    mean +=
-        body() * parts_[k].odds * sign_of(law) * (tau - (std::isfinite(missing) ? law.end_m / missing : 0.0));
-  }
-  return mean;
 }
 
 double TailLaw::negentropy(double s) const {

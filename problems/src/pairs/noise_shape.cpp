@@ -9,6 +9,7 @@
 #include <limits>
 #include <numbers>
 
+#include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -61,7 +62,7 @@ double scaled_erfc(double t) {
 
 double log_normal_below(double x) {
   const double t = -x / std::numbers::sqrt2;
-  return t < 0.0 ? std::log(0.5 * std::erfc(t)) : std::log(0.5 * scaled_erfc(t)) - t * t;
+  return t < 0.0 ? std::log(normal_below(x)) : std::log(0.5 * scaled_erfc(t)) - t * t;
 }
 
 /// Mean and variance of N(x, 1) cut off below 0 and above `end`; log_inside: ln of what is between.
@@ -81,7 +82,7 @@ OneSidedDensity one_sided_density(double lambda, double z, double end) {
   OneSidedDensity at;
   double mills = 0.0;  // phi(x) / Phi(x)
   if (t < 0.0) {
-    const double Phi = 0.5 * std::erfc(t);
+    const double Phi = normal_below(x);
     at.log_density = (0.5 / lambda - z) / lambda + std::log(Phi / lambda);
     mills = std::exp(-0.5 * x * x - half_log_two_pi) / Phi;
   } else {
@@ -107,8 +108,7 @@ OneSidedDensity one_sided_density(double lambda, double z, double end) {
 }
 
 double one_sided_cumulative(double lambda, double z, double end) {
-  const double all = 0.5 * std::erfc(-z / std::numbers::sqrt2),
-               beyond = std::isfinite(end) ? 0.5 * std::erfc((end - z) / std::numbers::sqrt2) : 0.0;
+  const double all = normal_below(z), beyond = normal_below(z - end);
   const double density = std::exp(one_sided_density(lambda, z, end).log_density);
   return std::clamp(beyond - (all - beyond) / std::expm1(-end / lambda) - lambda * density, 0.0, 1.0);
 }

@@ -49,9 +49,6 @@ JointState start_of(const Rows& rows, int order, NoiseLaw law) {
   return state;
 }
 
-constexpr NoiseLaw triangulation_first[] = {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant,
-                                            NoiseLaw::f_cubed};
-
 /// Noise of another law and about the same level over the cells.
 Noise with_law(const CellGeometry& geometry, NoiseLaw law) {
   Noise noise{law, Eigen::VectorXd::Ones(1)};

@@ -87,36 +87,33 @@ std::pair<double, double> least_within(const Repeats& repeats, int power) {
   return {std::exp(found.first), found.second};
 }
 
-/// The same of Student's t with 3 degrees of freedom about the cells' medians: what outliers leave of the law.
+/// The same of Student's t with 3 degrees of freedom about the cells' medians: what outliers leave of the law. A cell of n
+/// repeats counts n - 1 times.
 std::pair<double, double> least_within_heavy(const Repeats& repeats, int power) {
   constexpr double nu = 3.0;
   constexpr int iterations = 30;
-  double degrees = 0.0, start = 0.0;
-  for (std::size_t i = 0; i < repeats.count.size(); ++i) degrees += repeats.count[i] - 1.0;
-  std::vector<double> sizes;
-  for (std::size_t i = 0; i < repeats.count.size(); ++i)
-    for (double e : repeats.deviations_m[i]) sizes.push_back(std::abs(e) / std::pow(repeats.f[i], power));
-  start = std::max(upper_median(sizes), 1e-300);
-  double variance = start * start;
-  for (int iteration = 0; iteration < iterations; ++iteration) {
+  std::vector<double> sizes, shares;  // deviations in units of f^power
+  double degrees = 0.0, log_units = 0.0;
+  for (std::size_t i = 0; i < repeats.count.size(); ++i) {
+    const double unit = std::pow(repeats.f[i], power), own = repeats.count[i] - 1.0;
+    degrees += own;
+    log_units += own * std::log(unit);
+    for (double e : repeats.deviations_m[i]) sizes.push_back(std::abs(e) / unit);
+    shares.insert(shares.end(), repeats.deviations_m[i].size(), own / repeats.count[i]);
+  }
+  double variance = std::pow(std::max(upper_median(sizes), 1e-150), 2);
+  for (int iteration = 0; iteration < iterations; ++iteration) {  // by the weights of the law
     double square = 0.0;
-    for (std::size_t i = 0; i < repeats.count.size(); ++i) {
-      const double unit = std::pow(repeats.f[i], 2 * power),
-                   share = (repeats.count[i] - 1.0) / repeats.count[i];
-      for (double e : repeats.deviations_m[i])
-        square += share * (nu + 1.0) * e * e / unit / (nu + e * e / unit / variance);
-    }
+    for (std::size_t j = 0; j < sizes.size(); ++j)
+      square += shares[j] * (nu + 1.0) * sizes[j] * sizes[j] / (nu + sizes[j] * sizes[j] / variance);
     variance = std::max(square / degrees, 1e-300);
   }
   // less the normal's constant
-  double nll = degrees * (0.5 * std::log(nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
-                          std::lgamma(0.5 * (nu + 1.0)) - half_log_two_pi);
-  for (std::size_t i = 0; i < repeats.count.size(); ++i) {
-    const double s_sq = variance * std::pow(repeats.f[i], 2 * power),
-                 share = (repeats.count[i] - 1.0) / repeats.count[i];
-    for (double e : repeats.deviations_m[i])
-      nll += share * (0.5 * std::log(s_sq) + 0.5 * (nu + 1.0) * std::log1p(e * e / s_sq / nu));
-  }
+  double nll =
+      log_units + degrees * (0.5 * std::log(variance * nu * std::numbers::pi) + std::lgamma(0.5 * nu) -
+                             std::lgamma(0.5 * (nu + 1.0)) - half_log_two_pi);
+  for (std::size_t j = 0; j < sizes.size(); ++j)
+    nll += shares[j] * 0.5 * (nu + 1.0) * std::log1p(sizes[j] * sizes[j] / variance / nu);
   return {std::sqrt(variance), nll};
 }
 
@@ -144,15 +141,14 @@ std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model, co
   const bool grid = *std::max_element(repeats.step_m.begin(), repeats.step_m.end()) > 0.0;
   std::optional<Noise> best;
   double best_nll = std::numeric_limits<double>::infinity();
-  constexpr std::pair<int, NoiseLaw> laws[] = {
-      {2, NoiseLaw::f_squared}, {1, NoiseLaw::f}, {0, NoiseLaw::constant}, {3, NoiseLaw::f_cubed}};
-  for (const auto& [power, law] : laws) {
+  for (const NoiseLaw law : triangulation_first) {
+    const int power = Noise{law, Eigen::VectorXd::Ones(1)}.power_of_f();
     auto [sigma, nll] = least_within(repeats, power);
     if (!grid) {
       const auto [heavy_sigma, heavy_nll] = least_within_heavy(repeats, power);
       if (heavy_nll < nll) sigma = heavy_sigma, nll = heavy_nll;
     }
-    if (best && (alike || !(nll < best_nll - 3.0))) continue;
+    if (best && (alike || !(nll < best_nll - law_margin))) continue;
     best_nll = nll;
     best = Noise{law, Eigen::VectorXd::Constant(1, sigma)};
   }

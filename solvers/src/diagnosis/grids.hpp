@@ -7,8 +7,13 @@
 
 namespace rangecal::diagnosis {
 
+/// The laws of the noise that are tried, that of triangulation first; and the nats by which another has to beat it.
+inline constexpr NoiseLaw triangulation_first[] = {NoiseLaw::f_squared, NoiseLaw::f, NoiseLaw::constant,
+                                                   NoiseLaw::f_cubed};
+inline constexpr double law_margin = 3.0;
+
 /// The noise law from the repeats alone, which no effect on the mean can mislead: the triangulation law unless
-/// another is better by more than three nats, and its sigma, the grids' part taken off. Of a law the normal or a
+/// another is better by more than `law_margin`, and its sigma, the grids' part taken off. Of a law the normal or a
 /// heavy-tailed shape counts, whichever is likelier, so that outliers choose none. Empty where there are too few repeats. The mean reading stands for f. `model`: its grids, and, at a `state`, what its effects do to the variance of
 /// ranges, are taken off.
 std::optional<Noise> noise_within_cells(const Rows& rows, const Model& model,

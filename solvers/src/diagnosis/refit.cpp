@@ -37,7 +37,7 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
     else if (p.acts == FreeParameter::Acts::numeric)
       lines.push_back(p);
   for (int sweep = 0; sweep < (lines.size() + (tails ? 1 : 0) > 1 ? 2 : 1); ++sweep) {
-    if (tails && (sweep == 0 || !lines.empty())) fit_tails(rows, options, fit);
+    if (tails) fit_tails(rows, options, fit);
     for (const FreeParameter& p : lines) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
   }
   return tails || !lines.empty();

@@ -122,8 +122,7 @@ TailSlopes tail_slopes(const Rows& rows, const Fit& fit, const std::vector<FreeP
   for (Eigen::Index i = 0; i < count; ++i) {
     const auto row = static_cast<std::size_t>(i);
     const int cell = rows.cell[row];
-    const double shift = working.tail_shift.size() > 0 ? working.tail_shift[i] : 0.0;
-    const double e = working.range[i] + shift - geometry.f[cell];
+    const double e = working.range_with_tail(i) - geometry.f[cell];
     const double s = geometry.spread[cell] * std::exp(0.5 * changes.range_log_variance[i]);
     for (std::size_t a = 0; a < tails.size(); ++a)
       slopes(i, static_cast<Eigen::Index>(a)) =
@@ -277,9 +276,9 @@ void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
     const double promised = 0.5 * slopes.score.head(step.size()).dot(step);
     if (!(promised > settled)) return;
     const double most = longest / step.cwiseAbs().maxCoeff();
-    const Fit before = fit;
+    const Model before = fit.model;
     const auto accept = [&](double length) {
-      Model trial = before.model;
+      Model trial = before;
       for (std::size_t a = 0; a < tails.size(); ++a) {
         const auto [low, high] = bounds_of(rows, trial, tails[a]);
         double& value = value_of(trial, tails[a]);

@@ -9,6 +9,7 @@
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/candidates.hpp"
+#include "diagnosis/grids.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal::diagnosis {
@@ -45,9 +46,6 @@ Fit fit_root(const Rows& rows, const Bookkeeping& known, const Fit& baseline, co
 /// highest likelihood with the triangulation law preferred within `law_margin`, or `law`.
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options,
                  const Model& grids = {}, std::optional<NoiseLaw> law = std::nullopt);
-
-/// Nats by which another law of the noise has to beat that of triangulation.
-inline constexpr double law_margin = 3.0;
 
 /// The law of the noise that is due beside the effects of a fit, by the same rule; none where that is the fit's own, or given by
 /// a simulation.

@@ -36,8 +36,6 @@ class TailLaw {
   LogDensity density(double e_m, double s_m) const;
   /// The normal quantile of the error's probability: standard normal where the law is right.
   double normal_score(double e_m, double s_m) const;
-  /// Mean [m] of the extra errors of all readings.
-  double mean_m() const;
   /// Twice what the normal law of the same mean and variance loses of a reading's expected log density [nats].
   double negentropy(double s_m) const;
   /// Extra error of one reading [m].

@@ -32,8 +32,8 @@ constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
 constexpr int most_fits = 3;  ///< of one set
-constexpr int most_completions =
-    3;  ///< of the likeliest set by its subsets, by which another may become likeliest
+/// Times that the likeliest set is completed by its subsets, one of which may become the likeliest.
+constexpr int most_completions = 3;
 /// What an exact fit and refining have added to a gain at most: nats, and a share of the gain.
 constexpr double refining_adds = 5.0, refining_share = 0.2;
 /// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
@@ -242,13 +242,14 @@ class SetSearch {
       if (member_names(with_others(set), known_count()) == mine) own = set;
     std::vector<Wanted> wanted;
     std::set<std::size_t> sizes;
+    const double top = likeliest().log_posterior;
     for (const LinearSet& set : sets) {
       // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
       const double promised = here.log_posterior + set.log_posterior - own.log_posterior;
       const double gain = here.gain + set.gain - own.gain;
       const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
                            sizes.insert(set.model.size()).second) &&
-                          promised + refining_adds + refining_share * gain > likeliest().log_posterior;
+                          promised + refining_adds + refining_share * gain > top;
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
@@ -329,14 +330,18 @@ class SetSearch {
 
   std::unique_ptr<Hypothesis> fitted(const Hypothesis& here, Wanted wanted) const {
     auto made = std::make_unique<Hypothesis>();
-    JointState start = here.fit.state;
-    for (std::size_t i = known_count(); !wanted.fit && i < wanted.model.size(); ++i)
-      if (wanted.model[i].effect->info().kind == EffectKind::tail &&
-          !contains(here.fit.model, wanted.model[i].effect))
-        start_tail_where_likeliest(rows_, i, options_, wanted.model, start);
-    made->fit = wanted.fit ? *wanted.fit : refit(rows_, wanted.model, start, options_);
-    if (made->fit.ok && !wanted.fit && root_nll_ - made->fit.nll < wanted.promised - fell_short)
-      start_elsewhere(wanted.model, made->fit);
+    if (wanted.fit) {
+      made->fit = std::move(*wanted.fit);
+    } else {
+      JointState start = here.fit.state;
+      for (std::size_t i = known_count(); i < wanted.model.size(); ++i)
+        if (wanted.model[i].effect->info().kind == EffectKind::tail &&
+            !contains(here.fit.model, wanted.model[i].effect))
+          start_tail_where_likeliest(rows_, i, options_, wanted.model, start);
+      made->fit = refit(rows_, wanted.model, start, options_);
+      if (made->fit.ok && root_nll_ - made->fit.nll < wanted.promised - fell_short)
+        start_elsewhere(wanted.model, made->fit);
+    }
     const double gain = root_nll_ - made->fit.nll;
     if (made->fit.ok && wanted.refine && gain + refining_adds + refining_share * gain > top_gain_) {
       refine(made->fit);
