@@ -31,7 +31,8 @@ std::string typical_sizes(const Effect& effect) {
 /// What the parameter is measured in, by its name's ending; empty for a number.
 std::string unit_of_parameter(const std::string& name) {
   constexpr std::pair<const char*, const char*> units[] = {
-      {"_per_m", "1/m"}, {"_rad2", "rad^2"}, {"_rad", "rad"}, {"_m2", "m^2"}, {"_m", "m"}, {"_s", "s"}};
+      {"_m_per_k", "m/K"}, {"_m_per_db", "m/dB"}, {"_per_k", "1/K"}, {"_per_m", "1/m"}, {"_rad2", "rad^2"},
+      {"_rad", "rad"},     {"_m2", "m^2"},        {"_m", "m"},       {"_s", "s"}};
   for (const auto& [ending, unit] : units)
     if (name.ends_with(ending)) return unit;
   return "";

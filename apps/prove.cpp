@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "numbers.hpp"
+#include "proof/everyday.hpp"
 #include "proof/fresh.hpp"
 #include "proof/journal.hpp"
 #include "proof/sealed.hpp"
@@ -44,12 +45,24 @@ nlohmann::ordered_json world_as_json(const proof::Case& c) {
           {"planted", c.truth}, {"sizes", c.sizes},   {"value", c.value}, {"truth", c.planted.truth}};
 }
 
+/// An everyday table with its key beside it.
+void dump_table(const proof::EverydayTable& table, const std::string& folder) {
+  require_replaceable(folder);
+  save_recording(table.recording, folder, "rangecal prove");
+  const nlohmann::ordered_json key = {{"kind", table.kind},
+                                      {"causes", table.causes},
+                                      {"alpha", std::vector(table.alpha.begin(), table.alpha.end())}};
+  write_file(folder + "/key.json", key.dump(2) + "\n");
+}
+
 /// Writes one world of a row as a recording with its key beside it, and says how it was scored.
 int dump_world(const ProveOptions& o) {
   if (o.rows.size() != 1 || o.design == "both")
     throw InputError("--world needs one --row, and --design line or turning");
-  const proof::Case c = proof::draw_case(o.rows[0], o.seed, o.world, o.design);
-  if (!o.dump.empty()) {
+  if (o.rows[0] == "everyday") {
+    if (!o.dump.empty()) dump_table(proof::everyday_table(o.seed, o.world, o.design), o.dump);
+  } else if (!o.dump.empty()) {
+    const proof::Case c = proof::draw_case(o.rows[0], o.seed, o.world, o.design);
     require_replaceable(o.dump);
     save_recording(proof::record(c, c.planted), o.dump, "rangecal prove");
     write_file(o.dump + "/key.json", world_as_json(c).dump(2) + "\n");

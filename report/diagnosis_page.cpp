@@ -64,7 +64,7 @@ void add_explanation(Page& page, const Diagnosis& d) {
   Table effects{{{"effect"}, {"physics"}, {"formula"}}, {}, true};
   for (const std::string& id : best.effects)
     if (const Effect* effect = find_effect(id))
-      effects.rows.push_back({id, effect->info().physics, effect->info().formula});
+      effects.rows.push_back({id_in_words(id), effect->info().physics, effect->info().formula});
   if (effects.rows.empty())
     page.paragraph(best.physics);
   else
@@ -140,7 +140,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
         {},
         true};
     for (const Unseen& u : d.unseen) {
-      unseen.rows.push_back({u.effect, app::typical_in_words(u), app::millimetres(u.harm_m),
+      unseen.rows.push_back({id_in_words(u.effect), app::typical_in_words(u), app::millimetres(u.harm_m),
                              app::detectable_in_words(u), u.settled_by});
     }
     page.table(unseen);
@@ -155,8 +155,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
       for (const Unseen& u : d.unseen)
         for (const std::string& id : e.settles)
           if (u.effect == id) harm = std::max(harm, u.harm_m);
-      next.rows.push_back({e.change, fmt::format("{}", fmt::join(e.settles, ", ")),
-                           fmt::format("{:.2f}", e.power),
+      next.rows.push_back({e.change, app::set_in_words(e.settles, ", "), fmt::format("{:.2f}", e.power),
                            harm > 0.0 ? app::millimetres(harm) : std::string("-")});
     }
     page.table(next);

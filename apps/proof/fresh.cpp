@@ -141,6 +141,26 @@ Score diagnose_case(const Case& c, bool oracle, const Diagnose& diagnose) {
   return out;
 }
 
+Score everyday_case(std::uint64_t seed, int index, const std::string& design, const Diagnose& diagnose) {
+  const EverydayTable table = everyday_table(seed, index, design);
+  Score out;
+  double seconds = 0.0;
+  try {
+    DiagnoseOptions options = options_for("everyday");
+    options.held_out = true;
+    out = score_everyday(table, ask(diagnose, table.recording, options, seconds));
+  } catch (const std::exception& error) {
+    const Diagnosis nothing;
+    out = score_everyday(table, nothing);
+    out.result = Answer::false_alarm;
+    out.answer = "threw";
+    out.error = error.what();
+  }
+  out.design = design, out.index = index, out.seed = world_seed("everyday", seed, index, design),
+  out.seconds = seconds;
+  return out;
+}
+
 struct Job {
   std::string row, design;
   int index = 0;
@@ -156,13 +176,24 @@ std::vector<Job> jobs_of(const FreshOptions& options) {
     if (row == "simulation-alike" || row == "simulation-alpha" || row == "closed-loop")
       count = (2 * options.worlds + 2) / 3;
     if (row == "speed") count = std::min(options.worlds, 40);
+    const bool of_designs = both && row != "everyday";  // a table has no stops
     for (int i = 0; i < count; ++i)
-      jobs.push_back({row, both ? (i % 2 == 0 ? "line" : "turning") : options.design, i});
+      jobs.push_back({row,
+                      of_designs ? (i % 2 == 0 ? "line" : "turning")
+                      : both     ? "line"
+                                 : options.design,
+                      i});
   }
   return jobs;
 }
 
 }  // namespace
+
+EverydayTable everyday_table(std::uint64_t seed, int index, const std::string& design) {
+  const std::vector<std::string>& kinds = everyday_kinds();
+  return draw_everyday(kinds[static_cast<std::size_t>(index) % kinds.size()],
+                       world_seed("everyday", seed, index, design));
+}
 
 void add_gain(Score& score, const Case& c, const Recording& recording, const Diagnosis& diagnosis,
               const Diagnose& diagnose) {
@@ -187,6 +218,7 @@ void add_gain(Score& score, const Case& c, const Recording& recording, const Dia
 
 Score run_case(const std::string& row, std::uint64_t seed, int index, const std::string& design, bool oracle,
                const Diagnose& diagnose, std::vector<std::string>* out_of_reach) {
+  if (row == "everyday") return everyday_case(seed, index, design, diagnose);
   const Case c = draw_case(row, seed, index, design);
   if (out_of_reach) *out_of_reach = c.out_of_reach;
   try {

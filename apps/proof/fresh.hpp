@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "everyday.hpp"
 #include "rows.hpp"
 #include "scoring.hpp"
 
@@ -27,6 +28,9 @@ struct FreshResult {
   std::vector<Score> scores;                ///< in the order of row, index
   std::map<std::string, int> out_of_reach;  ///< effects that were drawn and cannot reach the target
 };
+
+/// Table number `index` of the row `everyday`.
+EverydayTable everyday_table(std::uint64_t seed, int index, const std::string& design);
 
 /// Fills in the gain in NLL over that of the true effects, refitted on the same recording.
 void add_gain(Score& score, const Case& the_case, const Recording& recording, const Diagnosis& diagnosis,

@@ -274,7 +274,8 @@ const std::vector<std::string>& row_names() {
                                               "many-3-outliers",
                                               "many-4-outliers",
                                               "many-5-outliers",
-                                              "one-sided"};
+                                              "one-sided",
+                                              "everyday"};
   return names;
 }
 

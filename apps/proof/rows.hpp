@@ -22,6 +22,7 @@ namespace rangecal::proof {
 ///   speed                      lambda 100, one world after the other
 ///   many-2, -3, -4, -5         so many causes, lambda 150 each alone and 60 or more beside the others
 ///   many-2-outliers, ...       the same worlds with 3 % of the readings too near or too far, in turns
+///   everyday                   tables of known distances as a new user has them (everyday.hpp)
 ///   one-sided                  5 % of the readings too near or too far, nothing else
 const std::vector<std::string>& row_names();
 

@@ -129,6 +129,14 @@ void add_many(std::vector<Line>& lines, const std::vector<Score>& scores) {
       [](const Score& s) { return s.outliers_named.has_value(); },
       [](const Score& s) { return *s.outliers_named; }, 0.9);
   add_share(lines, scores, "outliers on one side: named", row("one-sided"), right, 0.95);
+  add_share(
+      lines, scores, "everyday tables: all causes, and nothing else", row("everyday"),
+      [](const Score& s) { return right(s) || s.result == Answer::quiet; }, 0.92);
+  int of_tables = 0, wrong_of_tables = 0;
+  for (const Score& s : scores)
+    if (s.row == "everyday") of_tables += s.names.found + s.names.wrong, wrong_of_tables += s.names.wrong;
+  add_counted(lines, "everyday tables: names of nothing concealed (names)", wrong_of_tables, of_tables, 0.03,
+              true);
   add_counted(lines, "several causes: names of nothing concealed (names)", wrong, named, 0.03, true);
 }
 
@@ -194,6 +202,7 @@ bool is_miss(const Score& s) {
   if (s.row == "absorbed") return s.result != Answer::missed || !s.listed.value_or(false);
   if (s.row == "twins") return s.result != Answer::right_set;
   if (s.row == "outside") return s.result != Answer::unexplained || !s.located;
+  if (s.row == "everyday") return !is_right(s.result) && s.result != Answer::quiet;
   if (s.row == "experiment") return s.experiment_good.has_value() && !*s.experiment_good;
   return !is_right(s.result);
 }

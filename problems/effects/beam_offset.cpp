@@ -34,8 +34,8 @@ class BeamOffset final : public Effect {
         .visible_by = "near landmarks (under 1 m) together with far ones",
         .settled_by =
             "read the driver's own bearing correction, and place landmarks at 0.3-0.6 m and at the far end",
-        .parameters = {{.name = "offset_m", .typical = 0.022, .low = -0.05, .high = 0.05},
-                       {.name = "squint_rad", .typical = 0.01745, .low = -0.15, .high = 0.15}}};
+        .parameters = {{.name = "offset_m", .typical = 0.022, .low = -1.0, .high = 1.0},
+                       {.name = "squint_rad", .typical = 0.01745, .low = -1.5, .high = 1.5}}};
     return value;
   }
 

@@ -30,7 +30,7 @@ class BearingScale final : public Effect {
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees); place a landmark behind the robot; run "
             "the motor at a second speed",
-        .parameters = {{.name = "scale", .typical = 0.005, .low = -0.03, .high = 0.03}}};
+        .parameters = {{.name = "scale", .typical = 0.005, .low = -0.9, .high = 0.9}}};
     return value;
   }
 

@@ -34,8 +34,8 @@ class CyclicError final : public Effect {
         .visible_by = "ranges in steps under a quarter of the wavelength",
         .settled_by = "move one stop by small steps along the line of sight",
         .parameters = {
-            {.name = "cosine_m", .typical = 0.005, .low = -0.05, .high = 0.05},
-            {.name = "sine_m", .typical = 0.005, .low = -0.05, .high = 0.05},
+            {.name = "cosine_m", .typical = 0.005, .low = -10.0, .high = 10.0},
+            {.name = "sine_m", .typical = 0.005, .low = -10.0, .high = 10.0},
             {.name = "wavenumber_per_m", .typical = 10.0, .low = 2.0, .high = 140.0, .linear = false}}};
     return value;
   }

@@ -30,8 +30,8 @@ class EncoderEccentricity final : public Effect {
         .source = "derived: geometry of an eccentric or stretched disc",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
-        .parameters = {{.name = "sin_rad", .typical = 0.00873, .low = -0.0524, .high = 0.0524},
-                       {.name = "cos_rad", .typical = 0.00873, .low = -0.0524, .high = 0.0524}}};
+        .parameters = {{.name = "sin_rad", .typical = 0.00873, .low = -1.5, .high = 1.5},
+                       {.name = "cos_rad", .typical = 0.00873, .low = -1.5, .high = 1.5}}};
     return value;
   }
 

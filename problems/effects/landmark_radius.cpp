@@ -24,7 +24,7 @@ class LandmarkRadius final : public Effect {
         .source = "derived: d = D - R",
         .visible_by = "one landmark seen from several sides",
         .settled_by = "measure the landmark with a calliper",
-        .parameters = {{.name = "error_m", .typical = 0.005, .low = -0.05, .high = 0.05}, which_landmark()}};
+        .parameters = {{.name = "error_m", .typical = 0.005, .low = -1.0, .high = 1.0}, which_landmark()}};
     return value;
   }
 
@@ -32,7 +32,11 @@ class LandmarkRadius final : public Effect {
     return grid_of({{0.0}, every_landmark(context)});
   }
 
-  std::string missing(const EffectContext& context) const override { return lacks_landmarks(context, 2); }
+  std::string missing(const EffectContext& context) const override {
+    // Known distances are those to the surface.
+    const std::string radii = context.kind == RecordingKind::pairs ? lacks_radii(context) : "";
+    return either(lacks_landmarks(context, 2), radii);
+  }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[1])) return {};

@@ -32,8 +32,8 @@ class LandmarkShape final : public Effect {
         .source = "derived: an ellipse, first order in eta",
         .visible_by = "look at one landmark from many sides",
         .settled_by = "turn the landmark by 90 degrees and repeat",
-        .parameters = {{.name = "cosine", .typical = 0.05, .low = -0.3, .high = 0.3},
-                       {.name = "sine", .typical = 0.05, .low = -0.3, .high = 0.3},
+        .parameters = {{.name = "cosine", .typical = 0.05, .low = -0.9, .high = 0.9},
+                       {.name = "sine", .typical = 0.05, .low = -0.9, .high = 0.9},
                        which_landmark()}};
     return value;
   }

@@ -29,8 +29,8 @@ class LeverArm final : public Effect {
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees), or measure the lever with a ruler",
-        .parameters = {{.name = "x_m", .typical = 0.02, .low = -0.3, .high = 0.3},
-                       {.name = "y_m", .typical = 0.02, .low = -0.3, .high = 0.3}}};
+        .parameters = {{.name = "x_m", .typical = 0.02, .low = -5.0, .high = 5.0},
+                       {.name = "y_m", .typical = 0.02, .low = -5.0, .high = 5.0}}};
     return value;
   }
 

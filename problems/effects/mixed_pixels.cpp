@@ -45,11 +45,8 @@ class MixedPixels final : public Effect {
   }
 
   std::string missing(const EffectContext& context) const override {
-    return context.largest_cell >= 1.0 && (context.landmark_radius_m.empty() ||
-                                           *std::max_element(context.landmark_radius_m.begin(),
-                                                             context.landmark_radius_m.end()) <= 0.0)
-               ? "radius_m of the landmarks: a flat target has no edge"
-               : "";
+    const std::string radii = context.largest_cell >= 1.0 ? lacks_radii(context) : "";
+    return radii.empty() ? radii : radii + ": a flat target has no edge";
   }
 
   Contamination contamination(const ReadingView<double>& at, const double* p) const override {

@@ -33,8 +33,8 @@ class MovedLandmark final : public Effect {
         .visible_by = "each landmark seen before and after",
         .settled_by = "drive the same stops again in reverse order",
         .parameters = {
-            {.name = "x_m", .typical = 0.02, .low = -0.2, .high = 0.2},
-            {.name = "y_m", .typical = 0.02, .low = -0.2, .high = 0.2},
+            {.name = "x_m", .typical = 0.02, .low = -10.0, .high = 10.0},
+            {.name = "y_m", .typical = 0.02, .low = -10.0, .high = 10.0},
             which_landmark(),
             {.name = "stop", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true}}};
     return value;

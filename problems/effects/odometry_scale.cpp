@@ -28,7 +28,7 @@ class OdometryScale final : public Effect {
         .source = "derived: all steps by one factor; UMBmark (Borenstein and Feng)",
         .visible_by = "tape one distance between two landmarks",
         .settled_by = "tape one distance between two landmarks",
-        .parameters = {{.name = "scale", .typical = 0.01, .low = -0.05, .high = 0.05}}};
+        .parameters = {{.name = "scale", .typical = 0.01, .low = -0.9, .high = 0.9}}};
     return value;
   }
 

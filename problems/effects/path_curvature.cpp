@@ -32,7 +32,7 @@ class PathCurvature final : public Effect {
         .source = "derived: wheels of unequal diameter; UMBmark (Borenstein and Feng)",
         .visible_by = "several stops along a path",
         .settled_by = "drive the same path forwards and backwards",
-        .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -0.2, .high = 0.2}}};
+        .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -3.0, .high = 3.0}}};
     return value;
   }
 

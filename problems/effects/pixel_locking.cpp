@@ -38,8 +38,8 @@ class PixelLocking final : public Effect {
         .visible_by = "ranges in steps under half a period (8 mm at 1 m, 75 mm at 3 m), seen against 1/d",
         .settled_by = "move one stop by 5 mm, five times",
         .parameters = {
-            {.name = "cosine_per_m", .typical = 0.001, .low = -0.02, .high = 0.02},
-            {.name = "sine_per_m", .typical = 0.001, .low = -0.02, .high = 0.02},
+            {.name = "cosine_per_m", .typical = 0.001, .low = -0.5, .high = 0.5},
+            {.name = "sine_per_m", .typical = 0.001, .low = -0.5, .high = 0.5},
             {.name = "wavenumber_m", .typical = 750.0, .low = 20.0, .high = 2000.0, .linear = false}}};
     return value;
   }

@@ -27,7 +27,7 @@ class RadiusScale final : public Effect {
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by =
             "measure the landmarks with a calliper, and use landmarks of two or more radii (4 and 12 cm)",
-        .parameters = {{.name = "scale", .typical = 0.05, .low = -0.3, .high = 0.3}}};
+        .parameters = {{.name = "scale", .typical = 0.05, .low = -0.9, .high = 0.9}}};
     return value;
   }
 

@@ -27,8 +27,8 @@ class RangeEccentricity final : public Effect {
         .source = "derived: first harmonic of the optical path over the direction",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "record near and far landmarks in the same direction, at several headings",
-        .parameters = {{.name = "cosine_m", .typical = 0.0075, .low = -0.05, .high = 0.05},
-                       {.name = "sine_m", .typical = 0.0075, .low = -0.05, .high = 0.05}}};
+        .parameters = {{.name = "cosine_m", .typical = 0.0075, .low = -10.0, .high = 10.0},
+                       {.name = "sine_m", .typical = 0.0075, .low = -10.0, .high = 10.0}}};
     return value;
   }
 

@@ -28,7 +28,7 @@ class RangeOffset final : public Effect {
         .source = "derived: f(d) plus a constant",
         .visible_by = "nothing in the recording itself: alpha_0 takes it up exactly, in every design",
         .settled_by = "measure the landmarks with a calliper, or read a flat board at a taped distance",
-        .parameters = {{.name = "offset_m", .typical = 0.005, .low = -2.0, .high = 2.0}}};
+        .parameters = {{.name = "offset_m", .typical = 0.005, .low = -10.0, .high = 10.0}}};
     return value;
   }
 

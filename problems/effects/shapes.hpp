@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <initializer_list>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -92,6 +93,59 @@ inline std::string lacks_repeats(const EffectContext& context, int needed) {
   if (context.largest_cell >= needed) return "";
   return "repeats: at least " + std::to_string(needed) + " readings of each " +
          (context.kind == RecordingKind::pairs ? "distance" : "landmark at each stop");
+}
+
+inline std::string lacks_radii(const EffectContext& context) {
+  const std::vector<double>& radii = context.landmark_radius_m;
+  const bool round = std::any_of(radii.begin(), radii.end(), [](double radius) { return radius > 0.0; });
+  return round ? "" : "radius_m of the landmarks";
+}
+
+/// An effect along a covariate column, or the kind of them that stands in the catalogue, which changes nothing.
+class ColumnEffect : public Effect {
+ public:
+  const EffectInfo& info() const final { return info_; }
+
+  std::string missing(const EffectContext& context) const final { return index(context) < 0 ? lacking_ : ""; }
+
+ protected:
+  /// `lacking`: what a recording without such a column lacks. Along a column id and covariate are the column's, and the
+  /// physics names it.
+  ColumnEffect(EffectInfo info, std::string lacking, const std::string& column)
+      : info_(std::move(info)), column_(column), lacking_(std::move(lacking)) {
+    if (column_.empty()) return;
+    info_.id += ":" + column_;
+    info_.covariate = column_;
+    info_.physics = "Along " + column_ + ": " + info_.physics;
+  }
+
+  /// What the column holds beside a reading; NaN where it holds nothing.
+  double value(const ReadingView<double>& at) const {
+    const int column = at.context != nullptr && at.covariate != nullptr ? index(*at.context) : -1;
+    return column < 0 ? std::numeric_limits<double>::quiet_NaN() : at.covariate[column];
+  }
+
+  /// Mean and standard deviation of the column over the recording; 0 and 1 where they are not known.
+  ColumnSummary summary(const EffectContext& context) const {
+    const int column = index(context);
+    if (column < 0 || context.columns.empty()) return {ColumnRole::other, 0.0, 1.0};
+    return context.columns[static_cast<std::size_t>(column)];
+  }
+
+ private:
+  int index(const EffectContext& context) const {
+    if (column_.empty()) return -1;
+    const auto found = std::find(context.covariates.begin(), context.covariates.end(), column_);
+    return found == context.covariates.end() ? -1 : static_cast<int>(found - context.covariates.begin());
+  }
+
+  EffectInfo info_;
+  std::string column_, lacking_;
+};
+
+/// A number of an effect's formula that is read off the recording once and never moved.
+inline EffectParameter given_by_column(const char* name, double low) {
+  return {.name = name, .typical = 1.0, .low = low, .high = 1e9, .linear = false, .discrete = true};
 }
 
 /// The first of two complaints that says anything.

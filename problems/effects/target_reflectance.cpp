@@ -33,7 +33,7 @@ class TargetReflectance final : public Effect {
         .visible_by = "landmarks of the same make, one differing",
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
         .parameters = {
-            {.name = "amplitude_m", .typical = 0.015, .low = -0.05, .high = 0.05},
+            {.name = "amplitude_m", .typical = 0.015, .low = -10.0, .high = 10.0},
             which_landmark(),
             {.name = "power", .typical = 1.0, .low = 0.0, .high = 2.0, .linear = false, .discrete = true}}};
     return value;

@@ -29,7 +29,7 @@ class WheelSlip final : public Effect {
         .visible_by = "stops before and after the slip",
         .settled_by = "drive the same stops again in reverse order",
         .parameters = {
-            {.name = "distance_m", .typical = 0.05, .low = -0.3, .high = 0.3},
+            {.name = "distance_m", .typical = 0.05, .low = -10.0, .high = 10.0},
             {.name = "stop", .typical = 1.0, .low = 0.0, .high = 1e6, .linear = false, .discrete = true}}};
     return value;
   }

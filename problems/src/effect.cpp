@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <mutex>
 
 namespace rangecal {
 
@@ -40,10 +42,65 @@ std::vector<Eigen::VectorXd> grid_of(const std::vector<std::vector<double>>& axe
   return points;
 }
 
-const Effect* find_effect(const std::string& id) {
+namespace {
+
+constexpr char before_column = ':';
+
+const Effect* in_registry(const std::string& id) {
   for (const auto& effect : effect_registry())
     if (effect->info().id == id) return effect.get();
   return nullptr;
+}
+
+/// Effects along columns, by id, made when they are first asked for.
+class EffectsAlongColumns {
+ public:
+  const Effect* find(const std::string& id) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto known = made_.find(id);
+    if (known != made_.end()) return known->second.get();
+    const std::string column = column_in_id(id);
+    const Effect* kind = in_registry(id_without_column(id));
+    std::unique_ptr<Effect> made = kind && !column.empty() ? kind->along(column) : nullptr;
+    return made ? made_.emplace(id, std::move(made)).first->second.get() : nullptr;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<std::string, std::unique_ptr<Effect>> made_;
+};
+
+}  // namespace
+
+std::string id_without_column(const std::string& id) { return id.substr(0, id.find(before_column)); }
+
+std::string column_in_id(const std::string& id) {
+  const std::size_t at = id.find(before_column);
+  return at == std::string::npos ? "" : id.substr(at + 1);
+}
+
+std::string id_in_words(const std::string& id) {
+  const std::string column = column_in_id(id);
+  return column.empty() ? id : id_without_column(id) + " along " + column;
+}
+
+const Effect* find_effect(const std::string& id) {
+  if (const Effect* effect = in_registry(id)) return effect;
+  static EffectsAlongColumns along_columns;
+  return along_columns.find(id);
+}
+
+std::vector<const Effect*> effects_of(const EffectContext& context) {
+  std::vector<const Effect*> effects;
+  for (const auto& effect : effect_registry()) {
+    const std::size_t before = effects.size();
+    for (std::size_t c = 0; c < context.columns.size(); ++c)
+      if (const ColumnSummary& column = context.columns[c];
+          column.std_dev > 0.0 && effect->lies_along(column.role))
+        effects.push_back(find_effect(effect->info().id + before_column + context.covariates[c]));
+    if (effects.size() == before) effects.push_back(effect.get());  // of a column that is lacking, too
+  }
+  return effects;
 }
 
 }  // namespace rangecal

@@ -36,6 +36,7 @@ class Recording:
                  stop_error: Literal["independent", "random_walk"] = "independent", radius_m: float = 0.0,
                  known_distances: Sequence[Mapping[str, Any]] = (), true_stops: Optional[Table] = None,
                  true_landmarks: Optional[Table] = None,
+                 columns: Optional[Mapping[str, Mapping[str, str]]] = None,
                  extraction: Optional[Mapping[str, Any]] = None) -> None: ...
     path: str
     kind: Literal["landmarks", "pairs"]

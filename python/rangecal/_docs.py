@@ -326,7 +326,7 @@ _DOCS = {
     explanations : list of Explanation
         Best first.
     final_effects : list of str
-        Empty, or ids, or ``["generic"]`` where nothing in the catalogue explains it; ids and ``"generic"`` where it is explained
+        Empty, or ids (``covariate_drift:supply_v`` along a column), or ``["generic"]`` where nothing in the catalogue explains it; ids and ``"generic"`` where it is explained
         in part.
     members : list of Member
         What speaks for each name; empty where nothing was looked for.

@@ -12,7 +12,7 @@ _native_init, _native_save = _native.Recording.__init__, _native.Recording.save
 
 def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sensor=None, sigma_xy_m=0.01,
          sigma_heading_rad=0.0, stop_error="independent", radius_m=0.0, known_distances=(), true_stops=None,
-         true_landmarks=None, extraction=None):
+         true_landmarks=None, columns=None, extraction=None):
     """A recording from tables in memory, checked as files are.
 
     Parameters
@@ -42,6 +42,9 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
         Taped distances: ``{"from": "A", "to": "B", "distance_m": 1.5, "sigma_m": 0.002}``.
     true_stops, true_landmarks : table, optional
         Ground truth, for scores only.
+    columns : dict, optional
+        What covariates measure whose names do not say it: ``{"T1": {"role": "temperature", "unit": "degC"}}``; roles
+        ``received_power, temperature, azimuth, elevation, supply_voltage, intensity, other``.
     extraction : dict, optional
         How the readings were cut out of raw scans, kept for people: ``source, arc, ...``, each a text, number or list.
 
@@ -66,6 +69,8 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
         tables = {"observations.csv": observations, "stops.csv": stops, "landmarks.csv": landmarks,
                   "truth_stops.csv": true_stops, "truth_landmarks.csv": true_landmarks}
     header["landmarks"] = {"radius_m": radius_m}
+    if columns:
+        header["columns"] = columns
     if extraction:
         header["extraction"] = extraction
     if known_distances:

@@ -54,11 +54,15 @@ inline void archive_fields(python::Archive& a, Truth& s) {
   auto& [stops, landmarks] = s;
   a(stops, landmarks);
 }
+inline void archive_fields(python::Archive& a, Column& s) {
+  auto& [role, unit] = s;
+  a(role, unit);
+}
 inline void archive_fields(python::Archive& a, Recording& s) {
   auto& [path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings,
-         pairs, counts, truth, extraction, notes] = s;
+         pairs, counts, truth, columns, extraction, notes] = s;
   a(path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs,
-    counts, truth, extraction, notes);
+    counts, truth, columns, extraction, notes);
 }
 
 inline void archive_fields(python::Archive& a, Noise& s) {

@@ -126,10 +126,64 @@ Specimen modelled_specimen(const Effect& effect) {
   return {again, planted + ", a sensor that looks one way", with_effect_named(again, info.id)};
 }
 
-Json entry_of(const Effect& effect) {
+/// The column along which a picture of the effect is drawn; "" for effects along none.
+std::string column_for(const Effect& effect) {
+  constexpr std::pair<ColumnRole, const char*> columns[] = {{ColumnRole::temperature, "temperature_c"},
+                                                            {ColumnRole::received_power, "rx_power_dbm"},
+                                                            {ColumnRole::other, "humidity_percent"}};
+  for (const auto& [role, name] : columns)
+    if (effect.lies_along(role)) return name;
+  return "";
+}
+
+/// For an effect of recorded columns or of devices: 400 readings at known distances by three devices, with the effect at twice
+/// its typical size.
+Specimen table_specimen(const Effect& effect) {
   const EffectInfo& info = effect.info();
-  std::optional<Specimen> specimen = planted_specimen(info.id);
-  if (!specimen) specimen = modelled_specimen(effect);
+  Random random(seed_from("gallery table " + info.id));
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.landmarks = {{"A", 0.0, {}}, {"B", 0.0, {}}, {"C", 0.0, {}}};
+  Pairs& pairs = recording.pairs;
+  const std::string column = column_for(effect);
+  for (int i = 0; i < 400; ++i) {
+    const double d = random.uniform(0.3, 6.0), f = 0.02 + d * (1.01 + 0.002 * d);
+    pairs.true_m.push_back(d);
+    pairs.reading_m.push_back(random.normal(f, 0.002 * f * f));
+    pairs.landmark.push_back(i % 3);
+    pairs.row.push_back(i + 2);
+    if (!column.empty()) pairs.covariates[column].push_back(random.uniform(10.0, 40.0));
+  }
+  DiagnoseOptions options;
+  options.held_out = options.unseen = options.next_experiments = false;
+  SimulationModel model = diagnose({&recording, 1}, options).simulation;
+  std::string planted;
+  EffectContext context;
+  context.covariates = {column};
+  context.columns = {{ColumnRole::other, 25.0, 8.7}};
+  const Eigen::VectorXd start = effect.start_grid(context).front();
+  for (std::size_t j = 0; j < info.parameters.size(); ++j) {
+    const EffectParameter& p = info.parameters[j];
+    model.calibration.effects[info.id][p.name] =
+        p.linear ? 2.0 * p.typical : start[static_cast<Eigen::Index>(j)];
+    if (p.linear && planted.empty()) planted = fmt::format("{} {:g}", p.name, 2.0 * p.typical);
+  }
+  const Recording again = simulate(model, seed_from("gallery again " + info.id)).front();
+  return {again, planted + ", 400 readings at known distances", with_effect_named(again, info.id)};
+}
+
+Specimen specimen_of(const Effect& effect) {
+  const std::string& id = effect.info().id;
+  if (!column_in_id(id).empty() || id == "device_offset") return table_specimen(effect);
+  std::optional<Specimen> planted = planted_specimen(id);
+  return planted ? *planted : modelled_specimen(effect);
+}
+
+Json entry_of(const Effect& kind) {
+  const std::string column = column_for(kind);
+  const Effect& effect = column.empty() ? kind : *find_effect(kind.info().id + ":" + column);
+  const EffectInfo& info = effect.info();
+  std::optional<Specimen> specimen = specimen_of(effect);
   Diagnosis& d = specimen->diagnosis;
   std::vector<Finding> own;  // the effect's own place alone
   for (const Finding& f : d.location)
@@ -141,15 +195,10 @@ Json entry_of(const Effect& effect) {
   if (!d.simulation.landmark_read.empty()) read.readings.landmark = d.simulation.landmark_read.front();
   const report::FitView before = report::view_of({read}, d.baseline, report::covariates_of(d));
   report::add_findings(page, d, recorded, before, nullptr, 1);
-  Json entry{{"id", info.id},
-             {"physics", info.physics},
-             {"formula", info.formula},
-             {"channel", info.channel},
-             {"covariate", info.covariate},
-             {"visible_by", info.visible_by},
-             {"settled_by", info.settled_by},
-             {"planted", specimen->planted},
-             {"gain", std::round(gain_of(d))}};
+  Json entry{
+      {"id", kind.info().id},          {"physics", kind.info().physics}, {"formula", info.formula},
+      {"channel", info.channel},       {"covariate", info.covariate},    {"visible_by", info.visible_by},
+      {"settled_by", info.settled_by}, {"planted", specimen->planted},   {"gain", std::round(gain_of(d))}};
   entry["page"] = page.data();
   return entry;
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "diagnosis_words.hpp"
+#include "rangecal/problems/effects/effect.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -79,8 +80,7 @@ std::string cannot_tell_apart(const Diagnosis& d) {
     if (!best.indistinguishable_from.empty() && !best.separated_by.empty())
       text += "    " + wrapped("told apart by: " + best.separated_by, 4, width) + "\n";
   }
-  for (const auto& set : d.twins)
-    text += "  " + wrapped(fmt::format("{}", fmt::join(set, " = ")), 4, width) + "\n";
+  for (const auto& set : d.twins) text += "  " + wrapped(set_in_words(set, " = "), 4, width) + "\n";
   return text;
 }
 
@@ -89,8 +89,8 @@ std::string could_be_hidden(const Diagnosis& d) {
   constexpr std::size_t most = 8;
   for (std::size_t i = 0; i < d.unseen.size() && i < most; ++i) {
     const Unseen& u = d.unseen[i];
-    std::string line =
-        fmt::format("{} ({}): costs {} mm RMS", u.effect, typical_in_words(u), millimetres(u.harm_m));
+    std::string line = fmt::format("{} ({}): costs {} mm RMS", id_in_words(u.effect), typical_in_words(u),
+                                   millimetres(u.harm_m));
     line += u.detectable ? fmt::format("; would show {}", detectable_in_words(u))
                          : std::string("; no size would show");
     if (!u.settled_by.empty()) line += "; " + u.settled_by;
@@ -104,11 +104,11 @@ std::string could_be_hidden(const Diagnosis& d) {
 std::string do_next(const Diagnosis& d) {
   std::string text;
   for (const NextExperiment& e : d.next_experiments)
-    text +=
-        "  " +
-        wrapped(fmt::format("{} (settles {}; power {:.2f})", e.change, fmt::join(e.settles, ", "), e.power),
-                4, width) +
-        "\n";
+    text += "  " +
+            wrapped(fmt::format("{} (settles {}; power {:.2f})", e.change, set_in_words(e.settles, ", "),
+                                e.power),
+                    4, width) +
+            "\n";
   return text;
 }
 

@@ -125,8 +125,10 @@ std::string millimetres(double harm_m) {
   return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
 }
 
-std::string set_in_words(const std::vector<std::string>& set) {
-  return fmt::format("{}", fmt::join(set, " + "));
+std::string set_in_words(const std::vector<std::string>& set, const char* between) {
+  std::vector<std::string> words;
+  for (const std::string& id : set) words.push_back(id_in_words(id));
+  return fmt::format("{}", fmt::join(words, between));
 }
 
 std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {
@@ -194,7 +196,8 @@ std::vector<MemberRow> member_rows(const Diagnosis& d) {
     if (m.log_evidence_without) evidence = -*m.log_evidence_without;
     if (m.heldout_nll_without && d.after.heldout_nll)
       held_out = *m.heldout_nll_without - *d.after.heldout_nll;
-    rows.push_back({m.effect, fmt::format("{:.2f}", m.probability), nats(evidence), nats(held_out)});
+    rows.push_back(
+        {id_in_words(m.effect), fmt::format("{:.2f}", m.probability), nats(evidence), nats(held_out)});
   }
   return rows;
 }

@@ -66,12 +66,12 @@ TEST(SimulateCommand, EffectsAndOpticsStandInTheRecordingAsTruthThatNobodyReads)
 TEST(SimulateCommand, AFaultOfAnEffectIsOneLineAndOthersRefuseScenesWithEffects) {
   const TemporaryFolder folder;
   std::string scene = slurp(shipped("scenes/field-layout.yaml"));
-  scene += "effects: {range_eccentricity: {cosine_m: 0.5}}\n";
+  scene += "effects: {range_eccentricity: {cosine_m: 50}}\n";
   folder.write("scene.yaml", scene);
   const RunResult result = run("simulate " + folder.file("scene.yaml") + " -o " + folder.file("out"));
   EXPECT_EQ(result.code, 2);
   EXPECT_THAT(result.err,
-              HasSubstr("field 'effects.range_eccentricity.cosine_m': 0.5 is outside -0.05 to 0.05"));
+              HasSubstr("field 'effects.range_eccentricity.cosine_m': 50 is outside -10 to 10"));
   EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
   EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
   for (const char* other : {"field-layout-effects", "field-layout-optical"}) {

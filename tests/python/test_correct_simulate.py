@@ -131,8 +131,8 @@ def test_effects_of_a_scene_are_those_of_the_argument(source, command, tmp_path)
     within, beside = rangecal.simulate({**scene, "effects": effects}, 3), rangecal.simulate(scene, 3, effects=effects)
     np.testing.assert_array_equal(within.range_m, beside.range_m)
     np.testing.assert_allclose(within.range_m / 0.002, np.round(within.range_m / 0.002), atol=1e-9)
-    with pytest.raises(rangecal.InputError, match="range_eccentricity.cosine_m: 0.5 is outside"):
-        rangecal.simulate(scene, effects={"range_eccentricity": {"cosine_m": 0.5}})
+    with pytest.raises(rangecal.InputError, match="range_eccentricity.cosine_m: 50 is outside"):
+        rangecal.simulate(scene, effects={"range_eccentricity": {"cosine_m": 50}})
     shipped = source / "notebooks_data/scenes/field-layout-effects.yaml"
     command("simulate", shipped, "-o", tmp_path / "sim", "--seed", 4)
     np.testing.assert_array_equal(rangecal.simulate(shipped, 4).range_m, rangecal.load(tmp_path / "sim").range_m)

@@ -171,3 +171,17 @@ def test_input_errors_are_value_errors_with_the_message_of_the_program(source, t
         rangecal.Recording(pairs=pandas.DataFrame([[1.0, 1.0, 2.0]], columns=["true_m", "reading_m", "reading_m"]))
     with pytest.raises(ValueError, match="surrogates not allowed"):
         rangecal.Recording(pairs={"true_m": [1.0], "reading_m": [1.0], "batch": ["\udcff"]})
+
+
+def test_what_a_column_measures_can_be_said(tmp_path):
+    rng = np.random.default_rng(4)
+    true_m, warmth = rng.uniform(0.5, 5.0, 300), rng.uniform(5.0, 35.0, 300)
+    reading_m = 1.01 * true_m + 0.004 * (warmth - 20.0) + rng.normal(0.0, 0.01, 300)
+    pairs = {"true_m": true_m, "reading_m": reading_m, "warmth": warmth}
+    said = rangecal.Recording(pairs=pairs, columns={"warmth": {"role": "temperature", "unit": "degC"}})
+    assert rangecal.diagnose(said).final_effects == ["temperature_coefficient:warmth"]
+    assert rangecal.diagnose(rangecal.Recording(pairs=pairs)).final_effects == ["covariate_drift:warmth"]
+    said.save(tmp_path / "rec")
+    assert rangecal.diagnose(rangecal.load(tmp_path / "rec")).final_effects == ["temperature_coefficient:warmth"]
+    with pytest.raises(rangecal.InputError, match="'warm', not one of received_power, temperature"):
+        rangecal.Recording(pairs=pairs, columns={"warmth": {"role": "warm"}})

@@ -53,7 +53,11 @@ inline const std::vector<std::string> catalogue{"axial_depth",
                                                 "heavy_tails",
                                                 "early_echo",
                                                 "late_return",
-                                                "reciprocal_noise"};
+                                                "reciprocal_noise",
+                                                "temperature_coefficient",
+                                                "power_bias",
+                                                "covariate_drift",
+                                                "device_offset"};
 
 /// The channels of the file format, and its covariates that are no column.
 inline const std::set<std::string> channels{"range",
@@ -71,5 +75,7 @@ inline const std::set<std::string> channels{"range",
 inline const std::set<std::string> covariates{"range", "disparity", "sensor_bearing", "heading", "time",
                                               "stop",  "repeat",    "landmark",       "radius",  "constant",
                                               "any"};
+/// What an effect along a column has for its covariate in the catalogue.
+inline const std::set<std::string> covariates_of_columns{"temperature", "received_power", "column"};
 
 }  // namespace rangecal::test

@@ -49,13 +49,29 @@ TapedDistance read_taped(const YamlReader& node) {
   return taped;
 }
 
+Column read_column(const YamlReader& node, const std::string& name) {
+  node.allow_only({"role", "unit"});
+  Column column = column_by_name(name);
+  if (node.has("role")) {
+    const YamlReader role = node.at("role");
+    try {
+      column.role = column_role_from_string(role.text().substr(0, 40));
+    } catch (const InputError& error) {
+      role.fail(error.what());
+    }
+  }
+  if (node.has("unit")) column.unit = node.at("unit").text();
+  return column;
+}
+
 }  // namespace
 
 RecordingHeader read_header(const Files& files, Recording& recording) {
   RecordingHeader header;
   header.file = files.name("recording.yaml");
   const YamlReader top = files.yaml("recording.yaml");
-  top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances", "extraction"});
+  top.allow_only(
+      {"format", "kind", "sensor", "stops", "landmarks", "known_distances", "columns", "extraction"});
   const YamlReader format = top.at("format");
   if (format.text() != "rangecal/1") format.fail("'" + format.text().substr(0, 40) + "' is not rangecal/1");
   if (top.has("kind")) {
@@ -73,6 +89,9 @@ RecordingHeader read_header(const Files& files, Recording& recording) {
     landmarks.allow_only({"radius_m"});
     if (landmarks.has("radius_m")) header.landmark_radius_m = landmarks.at("radius_m").not_negative();
   }
+  if (top.has("columns"))
+    for (const auto& [name, node] : top.at("columns").entries())
+      recording.columns[name] = read_column(node, name);
   if (top.has("extraction"))
     recording.extraction = top.at("extraction").texts();  // for people: of any fields
   if (top.has("known_distances")) {

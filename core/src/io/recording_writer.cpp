@@ -88,6 +88,17 @@ std::string header_text(const Recording& recording) {
       out << YAML::EndSeq;
     }
   }
+  if (!recording.columns.empty()) {
+    out << YAML::Key << "columns" << YAML::Value << YAML::BeginMap;
+    for (const auto& [name, column] : recording.columns) {
+      out << YAML::Key << YAML::DoubleQuoted << name << YAML::Value << YAML::Flow << YAML::BeginMap;
+      out << YAML::Key << "role" << YAML::Value << to_string(column.role);
+      if (!column.unit.empty())
+        out << YAML::Key << "unit" << YAML::Value << YAML::DoubleQuoted << column.unit;
+      out << YAML::EndMap;
+    }
+    out << YAML::EndMap;
+  }
   if (!recording.extraction.empty()) {
     out << YAML::Key << "extraction" << YAML::Value << YAML::Flow << YAML::BeginMap;
     for (const auto& [field, text] : recording.extraction)

@@ -96,13 +96,17 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
   return best;
 }
 
-std::optional<NoiseLaw> law_beside(const Rows& rows, const Fit& fit, const DiagnoseOptions& options,
-                                   const RefitOptions& refit_options) {
-  if (options.simulation || fit.model.empty()) return std::nullopt;
-  Model model = fit.model;  // what describes the law itself would make any law's readings
+Model without_law(Model model) {
   std::erase_if(model, [](const ActiveEffect& a) {
     return a.effect->info().channel == "range_noise" && a.effect->info().covariate == "range";
   });
+  return model;
+}
+
+std::optional<NoiseLaw> law_beside(const Rows& rows, const Fit& fit, const DiagnoseOptions& options,
+                                   const RefitOptions& refit_options) {
+  if (options.simulation || fit.model.empty()) return std::nullopt;
+  const Model model = without_law(fit.model);
   std::optional<NoiseLaw> due;
   if (const std::optional<Noise> noise = noise_within_cells(rows, model, &fit.state)) {
     due = noise->law;

@@ -9,7 +9,7 @@
 namespace rangecal::diagnosis {
 
 void Battery::ask_catalogue(Of of) {
-  const auto& effects = effect_registry();
+  const std::vector<const Effect*> effects = effects_of(rows_.context);
   std::vector<std::vector<Asked>> asked(effects.size());
   in_parallel(
       effects.size(),

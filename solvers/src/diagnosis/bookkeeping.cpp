@@ -7,7 +7,10 @@
 #include <boost/math/distributions/hypergeometric.hpp>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
+#include <numeric>
+#include <optional>
 
 #include "diagnosis/grids.hpp"
 #include "rangecal/core/errors.hpp"
@@ -102,6 +105,74 @@ struct GridEvidence {
   double share = 0.0, step_over_spread = 0.0, step = 0.0, disparity_step = 0.0;
   double disparity_scatter = 1.0, step_scatter = 1.0;  ///< relative scatter of the steps in 1/r and in r
 };
+
+/// The step h of which all values are multiples: found from the smallest gap g between two of them, g / h = 1 .. 8, and fitted
+/// to one value after the other, the smallest first. None where they are multiples of nothing: values that know no grid lie
+/// within a twentieth of h of a multiple once in ten.
+std::optional<double> common_step(std::vector<double> values) {
+  constexpr std::size_t enough = 30;
+  constexpr int most_gaps_apart = 8;
+  constexpr double near = 0.05;  // of the step
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  if (values.size() < enough || !(values.front() > 0.0)) return std::nullopt;
+  double gap = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < values.size(); ++i) gap = std::min(gap, values[i] - values[i - 1]);
+  if (!(gap > 1e-9 * values.back())) return std::nullopt;
+  for (int parts = 1; parts <= most_gaps_apart; ++parts) {
+    double step = gap / parts, products = 0.0, squares = 0.0;
+    const bool all = std::all_of(values.begin(), values.end(), [&](double value) {
+      const double multiple = std::round(value / step);
+      if (std::abs(value - multiple * step) > near * step) return false;
+      products += value * multiple;
+      squares += multiple * multiple;
+      if (squares > 0.0) step = products / squares;
+      return true;
+    });
+    if (all) return step;
+  }
+  return std::nullopt;
+}
+
+/// Spread of readings without repeats: how far each lies off the line through its neighbours in distance.
+double spread_about_neighbours(const Rows& rows) {
+  const std::vector<double> d = [&] {
+    std::vector<double> of_rows(rows.size());
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      of_rows[i] = -rows.problem.stops[static_cast<std::size_t>(rows.stop[i])].commanded.x_m;
+    return of_rows;
+  }();
+  std::vector<std::size_t> order(rows.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return d[a] < d[b]; });
+  std::vector<double> sizes;
+  for (std::size_t i = 1; i + 1 < order.size(); ++i) {
+    const double before = d[order[i - 1]], after = d[order[i + 1]];
+    const double share = after > before ? (d[order[i]] - before) / (after - before) : 0.5;
+    const double off = rows.range_m[order[i]] - (1.0 - share) * rows.range_m[order[i - 1]] -
+                       share * rows.range_m[order[i + 1]];
+    sizes.push_back(std::abs(off) / std::sqrt(1.0 + share * share + (1.0 - share) * (1.0 - share)));
+  }
+  constexpr double normal_half = 0.6744897501960817;
+  return sizes.empty() ? 0.0 : upper_median(std::move(sizes)) / normal_half;
+}
+
+/// The grid of ranges of pairs without repeats, whose values are all multiples of one step, in range or in 1/r.
+GridEvidence grid_without_repeats(const Rows& rows) {
+  GridEvidence evidence;
+  const double spread = spread_about_neighbours(rows);
+  std::vector<double> inverse = rows.range_m;
+  for (double& value : inverse) value = 1.0 / value;
+  const std::optional<double> step = common_step(rows.range_m), of_inverse = common_step(inverse);
+  if (!(spread > 0.0) || (!step && !of_inverse)) return evidence;
+  const double middle = upper_median(rows.range_m);
+  evidence.repeated = 1.0;
+  evidence.step = step ? *step : *of_inverse * middle * middle;
+  evidence.disparity_step = step ? 0.0 : *of_inverse;
+  evidence.step_scatter = step ? 0.0 : 1.0;
+  evidence.step_over_spread = evidence.step / spread;
+  return evidence;
+}
 
 GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values) {
   GridEvidence evidence;
@@ -255,7 +326,32 @@ Gaps gaps_of(const Rows& rows) {
   return gaps;
 }
 
+void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
+  Eigen::VectorXd p = Eigen::VectorXd::Zero(2);
+  if (range.disparity_scatter < range.step_scatter)
+    p[0] = range.disparity_step;
+  else
+    p[1] = range.step;
+  found.model.push_back({find_effect("quantisation"), p});
+  Question q = question("grid", "range", "steps", certain);
+  q.size = range.step;
+  found.findings.push_back(q);
+}
+
+bool has_repeats(const Rows& rows) { return !rows.pairs || rows.context.largest_cell >= 2; }
+
 }  // namespace
+
+bool add_grid_beside(const Rows& rows, const JointState& state, Bookkeeping& known) {
+  if (has_grid(known.model) || has_repeats(rows)) return false;
+  const GridEvidence range = grid_without_repeats(rows);
+  std::vector<double> spreads = cell_geometry(rows, state).spread;
+  const auto tenth = spreads.begin() + static_cast<std::ptrdiff_t>(spreads.size() / 10);
+  std::nth_element(spreads.begin(), tenth, spreads.end());
+  if (!(range.step > *tenth)) return false;
+  add_range_grid(range, known);
+  return true;
+}
 
 Bookkeeping correct_labels(std::vector<Recording>& recordings) {
   Bookkeeping found;
@@ -266,25 +362,15 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
 
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
-  const GridEvidence range = grid_of_values(rows, rows.range_m),
+  const GridEvidence range =
+                         has_repeats(rows) ? grid_of_values(rows, rows.range_m) : grid_without_repeats(rows),
                      bearing = grid_of_values(rows, rows.bearing_rad);
   // Rounding far below the spread repeats a value now and then and does no harm: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {
     return e.share > 1.0 / 6.0 || (e.repeated > 0.03 && e.step_over_spread > 1.0 / 15.0);
   };
-  if (matters(range)) {
-    const Effect* effect = find_effect("quantisation");
-    Eigen::VectorXd p = Eigen::VectorXd::Zero(2);
-    if (range.disparity_scatter < range.step_scatter)
-      p[0] = range.disparity_step;
-    else
-      p[1] = range.step;
-    found.model.push_back({effect, p});
-    Question q = question("grid", "range", "steps", certain);
-    q.size = range.step;
-    found.findings.push_back(q);
-  }
+  if (matters(range)) add_range_grid(range, found);
   if (!rows.pairs && matters(bearing)) {
     const Effect* effect = find_effect("bearing_quantisation");
     const auto& parameters = effect->info().parameters;

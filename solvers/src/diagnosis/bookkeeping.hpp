@@ -26,6 +26,10 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings);
 /// distance.
 Bookkeeping find_grids_and_gaps(const Rows& rows);
 
+/// Adds the grid of pairs without repeats that is coarse against the spread of the quietest tenth of the readings, as a fit has
+/// them: what causes did to the readings had hidden it. False if there is none, or one was known.
+bool add_grid_beside(const Rows& rows, const JointState& state, Bookkeeping& known);
+
 /// Kinds of effects that bookkeeping finds, not scores.
 inline bool is_bookkeeping(EffectKind kind) {
   return kind == EffectKind::grid || kind == EffectKind::label || kind == EffectKind::detection;

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The calibration refitted under a model whose parameters stand.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/known_distances.hpp"
 #include "diagnosis/refit.hpp"
 #include "diagnosis/rounds.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -44,6 +47,14 @@ double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& s
   return -0.5 * gradient.dot(step);
 }
 
+/// True if half of the cells have spreads below the farthest reading: beyond that a likelihood has lost the readings, as that
+/// of a curve that falls to 0 may, whose spread does so too.
+bool holds_readings(const Rows& rows, const JointState& state) {
+  std::vector<double> spreads = cell_geometry(rows, state).spread;
+  const double farthest = *std::max_element(rows.range_m.begin(), rows.range_m.end());
+  return upper_median(std::move(spreads)) < farthest;  // false of NaN
+}
+
 MarginalFit solve(const Rows& rows, const JointProblem& problem, const JointState& start,
                   const MarginalOptions& options) {
   if (rows.pairs && !options.held.alpha && !options.held.sigmas)
@@ -70,7 +81,9 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
     MarginalFit fit = solve(rows, working.problem, start, marginal);
-    if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed) return infinity;
+    if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed ||
+        !holds_readings(rows, fit.state))
+      return infinity;
     marginal.begin = fit.reml;
     // Alpha under a simulation's prior: held at each solve, moved in between while that gains.
     double fit_value = fit.marginal_nll + prior_nll(rows, fit.state.alpha);

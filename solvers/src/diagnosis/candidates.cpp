@@ -52,10 +52,9 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   }
   // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose
   // them.
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_of(rows.context)) {
     const EffectInfo& info = effect->info();
-    if (best.count(info.id) || contains(model, effect.get()) || !effect->missing(rows.context).empty())
-      continue;
+    if (best.count(info.id) || contains(model, effect) || !effect->missing(rows.context).empty()) continue;
     if (info.kind != EffectKind::dependence && info.kind != EffectKind::tail && !effect->acts_on_stops())
       continue;
     for (const Question& q : battery.questions) {
@@ -70,7 +69,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
       if (p.effect && q.gain <= p.promised) continue;
       const auto grid = effect->start_grid(rows.context);
       if (grid.empty()) continue;
-      p = {effect.get(), grid[grid.size() / 2], q.gain, q.gain - q.dof, {}};
+      p = {effect, grid[grid.size() / 2], q.gain, q.gain - q.dof, {}};
     }
   }
   // A period has many peaks of nearly the same height; the refit decides between the highest.

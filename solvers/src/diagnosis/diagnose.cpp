@@ -121,6 +121,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   known.step_beyond_noise_m = gaps.step_beyond_noise_m;
   SearchResult found = looked_for(rows, known, options);
+  if (found.named() && add_grid_beside(rows, found.best.fit.state, known))
+    found = looked_for(rows, known, options);
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
     if (!curve_alone.empty()) {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -46,11 +48,27 @@ Json calibration_parameters(const Calibration& c) {
   return parameters;
 }
 
+/// Ids as physics has them: the column of an effect along one stands elsewhere.
+std::vector<std::string> plain(std::vector<std::string> ids) {
+  for (std::string& id : ids) id = id_without_column(id);
+  return ids;
+}
+std::vector<std::vector<std::string>> plain(std::vector<std::vector<std::string>> sets) {
+  for (std::vector<std::string>& set : sets) set = plain(std::move(set));
+  return sets;
+}
+
+/// "EFFECT.PARAMETER"; of two along different columns each with its column, "EFFECT:COLUMN.PARAMETER".
 Json effect_parameters(const Explanation& explanation) {
+  const std::vector<std::string> ids = plain(explanation.effects);
   Json parameters = Json::object();
   for (const EffectEstimate& e : explanation.parameters) {
-    parameters[e.name] = estimate(e.estimate, e.std_dev, e.low95, e.high95);
-    parameters[e.name]["note"] = e.note;
+    const std::size_t dot = e.name.rfind('.');
+    const std::string id = id_without_column(e.name.substr(0, dot));
+    const bool alone = std::count(ids.begin(), ids.end(), id) <= 1;
+    const std::string name = alone ? id + e.name.substr(dot) : e.name;
+    parameters[name] = estimate(e.estimate, e.std_dev, e.low95, e.high95);
+    parameters[name]["note"] = e.note;
   }
   return parameters;
 }
@@ -70,7 +88,7 @@ Json finding(const Finding& f) {
   Json json = {{"channel", f.channel},
                {"covariate", f.covariate},
                {"shape", f.shape},
-               {"effects", f.effects},
+               {"effects", plain(f.effects)},
                {"where", where(f)},
                {"everywhere", f.everywhere.empty() ? Json(nullptr) : Json(f.everywhere)},
                {"size", number(f.size)},
@@ -90,16 +108,11 @@ Json finding(const Finding& f) {
 }
 
 Json explanation(const Explanation& e) {
-  return {{"effects", e.effects},
-          {"probability", number(e.probability)},
-          {"parameters", effect_parameters(e)},
-          {"nll", number(e.nll)},
-          {"heldout_nll", number(e.heldout_nll)},
-          {"heldout_std", number(e.heldout_std)},
-          {"p_value", p_value(e.p_value)},
-          {"indistinguishable_from", e.indistinguishable_from},
-          {"separated_by", e.separated_by},
-          {"physics", e.physics}};
+  return {{"effects", plain(e.effects)},          {"probability", number(e.probability)},
+          {"parameters", effect_parameters(e)},   {"nll", number(e.nll)},
+          {"heldout_nll", number(e.heldout_nll)}, {"heldout_std", number(e.heldout_std)},
+          {"p_value", p_value(e.p_value)},        {"indistinguishable_from", plain(e.indistinguishable_from)},
+          {"separated_by", e.separated_by},       {"physics", e.physics}};
 }
 
 /// What has no name.
@@ -118,10 +131,12 @@ Json rest(const Diagnosis& d) {
 Json members(const Diagnosis& d) {
   Json members = Json::array();
   for (const Member& m : d.members)
-    members.push_back({{"effect", m.effect},
-                       {"probability", number(m.probability)},
-                       {"log_evidence_without", number(m.log_evidence_without)},
-                       {"heldout_nll_without", number(m.heldout_nll_without)}});
+    members.push_back(
+        {{"effect", id_without_column(m.effect)},
+         {"column", column_in_id(m.effect).empty() ? Json(nullptr) : Json(column_in_id(m.effect))},
+         {"probability", number(m.probability)},
+         {"log_evidence_without", number(m.log_evidence_without)},
+         {"heldout_nll_without", number(m.heldout_nll_without)}});
   return members;
 }
 
@@ -154,7 +169,7 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   for (const Explanation& e : d.explanations) json["explanations"].push_back(explanation(e));
   Json parameters = calibration_parameters(d.corrected);
   if (!d.explanations.empty()) parameters.update(effect_parameters(d.explanations[0]));
-  json["final"] = {{"effects", d.final_effects},
+  json["final"] = {{"effects", plain(d.final_effects)},
                    {"outcome", to_string(d.corrected.outcome)},
                    {"weakest_direction", d.corrected.weakest_direction},
                    {"nll", number(d.after.nll)},
@@ -164,12 +179,12 @@ std::string diagnosis_to_json(const Diagnosis& d) {
                    {"rest", rest(d)},
                    {"members", members(d)},
                    {"evidence_omitted", number(d.evidence_omitted)}};
-  json["twins"] = d.twins;
+  json["twins"] = plain(d.twins);
   json["unseen"] = Json::array();
   for (const Unseen& u : d.unseen) {
     Json typical = Json::object();
     for (const auto& [name, value] : u.typical) typical[name] = number(value);
-    json["unseen"].push_back({{"effect", u.effect},
+    json["unseen"].push_back({{"effect", id_without_column(u.effect)},
                               {"typical", typical},
                               {"detectable", number(u.detectable)},
                               {"harm_m", number(u.harm_m)},
@@ -178,7 +193,7 @@ std::string diagnosis_to_json(const Diagnosis& d) {
   json["next_experiments"] = Json::array();
   for (const NextExperiment& e : d.next_experiments)
     json["next_experiments"].push_back(
-        {{"change", e.change}, {"settles", e.settles}, {"power", number(e.power)}});
+        {{"change", e.change}, {"settles", plain(e.settles)}, {"power", number(e.power)}});
   json["notes"] = d.notes;
   if (!d.heldout_blocks.empty()) json["heldout_blocks"] = d.heldout_blocks;
   std::string text = json.dump(2);

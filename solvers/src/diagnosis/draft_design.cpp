@@ -12,8 +12,11 @@ DraftDesign::DraftDesign(const Rows& rows, const JointState& at) : state(at) {
   recording.kind = rows.context.kind;
   recording.known_distances = rows.problem.known_distances;
   Covariates& covariates = rows.pairs ? recording.pairs.covariates : recording.readings.covariates;
-  for (const std::string& name : rows.context.covariates) covariates[name];
   const std::size_t columns = rows.context.covariates.size();
+  for (std::size_t c = 0; c < columns; ++c) {
+    covariates[rows.context.covariates[c]];
+    recording.columns[rows.context.covariates[c]].role = rows.context.columns[c].role;
+  }
   if (rows.pairs) {
     for (std::size_t l = 0; l < rows.context.landmark_labels.size(); ++l)
       recording.landmarks.push_back({rows.context.landmark_labels[l], rows.context.landmark_radius_m[l], {}});

@@ -132,7 +132,8 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   fit.covariance_reason = detail.covariance_reason;
   fit.weakest_direction = detail.weakest_direction;
   set_calibration_spread(rows, detail, fit);
-  fit.ok = true;
+  fit.ok = std::all_of(fit.model.begin(), fit.model.end(),
+                       [](const ActiveEffect& active) { return active.parameters.allFinite(); });
   return fit;
 }
 

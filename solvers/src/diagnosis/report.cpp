@@ -77,6 +77,21 @@ std::vector<std::vector<std::string>> rivals_of(const SearchResult& found) {
   return sets;
 }
 
+/// Effects of more than three times their typical size: of linear parameters the length, in typical sizes.
+void note_large(const Model& model, std::vector<std::string>& notes) {
+  constexpr double usual = 3.0;
+  for (const ActiveEffect& active : model) {
+    const std::vector<EffectParameter>& parameters = active.effect->info().parameters;
+    double squares = 0.0;
+    for (std::size_t j = 0; j < parameters.size(); ++j)
+      if (parameters[j].linear)
+        squares += std::pow(active.parameters[static_cast<Eigen::Index>(j)] / parameters[j].typical, 2);
+    if (const double size = std::sqrt(squares); size > usual)
+      notes.push_back(fmt::format("{} is unusually large: {:.2g} times its typical size",
+                                  id_in_words(active.effect->info().id), size));
+  }
+}
+
 /// Parameters that ended where physics ends: what is there may be larger, or of another kind.
 void note_limits(const Rows& rows, const Model& model, std::vector<std::string>& notes) {
   for (const ActiveEffect& active : model) {
@@ -236,7 +251,10 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
   if (found.named()) result.members = found.members;
   result.evidence_omitted = found.evidence_omitted;
   result.notes = found.known.notes;
-  if (found.named()) note_limits(rows, found.best.fit.model, result.notes);
+  if (found.named()) {
+    note_limits(rows, found.best.fit.model, result.notes);
+    note_large(found.best.fit.model, result.notes);
+  }
   if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
     result.notes.push_back(fmt::format(
         "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",
@@ -245,7 +263,7 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     result.notes.push_back(
         "nothing could be asked: readings at one distance without times or other columns show no mismatch");
   std::map<std::string, std::string> effects_without;
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_of(rows.context)) {
     const std::string missing = effect->missing(rows.context);
     if (missing.empty()) continue;
     std::string& effects = effects_without[missing];

@@ -18,11 +18,16 @@ constexpr double calliper_m = 2e-4;  ///< standard deviation of a radius measure
 std::vector<TypicalEffect> opened_by(const ExtendedDesign& design, const Space& there, const Space& here) {
   const EffectContext& context = design.rows.context;
   EffectContext without = context;
-  std::erase(without.covariates, design.varies);
+  const auto varied = std::find(without.covariates.begin(), without.covariates.end(), design.varies);
+  if (varied != without.covariates.end()) {
+    if (!without.columns.empty())
+      without.columns.erase(without.columns.begin() + (varied - without.covariates.begin()));
+    without.covariates.erase(varied);
+  }
   std::vector<TypicalEffect> opened;
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_of(context)) {
     const bool named = std::any_of(here.model().begin(), here.model().end(),
-                                   [&](const ActiveEffect& active) { return active.effect == effect.get(); });
+                                   [&](const ActiveEffect& active) { return active.effect == effect; });
     if (named || !effect->missing(context).empty()) continue;
     const bool lacked = !effect->missing(here.rows().context).empty();
     if (!lacked &&

@@ -184,6 +184,29 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
   context.several_radii = radii.size() > 1;
 }
 
+/// What each column is, by the first recording that has it, and its mean and spread over all.
+void summarise_columns(std::span<const Recording> recordings, Rows& rows) {
+  const std::size_t columns = rows.context.covariates.size();
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::string& name = rows.context.covariates[c];
+    const auto has = [&](const Recording& recording) {
+      return (rows.pairs ? recording.pairs.covariates : recording.readings.covariates).count(name) > 0;
+    };
+    ColumnSummary summary;
+    summary.role = column_of(*std::find_if(recordings.begin(), recordings.end(), has), name).role;
+    double count = 0.0, squares = 0.0;  // Welford's recurrence
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const double x = rows.covariates[i * columns + c];
+      if (!std::isfinite(x)) continue;
+      const double step = x - summary.mean;
+      summary.mean += step / ++count;
+      squares += step * (x - summary.mean);
+    }
+    summary.std_dev = count > 1.0 ? std::sqrt(squares / (count - 1.0)) : 0.0;
+    rows.context.columns.push_back(summary);
+  }
+}
+
 double first_time_of(const Recording& recording) {
   const std::vector<double>& times =
       recording.kind == RecordingKind::pairs ? recording.pairs.time_s : recording.readings.time_s;
@@ -231,6 +254,7 @@ Rows make_rows(std::span<const Recording> recordings) {
     rows.nll_offset = -rows.problem.readings * (half_log_two_pi + 0.5);
   }
   fill_context(recordings, rows);
+  summarise_columns(recordings, rows);
   return rows;
 }
 

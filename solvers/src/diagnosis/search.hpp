@@ -47,6 +47,9 @@ Fit fit_root(const Rows& rows, const Bookkeeping& known, const Fit& baseline, co
 Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions& refit_options,
                  const Model& grids = {}, std::optional<NoiseLaw> law = std::nullopt);
 
+/// The model less what describes how the noise grows with distance: beside that, any law would make the readings.
+Model without_law(Model model);
+
 /// The law of the noise that is due beside the effects of a fit, by the same rule; none where that is the fit's own, or given by
 /// a simulation.
 std::optional<NoiseLaw> law_beside(const Rows& rows, const Fit& fit, const DiagnoseOptions& options,

@@ -57,8 +57,9 @@ constexpr SettledOfPairs settled_of_pairs[] = {
 
 std::string settled_by(const Rows& rows, const Effect& effect) {
   const EffectInfo& info = effect.info();
-  const auto known = std::find_if(std::begin(settled_of_pairs), std::end(settled_of_pairs),
-                                  [&](const SettledOfPairs& one) { return one.effect == info.id; });
+  const auto known =
+      std::find_if(std::begin(settled_of_pairs), std::end(settled_of_pairs),
+                   [&](const SettledOfPairs& one) { return one.effect == id_without_column(info.id); });
   if (!rows.pairs || known == std::end(settled_of_pairs)) return info.settled_by;
   const std::vector<MenuEntry> menu = menu_for_pairs(rows);
   for (const std::string_view code : known->codes)

@@ -85,10 +85,10 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
 }  // namespace
 
 std::vector<TypicalEffect> catalogue_of(const Space& space) {
-  const auto& registry = effect_registry();
+  const std::vector<const Effect*> registry = effects_of(space.rows().context);
   std::vector<std::optional<TypicalEffect>> typical(registry.size());
   in_parallel(registry.size(), [&](std::size_t e) {
-    const Effect* effect = registry[e].get();
+    const Effect* effect = registry[e];
     const bool named = std::any_of(space.model().begin(), space.model().end(),
                                    [&](const ActiveEffect& active) { return active.effect == effect; });
     if (!named) typical[e] = typical_effect(space, *effect);

@@ -16,6 +16,7 @@ namespace rangecal {
 namespace {
 
 using effects_testing::example_context;
+using effects_testing::example_effects;
 using effects_testing::example_reading;
 using effects_testing::example_stops;
 
@@ -103,13 +104,42 @@ TEST(Effects, TheWholeCatalogueIsRegistered) {
   EXPECT_EQ(find_effect("no_such_effect"), nullptr);
 }
 
+TEST(Effects, OneStandsAlongEachColumnThatSuitsIt) {
+  EffectContext context = example_context();
+  context.covariates.push_back("humidity_percent");
+  context.columns.push_back({ColumnRole::other, 50.0, 10.0});
+  context.covariates.push_back("supply_v");
+  context.columns.push_back({ColumnRole::supply_voltage, 5.0, 0.0});  // never changes
+  std::vector<std::string> along;
+  for (const Effect* effect : effects_of(context))
+    if (!column_in_id(effect->info().id).empty()) along.push_back(effect->info().id);
+  EXPECT_THAT(along, ::testing::UnorderedElementsAre(
+                         "covariate_drift:intensity", "covariate_drift:humidity_percent",
+                         "power_bias:rx_power_dbm", "temperature_coefficient:temperature_c"));
+  EXPECT_EQ(effects_of(context).size(), catalogue.size() + 1);
+  // The kind stands for a column that is lacking, and says so.
+  context.covariates = {"rx_power_dbm"};
+  context.columns = {{ColumnRole::received_power, -70.0, 4.0}};
+  const std::vector<const Effect*> effects = effects_of(context);
+  const auto kind = std::find(effects.begin(), effects.end(), find_effect("temperature_coefficient"));
+  ASSERT_NE(kind, effects.end());
+  EXPECT_EQ((*kind)->missing(context), "a column of the temperature");
+  EXPECT_EQ(find_effect("covariate_drift:supply_v"), find_effect("covariate_drift:supply_v"));
+  EXPECT_EQ(find_effect("tilt:supply_v"), nullptr);
+  EXPECT_EQ(find_effect("covariate_drift:"), nullptr);
+  EXPECT_EQ(id_in_words("covariate_drift:supply_v"), "covariate_drift along supply_v");
+  EXPECT_EQ(id_without_column("covariate_drift:a:b"), "covariate_drift");
+  EXPECT_EQ(column_in_id("covariate_drift:a:b"), "a:b");
+}
+
 TEST(Effects, TextsAreThereAndChannelsAreThoseOfTheFormat) {
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : example_effects()) {
     const EffectInfo& info = effect->info();
     SCOPED_TRACE(info.id);
     EXPECT_TRUE(channels.count(info.channel)) << info.channel;
-    EXPECT_TRUE(covariates.count(info.covariate)) << info.covariate;
-    EXPECT_THAT(info.number, ::testing::MatchesRegex("[RBCMWN][0-9]+"));
+    EXPECT_EQ(covariates.count(info.covariate) + (column_in_id(info.id) == info.covariate), 1u)
+        << info.covariate;
+    EXPECT_THAT(info.number, ::testing::MatchesRegex("[RBCMWNV][0-9]+"));
     for (const std::string& text :
          {info.physics, info.formula, info.source, info.visible_by, info.settled_by})
       EXPECT_FALSE(text.empty());
@@ -118,7 +148,7 @@ TEST(Effects, TextsAreThereAndChannelsAreThoseOfTheFormat) {
 }
 
 TEST(Effects, ParametersAreNamedAndTypicalOnesWithinBounds) {
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : example_effects()) {
     SCOPED_TRACE(effect->info().id);
     EXPECT_FALSE(effect->info().parameters.empty());
     std::set<std::string> names;
@@ -145,7 +175,7 @@ TEST(Effects, StartGridsAreFilledAndWithinBounds) {
   plain.duration_s = 0.0;
   plain.stop_time_s.clear();
   for (const EffectContext& context : {example_context(), near, plain})
-    for (const auto& effect : effect_registry()) {
+    for (const Effect* effect : example_effects()) {
       SCOPED_TRACE(effect->info().id);
       const std::vector<Eigen::VectorXd> grid = effect->start_grid(context);
       ASSERT_FALSE(grid.empty());
@@ -165,14 +195,14 @@ TEST(Effects, StartGridsAreFilledAndWithinBounds) {
 }
 
 TEST(Effects, EveryEffectChangesSomethingButLabels) {
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : example_effects()) {
     if (effect->info().kind == EffectKind::label) continue;
     EXPECT_GT(changes(*effect, typical_point(*effect)).norm(), 0.0) << effect->info().id;
   }
 }
 
 TEST(Effects, LinearParametersAreLinearAndVanishAtZero) {
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : example_effects()) {
     const auto& parameters = effect->info().parameters;
     if (std::none_of(parameters.begin(), parameters.end(), [](const auto& one) { return one.linear; }))
       continue;
@@ -195,7 +225,7 @@ TEST(Effects, LinearParametersAreLinearAndVanishAtZero) {
 }
 
 TEST(Effects, ContinuousParametersActSmoothly) {
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : example_effects()) {
     const Eigen::VectorXd typical = typical_point(*effect);
     for (Eigen::Index i = 0; i < size_of(*effect); ++i) {
       const EffectParameter& parameter = effect->info().parameters[static_cast<std::size_t>(i)];
@@ -215,7 +245,7 @@ TEST(Effects, TheStepOfADerivativeIsShortAndNotTooShort) {
   // From 0.15 to 0.65 m, where a wavenumber of 1/d turns the phase by thousands of radians: the slope by h against that by
   // h / 10. Truncation at h is (h k / d)^2 / 6 = (1e-6 * 5000)^2 / 6 = 4e-6 of the slope at most, rounding at h / 10 some
   // 1e-9 of what the effect changes per typical size. A step of a thousandth is off by more than the slope.
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : example_effects()) {
     const auto& parameters = effect->info().parameters;
     const Eigen::VectorXd typical = typical_point(*effect);
     Eigen::VectorXd zero = typical;
@@ -256,8 +286,8 @@ TEST(Effects, WhatIsMissingIsSaid) {
   bare.covariates.clear();
   pairs.kind = RecordingKind::pairs;
   std::set<std::string> lacking, not_for_pairs;
-  for (const auto& effect : effect_registry()) {
-    EXPECT_EQ(effect->missing(full), "") << effect->info().id;
+  for (const Effect* effect : example_effects()) {
+    EXPECT_EQ(effect->missing(effect->info().id == "device_offset" ? pairs : full), "") << effect->info().id;
     if (!effect->missing(bare).empty()) lacking.insert(effect->info().id);
     if (!effect->missing(pairs).empty()) not_for_pairs.insert(effect->info().id);
     if (effect->acts_on_stops()) {
@@ -265,7 +295,9 @@ TEST(Effects, WhatIsMissingIsSaid) {
     }
   }
   EXPECT_THAT(lacking, ::testing::ElementsAre("autocorrelated_noise", "bearing_drift", "bearing_quantisation",
-                                              "cell_effect", "heading_drift", "settling", "warmup_drift"));
+                                              "cell_effect", "covariate_drift:intensity", "device_offset",
+                                              "heading_drift", "power_bias:rx_power_dbm", "settling",
+                                              "temperature_coefficient:temperature_c", "warmup_drift"));
   EXPECT_TRUE(not_for_pairs.count("lever_arm"));
   EXPECT_FALSE(not_for_pairs.count("pixel_locking"));
   EXPECT_THAT(find_effect("warmup_drift")->missing(bare), ::testing::HasSubstr("time_s"));

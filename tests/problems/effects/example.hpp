@@ -8,8 +8,8 @@
 
 namespace rangecal::effects_testing {
 
-/// Six stops on an L-shaped path, three landmarks, 15 repeats, times and a temperature column: nothing is
-/// missing.
+/// Six stops on an L-shaped path, three landmarks, 15 repeats, times and columns of intensity, received power and temperature: nothing
+/// is missing but what takes known distances.
 inline EffectContext example_context() {
   EffectContext context;
   context.stop_count = 6;
@@ -31,9 +31,22 @@ inline EffectContext example_context() {
   context.headings = 0.8;
   context.several_radii = true;
   context.largest_bearing_rad = 1.1;
-  context.covariates = {"intensity", "temperature_c"};
+  context.covariates = {"intensity", "rx_power_dbm", "temperature_c"};
+  context.columns = {{ColumnRole::intensity, 100.0, 10.0},
+                     {ColumnRole::received_power, -70.0, 4.0},
+                     {ColumnRole::temperature, 25.0, 5.0}};
   return context;
 }
+
+/// The same with known distances in place of stops.
+inline EffectContext example_of_pairs() {
+  EffectContext context = example_context();
+  context.kind = RecordingKind::pairs;
+  return context;
+}
+
+/// The catalogue as that recording may hold it: of an effect along columns one for each of them, in place of its kind.
+inline std::vector<const Effect*> example_effects() { return effects_of(example_context()); }
 
 /// Priors of the stops of that context: 1 cm, 0.3 degrees; the turn in place (stop 3) stays at the place of
 /// stop 2.
@@ -49,10 +62,10 @@ inline std::vector<StopPrior> example_stops(const EffectContext& context) {
 }
 
 /// A reading at stop 3 of landmark 1, 2 s after the stop's first: d = 2 m, b = 60 degrees, heading 30
-/// degrees, so the direction in the world is 90 degrees; f = 2.1 m, f' = 0.9, f'' = 0.1 / m, spread 2 cm; 35
-/// degrees Celsius.
+/// degrees, so the direction in the world is 90 degrees; f = 2.1 m, f' = 0.9, f'' = 0.1 / m, spread 2 cm;
+/// intensity 120, -74 dBm, 35 degrees Celsius.
 inline ReadingView<double> example_reading(const EffectContext& context) {
-  static const double covariates[] = {120.0, 35.0};
+  static const double covariates[] = {120.0, -74.0, 35.0};
   ReadingView<double> at{};
   at.d = 2.0;
   at.axis_distance = 2.12;

@@ -40,8 +40,13 @@ std::vector<Case> cases() {
       {"radius_scale", {0.05}, {.range = -0.0053982}},
       {"range_scale", {0.0015, 0.0}, {.range = 0.003}},   // 0.0015 * 2
       {"range_scale", {0.0015, 1.0}, {.range = 0.0045}},  // 0.0015 / 10 * (35 - 20) * 2
-      {"laser_pointing", {0.002}, {.range = 0.008}},      // 0.002 * 4
-      {"lens_distortion", {0.002}, {.range = 0.001}},     // 0.002 / 2
+      // (0.001 + 0.0002 * 2) (35 - 25); 0.002 (-74 + 70); z = 2: (0.003 + 0.001 * 2) 2 + 0.002 (4 - 1)
+      {"temperature_coefficient:temperature_c", {0.001, 0.0002, 25.0}, {.range = 0.014}},
+      {"power_bias:rx_power_dbm", {0.002, -70.0}, {.range = -0.008}},
+      {"covariate_drift:intensity", {0.003, 0.001, 0.002, 100.0, 10.0}, {.range = 0.016}},
+      {"device_offset", {0.012, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, {.range = 0.012}},  // landmark 1
+      {"laser_pointing", {0.002}, {.range = 0.008}},                                    // 0.002 * 4
+      {"lens_distortion", {0.002}, {.range = 0.001}},                                   // 0.002 / 2
       // k / d = 100.5 pi: cos = 0, sin = 1; 4 * 0.002
       {"pixel_locking", {0.001, 0.002, 201.0 * pi}, {.range = 0.008}},
       // steps 2.1^2 * 0.005 = 0.02205 and 0.01: (0.0004862025 + 0.0001) / (12 * 0.0004) = 0.1221255208
@@ -140,7 +145,7 @@ TEST(EffectValues, AxialDepthTakesTheSpreadAlong) {
 
 TEST(EffectValues, EveryEffectHasAHandWorkedValue) {
   const std::vector<Case> all = cases();
-  for (const auto& effect : effect_registry())
+  for (const Effect* effect : effects_testing::example_effects())
     EXPECT_TRUE(std::any_of(all.begin(), all.end(), [&](const Case& one) {
       return one.id == effect->info().id;
     })) << effect->info().id;
@@ -182,10 +187,36 @@ TEST(EffectValues, SettlingIsOverWhenTheStopIs) {
 TEST(EffectValues, EmptyTemperatureChangesNothing) {
   const EffectContext context = example_context();
   ReadingView<double> at = example_reading(context);
-  const double empty[] = {120.0, std::numeric_limits<double>::quiet_NaN()};
+  const double empty[] = {120.0, -74.0, std::numeric_limits<double>::quiet_NaN()};
   at.covariate = empty;
   const double p[] = {0.0015, 1.0};
   EXPECT_EQ(find_effect("range_scale")->reading(at, p).range, 0.0);
+  const double of_kelvin[] = {0.001, 0.0, 25.0};
+  EXPECT_EQ(find_effect("temperature_coefficient:temperature_c")->reading(at, of_kelvin).range, 0.0);
+}
+
+TEST(EffectValues, OffsetsAreOfDevicesOfKnownDistances) {
+  EffectContext context = effects_testing::example_of_pairs();
+  const Effect& offsets = *find_effect("device_offset");
+  EXPECT_EQ(offsets.missing(context), "");
+  EXPECT_NE(offsets.missing(example_context()), "");
+  EXPECT_EQ(offsets.bounds(context, 1).second, 10.0);
+  EXPECT_EQ(offsets.bounds(context, 2).second, 0.0) << "three devices have two differences";
+  const double p[12] = {0.012, -0.03};
+  const auto reported = offsets.reported(context, p);
+  ASSERT_EQ(reported.size(), 2u);
+  EXPECT_EQ(reported[1], (std::pair<std::string, double>{"offset_C_m", -0.03}));
+  context.landmark_count = 14;
+  EXPECT_NE(offsets.missing(context), "");
+}
+
+TEST(EffectValues, LevelAndSpreadOfAColumnAreReadOffTheRecordingOnce) {
+  const EffectContext context = example_context();
+  EXPECT_EQ(find_effect("temperature_coefficient:temperature_c")->start_grid(context)[0][2], 25.0);
+  EXPECT_EQ(find_effect("power_bias:rx_power_dbm")->start_grid(context)[0][1], -70.0);
+  const Eigen::VectorXd start = find_effect("covariate_drift:intensity")->start_grid(context)[0];
+  EXPECT_EQ(start[3], 100.0);
+  EXPECT_EQ(start[4], 10.0);
 }
 
 TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
@@ -277,7 +308,7 @@ TEST(EffectValues, GridsRoundAndOthersDoNot) {
   // Beyond 2 / q = 40 m the spot has moved by less than half a step from where it is at infinity.
   EXPECT_TRUE(std::isinf(quantisation.rounded({.range_m = 41.0}, disparity).range_m));
   EXPECT_NEAR(quantisation.rounded({.range_m = 39.0}, disparity).range_m, 20.0, 1e-12);
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_testing::example_effects()) {
     const Eigen::VectorXd p = effect->start_grid(example_context()).front();
     const GridReading after = effect->rounded(before, p.data());
     const bool stays = after.range_m == before.range_m && after.bearing_rad == before.bearing_rad;

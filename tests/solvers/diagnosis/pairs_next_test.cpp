@@ -234,7 +234,7 @@ TEST(PairsNext, WhatSettlesAnEffectIsSaidOfTargetsAtKnownDistances) {
   std::vector<std::string> menu;
   for (const MenuEntry& entry : menu_for(rows)) menu.push_back(entry.change);
   int asked = 0;
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_of(rows.context)) {
     if (!effect->missing(rows.context).empty()) continue;
     ++asked;
     const std::string words = settled_by(rows, *effect);

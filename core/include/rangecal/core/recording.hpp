@@ -55,6 +55,22 @@ struct KnownDistance {
 /// Columns that the file holds besides the known ones, by name; one value per reading, NaN where a field is empty.
 using Covariates = std::map<std::string, std::vector<double>>;
 
+/// What a covariate column measures, as far as an effect of the catalogue asks for it.
+enum class ColumnRole { received_power, temperature, azimuth, elevation, supply_voltage, intensity, other };
+/// "received_power", "temperature", ...
+const char* to_string(ColumnRole role);
+ColumnRole column_role_from_string(const std::string& text);
+
+/// A covariate column: what it measures, and in which unit ("" where that is not known).
+struct Column {
+  ColumnRole role = ColumnRole::other;
+  std::string unit;
+};
+
+/// What the name of a column says of it: "temperature_c" is a temperature in degrees Celsius, "rx_power_dbm" a received
+/// power in dBm, "supply_v" a supply voltage in volts. A name that says nothing is of role `other`.
+Column column_by_name(const std::string& name);
+
 /// Readings of kind `landmarks`, structure of arrays, in the order of the file. Only usable readings are held.
 struct Readings {
   std::vector<int> stop, landmark;  ///< indices into Recording::stops, ::landmarks
@@ -116,6 +132,9 @@ struct Recording {
   Counts counts;
   Truth truth;
 
+  /// `columns:` of recording.yaml: what covariate columns are where their names do not say it.
+  std::map<std::string, Column> columns;
+
   /// `extraction:` of recording.yaml, how the readings were cut out of raw scans: each field's text, a list as YAML.
   /// "arc" is which point of a cylinder's arc was taken for the range.
   std::map<std::string, std::string> extraction;
@@ -124,6 +143,9 @@ struct Recording {
   /// whose distances do not repeat. Empty if made in memory; never written. Cut-down copies keep them.
   std::vector<std::string> notes;
 };
+
+/// What the covariate column of that name is: as stated, else as its name says.
+Column column_of(const Recording& recording, const std::string& name);
 
 /// How far `stop` may be from its commanded place per axis [m]; of a covariance the root mean square of both axes.
 inline double sigma_xy_of(const Recording& recording, const Stop& stop) {

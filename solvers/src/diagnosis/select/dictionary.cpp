@@ -97,11 +97,11 @@ Dictionary::Dictionary(const Rows& rows, const Fit& fit, const std::vector<Curve
     if (active.effect->info().kind == EffectKind::mean)
       wanted.push_back({active.effect, active.parameters, true, place_of(active.effect, curves),
                         static_cast<double>(active.effect->start_grid(rows.context).size())});
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_of(rows.context)) {
     if (effect->info().kind != EffectKind::mean || !effect->missing(rows.context).empty()) continue;
     const std::vector<Eigen::VectorXd> grid = effect->start_grid(rows.context);
     for (const Eigen::VectorXd& start : grid)
-      wanted.push_back({effect.get(), start, false, nullptr, static_cast<double>(grid.size())});
+      wanted.push_back({effect, start, false, nullptr, static_cast<double>(grid.size())});
   }
   for (const CurvePlace& curve : curves) {
     const auto size = static_cast<Eigen::Index>(curve.effect->info().parameters.size());

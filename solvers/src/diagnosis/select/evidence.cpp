@@ -157,10 +157,10 @@ double prior_width(const EffectParameter& parameter, double low, double high, do
 MemberCounts count_members(const Rows& rows, double places) {
   MemberCounts counts;
   counts.places = std::max(1.0, places);
-  counts.names = static_cast<double>(
-      std::count_if(effect_registry().begin(), effect_registry().end(), [&](const auto& effect) {
-        return !is_bookkeeping(effect->info().kind) && effect->missing(rows.context).empty();
-      }));
+  const std::vector<const Effect*> effects = effects_of(rows.context);
+  counts.names = static_cast<double>(std::count_if(effects.begin(), effects.end(), [&](const Effect* effect) {
+    return !is_bookkeeping(effect->info().kind) && effect->missing(rows.context).empty();
+  }));
   counts.names = std::max(1.0, counts.names);
   return counts;
 }

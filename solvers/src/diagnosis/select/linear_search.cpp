@@ -69,7 +69,7 @@ class LinearSearch {
     return key;
   }
 
-  /// Precision of the prior of every column: 1 / tau^2 of curves; of names that of their largest value, so that a direction
+  /// Precision of the prior of every column: 1 / tau^2 of curves; of names that of a value far beyond the typical, so that a direction
   /// of which the calibration leaves next to nothing promises nothing.
   Eigen::VectorXd ridge_of(const std::vector<int>& blocks) const {
     std::vector<double> ridge;
@@ -82,9 +82,8 @@ class LinearSearch {
     if (one.tau > 0.0) return 1.0 / (one.tau * one.tau);
     const auto [low, high] = one.effect->bounds(rows_.context, static_cast<std::size_t>(parameter));
     const double typical = one.effect->info().parameters[static_cast<std::size_t>(parameter)].typical;
-    const double largest = std::max(std::abs(low), std::abs(high));
-    constexpr double far = 30.0;
-    const double width = std::isfinite(largest) && largest > 0.0 ? largest : far * std::abs(typical);
+    constexpr double far = 30.0;  // typical sizes
+    const double width = std::min(std::max(std::abs(low), std::abs(high)), far * std::abs(typical));
     return width > 0.0 ? 1.0 / (width * width) : 0.0;
   }
 
@@ -238,6 +237,12 @@ class LinearSearch {
     const auto k = static_cast<Eigen::Index>(columns.size());
     const Eigen::LLT<Eigen::MatrixXd> factor(G);
     const Eigen::VectorXd theta = k > 0 ? factor.solve(g).eval() : Eigen::VectorXd();
+    if (k > 0 &&
+        (factor.info() != Eigen::Success || !theta.allFinite())) {  // its columns are not independent
+      set.log_posterior = -std::numeric_limits<double>::infinity();
+      set.blocks = std::move(blocks);
+      return set;
+    }
     set.gain = k > 0 ? 0.5 * g.dot(theta) : 0.0;  // of curves: less what their prior takes
     double volume = 0.0;
     Eigen::VectorXd wide(k);  // least precise that a parameter can be
@@ -264,7 +269,6 @@ class LinearSearch {
       const Eigen::MatrixXd L = of_all.matrixL();
       volume += static_cast<double>(k) * half_log_two_pi + wide.array().log().sum() -
                 L.diagonal().array().log().sum();
-      if (factor.info() != Eigen::Success) volume = -std::numeric_limits<double>::infinity();
     }
     set.log_posterior = set.gain + volume + log_prior_mass(set.model, 0, counts_, priors_);
     set.blocks = std::move(blocks);

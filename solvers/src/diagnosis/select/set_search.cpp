@@ -59,7 +59,12 @@ class SetSearch {
     table_.push_back(std::move(empty));
   }
 
-  Hypotheses run() {
+  /// `start`: effects of a set that is fitted first; none: the search starts at the root alone.
+  Hypotheses run(const Model& start, const std::vector<std::shared_ptr<Effect>>& curves) {
+    if (start.size() > known_count()) {
+      table_.front()->curves = curves;
+      fit_all(*table_.front(), {{start}});
+    }
     for (int round = 0; round < (many() ? most_rounds_of_many : most_rounds); ++round) {
       if (Hypothesis* here = next_to_scan())
         look_around(*here);
@@ -225,6 +230,16 @@ class SetSearch {
     return any;
   }
 
+  /// A gain on the linearised problem, whose noise is held, with the noise fitted anew: of N readings in all channels, whose
+  /// squares sum to N under the noise of the fit, 2 gain are taken away, and -N/2 ln(1 - 2 gain / N) nats are gained. Of N
+  /// in one channel it is exact, of a change of one of two channels too little.
+  double gain_with_its_own_noise(double gain) const {
+    constexpr double most = 0.99;  // of the squares: beyond it nothing is linear
+    const double readings = static_cast<double>(rows_.size() * (rows_.pairs ? 1 : 2));
+    const double share = 2.0 * gain / readings;
+    return share > 0.0 ? -0.5 * readings * std::log1p(-std::min(share, most)) : gain;
+  }
+
   std::vector<Wanted> sets_linearised_at(Hypothesis& here) {
     Dictionary dictionary(rows_, here.fit, places_);
     Model means, others;  // the others are part of every set
@@ -245,8 +260,9 @@ class SetSearch {
     const double top = likeliest().log_posterior;
     for (const LinearSet& set : sets) {
       // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
-      const double promised = here.log_posterior + set.log_posterior - own.log_posterior;
-      const double gain = here.gain + set.gain - own.gain;
+      const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
+      const double promised = here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
+      const double gain = here.gain + rescaled;
       const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
                            sizes.insert(set.model.size()).second) &&
                           promised + refining_adds + refining_share * gain > top;
@@ -414,11 +430,6 @@ class SetSearch {
 
 }  // namespace
 
-Hypotheses search_sets(const Rows& rows, const Fit& root, const Bookkeeping& known, const Rates& rates,
-                       const RefitOptions& options, const SelectionPriors& priors) {
-  return SetSearch(rows, root, known, rates, options, priors).run();
-}
-
 namespace {
 
 /// The search beside a seed model with a law of the noise that is given, or that fits it best.
@@ -433,14 +444,16 @@ struct SearchedSets {
 };
 
 SearchedSets searched(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options,
-                      const SelectionPriors& priors, std::optional<NoiseLaw> law) {
+                      const SelectionPriors& priors, std::optional<NoiseLaw> law = std::nullopt,
+                      const Hypothesis& start = {}) {
   SearchedSets all;
   all.result = scan_seed_model(rows, known, options, all.refit_options, law);
   if (all.result.alarm_p >= options.alarm_rate && known.model.empty()) return all;
   all.root = fit_root(rows, known, all.result.baseline, all.refit_options);
   all.refit_options.settled = static_cast<int>(known.model.size());
   if (options.progress) options.progress("searching for causes", 0.3);
-  all.table = search_sets(rows, all.root, known, all.result.rates, all.refit_options, priors);
+  SetSearch search(rows, all.root, known, all.result.rates, all.refit_options, priors);
+  all.table = search.run(without_law(start.fit.model), start.curves);
   return all;
 }
 
@@ -448,11 +461,12 @@ SearchedSets searched(const Rows& rows, const Bookkeeping& known, const Diagnose
 
 SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options) {
   const SelectionPriors priors;
-  SearchedSets found = searched(rows, known, options, priors, std::nullopt);
+  SearchedSets found = searched(rows, known, options, priors);
   if (found.table.empty()) return std::move(found.result);
   // The law of the noise was chosen beside no cause: another may be due beside those that were found.
-  if (const auto law = law_beside(rows, found.table.front()->fit, options, found.refit_options)) {
-    SearchedSets again = searched(rows, known, options, priors, law);
+  const Hypothesis& likeliest = *found.table.front();
+  if (const auto law = law_beside(rows, likeliest.fit, options, found.refit_options)) {
+    SearchedSets again = searched(rows, known, options, priors, law, likeliest);
     if (again.table.empty()) return std::move(again.result);
     if (again.log_evidence() > found.log_evidence() - law_margin) found = std::move(again);
   }

@@ -14,15 +14,12 @@ namespace rangecal::diagnosis {
 /// bookkeeping found.
 using Hypotheses = std::vector<std::unique_ptr<Hypothesis>>;
 
-/// Searches for the set of members of highest posterior probability beside the root. From the root on: the problem is
-/// linearised at the likeliest set so far (Dictionary) and searched there by adding, dropping and exchanging members
-/// (search_linear); the likeliest sets are fitted exactly by `refit`, which moves all of their parameters and the calibration,
-/// as are this set with each name for a spread, tail or dependence that its residuals propose, and without each of its
-/// members; until none of them is likelier.
-Hypotheses search_sets(const Rows& rows, const Fit& root, const Bookkeeping& known, const Rates& rates,
-                       const RefitOptions& options, const SelectionPriors& priors);
-
-/// The search for any number of causes: the same result as `search`.
+/// Searches for the set of members of highest posterior probability beside the root, the seed model with what bookkeeping
+/// found. From the root on: the problem is linearised at the likeliest set so far (Dictionary) and searched there by adding,
+/// dropping and exchanging members (search_linear); the likeliest sets are fitted exactly by `refit`, which moves all of their
+/// parameters and the calibration, as are this set with each name for a spread, tail or dependence that its residuals propose,
+/// and without each of its members; until none of them is likelier. Where another law of the noise is due beside what was found,
+/// the search is made again under it, from the root and from what was found.
 SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const DiagnoseOptions& options);
 
 }  // namespace rangecal::diagnosis

@@ -122,7 +122,7 @@ TEST_F(Evidence, CountsTheNamesThatARecordingCanHold) {
   const MemberCounts counts = count_members(seed().rows, 0.0);
   EXPECT_EQ(counts.places, 1.0);
   double names = 0.0;
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : effects_of(seed().rows.context)) {
     const EffectKind kind = effect->info().kind;
     names += kind != EffectKind::grid && kind != EffectKind::label && kind != EffectKind::detection &&
              effect->missing(seed().rows.context).empty();

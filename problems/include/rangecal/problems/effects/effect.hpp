@@ -45,7 +45,7 @@ struct EffectParameter {
 double difference_step(const EffectParameter& parameter, double value);
 
 struct EffectInfo {
-  std::string id;           ///< "range_eccentricity"
+  std::string id;           ///< "range_eccentricity"; of an effect along a column "covariate_drift:supply_v"
   std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
   EffectKind kind = EffectKind::mean;
   std::string channel;     ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
@@ -56,6 +56,12 @@ struct EffectInfo {
   std::string visible_by;  ///< the design that makes it visible (a change of the experiment)
   std::string settled_by;  ///< what to record next to tell it from its twins
   std::vector<EffectParameter> parameters;
+};
+
+/// A covariate column over all readings of a job.
+struct ColumnSummary {
+  ColumnRole role = ColumnRole::other;
+  double mean = 0.0, std_dev = 0.0;  ///< of the fields that hold a number, in the column's unit; 0: it never changes
 };
 
 /// What all readings of a job have in common.
@@ -75,6 +81,7 @@ struct EffectContext {
   bool several_radii = false;
   double largest_bearing_rad = 3.14159265358979;  ///< largest |direction in the sensor frame| of any reading
   std::vector<std::string> covariates;            ///< names of the covariate columns
+  std::vector<ColumnSummary> columns;             ///< of each of them; empty: nothing is known but the names
 };
 
 /// One reading as its effects see it; geometry under the current estimate.
@@ -140,6 +147,11 @@ class Effect {
  public:
   virtual ~Effect() = default;
   virtual const EffectInfo& info() const = 0;
+  /// True if an effect of this kind lies along every column of that role, each with parameters of its own: it is `along` a
+  /// column that changes readings, and stands for all of them in the catalogue.
+  virtual bool lies_along(ColumnRole) const { return false; }
+  /// The effect along the column of that name; null where it lies along none.
+  virtual std::unique_ptr<Effect> along(const std::string& /*column*/) const { return nullptr; }
   /// What the recording lacks for this effect to be modelled (a column, repeats, times); empty if nothing.
   virtual std::string missing(const EffectContext&) const { return {}; }
   /// Starts for the parameters that are not linear, one vector of all parameters each; linear ones at 0.
@@ -182,7 +194,16 @@ std::vector<Eigen::VectorXd> grid_of(const std::vector<std::vector<double>>& axe
 
 /// All effects of problems/effects, ordered by id. Generated from the folder's files at configure time.
 const std::vector<std::unique_ptr<Effect>>& effect_registry();
-/// The effect of that id, or nullptr.
+/// The effect of that id, or nullptr. "ID:COLUMN" is that effect along a column; the pointer stays valid.
 const Effect* find_effect(const std::string& id);
+/// The effects that a recording may hold: those of the catalogue, with one for each column that such an effect may lie along.
+std::vector<const Effect*> effects_of(const EffectContext& context);
+
+/// The id in physics of an effect along a column: "covariate_drift" of "covariate_drift:supply_v".
+std::string id_without_column(const std::string& id);
+/// Its column; "" where it lies along none.
+std::string column_in_id(const std::string& id);
+/// As people read it: "covariate_drift along supply_v".
+std::string id_in_words(const std::string& id);
 
 }  // namespace rangecal
