@@ -115,6 +115,7 @@ class Calibration:
     range_m: Tuple[float, float]  # distances over which it was fitted
     effects: dict[str, dict[str, float]]
     effects_covariance: Optional[Floats]  # (n, n), n = order + 1 + len(effects_covariance_parameters)
+    effects_range: dict[str, tuple[float, float]]
     effects_covariance_parameters: list[str]
     landmark_labels: list[str]
     landmarks: Floats  # (landmarks, 2) [m]

@@ -303,6 +303,46 @@ TEST_F(CorrectCommand, AnEmptyFieldThatAnEffectNeedsIsNotTakenForZero) {
   EXPECT_THAT(degrees.err, HasSubstr("radians"));
 }
 
+TEST_F(CorrectCommand, AColumnBeyondWhatTheEffectsWereFittedOverIsFlaggedAndCounted) {
+  // y = 0.1 + 0.5 d + 0.01 (T - 20) / 10 d: at 20 C 1.1 is 2 m and 2.2 is 4.2 m, at 35 C 2.2 is 2.1 / 0.515 = 4.0777 m.
+  Calibration calibration = line();
+  calibration.effects["range_scale"] = {{"scale", 0.01}, {"form", 1.0}};
+  calibration.effects_range["temperature_c"] = {10.0, 30.0};
+  const std::string json = save(calibration);
+  folder.write("r.csv", "range_m,temperature_c\n1.1,20\n1.1,30\n1.1,30.01\n2.2,20\n2.2,35\n1.1,\n9,9\n");
+  const std::string command = "correct " + json + " " + folder.file("r.csv");
+  const RunResult result = run(command);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("1.1,2.000000,0.020000,1,ok\n"));
+  EXPECT_THAT(result.out, HasSubstr("2.2,4.200000,0.020000,1,extrapolated\n"));
+  EXPECT_THAT(result.out, HasSubstr("2.2,4.077670,0.019417,1,extrapolated+extrapolated_column\n"));
+  EXPECT_EQ(count_of(result.out, ",ok\n"), 2) << result.out;
+  EXPECT_EQ(count_of(result.out, "1,extrapolated_column\n"), 1) << result.out;
+  EXPECT_EQ(count_of(result.out, ",,,,missing\n"), 1) << result.out;
+  EXPECT_EQ(count_of(result.out, ",,,,out_of_range\n"), 1) << result.out;
+  EXPECT_THAT(result.err,
+              HasSubstr("rangecal: 2 of 7 readings stand for distances outside the 0.5 to 4 m of the fit"));
+  EXPECT_THAT(result.err, HasSubstr("rangecal: 1 of 7 readings are read at no distance of the fit"));
+  EXPECT_THAT(result.err,
+              HasSubstr("rangecal: 3 of 7 readings have a temperature_c outside the 10 to 30 over which the "
+                        "effects that use it were fitted, the first in row 4: flag extrapolated_column"));
+  const RunResult prior = run(command + " --prior uniform --limits 0.2 6");
+  EXPECT_EQ(count_of(prior.out, ",1,extrapolated_column,"), 1) << prior.out;
+  EXPECT_EQ(count_of(prior.out, ",1,extrapolated+extrapolated_column,"), 1) << prior.out;
+  EXPECT_THAT(prior.err, HasSubstr("2 of 7 readings stand for distances outside"));
+  // a column that no effect uses has no range; a file of before these ranges says nothing of any
+  calibration.effects_range = {{"humidity", {0.1, 0.2}}};
+  const RunResult old = run("correct " + save(calibration) + " " + folder.file("r.csv"));
+  EXPECT_EQ(old.code, 0) << old.err;
+  EXPECT_EQ(count_of(old.out + old.err, "extrapolated_column"), 0) << old.err;
+  // the column itself may not be missing
+  const RunResult without = run("correct " + json, "range_m\n1.1\n");
+  EXPECT_EQ(without.code, 2);
+  EXPECT_EQ(without.out, "");
+  EXPECT_THAT(without.err,
+              HasSubstr("column 'temperature_c': is missing: the calibration's effect range_scale needs it"));
+}
+
 TEST_F(CorrectCommand, ATextInAColumnThatAnEffectNeedsIsNamed) {
   Calibration calibration = line();
   calibration.effects["range_eccentricity"] = {{"cosine_m", 0.02}, {"sine_m", 0.0}};
