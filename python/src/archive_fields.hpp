@@ -19,8 +19,8 @@
 namespace rangecal {
 
 inline void archive_fields(python::Archive& a, Sensor& s) {
-  auto& [name, principle, lowest, highest] = s;
-  a(name, principle, lowest, highest);
+  auto& [name, principle, lowest, highest, unit] = s;
+  a(name, principle, lowest, highest, unit);
 }
 inline void archive_fields(python::Archive& a, Pose2& s) {
   auto& [x, y, heading] = s;
