@@ -102,22 +102,20 @@ class Beyond {
     }
   }
   void say(const Calibration& calibration, const std::vector<ColumnBeyond>& columns) const {
-    const std::string of = fmt::format("of {} readings", readings_);
-    if (extrapolated_ > 0)
-      fmt::print(
-          stderr,
-          "rangecal: {} {} stand for distances outside the {:.4g} to {:.4g} m of the fit: flag extrapolated\n",
-          extrapolated_, of, calibration.range_min_m, calibration.range_max_m);
-    if (out_of_range_ > 0)
-      fmt::print(stderr,
-                 "rangecal: {} {} are read at no distance of the fit, nor near its ends: flag out_of_range\n",
-                 out_of_range_, of);
-    for (const ColumnBeyond& column : columns)
-      fmt::print(
-          stderr,
-          "rangecal: {} {} have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, "
-          "the first in row {}: flag extrapolated_column\n",
-          column.readings, of, column.column, column.from, column.to, column.first_row);
+    const auto line = [&](std::size_t count, const std::string& what) {
+      if (count > 0) fmt::print(stderr, "rangecal: {} of {} readings {}\n", count, readings_, what);
+    };
+    line(extrapolated_,
+         fmt::format("are flagged extrapolated: at distances outside the {:.4g} to {:.4g} m of the fit",
+                     calibration.range_min_m, calibration.range_max_m));
+    line(out_of_range_, "are flagged out_of_range: read at no distance of the fit, nor near its ends");
+    for (const ColumnBeyond& column : columns)  // also of readings without a distance
+      line(
+          column.readings,
+          fmt::format(
+              "have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, first in row "
+              "{}: extrapolated_column",
+              column.column, column.from, column.to, column.first_row));
   }
 
  private:
@@ -273,6 +271,19 @@ class Posteriors {
   Beyond beyond_;
 };
 
+/// Of an effect on one landmark that the calibration does not list (of pairs it lists none) no reading is known to be.
+void warn_of_unlisted_landmarks(const Calibration& loaded, const std::string& file) {
+  for (const auto& [id, parameters] : loaded.effects) {
+    const auto number = parameters.find("landmark");
+    if (number == parameters.end() || number->second < static_cast<double>(loaded.landmarks.size())) continue;
+    fmt::print(
+        stderr,
+        "rangecal: warning: {}: its effect {} is on one landmark whose label it does not hold: the effect is not "
+        "undone\n",
+        file, id);
+  }
+}
+
 struct CorrectCommand {
   std::string calibration, file = "-", roots = "ls", prior;
   std::vector<double> limits;
@@ -287,6 +298,7 @@ struct CorrectCommand {
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
     if (loaded.left_out && !loaded.left_out->usable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.left_out->reason);
+    warn_of_unlisted_landmarks(loaded, calibration);
     const bool from_stdin = file == "-";
     std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
     if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());

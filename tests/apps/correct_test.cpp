@@ -320,16 +320,18 @@ TEST_F(CorrectCommand, AColumnBeyondWhatTheEffectsWereFittedOverIsFlaggedAndCoun
   EXPECT_EQ(count_of(result.out, "1,extrapolated_column\n"), 1) << result.out;
   EXPECT_EQ(count_of(result.out, ",,,,missing\n"), 1) << result.out;
   EXPECT_EQ(count_of(result.out, ",,,,out_of_range\n"), 1) << result.out;
-  EXPECT_THAT(result.err,
-              HasSubstr("rangecal: 2 of 7 readings stand for distances outside the 0.5 to 4 m of the fit"));
-  EXPECT_THAT(result.err, HasSubstr("rangecal: 1 of 7 readings are read at no distance of the fit"));
-  EXPECT_THAT(result.err,
-              HasSubstr("rangecal: 3 of 7 readings have a temperature_c outside the 10 to 30 over which the "
-                        "effects that use it were fitted, the first in row 4: flag extrapolated_column"));
+  EXPECT_EQ(
+      result.err,
+      "rangecal: warning: " + json +
+          ": does not say how well its effects are known, so std_m lacks their uncertainty\n"
+          "rangecal: 2 of 7 readings are flagged extrapolated: at distances outside the 0.5 to 4 m of the fit\n"
+          "rangecal: 1 of 7 readings are flagged out_of_range: read at no distance of the fit, nor near its ends\n"
+          "rangecal: 3 of 7 readings have a temperature_c outside the 10 to 30 over which the effects that use it "
+          "were fitted, first in row 4: extrapolated_column\n");
   const RunResult prior = run(command + " --prior uniform --limits 0.2 6");
   EXPECT_EQ(count_of(prior.out, ",1,extrapolated_column,"), 1) << prior.out;
   EXPECT_EQ(count_of(prior.out, ",1,extrapolated+extrapolated_column,"), 1) << prior.out;
-  EXPECT_THAT(prior.err, HasSubstr("2 of 7 readings stand for distances outside"));
+  EXPECT_THAT(prior.err, HasSubstr("2 of 7 readings are flagged extrapolated: "));
   // a column that no effect uses has no range; a file of before these ranges says nothing of any
   calibration.effects_range = {{"humidity", {0.1, 0.2}}};
   const RunResult old = run("correct " + save(calibration) + " " + folder.file("r.csv"));
@@ -341,6 +343,20 @@ TEST_F(CorrectCommand, AColumnBeyondWhatTheEffectsWereFittedOverIsFlaggedAndCoun
   EXPECT_EQ(without.out, "");
   EXPECT_THAT(without.err,
               HasSubstr("column 'temperature_c': is missing: the calibration's effect range_scale needs it"));
+}
+
+TEST_F(CorrectCommand, SaysThatAnEffectOnALandmarkWithoutALabelIsNotUndone) {
+  Calibration calibration = line();
+  calibration.kind = RecordingKind::pairs;  // lists no landmarks
+  calibration.effects["target_reflectance"] = {{"amplitude_m", 0.03}, {"landmark", 1.0}, {"power", 0.0}};
+  const RunResult unlisted = run("correct " + save(calibration), "range_m,landmark\n1.1,B\n");
+  EXPECT_THAT(unlisted.err,
+              HasSubstr("its effect target_reflectance is on one landmark whose label it does not hold"));
+  EXPECT_THAT(unlisted.out, HasSubstr("1.1,2.000000,"));
+  calibration.landmarks = {{0, "A", {0.0, 0.0}, std::nullopt}, {0, "B", {0.0, 0.0}, std::nullopt}};
+  const RunResult listed = run("correct " + save(calibration), "range_m,landmark\n1.1,B\n");
+  EXPECT_EQ(count_of(listed.err, "whose label"), 0) << listed.err;
+  EXPECT_THAT(listed.out, HasSubstr("1.1,1.940000,"));  // (1.1 - 0.03 - 0.1) / 0.5
 }
 
 TEST_F(CorrectCommand, ATextInAColumnThatAnEffectNeedsIsNamed) {
