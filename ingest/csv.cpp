@@ -88,29 +88,18 @@ struct Unit {
   const char* text;
   double times, over;
 };
-constexpr std::array lengths = {Unit{"m", 1, 1},
-                                Unit{"mm", 1, 1000},
-                                Unit{"cm", 1, 100},
-                                Unit{"um", 1, 1e6},
-                                Unit{"\xc2\xb5m", 1, 1e6},
-                                Unit{"km", 1000, 1},
-                                Unit{"in", 254, 10000},
-                                Unit{"inch", 254, 10000},
-                                Unit{"inches", 254, 10000},
-                                Unit{"ft", 3048, 10000},
-                                Unit{"feet", 3048, 10000},
-                                Unit{"yd", 9144, 10000},
-                                Unit{"metres", 1, 1},
-                                Unit{"meters", 1, 1},
-                                Unit{"metre", 1, 1},
-                                Unit{"meter", 1, 1},
-                                Unit{"millimetres", 1, 1000},
-                                Unit{"millimeters", 1, 1000},
-                                Unit{"centimetres", 1, 100},
-                                Unit{"centimeters", 1, 100}};
+/// The first of each are those that messages list.
+constexpr std::size_t listed_lengths = 8, listed_durations = 6, listed_angles = 3;
+constexpr std::array lengths = {
+    Unit{"m", 1, 1},          Unit{"mm", 1, 1000},        Unit{"cm", 1, 100},
+    Unit{"um", 1, 1e6},       Unit{"km", 1000, 1},        Unit{"in", 254, 10000},
+    Unit{"ft", 3048, 10000},  Unit{"yd", 9144, 10000},    Unit{"\xc2\xb5m", 1, 1e6},
+    Unit{"inch", 254, 10000}, Unit{"inches", 254, 10000}, Unit{"feet", 3048, 10000},
+    Unit{"metre", 1, 1},      Unit{"meter", 1, 1},        Unit{"metres", 1, 1},
+    Unit{"meters", 1, 1}};
 constexpr std::array durations = {Unit{"s", 1, 1},           Unit{"ms", 1, 1000}, Unit{"us", 1, 1e6},
-                                  Unit{"\xc2\xb5s", 1, 1e6}, Unit{"ns", 1, 1e9},  Unit{"min", 60, 1},
-                                  Unit{"h", 3600, 1},        Unit{"sec", 1, 1},   Unit{"seconds", 1, 1}};
+                                  Unit{"ns", 1, 1e9},        Unit{"min", 60, 1},  Unit{"h", 3600, 1},
+                                  Unit{"\xc2\xb5s", 1, 1e6}, Unit{"sec", 1, 1},   Unit{"seconds", 1, 1}};
 constexpr std::array angles = {Unit{"rad", 1, 1}, Unit{"deg", std::numbers::pi, 180.0}, Unit{"mrad", 1, 1000},
                                Unit{"degrees", std::numbers::pi, 180.0},
                                Unit{"\xc2\xb0", std::numbers::pi, 180.0}};
@@ -774,7 +763,14 @@ class TableImport {
   void take_time(std::string_view field) {
     const bool missing = reader_.is_missing(field);
     const auto seconds = missing ? std::optional(nothing) : clock_.read(field);
-    if (!seconds && clock_row_ == 0) clock_row_ = rows_.line(), clock_text_ = shortened(field);
+    double number = 0.0;
+    bool comma = false;
+    const bool neither =
+        !seconds && (clock_.first || reader_.read(field, number, comma) == FieldReader::Kind::text);
+    if (!seconds && (clock_row_ == 0 || (clock_text_.empty() && neither))) {
+      clock_row_ = rows_.line();
+      clock_text_ = neither ? shortened(field) : "";
+    }
     clock_s_.push_back(seconds.value_or(nothing));
   }
 
@@ -828,7 +824,7 @@ class TableImport {
   std::string found_words(bool found) const { return found ? ", taken for its name" : ""; }
 
   Scale truth_scale() {
-    return scale_of(lengths, 9, given_.true_unit.empty() ? "--unit" : "--true-unit",
+    return scale_of(lengths, listed_lengths, given_.true_unit.empty() ? "--unit" : "--true-unit",
                     given_.true_unit.empty() ? given_.unit : given_.true_unit, names_[*roles_.truth],
                     warnings_);
   }
@@ -847,19 +843,19 @@ class TableImport {
     if (!given.empty() && !unit_of(lengths, given)) {
       std::string others;
       for (const char* text : raw_units) others += std::string(", ") + text;
-      throw InputError(
-          fmt::format("--reading-unit: {} is none of {}{}", in_quotes(given), unit_list(lengths, 9), others));
+      throw InputError(fmt::format("--reading-unit: {} is none of {}{}", in_quotes(given),
+                                   unit_list(lengths, listed_lengths), others));
     }
-    return scale_of(lengths, 9, given_.reading_unit.empty() ? "--unit" : "--reading-unit", given, name,
-                    warnings_);
+    return scale_of(lengths, listed_lengths, given_.reading_unit.empty() ? "--unit" : "--reading-unit", given,
+                    name, warnings_);
   }
 
   /// Radians; without a unit in option or name degrees where an angle is beyond a full turn, else radians.
   std::vector<double> bearings() {
     if (!roles_.bearing) return {};
     std::vector<double> values = numbers(*roles_.bearing);
-    Scale scale =
-        scale_of(angles, 3, "--bearing-unit", given_.bearing_unit, names_[*roles_.bearing], warnings_);
+    Scale scale = scale_of(angles, listed_angles, "--bearing-unit", given_.bearing_unit,
+                           names_[*roles_.bearing], warnings_);
     if (scale.words.empty()) {
       const bool degrees = std::any_of(values.begin(), values.end(), [](double v) {
         return std::isfinite(v) && std::abs(v) > 2.0 * std::numbers::pi;
@@ -893,19 +889,22 @@ class TableImport {
       from = clock_.first_text;
     } else {
       const auto [row, fault] = columns_[*roles_.time].fault(commas_are_decimal());
-      if (row > 0)
-        throw InputError(
-            given_.source, clock_.first ? clock_row_ : row, name,
-            in_quotes(clock_.first ? clock_text_ : std::string(fault.substr(1, fault.find('\'', 1) - 1))) +
-                " is neither a number nor a time as ISO 8601 has it (2024-05-01T12:00:00.5)");
+      if (row > 0) {
+        if (clock_text_.empty() || !fault.ends_with("is not a number"))
+          throw InputError(given_.source, row, name, fault);
+        throw InputError(given_.source, clock_row_, name,
+                         in_quotes(clock_text_) +
+                             " is no time as ISO 8601 has it (2024-05-01T12:00:00.5), and not all fields "
+                             "of the column are numbers");
+      }
       values = columns_[*roles_.time].values();
-      Scale scale = scale_of(durations, 7, "--time-unit", given_.time_unit, name, warnings_);
+      Scale scale = scale_of(durations, listed_durations, "--time-unit", given_.time_unit, name, warnings_);
       double largest = 0.0;
       for (const double value : values)
         if (std::isfinite(value)) largest = std::max(largest, std::abs(value));
       if (scale.words.empty()) {
         constexpr double since_2001 = 1e9;  // s
-        for (const auto& [unit, per_second] : {std::pair{2, 1e6}, {1, 1e3}, {4, 1e9}})
+        for (const auto& [unit, per_second] : {std::pair{2, 1e6}, {1, 1e3}, {3, 1e9}})
           if (largest > since_2001 * per_second && largest < 10.0 * since_2001 * per_second)
             scale.unit = durations[static_cast<std::size_t>(unit)];
         scale.words = scale.unit.over > 1.0 ? fmt::format("{} since 1970, by their size", scale.unit.text)

@@ -131,7 +131,7 @@ TEST_F(ImportCsv, UnitsOfLengths) {
               HasSubstr("if the table is in mm or cm, say --unit"));
   std::filesystem::remove_all(rec());
   expect_refused("truth,sonar\n1,2\n", "--true truth --reading sonar --unit furlong",
-                 {"'furlong' is none of m, mm, cm"});
+                 {"'furlong' is none of m, mm, cm, um, km, in, ft, yd"});
   expect_refused("truth,sonar\n1,2\n", "--true truth --reading sonar --true-unit V",
                  {"--true-unit: 'V' is none of m"});
 }
@@ -175,6 +175,10 @@ TEST_F(ImportCsv, TimesInUnits) {
   for (const std::string bad : {"01.05.2024 12:00", "2024-02-30T12:00:00", "2024-05-01T25:00:00", "soon"})
     expect_refused("truth,sonar,t\n1,1,2024-05-01T12:00:00\n2,2," + bad + "\n",
                    "--true truth --reading sonar --time t", {"row 3, column 't'", bad, "ISO 8601"});
+  expect_refused("truth,sonar,t\n1,1,5\n2,2,2024-05-01T12:00:00\n", "--true truth --reading sonar --time t",
+                 {"row 3, column 't': '2024-05-01T12:00:00' is not a number"});
+  expect_refused("truth;sonar;t\n1;1;2,5\n2;2;2.5\n", "--true truth --reading sonar --time t",
+                 {"row 2, column 't': '2,5' has a comma, while row 3 has a decimal point"});
 }
 
 TEST_F(ImportCsv, BearingsInDegreesOrRadians) {
