@@ -88,6 +88,40 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
   return readings;
 }
 
+/// Readings that lie beyond what the calibration was fitted over, for stderr.
+class Beyond {
+ public:
+  /// By the flag of the most likely distance.
+  void count(const std::string& flag) {
+    ++readings_;
+    // the parts of a flag are whole words between "+"
+    for (std::size_t at = 0; at <= flag.size(); at = std::min(flag.find('+', at), flag.size()) + 1) {
+      const std::string_view part = std::string_view(flag).substr(at, flag.find('+', at) - at);
+      extrapolated_ += part == "extrapolated";
+      out_of_range_ += part == "out_of_range";
+    }
+  }
+  void say(const Calibration& calibration, const std::vector<ColumnBeyond>& columns) const {
+    const auto line = [&](std::size_t count, const std::string& what) {
+      if (count > 0) fmt::print(stderr, "rangecal: {} of {} readings {}\n", count, readings_, what);
+    };
+    line(extrapolated_,
+         fmt::format("are flagged extrapolated: at distances outside the {:.4g} to {:.4g} m of the fit",
+                     calibration.range_min_m, calibration.range_max_m));
+    line(out_of_range_, "are flagged out_of_range: read at no distance of the fit, nor near its ends");
+    for (const ColumnBeyond& column : columns)  // also of readings without a distance
+      line(
+          column.readings,
+          fmt::format(
+              "have a {} outside the {:.6g} to {:.6g} over which the effects that use it were fitted, first in row "
+              "{}: extrapolated_column",
+              column.column, column.from, column.to, column.first_row));
+  }
+
+ private:
+  std::size_t readings_ = 0, extrapolated_ = 0, out_of_range_ = 0;
+};
+
 void print_correction(double reading, const std::vector<CorrectionCandidate>& candidates) {
   const auto field = [](const std::optional<double>& value) {
     return value ? fmt::format("{:.6f}", *value) : "";
@@ -148,6 +182,8 @@ class Posteriors {
       table_->fail(i, *time_, "is earlier than the row before");
   }
 
+  const Beyond& beyond() const { return beyond_; }
+
   void print(std::size_t i, double reading) {
     const std::string field = std::isnan(reading) ? "" : fmt::format("{}", reading);
     DistancePrior prior = map_ ? prior_of(i) : base_;
@@ -160,6 +196,7 @@ class Posteriors {
       const CorrectionCandidate why =
           correction_candidates(settings_.corrector, reading, settings_.of_reading[i], false).front();
       fmt::print("{},,,,{},,,,,\n", field, why.flag);
+      beyond_.count(why.flag);
       return;
     }
     if (fast_ && reading >= fast_->low_reading_m() && reading <= fast_->high_reading_m()) {
@@ -170,6 +207,7 @@ class Posteriors {
         distance_posterior(settings_.corrector, reading, settings_.of_reading[i], prior);
     if (posterior.outcome != Outcome::converged) {
       fmt::print("{},,,,out_of_range,,,,,\n", field);
+      beyond_.count("out_of_range");
       return;
     }
     if (time_) {
@@ -178,7 +216,7 @@ class Posteriors {
     }
     std::vector<PosteriorRoot> roots = posterior.roots;
     print(field, std::move(roots), posterior.mode_m, posterior.mean_m, posterior.low_m, posterior.high_m,
-          posterior.against_prior);
+          posterior.against_prior, settings_.of_reading[i].extrapolated_column);
   }
 
  private:
@@ -196,7 +234,7 @@ class Posteriors {
     return prior;
   }
 
-  void print(const std::string& field, const PosteriorTable::Row& row) const {
+  void print(const std::string& field, const PosteriorTable::Row& row) {
     std::vector<PosteriorRoot> roots;
     for (int i = 0; i < fast_->root_count(); ++i)
       roots.push_back({row.probability[i], row.root_m[i], row.root_std_dev_m[i], 0.0, 0.0});
@@ -205,7 +243,7 @@ class Posteriors {
 
   /// A line for each root, the most probable first.
   void print(const std::string& field, std::vector<PosteriorRoot> roots, double mode, double mean, double low,
-             double high, bool against_prior = false) const {
+             double high, bool against_prior = false, bool column = false) {
     std::sort(roots.begin(), roots.end(),
               [](const auto& a, const auto& b) { return a.probability > b.probability; });
     std::erase_if(roots, [&](const auto& root) { return root.probability < 1e-3; });
@@ -214,6 +252,8 @@ class Posteriors {
       std::string flag = why;
       if (is_extrapolated(settings_.corrector.calibration(), roots[k].mean_m))
         flag += flag.empty() ? "extrapolated" : "+extrapolated";
+      if (column) flag += flag.empty() ? "extrapolated_column" : "+extrapolated_column";
+      if (k == 0) beyond_.count(flag);
       fmt::print("{},{:.6f},{:.6f},{},{},{:.4f},{:.6f},{:.6f},{:.6f},{:.6f}\n", field, roots[k].mean_m,
                  roots[k].std_dev_m, k + 1, flag.empty() ? "ok" : flag, roots[k].probability, mode, mean, low,
                  high);
@@ -228,7 +268,21 @@ class Posteriors {
   std::optional<std::size_t> time_;
   std::optional<DistancePosterior> before_;
   std::unique_ptr<const PosteriorTable> fast_;
+  Beyond beyond_;
 };
+
+/// Of an effect on one landmark that the calibration does not list (of pairs it lists none) no reading is known to be.
+void warn_of_unlisted_landmarks(const Calibration& loaded, const std::string& file) {
+  for (const auto& [id, parameters] : loaded.effects) {
+    const auto number = parameters.find("landmark");
+    if (number == parameters.end() || number->second < static_cast<double>(loaded.landmarks.size())) continue;
+    fmt::print(
+        stderr,
+        "rangecal: warning: {}: its effect {} is on one landmark whose label it does not hold: the effect is not "
+        "undone\n",
+        file, id);
+  }
+}
 
 struct CorrectCommand {
   std::string calibration, file = "-", roots = "ls", prior;
@@ -244,6 +298,7 @@ struct CorrectCommand {
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
     if (loaded.left_out && !loaded.left_out->usable)
       fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.left_out->reason);
+    warn_of_unlisted_landmarks(loaded, calibration);
     const bool from_stdin = file == "-";
     std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
     if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
@@ -268,13 +323,19 @@ struct CorrectCommand {
       warn_of_effects();
       fmt::print("reading_m,distance_m,std_m,candidate,flag,probability,mode_m,mean_m,low95_m,high95_m\n");
       for (std::size_t i = 0; i < readings.size(); ++i) posteriors.print(i, readings[i]);
+      posteriors.beyond().say(loaded, settings.beyond);
       return done;
     }
     warn_of_effects();
     fmt::print("reading_m,distance_m,std_m,candidate,flag\n");
-    for (std::size_t i = 0; i < readings.size(); ++i)
-      print_correction(readings[i], correction_candidates(settings.corrector, readings[i],
-                                                          settings.of_reading[i], roots == "ml"));
+    Beyond beyond;
+    for (std::size_t i = 0; i < readings.size(); ++i) {
+      const std::vector<CorrectionCandidate> candidates =
+          correction_candidates(settings.corrector, readings[i], settings.of_reading[i], roots == "ml");
+      print_correction(readings[i], candidates);
+      beyond.count(candidates.front().flag);
+    }
+    beyond.say(loaded, settings.beyond);
     return done;
   }
 };
@@ -311,11 +372,13 @@ void add_correct(CLI::App& app, Action& chosen) {
       "distances explain the reading); out_of_range (no distance is read as this, up to a tenth of the range fitted beyond its\n"
       "ends: the nearest is given, or none where it is more than 4 standard deviations off); against_prior (a distance that\n"
       "the map or the motion does not allow); extrapolated (outside the distances fitted, not said beside out_of_range);\n"
-      "turning_point (f turns back there). Several that hold are joined by +, as in ambiguous+extrapolated.\n"
-      "Without a distance: out_of_range, or missing, zero, negative, not_finite.\n"
+      "turning_point (f turns back there); extrapolated_column (a column that an effect uses lies outside the values over\n"
+      "which the effects were fitted, as CALIBRATION says). Several that hold are joined by +, as in ambiguous+extrapolated.\n"
+      "Without a distance: out_of_range, or missing, zero, negative, not_finite. How many readings lie beyond the fit is\n"
+      "said on stderr.\n"
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
-      "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is named, and a row\n"
-      "without its value flagged.\n"
+      "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is an error that\n"
+      "names it (exit code 2, nothing is printed), and a row without its value is flagged missing.\n"
       "With --prior each candidate is a part of the curve, distance_m and std_m are those of the posterior on it, and more\n"
       "columns follow: probability (that the distance lies on this part), mode_m, mean_m, low95_m, high95_m (of the whole).\n"
       "\n"

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <cctype>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "commands.hpp"
@@ -14,6 +17,18 @@
 namespace rangecal::app {
 namespace {
 
+/// As a shell takes it for one word.
+std::string shell_word(const std::string& text) {
+  const bool plain = std::all_of(text.begin(), text.end(), [](unsigned char c) {
+    return std::isalnum(c) ||
+           std::string_view("/._-+=:,@%").find(static_cast<char>(c)) != std::string_view::npos;
+  });
+  if (plain && !text.empty()) return text;
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 int save(ingest::Imported imported, const std::string& folder) {
   require_replaceable(folder);
   for (const std::string& warning : imported.warnings) fmt::print(stderr, "rangecal: {}\n", warning);
@@ -24,13 +39,15 @@ int save(ingest::Imported imported, const std::string& folder) {
   if (!imported.extraction_json.empty()) write_file(folder + "/extraction.json", imported.extraction_json);
   imported.recording.path = folder;
   fmt::print("{}{}\n", imported.words, describe({&imported.recording, 1}));
+  const std::string word = shell_word(folder);
+  fmt::print("Next       rangecal calibrate {0}\n           rangecal diagnose {0}\n", word);
   return done;
 }
 
 }  // namespace
 
 void add_import(CLI::App& app, Action& chosen) {
-  CLI::App* command = app.add_subcommand("import", "turn a published data set into a recording");
+  CLI::App* command = app.add_subcommand("import", "turn a table or a published data set into a recording");
   command->require_subcommand(1);
   for (const ingest::Importer& importer : ingest::importers()) {
     CLI::App* own = command->add_subcommand(importer.name, importer.what);
@@ -42,7 +59,8 @@ void add_import(CLI::App& app, Action& chosen) {
   command->footer(
       "Nothing is corrected: outliers, latencies and everything a calibration has to find stay in.\n"
       "'rangecal import FORMAT --help' says where the data are and which choices there are.\n"
-      "Example:\n"
+      "Examples:\n"
+      "  rangecal import csv readings.csv --true 'distance [cm]' --reading sonar --unit cm -o rec\n"
       "  rangecal import lego brenner-lego -o rec && rangecal diagnose rec");
 }
 

@@ -19,7 +19,7 @@ struct Imported {
   std::vector<std::string> warnings = {};  ///< what speaks against the result, for stderr
 };
 
-/// A published data set that becomes a recording. Adding one is adding a file to this folder with
+/// A published data set, or a table of a known form, that becomes a recording. Adding one is adding a file to this folder with
 ///   const bool kKnown = know_importer({"name", "what it reads", add});
 /// where `add` declares the options of `rangecal import name`, the output's excepted, and returns what imports by them
 /// once they are parsed. The same options are the arguments of rangecal.import_dataset in Python.

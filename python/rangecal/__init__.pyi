@@ -26,6 +26,7 @@ class Sensor:
     principle: str
     range_min_m: float
     range_max_m: float
+    unit: str
 
 class Recording:
     """Readings of one sensor, with what is known about stops and landmarks."""
@@ -115,6 +116,7 @@ class Calibration:
     sigma_s_upper95_m: Optional[float]
     range_m: Tuple[float, float]  # distances over which it was fitted
     effects: dict[str, dict[str, float]]
+    effects_range: dict[str, tuple[float, float]]
     effects_covariance: Optional[Floats]  # (n, n), n = order + 1 + len(effects_covariance_parameters)
     effects_covariance_parameters: list[str]
     landmark_labels: list[str]

@@ -11,6 +11,8 @@ _DOCS = {
         ``triangulation``, ``phase``, ...; empty where not stated.
     range_min_m, range_max_m : float
         Readings outside are dropped and counted [m].
+    unit : str
+        Of readings that are no lengths (``"V"``); empty: metres.
     """,
     "Recording": """Readings of one sensor, with what is known about stops and landmarks.
 
@@ -114,6 +116,9 @@ _DOCS = {
         Distances over which it was fitted [m].
     effects : dict of dict of float
         By id and parameter, for `correct` to undo.
+    effects_range : dict of (float, float)
+        Of each column that the effects use, from where to where they were fitted; of an angle the shortest arc, from > to
+        where that holds 180 degrees. `correct` flags what lies outside as ``extrapolated_column``.
     effects_covariance : ndarray (n, n) or None
         Of alpha, then of `effects_covariance_parameters`, in their units; set by `diagnose`, where effects were estimated
         with the curve. `correct` counts it; without it the effects count as exact.

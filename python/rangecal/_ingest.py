@@ -144,11 +144,11 @@ def import_dataset(name, path, **options):
     Parameters
     ----------
     name : str
-        ``"lego"``, ``"mrclam"``, ...
+        ``"lego"``, ``"mrclam"``, ...; ``"csv"``: any table with a column of true distances and one of readings.
     path : str or os.PathLike
-        Folder of the data as published.
+        Folder of the data as published, or the table.
     **options
-        Those of ``rangecal import NAME --help``, ``_`` in place of ``-``; None: not given.
+        Those of ``rangecal import NAME --help``, ``_`` in place of ``-``; None: not given; a list: given again for each.
 
     Returns
     -------
@@ -169,7 +169,8 @@ def _listed(name, values):
 
 
 def _words(**options):
-    return [f"--{name.replace('_', '-')}={value}" for name, value in options.items() if value is not None]
+    return [f"--{name.replace('_', '-')}={one}" for name, value in options.items() if value is not None
+            for one in (value if isinstance(value, (list, tuple)) else [value])]
 
 
 def _file(name, table, folder):

@@ -22,8 +22,8 @@ class Corrected:
     distance_m, std_m : ndarray (n,)
         The most likely distance to the surface and its standard deviation [m]; NaN where there is none.
     flag : ndarray of str (n,)
-        ``ok``; ``ambiguous`` or ``out_of_range``, ``extrapolated``, ``turning_point``, joined by ``+`` where several
-        hold. Without a distance: ``out_of_range`` (the nearest is more than 4 standard deviations off), ``missing``,
+        ``ok``; ``ambiguous`` or ``out_of_range``, ``extrapolated``, ``turning_point``, ``extrapolated_column``, joined
+        by ``+`` where several hold. Without a distance: ``out_of_range`` (the nearest is more than 4 standard deviations off), ``missing``,
         ``zero``, ``negative``, ``not_finite``.
     """
 

@@ -66,6 +66,10 @@ class Archive {
       one(key), one(map[key]);
     }
   }
+  template <typename A, typename B>
+  void one(std::pair<A, B>& both) {
+    one(both.first), one(both.second);
+  }
   template <typename T>
   void one(std::optional<T>& value) {
     bool there = value.has_value();

@@ -181,6 +181,7 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly("range_m",
                              [](const Calibration& c) { return std::pair(c.range_min_m, c.range_max_m); })
       .def_readonly("effects", &Calibration::effects)
+      .def_readonly("effects_range", &Calibration::effects_range)
       .def_property_readonly("effects_covariance", &effects_covariance)
       .def_property_readonly("effects_covariance_parameters", &effects_covariance_parameters)
       .def_property_readonly("landmark_labels", [](const Calibration& c) { return labels(c.landmarks); })

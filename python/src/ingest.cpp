@@ -25,11 +25,15 @@ Result run_command(const std::function<std::function<Result()>(CLI::App&)>& decl
   return run_interruptible<Result>([work](const StageHook&) { return work(); }, py::none());
 }
 
+void warn(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings)  // 2: of the line that calls rangecal.extract or an importer
+    py::module_::import("warnings").attr("warn")(warning, py::none(), 2);
+}
+
 py::tuple extract_job(const std::vector<std::string>& words) {
   const auto found = run_command<ingest::Extracted>(ingest::add_extract_options, "extract", words);
   const Extraction& extraction = found.extraction;
-  for (const std::string& warning : found.warnings)  // 2: of the line that calls rangecal.extract
-    py::module_::import("warnings").attr("warn")(warning, py::none(), 2);
+  warn(found.warnings);
   return py::make_tuple(std::make_shared<Recording>(extraction.recording),
                         ingest::extraction_json(extraction, found.options),
                         ingest::describe(extraction, found.options));
@@ -41,6 +45,7 @@ py::tuple import_job(const std::string& name, const std::vector<std::string>& wo
     known += (known.empty() ? "" : ", ") + importer.name;
     if (importer.name != name) continue;
     const auto got = run_command<ingest::Imported>(importer.add, "import " + name, words);
+    warn(got.warnings);
     return py::make_tuple(std::make_shared<Recording>(got.recording), got.extraction_json, got.words);
   }
   throw InputError("no importer is called '" + name + "'; known: " + known);

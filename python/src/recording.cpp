@@ -120,6 +120,7 @@ void bind_recording(py::module_& module) {
       .def_readonly("principle", &Sensor::principle)
       .def_readonly("range_min_m", &Sensor::range_min_m)
       .def_readonly("range_max_m", &Sensor::range_max_m)
+      .def_readonly("unit", &Sensor::unit)
       .def(picklable<Sensor>());
 
   py::class_<Recording, std::shared_ptr<Recording>>(module, "Recording", py::dynamic_attr())

@@ -303,6 +303,62 @@ TEST_F(CorrectCommand, AnEmptyFieldThatAnEffectNeedsIsNotTakenForZero) {
   EXPECT_THAT(degrees.err, HasSubstr("radians"));
 }
 
+TEST_F(CorrectCommand, AColumnBeyondWhatTheEffectsWereFittedOverIsFlaggedAndCounted) {
+  // y = 0.1 + 0.5 d + 0.01 (T - 20) / 10 d: at 20 C 1.1 is 2 m and 2.2 is 4.2 m, at 35 C 2.2 is 2.1 / 0.515 = 4.0777 m.
+  Calibration calibration = line();
+  calibration.effects["range_scale"] = {{"scale", 0.01}, {"form", 1.0}};
+  calibration.effects_range["temperature_c"] = {10.0, 30.0};
+  const std::string json = save(calibration);
+  folder.write("r.csv", "range_m,temperature_c\n1.1,20\n1.1,30\n1.1,30.01\n2.2,20\n2.2,35\n1.1,\n9,9\n");
+  const std::string command = "correct " + json + " " + folder.file("r.csv");
+  const RunResult result = run(command);
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("1.1,2.000000,0.020000,1,ok\n"));
+  EXPECT_THAT(result.out, HasSubstr("2.2,4.200000,0.020000,1,extrapolated\n"));
+  EXPECT_THAT(result.out, HasSubstr("2.2,4.077670,0.019417,1,extrapolated+extrapolated_column\n"));
+  EXPECT_EQ(count_of(result.out, ",ok\n"), 2) << result.out;
+  EXPECT_EQ(count_of(result.out, "1,extrapolated_column\n"), 1) << result.out;
+  EXPECT_EQ(count_of(result.out, ",,,,missing\n"), 1) << result.out;
+  EXPECT_EQ(count_of(result.out, ",,,,out_of_range\n"), 1) << result.out;
+  EXPECT_EQ(
+      result.err,
+      "rangecal: warning: " + json +
+          ": does not say how well its effects are known, so std_m lacks their uncertainty\n"
+          "rangecal: 2 of 7 readings are flagged extrapolated: at distances outside the 0.5 to 4 m of the fit\n"
+          "rangecal: 1 of 7 readings are flagged out_of_range: read at no distance of the fit, nor near its ends\n"
+          "rangecal: 3 of 7 readings have a temperature_c outside the 10 to 30 over which the effects that use it "
+          "were fitted, first in row 4: extrapolated_column\n");
+  const RunResult prior = run(command + " --prior uniform --limits 0.2 6");
+  EXPECT_EQ(count_of(prior.out, ",1,extrapolated_column,"), 1) << prior.out;
+  EXPECT_EQ(count_of(prior.out, ",1,extrapolated+extrapolated_column,"), 1) << prior.out;
+  EXPECT_THAT(prior.err, HasSubstr("2 of 7 readings are flagged extrapolated: "));
+  // a column that no effect uses has no range; a file of before these ranges says nothing of any
+  calibration.effects_range = {{"humidity", {0.1, 0.2}}};
+  const RunResult old = run("correct " + save(calibration) + " " + folder.file("r.csv"));
+  EXPECT_EQ(old.code, 0) << old.err;
+  EXPECT_EQ(count_of(old.out + old.err, "extrapolated_column"), 0) << old.err;
+  // the column itself may not be missing
+  const RunResult without = run("correct " + json, "range_m\n1.1\n");
+  EXPECT_EQ(without.code, 2);
+  EXPECT_EQ(without.out, "");
+  EXPECT_THAT(without.err,
+              HasSubstr("column 'temperature_c': is missing: the calibration's effect range_scale needs it"));
+}
+
+TEST_F(CorrectCommand, SaysThatAnEffectOnALandmarkWithoutALabelIsNotUndone) {
+  Calibration calibration = line();
+  calibration.kind = RecordingKind::pairs;  // lists no landmarks
+  calibration.effects["target_reflectance"] = {{"amplitude_m", 0.03}, {"landmark", 1.0}, {"power", 0.0}};
+  const RunResult unlisted = run("correct " + save(calibration), "range_m,landmark\n1.1,B\n");
+  EXPECT_THAT(unlisted.err,
+              HasSubstr("its effect target_reflectance is on one landmark whose label it does not hold"));
+  EXPECT_THAT(unlisted.out, HasSubstr("1.1,2.000000,"));
+  calibration.landmarks = {{0, "A", {0.0, 0.0}, std::nullopt}, {0, "B", {0.0, 0.0}, std::nullopt}};
+  const RunResult listed = run("correct " + save(calibration), "range_m,landmark\n1.1,B\n");
+  EXPECT_EQ(count_of(listed.err, "whose label"), 0) << listed.err;
+  EXPECT_THAT(listed.out, HasSubstr("1.1,1.940000,"));  // (1.1 - 0.03 - 0.1) / 0.5
+}
+
 TEST_F(CorrectCommand, ATextInAColumnThatAnEffectNeedsIsNamed) {
   Calibration calibration = line();
   calibration.effects["range_eccentricity"] = {{"cosine_m", 0.02}, {"sine_m", 0.0}};

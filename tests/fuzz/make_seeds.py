@@ -104,6 +104,8 @@ def main():
         for path in sorted(folder.glob("*.csv")):
             put("csv", f"{folder.name}-{path.name}", head(path, 12))
     put("csv", "quotes", '\ufeffa,"b ""q"""\r\n 1 ,"x,y"\r\n\r\n2,"two\nlines"\r\n')
+    put("table", "spreadsheet", '\ufefftruth [cm];"sonar\n[mm]";time;which\r\n57,0;571,5;2024-05-01T12:00:00,5;"a;b"\r\n;;;\r\n')
+    put("table", "plain", "n,truth,sonar,time,which,c\n1,1.5,1.6,1714550400500,a,20\n2,NA,1.6,1714550401000,b,-\n3,2.5,2.6,,b,1e3\n")
     for path in sorted((DATA / "scenes").glob("*.yaml")):
         put("scene", path.name, path.read_text())
     for path in sorted((DATA / "studies").glob("*.yaml")):

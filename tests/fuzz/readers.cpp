@@ -183,7 +183,30 @@ void feed_scans(std::string_view bytes) {
     promise(scan.bearing_rad.size() == scan.range_m.size(), "bearings and ranges differ");
 }
 
-/// The files of a published data set; "=== arguments" holds what the command line would.
+/// What `rangecal import NAME WORDS...` reads.
+void import_by(const std::string& name, const std::vector<std::string>& words) {
+  for (const ingest::Importer& importer : ingest::importers()) {
+    if (importer.name != name) continue;
+    CLI::App command;
+    const auto work = importer.add(command);
+    command.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+    const ingest::Imported imported = work();
+    promise(imported.recording.counts.read >= 0 && first_bad_byte(imported.words) == std::string_view::npos,
+            "words that are not UTF-8");
+  }
+}
+
+/// A table, once with its columns found by name and once by options.
+void feed_table(std::string_view bytes) {
+  const std::string path = folder().write("table.csv", bytes);
+  try {
+    import_by("csv", {path});
+  } catch (const InputError&) {
+  }
+  import_by("csv", {path, "--true", "truth", "--reading", "sonar", "--time", "time", "--landmark", "which"});
+}
+
+/// The files of a published data set.
 void feed_import(std::string_view bytes, const char* importer_name) {
   const fs::path data = folder().path() / importer_name;
   fs::create_directories(data);
@@ -195,17 +218,10 @@ void feed_import(std::string_view bytes, const char* importer_name) {
     fs::path path;
     ~Gone() { fs::remove_all(path); }
   } gone{data};
-  for (const ingest::Importer& importer : ingest::importers()) {
-    if (importer.name != importer_name) continue;
-    CLI::App command;
-    const auto work = importer.add(command);
-    std::vector<std::string> words{data.string()};
-    if (importer.name == "mrclam")
-      words.insert(words.begin(), {"--robot", "1", "--as", bytes.size() % 2 ? "pairs" : "stops"});
-    std::vector<std::string> reversed(words.rbegin(), words.rend());
-    command.parse(reversed);
-    work();
-  }
+  std::vector<std::string> words{data.string()};
+  if (std::string_view(importer_name) == "mrclam")
+    words.insert(words.begin(), {"--robot", "1", "--as", bytes.size() % 2 ? "pairs" : "stops"});
+  import_by(importer_name, words);
 }
 
 void feed_mrclam(std::string_view bytes) { feed_import(bytes, "mrclam"); }
@@ -232,6 +248,7 @@ const std::vector<Reader>& readers() {
                                           {"bag", feed_scans},
                                           {"mrclam", feed_mrclam},
                                           {"lego", feed_lego},
+                                          {"table", feed_table},
                                           {"journal", feed_journal}};
   return all;
 }

@@ -104,8 +104,21 @@ def test_published_data_sets(source):
         rangecal.import_mrclam(folder / "mrclam6", 9)
 
 
+def test_a_table_is_a_recording_of_pairs(tmp_path):
+    table = tmp_path / "t.csv"
+    table.write_text("tape [cm];sonar;room\n57,0;0,571;21\n100;ERR;21\n150;-;21\n200;2,01;22\n", encoding="utf-8")
+    pairs = rangecal.import_dataset("csv", table, true="tape [cm]", reading="sonar", missing=["ERR", "oops"])
+    assert pairs.kind == "pairs" and pairs.sensor.unit == "" and len(pairs) == 2
+    np.testing.assert_array_equal(pairs.true_m, [0.57, 2.0])
+    np.testing.assert_array_equal(pairs.range_m, [0.571, 2.01])
+    with pytest.warns(UserWarning, match="in another unit"):
+        rangecal.import_dataset("csv", table, true="tape [cm]", reading="sonar", reading_unit="mm", missing="ERR")
+    with pytest.raises(rangecal.InputError, match="did you mean 'sonar'"):
+        rangecal.import_dataset("csv", table, true="tape [cm]", reading="Sonra")
+
+
 def test_an_unknown_data_set_is_an_error():
-    with pytest.raises(rangecal.InputError, match="known: lego, mrclam"):
+    with pytest.raises(rangecal.InputError, match="known: csv, lego, mrclam"):
         rangecal.import_dataset("moon", "nowhere")
 
 

@@ -168,6 +168,11 @@ void read_calibrated_effects(const Field& top, Calibration& calibration) {
       if (!std::isfinite(calibration.effects[effect][name])) value.fail("is not finite");
     }
   }
+  for (const auto& [column, limits] : top.at("effects_range").members()) {
+    const Eigen::VectorXd range = limits.vector();
+    if (range.size() != 2 || !range.allFinite()) limits.fail("is not two finite numbers, [from, to]");
+    calibration.effects_range[column] = {range[0], range[1]};
+  }
   const Field known = top.at("effects_covariance");
   if (known.is_null()) return;
   EffectsCovariance covariance;

@@ -115,6 +115,9 @@ Json to_json(const Calibration& calibration) {
   if (const auto& known = calibration.effects_covariance)
     object["effects_covariance"] = {{"parameters", known->parameters},
                                     {"matrix", matrix(std::optional(known->matrix))}};
+  object["effects_range"] = Json::object();
+  for (const auto& [column, range] : calibration.effects_range)
+    object["effects_range"][column] = {number(range.first), number(range.second)};
   object["landmarks"] = Json::array();
   for (const LandmarkEstimate& landmark : calibration.landmarks) {
     object["landmarks"].push_back({{"recording", landmark.recording},

@@ -6,7 +6,7 @@ namespace rangecal::io {
 namespace {
 
 void read_sensor(const YamlReader& node, Sensor& sensor) {
-  node.allow_only({"name", "principle", "range_min_m", "range_max_m"});
+  node.allow_only({"name", "principle", "range_min_m", "range_max_m", "unit"});
   if (node.has("name")) sensor.name = node.at("name").text();
   if (node.has("principle")) sensor.principle = node.at("principle").text();
   if (node.has("range_min_m")) sensor.range_min_m = node.at("range_min_m").not_negative();
@@ -15,6 +15,7 @@ void read_sensor(const YamlReader& node, Sensor& sensor) {
     sensor.range_max_m = limit.number();
     if (!(sensor.range_max_m > sensor.range_min_m)) limit.fail("is not above range_min_m");
   }
+  if (node.has("unit") && node.at("unit").text() != "m") sensor.unit = node.at("unit").text();
 }
 
 void read_stop_model(const YamlReader& node, Recording& recording) {

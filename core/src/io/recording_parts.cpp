@@ -71,6 +71,14 @@ YamlReader Files::yaml(const char* file) const {
 Recording read_recording(const Files& files) {
   Recording recording;
   const RecordingHeader header = read_header(files, recording);
+  if (const std::string& unit = recording.sensor.unit; !unit.empty())
+    recording.notes.emplace_back(
+        InputError(header.file, 0, "",
+                   "the readings are in " + unit +
+                       ", no lengths: where the curve, the noise and errors of readings are said "
+                       "to be in m, " +
+                       unit + " is meant")
+            .what());
   if (recording.kind == RecordingKind::pairs) {
     read_pairs_kind(files, header, recording);
   } else {

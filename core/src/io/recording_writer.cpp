@@ -62,6 +62,7 @@ std::string header_text(const Recording& recording) {
   if (!sensor.principle.empty()) {
     out << YAML::Key << "principle" << YAML::Value << YAML::DoubleQuoted << sensor.principle;
   }
+  if (!sensor.unit.empty()) out << YAML::Key << "unit" << YAML::Value << YAML::DoubleQuoted << sensor.unit;
   out << YAML::Key << "range_min_m" << YAML::Value << text_of(sensor.range_min_m);
   if (std::isfinite(sensor.range_max_m)) {
     out << YAML::Key << "range_max_m" << YAML::Value << text_of(sensor.range_max_m);

@@ -11,6 +11,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal {
@@ -22,10 +23,12 @@ std::string why_unusable(double reading) {
   return reading == 0.0 ? "zero" : reading < 0.0 ? "negative" : "";
 }
 
-CorrectionCandidate candidate_of(const CorrectionRoot& root, int number, std::string flags) {
+CorrectionCandidate candidate_of(const CorrectionRoot& root, int number, std::string flags,
+                                 const ReadingSetting& setting) {
   const auto add = [&](const char* flag) { flags += (flags.empty() ? "" : "+") + std::string(flag); };
   if (root.extrapolated && flags != "out_of_range") add("extrapolated");
   if (root.turning_point) add("turning_point");
+  if (setting.extrapolated_column) add("extrapolated_column");
   return {root.distance_m, root.std_dev_total_m ? root.std_dev_total_m : root.std_dev_m, number,
           flags.empty() ? "ok" : flags};
 }
@@ -92,6 +95,11 @@ class SettingRows {
     radius_ = number("radius_m"), repeat_ = number("repeat");
     landmark_ = field("landmark"), stop_ = field("stop");
     for (const std::string& name : covariates) covariates_.push_back(field(name));
+    for (const auto& [column, range] : calibration.effects_range)
+      if (needed(column)) {
+        ranged_.push_back(field(column));
+        beyond_.push_back({column, range.first, range.second, 0, 0});
+      }
     for (const EffectCorrector::Need& need : needs)
       if (std::find(own_columns.begin(), own_columns.end(), need.column) == own_columns.end())
         wanted_.push_back(field(need.column));
@@ -100,7 +108,14 @@ class SettingRows {
         if (const double at = value(row, time_); std::isfinite(at)) first_time_ = std::min(first_time_, at);
   }
 
-  ReadingSetting operator()(std::size_t row) const {
+  /// Of the columns met so far, those with values beyond.
+  std::vector<ColumnBeyond> beyond() const {
+    std::vector<ColumnBeyond> met = beyond_;
+    std::erase_if(met, [](const ColumnBeyond& one) { return one.readings == 0; });
+    return met;
+  }
+
+  ReadingSetting operator()(std::size_t row) {
     ReadingSetting at;
     at.bearing_rad = angle(row, bearing_);
     at.heading_rad = angle(row, heading_);
@@ -123,6 +138,11 @@ class SettingRows {
                   given == static_cast<std::ptrdiff_t>(wanted_.size());
     at.covariates.reserve(covariates_.size());
     for (const Field& field : covariates_) at.covariates.push_back(value(row, field));
+    for (std::size_t i = 0; i < ranged_.size(); ++i)
+      if (lies_beyond(beyond_[i], at, value(row, ranged_[i]))) {
+        at.extrapolated_column = true;
+        if (++beyond_[i].readings == 1) beyond_[i].first_row = table_.line(row);
+      }
     return at;
   }
 
@@ -132,6 +152,15 @@ class SettingRows {
     bool needed = false;
   };
 
+  static bool lies_beyond(const ColumnBeyond& fitted, const ReadingSetting& at, double value) {
+    const bool bearing = fitted.column == "bearing_rad";
+    if (bearing || fitted.column == "heading_rad") {
+      const double angle = bearing ? at.bearing_rad : at.heading_rad;
+      return std::isfinite(angle) && !is_on_arc(angle, {fitted.from, fitted.to});
+    }
+    if (fitted.column == "time_s") value = at.time_s;
+    return value < fitted.from || value > fitted.to;  // false of NaN: the row is not complete
+  }
   bool is_there(std::size_t row, const Field& field) const {
     return field.column && !table_.text(row, *field.column).empty();
   }
@@ -153,7 +182,8 @@ class SettingRows {
   const CsvTable& table_;
   LabelNumbers landmark_numbers_, stop_numbers_;
   Field bearing_, heading_, time_, radius_, repeat_, landmark_, stop_;
-  std::vector<Field> covariates_, wanted_;
+  std::vector<Field> covariates_, wanted_, ranged_;
+  std::vector<ColumnBeyond> beyond_;  ///< of ranged_
   double first_time_ = std::numeric_limits<double>::infinity();
 };
 
@@ -173,13 +203,13 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
   });
   if (roots.empty()) {
     if (found.nearest && found.nearest->off <= farthest_off)
-      return {candidate_of(*found.nearest, 1, "out_of_range")};
+      return {candidate_of(*found.nearest, 1, "out_of_range", setting)};
     return {{std::nullopt, std::nullopt, 0, "out_of_range"}};
   }
   std::vector<CorrectionCandidate> candidates;
   const char* flag = found.least_squares.empty() ? "out_of_range" : roots.size() > 1 ? "ambiguous" : "";
   for (std::size_t i = 0; i < roots.size(); ++i)
-    candidates.push_back(candidate_of(roots[i], static_cast<int>(i + 1), flag));
+    candidates.push_back(candidate_of(roots[i], static_cast<int>(i + 1), flag, setting));
   return candidates;
 }
 
@@ -192,8 +222,9 @@ ReadingSettings reading_settings(const Calibration& calibration, const CsvTable*
   const std::vector<EffectCorrector::Need> needs = settings.corrector.needs();
   require_columns(calibration, table, name, needs);
   if (!table) return settings;
-  const SettingRows rows(calibration, *table, needs, covariates);
+  SettingRows rows(calibration, *table, needs, covariates);
   for (std::size_t row = 0; row < count; ++row) settings.of_reading[row] = rows(row);
+  settings.beyond = rows.beyond();
   return settings;
 }
 

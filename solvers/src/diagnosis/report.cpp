@@ -14,7 +14,9 @@
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
 #include "diagnosis/working.hpp"
+#include "rangecal/core/angles.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/correction/effect_correction.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -141,6 +143,27 @@ std::optional<EffectsCovariance> effects_covariance_of(const Rows& rows, const F
   return known;
 }
 
+/// Of each column that the effects use, the values in the recordings; labels aside.
+void fill_effects_range(const Rows& rows, Calibration& calibration) {
+  const std::vector<std::string>& covariates = rows.context.covariates;
+  for (const EffectCorrector::Need& need : EffectCorrector(calibration, covariates).needs()) {
+    const bool angle = need.column == "bearing_rad" || need.column == "heading_rad";
+    std::vector<double> values;
+    if (need.column == "bearing_rad") values = rows.bearing_rad;
+    if (need.column == "heading_rad") values = rows.heading_rad;
+    if (need.column == "time_s") values = rows.time_s;
+    if (need.column == "radius_m") values = rows.radius_m;
+    for (std::size_t c = 0; c < covariates.size(); ++c)
+      if (covariates[c] == need.column)
+        for (std::size_t i = 0; i < rows.size(); ++i)
+          values.push_back(rows.covariates[i * covariates.size() + c]);
+    std::erase_if(values, [](double value) { return !std::isfinite(value); });
+    if (values.empty()) continue;
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    calibration.effects_range[need.column] = angle ? arc_of(values) : std::pair(*low, *high);
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> landmark_labels(std::span<const Recording> recordings) {
@@ -248,7 +271,10 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     result.final_effects = generic.effects;
     result.explanations.push_back(generic);
   }
-  if (found.named()) result.members = found.members;
+  if (found.named()) {
+    result.members = found.members;
+    fill_effects_range(rows, result.corrected);
+  }
   result.evidence_omitted = found.evidence_omitted;
   result.notes = found.known.notes;
   if (found.named()) {

@@ -39,6 +39,7 @@ Calibration full_calibration() {
   c.effects_covariance = {{"range_eccentricity.amplitude_m"},
                           Eigen::MatrixXd(Eigen::Vector4d(1.0, 2.0, 3.0, 1e-8).asDiagonal())};
   c.effects_covariance->matrix(1, 3) = c.effects_covariance->matrix(3, 1) = -1e-5 / 3.0;
+  c.effects_range = {{"bearing_rad", {3.0, -1.0 / 3.0}}, {"temperature_c", {-5.0, 31.25}}};
   c.landmarks = {{0, "A", {1.5, -2.5}, Eigen::Matrix2d(Eigen::Matrix2d::Identity() * 1e-4)},
                  {1, "B", {0.1, 0.2}, std::nullopt}};
   c.stops = {{0, "7", {0.1, 0.2, -3.0}}};
@@ -90,6 +91,7 @@ void expect_same(const Calibration& a, const Calibration& b) {
   EXPECT_TRUE(a.alpha.size() == 0 ? std::isnan(b.range_min_m) : a.range_min_m == b.range_min_m);
   EXPECT_TRUE(a.alpha.size() == 0 ? std::isnan(b.range_max_m) : a.range_max_m == b.range_max_m);
   EXPECT_EQ(a.effects, b.effects);
+  EXPECT_EQ(a.effects_range, b.effects_range);
   ASSERT_EQ(a.effects_covariance.has_value(), b.effects_covariance.has_value());
   if (a.effects_covariance) {
     EXPECT_EQ(a.effects_covariance->parameters, b.effects_covariance->parameters);
@@ -231,6 +233,10 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
            "{\"parameters\": [\"range_offset.offset_m\", \"range_offset.offset_m\"], \"matrix\": []}, " +
            noise),
       "c.json: field 'effects_covariance.parameters[1]': 'range_offset.offset_m' is named twice");
+  for (const char* range : {"[1]", "[1, 2, 3]", "[null, 1]"})
+    EXPECT_EQ(
+        with("\"alpha\": [0, 1], \"effects_range\": {\"time_s\": " + std::string(range) + "}, " + noise),
+        "c.json: field 'effects_range.time_s': is not two finite numbers, [from, to]");
   for (const char* bound : {"[null, 1]", "[-1, 1]"})
     EXPECT_EQ(with("\"alpha\": [0, 1], \"bound_alpha_std\": " + std::string(bound) + ", " + noise),
               "c.json: field 'bound_alpha_std': is not finite, or negative");

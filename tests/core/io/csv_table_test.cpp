@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 
@@ -66,6 +67,24 @@ TEST(CsvTable, HostileInputGivesOneLineThatNamesTheRow) {
   EXPECT_EQ(error_of("a,b\n1,\xff\xfe\n"), "t.csv, row 2: is not UTF-8 text");
   EXPECT_EQ(error_of("a,b\n1," + std::string(1u << 20, '7') + "\n"),
             "t.csv, row 2, column 'b': field 2 is longer than 4096 characters");
+}
+
+TEST(CsvRows, FieldsAreCutAtTheSeparatorGiven) {
+  CsvRows bars = CsvRows::parse("a|b,c\n1,5|\"x|y\"\n", "t.csv", '|');
+  ASSERT_EQ(bars.columns(), (std::vector<std::string>{"a", "b,c"}));
+  ASSERT_TRUE(bars.next());
+  EXPECT_EQ(bars.text(0), "1,5");
+  EXPECT_EQ(bars.text(1), "x|y");
+  // tabs between fields are no blanks: a row of nothing else holds empty fields
+  CsvRows tabs = CsvRows::parse("a\tb\n\t\n \n\"1\"\t 2 \n", "t.csv", '\t');
+  ASSERT_TRUE(tabs.next());
+  EXPECT_EQ(tabs.text(0), "");
+  EXPECT_EQ(tabs.text(1), "");
+  ASSERT_TRUE(tabs.next());
+  EXPECT_EQ(tabs.line(), 4);
+  EXPECT_EQ(tabs.text(0), "1");
+  EXPECT_EQ(tabs.text(1), "2");
+  EXPECT_FALSE(tabs.next());
 }
 
 TEST(CsvTable, JunkNeverDoesWorseThanAnError) {

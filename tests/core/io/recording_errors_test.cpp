@@ -171,7 +171,7 @@ TEST(RecordingErrors, HeaderFile) {
   EXPECT_EQ(
       error("format: rangecal/1\nsensor:\n  range_max: 6\n"),
       "recording.yaml, row 3: field 'sensor.range_max': unknown key; known here: name, principle, range_min_m, "
-      "range_max_m");
+      "range_max_m, unit");
   EXPECT_EQ(error("format: rangecal/1\nsensor: {range_min_m: 2, range_max_m: 1}\n"),
             "recording.yaml, row 2: field 'sensor.range_max_m': is not above range_min_m");
   EXPECT_EQ(error("format: rangecal/1\nstops: {sigma_xy_m: guess}\n"),

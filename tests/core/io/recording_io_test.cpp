@@ -50,6 +50,7 @@ void expect_same(const Recording& a, const Recording& b) {
   EXPECT_EQ(a.sensor.principle, b.sensor.principle);
   EXPECT_EQ(a.sensor.range_min_m, b.sensor.range_min_m);
   EXPECT_EQ(a.sensor.range_max_m, b.sensor.range_max_m);
+  EXPECT_EQ(a.sensor.unit, b.sensor.unit);
   EXPECT_EQ(a.estimate_sigma_xy, b.estimate_sigma_xy);
   if (!a.estimate_sigma_xy) {
     EXPECT_EQ(a.sigma_xy_m, b.sigma_xy_m);
@@ -112,7 +113,7 @@ Recording random_landmarks_recording(std::uint64_t seed) {
   Random random(seed_from("random_landmarks_recording", {seed}));
   Recording recording;
   recording.sensor = {"odd: \"name\", #1", "triangulation", 0.1,
-                      seed % 2 ? 7.3 : std::numeric_limits<double>::infinity()};
+                      seed % 2 ? 7.3 : std::numeric_limits<double>::infinity(), seed % 2 ? "V" : ""};
   recording.estimate_sigma_xy = seed % 3 == 0;
   recording.sigma_xy_m = random.uniform();
   recording.sigma_heading_rad = random.uniform();

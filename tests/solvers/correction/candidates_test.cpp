@@ -117,6 +117,31 @@ TEST(ReadingSettings, ARepeatIsAWholeNumber) {
                 AllOf(HasSubstr("readings.csv, row 3, column 'repeat'"), HasSubstr(repeat)));
 }
 
+// Bearings of 170 to -170 degrees (2.967, -2.967 rad) were fitted, by way of 180.
+TEST(ReadingSettings, ValuesBeyondThoseFittedAreMarked) {
+  Calibration turning = calibration_with("range_eccentricity", {{"cosine_m", 0.02}, {"sine_m", 0.0}});
+  turning.effects_range["bearing_rad"] = {2.967, -2.967};
+  const CsvTable bearings =
+      CsvTable::parse("range_m,bearing_rad\n1,3.0\n1,-3.1\n1,0.1\n1,3.3\n1,-2.9\n1,\n", "b.csv");
+  const ReadingSettings at = reading_settings(turning, &bearings, "b.csv", bearings.rows());
+  const std::vector<bool> beyond{false, false, true, false, true, false};  // 3.3 - 2 pi = -2.983
+  for (std::size_t i = 0; i < beyond.size(); ++i)
+    EXPECT_EQ(at.of_reading[i].extrapolated_column, beyond[i]) << i;
+  ASSERT_EQ(at.beyond.size(), 1u);
+  EXPECT_EQ(at.beyond[0].column, "bearing_rad");
+  EXPECT_EQ(at.beyond[0].readings, 2u);
+  EXPECT_EQ(at.beyond[0].first_row, 4);
+
+  Calibration drifting = warming();  // times count from the first of the table, as in the fit
+  drifting.effects_range["time_s"] = {0.0, 60.0};
+  const std::vector<ReadingSetting> times = [&] {
+    const CsvTable table = CsvTable::parse("range_m,time_s\n1,1000\n1,1060\n1,1060.5\n", "t.csv");
+    return reading_settings(drifting, &table, "t.csv", table.rows()).of_reading;
+  }();
+  EXPECT_FALSE(times[0].extrapolated_column || times[1].extrapolated_column);
+  EXPECT_TRUE(times[2].extrapolated_column);
+}
+
 std::vector<std::string> columns_needed(const Calibration& calibration,
                                         const std::vector<std::string>& covariates) {
   std::vector<std::string> columns;

@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
@@ -38,6 +41,10 @@ TEST(EffectsCovariance, IsThatOfTheRegressionOnCurveAndEffect) {
   const Calibration c = diagnose({&recording, 1}, options).corrected;
   ASSERT_EQ(c.effects.count("range_scale"), 1u);
   EXPECT_NEAR(c.effects.at("range_scale").at("scale"), 0.02, 0.002);
+  ASSERT_EQ(c.effects_range.size(), 1u);  // the one column that the effect uses
+  const std::vector<double>& warmth = recording.pairs.covariates.at("temperature_c");
+  EXPECT_EQ(c.effects_range.at("temperature_c"), std::pair(*std::min_element(warmth.begin(), warmth.end()),
+                                                           *std::max_element(warmth.begin(), warmth.end())));
   ASSERT_TRUE(c.effects_covariance);
   ASSERT_EQ(c.effects_covariance->parameters, std::vector<std::string>{"range_scale.scale"});
   // Weighted least squares on 1, d, .., d^n and x = 0.1 (T - 20) d. Left out is what the spread says of f, some

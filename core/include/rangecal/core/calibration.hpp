@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rangecal/core/noise.hpp"
@@ -125,6 +126,9 @@ struct Calibration {
 
   std::map<std::string, std::map<std::string, double>> effects;  ///< id -> parameter -> value, for `correct`
   std::optional<EffectsCovariance> effects_covariance;  ///< where effects were estimated with the curve
+  /// [from, to] of the values over which the effects were fitted, of each column that they use. Of an angle that is the
+  /// shortest arc which holds them (angles.hpp): from > to where it holds 180 degrees. Empty where it is not known.
+  std::map<std::string, std::pair<double, double>> effects_range;
   std::vector<LandmarkEstimate> landmarks;
   std::vector<StopEstimate> stops;
   Counts counts;

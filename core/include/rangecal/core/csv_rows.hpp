@@ -19,9 +19,9 @@ class CsvRows {
  public:
   /// Opens `path` and reads the header. Throws for a missing, empty or binary file and for a column named
   /// twice.
-  static CsvRows open(const std::string& path);
+  static CsvRows open(const std::string& path, char separator = ',');
   /// The same from text, which must outlive the rows; `name` stands for the file in messages.
-  static CsvRows parse(std::string_view text, const std::string& name);
+  static CsvRows parse(std::string_view text, const std::string& name, char separator = ',');
   CsvRows(CsvRows&&) noexcept;
   ~CsvRows();
 

@@ -21,6 +21,7 @@ struct Sensor {
   std::string name, principle;
   double range_min_m = 0.0;
   double range_max_m = std::numeric_limits<double>::infinity();
+  std::string unit = {};  ///< of readings that are no lengths ("V"); empty: metres
 };
 
 /// A pose in the plane: position [m] and heading [rad], counter-clockwise from x.

@@ -18,8 +18,8 @@ struct CorrectionCandidate {
       std_dev_m;      ///< noise of the reading and uncertainty of f together, where there is one
   int candidate = 0;  ///< 1 is the most likely; 0 where there is no distance
   /// "ok"; "ambiguous" or "out_of_range" (f(d) = reading has no root: the nearest distance, or none where that is more than
-  /// 4 standard deviations off), "extrapolated" (not beside it), "turning_point", joined by "+" in this order; "missing", "not_finite",
-  /// "zero", "negative"
+  /// 4 standard deviations off), "extrapolated" (not beside it), "turning_point", "extrapolated_column" (of the setting), joined by
+  /// "+" in this order; "missing", "not_finite", "zero", "negative"
   std::string flag;
 };
 
@@ -29,10 +29,19 @@ std::vector<CorrectionCandidate> correction_candidates(const EffectCorrector& co
                                                        const ReadingSetting& setting,
                                                        bool maximum_likelihood);
 
+/// A column whose values lie outside those over which the effects that use it were fitted.
+struct ColumnBeyond {
+  std::string column;
+  double from = 0.0, to = 0.0;  ///< as in Calibration::effects_range
+  std::size_t readings = 0;
+  int first_row = 0;  ///< of the table's file
+};
+
 /// The effects of a calibration, which must outlive this, and what they need to know about each reading.
 struct ReadingSettings {
   EffectCorrector corrector;
   std::vector<ReadingSetting> of_reading;
+  std::vector<ColumnBeyond> beyond = {};
 };
 
 /// Settings of `count` readings from the rows of a table; `table` may be null where the readings come alone. Times

@@ -19,7 +19,8 @@ struct ReadingSetting {
   double radius_m = std::numeric_limits<double>::quiet_NaN();     ///< of the landmark
   int landmark = -1, stop = -1, repeat = 0;  ///< landmark, stop: indices into the calibration's lists
   std::vector<double> covariates;            ///< by the names given to EffectCorrector
-  bool complete = true;  ///< false: a field is empty that an effect of the calibration needs
+  bool complete = true;              ///< false: a field is empty that an effect of the calibration needs
+  bool extrapolated_column = false;  ///< a column that an effect uses is outside `Calibration::effects_range`
 };
 
 struct MeanReading;
