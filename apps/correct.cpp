@@ -275,7 +275,9 @@ class Posteriors {
 void warn_of_unlisted_landmarks(const Calibration& loaded, const std::string& file) {
   for (const auto& [id, parameters] : loaded.effects) {
     const auto number = parameters.find("landmark");
-    if (number == parameters.end() || number->second < static_cast<double>(loaded.landmarks.size())) continue;
+    if (number == parameters.end() ||
+        number->second < static_cast<double>(labels_of_landmarks(loaded).size()))
+      continue;
     fmt::print(
         stderr,
         "rangecal: warning: {}: its effect {} is on one landmark whose label it does not hold: the effect is not "

@@ -26,6 +26,12 @@ const char* to_string(Method method) { return method_names.name_of(method); }
 
 Method method_from_string(const std::string& text) { return method_names.value_of(text); }
 
+std::vector<std::string> labels_of_landmarks(const Calibration& calibration) {
+  std::vector<std::string> labels = calibration.labels;
+  for (const LandmarkEstimate& landmark : calibration.landmarks) labels.push_back(landmark.label);
+  return labels;
+}
+
 const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibration) {
   return calibration.covariance_with_choice ? calibration.covariance_with_choice
                                             : calibration.alpha_covariance;

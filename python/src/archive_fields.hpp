@@ -104,11 +104,12 @@ inline void archive_fields(python::Archive& a, EffectsCovariance& s) {
 inline void archive_fields(python::Archive& a, Calibration& s) {
   auto& [method, kind, outcome, reason, alpha, covariance, by_stops, misfit, left_out, with_choice, bound,
          why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest,
-         highest, effects, known, ranges, landmarks, stops, counts, joint, marginal, aic, weakest, iterations,
-         seconds] = s;
+         highest, effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic, weakest,
+         iterations, seconds] = s;
   a(method, kind, outcome, reason, alpha, covariance, by_stops, misfit, left_out, with_choice, bound, why,
     noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest, highest,
-    effects, known, ranges, landmarks, stops, counts, joint, marginal, aic, weakest, iterations, seconds);
+    effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic, weakest, iterations,
+    seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
   auto& [order, law, nll, aic] = s;

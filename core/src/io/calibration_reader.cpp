@@ -173,12 +173,13 @@ void read_calibrated_effects(const Field& top, Calibration& calibration) {
     if (range.size() != 2 || !range.allFinite()) limits.fail("is not two finite numbers, [from, to]");
     calibration.effects_range[column] = {range[0], range[1]};
   }
+  for (const Field& label : top.at("labels").items()) calibration.labels.push_back(label.text());
   const Field known = top.at("effects_covariance");
   if (known.is_null()) return;
   EffectsCovariance covariance;
   for (const Field& item : known.required("parameters").items()) {
     const std::string name = item.text();
-    const std::size_t dot = name.find('.');
+    const std::size_t dot = name.rfind('.');
     const auto effect = calibration.effects.find(name.substr(0, dot));
     if (dot == std::string::npos || effect == calibration.effects.end() ||
         !effect->second.contains(name.substr(dot + 1)))

@@ -36,11 +36,16 @@ CorrectionCandidate candidate_of(const CorrectionRoot& root, int number, std::st
 /// Numbers of the calibration's stops or landmarks by their labels.
 using LabelNumbers = std::unordered_map<std::string, int>;
 
-template <typename Items>
-LabelNumbers label_numbers(const Items& items) {
+LabelNumbers label_numbers(const std::vector<std::string>& labels) {
   LabelNumbers numbers;
-  for (std::size_t i = 0; i < items.size(); ++i) numbers.emplace(items[i].label, static_cast<int>(i));
+  for (std::size_t i = 0; i < labels.size(); ++i) numbers.emplace(labels[i], static_cast<int>(i));
   return numbers;
+}
+
+std::vector<std::string> labels_of_stops(const Calibration& calibration) {
+  std::vector<std::string> labels;
+  for (const StopEstimate& stop : calibration.stops) labels.push_back(stop.label);
+  return labels;
 }
 
 /// -1 where the label is none of them.
@@ -80,8 +85,8 @@ class SettingRows {
               const std::vector<EffectCorrector::Need>& needs, const std::vector<std::string>& covariates)
       : calibration_(calibration),
         table_(table),
-        landmark_numbers_(label_numbers(calibration.landmarks)),
-        stop_numbers_(label_numbers(calibration.stops)) {
+        landmark_numbers_(label_numbers(labels_of_landmarks(calibration))),
+        stop_numbers_(label_numbers(labels_of_stops(calibration))) {
     const auto needed = [&](std::string_view column) {
       return std::any_of(needs.begin(), needs.end(), [&](const auto& need) { return need.column == column; });
     };

@@ -47,8 +47,7 @@ EffectCorrector::EffectCorrector(const Calibration& calibration, std::vector<std
   context_.range_min_m = calibration.range_min_m;
   context_.range_max_m = calibration.range_max_m;
   context_.stop_count = static_cast<int>(calibration.stops.size());
-  for (const LandmarkEstimate& landmark : calibration.landmarks)
-    context_.landmark_labels.push_back(landmark.label);
+  context_.landmark_labels = labels_of_landmarks(calibration);
   context_.landmark_count = static_cast<int>(context_.landmark_labels.size());
   context_.landmark_radius_m.assign(context_.landmark_labels.size(), 0.0);
   context_.covariates = std::move(covariates);

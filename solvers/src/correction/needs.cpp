@@ -11,6 +11,9 @@ namespace rangecal {
 std::vector<EffectCorrector::Need> EffectCorrector::needs() const {
   EffectContext context = context_;
   context.covariates.insert(context.covariates.end(), {"temperature_c", "intensity"});
+  for (const Active& active : active_)
+    if (const std::string column = column_in_id(active.effect->info().id); !column.empty())
+      context.covariates.push_back(column);
   std::vector<double> columns(context.covariates.size(), 20.0);
   std::map<std::string, std::vector<std::size_t>> places;  // of the columns of one name
   for (std::size_t c = 0; c < columns.size(); ++c) places[context.covariates[c]].push_back(c);

@@ -219,6 +219,7 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
     }
     ++index;
   }
+  if (rows.pairs && !fit.model.empty()) c.labels = labels;
   for (const ActiveEffect& active : fit.model)
     for (std::size_t j = 0; j < active.effect->info().parameters.size(); ++j)
       c.effects[active.effect->info().id][active.effect->info().parameters[j].name] =

@@ -129,6 +129,7 @@ struct Calibration {
   /// [from, to] of the values over which the effects were fitted, of each column that they use. Of an angle that is the
   /// shortest arc which holds them (angles.hpp): from > to where it holds 180 degrees. Empty where it is not known.
   std::map<std::string, std::pair<double, double>> effects_range;
+  std::vector<std::string> labels;  ///< of pairs: their landmarks, as the effects count them; none were placed
   std::vector<LandmarkEstimate> landmarks;
   std::vector<StopEstimate> stops;
   Counts counts;
@@ -143,6 +144,9 @@ struct Calibration {
 
   int order() const { return static_cast<int>(alpha.size()) - 1; }
 };
+
+/// Labels of the landmarks in the order in which effects count them.
+std::vector<std::string> labels_of_landmarks(const Calibration& calibration);
 
 /// C, what the calibration says of the uncertainty of f's coefficients: the covariance with the choice of the model in it
 /// where there is one, else that of alpha given the model. Entry (i, j) in m^(2-i-j); none where the calibration has neither.
