@@ -179,7 +179,7 @@ void feed_track(std::string_view bytes) {
 }
 
 void feed_scans(std::string_view bytes) {
-  for (const Scan& scan : ingest::read_scan_file(folder().write("scans", bytes), "").scans)
+  for (const Scan& scan : ingest::read_scan_file(folder().write("scans", bytes), {}).scans)
     promise(scan.bearing_rad.size() == scan.range_m.size(), "bearings and ranges differ");
 }
 
