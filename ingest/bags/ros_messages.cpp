@@ -22,6 +22,8 @@ class MessageFields {
     if (wire == Wire::ros1) return;
     if (bytes.size() < 4) throw InputError("it has no CDR header");
     const auto kind = std::to_integer<unsigned>(bytes[0]) << 8 | std::to_integer<unsigned>(bytes[1]);
+    if (kind == 0x28b5)
+      throw InputError("it is compressed by itself (compression_mode: MESSAGE), which is not read");
     if (kind > 1) throw InputError(fmt::format("its CDR header is of kind {}, which is not read", kind));
     swapped_ = (kind == 1) != (std::endian::native == std::endian::little);
     bytes_ = bytes.subspan(4);

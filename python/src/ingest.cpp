@@ -26,7 +26,8 @@ Result run_command(const std::function<std::function<Result()>(CLI::App&)>& decl
 }
 
 py::tuple extract_job(const std::vector<std::string>& words) {
-  const auto found = run_command<ingest::Extracted>(ingest::add_extract_options, "extract", words);
+  const auto declare = [](CLI::App& command) { return ingest::add_extract_options(command); };
+  const auto found = run_command<ingest::Extracted>(declare, "extract", words);
   const Extraction& extraction = found.extraction;
   for (const std::string& warning : found.warnings)  // 2: of the line that calls rangecal.extract
     py::module_::import("warnings").attr("warn")(warning, py::none(), 2);

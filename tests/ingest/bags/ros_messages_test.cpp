@@ -157,6 +157,7 @@ TEST(RosMessages, WhatIsNoMessageIsRefused) {
   std::string bytes = test::pose_stamped(1, 2, 3, 0);
   bytes[1] = 3;
   refused(bytes, "kind 3");
+  refused(test::compressed(bytes, "zstd"), "compression_mode: MESSAGE");
   refused("", "no CDR header");
   refused(MessageWriter().header(1, "map").put(NAN).bytes(), "pose.position");
   refused(test::pose_stamped(1, NAN, 0, 0), "not finite");

@@ -80,9 +80,10 @@ TEST(SqliteSource, AFileThatIsCutOffGivesItsFirstMessages) {
   test::write_db3(folder.file("whole.db3"), kTwoTopics, messages);
   const std::string bytes = file_bytes(folder.file("whole.db3"));
   std::size_t most = 0, opened = 0;
-  for (std::size_t part = 1; part < 100; ++part) {
+  folder.write("cut.db3", bytes);
+  for (std::size_t part = 99; part > 0; --part) {
     SCOPED_TRACE(part);
-    folder.write("cut.db3", bytes.substr(0, bytes.size() * part / 100));
+    std::filesystem::resize_file(folder.file("cut.db3"), bytes.size() * part / 100);
     bool same = true;
     try {
       const auto source = open_sqlite_bag(folder.file("cut.db3"));
@@ -106,15 +107,19 @@ TEST(SqliteSource, FlippedBytesAndOtherTablesAreTakenOrRefused) {
   test::write_db3(folder.file("whole.db3"), kTwoTopics, messages_of_sizes());
   const std::string bytes = file_bytes(folder.file("whole.db3"));
   for (std::size_t at = 0; at < bytes.size(); at += at < 4096 ? 7 : 211) {
-    std::string damaged = bytes;
-    damaged[at] = static_cast<char>(damaged[at] ^ 1 << at % 8);
-    folder.write("damaged.db3", damaged);
+    std::fstream file(folder.file("whole.db3"), std::ios::in | std::ios::out | std::ios::binary);
+    const auto put = [&](char byte) {
+      file.seekp(static_cast<std::streamoff>(at));
+      file.put(byte).flush();
+    };
+    put(static_cast<char>(bytes[at] ^ 1 << at % 8));
     try {
-      const auto source = open_sqlite_bag(folder.file("damaged.db3"));
+      const auto source = open_sqlite_bag(folder.file("whole.db3"));
       source->read({"/scan", "/odom"}, [](const BagMessage&) {}, {});
       source->topics();
     } catch (const InputError&) {
     }
+    put(bytes[at]);
   }
   const auto refused = [&](const char* statements) {
     std::filesystem::remove(folder.file("other.db3"));
