@@ -484,7 +484,7 @@ class McapSource : public MessageSource {
       take_record(head, at, take);
       at += kRecordHead + head.length;
     }
-    ended_ = true;
+    ended_ = data_end_ > 0;
   }
 
   bool holds_wanted(const ChunkPlace& place) const {
@@ -545,7 +545,7 @@ class McapSource : public MessageSource {
       sum.add(*records);
       if (sum.value() != crc) return lost_.crc.add(at);
     }
-    if (!take_records(*records, at, take)) lost_.unreadable.add(at);
+    if (take_records(*records, at, take) < records->size()) lost_.unreadable.add(at);
   }
 
   /// What is there of a chunk whose end is missing, as long as its bytes are the records themselves and nothing could be checked.
@@ -558,15 +558,17 @@ class McapSource : public MessageSource {
     fields.number(8);
     if (!fields.sound() || checked || packed) return;
     unchecked_ = true;
-    take_records(fields.rest(), at, take);
+    const std::uint64_t before = kRecordHead + length - fields.rest().size();
+    stopped_at_ = at + before + take_records(fields.rest(), at, take);
   }
 
-  /// The records of a chunk; false where they end within one.
-  bool take_records(ByteSpan records, std::uint64_t at, const TakeOfChannel& take) {
-    for (RecordFields rest(records); !rest.rest().empty();) {
+  /// The records of a chunk. Returns how many of its bytes are whole records.
+  std::size_t take_records(ByteSpan records, std::uint64_t at, const TakeOfChannel& take) {
+    std::size_t whole = 0;
+    for (RecordFields rest(records); !rest.rest().empty(); whole = records.size() - rest.rest().size()) {
       const auto opcode = static_cast<unsigned>(rest.number(1));
       const ByteSpan record = rest.take(rest.number(8));
-      if (!rest.sound() || opcode == 0) return false;
+      if (!rest.sound() || opcode == 0) return whole;
       if (opcode == op_message) {
         take_message(record, at, take);
       } else if (opcode == op_schema || opcode == op_channel) {
@@ -574,7 +576,7 @@ class McapSource : public MessageSource {
         if (!declare(opcode, inner)) lost_.broken.add(at);
       }
     }
-    return true;
+    return whole;
   }
 
   void take_message(ByteSpan record, std::uint64_t at, const TakeOfChannel& take) {

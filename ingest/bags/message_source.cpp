@@ -53,6 +53,8 @@ bool is_bag(const std::string& path) {
 std::unique_ptr<MessageSource> open_bag(const std::string& path) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) return open_bag_folder(path);
+  if (path == "-") throw InputError("stdin", 0, "", "a bag is read from a file only");
+  if (!fs::exists(path, ignored)) throw InputError(path, 0, "", "no such file");
   const std::string start = first_bytes(path);
   if (start.starts_with(kRos1Start)) return open_ros1_bag(path);
   if (start.starts_with(kMcapStart)) return open_mcap(path);

@@ -158,6 +158,7 @@ TEST_F(BagScans, WhatIsNotClearIsAskedFor) {
   expect_refused(folder_.file("json.mcap"), chosen("/scan"), "encoded as 'json'");
   folder_.write("text.mcap", "not a bag at all");
   expect_refused(folder_.file("text.mcap"), chosen(""), "is no bag");
+  expect_refused(folder_.file("none.mcap"), chosen(""), "no such file");
   folder_.write("packed.zstd", test::compressed("bag", "zstd"));
   expect_refused(folder_.file("packed.zstd"), chosen(""), "zstd -d");
 }
