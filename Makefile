@@ -71,7 +71,7 @@ studies: build
 SECONDS ?= 60
 fuzz: build
 	cmake build/release -DRANGECAL_FUZZ=ON
-	cmake --build $(BUILD) -j $(JOBS) --target fuzz_readers write_bag
+	cmake --build $(BUILD) -j $(JOBS) --target fuzz_readers write_bag write_bags
 	tests/fuzz/run.sh $(BUILD) $(SECONDS) $(JOBS)
 
 # Input of hostile size: lines of 2 GB, 10^8 rows, nested and aliased YAML. Some ten minutes and 6 GB of disk.

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
+#include <unistd.h>
 
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "commands.hpp"
+#include "ingest/bags/bag_scans.hpp"
 #include "ingest/extract_options.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -22,6 +26,30 @@ void check_results(const std::vector<std::string>& inputs, const std::string& fo
   require_apart(outputs, inputs);
   require_writable(json);
   require_replaceable(folder);
+}
+
+/// How far a long file is read, on stderr where that is a terminal: each hundredth once.
+ingest::ReadProgress progress_on_terminal() {
+  if (::isatty(STDERR_FILENO) == 0) return {};
+  return [shown = -1](const std::string& file, double share) mutable {
+    const int now = static_cast<int>(100.0 * share);
+    if (now == shown) return;
+    shown = now;
+    const std::string words = "reading " + std::filesystem::path(file).filename().string();
+    if (now < 100)
+      fmt::print(stderr, "\rrangecal: {} {:3} %", words, now);
+    else
+      fmt::print(stderr, "\r{:{}}\r", "", words.size() + 20);
+    std::fflush(stderr);
+  };
+}
+
+int list_topics(const std::vector<std::string>& bags) {
+  for (const std::string& bag : bags) {
+    const std::string text = ingest::describe_topics(bag);
+    fmt::print("{}{}", bags.size() > 1 ? bag + "\n" : std::string(), text);
+  }
+  return done;
 }
 
 int save(ingest::Extracted extracted, const std::string& folder, const std::string& json) {
@@ -53,9 +81,12 @@ void add_extract(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("extract", "find cylinders in raw scans and make a recording of them");
   const auto folder = std::make_shared<std::string>(), json = std::make_shared<std::string>();
-  const auto work = ingest::add_extract_options(*command);
-  command->add_option("-o,--output", *folder, "folder of the recording, made if missing")->required();
+  const auto work = ingest::add_extract_options(*command, progress_on_terminal());
+  const auto topics = std::make_shared<bool>(false);
+  CLI::Option* output =
+      command->add_option("-o,--output", *folder, "folder of the recording, made if missing");
   command->add_option("--json", *json, "write what was found and thrown away, also without a recording");
+  command->add_flag("--topics", *topics, "say what topics the bags hold, and stop")->group("Bags");
   command->footer(
       "Nothing is dropped silently: scans, beams, segments and cylinders are counted with the reason, here and in\n"
       "extraction.json beside the recording. Exit code 1: no landmark was found.\n"
@@ -66,8 +97,17 @@ void add_extract(CLI::App& app, Action& chosen) {
       "  zcat robot.log.gz | rangecal extract - --error random_walk -o rec\n"
       "  rangecal extract robot.log --error random_walk -o rec      CARMEN log: poses from its odometry\n"
       "  rangecal extract run.csv --stops stops.csv --radius 0.12 --arc mean -o rec      to see what arc_definition "
-      "costs");
+      "costs\n"
+      "  rangecal extract run.mcap --topics      what a bag holds\n"
+      "  rangecal extract run.mcap --scan /scan --odom /odom --radius 0.06 -o rec      stops where the robot stands, poses "
+      "by /odom\n"
+      "  rangecal extract rosbag2_folder --odom /tf --frames odom,base_link --radius 0.06 -o rec      poses by transforms");
   command->callback([=, &chosen] {
+    if (*topics) {
+      chosen = [=] { return list_topics(command->get_option("SCANS")->results()); };
+      return;
+    }
+    if (output->count() == 0) throw CLI::RequiredError("--output");
     chosen = [=] {
       check_results(ingest::extract_inputs(*command), *folder, *json);
       return save(work(), *folder, *json);

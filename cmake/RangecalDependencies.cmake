@@ -13,4 +13,5 @@ find_package(Boost 1.74 REQUIRED)
 find_package(Threads REQUIRED)
 find_package(MPI COMPONENTS C QUIET)  # optional: studies and fleets under mpirun
 find_package(OpenSSL 3 REQUIRED COMPONENTS Crypto)  # SHA-256 of sealed keys
-find_package(SQLite3 REQUIRED)  # results of a fleet
+find_package(SQLite3 REQUIRED)  # results of a fleet; bags of rosbag2
+include(RangecalCompression)  # lz4 and zstd: chunks of MCAP

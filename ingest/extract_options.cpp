@@ -29,11 +29,12 @@ namespace {
 /// The options as the command line gives them.
 struct Given {
   std::vector<std::string> scans;
-  std::string stops, map, topic, radius = "free", arc = "nearest", split = "automatic";
+  std::string stops, map, radius = "free", arc = "nearest", split = "automatic";
   std::string error = "independent", sensor, principle;
   std::vector<double> noise;
   double range_min = 0.0, range_max = std::numeric_limits<double>::infinity();
   double bearing_offset = 0.0;
+  BagChoice bag;
   ExtractOptions options;
 };
 
@@ -130,22 +131,21 @@ std::string unit_doubt(const std::vector<ScanLog>& logs) {
              : std::string();
 }
 
-std::vector<std::string> files_of(std::vector<std::string> scans) {
-  for (std::string& file : scans)
-    if (file == "-") file = "/dev/stdin";
-  return scans;
-}
-
-Extracted extract(const Given& given) {
+Extracted extract(const Given& given, const ReadProgress& progress) {
   Extracted out;
-  require_distinct(files_of(given.scans));
+  require_distinct(files_behind(given.scans));
+  if (!given.bag.frames.empty() && given.bag.odometry.empty())
+    throw InputError("--frames says which transforms of the topic that --odom names; name one");
   out.options = options_from(given);
   std::vector<Stop> stops;
   if (!given.stops.empty())
     stops = stops_of(CsvTable::read(given.stops), out.options.association.sigma_heading_rad);
   std::vector<ScanLog> logs;
   for (const std::string& path : given.scans) {
-    logs.push_back(read_scan_file(path, given.topic));
+    BagChoice choice = given.bag;
+    if (progress) choice.progress = [&](double share) { progress(path, share); };
+    logs.push_back(read_scan_file(path, choice));
+    if (progress) progress(path, 1.0);
     if (!logs.back().warning.empty()) out.warnings.push_back(logs.back().warning);
   }
   out.extraction = extract_recording(logs, stops, out.options);
@@ -160,13 +160,13 @@ Extracted extract(const Given& given) {
 
 }  // namespace
 
-std::function<Extracted()> add_extract_options(CLI::App& command) {
+std::function<Extracted()> add_extract_options(CLI::App& command, const ReadProgress& progress) {
   const auto given = std::make_shared<Given>();
   command
       .add_option(
           "SCANS", given->scans,
           "files of scans: CSV (stamp, angle_min, angle_increment, ranges... or stamp, angle_rad, range_m), CARMEN "
-          "logs, ROS 1 bags; -: stdin")
+          "logs, bags of ROS 1 and ROS 2 (MCAP, SQLite, rosbag2 folders); -: stdin")
       ->required();
 
   command
@@ -249,13 +249,25 @@ std::function<Extracted()> add_extract_options(CLI::App& command) {
   command.add_option("--sensor", given->sensor, "name of the sensor, for the recording")->group("Sensor");
   command.add_option("--principle", given->principle, "triangulation, phase, ..., for the recording")
       ->group("Sensor");
-  command.add_option("--topic", given->topic, "topic of the scans in a ROS bag, where there are several")
-      ->group("Sensor");
-  return [given] { return extract(*given); };
+  command
+      .add_option("--scan,--topic", given->bag.scan,
+                  "topic of the scans (sensor_msgs/LaserScan), where the bag has several")
+      ->group("Bags");
+  command
+      .add_option(
+          "--odom", given->bag.odometry,
+          "topic of the robot's odometry: poses of the stops, and where it stands (nav_msgs/Odometry, "
+          "geometry_msgs/PoseStamped, tf2_msgs/TFMessage)")
+      ->group("Bags");
+  command
+      .add_option("--frames", given->bag.frames,
+                  "PARENT,CHILD: the transform that is the odometry, where --odom names a topic of several")
+      ->group("Bags");
+  return [given, progress] { return extract(*given, progress); };
 }
 
 std::vector<std::string> extract_inputs(const CLI::App& command) {
-  std::vector<std::string> files = files_of(command.get_option("SCANS")->results());
+  std::vector<std::string> files = files_behind(command.get_option("SCANS")->results());
   for (const char* option : {"--stops", "--map"})
     for (const std::string& file : command.get_option(option)->results()) files.push_back(file);
   return files;

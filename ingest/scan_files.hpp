@@ -3,12 +3,16 @@
 
 #include <string>
 
+#include "bags/bag_scans.hpp"
 #include "rangecal/core/scan.hpp"
 
 namespace rangecal::ingest {
 
-/// A file of scans of any kind: read_scans (`-` is stdin), and ROS 1 bags where the build has Debian's rosbag library.
-/// `topic`: of a bag, empty for the only one. Readings outside a message's own limits are no returns. Throws InputError.
-ScanLog read_scan_file(const std::string& path, const std::string& topic);
+/// A file of scans of any kind: text (read_scans; `-` is stdin), or a bag (read_bag_scans), of which `choice` says what is read.
+/// Throws InputError.
+ScanLog read_scan_file(const std::string& path, const BagChoice& choice);
+
+/// The files that stand behind these names: stdin for `-`, those of a rosbag2 folder beside the folder.
+std::vector<std::string> files_behind(const std::vector<std::string>& names);
 
 }  // namespace rangecal::ingest

@@ -1,29 +1,30 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
 namespace rangecal::bag {
 
-/// One sensor_msgs/LaserScan as it stands in the bag. C++17 and the standard library alone: the headers of ROS 1 do not
-/// compile as C++20, so this header is what both sides share.
-struct BagScan {
-  double stamp_s = 0.0;  ///< header.stamp; the time of recording where that is 0
-  double angle_min_rad = 0.0, angle_increment_rad = 0.0;
-  double range_min_m = 0.0, range_max_m = 0.0;
-  std::vector<float> range_m;
+// C++17 and the standard library alone: the headers of ROS 1 do not compile as C++20, so this header is what both sides
+// share.
+
+struct Topic {
+  std::string name, type;  ///< type as ROS 1 writes it: sensor_msgs/LaserScan
+  std::uint64_t messages = 0;
 };
 
-struct BagScans {
-  std::vector<BagScan> scans;
-  std::vector<std::string> topics;  ///< topics of LaserScan in the bag
-  long other_messages = 0;
-  std::string error;  ///< why the bag cannot be read; empty if it can
+struct Message {
+  std::uint32_t topic = 0;  ///< its place in the list of topics
+  std::int64_t log_time_ns = 0;
+  std::vector<unsigned char> bytes;  ///< as ROS 1 encodes it
 };
 
-/// Scans of one topic, in the order of recording; with an empty `topic` those of the only one, and none where there are
-/// several. Never throws.
-BagScans read(const std::string& path, const std::string& topic);
+/// Sets `topics`, then gives the messages of those called one of `names` to `take`, one by one in the order of recording. Returns why
+/// the bag cannot be read, then or on the way; nothing if it can. Throws only what `take` throws.
+std::string read(const std::string& path, const std::vector<std::string>& names, std::vector<Topic>& topics,
+                 const std::function<void(const Message&)>& take);
 
 }  // namespace rangecal::bag

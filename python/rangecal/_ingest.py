@@ -15,14 +15,15 @@ from ._results import Extraction
 def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", beams_min=4, edge_cut=0.9, support=0.5,
             split="automatic", scans_min=None, sigma_xy_m=None, sigma_heading_rad=None, stop_error="independent",
             noise=None, range_min_m=0.0, range_max_m=math.inf, clockwise=False, bearing_offset_rad=0.0, name="",
-            principle="", topic=""):
+            principle="", topic="", odometry_topic="", frames=""):
     """Find cylinders in raw scans and make a recording of them (``docs/extract.md``).
 
     Parameters
     ----------
     scans : path, list of paths, or table
-        Files of scans: CSV, CARMEN logs, ROS 1 bags where the build reads them. Or one table with a row per beam:
-        columns ``stamp`` [s], ``angle_rad``, ``range_m``, optionally ``stop``.
+        Files of scans: CSV, CARMEN logs, bags of ROS 2 (MCAP, SQLite, rosbag2 folders) and, where the build reads them,
+        of ROS 1 (``docs/bags.md``). Or one table with a row per beam: columns ``stamp`` [s], ``angle_rad``, ``range_m``,
+        optionally ``stop``.
     stops : path or table, optional
         Columns ``stop, x_m, y_m, heading_rad``; else the log's odometry, or one stop at the origin.
     radius_m : float or list of float, optional
@@ -55,7 +56,11 @@ def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", 
     name, principle : str
         Of the sensor, for the recording.
     topic : str
-        Of the scans in a ROS bag with several.
+        Of the scans in a bag with several.
+    odometry_topic : str
+        Of a bag: poses of the stops, and where the robot stands.
+    frames : str
+        ``"PARENT,CHILD"``: the transform that is the odometry, where that topic holds several.
 
     Returns
     -------
@@ -70,14 +75,15 @@ def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", 
     Warns
     -----
     UserWarning
-        The last line of a log is torn, as where a recording was cut off, and is left out.
+        A log or a bag was cut off or is damaged, and what could not be read is left out.
     """
     words = _words(radius=_listed("radius_m", radius_m), arc=arc, beams_min=beams_min, edge_cut=edge_cut,
                    support=support, split=split, scans_min=scans_min, sigma_xy=sigma_xy_m,
                    sigma_heading=sigma_heading_rad, error=stop_error, noise=_listed("noise", noise),
                    range_min=range_min_m, range_max=None if range_max_m == math.inf else range_max_m,
                    bearing_offset=bearing_offset_rad,
-                   sensor=name or None, principle=principle or None, topic=topic or None)
+                   sensor=name or None, principle=principle or None, topic=topic or None,
+                   odom=odometry_topic or None, frames=frames or None)
     if _take.flag("clockwise", clockwise):
         words.append("--clockwise")
     with tempfile.TemporaryDirectory() as folder:

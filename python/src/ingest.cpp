@@ -31,7 +31,8 @@ void warn(const std::vector<std::string>& warnings) {
 }
 
 py::tuple extract_job(const std::vector<std::string>& words) {
-  const auto found = run_command<ingest::Extracted>(ingest::add_extract_options, "extract", words);
+  const auto declare = [](CLI::App& command) { return ingest::add_extract_options(command); };
+  const auto found = run_command<ingest::Extracted>(declare, "extract", words);
   const Extraction& extraction = found.extraction;
   warn(found.warnings);
   return py::make_tuple(std::make_shared<Recording>(extraction.recording),

@@ -69,6 +69,10 @@ def made_by_the_programs(build, put):
         if (build / "tests" / "write_bag").exists():
             subprocess.run([build / "tests" / "write_bag", "scans.csv", "scans.bag"], cwd=work, check=True)
             put("bag", "scans", (work / "scans.bag").read_bytes())
+        if (build / "tests" / "write_bags").exists():
+            subprocess.run([build / "tests" / "write_bags", work / "bags"], check=True)
+            for path in sorted((work / "bags").glob("*/*")):
+                put(path.parent.name, path.name, path.read_bytes())
 
 
 def scan_csv(beams, scans):

@@ -4,12 +4,16 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <map>
+#include <span>
 #include <stdexcept>
 
+#include "ingest/bags/bag_scans.hpp"
+#include "ingest/bags/ros_messages.hpp"
 #include "ingest/importer.hpp"
 #include "ingest/scan_files.hpp"
 #include "proof/journal.hpp"
@@ -179,7 +183,7 @@ void feed_track(std::string_view bytes) {
 }
 
 void feed_scans(std::string_view bytes) {
-  for (const Scan& scan : ingest::read_scan_file(folder().write("scans", bytes), "").scans)
+  for (const Scan& scan : ingest::read_scan_file(folder().write("scans", bytes), {}).scans)
     promise(scan.bearing_rad.size() == scan.range_m.size(), "bearings and ranges differ");
 }
 
@@ -206,7 +210,40 @@ void feed_table(std::string_view bytes) {
   import_by("csv", {path, "--true", "truth", "--reading", "sonar", "--time", "time", "--landmark", "which"});
 }
 
-/// The files of a published data set.
+/// Everything that is read of a bag; a refusal of one does not keep the other from being tried.
+void feed_bag(std::string_view bytes, const char* name) {
+  const std::string file = folder().write(name, bytes);
+  std::string refusal;
+  try {
+    ingest::describe_topics(file);
+  } catch (const InputError& error) {
+    refusal = error.what();
+  }
+  for (const char* odometry : {"/odom", "/tf"})
+    for (const Scan& scan : ingest::read_bag_scans(file, {"/scan", odometry, "", {}}).scans) {
+      promise(scan.bearing_rad.size() == scan.range_m.size(), "bearings and ranges differ");
+      promise(scan.odometry.has_value(), "a scan without odometry");
+    }
+  if (!refusal.empty()) throw InputError(refusal);
+}
+void feed_mcap(std::string_view bytes) { feed_bag(bytes, "a.mcap"); }
+void feed_sqlite(std::string_view bytes) { feed_bag(bytes, "a.db3"); }
+
+/// The first byte says which message, and of which release.
+void feed_message(std::string_view bytes) {
+  if (bytes.empty()) return;
+  const auto which = static_cast<unsigned char>(bytes.front());
+  const std::span<const std::byte> message = std::as_bytes(std::span(bytes.substr(1)));
+  const ingest::Wire wire = which % 2 != 0 ? ingest::Wire::ros1 : ingest::Wire::cdr;
+  if (which / 2 % 5 == 0) ingest::read_laser_scan(message, wire);
+  if (which / 2 % 5 == 1)
+    promise(std::isfinite(ingest::read_odometry(message, wire).pose.heading_rad), "no heading");
+  if (which / 2 % 5 == 2) ingest::read_transforms(message, wire);
+  if (which / 2 % 5 == 3) ingest::read_range(message, wire);
+  if (which / 2 % 5 == 4) ingest::read_pose_stamped(message, wire);
+}
+
+/// The files of a published data set; "=== arguments" holds what the command line would.
 void feed_import(std::string_view bytes, const char* importer_name) {
   const fs::path data = folder().path() / importer_name;
   fs::create_directories(data);
@@ -246,6 +283,9 @@ const std::vector<Reader>& readers() {
                                           {"track", feed_track},
                                           {"scans", feed_scans},
                                           {"bag", feed_scans},
+                                          {"mcap", feed_mcap},
+                                          {"sqlite", feed_sqlite},
+                                          {"message", feed_message},
                                           {"mrclam", feed_mrclam},
                                           {"lego", feed_lego},
                                           {"table", feed_table},

@@ -117,6 +117,8 @@ ScanLog read_scans(const std::string& given) {
     throw InputError(
         path, 0, "",
         from_stdin ? "is a ROS 1 bag, which is read from a file only" : "is a ROS 1 bag, not text");
+  if (text.starts_with("\x89MCAP") || text.starts_with("SQLite format 3"))
+    throw InputError(path, 0, "", "is a bag of ROS 2, which is read from a file only");
   if (const std::size_t bad = first_bad_byte(text); bad != std::string::npos)
     throw InputError(path,
                      1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(bad), '\n'), "",

@@ -50,7 +50,8 @@ template <typename Value>
 std::pair<int, NoiseLaw> search_model(const CalibrateOptions& options, int highest,
                                       std::pair<int, NoiseLaw> start, const Value& value_of) {
   const std::vector<NoiseLaw> laws = laws_to_try(options);
-  auto [order, law] = start;
+  int order = start.first;
+  NoiseLaw law = start.second;  // no structured binding: clang-14, which builds the fuzzers, captures none
   const auto best_law = [&] {
     for (NoiseLaw candidate : laws)
       if (value_of(order, candidate) < value_of(order, law)) law = candidate;

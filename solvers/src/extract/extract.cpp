@@ -159,7 +159,9 @@ StopSplit stop_split_from_string(const std::string& text) { return stop_split_na
 Extraction extract_recording(const std::vector<ScanLog>& given, const std::vector<Stop>& stops,
                              const ExtractOptions& options) {
   if (given.empty()) throw InputError("no file of scans is given");
-  const std::vector<ScanLog> logs = options.clockwise ? turned(given) : given;
+  std::vector<ScanLog> reversed;
+  if (options.clockwise) reversed = turned(given);
+  const std::vector<ScanLog>& logs = options.clockwise ? reversed : given;  // long bags: no copy without need
   Extraction out;
   std::vector<Scan> all;
   for (const ScanLog& log : logs) all.insert(all.end(), log.scans.begin(), log.scans.end());

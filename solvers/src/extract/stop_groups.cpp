@@ -54,9 +54,10 @@ std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>
     if (groups[k].front().odometry) {
       stop.commanded = *groups[k].front().odometry;
     } else if (groups.size() > 1) {
-      throw InputError(file, 0, "",
-                       "the scans stand at " + std::to_string(groups.size()) +
-                           " stops and carry no odometry: give their poses by a stops file");
+      throw InputError(
+          file, 0, "",
+          "the scans stand at " + std::to_string(groups.size()) +
+              " stops and carry no odometry: give their poses by a stops file (--stops), or a bag's topic of odometry (--odom)");
     }
     stops.push_back(stop);
   }

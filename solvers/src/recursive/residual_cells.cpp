@@ -154,11 +154,11 @@ PairsProblem ResidualCells::points(double factor, bool weighted) const {
   const double root_2 = std::sqrt(2.0);
   for (std::size_t b = 0; b < bins.size(); ++b) {
     for (const Reading& one : bins[b].first) add(one.d, one.y, one.weight, one.weight * one.weight);
-    const auto [centre, half_width] = places_[b];
+    const DistanceBins::Bin& place = places_[b];
     for (const Cell& cell : bins[b].cells) {
       const Spread spread = spread_of(cell);
       const auto point = [&](double u, double z, double share) {
-        const double at = centre + half_width * (spread.u + u);
+        const double at = place.centre_m + place.half_width_m * (spread.u + u);
         add(at, at + spread.z + z, share * cell.sums[0], share * cell.sums[1]);
       };
       const bool along = spread.uu > 0.0, across = spread.zz > 0.0;

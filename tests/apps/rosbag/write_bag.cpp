@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // write_bag SCANS.csv OUT.bag [TOPIC...]: the scans of a CSV file (stamp, angle_min, angle_increment, ranges...) as
-// sensor_msgs/LaserScan on each topic (default /scan), with a message of another kind before each.
+// sensor_msgs/LaserScan on each topic (default /scan), before each a pose at the origin on /pose and a message of
+// another kind.
+#include <geometry_msgs/PoseStamped.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/LaserScan.h>
 #include <std_msgs/String.h>
@@ -34,6 +36,10 @@ int main(int argc, char** argv) try {
     std_msgs::String other;
     other.data = "another message";
     bag.write("/other", scan.header.stamp, other);
+    geometry_msgs::PoseStamped pose;
+    pose.header.stamp = scan.header.stamp;
+    pose.pose.orientation.w = 1.0;
+    bag.write("/pose", scan.header.stamp, pose);
     for (const std::string& topic : topics) bag.write(topic, scan.header.stamp, scan);
   }
   bag.close();
