@@ -3,8 +3,9 @@
 //
 //   delta r = o_l for device l, o of the first = 0     [m]
 //
-// The level of the first device is alpha_0. Acts on the reading, after the curve. Source: antenna delays of ultra-wideband
-// devices, some 10 cm apart before they are calibrated: Decawave APS014, 2018; zero points of lidars, some mm.
+// The level of the first device is alpha_0; radios are some 10 cm apart before they are calibrated, lidars some mm. Acts on
+// the reading, after the curve. Source: antenna delays of ultra-wideband devices: Decawave APS014, 2018; zero points of
+// lidars.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

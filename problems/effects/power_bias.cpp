@@ -5,8 +5,8 @@
 //     P received power, or power less that of the first path [dB], P0 its mean over the recording c was fitted to, c [m/dB]
 //
 // The detector's threshold is crossed later by a weak pulse (c < 0), the leading edge earlier by a strong one. Acts on
-// the reading, after the curve; an empty field counts as P0. Source: first order of the range bias by received power of
-// ultra-wideband radios, 1 to 2 cm/dB: Decawave APS011, 2014.
+// the reading, after the curve; an empty field counts as P0. 1 to 2 cm/dB are usual. Source: first order of the range
+// bias by received power of ultra-wideband radios: Decawave APS011, 2014.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

@@ -243,7 +243,7 @@ void feed_message(std::string_view bytes) {
   if (which / 2 % 5 == 4) ingest::read_pose_stamped(message, wire);
 }
 
-/// The files of a published data set; "=== arguments" holds what the command line would.
+/// The files of a published data set.
 void feed_import(std::string_view bytes, const char* importer_name) {
   const fs::path data = folder().path() / importer_name;
   fs::create_directories(data);

@@ -118,7 +118,7 @@ Json to_json(const Calibration& calibration) {
   object["effects_range"] = Json::object();
   for (const auto& [column, range] : calibration.effects_range)
     object["effects_range"][column] = {number(range.first), number(range.second)};
-  if (!calibration.labels.empty()) object["labels"] = calibration.labels;
+  object["labels"] = calibration.labels;
   object["landmarks"] = Json::array();
   for (const LandmarkEstimate& landmark : calibration.landmarks) {
     object["landmarks"].push_back({{"recording", landmark.recording},

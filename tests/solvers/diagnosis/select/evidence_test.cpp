@@ -8,6 +8,7 @@
 #include <boost/math/quadrature/gauss_kronrod.hpp>
 #include <cmath>
 
+#include "diagnosis/generic_effect.hpp"
 #include "solvers/diagnosis/made_recordings.hpp"
 #include "solvers/diagnosis/select/made_worlds.hpp"
 
