@@ -179,7 +179,8 @@ EverydayTable draw_everyday(const std::string& kind, std::uint64_t seed) {
   }
   if (kind == "temperature-scale") {
     add_times_range(draft, temperature(draft), draft.strength());
-    return draft.finish({{"temperature_coefficient", "range_scale"}}, true);
+    // range_scale counts from 20 C: its curve is that at another temperature.
+    return draft.finish({{"temperature_coefficient", "range_scale"}});
   }
   if (kind == "supply-voltage") {
     const std::vector<double> z = draft.column("supply_v", 4.4, 5.6);

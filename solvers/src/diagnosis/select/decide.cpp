@@ -251,6 +251,15 @@ bool leaves_something(const Rows& rows, const Battery& battery, const Candidate&
   });
 }
 
+/// True if the means of cells with repeats lie farther from the answer's than the scatter within the cells allows, by chi-square:
+/// whatever its residuals are like, that is no explanation.
+bool misses_the_cells(const Rows& rows, const Battery& battery, const SelectionPriors& priors) {
+  if (rows.context.largest_cell < 2) return false;
+  return battery.cell_chi_sq > priors.misfit * battery.cell_dof &&
+         log_chi_sq_survival(battery.cell_chi_sq, static_cast<int>(battery.cell_dof)) <
+             std::log(priors.misfit_rate);
+}
+
 /// The other sets of names of the size of the answer, the likeliest first, by how far the readings prefer it.
 std::vector<Candidate> others_of_its_size(const Hypotheses& table, const std::vector<double>& p,
                                           const Candidate& answer, double baseline_nll) {
@@ -303,7 +312,8 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   }
   auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
   const bool has_curve = has_nameless(best.fit.model);
-  const bool rest = has_curve || leaves_something(rows, *battery, answer, result.known, priors);
+  const bool rest = has_curve || leaves_something(rows, *battery, answer, result.known, priors) ||
+                    misses_the_cells(rows, *battery, priors);
   if (named.model.empty() && (known == 0 || rest)) return;
   result.best = std::move(answer);
   result.last = std::move(battery);

@@ -20,6 +20,8 @@ struct SelectionPriors {
   double discrepancy = 0.1;
   /// Corrected p below which residuals are not clean; where readings sit on a grid, which no law describes well.
   double clean_rate = 0.005, clean_rate_on_grid = 1e-5;
+  /// Chi-square of the cells' means per degree of freedom, and its p, beyond which nothing is explained.
+  double misfit = 1.3, misfit_rate = 0.001;
   /// Of dependence, tails and errors of stops, which have no size in readings: what is left of all that was explained [nats], of
   /// this share or less, does not matter.
   double trace = 0.1;
