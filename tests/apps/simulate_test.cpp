@@ -70,8 +70,7 @@ TEST(SimulateCommand, AFaultOfAnEffectIsOneLineAndOthersRefuseScenesWithEffects)
   folder.write("scene.yaml", scene);
   const RunResult result = run("simulate " + folder.file("scene.yaml") + " -o " + folder.file("out"));
   EXPECT_EQ(result.code, 2);
-  EXPECT_THAT(result.err,
-              HasSubstr("field 'effects.range_eccentricity.cosine_m': 50 is outside -10 to 10"));
+  EXPECT_THAT(result.err, HasSubstr("field 'effects.range_eccentricity.cosine_m': 50 is outside -10 to 10"));
   EXPECT_EQ(count_of(result.err, "\n"), 1) << result.err;
   EXPECT_FALSE(std::filesystem::exists(folder.file("out")));
   for (const char* other : {"field-layout-effects", "field-layout-optical"}) {

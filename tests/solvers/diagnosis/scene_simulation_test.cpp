@@ -21,10 +21,10 @@
 namespace rangecal {
 namespace {
 
+using test::covariates_of_columns;
 using testing::planted_scene;
 using testing::planted_text;
 using testing::seed_sensor;
-using test::covariates_of_columns;
 
 Diagnosis names_of(const Recording& recording) {
   DiagnoseOptions options;

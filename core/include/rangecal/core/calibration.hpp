@@ -129,7 +129,8 @@ struct Calibration {
   /// [from, to] of the values over which the effects were fitted, of each column that they use. Of an angle that is the
   /// shortest arc which holds them (angles.hpp): from > to where it holds 180 degrees. Empty where it is not known.
   std::map<std::string, std::pair<double, double>> effects_range;
-  std::vector<std::string> labels;  ///< of pairs: their landmarks, as the effects count them; none were placed
+  std::vector<std::string>
+      labels;  ///< of pairs: their landmarks, as the effects count them; none were placed
   std::vector<LandmarkEstimate> landmarks;
   std::vector<StopEstimate> stops;
   Counts counts;

@@ -61,7 +61,8 @@ struct EffectInfo {
 /// A covariate column over all readings of a job.
 struct ColumnSummary {
   ColumnRole role = ColumnRole::other;
-  double mean = 0.0, std_dev = 0.0;  ///< of the fields that hold a number, in the column's unit; 0: it never changes
+  double mean = 0.0,
+         std_dev = 0.0;  ///< of the fields that hold a number, in the column's unit; 0: it never changes
 };
 
 /// What all readings of a job have in common.
