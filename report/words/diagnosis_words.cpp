@@ -4,8 +4,11 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
+#include <string_view>
 
 #include "rangecal/problems/effects/effect.hpp"
 #include "text.hpp"
@@ -15,13 +18,30 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
 
+/// How a parameter's name ends, and the unit in which people read it; the longest ending first.
+struct UnitEnding {
+  const char* ending;
+  Shown shown;
+};
+const UnitEnding unit_endings[] = {{"_m_per_k", {1e3, "mm/K"}},
+                                   {"_m_per_db", {1e3, "mm/dB"}},
+                                   {"_per_k", {1.0, "1/K"}},
+                                   {"_per_m", {1.0, "1/m"}},
+                                   {"_rad", {1.0 / degree, "deg"}},
+                                   {"_m2", {1.0, "m^2"}},
+                                   {"_m", {1e3, "mm"}},
+                                   {"_s", {1.0, "s"}}};
+
+const UnitEnding* unit_ending_of(const std::string& name) {
+  const auto found = std::find_if(std::begin(unit_endings), std::end(unit_endings),
+                                  [&](const UnitEnding& one) { return ends_with(name, one.ending); });
+  return found == std::end(unit_endings) ? nullptr : found;
+}
+
 /// A parameter's name where its unit is said behind the value.
 std::string without_unit(std::string name) {
-  for (const char* ending : {"_per_m", "_rad", "_m2", "_m", "_s"})
-    if (ends_with(name, ending)) {
-      name.resize(name.size() - std::string(ending).size());
-      break;
-    }
+  if (const UnitEnding* unit = unit_ending_of(name))
+    name.resize(name.size() - std::string(unit->ending).size());
   return name;
 }
 
@@ -44,12 +64,10 @@ Shown shown(const std::string& si) {
 }
 
 Shown unit_of(const EffectEstimate& e) {
-  if (ends_with(e.name, "_rad")) return {1.0 / degree, "deg"};
-  if (ends_with(e.name, "_per_m")) return {1.0, "1/m"};
-  if (ends_with(e.name, "_m2")) return {1.0, "m^2"};
-  if (ends_with(e.name, "_m")) return std::abs(e.estimate) < 0.5 ? Shown{1e3, "mm"} : Shown{1.0, "m"};
-  if (ends_with(e.name, "_s")) return {1.0, "s"};
-  return {1.0, ""};
+  const UnitEnding* unit = unit_ending_of(e.name);
+  if (!unit) return {1.0, ""};
+  const bool of_metres = std::string_view(unit->ending) == "_m" && !(std::abs(e.estimate) < 0.5);
+  return of_metres ? Shown{1.0, "m"} : unit->shown;
 }
 
 std::string typical_in_words(const Unseen& unseen) {
