@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
-#include <fmt/ranges.h>
 
 #include <cmath>
 
@@ -13,8 +12,6 @@
 
 namespace rangecal::report {
 namespace {
-
-using app::set_in_words;
 
 struct Badge {
   const char *word, *colour;
@@ -40,7 +37,7 @@ void add_key_figures(Page& page, const Diagnosis& d) {
   if (d.verdict == Verdict::explained && !d.explanations.empty())
     figures.push_back(
         {fmt::format("{:.2f}", d.explanations[0].probability),
-         "probability of " + set_in_words(d.explanations[0].effects) + " among the sets tried"});
+         "probability of " + ids_in_words(d.explanations[0].effects, " + ") + " among the sets tried"});
   if (!d.final_effects.empty()) {
     if (d.before.heldout_nll && d.after.heldout_nll)
       figures.push_back(
@@ -91,7 +88,7 @@ void add_explanation(Page& page, const Diagnosis& d) {
     page.heading("With its rivals");
     Table rivals{{{"effects"}, {"probability", true}, {"NLL [nats]", true}, {"physics"}}, {}, true};
     for (const Explanation& e : d.explanations)
-      rivals.rows.push_back({set_in_words(e.effects), fmt::format("{:.3f}", e.probability),
+      rivals.rows.push_back({ids_in_words(e.effects, " + "), fmt::format("{:.3f}", e.probability),
                              fmt::format("{:.1f}", e.nll), e.physics});
     page.table(rivals);
   }
@@ -116,8 +113,9 @@ void add_open_questions(Page& page, const Diagnosis& d) {
   Table twins{{{"these"}, {"told apart by"}}, {}, true};
   if (!d.explanations.empty())
     for (const auto& set : d.explanations[0].indistinguishable_from)
-      twins.rows.push_back({set_in_words(d.explanations[0].effects) + " or " + set_in_words(set),
-                            d.explanations[0].separated_by});
+      twins.rows.push_back(
+          {ids_in_words(d.explanations[0].effects, " + ") + " or " + ids_in_words(set, " + "),
+           d.explanations[0].separated_by});
   for (const auto& set : d.twins) {
     std::string by;
     for (const std::string& id : set)  // in words for this recording where it has them
@@ -125,7 +123,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
         if (u.effect == id && by.empty()) by = u.settled_by;
     for (const std::string& id : set)
       if (const Effect* effect = find_effect(id); effect && by.empty()) by = effect->info().settled_by;
-    twins.rows.push_back({fmt::format("{}", fmt::join(set, " = ")), by});
+    twins.rows.push_back({ids_in_words(set, " = "), by});
   }
   if (!twins.rows.empty()) {
     page.section("What cannot be told apart", "No reading of this recording separates the members of a row.");
@@ -155,7 +153,7 @@ void add_open_questions(Page& page, const Diagnosis& d) {
       for (const Unseen& u : d.unseen)
         for (const std::string& id : e.settles)
           if (u.effect == id) harm = std::max(harm, u.harm_m);
-      next.rows.push_back({e.change, app::set_in_words(e.settles, ", "), fmt::format("{:.2f}", e.power),
+      next.rows.push_back({e.change, ids_in_words(e.settles, ", "), fmt::format("{:.2f}", e.power),
                            harm > 0.0 ? app::millimetres(harm) : std::string("-")});
     }
     page.table(next);

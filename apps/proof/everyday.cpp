@@ -153,6 +153,20 @@ EverydayTable reciprocal(Draft& draft) {
   return draft.finish({});
 }
 
+/// Of f at three distances, by the calibration's covariance with the effects' parameters free.
+Coverage coverage_of_curve(const EverydayTable& table, const Calibration& c) {
+  Coverage out;
+  if (!table.level_is_alpha_0 || !c.effects_covariance || c.alpha.size() != 3) return out;
+  const Eigen::Matrix3d C = c.effects_covariance->matrix.topLeftCorner<3, 3>();
+  for (const double share : {0.1, 0.5, 0.9}) {
+    const double d = c.range_min_m + share * (c.range_max_m - c.range_min_m);
+    const Eigen::Vector3d p(1.0, d, d * d);
+    ++out.intervals;
+    out.covered += std::abs(p.dot(c.alpha - table.alpha)) < z95 * std::sqrt(p.dot(C * p));
+  }
+  return out;
+}
+
 }  // namespace
 
 const std::vector<std::string>& everyday_kinds() {
@@ -234,24 +248,6 @@ EverydayTable draw_everyday(const std::string& kind, std::uint64_t seed) {
   if (kind == "reciprocal") return reciprocal(draft);
   throw InputError("no everyday table is of the kind '" + kind + "'");
 }
-
-namespace {
-
-/// Of f at three distances, by the calibration's covariance with the effects' parameters free.
-Coverage coverage_of_curve(const EverydayTable& table, const Calibration& c) {
-  Coverage out;
-  if (!table.level_is_alpha_0 || !c.effects_covariance || c.alpha.size() != 3) return out;
-  const Eigen::Matrix3d C = c.effects_covariance->matrix.topLeftCorner<3, 3>();
-  for (const double share : {0.1, 0.5, 0.9}) {
-    const double d = c.range_min_m + share * (c.range_max_m - c.range_min_m);
-    const Eigen::Vector3d p(1.0, d, d * d);
-    ++out.intervals;
-    out.covered += std::abs(p.dot(c.alpha - table.alpha)) < z95 * std::sqrt(p.dot(C * p));
-  }
-  return out;
-}
-
-}  // namespace
 
 Score score_everyday(const EverydayTable& table, const Diagnosis& diagnosis) {
   Score out;

@@ -76,21 +76,17 @@ Column column_by_name(const std::string& name) {
   std::string lower = name;
   std::transform(lower.begin(), lower.end(), lower.begin(),
                  [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
-  Column column;
-  bool by_word = false;
-  for (const RoleWord& known : role_words) {
-    if (by_word || lower.find(known.word) == std::string::npos) continue;
-    column.role = known.role;
-    by_word = true;
-  }
   const std::size_t underscore = lower.rfind('_');
-  if (underscore == std::string::npos) return column;
-  const std::string_view ending = std::string_view(lower).substr(underscore + 1);
-  for (const UnitEnding& known : unit_endings) {
-    if (ending != known.ending) continue;
-    column.unit = known.unit;
-    if (!by_word) column.role = known.role;
-  }
+  const std::string_view ending =
+      underscore == std::string::npos ? "" : std::string_view(lower).substr(underscore + 1);
+  const auto word = std::find_if(role_words.begin(), role_words.end(), [&](const RoleWord& known) {
+    return lower.find(known.word) != std::string::npos;
+  });
+  const auto unit = std::find_if(unit_endings.begin(), unit_endings.end(),
+                                 [&](const UnitEnding& known) { return ending == known.ending; });
+  Column column;
+  if (unit != unit_endings.end()) column = {unit->role, unit->unit};
+  if (word != role_words.end()) column.role = word->role;
   return column;
 }
 

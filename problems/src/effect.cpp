@@ -59,9 +59,8 @@ class EffectsAlongColumns {
     const std::lock_guard<std::mutex> lock(mutex_);
     const auto known = made_.find(id);
     if (known != made_.end()) return known->second.get();
-    const std::string column = column_in_id(id);
     const Effect* kind = in_registry(id_without_column(id));
-    std::unique_ptr<Effect> made = kind && !column.empty() ? kind->along(column) : nullptr;
+    std::unique_ptr<Effect> made = kind ? kind->along(column_in_id(id)) : nullptr;
     return made ? made_.emplace(id, std::move(made)).first->second.get() : nullptr;
   }
 
@@ -84,8 +83,15 @@ std::string id_in_words(const std::string& id) {
   return column.empty() ? id : id_without_column(id) + " along " + column;
 }
 
+std::string ids_in_words(const std::vector<std::string>& ids, const std::string& between) {
+  std::string words;
+  for (const std::string& id : ids) words += (words.empty() ? "" : between) + id_in_words(id);
+  return words;
+}
+
 const Effect* find_effect(const std::string& id) {
   if (const Effect* effect = in_registry(id)) return effect;
+  if (column_in_id(id).empty()) return nullptr;
   static EffectsAlongColumns along_columns;
   return along_columns.find(id);
 }

@@ -2,7 +2,6 @@
 #include "diagnosis_text.hpp"
 
 #include <fmt/core.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -76,11 +75,11 @@ std::string cannot_tell_apart(const Diagnosis& d) {
   if (!d.explanations.empty()) {
     const Explanation& best = d.explanations[0];
     for (const auto& set : best.indistinguishable_from)
-      text += fmt::format("  {} or {}\n", set_in_words(best.effects), set_in_words(set));
+      text += fmt::format("  {} or {}\n", ids_in_words(best.effects, " + "), ids_in_words(set, " + "));
     if (!best.indistinguishable_from.empty() && !best.separated_by.empty())
       text += "    " + wrapped("told apart by: " + best.separated_by, 4, width) + "\n";
   }
-  for (const auto& set : d.twins) text += "  " + wrapped(set_in_words(set, " = "), 4, width) + "\n";
+  for (const auto& set : d.twins) text += "  " + wrapped(ids_in_words(set, " = "), 4, width) + "\n";
   return text;
 }
 
@@ -105,7 +104,7 @@ std::string do_next(const Diagnosis& d) {
   std::string text;
   for (const NextExperiment& e : d.next_experiments)
     text += "  " +
-            wrapped(fmt::format("{} (settles {}; power {:.2f})", e.change, set_in_words(e.settles, ", "),
+            wrapped(fmt::format("{} (settles {}; power {:.2f})", e.change, ids_in_words(e.settles, ", "),
                                 e.power),
                     4, width) +
             "\n";
@@ -139,9 +138,9 @@ std::string diagnosis_text(const Diagnosis& d) {
     std::string why;
     if (d.verdict == Verdict::explained)
       why = "  " +
-            wrapped(fmt::format("{} (probability {:.2f}, {:.1f} nats, {}). {}", set_in_words(best.effects),
-                                best.probability, d.before.nll - best.nll, p_in_words(best.p_value),
-                                best.physics),
+            wrapped(fmt::format("{} (probability {:.2f}, {:.1f} nats, {}). {}",
+                                ids_in_words(best.effects, " + "), best.probability, d.before.nll - best.nll,
+                                p_in_words(best.p_value), best.physics),
                     4, width) +
             "\n";
     text += section("Why", why);

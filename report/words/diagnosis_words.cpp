@@ -2,7 +2,6 @@
 #include "diagnosis_words.hpp"
 
 #include <fmt/core.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -141,12 +140,6 @@ std::string finding_in_words(const Finding& f) {
 
 std::string millimetres(double harm_m) {
   return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
-}
-
-std::string set_in_words(const std::vector<std::string>& set, const char* between) {
-  std::vector<std::string> words;
-  for (const std::string& id : set) words.push_back(id_in_words(id));
-  return fmt::format("{}", fmt::join(words, between));
 }
 
 std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {

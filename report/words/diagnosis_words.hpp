@@ -37,8 +37,6 @@ std::string place(const Finding& finding);
 std::string finding_in_words(const Finding& finding);
 /// A harm in mm to two digits; what no one could measure as a bound.
 std::string millimetres(double harm_m);
-/// "range_eccentricity + cell_effect".
-std::string set_in_words(const std::vector<std::string>& set, const char* between = " + ");
 
 /// A row of the table before and after; `after` and `note` are empty where nothing was added to the model.
 struct BeforeAfter {

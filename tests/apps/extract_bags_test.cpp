@@ -13,6 +13,7 @@
 #include "apps/run_binary.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "support/bag_writers.hpp"
+#include "support/half_circle_scan.hpp"
 
 namespace rangecal::test {
 namespace {
@@ -21,21 +22,9 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-/// A half circle of beams from (x, 0): a wall 3 m ahead, three cylinders of 12 cm.
 std::vector<float> beams_from(double x) {
-  constexpr double radius = 0.12, degree = std::numbers::pi / 180.0;
-  std::vector<float> ranges;
-  for (int i = -90; i < 90; ++i) {
-    const double c = std::cos(i * degree), s = std::sin(i * degree);
-    double range = std::min(3.0 / std::max(c, 0.05), 8.0);
-    for (const auto& [at_x, at_y] : {std::pair{1.5, 0.5}, {1.2, -0.7}, {2.0, -0.1}}) {
-      const double along = (at_x - x) * c + at_y * s, across = (at_x - x) * s - at_y * c;
-      if (along > 0.0 && std::abs(across) < radius)
-        range = along - std::sqrt(radius * radius - across * across);
-    }
-    ranges.push_back(static_cast<float>(range));
-  }
-  return ranges;
+  const std::vector<double> ranges = half_circle_from(x);
+  return {ranges.begin(), ranges.end()};
 }
 
 /// Ten scans a second, odometry twenty times: it stands for a second at each of four places, 0.1 m apart, and takes half a second to

@@ -5,7 +5,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <filesystem>
 #include <numbers>
 #include <string>
@@ -14,6 +13,7 @@
 
 #include "apps/run_binary.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "support/half_circle_scan.hpp"
 
 namespace rangecal::test {
 namespace {
@@ -21,21 +21,10 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-/// Ranges of four scans, 0.1 m apart along x, half a circle in steps of 1 degree: a wall 3 m ahead, three cylinders of 12 cm.
+/// Ranges of four scans, 0.1 m apart along x.
 std::vector<std::string> ranges_of(int k) {
-  constexpr double radius = 0.12, degree = std::numbers::pi / 180.0;
-  const double x = 0.1 * k;
   std::vector<std::string> ranges;
-  for (int i = -90; i < 90; ++i) {
-    const double c = std::cos(i * degree), s = std::sin(i * degree);
-    double range = std::min(3.0 / std::max(c, 0.05), 8.0);
-    for (const auto& [at_x, at_y] : {std::pair{1.5, 0.5}, {1.2, -0.7}, {2.0, -0.1}}) {
-      const double along = (at_x - x) * c + at_y * s, across = (at_x - x) * s - at_y * c;
-      if (along > 0.0 && std::abs(across) < radius)
-        range = along - std::sqrt(radius * radius - across * across);
-    }
-    ranges.push_back(fmt::format("{:.4f}", range));
-  }
+  for (const double range : half_circle_from(0.1 * k)) ranges.push_back(fmt::format("{:.4f}", range));
   return ranges;
 }
 

@@ -15,6 +15,7 @@
 #include "diagnosis/grids.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
@@ -136,12 +137,9 @@ std::optional<double> common_step(std::vector<double> values) {
 
 /// Spread of readings without repeats: how far each lies off the line through its neighbours in distance.
 double spread_about_neighbours(const Rows& rows) {
-  const std::vector<double> d = [&] {
-    std::vector<double> of_rows(rows.size());
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      of_rows[i] = -rows.problem.stops[static_cast<std::size_t>(rows.stop[i])].commanded.x_m;
-    return of_rows;
-  }();
+  std::vector<double> d;
+  for (const int stop : rows.stop)
+    d.push_back(-rows.problem.stops[static_cast<std::size_t>(stop)].commanded.x_m);
   std::vector<std::size_t> order(rows.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return d[a] < d[b]; });
@@ -153,8 +151,7 @@ double spread_about_neighbours(const Rows& rows) {
                        share * rows.range_m[order[i + 1]];
     sizes.push_back(std::abs(off) / std::sqrt(1.0 + share * share + (1.0 - share) * (1.0 - share)));
   }
-  constexpr double normal_half = 0.6744897501960817;
-  return sizes.empty() ? 0.0 : upper_median(std::move(sizes)) / normal_half;
+  return sizes.empty() ? 0.0 : upper_median(std::move(sizes)) / median_of_normal_size;
 }
 
 /// The grid of ranges of pairs without repeats, whose values are all multiples of one step, in range or in 1/r.

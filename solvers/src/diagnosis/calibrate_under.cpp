@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The calibration refitted under a model whose parameters stand.
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "diagnosis/known_distances.hpp"
 #include "diagnosis/refit.hpp"
@@ -50,9 +48,7 @@ double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& s
 /// True if half of the cells have spreads below the farthest reading: beyond that a likelihood has lost the readings, as that
 /// of a curve that falls to 0 may, whose spread does so too.
 bool holds_readings(const Rows& rows, const JointState& state) {
-  std::vector<double> spreads = cell_geometry(rows, state).spread;
-  const double farthest = *std::max_element(rows.range_m.begin(), rows.range_m.end());
-  return upper_median(std::move(spreads)) < farthest;  // false of NaN
+  return upper_median(cell_geometry(rows, state).spread) < rows.context.range_max_m;  // false of NaN
 }
 
 MarginalFit solve(const Rows& rows, const JointProblem& problem, const JointState& start,

@@ -10,6 +10,7 @@
 #include "diagnosis/refine.hpp"
 #include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
@@ -105,8 +106,7 @@ JointState with_robust_noise(const Rows& rows, const Model& model, JointState st
   for (std::size_t i = 0; i < rows.size(); ++i)
     sizes[i] = std::abs(working.range[static_cast<Eigen::Index>(i)] - geometry.f[rows.cell[i]]) /
                geometry.spread[rows.cell[i]];
-  constexpr double normal_half = 0.6744897501960817;
-  state.noise.parameters[0] *= std::clamp(upper_median(std::move(sizes)) / normal_half, 1e-3, 1.0);
+  state.noise.parameters[0] *= std::clamp(upper_median(std::move(sizes)) / median_of_normal_size, 1e-3, 1.0);
   return state;
 }
 

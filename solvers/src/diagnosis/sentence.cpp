@@ -83,13 +83,6 @@ std::string first_sentence(const std::string& text) {
   return first;
 }
 
-/// "A and B along supply_v"
-std::string in_words(const std::vector<std::string>& ids) {
-  std::vector<std::string> words;
-  for (const std::string& id : ids) words.push_back(id_in_words(id));
-  return fmt::format("{}", fmt::join(words, " and "));
-}
-
 /// Findings of names that were searched for, in the order of `location`; those that bookkeeping found where there are none.
 std::vector<const Finding*> named_findings(const Diagnosis& d) {
   std::vector<const Finding*> searched, kept;
@@ -109,8 +102,8 @@ std::vector<const Finding*> named_findings(const Diagnosis& d) {
 std::string partly_explained(const Diagnosis& d) {
   std::vector<std::string> named;
   for (const std::string& id : d.final_effects)
-    if (id != "generic") named.push_back(id_in_words(id));
-  std::string text = fmt::format("In part explained by {}", fmt::join(named, " and "));
+    if (id != "generic") named.push_back(id);
+  std::string text = "In part explained by " + ids_in_words(named, " and ");
   const std::vector<const Finding*> findings = named_findings(d);
   if (named.size() == 1 && findings.size() == 1) text += ", " + size_in_words(*findings[0]);
   const auto left = std::find_if(d.location.begin(), d.location.end(), [](const Finding& f) {
@@ -133,7 +126,7 @@ std::string verdict_sentence(const Diagnosis& d) {
                                 1e3 * worst.harm_m, worst.harm_m < 0.01 ? 1 : 0);
     }
     case Verdict::explained: {
-      std::string text = "Explained by " + in_words(d.final_effects);
+      std::string text = "Explained by " + ids_in_words(d.final_effects, " and ");
       if (const auto findings = named_findings(d); !findings.empty())
         text += ", " + size_in_words(*findings[0]);
       if (d.final_effects.size() == 1) {
@@ -142,7 +135,8 @@ std::string verdict_sentence(const Diagnosis& d) {
       }
       if (!d.explanations.empty() && !d.explanations[0].indistinguishable_from.empty()) {
         std::vector<std::string> others;
-        for (const auto& set : d.explanations[0].indistinguishable_from) others.push_back(in_words(set));
+        for (const auto& set : d.explanations[0].indistinguishable_from)
+          others.push_back(ids_in_words(set, " and "));
         text += fmt::format(" (or {}: this recording cannot tell)", fmt::join(others, ", or "));
       }
       return text + ".";

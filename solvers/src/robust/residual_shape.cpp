@@ -226,13 +226,13 @@ ResidualShape fit_residual_shape(const ChannelResiduals& residuals, const Residu
 }
 
 ResidualShape first_residual_shape(const ChannelResiduals& residuals, NoiseShape shape) {
-  constexpr double of_normal = 0.6744897501960817, far = 3.5;  // median of |N(0, 1)|
+  constexpr double far = 3.5;
   ResidualShape start;
   start.shape.shape = shape;
   std::vector<double> sizes;
   for (const double z : residuals.z) sizes.push_back(std::abs(z));
-  start.scale =
-      std::max(upper_median(sizes, residuals.weight) / of_normal, std::numeric_limits<double>::min());
+  start.scale = std::max(upper_median(sizes, residuals.weight) / median_of_normal_size,
+                         std::numeric_limits<double>::min());
   const double count = residuals.count();
   double beyond = 0.0, squares = 0.0, above = 0.0, below = 0.0, reach_above = 0.0, reach_below = 0.0;
   for (std::size_t i = 0; i < residuals.z.size(); ++i) {

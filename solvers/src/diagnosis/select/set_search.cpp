@@ -428,10 +428,6 @@ class SetSearch {
   Hypotheses table_;
 };
 
-}  // namespace
-
-namespace {
-
 /// The search beside a seed model with a law of the noise that is given, or that fits it best.
 struct SearchedSets {
   SearchResult result;

@@ -206,5 +206,7 @@ std::string id_without_column(const std::string& id);
 std::string column_in_id(const std::string& id);
 /// As people read it: "covariate_drift along supply_v".
 std::string id_in_words(const std::string& id);
+/// Several of them with `between` in between.
+std::string ids_in_words(const std::vector<std::string>& ids, const std::string& between);
 
 }  // namespace rangecal
