@@ -26,7 +26,7 @@ namespace {
 
 struct DiagnoseCommand {
   std::vector<std::string> recordings, force;
-  std::string simulation, json, calibration, report, trace;
+  std::string simulation, json, calibration, report, trace, curve = "auto";
   double alarm_rate = 0.02;
 
   int run() const {
@@ -44,6 +44,7 @@ struct DiagnoseCommand {
     DiagnoseOptions options;
     options.alarm_rate = alarm_rate;
     if (!force.empty()) options.force = force;
+    if (curve != "auto") options.curve = curve_family_from_string(curve);
     std::vector<TriedSet> tried;
     if (!trace.empty()) options.trace = [&](const TriedSet& set) { tried.push_back(set); };
     if (::isatty(STDERR_FILENO)) options.progress = show_progress;
@@ -124,6 +125,12 @@ void add_diagnose(CLI::App& app, Action& chosen) {
   command
       ->add_option("--alarm-rate", state->alarm_rate,
                    "false alarms per recording of the seed model, all questions together")
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--curve", state->curve,
+          "what the seed model's curve is a polynomial in, of pairs: the distance d (polynomial), 1 / (d + c) "
+          "(reciprocal), or auto (d, but where readings fall with distance the better of both by AIC)")
       ->capture_default_str();
   command
       ->add_option("--force", state->force,

@@ -45,6 +45,13 @@ void JobOptions::add_to(CLI::App& command) {
   command.add_option("--order", order, "order of the curve f: a number, or auto (1 to 4, by AIC)")
       ->capture_default_str();
   command
+      .add_option(
+          "--curve", curve,
+          "what f is a polynomial in: the distance d (polynomial), 1 / (d + c) with an unknown c (reciprocal: a "
+          "sensor that gives a voltage or a disparity; kind pairs), or auto (d, but where readings fall with "
+          "distance the better of both by AIC)")
+      ->capture_default_str();
+  command
       .add_option("--noise", noise,
                   "how one reading's spread depends on the reading's mean f: constant, f, f2 "
                   "(triangulation), f3, d2, "
@@ -77,6 +84,7 @@ void JobOptions::add_to(CLI::App& command) {
 CalibrateOptions JobOptions::parsed() const {
   CalibrateOptions options;
   if (order != "auto") options.order = order_from(order);
+  if (curve != "auto") options.curve = curve_family_from_string(curve);
   if (noise != "auto") options.noise = noise_law_from_string(noise);
   options.solver = joint_solver_from_string(solver);
   options.noise_shape = noise_shape_from_string(shape);

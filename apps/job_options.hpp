@@ -15,8 +15,8 @@ namespace rangecal::app {
 /// The options that `calibrate` and `compare` share, as texts of the command line.
 struct JobOptions {
   std::vector<std::string> recordings;
-  std::string order = "auto", noise = "auto", solver = "ceres", shape = "auto", weights = "consistent",
-              criterion = "aic";
+  std::string order = "auto", curve = "auto", noise = "auto", solver = "ceres", shape = "auto",
+              weights = "consistent", criterion = "aic";
   bool check = false;
 
   void add_to(CLI::App& command);

@@ -42,6 +42,7 @@ class Run {
     if (!job.from.empty()) {
       given_ = load_calibration(job.from);
       require_curve(*given_, job.from);
+      require_polynomial(*given_, job.from);
       if (!given_->effects.empty())
         throw InputError(job.from + ": holds effects, which a stream cannot undo; use 'rangecal correct'");
     }

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"
 #include "rangecal/core/polynomial.hpp"
 
@@ -40,7 +41,17 @@ const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibr
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m) {
   const std::optional<Eigen::MatrixXd>& covariance = curve_covariance(calibration);
   if (!covariance) return std::nullopt;
-  return evaluate_form(*covariance, distance_m);
+  return evaluate_form(*covariance, calibration.scale.of(distance_m));
+}
+
+double Calibration::f(double d) const { return evaluate_polynomial(alpha, scale.of(d)); }
+
+double Calibration::slope(double d) const { return evaluate_derivative(alpha, scale.of(d)) * scale.slope(d); }
+
+void require_polynomial(const Calibration& calibration, const std::string& user) {
+  if (!calibration.scale.is_distance())
+    throw InputError(user + ": the calibration's curve is a " + to_string(calibration.scale.family) +
+                     ", and a polynomial in the distance is needed");
 }
 
 }  // namespace rangecal

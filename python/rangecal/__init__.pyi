@@ -95,6 +95,7 @@ class Calibration:
     usable: bool
     reason: str
     order: int
+    curve: dict[str, Any]  # family, and of a reciprocal offset_m and offset_std_m
     alpha: Floats  # (order + 1,), alpha_i in m^(1-i)
     covariance: Optional[Floats]  # (order + 1, order + 1)
     covariance_with_choice: Optional[Floats]  # (n, n), n - 1 the highest order that may hold
@@ -356,11 +357,12 @@ Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]
 
 def load(path: Path) -> Union[Recording, Calibration]: ...
 def calibrate(recordings: Recordings, method: Method = "marginal", *, order: Union[int, Literal["auto"]] = "auto",
-              noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
+              curve: Literal["auto", "polynomial", "reciprocal"] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
               weights: str = "consistent", check: bool = False, start: Optional[Union[Calibration, Path]] = None,
               progress: Optional[Progress] = None) -> Calibration: ...
 def compare(recordings: Recordings, *, methods: Union[Method, Sequence[Method]] = ...,
-            order: Union[int, Literal["auto"]] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
+            order: Union[int, Literal["auto"]] = "auto", curve: Literal["auto", "polynomial", "reciprocal"] = "auto",
+            noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
             weights: str = "consistent", check: bool = False,
             progress: Optional[Progress] = None) -> Comparison: ...
 def compare_curves(before: Union[Calibration, Path], after: Union[Calibration, Path]) -> CurveChange: ...
@@ -371,7 +373,7 @@ def simulate(scene: Union[Path, Mapping[str, Any], Diagnosis, Recording, Sequenc
              effects: Optional[Effects] = None) -> Union[Recording, list[Recording]]: ...
 def diagnose(recordings: Recordings,
              simulation: Optional[Union[Calibration, Recording, Path, Sequence[Recording]]] = None, *,
-             alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None, held_out: bool = True,
+             curve: Literal["auto", "polynomial", "reciprocal"] = "auto", alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None, held_out: bool = True,
              unseen: bool = True, next_experiments: bool = True,
              progress: Optional[Progress] = None) -> Diagnosis: ...
 def residuals(recordings: Recordings, calibration: Union[Calibration, Path],

@@ -40,7 +40,7 @@ def load(path):
     return _native.load_recording(path)
 
 
-def calibrate(recordings, method="marginal", *, order="auto", noise="auto", noise_shape="auto",
+def calibrate(recordings, method="marginal", *, order="auto", curve="auto", noise="auto", noise_shape="auto",
               solver="ceres", weights="consistent", check=False, start=None, progress=None):
     """Estimate the curve f, the noise law, stops and landmarks by one method.
 
@@ -54,6 +54,10 @@ def calibrate(recordings, method="marginal", *, order="auto", noise="auto", nois
         ``"marginal"`` integrates the uncertain stops out and is recommended.
     order : int or "auto"
         Order of f; ``"auto"`` tries 1 to 4 and keeps the lowest AIC.
+    curve : {"auto", "polynomial", "reciprocal"}
+        What f is a polynomial in, of known distances (pairs): the distance d, or 1 / (d + c) with an unknown c, as a sensor
+        reads that gives a voltage or a disparity. ``"auto"``: d, but where readings fall with distance the better of both by
+        AIC.
     noise : {"auto", "constant", "f", "f2", "f3", "d2", "polynomial"}
         How the standard deviation s [m] of one reading depends on f; ``"auto"`` tries the first four.
     noise_shape : {"auto", "gaussian", "student-t", "contaminated", "one-sided"}
@@ -82,11 +86,11 @@ def calibrate(recordings, method="marginal", *, order="auto", noise="auto", nois
     InputError
         For an option or a recording that cannot be used.
     """
-    comparison = _calibrate(recordings, [str(method)], order, noise, noise_shape, solver, weights, check, start, progress)
+    comparison = _calibrate(recordings, [str(method)], order, curve, noise, noise_shape, solver, weights, check, start, progress)
     return comparison.calibrations[0]
 
 
-def compare(recordings, *, methods=("closed-form", "approximate", "full", "marginal"), order="auto", noise="auto",
+def compare(recordings, *, methods=("closed-form", "approximate", "full", "marginal"), order="auto", curve="auto", noise="auto",
             noise_shape="auto", solver="ceres", weights="consistent", check=False, progress=None):
     """Calibrate by several methods side by side, with errors against ground truth where there is any.
 
@@ -98,16 +102,17 @@ def compare(recordings, *, methods=("closed-form", "approximate", "full", "margi
     Comparison
         ``calibrations`` and ``scores`` by method; ``to_frame()`` is the table that ``rangecal compare`` prints.
     """
-    return _calibrate(recordings, _take.texts(methods), order, noise, noise_shape, solver, weights, check, None, progress)
+    return _calibrate(recordings, _take.texts(methods), order, curve, noise, noise_shape, solver, weights, check, None, progress)
 
 
-def _calibrate(recordings, methods, order, noise, noise_shape, solver, weights, check, start, progress):
+def _calibrate(recordings, methods, order, curve, noise, noise_shape, solver, weights, check, start, progress):
     def unless_auto(take, value):
         return None if value is None or isinstance(value, str) and value == "auto" else take(value)
 
     recordings = _take.recordings("recordings", recordings)
     return Comparison(_native.calibrate_job(
-        recordings, methods, unless_auto(lambda o: _take.whole("order", o), order), unless_auto(str, noise),
+        recordings, methods, unless_auto(lambda o: _take.whole("order", o), order), unless_auto(str, curve),
+        unless_auto(str, noise),
         str(noise_shape), str(solver), str(weights), _take.flag("check", check),
         None if start is None else _take.calibration("start", start), _take.progress(progress)), recordings)
 
@@ -207,7 +212,7 @@ def simulate(scene, seed=1, *, calibration=None, effects=None):
     return made_by("rangecal simulate", drawn)
 
 
-def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_out=True, unseen=True,
+def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, force=None, held_out=True, unseen=True,
              next_experiments=True, progress=None):
     """Find what the model leaves out, name the physics, complete the model.
 
@@ -216,6 +221,8 @@ def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_o
     recordings : Recording, path, or list of these
     simulation : Calibration, Recording, path, or list of Recording, optional
         What is held against the recordings; without it the seed model fitted to them.
+    curve : {"auto", "polynomial", "reciprocal"}
+        Of the seed model, as in `calibrate`.
     alarm_rate : float
         False alarms per recording of the seed model, all questions together.
     force : list of str, or one, optional
@@ -243,7 +250,8 @@ def diagnose(recordings, simulation=None, *, alarm_rate=0.02, force=None, held_o
         other = _take.recordings("simulation", simulation)
     recordings = _take.recordings("recordings", recordings)
     diagnosis = _native.diagnose_job(
-        recordings, calibration, other, _take.number("alarm_rate", alarm_rate),
+        recordings, calibration, other, None if curve is None or curve == "auto" else str(curve),
+        _take.number("alarm_rate", alarm_rate),
         None if force is None else _take.texts(force), _take.flag("held_out", held_out), _take.flag("unseen", unseen),
         _take.flag("next_experiments", next_experiments), _take.progress(progress))
     diagnosis._recordings = recordings

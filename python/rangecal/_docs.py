@@ -62,7 +62,8 @@ _DOCS = {
     """,
     "Calibration": """The curve f, the noise law, stops and landmarks, with uncertainties or the reason why there are none.
 
-    The sensor reports ``y = f(d) + s(d) e`` at the true distance ``d``, ``f(d) = sum alpha[i] d**i``.
+    The sensor reports ``y = f(d) + s(d) e`` at the true distance ``d``, ``f(d) = sum alpha[i] u**i``, with u = d or,
+    of a reciprocal curve, u = 1 / (d + c).
 
     Attributes
     ----------
@@ -76,12 +77,14 @@ _DOCS = {
         Of the outcome, in words.
     order : int
         Of f.
+    curve : dict
+        ``family``: "polynomial" (u = d) or "reciprocal"; of that c, ``offset_m``, and ``offset_std_m`` [m].
     alpha : ndarray (order + 1,)
-        alpha[i] in m^(1-i).
+        alpha[i] in m^(1-i), of a reciprocal curve in m^(1+i).
     covariance : ndarray (order + 1, order + 1) or None
         Of alpha, units m^(2-i-j), given order and noise law.
     covariance_with_choice : ndarray (n, n) or None
-        Where order or noise law were chosen: with that choice in it, n - 1 the highest order that may hold.
+        Where order, noise law or c were chosen: with that choice in it, n - 1 the highest order that may hold.
     covariance_by_stops : ndarray (order + 1, order + 1) or None
         Of alpha, from how the answer changes when each stop is left out: holds where the noise law is wrong or readings of
         a stop depend on each other. None along a random walk, for pairs, and of other methods than ``"marginal"``.

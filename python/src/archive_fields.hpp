@@ -101,19 +101,23 @@ inline void archive_fields(python::Archive& a, EffectsCovariance& s) {
   auto& [parameters, matrix] = s;
   a(parameters, matrix);
 }
+inline void archive_fields(python::Archive& a, CurveScale& s) {
+  auto& [family, offset, offset_std] = s;
+  a(family, offset, offset_std);
+}
 inline void archive_fields(python::Archive& a, Calibration& s) {
-  auto& [method, kind, outcome, reason, alpha, covariance, by_stops, misfit, left_out, with_choice, bound,
+  auto& [method, kind, outcome, reason, scale, alpha, covariance, by_stops, misfit, left_out, with_choice, bound,
          why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest,
          highest, effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic, weakest,
          iterations, seconds] = s;
-  a(method, kind, outcome, reason, alpha, covariance, by_stops, misfit, left_out, with_choice, bound, why,
+  a(method, kind, outcome, reason, scale, alpha, covariance, by_stops, misfit, left_out, with_choice, bound, why,
     noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest, highest,
     effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic, weakest, iterations,
     seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
-  auto& [order, law, nll, aic] = s;
-  a(order, law, nll, aic);
+  auto& [order, law, nll, aic, family] = s;
+  a(order, law, nll, aic, family);
 }
 inline void archive_fields(python::Archive& a, CheckReport& s) {
   auto& [agrees, better, nll, report] = s;

@@ -14,12 +14,14 @@ namespace rangecal::python {
 namespace {
 
 CalibrateOptions options_from(const std::vector<std::string>& methods, const std::optional<int>& order,
+                              const std::optional<std::string>& curve,
                               const std::optional<std::string>& noise, const std::string& noise_shape,
                               const std::string& solver, const std::string& weights, bool check,
                               const std::optional<Calibration>& from) {
   CalibrateOptions options;
   for (const std::string& method : methods) options.methods.push_back(method_from_string(method));
   options.order = order;
+  if (curve) options.curve = curve_family_from_string(*curve);
   if (noise) options.noise = noise_law_from_string(*noise);
   options.noise_shape = noise_shape_from_string(noise_shape);
   options.solver = joint_solver_from_string(solver);
@@ -57,10 +59,11 @@ JobResult run(const Recordings& recordings, CalibrateOptions options, const Stag
 
 JobResult calibrate_job(std::vector<std::shared_ptr<Recording>> recordings,
                         const std::vector<std::string>& methods, const std::optional<int>& order,
-                        const std::optional<std::string>& noise, const std::string& noise_shape,
-                        const std::string& solver, const std::string& weights, bool check,
-                        const std::optional<Calibration>& from, const py::object& progress) {
-  CalibrateOptions options = options_from(methods, order, noise, noise_shape, solver, weights, check, from);
+                        const std::optional<std::string>& curve, const std::optional<std::string>& noise,
+                        const std::string& noise_shape, const std::string& solver, const std::string& weights,
+                        bool check, const std::optional<Calibration>& from, const py::object& progress) {
+  CalibrateOptions options =
+      options_from(methods, order, curve, noise, noise_shape, solver, weights, check, from);
   const Recordings job({recordings.begin(), recordings.end()});
   return run_interruptible<JobResult>(
       [job, options](const StageHook& hook) { return run(job, options, hook); }, progress);
@@ -72,6 +75,7 @@ void bind_calibrate(py::module_& module) {
   py::class_<ModelScore>(module, "ModelScore")
       .def_readonly("order", &ModelScore::order)
       .def_property_readonly("noise_law", [](const ModelScore& m) { return to_string(m.law); })
+      .def_property_readonly("curve", [](const ModelScore& m) { return to_string(m.family); })
       .def_readonly("nll", &ModelScore::nll)
       .def_readonly("aic", &ModelScore::aic)
       .def(picklable<ModelScore>());
@@ -103,8 +107,8 @@ void bind_calibrate(py::module_& module) {
       .def(picklable<JobResult>());
 
   module.def("calibrate_job", &calibrate_job, py::arg("recordings"), py::arg("methods"), py::arg("order"),
-             py::arg("noise"), py::arg("noise_shape"), py::arg("solver"), py::arg("weights"),
-             py::arg("check"), py::arg("from_"), py::arg("progress"));
+             py::arg("curve"), py::arg("noise"), py::arg("noise_shape"), py::arg("solver"),
+             py::arg("weights"), py::arg("check"), py::arg("from_"), py::arg("progress"));
 }
 
 }  // namespace rangecal::python

@@ -29,6 +29,15 @@ std::optional<double> value_of(const std::optional<Estimate>& e) {
 }
 std::optional<double> std_of(const std::optional<Estimate>& e) { return e ? e->std_dev : std::nullopt; }
 
+py::dict curve(const Calibration& c) {
+  py::dict entry;
+  entry["family"] = to_string(c.scale.family);
+  if (c.scale.is_distance()) return entry;
+  entry["offset_m"] = c.scale.offset_m;
+  entry["offset_std_m"] = c.scale.offset_std_m;
+  return entry;
+}
+
 py::dict noise_shapes(const Calibration& c) {
   py::dict shapes;
   for (const auto& [channel, shape] : c.noise_shapes) {
@@ -150,6 +159,7 @@ void bind_calibration(py::module_& module) {
                              [](const Calibration& c) { return is_usable(c.outcome) && c.alpha.size() > 0; })
       .def_readonly("reason", &Calibration::reason)
       .def_property_readonly("order", &Calibration::order)
+      .def_property_readonly("curve", &curve)
       .def_property_readonly("alpha", [](const py::object& self) { return view(of(self).alpha, self); })
       .def_property_readonly("covariance",
                              [](const py::object& self) { return view(of(self).alpha_covariance, self); })

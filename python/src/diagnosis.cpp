@@ -14,13 +14,14 @@
 namespace rangecal::python {
 namespace {
 
-DiagnoseOptions options_from(double alarm_rate, const std::optional<std::vector<std::string>>& force,
-                             bool held_out, bool unseen, bool next_experiments,
-                             const std::shared_ptr<Calibration>& simulation) {
+DiagnoseOptions options_from(const std::optional<std::string>& curve, double alarm_rate,
+                             const std::optional<std::vector<std::string>>& force, bool held_out, bool unseen,
+                             bool next_experiments, const std::shared_ptr<Calibration>& simulation) {
   if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
     throw InputError(fmt::format("alarm_rate is {}, not between 0 and 1", alarm_rate));
   DiagnoseOptions options;
   options.alarm_rate = alarm_rate;
+  if (curve) options.curve = curve_family_from_string(*curve);
   options.force = force;
   options.held_out = held_out;
   options.unseen = unseen;
@@ -37,10 +38,11 @@ DiagnoseOptions options_from(double alarm_rate, const std::optional<std::vector<
 std::shared_ptr<Diagnosis> diagnose_job(const std::vector<std::shared_ptr<Recording>>& recordings,
                                         const std::shared_ptr<Calibration>& calibration,
                                         const std::vector<std::shared_ptr<Recording>>& simulation,
-                                        double alarm_rate,
+                                        const std::optional<std::string>& curve, double alarm_rate,
                                         const std::optional<std::vector<std::string>>& force, bool held_out,
                                         bool unseen, bool next_experiments, const py::object& progress) {
-  DiagnoseOptions options = options_from(alarm_rate, force, held_out, unseen, next_experiments, calibration);
+  DiagnoseOptions options =
+      options_from(curve, alarm_rate, force, held_out, unseen, next_experiments, calibration);
   const Recordings job({recordings.begin(), recordings.end()});
   std::optional<Recordings> other;
   if (!simulation.empty())
@@ -183,8 +185,8 @@ void bind_diagnosis(py::module_& module) {
       .def(picklable<Diagnosis>());
 
   module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),
-             py::arg("simulation"), py::arg("alarm_rate"), py::arg("force"), py::arg("held_out"),
-             py::arg("unseen"), py::arg("next_experiments"), py::arg("progress"));
+             py::arg("simulation"), py::arg("curve"), py::arg("alarm_rate"), py::arg("force"),
+             py::arg("held_out"), py::arg("unseen"), py::arg("next_experiments"), py::arg("progress"));
 }
 
 }  // namespace rangecal::python

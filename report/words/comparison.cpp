@@ -65,8 +65,10 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
   Eigen::Index taus = 0;
   NoiseLaw law = NoiseLaw::f_squared;
   bool pairs = false;
+  CurveFamily family = CurveFamily::polynomial;
   for (const Calibration& c : report.calibrations) {
     if (c.alpha.size() == 0) continue;
+    family = c.scale.family;
     order = std::max(order, c.order());
     if (c.noise.parameters.size() >= taus) law = c.noise.law;
     taus = std::max(taus, c.noise.parameters.size());
@@ -78,13 +80,17 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
   });
   table.row("outcome", [](const Calibration& c, std::size_t) { return std::string(to_string(c.outcome)); });
   for (int i = 0; i <= order; ++i)
-    table.row(named(fmt::format("alpha_{}", i).c_str(), coefficient_unit(i)),
+    table.row(named(fmt::format("alpha_{}", i).c_str(), coefficient_unit(i, family)),
               [&](const Calibration& c, std::size_t) {
                 if (i > c.order() || !has_answer(c)) return std::string("-");
                 std::optional<double> std_dev;
                 if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
                 return with_std(c.alpha[i], std_dev);
               });
+  if (family == CurveFamily::reciprocal)
+    table.row("offset c [m]", [](const Calibration& c, std::size_t) {
+      return has_answer(c) ? with_std(c.scale.offset_m, c.scale.offset_std_m) : std::string("-");
+    });
   for (Eigen::Index j = 0; j < taus; ++j)
     table.row(named(law == NoiseLaw::polynomial ? fmt::format("beta_{}", j).c_str() : "sigma_e",
                     law_unit(law, static_cast<int>(j))),

@@ -227,8 +227,8 @@ std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
   for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {
     std::optional<double> std_dev;
     if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
-    rows.push_back(
-        {fmt::format("alpha_{}", i), with_std(c.alpha[i], std_dev), coefficient_unit(static_cast<int>(i))});
+    rows.push_back({fmt::format("alpha_{}", i), with_std(c.alpha[i], std_dev),
+                    coefficient_unit(static_cast<int>(i), c.scale.family)});
   }
   for (std::size_t i = 0; i < c.noise_estimates.size(); ++i)
     rows.push_back({"noise " + law_in_words(c.noise.law),

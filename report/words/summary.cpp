@@ -101,14 +101,22 @@ std::string advice(const CalibrationReport& report, const Calibration& c,
 }
 
 std::string curve_in_words(const Calibration& c) {
+  const char* u = c.scale.is_distance() ? "d" : "u";
   std::string text = "reading = ";
   for (int i = 0; i <= c.order(); ++i) {
     std::optional<double> std_dev;
     if (c.alpha_covariance) std_dev = std::sqrt(std::max(0.0, (*c.alpha_covariance)(i, i)));
     const std::string term = with_std(c.alpha[i], std_dev);
     const std::string bracketed = std_dev ? "(" + term + ")" : term;
-    text += (i ? " + " : "") + bracketed + (i == 0 ? "" : i == 1 ? " d" : fmt::format(" d^{}", i));
+    text += (i ? " + " : "") + bracketed +
+            (i == 0   ? ""
+             : i == 1 ? fmt::format(" {}", u)
+                      : fmt::format(" {}^{}", u, i));
   }
+  if (!c.scale.is_distance())
+    text += fmt::format(", u = 1 / (d + {} m)",
+                        c.scale.offset_std_m ? "(" + with_std(c.scale.offset_m, c.scale.offset_std_m) + ")"
+                                             : with_std(c.scale.offset_m, std::nullopt));
   return text + fmt::format("; d the true distance in m, fitted from {:.2f} to {:.2f} m", c.range_min_m,
                             c.range_max_m);
 }
@@ -138,6 +146,9 @@ std::string curve_table(const Calibration& c) {
 /// What the choice of order and noise law does to the uncertainty stated; empty where nothing was chosen.
 std::string choice_in_words(const Calibration& c, const CalibrationReport& report) {
   if (!c.alpha_covariance || report.models.size() < 2) return {};
+  if (!c.scale.is_distance() && c.covariance_with_choice)
+    return "the 95 % band and the standard deviations hold given order, noise law and u; the band with the choice has the "
+           "uncertainty of u in it, not that of order and law";
   const std::string text = "the 95 % band and the standard deviations hold given this order and noise law; ";
   if (c.covariance_with_choice)
     return text +

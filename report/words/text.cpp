@@ -16,8 +16,9 @@ std::string with_std(double value, std::optional<double> std_dev) {
   return fmt::format("{:.{}f} +- {:.{}f}", value, places, *std_dev, places);
 }
 
-std::string coefficient_unit(int power) {
+std::string coefficient_unit(int power, CurveFamily family) {
   if (power == 0) return "m";
+  if (family == CurveFamily::reciprocal) return fmt::format("m^{}", power + 1);
   if (power == 1) return "";
   return power == 2 ? "1/m" : fmt::format("1/m^{}", power - 1);
 }
@@ -83,9 +84,17 @@ std::string describe(const Counts& counts) {
   return text;
 }
 
+namespace {
+
+std::string family_in_words(CurveFamily family) {
+  return family == CurveFamily::polynomial ? "" : std::string(to_string(family)) + " of ";
+}
+
+}  // namespace
+
 std::string describe_choice(const Calibration& calibration, const CalibrationReport& report) {
-  std::string text =
-      fmt::format("order {}, noise {}", calibration.order(), law_in_words(calibration.noise.law));
+  std::string text = fmt::format("{}order {}, noise {}", family_in_words(calibration.scale.family),
+                                 calibration.order(), law_in_words(calibration.noise.law));
   if (report.models.empty()) return text + " (as asked)";
   if (report.criterion == OrderCriterion::cross_validation || report.criterion == OrderCriterion::thirds)
     return text + fmt::format(" (order by {}, noise by AIC of {} models)",
@@ -101,11 +110,15 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
   std::sort(models.begin(), models.end(), [&](const auto& a, const auto& b) { return value(a) < value(b); });
   text += fmt::format(" (lowest {} of {} models", name, models.size());
   const auto next = std::find_if(models.begin(), models.end(), [&](const ModelScore& m) {
-    return m.order != calibration.order() || m.law != calibration.noise.law;
+    return m.order != calibration.order() || m.law != calibration.noise.law ||
+           m.family != calibration.scale.family;
   });
   if (next != models.end() && std::isfinite(value(*next)) && std::isfinite(value(models[0])))
-    text += fmt::format("; next: order {}, {}, {} {:+.1f}", next->order, law_in_words(next->law), name,
-                        value(*next) - value(models[0]));
+    text += fmt::format("; next: {}order {}, {}, {} {:+.1f}",
+                        next->family == calibration.scale.family && calibration.scale.is_distance()
+                            ? ""
+                            : std::string(to_string(next->family)) + " of ",
+                        next->order, law_in_words(next->law), name, value(*next) - value(models[0]));
   return text + ")";
 }
 

@@ -17,7 +17,7 @@ namespace rangecal::app {
 std::string with_std(double value, std::optional<double> std_dev);
 
 /// "m", "", "1/m", "1/m^2", ...: unit of a coefficient of d^power.
-std::string coefficient_unit(int power);
+std::string coefficient_unit(int power, CurveFamily family = CurveFamily::polynomial);
 /// "sigma_e f^2" and the like, and the unit of the law's parameter.
 std::string law_in_words(NoiseLaw law);
 std::string law_unit(NoiseLaw law, int index);

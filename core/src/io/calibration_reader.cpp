@@ -259,6 +259,19 @@ void check_format(const Field& top) {
 /// Of any model that may hold: a longer list is a broken file, and its square no matrix to make room for.
 constexpr Eigen::Index most_coefficients = 100;
 
+/// The scale of f; a file without one is of a polynomial.
+CurveScale read_scale(const Field& curve, double range_min_m) {
+  CurveScale scale;
+  if (curve.is_null()) return scale;
+  scale.family = parsed(curve.required("family"), curve_family_from_string);
+  if (scale.is_distance()) return scale;
+  const Field offset = curve.required("offset_m");
+  scale.offset_m = offset.number();
+  if (!(range_min_m + scale.offset_m > 0.0)) offset.fail("puts a pole of the curve into the range fitted");
+  scale.offset_std_m = curve.at("offset_std_m").maybe_number();
+  return scale;
+}
+
 Calibration read_calibration(const Field& top) {
   check_format(top);
   Calibration calibration;
@@ -313,6 +326,7 @@ Calibration read_calibration(const Field& top) {
     calibration.range_min_m = limits[0];
     calibration.range_max_m = limits[1];
   }
+  calibration.scale = read_scale(top.at("curve"), calibration.range_min_m);
   read_calibrated_effects(top, calibration);
   read_places(top, calibration);
   read_counts(top.at("counts"), calibration.counts);

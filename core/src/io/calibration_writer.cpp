@@ -84,6 +84,11 @@ Json to_json(const Calibration& calibration) {
   object["outcome"] = to_string(calibration.outcome);
   object["reason"] = calibration.reason;
   object["order"] = calibration.order() < 0 ? Json(nullptr) : Json(calibration.order());
+  object["curve"] = {{"family", to_string(calibration.scale.family)}};
+  if (!calibration.scale.is_distance()) {
+    object["curve"]["offset_m"] = number(calibration.scale.offset_m);
+    object["curve"]["offset_std_m"] = number(calibration.scale.offset_std_m);
+  }
   object["alpha"] = vector(calibration.alpha);
   object["covariance"] = matrix(calibration.alpha_covariance);
   object["covariance_with_choice"] = matrix(calibration.covariance_with_choice);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "calibrate/scale_choice.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/core/seen_landmarks.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
@@ -69,8 +70,10 @@ std::optional<AlphaBound> alpha_bound(std::span<const Recording> recordings, con
     return std::nullopt;
   AlphaBound bound;
   if (calibration.kind == RecordingKind::pairs) {
+    std::vector<Recording> scaled;  // given the scale
+    for (const Recording& recording : recordings) scaled.push_back(on_scale(recording, calibration.scale));
     const PairsDerivatives at =
-        pairs_derivatives(make_pairs_problem(recordings), calibration.alpha, calibration.noise);
+        pairs_derivatives(make_pairs_problem(scaled), calibration.alpha, calibration.noise);
     if (!std::isfinite(at.nll)) return std::nullopt;
     const auto std_dev = alpha_deviations(scaled_inverse(at.information), count);
     if (!std_dev) return std::nullopt;

@@ -29,9 +29,18 @@ JointSolver joint_solver_from_string(const std::string& text) { return solver_na
 void CalibrateOptions::check_values() const {
   if (order && (*order < 0 || *order > 8)) throw InputError(fmt::format("order is {}, not 0 to 8", *order));
   if (max_order < 1 || max_order > 8) throw InputError(fmt::format("max_order is {}, not 1 to 8", max_order));
+  if (curve == CurveFamily::reciprocal && (noise == NoiseLaw::d_squared || noise == NoiseLaw::polynomial))
+    throw InputError(fmt::format(
+        "noise {} is a law of the distance, and curve reciprocal knows f alone: take constant, f, f2 or f3",
+        to_string(*noise)));
+  if (curve == CurveFamily::reciprocal && leaves_out(criterion))
+    throw InputError(fmt::format(
+        "criterion {} leaves readings out, and the offset of curve reciprocal is chosen by aic, aicc or bic",
+        to_string(criterion)));
   if (order && leaves_out(criterion))
     throw InputError(
         fmt::format("criterion {} chooses the order, and order {} is given", to_string(criterion), *order));
+  if (from) require_polynomial(*from, "the calibration to start from");
   if (from && (from->alpha.size() == 0 || !from->alpha.allFinite()))
     throw InputError("the calibration to start from has no curve f (its outcome is " +
                      std::string(to_string(from->outcome)) + ")");
@@ -67,6 +76,10 @@ CalibrationReport calibrate_report(std::span<const Recording> recordings, const 
     if (recording.kind != recordings[0].kind)
       throw InputError(recording.path + ": kinds landmarks and pairs cannot be mixed in one job (" +
                        recordings[0].path + " is of the other kind)");
+  if (recordings[0].kind == RecordingKind::landmarks && options.curve == CurveFamily::reciprocal)
+    throw InputError(recordings[0].path +
+                     ": curve reciprocal is for known distances (kind pairs): where landmarks are " +
+                     "unknown, readings are distances");
   CalibrationReport report;
   if (recordings[0].kind == RecordingKind::pairs)
     calibrate_pairs(recordings, options, report);

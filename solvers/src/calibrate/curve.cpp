@@ -120,12 +120,13 @@ std::optional<CurvePoint> curve_point(const Calibration& calibration, double dis
   if (calibration.alpha.size() == 0 || !calibration.alpha.allFinite()) return std::nullopt;
   CurvePoint point;
   point.distance_m = distance_m;
-  point.reading_m = evaluate_polynomial(calibration.alpha, distance_m);
+  point.reading_m = calibration.f(distance_m);
+  const double u = calibration.scale.of(distance_m);
   point.noise_m = calibration.noise.spread(distance_m, point.reading_m);
   if (calibration.alpha_covariance)
-    point.std_dev_m = std::sqrt(evaluate_form(*calibration.alpha_covariance, distance_m));
+    point.std_dev_m = std::sqrt(evaluate_form(*calibration.alpha_covariance, u));
   if (calibration.covariance_with_choice)
-    point.std_dev_with_choice_m = std::sqrt(evaluate_form(*calibration.covariance_with_choice, distance_m));
+    point.std_dev_with_choice_m = std::sqrt(evaluate_form(*calibration.covariance_with_choice, u));
   return point;
 }
 
@@ -149,6 +150,7 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   Eigen::Index size = std::max(before.alpha.size(), after.alpha.size());
   for (const Calibration* c : {&before, &after})
     if (curve_covariance(*c)) size = std::max(size, curve_covariance(*c)->rows());
+  const bool same_scale = before.scale.same_as(after.scale);
   Eigen::VectorXd delta = Eigen::VectorXd::Zero(size);
   delta.head(after.alpha.size()) += after.alpha;
   delta.head(before.alpha.size()) -= before.alpha;
@@ -166,18 +168,26 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   }
   constexpr int grid = 200;
   for (int i = 0; i <= grid; ++i) {
-    const double moved = evaluate_polynomial(delta, low + (high - low) * i / grid);
+    const double d = low + (high - low) * i / grid, moved = after.f(d) - before.f(d);
     change.largest_m = std::max(change.largest_m, std::abs(moved));
     change.rms_m += moved * moved / (grid + 1);
   }
   change.rms_m = std::sqrt(change.rms_m);
   for (int i = 0; i < 5; ++i) {
     const double d = low + (high - low) * i / 4.0;
-    CurveChange::At at{d, evaluate_polynomial(delta, d), std::nullopt};
-    if (covariance) at.std_dev_m = std::sqrt(evaluate_form(*covariance, d));
+    CurveChange::At at{d, after.f(d) - before.f(d), std::nullopt};
+    if (covariance)
+      at.std_dev_m =
+          std::sqrt(curve_variance(before, d).value_or(0.0) + curve_variance(after, d).value_or(0.0));
     change.at.push_back(at);
   }
-  change.reason = covariance ? order_in_the_way(before, after) : "the new calibration has no covariance";
+  if (!covariance)
+    change.reason = "the new calibration has no covariance";
+  else if (!same_scale)
+    change.reason =
+        "the curves are polynomials in different scales, which no test of their coefficients compares";
+  else
+    change.reason = order_in_the_way(before, after);
   if (change.reason.empty()) refer_to_law(squared_distance(delta, parts), change);
   return change;
 }

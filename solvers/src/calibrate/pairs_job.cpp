@@ -8,6 +8,7 @@
 
 #include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
+#include "calibrate/scale_choice.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
@@ -367,11 +368,9 @@ int order_by_left_out_stretches(const Recording& all, PairsRun& run, std::pair<i
   return best;
 }
 
-}  // namespace
-
-void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
-                     CalibrationReport& report) {
-  report.criterion = options.criterion;
+/// All four methods at polynomials in what the recordings have for true distances.
+void calibrate_polynomials(std::span<const Recording> recordings, const CalibrateOptions& options,
+                           CalibrationReport& report) {
   const Recording all = joined(recordings);
   const bool looks = options.noise_shape != NoiseShape::gaussian;
   const Recording agreeing = looks ? agreeing_of(all) : all;
@@ -437,6 +436,107 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
     score_pairs(run->problem, full);
     report.check = check_pairs(run->problem, run->solved(Method::closed_form, order, law), full);
   }
+}
+
+/// The approximate model takes the reading for the distance in its noise.
+Calibration no_approximate_reciprocal() {
+  Calibration none;
+  none.method = Method::approximate;
+  none.reason =
+      "the approximate model has s = sigma d^2 for s = sigma f^2 (2016, eq. 21): no reciprocal is near d";
+  return none;
+}
+
+/// How far readings of stretches of distance that were left out lie from the reciprocal and from polynomials.
+std::string left_out_of_reciprocal(const Recording& agreeing, const ReciprocalChoice& chosen, int max_order) {
+  const Pairs& pairs = agreeing.pairs;
+  const auto rms = [&](const CurveScale& scale, int order) {
+    return rms_of_stretches_left_out(pairs.true_m, pairs.reading_m, scale, order);
+  };
+  const std::optional<double> own = rms(chosen.scale, chosen.order);
+  std::optional<double> least;
+  int of_order = 0;
+  for (int order = 1; order <= max_order; ++order) {
+    const std::optional<double> other = rms({}, order);
+    if (!other || (least && *least <= *other)) continue;
+    least = other;
+    of_order = order;
+  }
+  if (!own || !least) return {};
+  const std::string& unit = agreeing.sensor.unit;
+  return fmt::format(
+      "readings of stretches of distance inside the range, left out in turn, lie {:.3g} {} RMS from the reciprocal of order {}, "
+      "{:.3g} {} from the best polynomial (order {})",
+      *own, unit.empty() ? "m" : unit, chosen.order, *least, unit.empty() ? "m" : unit, of_order);
+}
+
+void calibrate_reciprocal(std::span<const Recording> recordings, const CalibrateOptions& options,
+                          const ReciprocalChoice& chosen, CalibrationReport& report) {
+  std::vector<Recording> scaled;
+  for (const Recording& recording : recordings) scaled.push_back(on_scale(recording, chosen.scale));
+  CalibrateOptions at = options;
+  at.order = chosen.order;
+  at.noise = chosen.law;
+  at.methods.clear();
+  for (const Method method : methods_of(options))
+    if (method != Method::approximate) at.methods.push_back(method);
+  CalibrationReport inner;
+  if (!at.methods.empty()) calibrate_polynomials(scaled, at, inner);
+  report.models = chosen.models;
+  report.notes = std::move(inner.notes);
+  report.check = std::move(inner.check);
+  report.noise_shape = std::move(inner.noise_shape);
+  const Recording all = joined(recordings);
+  if (std::string left_out = left_out_of_reciprocal(
+          options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all), chosen, options.max_order);
+      !left_out.empty())
+    report.notes.insert(report.notes.begin(), std::move(left_out));
+  auto next = inner.calibrations.begin();
+  for (const Method method : methods_of(options)) {
+    Calibration result = method == Method::approximate ? no_approximate_reciprocal() : std::move(*next++);
+    result.kind = RecordingKind::pairs;
+    result.counts = all.counts;
+    result.left_out.reset();  // a reading that falls with the distance is none: no curve is no rival
+    std::vector<double> weight;
+    if (!result.noise_shapes.empty()) weight = readings_about(on_scale(all, chosen.scale), result).weight;
+    if (method != Method::approximate) take_scale(chosen.scale, all, weight, result);
+    if (result.aic) *result.aic += 2.0;  // the offset
+    report.calibrations.push_back(std::move(result));
+  }
+}
+
+}  // namespace
+
+std::optional<ReciprocalChoice> reciprocal_due(std::span<const Recording> recordings,
+                                               const CalibrateOptions& options) {
+  if (options.curve == CurveFamily::polynomial) return std::nullopt;
+  const Recording all = joined(recordings);
+  const Pairs& pairs = all.pairs;
+  const bool asked = options.curve == CurveFamily::reciprocal;
+  const bool of_distance = options.noise == NoiseLaw::d_squared || options.noise == NoiseLaw::polynomial ||
+                           leaves_out(options.criterion);
+  if (!asked && (of_distance || !readings_fall(pairs.true_m, pairs.reading_m))) return std::nullopt;
+  if (options.on_progress) options.on_progress("trying reciprocal curves");
+  const Recording agreeing = options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all);
+  std::optional<ReciprocalChoice> found =
+      choose_reciprocal(agreeing.pairs.true_m, agreeing.pairs.reading_m, options);
+  if (!found || asked) return found;
+  PairsRun polynomials(agreeing, agreeing, NoiseShape::gaussian, options);
+  CalibrationReport tried;
+  const auto [order, law] = choose_pairs_model(
+      polynomials, {options.order.value_or(2), options.noise.value_or(NoiseLaw::constant)}, tried);
+  if (criterion_at(polynomials, order, law, tried.models) <= found->value) return std::nullopt;
+  found->models.insert(found->models.begin(), tried.models.begin(), tried.models.end());
+  return found;
+}
+
+void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
+                     CalibrationReport& report) {
+  report.criterion = options.criterion;
+  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(recordings, options))
+    calibrate_reciprocal(recordings, options, *chosen, report);
+  else
+    calibrate_polynomials(recordings, options, report);
 }
 
 }  // namespace rangecal

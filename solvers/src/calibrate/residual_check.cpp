@@ -8,7 +8,6 @@
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/distributions.hpp"
-#include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
 namespace {
@@ -34,7 +33,7 @@ bool is_outlier(double error, double stated, ResidualCheck::Farthest& farthest, 
 
 template <typename Place>
 void add_range(const Calibration& calibration, double d, double y, ResidualCheck& check, const Place& place) {
-  const double f = evaluate_polynomial(calibration.alpha, d);
+  const double f = calibration.f(d);
   ++check.ranges;
   if (is_outlier(y - f, calibration.noise.spread(d, f), check.farthest_range, place)) ++check.range_outliers;
 }
@@ -88,7 +87,7 @@ void check_landmarks(const Recording& recording, int index, const Calibration& c
     const auto place = [&] { return place_of(i, recording.readings.row, "observations.csv"); };
     add_range(calibration, d, y, check, place);
     const int k = recording.readings.stop[i], l = recording.readings.landmark[i];
-    const double f = evaluate_polynomial(calibration.alpha, d);
+    const double f = calibration.f(d);
     ranges.add(k, l, y - f, calibration.noise.spread(d, f));
     if (!calibration.sigma_theta_rad) continue;
     const double direction = std::atan2(sight.y(), sight.x()) - pose.heading_rad;

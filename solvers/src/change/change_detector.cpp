@@ -237,6 +237,7 @@ ChangeDetector::ChangeDetector(const Calibration& reference, const ChangeOptions
   if (!is_usable(reference.outcome) || reference.alpha.size() == 0 ||
       !(reference.range_max_m > reference.range_min_m))
     throw InputError("ChangeDetector: the calibration has no curve");
+  require_polynomial(reference, "ChangeDetector");
   if (!reference.effects.empty()) throw InputError("ChangeDetector: the calibration holds effects");
   for (const ChangeKind kind : {ChangeKind::window, ChangeKind::baseline, ChangeKind::pointing})
     add_charts(kind, 0);

@@ -33,8 +33,8 @@ struct Curve {
   double low, high;
   std::vector<double> turning_points;  ///< f'(d) = 0 inside (low, high)
 
-  double f(double d) const { return evaluate_polynomial(calibration.alpha, d); }
-  double slope(double d) const { return evaluate_derivative(calibration.alpha, d); }
+  double f(double d) const { return calibration.f(d); }
+  double slope(double d) const { return calibration.slope(d); }
   double spread(double d) const { return calibration.noise.spread(d, f(d)); }
 
   double nll(double y, double d) const {
@@ -65,11 +65,13 @@ struct Curve {
   }
 };
 
-/// Distances with f(d) = value.
-std::vector<double> invert(const Curve& curve, double value) {
-  VectorXd shifted = curve.calibration.alpha;
-  shifted(0) -= value;
-  return real_roots(shifted, curve.low, curve.high);
+/// Distances in [low, high] of the roots of a polynomial in u, ascending.
+std::vector<double> roots_over(const CurveScale& scale, const VectorXd& in_u, double low, double high) {
+  if (scale.is_distance()) return real_roots(in_u, low, high);
+  std::vector<double> roots = real_roots(in_u, scale.of(high), scale.of(low));
+  for (double& root : roots) root = scale.distance(root);
+  std::reverse(roots.begin(), roots.end());
+  return roots;
 }
 
 /// (y - f)(2 y - f) = 2 sigma^2 f^4: minima in f, inverted. q(f) = 2 sigma^2 f^4 - (y - f)(2 y - f) has the
@@ -86,7 +88,7 @@ std::vector<double> minima_f_squared(const Curve& curve, double y) {
   if (!(f_high > 0.0)) return minima;
   for (const double f : real_roots(q, 0.0, 1.001 * f_high)) {
     if (!(evaluate_derivative(q, f) > 0.0)) continue;
-    const std::vector<double> inverted = invert(curve, f);
+    const std::vector<double> inverted = distances_at(curve.calibration, f, curve.low, curve.high);
     minima.insert(minima.end(), inverted.begin(), inverted.end());
   }
   return minima;
@@ -177,9 +179,7 @@ std::vector<CorrectionRoot> roots_at(const Curve& curve, double y, std::vector<d
 }
 
 Curve curve_of(const Calibration& c, const SearchedRange& range) {
-  Curve curve{c, range.low, range.high, {}};
-  if (c.alpha.size() > 1) curve.turning_points = real_roots(derivative(c.alpha), curve.low, curve.high);
-  return curve;
+  return {c, range.low, range.high, turning_points_of(c, range.low, range.high)};
 }
 
 }  // namespace
@@ -206,28 +206,38 @@ SearchedRange searched_range(const Calibration& c, double reading_m, const Corre
   if (!(options.extension >= 0.0))
     throw InputError("correct: extension = " + std::to_string(options.extension) + " is negative");
   const double width = c.range_max_m - c.range_min_m, extra = options.extension * width;
-  return {std::max(c.range_min_m - extra, 1e-6 * width), c.range_max_m + extra};
+  double low = std::max(c.range_min_m - extra, 1e-6 * width);
+  if (!c.scale.is_distance())  // no nearer than half of the way to the curve's pole
+    low = std::max(low, c.scale.distance(2.0 * c.scale.of(c.range_min_m)));
+  return {low, c.range_max_m + extra};
+}
+
+std::vector<double> distances_at(const Calibration& calibration, double value, double low, double high) {
+  VectorXd shifted = calibration.alpha;
+  shifted(0) -= value;
+  return roots_over(calibration.scale, shifted, low, high);
+}
+
+std::vector<double> turning_points_of(const Calibration& calibration, double low, double high) {
+  if (calibration.alpha.size() < 2) return {};
+  return roots_over(calibration.scale, derivative(calibration.alpha), low, high);
 }
 
 Correction correct(const Calibration& calibration, double reading_m, const CorrectionOptions& options) {
   const Curve curve = curve_of(calibration, searched_range(calibration, reading_m, options));
   const double y = reading_m;
   Correction result;
-  const std::vector<double> least_squares = invert(curve, y);
+  const std::vector<double> least_squares = distances_at(calibration, y, curve.low, curve.high);
   result.least_squares = roots_at(curve, y, least_squares);
   result.best_least_squares = most_likely(result.least_squares);
 
   std::vector<double> minima;
-  switch (calibration.noise.law) {
-    case NoiseLaw::f_squared:
-      minima = minima_f_squared(curve, y);
-      break;
-    case NoiseLaw::d_squared:
-      minima = minima_d_squared(curve, y);
-      break;
-    default:
-      minima = minima_bracketed(curve, y, least_squares);
-  }
+  if (calibration.noise.law == NoiseLaw::f_squared)
+    minima = minima_f_squared(curve, y);
+  else if (calibration.noise.law == NoiseLaw::d_squared && calibration.scale.is_distance())
+    minima = minima_d_squared(curve, y);
+  else
+    minima = minima_bracketed(curve, y, least_squares);
   add_turning_minima(curve, y, minima);
   std::erase_if(minima, [&](double d) { return !(curve.spread(d) > 0.0); });
   result.maximum_likelihood = roots_at(curve, y, minima);

@@ -82,12 +82,16 @@ ReadingView<double> EffectCorrector::view(double d, const ReadingSetting& settin
   at.radius = known(setting.radius_m, 0.0);
   at.axis_distance = d + at.radius;
   at.bearing = known(setting.bearing_rad, 0.0);
-  at.f = evaluate_polynomial(calibration_.alpha, d);
-  at.slope = evaluate_derivative(calibration_.alpha, d);
-  at.curvature = 0.0;
-  double power = 1.0;
-  for (Eigen::Index i = 2; i < calibration_.alpha.size(); ++i, power *= d)
-    at.curvature += static_cast<double>(i * (i - 1)) * calibration_.alpha[i] * power;
+  at.f = calibration_.f(d);
+  at.slope = calibration_.slope(d);
+  const CurveScale& scale = calibration_.scale;
+  double in_u = 0.0, power = 1.0;  // d^2 f / du^2
+  for (Eigen::Index i = 2; i < calibration_.alpha.size(); ++i, power *= scale.of(d))
+    in_u += static_cast<double>(i * (i - 1)) * calibration_.alpha[i] * power;
+  at.curvature = in_u;
+  if (!scale.is_distance())
+    at.curvature = in_u * scale.slope(d) * scale.slope(d) +
+                   evaluate_derivative(calibration_.alpha, scale.of(d)) * scale.curvature(d);
   at.spread = calibration_.noise.spread(d, at.f);
   at.spread_power = calibration_.noise.power_of_f();
   at.heading = known(setting.heading_rad, 0.0);
@@ -131,11 +135,15 @@ Eigen::VectorXd EffectCorrector::slopes_in_alpha(double d, const ReadingSetting&
   const double by_f = 1.0 + slope_by(&ReadingView<double>::f),
                by_slope = slope_by(&ReadingView<double>::slope),
                by_curvature = slope_by(&ReadingView<double>::curvature);
-  const Eigen::VectorXd power = powers_of(d, n);
+  const CurveScale& scale = calibration_.scale;
+  const double u_slope = scale.slope(d);
+  const Eigen::VectorXd power = powers_of(scale.of(d), n);
   Eigen::VectorXd slopes = by_f * power;
-  for (Eigen::Index i = 1; i < n; ++i) slopes[i] += by_slope * static_cast<double>(i) * power[i - 1];
+  const double by_first = by_slope * u_slope + by_curvature * scale.curvature(d),
+               by_second = by_curvature * u_slope * u_slope;
+  for (Eigen::Index i = 1; i < n; ++i) slopes[i] += by_first * static_cast<double>(i) * power[i - 1];
   for (Eigen::Index i = 2; i < n; ++i)
-    slopes[i] += by_curvature * static_cast<double>(i * (i - 1)) * power[i - 2];
+    slopes[i] += by_second * static_cast<double>(i * (i - 1)) * power[i - 2];
   return slopes;
 }
 
@@ -159,7 +167,7 @@ std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSett
 }
 
 EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {
-  const double f = evaluate_polynomial(calibration_.alpha, d), s = calibration_.noise.spread(d, f);
+  const double f = calibration_.f(d), s = calibration_.noise.spread(d, f);
   const double curve = mean_variance(d, setting).value_or(0.0);
   if (active_.empty()) return {f, std::sqrt(s * s + curve)};
   const ReadingChange<double> own = change(d, setting);
@@ -167,11 +175,7 @@ EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& se
 }
 
 std::vector<double> EffectCorrector::turning_points(double low_m, double high_m) const {
-  const Eigen::VectorXd& alpha = calibration_.alpha;
-  if (alpha.size() < 3) return {};
-  Eigen::VectorXd slope(alpha.size() - 1);
-  for (Eigen::Index i = 1; i < alpha.size(); ++i) slope[i - 1] = static_cast<double>(i) * alpha[i];
-  std::vector<double> points = real_roots(slope, low_m, high_m);
+  std::vector<double> points = turning_points_of(calibration_, low_m, high_m);
   std::erase_if(points, [&](double d) { return d <= low_m || d >= high_m; });
   return points;
 }
@@ -196,7 +200,7 @@ std::vector<double> EffectCorrector::turning_points(double low_m, double high_m,
 }
 
 double EffectCorrector::spread_near(double reading_m, double low_m, double high_m) const {
-  const auto f = [&](double d) { return evaluate_polynomial(calibration_.alpha, d); };
+  const auto f = [&](double d) { return calibration_.f(d); };
   double largest = std::max(f(low_m), f(high_m));
   for (const double d : turning_points(low_m, high_m)) largest = std::max(largest, f(d));
   const double at = largest > 0.0 ? std::min(reading_m, largest) : reading_m;
@@ -204,7 +208,7 @@ double EffectCorrector::spread_near(double reading_m, double low_m, double high_
 }
 
 MeanReading EffectCorrector::mean_reading(const ReadingSetting& setting) const {
-  MeanReading mean{calibration_.alpha, {}, {}};
+  MeanReading mean{calibration_, {}, {}};
   for (const Active& active : active_) {
     const double* p = active.parameters.data();
     mean.changes.push_back(
@@ -220,7 +224,7 @@ CorrectionRoot EffectCorrector::root_at(double d, double reading_m, const Readin
   CorrectionRoot root;
   root.distance_m = d;
   root.extrapolated = is_extrapolated(calibration_, d);
-  const double f = evaluate_polynomial(calibration_.alpha, d);
+  const double f = calibration_.f(d);
   const ReadingChange<double> own = change(d, setting);
   const double s = calibration_.noise.spread(d, f) * std::exp(0.5 * own.range_log_variance);
   const double z = (reading_m - f - own.range) / s;
@@ -228,7 +232,7 @@ CorrectionRoot EffectCorrector::root_at(double d, double reading_m, const Readin
   root.off = standard_deviations_off(reading_m - f - own.range, s, variance.value_or(0.0));
   root.log_likelihood =
       s > 0.0 ? -std::log(s) - 0.5 * z * z - half_log_two_pi : std::numeric_limits<double>::infinity();
-  const double slope = std::abs(evaluate_derivative(calibration_.alpha, d) +
+  const double slope = std::abs(calibration_.slope(d) +
                                 (change(d + h, setting).range - change(d - h, setting).range) / (2.0 * h));
   if (!(slope > 0.0)) return root;
   root.std_dev_m = s / slope;

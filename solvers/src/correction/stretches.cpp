@@ -5,8 +5,6 @@
 #include <boost/math/tools/minima.hpp>
 #include <cmath>
 
-#include "rangecal/core/polynomial.hpp"
-
 namespace rangecal {
 namespace {
 
@@ -23,20 +21,18 @@ struct Window {
 };
 
 /// Where |f(d) - y| <= wide.
-std::vector<Window> windows_of(const Eigen::VectorXd& alpha, const SearchedRange& range, double y,
+std::vector<Window> windows_of(const Calibration& calibration, const SearchedRange& range, double y,
                                double wide) {
   std::vector<double> ends{range.low, range.high};
   for (const double edge : {y - wide, y + wide}) {
-    Eigen::VectorXd shifted = alpha;
-    shifted[0] -= edge;
-    const std::vector<double> roots = real_roots(shifted, range.low, range.high);
+    const std::vector<double> roots = distances_at(calibration, edge, range.low, range.high);
     ends.insert(ends.end(), roots.begin(), roots.end());
   }
   std::sort(ends.begin(), ends.end());
   std::vector<Window> windows;
   for (std::size_t i = 1; i < ends.size(); ++i) {
     const double middle = 0.5 * (ends[i - 1] + ends[i]);
-    if (!(ends[i] > ends[i - 1]) || std::abs(evaluate_polynomial(alpha, middle) - y) > wide) continue;
+    if (!(ends[i] > ends[i - 1]) || std::abs(calibration.f(middle) - y) > wide) continue;
     if (!windows.empty() && windows.back().to == ends[i - 1])
       windows.back().to = ends[i];
     else
@@ -116,7 +112,7 @@ void cut(const MeanReading& mean, const std::vector<double>& grid, std::vector<S
 
 }  // namespace
 
-double MeanReading::f(double d) const { return evaluate_polynomial(alpha, d); }
+double MeanReading::f(double d) const { return calibration.f(d); }
 
 double MeanReading::at(double d) const {
   double sum = f(d);
@@ -132,7 +128,7 @@ std::vector<Stretch> stretches_near(const MeanReading& mean, const SearchedRange
     largest = std::max(largest, std::abs(mean.at(d) - mean.f(d)));
   }
   std::vector<Stretch> stretches;
-  for (const Window& window : windows_of(mean.alpha, range, y, 1.5 * largest + reach))
+  for (const Window& window : windows_of(mean.calibration, range, y, 1.5 * largest + reach))
     cut(mean, grid_of(mean, window, 1e-7 * range.width()), stretches);
   return stretches;
 }

@@ -17,7 +17,7 @@ struct Stretch {
 
 /// The mean reading and its parts.
 struct MeanReading {
-  Eigen::VectorXd alpha;                               ///< f
+  const Calibration& calibration;                      ///< has f
   std::vector<std::function<double(double)>> changes;  ///< delta r of each effect [m], by d [m]
   std::vector<double> jumps;                           ///< distances at which one of them jumps
   double f(double d) const;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "calibrate/scale_choice.hpp"
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/forced.hpp"
@@ -69,6 +70,34 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
   return simulate(model, seed_from("simulated_by", {}));
 }
 
+/// What the seed model's curve is a polynomial in, and of which order.
+struct SeedCurve {
+  CurveScale scale;
+  int order = 2;
+};
+
+/// The simulation's; else as calibrate chooses it, a reciprocal of one order more, which takes up what its offset is off by.
+SeedCurve seed_curve(std::span<const Recording> recordings, const DiagnoseOptions& options) {
+  SeedCurve seed;
+  if (options.simulation) {
+    seed.scale = options.simulation->scale;
+    return seed;
+  }
+  if (recordings.empty() || recordings[0].kind != RecordingKind::pairs) {
+    if (options.curve == CurveFamily::reciprocal)
+      seed.scale.family = CurveFamily::reciprocal;  // refused by make_rows
+    return seed;
+  }
+  constexpr int highest = 4;
+  CalibrateOptions wanted;
+  wanted.curve = options.curve;
+  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(recordings, wanted)) {
+    seed.scale = chosen->scale;
+    seed.order = std::min(highest, chosen->order + 1);
+  }
+  return seed;
+}
+
 /// Throws where nothing can be tested: InputError for too few readings, places or cells, NoAnswerError for
 /// readings without noise.
 void require_testable(const diagnosis::Rows& rows, std::span<const Recording> recordings) {
@@ -112,7 +141,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   }
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
   Bookkeeping known = correct_labels(corrected);
-  Rows rows = make_rows(corrected);
+  const SeedCurve curve = seed_curve(corrected, options);
+  Rows rows = make_rows(corrected, curve.scale);
+  rows.curve_order = curve.order;
   require_testable(rows, recordings);
   if (options.simulation) rows.alpha_prior = alpha_prior_of(*options.simulation);
   const Bookkeeping gaps = find_grids_and_gaps(rows);
@@ -141,7 +172,8 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   for (Candidate& rival : found.rivals) add_profile_limits(rows, RefitOptions{}, rival.fit);
   if (std::any_of(known.model.begin(), known.model.end(),
                   [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::label; })) {
-    Rows raw = make_rows(recordings);  // the baseline is that of the labels as recorded
+    Rows raw = make_rows(recordings, rows.scale);  // the baseline is that of the labels as recorded
+    raw.curve_order = rows.curve_order;
     raw.alpha_prior = rows.alpha_prior;
     const Fit before = refit(raw, {}, found.baseline.state, RefitOptions{});
     if (before.ok) {

@@ -89,7 +89,7 @@ Eigen::VectorXd NullDraws::draw_cells(Random& random) const {
     Eigen::VectorXd z(rows_.alpha_prior->mean.size());
     for (double& value : z) value = random.normal();
     const Eigen::VectorXd alpha = rows_.alpha_prior->precision.llt().matrixU().solve(z);
-    for (int c = 0; c < cells; ++c) errors[c] += evaluate_polynomial(alpha, projector_.geometry().d[c]);
+    for (int c = 0; c < cells; ++c) errors[c] += evaluate_polynomial(alpha, projector_.geometry().u[c]);
   }
   return errors;
 }

@@ -139,7 +139,7 @@ Projector::Pulls Projector::pulls(const Signature& x) const {
   for (int i = 0; i < cells(); ++i) {
     const double range = range_information[i] * x.range[i], bearing = bearing_information[i] * x.bearing[i];
     double power = range;
-    for (int a = 0; a < layout.alpha_count; ++a, power *= geometry_.d[i]) sum.globals[a] += power;
+    for (int a = 0; a < layout.alpha_count; ++a, power *= geometry_.u[i]) sum.globals[a] += power;
     const Eigen::Vector2d pull =
         range * slope_[i] * geometry_.n[i] + bearing / geometry_.axis_distance[i] * geometry_.t[i];
     sum.globals.segment<2>(layout.landmark_begin + 2 * c.landmark[i]) += pull;
@@ -173,7 +173,7 @@ Signature Projector::of_calibration(const Eigen::VectorXd& phi, const Eigen::Vec
     const int heading = node.heading[layout.slot_of_stop[k]];
     const double turn = heading >= 0 ? stops[node.coordinate + heading] : 0.0;
     double curve = 0.0;
-    for (int a = layout.alpha_count; a-- > 0;) curve = curve * geometry_.d[i] + phi[a];
+    for (int a = layout.alpha_count; a-- > 0;) curve = curve * geometry_.u[i] + phi[a];
     x.range[i] = curve + slope_[i] * geometry_.n[i].dot(moved);
     x.bearing[i] = geometry_.t[i].dot(moved) / geometry_.axis_distance[i] - turn;
   }

@@ -69,7 +69,7 @@ Eigen::VectorXd Projector::expect_scores() {
       (by_bearing ? b.bearing : b.range)[i] = 0.5 * curve.cwiseProduct(C.topLeftCorner<2, 2>()).sum();
     }
     double power = moves(i, 0);  // of the slope d^j in alpha_j
-    for (int j = 1; j < layout.alpha_count; ++j, power *= geometry_.d[cell]) of_globals[j] += j * power;
+    for (int j = 1; j < layout.alpha_count; ++j, power *= geometry_.u[cell]) of_globals[j] += j * power;
   }
   const double largest = moves.cwiseAbs().maxCoeff();
   if (!(largest > 0.0)) return of_globals;
@@ -80,6 +80,7 @@ Eigen::VectorXd Projector::expect_scores() {
       const auto cell = static_cast<std::size_t>(i);
       const double away = step_ * moves(i, 2 * by_bearing);
       geometry.d[cell] += away;
+      geometry.u[cell] += away;  // of landmarks, whose curve is one of the distance
       geometry.axis_distance[cell] += away;
       geometry.f[cell] += geometry_.slope[cell] * away;
       geometry.slope[cell] += geometry_.curvature[cell] * away;

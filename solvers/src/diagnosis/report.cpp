@@ -182,6 +182,7 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   c.reason = with_labels(fit.reason, labels);
   c.covariance_reason = with_labels(fit.covariance_reason, labels);
   c.weakest_direction = in_user_words(fit.weakest_direction, labels, fit.state.noise.law);
+  c.scale = rows.scale;
   c.alpha = fit.state.alpha;
   if (fit.alpha_covariance.size() > 0) c.alpha_covariance = fit.alpha_covariance;
   if (c.alpha_covariance && !fit.free.empty())

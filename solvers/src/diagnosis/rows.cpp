@@ -89,7 +89,7 @@ void append_cell_of_pairs(double true_m, int begin, int recording, Rows& rows) {
   const Eigen::Map<const Eigen::ArrayXd> readings(rows.range_m.data() + begin, count);
   const double mean = readings.mean();
   StopPrior prior;
-  prior.commanded = {-true_m, 0.0, 0.0};
+  prior.commanded = {-rows.scale.of(true_m), 0.0, 0.0};
   prior.place = problem.place_count++;
   prior.recording = recording;
   c.stop.push_back(problem.stop_count());
@@ -220,10 +220,14 @@ std::vector<std::size_t> row_order(const Recording& recording) {
                                                 : cell_order(recording.readings);
 }
 
-Rows make_rows(std::span<const Recording> recordings) {
+Rows make_rows(std::span<const Recording> recordings, const CurveScale& scale) {
   if (recordings.empty()) throw InputError("no recording given");
   Rows rows;
   rows.pairs = recordings[0].kind == RecordingKind::pairs;
+  rows.scale = scale;
+  if (!rows.pairs && !scale.is_distance())
+    throw InputError(recordings[0].path + ": a " + to_string(scale.family) +
+                     " curve is for known distances (kind pairs)");
   std::set<std::string> names;
   for (const Recording& recording : recordings) {
     rows.range_min_m = std::max(rows.range_min_m, recording.sensor.range_min_m);
@@ -264,14 +268,15 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
   g.spread_power = state.noise.power_of_f();
   g.sigma_theta_rad = state.sigma_theta_rad;
   const std::size_t cells = c.size();
-  for (auto* column : {&g.d, &g.axis_distance, &g.bearing, &g.f, &g.slope, &g.curvature, &g.spread})
+  for (auto* column : {&g.d, &g.axis_distance, &g.bearing, &g.f, &g.slope, &g.curvature, &g.spread, &g.u})
     column->resize(cells);
   g.n.resize(cells);
   g.t.resize(cells);
   for (std::size_t i = 0; i < cells; ++i) {
     const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
-    g.d[i] = sight.d;
-    g.axis_distance[i] = sight.axis_distance;
+    g.u[i] = sight.d;
+    g.d[i] = rows.scale.distance(sight.d);
+    g.axis_distance[i] = rows.pairs ? g.d[i] : sight.axis_distance;
     g.bearing[i] = rows.pairs ? rows.bearing_rad[static_cast<std::size_t>(rows.cell_begin[i])]
                               : wrap_angle(sight.bearing);
     g.n[i] = sight.n;
@@ -282,10 +287,11 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
       slope = slope * sight.d + f;
       f = f * sight.d + state.alpha[a];
     }
+    const double u_slope = rows.scale.slope(g.d[i]);
     g.f[i] = f;
-    g.slope[i] = slope;
-    g.curvature[i] = curvature;
-    g.spread[i] = state.noise.spread(sight.d, f);
+    g.slope[i] = slope * u_slope;
+    g.curvature[i] = curvature * u_slope * u_slope + slope * rows.scale.curvature(g.d[i]);
+    g.spread[i] = state.noise.spread(g.d[i], f);
   }
   return g;
 }

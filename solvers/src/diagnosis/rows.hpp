@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "rangecal/core/curve_scale.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
@@ -23,8 +24,8 @@ struct AlphaPrior {
 ///
 /// Pairs are laid out as the joint problem too. Their cells are the readings of one batch at one distance, landmark and
 /// bearing (without batches: of one distance ...), which may share an error as repeats from one stop do. Every cell has an
-/// exact stop of its own on a line through one held landmark, so that d is the known distance; the bearing channel is
-/// switched off by a constant residual.
+/// exact stop of its own on a line through one held landmark, at the scale's u of the known distance: the joint problem's
+/// "distance", of which the curve is a polynomial. The bearing channel is switched off by a constant residual.
 struct Rows {
   std::vector<int> cell, stop, landmark, repeat, file_row;
   std::vector<double> range_m, bearing_rad, time_s, radius_m, heading_rad;
@@ -35,7 +36,9 @@ struct Rows {
   EffectContext context;
   JointProblem problem;  ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
-  double range_min_m = 0.0;                                      ///< of the sensor, as stated
+  CurveScale scale;          ///< of the curve; of landmarks always the distance
+  int curve_order = 2;       ///< of the seed model's curve, where the distances determine it
+  double range_min_m = 0.0;  ///< of the sensor, as stated
   double range_max_m = std::numeric_limits<double>::infinity();  ///< the same
   std::optional<AlphaPrior> alpha_prior;                         ///< none: alpha is free
   double nll_offset = 0.0;  ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
@@ -43,7 +46,8 @@ struct Rows {
   std::size_t size() const { return range_m.size(); }
 };
 
-Rows make_rows(std::span<const Recording> recordings);
+/// Throws InputError for no recording, kinds mixed, and landmarks on another scale than the distance.
+Rows make_rows(std::span<const Recording> recordings, const CurveScale& scale = {});
 
 /// Where each row stands in its recording: readings ordered by stop and landmark, pairs by cell in the order in which the
 /// file opens them.
@@ -51,9 +55,10 @@ std::vector<std::size_t> row_order(const Recording& recording);
 
 /// Geometry and model of every cell under a state.
 struct CellGeometry {
-  std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;
-  int spread_power = 0;               ///< of the noise law in f
-  double sigma_theta_rad = 0.0;       ///< of every bearing
+  std::vector<double> d, axis_distance, bearing, f, slope, curvature, spread;  ///< slopes in d
+  std::vector<double> u;                                                       ///< of d on the curve's scale
+  int spread_power = 0;                                                        ///< of the noise law in f
+  double sigma_theta_rad = 0.0;                                                ///< of every bearing
   std::vector<Eigen::Vector2d> n, t;  ///< unit vector stop -> landmark, and across (world frame)
 };
 CellGeometry cell_geometry(const Rows& rows, const JointState& state);

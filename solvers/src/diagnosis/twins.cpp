@@ -47,7 +47,7 @@ std::vector<std::string> takers(const Space& space, const Signature& x) {
     Signature power = part;
     power.range *= phi[a];
     add("alpha_" + std::to_string(a), power);
-    for (int i = 0; i < projector.cells(); ++i) part.range[i] *= g.d[static_cast<std::size_t>(i)];
+    for (int i = 0; i < projector.cells(); ++i) part.range[i] *= g.u[static_cast<std::size_t>(i)];
   }
   if (space.rows().pairs) return names;
   std::vector<Eigen::Vector3d> moved(static_cast<std::size_t>(space.rows().problem.stop_count()),

@@ -177,7 +177,7 @@ ChannelResiduals residuals_about(const Calibration& curve, std::span<const doubl
                                  std::span<const double> y) {
   ChannelResiduals at;
   for (std::size_t i = 0; i < d.size(); ++i) {
-    const double f = evaluate_polynomial(curve.alpha, d[i]);
+    const double f = curve.f(d[i]);
     at.s.push_back(curve.noise.spread(d[i], f));
     at.z.push_back((y[i] - f) / at.s.back());
   }

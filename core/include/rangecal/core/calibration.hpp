@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "rangecal/core/curve_scale.hpp"
 #include "rangecal/core/noise.hpp"
 #include "rangecal/core/outcome.hpp"
 #include "rangecal/core/recording.hpp"
@@ -101,15 +102,19 @@ struct Calibration {
   Outcome outcome = Outcome::failed;
   std::string reason;  ///< in words; empty when converged and nothing needs saying
 
-  Eigen::VectorXd alpha;                            ///< order + 1 coefficients of f; alpha_i in m^(1-i)
-  std::optional<Eigen::MatrixXd> alpha_covariance;  ///< given order, noise law and the effects' parameters
+  CurveScale scale;       ///< u(d), what f is a polynomial in
+  Eigen::VectorXd alpha;  ///< order + 1 coefficients of f(d) = sum alpha_i u^i; alpha_i in m^(1-i)
+                          ///< on the scale of distance, of a reciprocal in m^(1+i)
+  std::optional<Eigen::MatrixXd>
+      alpha_covariance;  ///< given order, scale, noise law and the effects' parameters
   /// The same from how the answer changes when each stop is left out (jackknife, clustered by stop): holds where the noise
   /// law is wrong or readings of a stop depend on each other. None along a random walk or with fewer than 4 stops.
   std::optional<Eigen::MatrixXd> alpha_covariance_by_stops;
   std::optional<MisfitOfDeviations> misfit;  ///< of these two
   std::optional<LeftOutCheck> left_out;      ///< none where it was not asked or cannot be judged
-  /// Where order or noise law were chosen by the data: with that choice in it, padded with zeros to the highest order that
-  /// may hold; alpha is padded likewise. None: nothing was chosen, or one model alone can be right.
+  /// Where order, noise law or the scale's offset were chosen by the data: with that choice in it, padded with zeros to the
+  /// highest order that may hold; alpha is padded likewise. An offset c moves f by f'(u) u^2, a polynomial in u of one order
+  /// more. None: nothing was chosen, or one model alone can be right.
   std::optional<Eigen::MatrixXd> covariance_with_choice;
   /// The Cramer-Rao bound of alpha at the estimate: standard deviations, where it was asked for.
   std::optional<Eigen::VectorXd> bound_alpha_std;
@@ -144,6 +149,8 @@ struct Calibration {
   double seconds = 0.0;  ///< wall time of the solve, filled in by the caller that timed it
 
   int order() const { return static_cast<int>(alpha.size()) - 1; }
+  double f(double d) const;      ///< the mean reading at distance d [m]
+  double slope(double d) const;  ///< f'(d)
 };
 
 /// Labels of the landmarks in the order in which effects count them.
@@ -154,7 +161,10 @@ std::vector<std::string> labels_of_landmarks(const Calibration& calibration);
 const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration& calibration);
 const std::optional<Eigen::MatrixXd>& curve_covariance(const Calibration&&) = delete;  ///< would be gone
 
-/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, d, d^2, ...), C of `curve_covariance`; none where there is none.
+/// Variance of the curve f(d) [m^2]: p^T C p, p = (1, u, u^2, ...), u = u(d), C of `curve_covariance`; none where there is none.
 std::optional<double> curve_variance(const Calibration& calibration, double distance_m);
+
+/// Throws InputError where f is no polynomial in the distance, which `user` ("--from") cannot do without.
+void require_polynomial(const Calibration& calibration, const std::string& user);
 
 }  // namespace rangecal

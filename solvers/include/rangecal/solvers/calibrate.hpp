@@ -22,9 +22,12 @@ const char* to_string(JointSolver solver);
 JointSolver joint_solver_from_string(const std::string& text);
 
 struct CalibrateOptions {
-  std::vector<Method> methods;    ///< in the order wanted; empty: all
-  std::optional<int> order;       ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
-  int max_order = 4;              ///< of that search
+  std::vector<Method> methods;  ///< in the order wanted; empty: all
+  std::optional<int> order;     ///< of f; nullopt: 1 .. max_order by AIC of the marginal NLL
+  int max_order = 4;            ///< of that search
+  /// Of pairs. nullopt: a polynomial in the distance, but where the readings fall with the distance that of lowest criterion.
+  /// A reciprocal's order and noise law are chosen together with its offset, each offset by maximum likelihood.
+  std::optional<CurveFamily> curve;
   std::optional<NoiseLaw> noise;  ///< nullopt: constant, f, f2, f3 by AIC of the same
   /// In place of AIC, for pairs alone. Cross-validation and thirds (2021 section 3.2) choose the order: the mean square
   /// error of left-out readings, each weighed by its noise as the model of lowest AIC has it; the law goes by AIC.
@@ -49,6 +52,7 @@ struct ModelScore {
   int order = 0;
   NoiseLaw law = NoiseLaw::f_squared;
   double nll = 0.0, aic = 0.0;  ///< marginal (pairs: plain) [nats]; infinity where it did not converge
+  CurveFamily family = CurveFamily::polynomial;
 };
 
 /// The criterion of a model on so many readings [nats], its k = aic / 2 - nll parameters counted; of cross-validation and

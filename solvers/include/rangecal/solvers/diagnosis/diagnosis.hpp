@@ -153,6 +153,7 @@ struct DiagnoseOptions {
   double naming_gap_nats = 3.0;  ///< a rival within this many nats is a twin, not a loser
   int null_draws = 600;          ///< simulations of the battery under the fitted model
   bool held_out = true, unseen = true, next_experiments = true;
+  std::optional<CurveFamily> curve;               ///< of pairs, as in CalibrateOptions
   std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
                                                   ///< one with effects is simulated, as diagnose_against
   std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "calibrate/scale_choice.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <boost/math/tools/minima.hpp>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <set>
+
+#include "calibrate/choice.hpp"
+#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/quantiles.hpp"
+#include "rangecal/problems/pairs/pairs_problem.hpp"
+#include "rangecal/solvers/closed_form/polynomial_fit.hpp"
+#include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
+
+namespace rangecal {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+std::vector<double> scaled(std::span<const double> true_m, const CurveScale& scale) {
+  std::vector<double> u;
+  u.reserve(true_m.size());
+  for (const double d : true_m) u.push_back(scale.of(d));
+  return u;
+}
+
+/// The likelihood of one order and law, over the offset.
+struct OverOffset {
+  std::span<const double> true_m, reading_m;
+  PairsOptions model;
+
+  PairsFit fit(double offset) const {
+    const CurveScale scale{CurveFamily::reciprocal, offset, {}};
+    return full_pairs(make_pairs_problem(scaled(true_m, scale), reading_m), model);
+  }
+  double nll(double offset) const {
+    const PairsFit found = fit(offset);
+    return found.calibration.outcome == Outcome::converged ? found.nll : infinity;
+  }
+};
+
+/// ln(c + d_min) of the best of a grid, and its neighbours.
+struct Bracket {
+  double low = 0.0, high = 0.0, at_best = infinity;
+};
+
+Bracket on_grid(const OverOffset& problem, double nearest, double width) {
+  constexpr int points = 40;
+  constexpr double low = 0.01, high = 20.0;  // of the width
+  const double from = std::log(low * width), step = std::log(high / low) / (points - 1);
+  Bracket bracket;
+  for (int i = 0; i < points; ++i) {
+    const double at = from + i * step, value = problem.nll(std::exp(at) - nearest);
+    if (value < bracket.at_best) bracket = {at - step, at + step, value};
+  }
+  return bracket;
+}
+
+/// Every k-th reading, some 2000 of them.
+std::vector<double> thinned(std::span<const double> values) {
+  const std::size_t stride = 1 + values.size() / 2000;
+  std::vector<double> taken;
+  for (std::size_t i = 0; i < values.size(); i += stride) taken.push_back(values[i]);
+  return taken;
+}
+
+}  // namespace
+
+bool readings_fall(std::span<const double> true_m, std::span<const double> reading_m) {
+  const std::size_t third = true_m.size() / 3;
+  if (third == 0) return false;
+  std::vector<std::size_t> order(true_m.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return true_m[a] < true_m[b]; });
+  const auto median_of = [&](auto begin, auto end) {
+    std::vector<double> values;
+    for (auto i = begin; i != end; ++i) values.push_back(reading_m[*i]);
+    return upper_median(values);
+  };
+  return median_of(order.end() - static_cast<std::ptrdiff_t>(third), order.end()) <
+         median_of(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(third));
+}
+
+std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m,
+                                                  std::span<const double> reading_m,
+                                                  const CalibrateOptions& options) {
+  if (true_m.empty()) return std::nullopt;
+  const auto [low, high] = std::minmax_element(true_m.begin(), true_m.end());
+  const double nearest = *low, width = *high - *low;
+  if (!(nearest >= 0.0) || !(width > 0.0)) return std::nullopt;
+  const std::vector<double> few_d = thinned(true_m), few_y = thinned(reading_m);
+  const double few_nearest = *std::min_element(few_d.begin(), few_d.end());
+  std::optional<ReciprocalChoice> best;
+  std::vector<ModelScore> models;
+  for (const NoiseLaw law : laws_to_try(options))
+    for (int order = options.order.value_or(1); order <= options.order.value_or(options.max_order); ++order) {
+      PairsOptions model;
+      model.order = order;
+      model.law = law;
+      const Bracket bracket = on_grid({few_d, few_y, model}, few_nearest, width);
+      models.push_back(
+          {order, law, std::numeric_limits<double>::quiet_NaN(), infinity, CurveFamily::reciprocal});
+      if (!std::isfinite(bracket.at_best)) continue;
+      const OverOffset all{true_m, reading_m, model};
+      const auto [at, nll] = boost::math::tools::brent_find_minima(
+          [&](double x) { return all.nll(std::exp(x) - nearest); }, bracket.low, bracket.high, 26);
+      if (!std::isfinite(nll)) continue;
+      constexpr int noise_and_offset = 2;
+      models.back().nll = nll;
+      models.back().aic = 2.0 * (nll + order + 1 + noise_and_offset);
+      const double value = criterion_of(models.back(), options.criterion, static_cast<double>(true_m.size()));
+      if (best && !(value < best->value)) continue;
+      best = ReciprocalChoice{{CurveFamily::reciprocal, std::exp(at) - nearest, {}}, order, law, value, {}};
+    }
+  if (best) best->models = std::move(models);
+  return best;
+}
+
+namespace {
+
+/// Numbers of stretches of distance, a twentieth of the readings each; readings of one distance are never parted.
+std::vector<int> stretches_of(std::span<const double> true_m) {
+  constexpr std::size_t wanted = 20;
+  std::vector<double> sorted(true_m.begin(), true_m.end());
+  std::sort(sorted.begin(), sorted.end());
+  std::vector<int> number;
+  for (const double d : true_m) {
+    const auto rank =
+        static_cast<std::size_t>(std::lower_bound(sorted.begin(), sorted.end(), d) - sorted.begin());
+    number.push_back(static_cast<int>(rank * wanted / sorted.size()));
+  }
+  return number;
+}
+
+struct LeftOutFit {
+  std::vector<double> d, y;
+  int order = 0;
+
+  PolynomialFit on(const CurveScale& scale) const { return fit_polynomial(scaled(d, scale), y, order); }
+  /// The offset of least squares, near that of `scale`.
+  CurveScale refitted(CurveScale scale, double nearest) const {
+    if (scale.is_distance()) return scale;
+    const double at = std::log(scale.offset_m + nearest);
+    const auto squares = [&](double x) {
+      const PolynomialFit fit = on({CurveFamily::reciprocal, std::exp(x) - nearest, {}});
+      return fit.usable() ? fit.sigma_sq : infinity;
+    };
+    scale.offset_m =
+        std::exp(boost::math::tools::brent_find_minima(squares, at - 0.5, at + 0.5, 20).first) - nearest;
+    return scale;
+  }
+};
+
+}  // namespace
+
+std::optional<double> rms_of_stretches_left_out(std::span<const double> true_m,
+                                                std::span<const double> reading_m, const CurveScale& scale,
+                                                int order) {
+  const std::vector<int> stretch = stretches_of(true_m);
+  const std::set<int> all(stretch.begin(), stretch.end());
+  if (all.size() < 6) return std::nullopt;
+  const double nearest = *std::min_element(true_m.begin(), true_m.end());
+  double square = 0.0, count = 0.0;
+  for (auto left_out = std::next(all.begin()); left_out != std::prev(all.end()); ++left_out) {
+    LeftOutFit rest;
+    rest.order = order;
+    for (std::size_t i = 0; i < true_m.size(); ++i) {
+      if (stretch[i] == *left_out) continue;
+      rest.d.push_back(true_m[i]);
+      rest.y.push_back(reading_m[i]);
+    }
+    const CurveScale own = rest.refitted(scale, nearest);
+    const PolynomialFit fit = rest.on(own);
+    if (!fit.usable()) return std::nullopt;
+    for (std::size_t i = 0; i < true_m.size(); ++i) {
+      if (stretch[i] != *left_out) continue;
+      square += std::pow(reading_m[i] - evaluate_polynomial(fit.alpha, own.of(true_m[i])), 2);
+      count += 1.0;
+    }
+  }
+  return std::sqrt(square / count);
+}
+
+Recording on_scale(Recording recording, const CurveScale& scale) {
+  recording.pairs.true_m = scaled(recording.pairs.true_m, scale);
+  return recording;
+}
+
+void take_scale(const CurveScale& scale, const Recording& over_distance, std::span<const double> weight,
+                Calibration& calibration) {
+  calibration.scale = scale;
+  if (calibration.range_max_m > calibration.range_min_m) {  // over u, which falls with the distance
+    const double nearest = scale.distance(calibration.range_max_m);
+    calibration.range_max_m = scale.distance(calibration.range_min_m);
+    calibration.range_min_m = nearest;
+  }
+  if (!calibration.alpha_covariance) return;
+  const Eigen::Index n = calibration.alpha.size();
+  Eigen::VectorXd by_offset = Eigen::VectorXd::Zero(n + 1);  // f_c in powers of u
+  for (Eigen::Index i = 1; i < n; ++i) by_offset[i + 1] = -static_cast<double>(i) * calibration.alpha[i];
+  const std::vector<double>& d = over_distance.pairs.true_m;
+  const auto rows = static_cast<Eigen::Index>(d.size());
+  Eigen::MatrixXd basis(rows, n);
+  Eigen::VectorXd change(rows);
+  for (Eigen::Index k = 0; k < rows; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const double s = calibration.noise.spread(d[i], calibration.f(d[i]));
+    const double root = std::sqrt(weight.empty() ? 1.0 : weight[i]) / s;
+    const Eigen::VectorXd powers = powers_of(scale.of(d[i]), n + 1);
+    basis.row(k) = root * powers.head(n).transpose();
+    change[k] = root * powers.dot(by_offset);
+  }
+  if (!basis.allFinite() || !change.allFinite()) return;
+  const Eigen::VectorXd taken = basis.colPivHouseholderQr().solve(change);
+  const double information = (change - basis * taken).squaredNorm();
+  if (!(information > 0.0)) return;
+  calibration.scale.offset_std_m = 1.0 / std::sqrt(information);
+  Eigen::VectorXd t = by_offset;
+  t.head(n) -= taken;
+  Eigen::MatrixXd C = t * t.transpose() / information;
+  C.topLeftCorner(n, n) += *calibration.alpha_covariance;
+  calibration.covariance_with_choice = std::move(C);
+}
+
+}  // namespace rangecal
