@@ -34,7 +34,7 @@ DiagnoseOptions options_for(const std::string& row) {
   DiagnoseOptions options;
   if (row == "speed") return options;
   options.held_out = row == "lambda-100" || row == "lambda-400";
-  options.unseen = row == "absorbed";
+  options.unseen = row == "absorbed" || row == "stated-sigma";
   options.next_experiments = row == "experiment";
   return options;
 }
@@ -176,7 +176,8 @@ std::vector<Job> jobs_of(const FreshOptions& options) {
     if (row == "simulation-alike" || row == "simulation-alpha" || row == "closed-loop")
       count = (2 * options.worlds + 2) / 3;
     if (row == "speed") count = std::min(options.worlds, 40);
-    const bool of_designs = both && row != "everyday";  // a table has no stops
+    const bool of_designs =
+        both && row != "everyday" && row != "clean-any";  // these have no design or their own
     for (int i = 0; i < count; ++i)
       jobs.push_back({row,
                       of_designs ? (i % 2 == 0 ? "line" : "turning")
