@@ -94,22 +94,19 @@ Answer class_beside_unknown(const Diagnosis& diagnosis, const Score& scored) {
   return scored.names.found == scored.causes && scored.located ? Answer::right_name : Answer::unexplained;
 }
 
-/// Right is the name alone, or no mismatch where the answer says that a factor of two would not show in this design.
+/// Right is the name alone, or no mismatch where the answer says that a factor of two would not show in this design: an answer
+/// that has no `stated_sigma` says so of `stop_effect`, whose law has the factor as one of two parameters.
 void score_stated_sigma(Score& out, const Diagnosis& diagnosis) {
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
-  const std::vector<std::string> best = sets.empty() ? std::vector<std::string>{} : sets.front();
-  out.names = {};
-  for (const std::string& id : best)
-    if (is_stated_sigma(id))
-      out.names.found = 1;
-    else if (find_effect(id))
-      ++out.names.wrong;
-  out.listed =
-      is_named(diagnosis, "stated_sigma") || is_named(diagnosis, "stop_effect") ||
-      std::any_of(diagnosis.notes.begin(), diagnosis.notes.end(), [](const std::string& note) {
-        return note.starts_with("cannot be judged") && (note.find("stated_sigma") != std::string::npos ||
-                                                        note.find("stop_effect") != std::string::npos);
-      });
+  out.causes = 1;
+  out.names = names_of(sets, {"stated_sigma"});
+  out.partly_right = out.names.found == 0 && out.names.wrong == 1 && contains(sets.front(), "stop_effect");
+  const auto cannot_judge = [](const std::string& note) {
+    return note.starts_with("cannot be judged") &&
+           (note.find("stated_sigma") != std::string::npos || note.find("stop_effect") != std::string::npos);
+  };
+  out.listed = is_named(diagnosis, "stated_sigma") || is_named(diagnosis, "stop_effect") ||
+               std::any_of(diagnosis.notes.begin(), diagnosis.notes.end(), cannot_judge);
   if (diagnosis.verdict == Verdict::no_mismatch)
     out.result = *out.listed ? Answer::quiet : Answer::missed;
   else if (out.names.wrong > 0)
@@ -220,8 +217,6 @@ Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& trut
     if (set != wanted && !is_twin(set)) return Answer::wrong_set;
   return Answer::right_set;
 }
-
-bool is_stated_sigma(const std::string& id) { return id == "stated_sigma" || id == "stop_effect"; }
 
 bool is_located(const Diagnosis& diagnosis, const std::vector<std::string>& truth) {
   if (diagnosis.location.empty()) return false;

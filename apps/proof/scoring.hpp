@@ -72,9 +72,9 @@ struct Score {
   Answer result = Answer::missed;
   int set_size = 0;
   double probability = 0.0, alarm_p = 1.0;
-  bool partly_right = false;           ///< a pair: one right and none wrong
-  int causes = 0;                      ///< concealed, beside outliers and what is outside the catalogue
-  Names names;                         ///< of the answer, outliers' own left out
+  bool partly_right = false;  ///< a pair: one right and none wrong; a stated spread: stop_effect alone
+  int causes = 0;             ///< concealed, beside outliers and what is outside the catalogue
+  Names names;                ///< of the answer, outliers' own left out
   std::optional<bool> outliers_named;  ///< as what they are
   std::optional<bool> said_large;      ///< what is named is said to be unusually large
   std::string location;  ///< "channel/covariate" first found; beside causes, of what has no name
@@ -98,8 +98,6 @@ std::string in_words(const std::vector<std::vector<std::string>>& sets);
 /// told from it; it is asked only for members of a set that holds the truth.
 Answer classify(const Diagnosis& diagnosis, const std::vector<std::string>& truth,
                 const std::function<bool(const std::vector<std::string>&)>& is_twin);
-/// Names that are right for a spread of the stops that is stated wrongly: `stop_effect` has it as one of its two parameters.
-bool is_stated_sigma(const std::string& id);
 /// The first location is in a channel and covariate of the planted effects.
 bool is_located(const Diagnosis& diagnosis, const std::vector<std::string>& truth);
 /// The intervals of a diagnosis against the truth.

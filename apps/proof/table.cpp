@@ -183,6 +183,9 @@ void add_beyond(std::vector<Line>& lines, const std::vector<Score>& scores) {
   add_share(lines, scores, "stated spread off by 2: another name", row("stated-sigma"), wrong_names, 0.03,
             true);
   add_share(
+      lines, scores, "stated spread off by 2: another, not stop_effect", row("stated-sigma"),
+      [](const Score& s) { return s.names.wrong > 0 && !s.partly_right; }, 0.03, true);
+  add_share(
       lines, scores, "stated spread off by 2: named, or not testable", row("stated-sigma"),
       [](const Score& s) { return right(s) || s.result == Answer::quiet; }, 0.0);
 }

@@ -183,10 +183,14 @@ TEST(Score, OfAWronglyStatedSpread) {
   quiet.unseen.push_back({});
   quiet.unseen.back().effect = "stop_effect";
   EXPECT_EQ(score(c, quiet).result, Answer::quiet);
-  EXPECT_EQ(score(c, explained({"stop_effect"})).result, Answer::right_name);
+  const Score wider =
+      score(c, explained({"stop_effect"}));  // another name, if one that has it among its parameters
+  EXPECT_EQ(wider.result, Answer::wrong_name);
+  EXPECT_TRUE(wider.partly_right);
   const Score wrong = score(c, explained({"odometry_random_walk"}));
   EXPECT_EQ(wrong.result, Answer::wrong_name);
   EXPECT_EQ(wrong.names.wrong, 1);
+  EXPECT_FALSE(wrong.partly_right);
 }
 
 TEST(Score, OfARandomDesignUnobservableIsNoAlarm) {
