@@ -118,7 +118,9 @@ Score diagnose_case(const Case& c, bool oracle, const Diagnose& diagnose) {
       options.simulation = ask(diagnose, second, options_for(""), seconds).baseline;
       diagnosis = ask(diagnose, recording, options, seconds);
     } else {
+      const Clock::time_point begin = Clock::now();
       diagnosis = diagnose_against(recordings, std::span<const Recording>(&second, 1), options);
+      seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     }
   } else {
     diagnosis = ask(diagnose, recording, options, seconds);
