@@ -111,9 +111,9 @@ Score diagnose_case(const Case& c, bool oracle, const Diagnose& diagnose) {
   const Recording recording = record(c, c.planted);
   const std::span<const Recording> recordings(&recording, 1);
   Diagnosis diagnosis;
-  if (c.row.starts_with("simulation-")) {
+  if (has_simulation(c.row)) {
     // SIM is a second run without the effect, and the calibration of one, in turns.
-    const Recording second = record(c, c.clean, 2);
+    const Recording second = simulation_of(c);
     if (c.index / 2 % 2 == 0) {
       options.simulation = ask(diagnose, second, options_for(""), seconds).baseline;
       diagnosis = ask(diagnose, recording, options, seconds);

@@ -404,4 +404,8 @@ Recording record(const Case& c, const world::World& world, std::uint64_t run) {
   return recording;
 }
 
+bool has_simulation(const std::string& row) { return row.starts_with("simulation-"); }
+
+Recording simulation_of(const Case& c) { return record(c, c.clean, 2); }
+
 }  // namespace rangecal::proof

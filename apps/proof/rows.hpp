@@ -43,4 +43,8 @@ Case draw_case(const std::string& row, std::uint64_t seed, int index, const std:
 /// law's error of shape is in the recording of what is planted.
 Recording record(const Case& the_case, const world::World& world, std::uint64_t run = 0);
 
+/// True for the rows that are held against a simulation, and what that simulation recorded: another run of the clean world.
+bool has_simulation(const std::string& row);
+Recording simulation_of(const Case& the_case);
+
 }  // namespace rangecal::proof
