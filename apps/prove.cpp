@@ -65,6 +65,10 @@ int dump_world(const ProveOptions& o) {
     const proof::Case c = proof::draw_case(o.rows[0], o.seed, o.world, o.design);
     require_replaceable(o.dump);
     save_recording(proof::record(c, c.planted), o.dump, "rangecal prove");
+    if (proof::has_simulation(c.row)) {
+      require_replaceable(o.dump + "/simulation");
+      save_recording(proof::simulation_of(c), o.dump + "/simulation", "rangecal prove");
+    }
     write_file(o.dump + "/key.json", world_as_json(c).dump(2) + "\n");
   }
   const proof::Score score = proof::run_case(o.rows[0], o.seed, o.world, o.design, !o.no_oracle, diagnose);
@@ -170,7 +174,9 @@ void add_prove(CLI::App& app, Action& chosen) {
   command->add_option("-o,--out", options->out, "file for the answers, or folder of --make");
   command->add_option("--make", options->make, "make that many concealed recordings")->check(positive());
   command->add_option("--world", options->world, "run the world of that number of one --row and --design");
-  command->add_option("--dump", options->dump, "folder for that world's recording, with its key");
+  command->add_option(
+      "--dump", options->dump,
+      "folder for that world's recording, with its key and, in simulation/, what it is held against");
   command->add_flag("--no-oracle", options->no_oracle, "do not refit the true effect for comparison");
   command->footer(
       "A key says what was put into a recording; it is read once the diagnosis stands, and only if it matches the hash committed\n"

@@ -34,7 +34,7 @@ DiagnoseOptions options_for(const std::string& row) {
   DiagnoseOptions options;
   if (row == "speed") return options;
   options.held_out = row == "lambda-100" || row == "lambda-400";
-  options.unseen = row == "absorbed";
+  options.unseen = row == "absorbed" || row == "stated-sigma";
   options.next_experiments = row == "experiment";
   return options;
 }
@@ -111,14 +111,16 @@ Score diagnose_case(const Case& c, bool oracle, const Diagnose& diagnose) {
   const Recording recording = record(c, c.planted);
   const std::span<const Recording> recordings(&recording, 1);
   Diagnosis diagnosis;
-  if (c.row.starts_with("simulation-")) {
+  if (has_simulation(c.row)) {
     // SIM is a second run without the effect, and the calibration of one, in turns.
-    const Recording second = record(c, c.clean, 2);
+    const Recording second = simulation_of(c);
     if (c.index / 2 % 2 == 0) {
       options.simulation = ask(diagnose, second, options_for(""), seconds).baseline;
       diagnosis = ask(diagnose, recording, options, seconds);
     } else {
+      const Clock::time_point begin = Clock::now();
       diagnosis = diagnose_against(recordings, std::span<const Recording>(&second, 1), options);
+      seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     }
   } else {
     diagnosis = ask(diagnose, recording, options, seconds);
@@ -176,7 +178,8 @@ std::vector<Job> jobs_of(const FreshOptions& options) {
     if (row == "simulation-alike" || row == "simulation-alpha" || row == "closed-loop")
       count = (2 * options.worlds + 2) / 3;
     if (row == "speed") count = std::min(options.worlds, 40);
-    const bool of_designs = both && row != "everyday";  // a table has no stops
+    const bool of_designs =
+        both && row != "everyday" && row != "clean-any";  // these have no design or their own
     for (int i = 0; i < count; ++i)
       jobs.push_back({row,
                       of_designs ? (i % 2 == 0 ? "line" : "turning")

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "any_design.hpp"
+#include "old_bounds.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/physical/designs.hpp"
 #include "rangecal/problems/world/physical/plants.hpp"
+#include "shape_error.hpp"
 #include "twins.hpp"
 
 namespace rangecal::proof {
@@ -55,8 +58,10 @@ std::vector<std::string> candidates(const std::string& row, const std::string& d
   return ids([](const EffectInfo& e) { return e.catalogued && e.effect_class == EffectClass::mean; });
 }
 
-double target_of(const std::string& row) {
+/// The noncentrality that a world of that number is to have, or twice its nats.
+double target_of(const std::string& row, int index) {
   if (row == "noise-50") return 50.0;
+  if (row == "formula-off") return index / 2 % 2 == 0 ? 400.0 : 1600.0;
   if (row == "outside" || row == "simulation-alpha") return 400.0;
   if (row == "pair") return 250.0;
   return row.starts_with("lambda-") ? std::stod(row.substr(7)) : 100.0;
@@ -88,9 +93,25 @@ Sized free_size(const SeedModel& model, const EffectInfo& info, std::uint64_t ef
   return out;
 }
 
-std::optional<Sized> draw_size(const std::string& row, const SeedModel& model, const EffectInfo& info,
-                               std::uint64_t effect_seed, Random& random) {
+/// One to three times the bounds of old, or as many as the simulator can show, where that shows.
+std::optional<Sized> large_size(const SeedModel& model, const EffectInfo& info, std::uint64_t effect_seed,
+                                double sign, Random& random) {
+  constexpr double least_noncentrality = 100.0;
+  constexpr double rounding = 1e-6;  // a maximum may be the old bound itself
+  const double most = std::min(3.0, most_old_bounds(model.clean(), info.id, effect_seed));
+  const double times = std::exp(random.uniform(0.0, std::log(std::max(1.0, most))));
+  if (most < 1.0 - rounding) return std::nullopt;
+  const double size = sign * size_at_old_bounds(model.clean(), info.id, effect_seed, times);
+  Random draw(effect_seed);
+  Sized out{size, 0.0, world::apply(model.clean(), info.id, size, draw)};
+  out.value = noncentrality(model, out.planted);
+  return out.value >= least_noncentrality ? std::optional(out) : std::nullopt;
+}
+
+std::optional<Sized> draw_size(const std::string& row, double target, const SeedModel& model,
+                               const EffectInfo& info, std::uint64_t effect_seed, Random& random) {
   const double sign = any_sign(info, random);
+  if (row == "large") return large_size(model, info, effect_seed, sign, random);
   if (row == "absorbed") {
     const Sized sized = free_size(model, info, effect_seed, sign, 0.5, 1.0, random);
     return sized.value < 1.0 ? std::optional<Sized>(sized) : std::nullopt;
@@ -100,9 +121,9 @@ std::optional<Sized> draw_size(const std::string& row, const SeedModel& model, c
     return free_size(model, info, effect_seed, sign, 0.5, 2.0, random);
   const bool mean = info.effect_class == EffectClass::mean || info.effect_class == EffectClass::absorbed;
   if (row == "simulation-alpha")
-    return size_for(model, info.id, target_of(row), Measure::lambda, effect_seed, sign, &model.state().alpha);
-  if (mean) return size_for(model, info.id, target_of(row), Measure::lambda, effect_seed, sign);
-  const double nats = row == "noise-50" ? target_of(row) : 0.5 * target_of(row);
+    return size_for(model, info.id, target, Measure::lambda, effect_seed, sign, &model.state().alpha);
+  if (mean) return size_for(model, info.id, target, Measure::lambda, effect_seed, sign);
+  const double nats = row == "noise-50" ? target : 0.5 * target;
   std::optional<Sized> sized = size_for(model, info.id, nats, Measure::nats, effect_seed, sign);
   if (sized && std::abs(sized->size) < 0.1 * info.typical)  // smaller ones are no such effect
     return free_size(model, info, effect_seed, sign, 0.1, 0.2, random);
@@ -110,6 +131,7 @@ std::optional<Sized> draw_size(const std::string& row, const SeedModel& model, c
 }
 
 void draw_single(Case& c, const SeedModel& model, Random& random) {
+  const double target = target_of(c.row, c.index);
   std::vector<std::string> left = candidates(c.row, c.design);
   while (!left.empty()) {
     const auto pick = static_cast<std::ptrdiff_t>(random.index(left.size()));
@@ -117,7 +139,7 @@ void draw_single(Case& c, const SeedModel& model, Random& random) {
     left.erase(left.begin() + pick);
     const EffectInfo& info = world::effect_info(id);
     c.effect_seed = random.bits();
-    const std::optional<Sized> sized = draw_size(c.row, model, info, c.effect_seed, random);
+    const std::optional<Sized> sized = draw_size(c.row, target, model, info, c.effect_seed, random);
     if (sized) {
       const bool mean = info.effect_class == EffectClass::mean || info.effect_class == EffectClass::absorbed;
       c.in_nats = !mean;
@@ -133,7 +155,7 @@ void draw_single(Case& c, const SeedModel& model, Random& random) {
 void draw_pair(Case& c, const SeedModel& model, Random& random) {
   const Signatures signatures(model, c.seed);
   const std::vector<std::string> all = candidates(c.row, c.design);
-  const double target = target_of(c.row);
+  const double target = target_of(c.row, c.index);
   for (int draw = 0; draw < 400; ++draw) {
     const std::string names[2] = {all[random.index(all.size())], all[random.index(all.size())]};
     const std::uint64_t seeds[2] = {random.bits(), random.bits()};
@@ -169,8 +191,19 @@ void draw_pair(Case& c, const SeedModel& model, Random& random) {
   throw InputError("no pair of effects reaches the target in design '" + c.design + "'");
 }
 
+/// The row whose worlds a row has, with the same draws.
+std::string drawn_as(const std::string& row) {
+  if (row == "simulation-effect" || row == "closed-loop" || row == "speed") return "lambda-100";
+  if (row == "simulation-many-3") return "many-3";
+  if (row == "beside-unknown") return "many-2";
+  return row.ends_with("-outliers") ? row.substr(0, row.rfind('-')) : row;
+}
+
 /// How many causes a row conceals at once: 3 for "many-3"; 0 for a row of one cause, or of two by its own rule.
-int causes_of(const std::string& row) { return row.starts_with("many-") ? std::stoi(row.substr(5)) : 0; }
+int causes_of(const std::string& row) {
+  const std::string drawn = drawn_as(row);
+  return drawn.starts_with("many-") ? std::stoi(drawn.substr(5)) : 0;
+}
 
 /// Causes on the means, each of noncentrality 150 alone and of 60 or more beside the others, whose catalogue signatures are
 /// projected out too: larger where they take more. Another cause is drawn only where one cannot reach that within its
@@ -247,6 +280,42 @@ void add_outliers(Case& c, Random& random) {
   c.sizes.push_back(share);
 }
 
+/// An effect outside the catalogue beside the causes, drawn as in the row `outside`. Another is drawn where the causes'
+/// signatures take up more than half of its noncentrality: it would then be seen as a change of their sizes.
+void add_unknown(Case& c, const SeedModel& model, Random& random) {
+  const double target = target_of("outside", c.index);
+  const Signatures signatures(model, c.seed);
+  std::vector<std::string> left = candidates("outside", c.design);
+  while (!left.empty()) {
+    const auto pick = static_cast<std::ptrdiff_t>(random.index(left.size()));
+    const std::string id = left[static_cast<std::size_t>(pick)];
+    left.erase(left.begin() + pick);
+    const EffectInfo& info = world::effect_info(id);
+    const std::uint64_t seed = random.bits();
+    const std::optional<Sized> sized = draw_size("outside", target, model, info, seed, random);
+    const bool mean = info.effect_class == EffectClass::mean;
+    if (!sized || (mean && signatures.left(projected(model, sized->planted), c.truth) < 0.5 * target)) {
+      c.out_of_reach.push_back(id + " (" + c.design + ")");
+      continue;
+    }
+    Random draw(seed);
+    c.unknown = id;
+    c.planted = world::apply(c.planted, id, sized->size, draw);
+    c.truth.push_back(id);
+    c.sizes.push_back(sized->size);
+    return;
+  }
+  throw InputError("no effect outside the catalogue shows beside two causes in design '" + c.design + "'");
+}
+
+/// Half of the spread that the stops have in worlds of even number, twice it in the others.
+void state_other_sigma(Case& c) {
+  const double times = c.index / 2 % 2 == 0 ? 0.5 : 2.0;
+  c.planted.robot.stated_sigma_m *= times;
+  c.truth = {"stated_sigma"};
+  c.sizes = {times};
+}
+
 }  // namespace
 
 const std::vector<std::string>& row_names() {
@@ -275,16 +344,18 @@ const std::vector<std::string>& row_names() {
                                               "many-4-outliers",
                                               "many-5-outliers",
                                               "one-sided",
-                                              "everyday"};
+                                              "everyday",
+                                              "simulation-many-3",
+                                              "beside-unknown",
+                                              "large",
+                                              "formula-off",
+                                              "clean-any",
+                                              "stated-sigma"};
   return names;
 }
 
 std::uint64_t world_seed(const std::string& row, std::uint64_t seed, int index, const std::string& design) {
-  // Worlds against a simulation, and those for speed, are those of lambda 100: the same draws.
-  const bool same_as_100 = row == "simulation-effect" || row == "closed-loop" || row == "speed";
-  const std::string drawn = same_as_100                  ? "lambda-100"
-                            : row.ends_with("-outliers") ? row.substr(0, row.rfind('-'))
-                                                         : row;
+  const std::string drawn = drawn_as(row);
   std::uint64_t number = 0;
   while (row_names()[number] != drawn) ++number;
   return seed_from("prove",
@@ -300,10 +371,17 @@ Case draw_case(const std::string& row, std::uint64_t seed, int index, const std:
   c.row = row, c.design = design, c.index = index;
   c.seed = world_seed(row, seed, index, design);
   Random random(c.seed);
-  c.clean = world::vary(design == "line" ? world::make_line_design() : world::make_turning_design(), random);
+  c.clean =
+      row == "clean-any"
+          ? any_design(random)
+          : world::vary(design == "line" ? world::make_line_design() : world::make_turning_design(), random);
   c.planted = c.clean;
-  if (row == "clean" || row == "simulation-alike") {
+  if (row == "clean" || row == "clean-any" || row == "simulation-alike") {
     c.value = noncentrality(c.clean);
+    return c;
+  }
+  if (row == "stated-sigma") {
+    state_other_sigma(c);
     return c;
   }
   const SeedModel model(c.clean);
@@ -314,11 +392,20 @@ Case draw_case(const std::string& row, std::uint64_t seed, int index, const std:
   else
     draw_single(c, model, random);
   if (row.ends_with("-outliers")) add_outliers(c, random);
+  if (row == "beside-unknown") add_unknown(c, model, random);
+  if (row == "formula-off") c.shape_error = shape_error(c.clean, c.planted, c.truth.at(0), random);
   return c;
 }
 
 Recording record(const Case& c, const world::World& world, std::uint64_t run) {
-  return world::simulate(world, seed_from("prove.recording", {c.seed, run}));
+  const std::uint64_t seed = seed_from("prove.recording", {c.seed, run});
+  Recording recording = world::simulate(world, seed);
+  if (!c.shape_error.empty()) add_shape_error(recording, c.clean, world, c.shape_error, seed);
+  return recording;
 }
+
+bool has_simulation(const std::string& row) { return row.starts_with("simulation-"); }
+
+Recording simulation_of(const Case& c) { return record(c, c.clean, 2); }
 
 }  // namespace rangecal::proof

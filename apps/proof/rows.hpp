@@ -24,6 +24,12 @@ namespace rangecal::proof {
 ///   many-2-outliers, ...       the same worlds with 3 % of the readings too near or too far, in turns
 ///   everyday                   tables of known distances as a new user has them (everyday.hpp)
 ///   one-sided                  5 % of the readings too near or too far, nothing else
+///   simulation-many-3          many-3 against a simulation without the causes
+///   beside-unknown             many-2 and an effect outside the catalogue
+///   large                      one effect of one to three times the bounds of commit b621615 (old_bounds.hpp)
+///   formula-off                one effect of lambda 400 and 1600 in turns, its law's shape 10 % off (shape_error.hpp)
+///   clean-any                  nothing planted, a random design (any_design.hpp)
+///   stated-sigma               the spread of the stops' positions stated half or twice as large as it is, nothing else
 const std::vector<std::string>& row_names();
 
 /// The seed that draws the world of that row, number and design.
@@ -33,7 +39,12 @@ std::uint64_t world_seed(const std::string& row, std::uint64_t seed, int index, 
 /// Throws InputError for an unknown row or design.
 Case draw_case(const std::string& row, std::uint64_t seed, int index, const std::string& design);
 
-/// The recording of a case: the noise comes from the case's seed; `run` tells several runs apart.
+/// The recording of a case: the noise comes from the case's seed; `run` tells several runs apart. A
+/// law's error of shape is in the recording of what is planted.
 Recording record(const Case& the_case, const world::World& world, std::uint64_t run = 0);
+
+/// True for the rows that are held against a simulation, and what that simulation recorded: another run of the clean world.
+bool has_simulation(const std::string& row);
+Recording simulation_of(const Case& the_case);
 
 }  // namespace rangecal::proof

@@ -47,9 +47,11 @@ struct Case {
   world::World clean, planted;
   std::vector<std::string> truth;  ///< planted ids, none for a clean world
   std::string outliers;            ///< of these the outliers beside the causes; empty: none
+  std::string unknown;             ///< of these the one outside the catalogue beside the causes; empty: none
   std::vector<double> sizes;
   double value = 0.0;  ///< lambda or nats of the first effect
   bool in_nats = false;
+  std::vector<double> shape_error;  ///< of the planted law, of every reading (shape_error.hpp); empty: none
   std::vector<std::string>
       out_of_reach;  ///< effects drawn before that cannot reach the target, "id (design)"
 };
@@ -70,16 +72,17 @@ struct Score {
   Answer result = Answer::missed;
   int set_size = 0;
   double probability = 0.0, alarm_p = 1.0;
-  bool partly_right = false;           ///< a pair: one right and none wrong
-  int causes = 0;                      ///< concealed, beside outliers
-  Names names;                         ///< of the answer, outliers' own left out
+  bool partly_right = false;  ///< a pair: one right and none wrong; a stated spread: stop_effect alone
+  int causes = 0;             ///< concealed, beside outliers and what is outside the catalogue
+  Names names;                ///< of the answer, outliers' own left out
   std::optional<bool> outliers_named;  ///< as what they are
-  std::string location;                ///< "channel/covariate" first found
+  std::optional<bool> said_large;      ///< what is named is said to be unusually large
+  std::string location;  ///< "channel/covariate" first found; beside causes, of what has no name
   bool located = false;
   std::optional<double> gain_ratio, gain_excess_nats;
   Coverage coverage;
   std::optional<bool> held_out_improves;
-  std::optional<bool> listed;  ///< absorbed effects: in twins or unseen
+  std::optional<bool> listed;  ///< one cause: in twins or unseen
   std::string experiment;      ///< code carried out, "none" where nothing was said to separate
   std::optional<bool> experiment_good;
   double seconds = 0.0;

@@ -10,6 +10,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/problems/world/physical/designs.hpp"
+#include "rangecal/problems/world/physical/plants.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace rangecal::proof {
@@ -98,6 +99,114 @@ TEST(Fresh, CountsAnswersAndPrintsTheTable) {
   EXPECT_EQ(lines[2].figure, 0.0);
   EXPECT_FALSE(lines[2].met);
   EXPECT_THAT(proof_text(result.scores, {}), HasSubstr("no_mismatch x"));
+}
+
+TEST(Rows, SomeShareTheirDraws) {
+  const Case three = draw_case("many-3", 4, 1, "turning"),
+             simulated = draw_case("simulation-many-3", 4, 1, "turning");
+  EXPECT_EQ(simulated.truth, three.truth);
+  EXPECT_EQ(simulated.sizes, three.sizes);
+  const Case two = draw_case("many-2", 4, 1, "turning"),
+             beside = draw_case("beside-unknown", 4, 1, "turning");
+  ASSERT_EQ(beside.truth.size(), 3u);
+  EXPECT_EQ(std::vector<std::string>(beside.truth.begin(), beside.truth.begin() + 2), two.truth);
+  EXPECT_EQ(beside.truth[2], beside.unknown);
+  EXPECT_FALSE(world::effect_info(beside.unknown).catalogued);
+}
+
+Diagnosis in_part(std::vector<std::string> effects, const std::string& channel,
+                  const std::string& covariate) {
+  Diagnosis d = explained(effects);
+  d.verdict = Verdict::partly_explained;
+  d.final_effects.push_back("generic");
+  Finding named, rest;
+  named.channel = "range", named.covariate = "time", named.effects = effects;
+  rest.channel = channel, rest.covariate = covariate, rest.effects = {"generic"};
+  d.location = {named, rest};
+  return d;
+}
+
+TEST(Score, OfCausesBesideAnUnknownOne) {
+  Case c;
+  c.row = "beside-unknown", c.truth = {"tilt", "warmup_drift", "motor_detents"}, c.unknown = "motor_detents";
+  const Score all = score(c, in_part({"tilt", "warmup_drift"}, "bearing", "sensor_bearing"));
+  EXPECT_EQ(all.result, Answer::right_name);
+  EXPECT_EQ(all.location, "bearing/sensor_bearing");
+  EXPECT_EQ(std::make_pair(all.names.found, all.causes), std::make_pair(2, 2));
+  const Score elsewhere = score(c, in_part({"tilt", "warmup_drift"}, "range", "sensor_bearing"));
+  EXPECT_FALSE(elsewhere.located);
+  EXPECT_EQ(elsewhere.result, Answer::unexplained);
+  const Score one = score(c, in_part({"tilt"}, "bearing", "sensor_bearing"));
+  EXPECT_TRUE(one.located);
+  EXPECT_EQ(one.result, Answer::unexplained);
+  const Score wrong = score(c, in_part({"tilt", "lever_arm"}, "bearing", "sensor_bearing"));
+  EXPECT_EQ(wrong.result, Answer::wrong_name);
+  EXPECT_EQ(wrong.names.wrong, 1);
+  const Score whole = score(c, explained({"tilt", "warmup_drift"}));
+  EXPECT_FALSE(whole.located);
+  EXPECT_EQ(whole.result, Answer::unexplained);
+}
+
+TEST(Score, OfALargeCauseAsksForTheNote) {
+  Case c;
+  c.row = "large", c.truth = {"tilt"};
+  Diagnosis d = explained({"tilt"});
+  EXPECT_FALSE(score(c, d).said_large.value());
+  d.notes.push_back("tilt is unusually large: 4.1 times its typical size");
+  const Score said = score(c, d);
+  EXPECT_TRUE(said.said_large.value());
+  const std::vector<Line> lines = proof_lines({said});
+  EXPECT_EQ(lines[0].what, "1 to 3 old bounds: named, said to be large");
+  EXPECT_EQ(lines[0].figure, 1.0);
+  const std::vector<Score> read = read_scores(proof_csv({said}), "scores.csv");
+  EXPECT_EQ(read.at(0).said_large, said.said_large);
+}
+
+TEST(Score, OfAFormulaThatIsOffMayLeaveARest) {
+  Case c;
+  c.row = "formula-off", c.truth = {"tilt"}, c.shape_error = {0.1};
+  EXPECT_EQ(score(c, explained({"tilt"})).result, Answer::right_name);
+  EXPECT_EQ(score(c, in_part({"tilt"}, "range", "range")).result, Answer::right_name);
+  const Score wrong = score(c, in_part({"tilt", "lever_arm"}, "range", "range"));
+  EXPECT_EQ(wrong.result, Answer::wrong_name);
+  EXPECT_EQ(wrong.names.wrong, 1);
+  Diagnosis nameless = explained({"generic"});
+  nameless.verdict = Verdict::unexplained;
+  EXPECT_EQ(score(c, nameless).result, Answer::unexplained);
+}
+
+TEST(Score, OfAWronglyStatedSpread) {
+  Case c;
+  c.row = "stated-sigma", c.truth = {"stated_sigma"};
+  Diagnosis quiet;
+  EXPECT_EQ(score(c, quiet).result, Answer::missed);
+  quiet.unseen.push_back({});
+  quiet.unseen.back().effect = "stop_effect";
+  EXPECT_EQ(score(c, quiet).result, Answer::quiet);
+  const Score wider =
+      score(c, explained({"stop_effect"}));  // another name, if one that has it among its parameters
+  EXPECT_EQ(wider.result, Answer::wrong_name);
+  EXPECT_TRUE(wider.partly_right);
+  const Score wrong = score(c, explained({"odometry_random_walk"}));
+  EXPECT_EQ(wrong.result, Answer::wrong_name);
+  EXPECT_EQ(wrong.names.wrong, 1);
+  EXPECT_FALSE(wrong.partly_right);
+}
+
+TEST(Score, OfARandomDesignUnobservableIsNoAlarm) {
+  Case c;
+  c.row = "clean-any";
+  Diagnosis d;
+  d.verdict = Verdict::unobservable;
+  EXPECT_EQ(score(c, d).result, Answer::quiet);
+  EXPECT_EQ(score(c, explained({"tilt"})).result, Answer::false_alarm);
+}
+
+TEST(StatedSigma, IsHalfAndTwiceInTurns) {
+  const Case half = draw_case("stated-sigma", 2, 0, "line"), twice = draw_case("stated-sigma", 2, 2, "line");
+  EXPECT_EQ(record(half, half.planted).sigma_xy_m, 0.005);
+  EXPECT_EQ(record(twice, twice.planted).sigma_xy_m, 0.02);
+  EXPECT_EQ(half.planted.robot.placing_sigma_m, 0.01);
 }
 
 TEST(Sealed, ShaOfAbc) {  // FIPS 180-2, appendix B.1
