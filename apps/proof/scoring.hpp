@@ -22,7 +22,7 @@ enum class Answer {
   quiet,        ///< clean, and no alarm
   false_alarm,  ///< clean, and an alarm
   right_name,   ///< the planted effect(s), alone
-  right_set,    ///< at most three sets with the truth among them, all of them twins in this design
+  right_set,    ///< at most four sets with the truth among them, all of them twins in this design
   wrong_name,   ///< a single answer that is not the truth
   wrong_set,    ///< several, without the truth, too many, or with one that the data exclude
   missed,       ///< no alarm although something was planted

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // N3. An error shared by all readings of a stop: it stands elsewhere than stated, or is turned.
 //
-//   sigma_xy -> sigma_xy exp(g),   sigma_heading -> hypot(sigma_heading, sigma_phi)     [m], [rad]
+//   sigma_xy -> hypot(sigma_xy, sigma_p),   sigma_heading -> hypot(sigma_heading, sigma_phi)     [m], [rad]
 //
 // Acts on the priors of the stops. Where sigma_xy is 0 the position stays exact; a covariance of a stop's own
-// keeps its shape in the plane. Source: derived: an error of the stop, seen along each direction.
+// keeps its shape in the plane. Stated spreads that are off by a factor: stated_sigma. Source: derived: an error of the
+// stop, seen along each direction.
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -31,21 +32,20 @@ class StopEffect final : public Effect {
         .kind = EffectKind::dependence,
         .channel = "stop",
         .covariate = "stop",
-        .physics =
-            "The stops scatter otherwise than stated, mostly more: all landmarks of a stop share an error.",
-        .formula = "sigma_xy exp(g) [m], sqrt(sigma_heading^2 + sigma_phi^2) [rad] per stop",
+        .physics = "The stops scatter more than stated: all landmarks of a stop share an error.",
+        .formula = "sqrt(sigma_xy^2 + sigma_p^2) [m], sqrt(sigma_heading^2 + sigma_phi^2) [rad] per stop",
         .source = "derived: an error of the stop, seen along each direction",
         .visible_by = "several landmarks at each stop",
         .settled_by = "mark the stops on the floor, or state sigma_xy_m and sigma_heading_rad as they are",
         .parameters = {
-            {.name = "log_scale", .typical = 0.7, .low = -3.0, .high = 4.0, .linear = false},
+            {.name = "position_sigma_m", .typical = 0.01, .low = 0.0, .high = 1.0, .linear = false},
             {.name = "heading_sigma_rad", .typical = 0.00524, .low = 0.0, .high = 0.0873, .linear = false}}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext&) const override {
-    return {point({0.7, 0.0}),    point({1.4, 0.0}),   point({0.0, 0.005}),
-            point({0.0, 0.0175}), point({0.7, 0.005}), point({1.4, 0.0175})};
+    return {point({0.01, 0.0}),   point({0.03, 0.0}),   point({0.0, 0.005}),
+            point({0.0, 0.0175}), point({0.01, 0.005}), point({0.03, 0.0175})};
   }
 
   std::string missing(const EffectContext& context) const override { return lacks_stops(context, 4); }
@@ -54,16 +54,12 @@ class StopEffect final : public Effect {
 
   void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
     for (StopPrior& stop : stops) {
-      stop.sigma_xy_m *= std::exp(p[0]);
+      if (stop.sigma_xy_m > 0.0) stop.sigma_xy_m = std::hypot(stop.sigma_xy_m, p[0]);
       const double before = stop.sigma_heading_rad;
       stop.sigma_heading_rad = std::hypot(before, p[1]);
       if (stop.shape && stop.sigma_heading_rad > before)
         thin_correlation(before / stop.sigma_heading_rad, stop);
     }
-  }
-
-  std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {
-    return {{"spread_factor", std::exp(p[0])}, {"heading_sigma_rad", p[1]}};
   }
 };
 

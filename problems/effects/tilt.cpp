@@ -36,8 +36,8 @@ class Tilt final : public Effect {
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees), or level the sensor with a spirit level",
         .parameters = {
-            {.name = "cosine_rad2", .typical = 0.0076, .low = -0.0305, .high = 0.0305, .linear = false},
-            {.name = "sine_rad2", .typical = 0.0076, .low = -0.0305, .high = 0.0305, .linear = false}}};
+            {.name = "cosine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false},
+            {.name = "sine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false}}};
     return value;
   }
 

@@ -77,6 +77,7 @@ class Recording:
 
 class ModelScore:
     order: int
+    curve: str
     noise_law: str
     nll: float
     aic: float

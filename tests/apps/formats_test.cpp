@@ -58,6 +58,8 @@ TEST(Formats, NameEveryMemberOfACalibration) {
   folder.write("echo/pairs.csv", echo);  // one late echo, which is listed
   files.push_back(written(folder, "calibrate " + folder.file("echo") + " --json"));
   EXPECT_EQ(files.back().at("outliers").size(), 1u);
+  files.push_back(written(folder, "calibrate " + shipped("everyday/reciprocal") + " --json"));
+  EXPECT_EQ(files.back().at("curve").at("family"), "reciprocal");
   std::filesystem::create_directory(folder.file("noted"));
   folder.write("noted/recording.yaml", "format: rangecal/1\nkind: pairs\n");
   std::string pairs = "true_m,reading_m,by\n";

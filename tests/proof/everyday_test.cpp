@@ -75,7 +75,6 @@ TEST(Everyday, PlainTablesAreExplained) {
 TEST(Everyday, TheShippedTablesAreExplained) {
   const std::string folder = std::string(RANGECAL_SOURCE_DIR) + "/notebooks_data/everyday/";
   for (const std::string& kind : everyday_kinds()) {
-    if (kind == "reciprocal") continue;  // no family of curves holds it yet
     const auto key = nlohmann::json::parse(read_file(folder + kind + "/key.json"));
     EverydayTable table;
     table.kind = key.at("kind");
@@ -84,7 +83,8 @@ TEST(Everyday, TheShippedTablesAreExplained) {
     options.held_out = options.unseen = options.next_experiments = false;
     const Recording recording = load_recording(folder + kind);
     const Score score = score_everyday(table, diagnose({&recording, 1}, options));
-    EXPECT_EQ(score.result, Answer::right_name) << kind << ": " << score.answer;
+    EXPECT_EQ(score.result, table.causes.empty() ? Answer::quiet : Answer::right_name)
+        << kind << ": " << score.answer;
   }
 }
 

@@ -141,3 +141,19 @@ def test_an_unlucky_solve_is_an_outcome():
     assert len(calibration.to_frame()) >= 0 and calibration.covariance is None
     with pytest.raises(rangecal.InputError, match="too_few_data"):
         rangecal.correct(calibration, 1.0)
+
+
+def test_a_voltage_gets_a_reciprocal_curve(source):
+    folder = source / "notebooks_data/everyday/reciprocal"
+    ours = rangecal.calibrate(folder)
+    assert ours.curve["family"] == "reciprocal" and ours.curve["offset_std_m"] > 0
+    u = 1.0 / (2.0 + ours.curve["offset_m"])
+    assert ours.f(2.0) == pytest.approx(np.polyval(ours.alpha[::-1], u))
+    power = u ** np.arange(len(ours.covariance_with_choice))
+    assert ours.f_std(2.0) == pytest.approx(np.sqrt(power @ ours.covariance_with_choice @ power))
+    d = rangecal.correct(ours, [ours.f(2.0)]).distance_m
+    assert d[0] == pytest.approx(2.0)
+    assert rangecal.calibrate(folder, curve="polynomial").curve == {"family": "polynomial"}
+    assert rangecal.diagnose(folder, curve="reciprocal", held_out=False).verdict == "no_mismatch"
+    with pytest.raises(rangecal.InputError, match="d2"):
+        rangecal.calibrate(folder, curve="reciprocal", noise="d2")

@@ -491,6 +491,11 @@ void calibrate_reciprocal(std::span<const Recording> recordings, const Calibrate
           options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all), chosen, options.max_order);
       !left_out.empty())
     report.notes.insert(report.notes.begin(), std::move(left_out));
+  if (chosen.order_of_lowest != chosen.order)
+    report.notes.insert(
+        report.notes.begin(),
+        fmt::format("order {} rather than {}, which has the lowest {} and is less than 4 lower", chosen.order,
+                    chosen.order_of_lowest, to_string(options.criterion)));
   auto next = inner.calibrations.begin();
   for (const Method method : methods_of(options)) {
     Calibration result = method == Method::approximate ? no_approximate_reciprocal() : std::move(*next++);

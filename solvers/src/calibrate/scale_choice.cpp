@@ -96,7 +96,7 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
   if (!(nearest >= 0.0) || !(width > 0.0)) return std::nullopt;
   const std::vector<double> few_d = thinned(true_m), few_y = thinned(reading_m);
   const double few_nearest = *std::min_element(few_d.begin(), few_d.end());
-  std::optional<ReciprocalChoice> best;
+  std::vector<ReciprocalChoice> fitted;
   std::vector<ModelScore> models;
   for (const NoiseLaw law : laws_to_try(options))
     for (int order = options.order.value_or(1); order <= options.order.value_or(options.max_order); ++order) {
@@ -115,11 +115,19 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
       models.back().nll = nll;
       models.back().aic = 2.0 * (nll + order + 1 + noise_and_offset);
       const double value = criterion_of(models.back(), options.criterion, static_cast<double>(true_m.size()));
-      if (best && !(value < best->value)) continue;
-      best = ReciprocalChoice{{CurveFamily::reciprocal, std::exp(at) - nearest, {}}, order, law, value, {}};
+      fitted.push_back({{CurveFamily::reciprocal, std::exp(at) - nearest, {}}, order, law, value, order, {}});
     }
-  if (best) best->models = std::move(models);
-  return best;
+  if (fitted.empty()) return std::nullopt;
+  const ReciprocalChoice lowest = *std::min_element(
+      fitted.begin(), fitted.end(),
+      [](const ReciprocalChoice& a, const ReciprocalChoice& b) { return a.value < b.value; });
+  constexpr double nearly = 4.0;
+  ReciprocalChoice chosen = *std::find_if(fitted.begin(), fitted.end(), [&](const ReciprocalChoice& one) {
+    return one.law == lowest.law && one.value < lowest.value + nearly;
+  });
+  chosen.order_of_lowest = lowest.order;
+  chosen.models = std::move(models);
+  return chosen;
 }
 
 namespace {

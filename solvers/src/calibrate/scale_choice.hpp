@@ -15,12 +15,14 @@ namespace rangecal {
 /// distances then, but fall with it as the voltage of a triangulating sensor does.
 bool readings_fall(std::span<const double> true_m, std::span<const double> reading_m);
 
-/// The reciprocal curve of lowest criterion over orders and noise laws, each with its own offset c by maximum likelihood.
+/// The reciprocal curve of lowest criterion over orders and noise laws, each with its own offset c by maximum likelihood; of
+/// orders within 4 of it the lowest: the criterion alone takes one too many in one of six.
 struct ReciprocalChoice {
   CurveScale scale;
   int order = 1;
   NoiseLaw law = NoiseLaw::constant;
   double value = 0.0;              ///< the criterion [nats], c counted as a parameter
+  int order_of_lowest = 1;         ///< of lowest criterion
   std::vector<ModelScore> models;  ///< all that were tried
 };
 

@@ -46,8 +46,8 @@ double credible_gain(const Proposal& proposal);
 
 /// Starts a tail of the model from the likeliest point of its grid, and of the noise as the state has it or as half of the
 /// readings do; the calibration fitted at each.
-void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options, Model& model,
-                                JointState& state);
+void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options,
+                                Model& model, JointState& state);
 
 /// Adds the proposed effect to `base`, fitted from each of its starts; its other optima are looked for around the best.
 Fit fit_proposal(const Rows& rows, const Fit& base, const Proposal& proposal, const RefitOptions& options);

@@ -15,9 +15,10 @@ namespace rangecal::diagnosis {
 struct Signature {
   Eigen::VectorXd range, bearing;
   Eigen::VectorXd range_rows, bearing_rows;
-  double drift = 0.0;       ///< of its score, what follows the errors of the stops
-  Eigen::VectorXd follows;  ///< the cells' parts of it; empty: none
-  bool turns = false;       ///< turns over within the error of a stop: no expectation is known of its score
+  bool moves_stops = false;  ///< of a change of the stops
+  double drift = 0.0;        ///< of its score, what follows the errors of the stops
+  Eigen::VectorXd follows;   ///< the cells' parts of it; empty: none
+  bool turns = false;        ///< turns over within the error of a stop: no expectation is known of its score
   bool within() const { return range_rows.size() > 0; }
   void scale(double factor);
   /// Less `share` of the other; of the rows' deviations only where both have them.

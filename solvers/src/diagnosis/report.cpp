@@ -10,6 +10,7 @@
 #include "calibrate/landmarks_job.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/projector.hpp"
+#include "diagnosis/select/rivals.hpp"
 #include "diagnosis/settled_by.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
@@ -57,7 +58,7 @@ Explanation explain(const Rows& rows, const SearchResult& found, const Candidate
   return e;
 }
 
-/// The sets that the data do not tell from the best one, at most two, exact twins of every design first.
+/// The sets that the data do not tell from the best one, at most three, exact twins of every design first.
 std::vector<std::vector<std::string>> rivals_of(const SearchResult& found) {
   std::vector<std::vector<std::string>> sets;
   for (const Candidate& c : found.rivals) sets.push_back(ids_of(c.fit.model));
@@ -74,19 +75,22 @@ std::vector<std::vector<std::string>> rivals_of(const SearchResult& found) {
       };
       if (std::any_of(sets.begin(), sets.end(), same_names)) continue;
       sets.insert(sets.begin(), swapped);
-      if (sets.size() > 2) sets.pop_back();  // three members in all
+      if (sets.size() > most_rivals) sets.pop_back();
     }
   return sets;
 }
 
-/// Effects of more than three times their typical size: of linear parameters the length, in typical sizes.
+/// Effects of more than three times their typical size: of linear parameters, or where there is none of all that are sizes, the
+/// length in typical sizes.
 void note_large(const Model& model, std::vector<std::string>& notes) {
   constexpr double usual = 3.0;
   for (const ActiveEffect& active : model) {
     const std::vector<EffectParameter>& parameters = active.effect->info().parameters;
+    const bool any_linear =
+        std::any_of(parameters.begin(), parameters.end(), [](const EffectParameter& p) { return p.linear; });
     double squares = 0.0;
     for (std::size_t j = 0; j < parameters.size(); ++j)
-      if (parameters[j].linear)
+      if (parameters[j].linear || (!any_linear && !parameters[j].discrete && parameters[j].low <= 0.0))
         squares += std::pow(active.parameters[static_cast<Eigen::Index>(j)] / parameters[j].typical, 2);
     if (const double size = std::sqrt(squares); size > usual)
       notes.push_back(fmt::format("{} is unusually large: {:.2g} times its typical size",

@@ -254,6 +254,7 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     std::vector<Eigen::Vector3d> slopes = moves_between(low, high);
     for (Eigen::Vector3d& slope : slopes) slope /= 2.0 * step;
     add(projector.of_stops(slopes), x);
+    x.moves_stops = true;
   }
   return x;
 }

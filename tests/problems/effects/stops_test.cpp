@@ -109,9 +109,15 @@ TEST(EffectStops, RandomWalkChainsEveryPlaceButTheFirst) {
 }
 
 TEST(EffectStops, StopEffectWidensThePriors) {
-  const auto stops = changed("stop_effect", {std::log(3.0), 0.012});
-  EXPECT_NEAR(stops[2].sigma_xy_m, 0.03, 1e-15);
+  const auto stops = changed("stop_effect", {0.024, 0.012});
+  EXPECT_NEAR(stops[2].sigma_xy_m, 0.026, 1e-15);         // 10, 24, 26
   EXPECT_NEAR(stops[2].sigma_heading_rad, 0.013, 1e-15);  // 5, 12, 13
+}
+
+TEST(EffectStops, StatedSigmaIsOffByOneFactor) {
+  const auto stops = changed("stated_sigma", {std::log(3.0)});
+  EXPECT_NEAR(stops[2].sigma_xy_m, 0.03, 1e-15);
+  EXPECT_NEAR(stops[2].sigma_heading_rad, 0.005, 1e-15);
 }
 
 }  // namespace

@@ -109,7 +109,8 @@ std::vector<Case> cases() {
       {"odometry_random_walk", {0.01}, {}},
       {"lever_arm", {0.02, 0.01}, {}},
       {"wheel_slip", {0.05, 2.0}, {}},
-      {"stop_effect", {0.7, 0.005}, {}},
+      {"stated_sigma", {0.7}, {}},
+      {"stop_effect", {0.02, 0.005}, {}},
   };
 }
 

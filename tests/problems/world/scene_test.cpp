@@ -93,7 +93,7 @@ TEST(Scene, ErrorsOfEffectsNameTheParameter) {
       field + "range_scale.form': any form but 0 takes a column temperature_c, which a scene does not have");
   EXPECT_EQ(error("  arc_definition: {kappa: 0.2}\n"),
             field + "arc_definition': the scene lacks radii: landmarks with a radius_m");
-  EXPECT_EQ(error("  stop_effect: {log_scale: 1}\n"),
+  EXPECT_EQ(error("  stop_effect: {position_sigma_m: 1}\n"),
             field + "stop_effect': the scene lacks stops: at least 4");
   const std::string pairs =
       "format: rangecal-scene/1\nkind: pairs\nsensor: {alpha: [0, 1], noise: {law: f2, sigma: 0.01}}\n"

@@ -107,6 +107,22 @@ TEST(ScaleChoice, FallingReadingsGetTheReciprocalByThemselves) {
   EXPECT_TRUE(tried(CurveFamily::polynomial) && tried(CurveFamily::reciprocal));
 }
 
+TEST(ScaleChoice, OrderOneIsChosenWhereItIsTrue) {
+  constexpr int worlds = 60;
+  int right = 0;
+  CalibrateOptions options;
+  options.noise = NoiseLaw::constant;
+  for (int i = 0; i < worlds; ++i) {
+    const Recording recording =
+        drawn(seed_from("ScaleChoice.OrderOne", {static_cast<std::uint64_t>(i)}), 0.3, 4.0, 0.35, 0.02, 200);
+    const auto chosen = choose_reciprocal(recording.pairs.true_m, recording.pairs.reading_m, options);
+    ASSERT_TRUE(chosen);
+    right += chosen->order == 1;
+  }
+  // A chi-square of 1 to 3 beyond 4 + 2 to 4 + 6: 1.4 % at most; 5 % leaves room for the offset's own search.
+  EXPECT_GE(right, 0.95 * worlds - 3.0 * std::sqrt(0.95 * 0.05 * worlds));
+}
+
 TEST(ScaleChoice, RisingReadingsStayAPolynomial) {
   Random random(seed_from("ScaleChoice.Rising", {}));
   std::vector<double> d, y;

@@ -185,8 +185,16 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
     if (const double worth = worth_of(member, table, known); std::isfinite(worth))
       of_curves = std::max(of_curves, worth);
   }
-  const double least =
-      has_nameless(fit.model) ? std::max(priors.shadow * of_curves, options.naming_gap_nats) : 0.0;
+  double strongest = 0.0;  // what a name is worth that moves means, by a formula
+  for (std::size_t i = known; i < fit.model.size(); ++i) {
+    const Effect& effect = *fit.model[i].effect;
+    if (is_nameless(effect) || effect.info().kind != EffectKind::mean) continue;
+    if (const double worth = worth_of(fit.model[i], table, known); std::isfinite(worth))
+      strongest = std::max(strongest, worth);
+  }
+  const bool beside_others = fit.model.size() > known + 1;
+  double least = beside_others ? std::max(priors.beside_names, priors.formula_error * strongest) : 0.0;
+  if (has_nameless(fit.model)) least = std::max({least, priors.shadow * of_curves, options.naming_gap_nats});
   std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
   Model model;
   const Space seed(rows, {}, fit.state);

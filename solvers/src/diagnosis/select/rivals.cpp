@@ -24,7 +24,7 @@ void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vec
                 SearchResult& result) {
   const Model& best = result.best.fit.model;
   for (const Candidate& rival : ranked) {
-    if (result.rivals.size() == 2) return;
+    if (result.rivals.size() == most_rivals) return;
     const Model causes = without(best, rival.fit.model), others = without(rival.fit.model, best);
     if (causes.empty() || others.empty()) continue;
     const double gap = result.best.evidence - rival.evidence;

@@ -7,7 +7,10 @@
 
 namespace rangecal::diagnosis {
 
-/// Other explanations of the same size that the data do not reject, at most two, in the order of `ranked`: those whose evidence is
+/// FORMAT: `indistinguishable_from` holds at most three sets. Two causes with a twin each make three.
+inline constexpr std::size_t most_rivals = 3;
+
+/// Other explanations of the same size that the data do not reject, at most three, in the order of `ranked`: those whose evidence is
 /// within `naming_gap_nats` of the best's, and half a nat where the design separates the two.
 void add_rivals(const Rows& rows, const DiagnoseOptions& options, const std::vector<Candidate>& ranked,
                 SearchResult& result);
