@@ -160,6 +160,7 @@ _DOCS = {
     Attributes
     ----------
     order : int
+    curve : {"polynomial", "reciprocal"}
     noise_law : str
     nll, aic : float
         Marginal (pairs: plain) [nats]; infinite where it did not converge.

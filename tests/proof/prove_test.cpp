@@ -43,7 +43,8 @@ TEST(Classify, EveryClass) {
   EXPECT_EQ(classify(explained({"lever_arm"}, {{"tilt"}}), truth, always), Answer::right_set);
   EXPECT_EQ(classify(explained({"lever_arm"}, {{"tilt"}}), truth, never), Answer::wrong_set);
   EXPECT_EQ(classify(explained({"lever_arm"}, {{"range_scale"}}), truth, always), Answer::wrong_set);
-  EXPECT_EQ(classify(explained({"a"}, {{"b"}, {"c"}, {"tilt"}}), truth, always), Answer::wrong_set);
+  EXPECT_EQ(classify(explained({"a"}, {{"b"}, {"c"}, {"tilt"}}), truth, always), Answer::right_set);
+  EXPECT_EQ(classify(explained({"a"}, {{"b"}, {"c"}, {"d"}, {"tilt"}}), truth, always), Answer::wrong_set);
   EXPECT_EQ(classify(explained({"tilt", "lever_arm"}), {"lever_arm", "tilt"}, never), Answer::right_name);
   Diagnosis generic = explained({"generic"});
   generic.verdict = Verdict::unexplained;

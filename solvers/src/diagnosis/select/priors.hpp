@@ -15,9 +15,9 @@ struct SelectionPriors {
   /// Of what a curve without a name explains [nats]: a name beside it that explains less may be what its shape leaves of an
   /// unknown cause, and is not given.
   double shadow = 0.25;
-  /// The same where the curve lies along the covariate of the name itself, in its channel: what it adds is at
-  /// most so many times the name's worth, or the formula is not what is there. An unknown cause beside it may lie there, too.
-  double discrepancy = 3.0;
+  /// The same where the curve lies along the covariate of the name itself, in its channel: a formula leaves of its own shape a
+  /// share of its worth [nats] of this or less, or it is another cause's.
+  double discrepancy = 0.1;
   /// Nats that a name beside other names is worth at least, and of what the strongest of them is worth: a formula that is a tenth
   /// off leaves a hundredth of its own worth to others.
   double beside_names = 3.0, formula_error = 0.01;
