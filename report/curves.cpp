@@ -52,9 +52,10 @@ void add_curves(Page& page, const std::vector<NamedCurve>& curves, const std::ve
                         : "") +
            "over the readings as they were read.",
        "plot"}};
-  std::vector<ModelScore> sane;
-  std::copy_if(scores.begin(), scores.end(), std::back_inserter(sane),
-               [](const ModelScore& s) { return std::isfinite(s.aic); });
+  std::vector<ModelScore> sane;  // of the family that was taken
+  std::copy_if(scores.begin(), scores.end(), std::back_inserter(sane), [&](const ModelScore& s) {
+    return std::isfinite(s.aic) && !curves.empty() && s.family == curves.back().calibration->scale.family;
+  });
   if (!sane.empty()) {
     const ModelScore& best = *std::min_element(
         sane.begin(), sane.end(), [](const ModelScore& a, const ModelScore& b) { return a.aic < b.aic; });

@@ -494,8 +494,8 @@ void calibrate_reciprocal(std::span<const Recording> recordings, const Calibrate
   if (chosen.order_of_lowest != chosen.order)
     report.notes.insert(
         report.notes.begin(),
-        fmt::format("order {} rather than {}, which has the lowest {} and is less than 4 lower", chosen.order,
-                    chosen.order_of_lowest, to_string(options.criterion)));
+        fmt::format("order {} rather than {}, which has the lowest criterion, but by less than 4", chosen.order,
+                    chosen.order_of_lowest));
   auto next = inner.calibrations.begin();
   for (const Method method : methods_of(options)) {
     Calibration result = method == Method::approximate ? no_approximate_reciprocal() : std::move(*next++);

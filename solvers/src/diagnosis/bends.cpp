@@ -168,10 +168,12 @@ struct SwingingPlace {
 
 /// The least cost downhill from u, by steps that halve; u moves there.
 double descend(const SwingingPlace& place, double step, Eigen::Vector2d& u) {
+  constexpr int longest_walk = 200;  // steps: a minimum lies within a few, a slope without end leads nowhere
   const std::array<Eigen::Vector2d, 4> ways{{{1.0, 0.0}, {-1.0, 0.0}, {0.0, 1.0}, {0.0, -1.0}}};
   double least = place.cost(u);
   for (int halving = 0; halving < 4; ++halving, step *= 0.5) {
-    for (bool moved = true; moved;) {
+    bool moved = true;
+    for (int walk = 0; moved && walk < longest_walk; ++walk) {
       moved = false;
       for (const Eigen::Vector2d& way : ways) {
         const double cost = place.cost(u + step * way);

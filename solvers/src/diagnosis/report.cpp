@@ -287,6 +287,11 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     note_limits(rows, found.best.fit.model, result.notes);
     note_large(found.best.fit.model, result.notes);
   }
+  if (!rows.scale.is_distance())
+    result.notes.push_back(
+        fmt::format("the readings fall with distance as a sensor's voltage does: the curve is one over "
+                    "1 / (d + {:.4g} m)",
+                    rows.scale.offset_m));
   if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
     result.notes.push_back(fmt::format(
         "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",

@@ -120,6 +120,20 @@ double omitted_probability(const Hypotheses& table, std::size_t known) {
   return of_omitted / (of_fitted + of_omitted);
 }
 
+/// Gives one name alone what its formula may be off by, a share of what it gains: curves that are likelier by no more than that
+/// describe the formula's own error. The likeliest comes first again.
+void allow_for_one_formula(Hypotheses& table, std::size_t known, const SelectionPriors& priors) {
+  if (!has_nameless(table.front()->fit.model)) return;
+  for (auto& h : table) {
+    const Model& model = h->fit.model;
+    if (model.size() == known + 1 && !has_nameless(model) &&
+        model.back().effect->info().kind == EffectKind::mean)
+      h->log_posterior += priors.one_formula * std::max(0.0, h->gain);
+  }
+  std::stable_sort(table.begin(), table.end(),
+                   [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
+}
+
 /// True if what a question found matters: its size exceeds the tolerance; of dependence, tails and errors of stops, which
 /// have no size in readings, its gain is no trace of all that was explained.
 /// `spread_m`, `sigma_theta_rad`: of one reading.
@@ -287,11 +301,14 @@ std::vector<Candidate> others_of_its_size(const Hypotheses& table, const std::ve
 void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseOptions& options,
             const RefitOptions& refit_options, const SelectionPriors& priors, SearchResult& result) {
   const std::size_t known = result.known.model.size();
+  if (options.trace) {
+    const std::vector<double> p = probabilities(table);
+    for (std::size_t i = 0; i < table.size(); ++i) options.trace(tried_set(*table[i], p[i], known));
+  }
+  result.evidence_omitted = omitted_probability(table, known);
+  allow_for_one_formula(table, known, priors);
   const Hypothesis& best = *table.front();
   const std::vector<double> p = probabilities(table);
-  if (options.trace)
-    for (std::size_t i = 0; i < table.size(); ++i) options.trace(tried_set(*table[i], p[i], known));
-  result.evidence_omitted = omitted_probability(table, known);
   result.verdict = Verdict::unexplained;
 
   Named named = named_of(rows, table, p, known, options, priors);

@@ -21,6 +21,9 @@ struct SelectionPriors {
   /// Nats that a name beside other names is worth at least, and of what the strongest of them is worth: a formula that is a tenth
   /// off leaves a hundredth of its own worth to others.
   double beside_names = 3.0, formula_error = 0.01;
+  /// Of what one name alone gains: a likelier set that holds a curve has to be likelier by more, or it describes what the formula
+  /// is off by.
+  double one_formula = 0.02;
   /// Corrected p below which residuals are not clean; where readings sit on a grid, which no law describes well.
   double clean_rate = 0.005, clean_rate_on_grid = 1e-5;
   /// Chi-square of the cells' means per degree of freedom, and its p, beyond which nothing is explained.

@@ -150,6 +150,34 @@ TEST_F(Decide, AFormulaThatItsOwnCurveImprovesByMoreThanATenthIsAnotherCauses) {
   }
 }
 
+TEST_F(Decide, CurvesThatAreLikelierByAFiftiethDescribeTheFormulasError) {
+  look_at(with_causes());
+  const ActiveEffect along_range = curve(CurveChannel::bearing, "bearing", "range");
+  for (const double gain : {300.0, 500.0}) {  // a fiftieth of which is 6 and 10: 8 are between
+    add({along_range}, 100.0);
+    add({name("beam_offset")}, 92.0);
+    table_.back()->gain = gain;
+    add({}, 0.0);
+    const SearchResult result = decided();
+    if (gain > 400.0)
+      EXPECT_EQ(names_of(result), std::vector<std::string>{"beam_offset"});
+    else
+      EXPECT_EQ(result.verdict, Verdict::unexplained);
+  }
+}
+
+TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {
+  look_at(with_causes());
+  for (const double worth : {4.0, 12.0}) {
+    add({name("beam_offset"), name("settling")}, 800.0);
+    add({name("beam_offset")}, 800.0 - worth);
+    add({name("settling")}, 0.0);
+    const std::vector<std::string> names = names_of(decided());
+    EXPECT_EQ(names.size(), worth > 8.0 ? 2u : 1u) << worth;
+    EXPECT_EQ(std::count(names.begin(), names.end(), "beam_offset"), 1);
+  }
+}
+
 TEST_F(Decide, SetsThatWereSeenButNotFittedAreCounted) {
   add({name("settling")}, 20.0);
   table_.front()->proposals = {{{"tilt"}, 5.0, 20.0, false}, {{"settling"}, 20.0, 20.0, true}};
