@@ -121,13 +121,17 @@ double omitted_probability(const Hypotheses& table, std::size_t known) {
 }
 
 /// Gives one name alone what its formula may be off by, a share of what it gains: curves that are likelier by no more than that
-/// describe the formula's own error. The likeliest comes first again.
+/// describe the formula's own error. Not to one that chooses a landmark or a time: it takes the shape of much that it is not. The
+/// likeliest comes first again.
 void allow_for_one_formula(Hypotheses& table, std::size_t known, const SelectionPriors& priors) {
   if (!has_nameless(table.front()->fit.model)) return;
   for (auto& h : table) {
     const Model& model = h->fit.model;
-    if (model.size() == known + 1 && !has_nameless(model) &&
-        model.back().effect->info().kind == EffectKind::mean)
+    if (model.size() != known + 1 || has_nameless(model)) continue;
+    const EffectInfo& info = model.back().effect->info();
+    const bool chooses = std::any_of(info.parameters.begin(), info.parameters.end(),
+                                     [](const EffectParameter& parameter) { return parameter.discrete; });
+    if (info.kind == EffectKind::mean && !chooses)
       h->log_posterior += priors.one_formula * std::max(0.0, h->gain);
   }
   std::stable_sort(table.begin(), table.end(),
