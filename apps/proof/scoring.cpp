@@ -95,7 +95,7 @@ Answer class_beside_unknown(const Diagnosis& diagnosis, const Score& scored) {
 }
 
 /// Right is the name alone, or no mismatch where the answer says that a factor of two would not show in this design: an answer
-/// that has no `stated_sigma` says so of `stop_effect`, whose law has the factor as one of two parameters.
+/// may say so of `stop_effect`, an error of the stops too.
 void score_stated_sigma(Score& out, const Diagnosis& diagnosis) {
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
   out.causes = 1;

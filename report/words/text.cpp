@@ -115,9 +115,8 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
   });
   if (next != models.end() && std::isfinite(value(*next)) && std::isfinite(value(models[0])))
     text += fmt::format("; next: {}order {}, {}, {} {:+.1f}",
-                        next->family == calibration.scale.family && calibration.scale.is_distance()
-                            ? ""
-                            : std::string(to_string(next->family)) + " of ",
+                        calibration.scale.is_distance() ? family_in_words(next->family)
+                                                        : std::string(to_string(next->family)) + " of ",
                         next->order, law_in_words(next->law), name, value(*next) - value(models[0]));
   return text + ")";
 }

@@ -71,9 +71,10 @@ std::optional<AlphaBound> alpha_bound(std::span<const Recording> recordings, con
   AlphaBound bound;
   if (calibration.kind == RecordingKind::pairs) {
     std::vector<Recording> scaled;  // given the scale
-    for (const Recording& recording : recordings) scaled.push_back(on_scale(recording, calibration.scale));
-    const PairsDerivatives at =
-        pairs_derivatives(make_pairs_problem(scaled), calibration.alpha, calibration.noise);
+    if (!calibration.scale.is_distance())
+      for (const Recording& recording : recordings) scaled.push_back(on_scale(recording, calibration.scale));
+    const PairsDerivatives at = pairs_derivatives(make_pairs_problem(scaled.empty() ? recordings : scaled),
+                                                  calibration.alpha, calibration.noise);
     if (!std::isfinite(at.nll)) return std::nullopt;
     const auto std_dev = alpha_deviations(scaled_inverse(at.information), count);
     if (!std_dev) return std::nullopt;

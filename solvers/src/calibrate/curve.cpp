@@ -150,21 +150,19 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   Eigen::Index size = std::max(before.alpha.size(), after.alpha.size());
   for (const Calibration* c : {&before, &after})
     if (curve_covariance(*c)) size = std::max(size, curve_covariance(*c)->rows());
-  const bool same_scale = before.scale.same_as(after.scale);
   Eigen::VectorXd delta = Eigen::VectorXd::Zero(size);
   delta.head(after.alpha.size()) += after.alpha;
   delta.head(before.alpha.size()) -= before.alpha;
   CurveChange change;
-  std::optional<Eigen::MatrixXd> covariance;
   std::array<CovariancePart, 2> parts;
-  if (curve_covariance(after)) {
+  const bool known = curve_covariance(after).has_value();
+  if (known) {
     change.first_taken_as_exact = !curve_covariance(before);
     change.given_the_model =
         !after.covariance_with_choice || (!change.first_taken_as_exact && !before.covariance_with_choice);
     parts[0].covariance = padded(curve_covariance(before), size);
     if (!change.first_taken_as_exact) parts[0].degrees = noise_degrees(before);
     parts[1] = {padded(curve_covariance(after), size), noise_degrees(after)};
-    covariance = parts[0].covariance + parts[1].covariance;
   }
   constexpr int grid = 200;
   for (int i = 0; i <= grid; ++i) {
@@ -176,14 +174,14 @@ CurveChange compare_curves(const Calibration& before, const Calibration& after) 
   for (int i = 0; i < 5; ++i) {
     const double d = low + (high - low) * i / 4.0;
     CurveChange::At at{d, after.f(d) - before.f(d), std::nullopt};
-    if (covariance)
+    if (known)
       at.std_dev_m =
           std::sqrt(curve_variance(before, d).value_or(0.0) + curve_variance(after, d).value_or(0.0));
     change.at.push_back(at);
   }
-  if (!covariance)
+  if (!known)
     change.reason = "the new calibration has no covariance";
-  else if (!same_scale)
+  else if (!before.scale.same_as(after.scale))
     change.reason =
         "the curves are polynomials in different scales, which no test of their coefficients compares";
   else

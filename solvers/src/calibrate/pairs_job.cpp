@@ -20,19 +20,6 @@
 namespace rangecal {
 namespace {
 
-/// All recordings as one, for the closed forms.
-Recording joined(std::span<const Recording> recordings) {
-  Recording all = recordings[0];
-  for (const Recording& recording : recordings.subspan(1)) {
-    all.pairs.true_m.insert(all.pairs.true_m.end(), recording.pairs.true_m.begin(),
-                            recording.pairs.true_m.end());
-    all.pairs.reading_m.insert(all.pairs.reading_m.end(), recording.pairs.reading_m.begin(),
-                               recording.pairs.reading_m.end());
-    add_counts(recording.counts, all.counts);
-  }
-  return all;
-}
-
 /// The readings that agree with most others (agreeing_pairs), true distance and reading alone.
 Recording agreeing_of(const Recording& all) {
   const std::vector<char> kept = agreeing_pairs(all.pairs.true_m, all.pairs.reading_m);
@@ -369,9 +356,8 @@ int order_by_left_out_stretches(const Recording& all, PairsRun& run, std::pair<i
 }
 
 /// All four methods at polynomials in what the recordings have for true distances.
-void calibrate_polynomials(std::span<const Recording> recordings, const CalibrateOptions& options,
-                           CalibrationReport& report) {
-  const Recording all = joined(recordings);
+void calibrate_polynomials(const Recording& all, std::span<const Recording> recordings,
+                           const CalibrateOptions& options, CalibrationReport& report) {
   const bool looks = options.noise_shape != NoiseShape::gaussian;
   const Recording agreeing = looks ? agreeing_of(all) : all;
   const bool all_agree = agreeing.pairs.size() == all.pairs.size();
@@ -470,10 +456,9 @@ std::string left_out_of_reciprocal(const Recording& agreeing, const ReciprocalCh
       *own, unit.empty() ? "m" : unit, chosen.order, *least, unit.empty() ? "m" : unit, of_order);
 }
 
-void calibrate_reciprocal(std::span<const Recording> recordings, const CalibrateOptions& options,
-                          const ReciprocalChoice& chosen, CalibrationReport& report) {
-  std::vector<Recording> scaled;
-  for (const Recording& recording : recordings) scaled.push_back(on_scale(recording, chosen.scale));
+void calibrate_reciprocal(const Recording& all, std::span<const Recording> recordings,
+                          const CalibrateOptions& options, const ReciprocalChoice& chosen,
+                          CalibrationReport& report) {
   CalibrateOptions at = options;
   at.order = chosen.order;
   at.noise = chosen.law;
@@ -481,12 +466,11 @@ void calibrate_reciprocal(std::span<const Recording> recordings, const Calibrate
   for (const Method method : methods_of(options))
     if (method != Method::approximate) at.methods.push_back(method);
   CalibrationReport inner;
-  if (!at.methods.empty()) calibrate_polynomials(scaled, at, inner);
+  if (!at.methods.empty()) calibrate_polynomials(on_scale(all, chosen.scale), recordings, at, inner);
   report.models = chosen.models;
   report.notes = std::move(inner.notes);
   report.check = std::move(inner.check);
   report.noise_shape = std::move(inner.noise_shape);
-  const Recording all = joined(recordings);
   if (std::string left_out = left_out_of_reciprocal(
           options.noise_shape == NoiseShape::gaussian ? all : agreeing_of(all), chosen, options.max_order);
       !left_out.empty())
@@ -494,8 +478,8 @@ void calibrate_reciprocal(std::span<const Recording> recordings, const Calibrate
   if (chosen.order_of_lowest != chosen.order)
     report.notes.insert(
         report.notes.begin(),
-        fmt::format("order {} rather than {}, which has the lowest criterion, but by less than 4", chosen.order,
-                    chosen.order_of_lowest));
+        fmt::format("order {} rather than {}, which has the lowest criterion, but by less than 4",
+                    chosen.order, chosen.order_of_lowest));
   auto next = inner.calibrations.begin();
   for (const Method method : methods_of(options)) {
     Calibration result = method == Method::approximate ? no_approximate_reciprocal() : std::move(*next++);
@@ -512,10 +496,20 @@ void calibrate_reciprocal(std::span<const Recording> recordings, const Calibrate
 
 }  // namespace
 
-std::optional<ReciprocalChoice> reciprocal_due(std::span<const Recording> recordings,
-                                               const CalibrateOptions& options) {
+Recording joined(std::span<const Recording> recordings) {
+  Recording all = recordings[0];
+  for (const Recording& recording : recordings.subspan(1)) {
+    all.pairs.true_m.insert(all.pairs.true_m.end(), recording.pairs.true_m.begin(),
+                            recording.pairs.true_m.end());
+    all.pairs.reading_m.insert(all.pairs.reading_m.end(), recording.pairs.reading_m.begin(),
+                               recording.pairs.reading_m.end());
+    add_counts(recording.counts, all.counts);
+  }
+  return all;
+}
+
+std::optional<ReciprocalChoice> reciprocal_due(const Recording& all, const CalibrateOptions& options) {
   if (options.curve == CurveFamily::polynomial) return std::nullopt;
-  const Recording all = joined(recordings);
   const Pairs& pairs = all.pairs;
   const bool asked = options.curve == CurveFamily::reciprocal;
   const bool of_distance = options.noise == NoiseLaw::d_squared || options.noise == NoiseLaw::polynomial ||
@@ -538,10 +532,11 @@ std::optional<ReciprocalChoice> reciprocal_due(std::span<const Recording> record
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report) {
   report.criterion = options.criterion;
-  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(recordings, options))
-    calibrate_reciprocal(recordings, options, *chosen, report);
+  const Recording all = joined(recordings);
+  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(all, options))
+    calibrate_reciprocal(all, recordings, options, *chosen, report);
   else
-    calibrate_polynomials(recordings, options, report);
+    calibrate_polynomials(all, recordings, options, report);
 }
 
 }  // namespace rangecal

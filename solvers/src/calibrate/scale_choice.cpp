@@ -34,12 +34,9 @@ struct OverOffset {
   std::span<const double> true_m, reading_m;
   PairsOptions model;
 
-  PairsFit fit(double offset) const {
-    const CurveScale scale{CurveFamily::reciprocal, offset, {}};
-    return full_pairs(make_pairs_problem(scaled(true_m, scale), reading_m), model);
-  }
   double nll(double offset) const {
-    const PairsFit found = fit(offset);
+    const CurveScale scale{CurveFamily::reciprocal, offset, {}};
+    const PairsFit found = full_pairs(make_pairs_problem(scaled(true_m, scale), reading_m), model);
     return found.calibration.outcome == Outcome::converged ? found.nll : infinity;
   }
 };
@@ -76,15 +73,19 @@ bool readings_fall(std::span<const double> true_m, std::span<const double> readi
   if (third == 0) return false;
   std::vector<std::size_t> order(true_m.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return true_m[a] < true_m[b]; });
+  const auto nearer = [&](std::size_t a, std::size_t b) {
+    return std::pair(true_m[a], a) < std::pair(true_m[b], b);
+  };
+  const auto near = order.begin() + static_cast<std::ptrdiff_t>(third),
+             far = order.end() - static_cast<std::ptrdiff_t>(third);
+  std::nth_element(order.begin(), near, order.end(), nearer);
+  std::nth_element(near, far, order.end(), nearer);
   const auto median_of = [&](auto begin, auto end) {
     std::vector<double> values;
     for (auto i = begin; i != end; ++i) values.push_back(reading_m[*i]);
     return upper_median(values);
   };
-  return median_of(order.end() - static_cast<std::ptrdiff_t>(third), order.end()) <
-         median_of(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(third));
+  return median_of(far, order.end()) < median_of(order.begin(), near);
 }
 
 std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m,
@@ -95,7 +96,6 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
   const double nearest = *low, width = *high - *low;
   if (!(nearest >= 0.0) || !(width > 0.0)) return std::nullopt;
   const std::vector<double> few_d = thinned(true_m), few_y = thinned(reading_m);
-  const double few_nearest = *std::min_element(few_d.begin(), few_d.end());
   std::vector<ReciprocalChoice> fitted;
   std::vector<ModelScore> models;
   for (const NoiseLaw law : laws_to_try(options))
@@ -103,7 +103,7 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
       PairsOptions model;
       model.order = order;
       model.law = law;
-      const Bracket bracket = on_grid({few_d, few_y, model}, few_nearest, width);
+      const Bracket bracket = on_grid({few_d, few_y, model}, nearest, width);
       models.push_back(
           {order, law, std::numeric_limits<double>::quiet_NaN(), infinity, CurveFamily::reciprocal});
       if (!std::isfinite(bracket.at_best)) continue;

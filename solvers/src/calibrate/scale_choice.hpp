@@ -36,8 +36,10 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
 
 /// That curve where it was asked for (CalibrateOptions::curve), or where readings fall with the distance and its criterion is
 /// lower than that of every polynomial tried. Readings that agree with most others decide, but for Gaussian noise asked for.
-std::optional<ReciprocalChoice> reciprocal_due(std::span<const Recording> recordings,
-                                               const CalibrateOptions& options);
+std::optional<ReciprocalChoice> reciprocal_due(const Recording& all, const CalibrateOptions& options);
+
+/// The pairs of all recordings as one.
+Recording joined(std::span<const Recording> recordings);
 
 /// RMS [m] of readings about a curve of that order by least squares without them: stretches of distance inside the range, a
 /// twentieth of the readings each, are left out in turn. A reciprocal's offset is fitted anew each time, from `scale`'s. None

@@ -82,16 +82,10 @@ ReadingView<double> EffectCorrector::view(double d, const ReadingSetting& settin
   at.radius = known(setting.radius_m, 0.0);
   at.axis_distance = d + at.radius;
   at.bearing = known(setting.bearing_rad, 0.0);
-  at.f = calibration_.f(d);
-  at.slope = calibration_.slope(d);
-  const CurveScale& scale = calibration_.scale;
-  double in_u = 0.0, power = 1.0;  // d^2 f / du^2
-  for (Eigen::Index i = 2; i < calibration_.alpha.size(); ++i, power *= scale.of(d))
-    in_u += static_cast<double>(i * (i - 1)) * calibration_.alpha[i] * power;
-  at.curvature = in_u;
-  if (!scale.is_distance())
-    at.curvature = in_u * scale.slope(d) * scale.slope(d) +
-                   evaluate_derivative(calibration_.alpha, scale.of(d)) * scale.curvature(d);
+  const CurveDerivatives curve = curve_derivatives(calibration_.alpha, calibration_.scale, d);
+  at.f = curve.f;
+  at.slope = curve.slope;
+  at.curvature = curve.curvature;
   at.spread = calibration_.noise.spread(d, at.f);
   at.spread_power = calibration_.noise.power_of_f();
   at.heading = known(setting.heading_rad, 0.0);

@@ -36,7 +36,7 @@ inline double standard_deviations_off(double difference_m, double spread_m, doub
 /// Distances in [low, high], low > 0, at which the curve reads `value` [m], ascending.
 std::vector<double> distances_at(const Calibration& calibration, double value, double low, double high);
 
-/// Distances inside (low, high) at which the curve turns, f'(d) = 0, ascending: u(d) itself never does.
+/// Distances in [low, high] at which the curve turns, f'(d) = 0, ascending: u(d) itself never does.
 std::vector<double> turning_points_of(const Calibration& calibration, double low, double high);
 
 /// Index of the root of highest likelihood, the first of equals; -1 where there is none.

@@ -76,7 +76,7 @@ Fit fit_baseline(const Rows& rows, const DiagnoseOptions& options, RefitOptions&
   }
   const int distances = distinct_distances(rows, start_of(rows, 1, NoiseLaw::f_squared));
   // One distance less than would leave nothing to judge by, but for two, which show a line and no more.
-  const int order = distances == 2 ? 1 : std::clamp(distances - 2, 0, rows.curve_order);
+  const int order = distances == 2 ? 1 : std::clamp(distances - 2, 0, rows.curve.order);
   std::vector<NoiseLaw> laws(std::begin(triangulation_first), std::end(triangulation_first));
   if (law)
     laws = {*law};

@@ -58,7 +58,7 @@ Model model_of(const Calibration& calibration) {
 Calibrated calibrated(std::span<const Recording> recordings, const Calibration& calibration) {
   if (calibration.alpha.size() == 0) throw InputError("the calibration has no curve");
   Calibrated result;
-  result.rows = make_rows(recordings, calibration.scale);
+  result.rows = make_rows(recordings, {calibration.scale});
   result.model = model_of(calibration);
   JointState& state = result.state;
   state.alpha = calibration.alpha;

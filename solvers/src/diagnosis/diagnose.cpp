@@ -70,15 +70,9 @@ std::vector<Recording> simulated_by(const Calibration& calibration, std::span<co
   return simulate(model, seed_from("simulated_by", {}));
 }
 
-/// What the seed model's curve is a polynomial in, and of which order.
-struct SeedCurve {
-  CurveScale scale;
-  int order = 2;
-};
-
 /// The simulation's; else as calibrate chooses it, a reciprocal of one order more, which takes up what its offset is off by.
-SeedCurve seed_curve(std::span<const Recording> recordings, const DiagnoseOptions& options) {
-  SeedCurve seed;
+diagnosis::SeedCurve seed_curve(std::span<const Recording> recordings, const DiagnoseOptions& options) {
+  diagnosis::SeedCurve seed;
   if (options.simulation) {
     seed.scale = options.simulation->scale;
     return seed;
@@ -91,7 +85,7 @@ SeedCurve seed_curve(std::span<const Recording> recordings, const DiagnoseOption
   constexpr int highest = 4;
   CalibrateOptions wanted;
   wanted.curve = options.curve;
-  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(recordings, wanted)) {
+  if (const std::optional<ReciprocalChoice> chosen = reciprocal_due(joined(recordings), wanted)) {
     seed.scale = chosen->scale;
     seed.order = std::min(highest, chosen->order + 1);
   }
@@ -141,9 +135,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   }
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
   Bookkeeping known = correct_labels(corrected);
-  const SeedCurve curve = seed_curve(corrected, options);
-  Rows rows = make_rows(corrected, curve.scale);
-  rows.curve_order = curve.order;
+  Rows rows = make_rows(corrected, seed_curve(corrected, options));
   require_testable(rows, recordings);
   if (options.simulation) rows.alpha_prior = alpha_prior_of(*options.simulation);
   const Bookkeeping gaps = find_grids_and_gaps(rows);
@@ -172,8 +164,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   for (Candidate& rival : found.rivals) add_profile_limits(rows, RefitOptions{}, rival.fit);
   if (std::any_of(known.model.begin(), known.model.end(),
                   [](const ActiveEffect& a) { return a.effect->info().kind == EffectKind::label; })) {
-    Rows raw = make_rows(recordings, rows.scale);  // the baseline is that of the labels as recorded
-    raw.curve_order = rows.curve_order;
+    Rows raw = make_rows(recordings, rows.curve);  // the baseline is that of the labels as recorded
     raw.alpha_prior = rows.alpha_prior;
     const Fit before = refit(raw, {}, found.baseline.state, RefitOptions{});
     if (before.ok) {

@@ -164,9 +164,8 @@ void add_landmark(DraftDesign& draft, const Rows& rows, const Eigen::Vector2d& a
 ExtendedDesign finished(DraftDesign draft, const Rows& rows, ExtendedDesign design) {
   Recording& recording = draft.recording;
   recording.stop_error = StopErrorModel::independent;
-  design.rows = make_rows({&recording, 1}, rows.scale);
+  design.rows = make_rows({&recording, 1}, rows.curve);
   Rows& extended = design.rows;
-  extended.curve_order = rows.curve_order;
   if (rows.pairs) {  // every cell has an exact stop of its own
     draft.state.stops.clear();
     for (const StopPrior& prior : extended.problem.stops) draft.state.stops.push_back(prior.commanded);

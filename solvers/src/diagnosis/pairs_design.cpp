@@ -40,8 +40,8 @@ std::string taking_column(const char* column, bool is_there) {
 std::vector<double> distances_of(const Rows& rows) {
   std::vector<double> d;
   for (int stop : rows.problem.cells.stop)
-    d.push_back(
-        rows.scale.distance(std::abs(rows.problem.stops[static_cast<std::size_t>(stop)].commanded.x_m)));
+    d.push_back(rows.curve.scale.distance(
+        std::abs(rows.problem.stops[static_cast<std::size_t>(stop)].commanded.x_m)));
   return d;
 }
 
@@ -106,7 +106,7 @@ class MorePairs {
   /// A batch at `true_m` with the target, direction and covariates of a cell, as many readings as that has or
   /// `count`, one after the other.
   void visit(int like, double true_m, int count = 0) {
-    const double u = rows_.scale.of(true_m);
+    const double u = rows_.curve.scale.of(true_m);
     if (evaluate_derivative(draft_.state.alpha, u) == 0.0 ||
         !(evaluate_polynomial(draft_.state.alpha, u) > 0.0))
       return;

@@ -186,7 +186,7 @@ Calibration calibration_of(const Rows& rows, std::span<const Recording> recordin
   c.reason = with_labels(fit.reason, labels);
   c.covariance_reason = with_labels(fit.covariance_reason, labels);
   c.weakest_direction = in_user_words(fit.weakest_direction, labels, fit.state.noise.law);
-  c.scale = rows.scale;
+  c.scale = rows.curve.scale;
   c.alpha = fit.state.alpha;
   if (fit.alpha_covariance.size() > 0) c.alpha_covariance = fit.alpha_covariance;
   if (c.alpha_covariance && !fit.free.empty())
@@ -287,11 +287,11 @@ Diagnosis assemble_report(const Rows& rows, std::span<const Recording> recording
     note_limits(rows, found.best.fit.model, result.notes);
     note_large(found.best.fit.model, result.notes);
   }
-  if (!rows.scale.is_distance())
+  if (!rows.curve.scale.is_distance())
     result.notes.push_back(
         fmt::format("the readings fall with distance as a sensor's voltage does: the curve is one over "
                     "1 / (d + {:.4g} m)",
-                    rows.scale.offset_m));
+                    rows.curve.scale.offset_m));
   if (found.verdict == Verdict::no_mismatch && !rows.alpha_prior)
     result.notes.push_back(fmt::format(
         "the seed model is a curve of order {} with noise {}; 'calibrate' may choose others by AIC",

@@ -89,7 +89,7 @@ void append_cell_of_pairs(double true_m, int begin, int recording, Rows& rows) {
   const Eigen::Map<const Eigen::ArrayXd> readings(rows.range_m.data() + begin, count);
   const double mean = readings.mean();
   StopPrior prior;
-  prior.commanded = {-rows.scale.of(true_m), 0.0, 0.0};
+  prior.commanded = {-rows.curve.scale.of(true_m), 0.0, 0.0};
   prior.place = problem.place_count++;
   prior.recording = recording;
   c.stop.push_back(problem.stop_count());
@@ -220,13 +220,13 @@ std::vector<std::size_t> row_order(const Recording& recording) {
                                                 : cell_order(recording.readings);
 }
 
-Rows make_rows(std::span<const Recording> recordings, const CurveScale& scale) {
+Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
   if (recordings.empty()) throw InputError("no recording given");
   Rows rows;
   rows.pairs = recordings[0].kind == RecordingKind::pairs;
-  rows.scale = scale;
-  if (!rows.pairs && !scale.is_distance())
-    throw InputError(recordings[0].path + ": a " + to_string(scale.family) +
+  rows.curve = curve;
+  if (!rows.pairs && !curve.scale.is_distance())
+    throw InputError(recordings[0].path + ": a " + to_string(curve.scale.family) +
                      " curve is for known distances (kind pairs)");
   std::set<std::string> names;
   for (const Recording& recording : recordings) {
@@ -275,23 +275,17 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
   for (std::size_t i = 0; i < cells; ++i) {
     const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
     g.u[i] = sight.d;
-    g.d[i] = rows.scale.distance(sight.d);
+    g.d[i] = rows.curve.scale.distance(sight.d);
     g.axis_distance[i] = rows.pairs ? g.d[i] : sight.axis_distance;
     g.bearing[i] = rows.pairs ? rows.bearing_rad[static_cast<std::size_t>(rows.cell_begin[i])]
                               : wrap_angle(sight.bearing);
     g.n[i] = sight.n;
     g.t[i] = sight.t;
-    double f = 0.0, slope = 0.0, curvature = 0.0;
-    for (Eigen::Index a = state.alpha.size(); a-- > 0;) {
-      curvature = curvature * sight.d + 2.0 * slope;
-      slope = slope * sight.d + f;
-      f = f * sight.d + state.alpha[a];
-    }
-    const double u_slope = rows.scale.slope(g.d[i]);
-    g.f[i] = f;
-    g.slope[i] = slope * u_slope;
-    g.curvature[i] = curvature * u_slope * u_slope + slope * rows.scale.curvature(g.d[i]);
-    g.spread[i] = state.noise.spread(g.d[i], f);
+    const CurveDerivatives curve = curve_derivatives(state.alpha, rows.curve.scale, g.d[i]);
+    g.f[i] = curve.f;
+    g.slope[i] = curve.slope;
+    g.curvature[i] = curve.curvature;
+    g.spread[i] = state.noise.spread(g.d[i], curve.f);
   }
   return g;
 }

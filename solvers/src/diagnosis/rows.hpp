@@ -20,6 +20,13 @@ struct AlphaPrior {
   bool exact() const { return precision.size() == 0; }
 };
 
+/// What the seed model's curve is a polynomial in, of landmarks always the distance, and of which order where the distances
+/// determine it.
+struct SeedCurve {
+  CurveScale scale;
+  int order = 2;
+};
+
 /// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
 ///
 /// Pairs are laid out as the joint problem too. Their cells are the readings of one batch at one distance, landmark and
@@ -36,9 +43,8 @@ struct Rows {
   EffectContext context;
   JointProblem problem;  ///< the seed model's: cells in the same order as `cell`
   bool pairs = false;
-  CurveScale scale;          ///< of the curve; of landmarks always the distance
-  int curve_order = 2;       ///< of the seed model's curve, where the distances determine it
-  double range_min_m = 0.0;  ///< of the sensor, as stated
+  SeedCurve curve;
+  double range_min_m = 0.0;                                      ///< of the sensor, as stated
   double range_max_m = std::numeric_limits<double>::infinity();  ///< the same
   std::optional<AlphaPrior> alpha_prior;                         ///< none: alpha is free
   double nll_offset = 0.0;  ///< to be added to NLLs of `problem`: removes the silent bearings of pairs
@@ -47,7 +53,7 @@ struct Rows {
 };
 
 /// Throws InputError for no recording, kinds mixed, and landmarks on another scale than the distance.
-Rows make_rows(std::span<const Recording> recordings, const CurveScale& scale = {});
+Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve = {});
 
 /// Where each row stands in its recording: readings ordered by stop and landmark, pairs by cell in the order in which the
 /// file opens them.

@@ -68,8 +68,7 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   Rows part;
   part.context = rows.context;
   part.pairs = rows.pairs;
-  part.scale = rows.scale;
-  part.curve_order = rows.curve_order;
+  part.curve = rows.curve;
   part.range_min_m = rows.range_min_m;
   part.range_max_m = rows.range_max_m;
   part.alpha_prior = rows.alpha_prior;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "diagnosis/signatures.hpp"
+#include "rangecal/core/polynomial.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -103,8 +104,7 @@ double harm_of(const Space& space, const TypicalEffect& typical) {
     view.d = d;
     view.f = g.f[near] + step * (g.slope[near] + 0.5 * step * g.curvature[near]);
     view.slope = g.slope[near] + step * g.curvature[near];
-    double error = 0.0;
-    for (int a = alphas; a-- > 0;) error = error * space.rows().scale.of(d) + phi[a];
+    double error = evaluate_polynomial(phi.head(alphas), space.rows().curve.scale.of(d));
     if (of_curve) error -= typical.active.effect->reading(view, typical.active.parameters.data()).range;
     if (view.slope == 0.0) return std::numeric_limits<double>::infinity();  // no reading tells a distance
     square += std::pow(error / view.slope, 2);

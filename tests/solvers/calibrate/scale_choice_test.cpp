@@ -132,7 +132,7 @@ TEST(ScaleChoice, RisingReadingsStayAPolynomial) {
   }
   EXPECT_FALSE(readings_fall(d, y));
   const Recording recording = pairs_of(d, y);
-  EXPECT_FALSE(reciprocal_due({&recording, 1}, {}));
+  EXPECT_FALSE(reciprocal_due(recording, {}));
   for (const Calibration& c : calibrate({&recording, 1})) EXPECT_TRUE(c.scale.is_distance());
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <string>
 
@@ -39,5 +40,22 @@ struct CurveScale {
     return family == other.family && (is_distance() || offset_m == other.offset_m);
   }
 };
+
+/// A curve and its derivatives in d.
+struct CurveDerivatives {
+  double f = 0.0, slope = 0.0, curvature = 0.0;  ///< f [m], f', f'' [1/m]
+};
+
+/// Of f(d) = sum_i alpha_i u^i, by Horner's rule in u and the chain rule.
+inline CurveDerivatives curve_derivatives(const Eigen::VectorXd& alpha, const CurveScale& scale, double d) {
+  const double u = scale.of(d), u_slope = scale.slope(d);
+  CurveDerivatives in_u;
+  for (Eigen::Index i = alpha.size(); i-- > 0;) {
+    in_u.curvature = in_u.curvature * u + 2.0 * in_u.slope;
+    in_u.slope = in_u.slope * u + in_u.f;
+    in_u.f = in_u.f * u + alpha[i];
+  }
+  return {in_u.f, in_u.slope * u_slope, in_u.curvature * u_slope * u_slope + in_u.slope * scale.curvature(d)};
+}
 
 }  // namespace rangecal

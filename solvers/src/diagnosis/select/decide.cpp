@@ -197,17 +197,14 @@ struct Named {
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
-  double of_curves = 0.0;  // the most that one of them is worth
+  std::vector<double> worths;
+  double of_curves = 0.0, strongest = 0.0;  // the most that a curve is worth, and a formula for means
   for (const ActiveEffect& member : fit.model) {
-    if (!is_nameless(*member.effect)) continue;
-    if (const double worth = worth_of(member, table, known); std::isfinite(worth))
+    const double worth = worths.emplace_back(worth_of(member, table, known));
+    if (!std::isfinite(worth)) continue;
+    if (is_nameless(*member.effect))
       of_curves = std::max(of_curves, worth);
-  }
-  double strongest = 0.0;  // what a name is worth that moves means, by a formula
-  for (std::size_t i = known; i < fit.model.size(); ++i) {
-    const Effect& effect = *fit.model[i].effect;
-    if (is_nameless(effect) || effect.info().kind != EffectKind::mean) continue;
-    if (const double worth = worth_of(fit.model[i], table, known); std::isfinite(worth))
+    else if (worths.size() > known && member.effect->info().kind == EffectKind::mean)
       strongest = std::max(strongest, worth);
   }
   const bool beside_others = fit.model.size() > known + 1;
@@ -219,7 +216,7 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
   for (std::size_t i = known; i < fit.model.size(); ++i) {
     const ActiveEffect& member = fit.model[i];
     if (is_nameless(*member.effect)) continue;
-    const double worth = worth_of(member, table, known);
+    const double worth = worths[i];
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
     if (worth < least || probability < 0.5 ||
         curve_along(*member.effect, table, known) > priors.discrepancy * worth)
