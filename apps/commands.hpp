@@ -19,10 +19,13 @@ void add_correct(CLI::App& app, Action& chosen);
 void add_simulate(CLI::App& app, Action& chosen);
 void add_diagnose(CLI::App& app, Action& chosen);
 void add_effects(CLI::App& app, Action& chosen);
+/// `--effects DIR`: makes the effects by formula of a folder known when it is read.
+void add_effects_option(CLI::App& command);
 void add_extract(CLI::App& app, Action& chosen);
 void add_fleet(CLI::App& app, Action& chosen);
 void add_import(CLI::App& app, Action& chosen);
 void add_plan(CLI::App& app, Action& chosen);
+void add_predict(CLI::App& app, Action& chosen);
 void add_prove(CLI::App& app, Action& chosen);
 void add_study(CLI::App& app, Action& chosen);
 void add_track(CLI::App& app, Action& chosen);

@@ -367,6 +367,7 @@ void add_correct(CLI::App& app, Action& chosen) {
                    "MIN MAX of the distance [m]; else those over which f was fitted")
       ->expected(2);
   command->add_option("--speed", state->speed, "largest speed along the beam [m/s], for --prior motion");
+  add_effects_option(*command);
   command->footer(
       "Prints CSV: reading_m, distance_m, std_m (noise of the reading, uncertainty of f and effects), "
       "candidate (1 is\n"

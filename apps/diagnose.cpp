@@ -17,6 +17,7 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "report/report.hpp"
 #include "text.hpp"
@@ -25,8 +26,8 @@ namespace rangecal::app {
 namespace {
 
 struct DiagnoseCommand {
-  std::vector<std::string> recordings, force;
-  std::string simulation, json, calibration, report, trace, curve = "auto";
+  std::vector<std::string> recordings, force, group_by;
+  std::string simulation, json, calibration, report, trace, laws, curve = "auto";
   double alarm_rate = 0.02;
 
   int run() const {
@@ -40,18 +41,21 @@ struct DiagnoseCommand {
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration, trace});
     require_apart({json, report, calibration, trace}, inputs());
-    const std::vector<Recording> loaded = load_recordings(recordings);
+    const std::vector<Recording> loaded = load_recordings(recordings, {group_by});
+    require_columns_of_formulas(loaded);
     DiagnoseOptions options;
     options.alarm_rate = alarm_rate;
     if (!force.empty()) options.force = force;
     if (curve != "auto") options.curve = curve_family_from_string(curve);
     std::vector<TriedSet> tried;
+    options.laws = !laws.empty();
     if (!trace.empty()) options.trace = [&](const TriedSet& set) { tried.push_back(set); };
     if (::isatty(STDERR_FILENO)) options.progress = show_progress;
     const Diagnosis diagnosis = against(loaded, options);
     if (!json.empty()) write_file(json, diagnosis_to_json(diagnosis));
     if (!trace.empty()) write_file(trace, trace_to_json(tried));
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
+    if (!laws.empty()) write_laws(diagnosis);
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
     return determined(diagnosis) ? done : not_delivered;
@@ -70,6 +74,18 @@ struct DiagnoseCommand {
     std::vector<std::string> files = recording_files(folders);
     files.push_back(simulation);
     return files;
+  }
+
+  /// A file each, law_1.yaml the likeliest; those of a run before are gone.
+  void write_laws(const Diagnosis& diagnosis) const {
+    make_folder(laws);
+    for (int number = 1; std::filesystem::remove(law_file(number)); ++number) {
+    }
+    int number = 0;
+    for (const Law& law : diagnosis.laws) write_file(law_file(++number), law.text);
+  }
+  std::string law_file(int number) const {
+    return (std::filesystem::path(laws) / fmt::format("law_{}.yaml", number)).string();
   }
 
   /// Throws InputError where the simulation is a recording that it is held against: that accounts for itself.
@@ -136,9 +152,19 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       ->add_option("--force", state->force,
                    "fit exactly these effects, whatever the residuals say; several as a,b or a b")
       ->delimiter(',');
+  command
+      ->add_option("--group-by", state->group_by,
+                   "columns that say which readings belong together (trials, days, places), in place of the "
+                   "recording's own: held out are whole groups; several as a,b or a b")
+      ->delimiter(',');
   command->add_option(
       "--trace", state->trace,
       "write every set of causes that was fitted to this file (rangecal-trace/1): why was one not named?");
+  add_effects_option(*command);
+  command->add_option(
+      "--laws", state->laws,
+      "look for formulas of what has no name, and write them to this folder as files for --effects, the "
+      "likeliest first");
   command->footer(
       "Examples:\n"
       "  rangecal diagnose notebooks_data/field-layout\n"

@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -30,12 +31,8 @@ std::string typical_sizes(const Effect& effect) {
 
 /// What the parameter is measured in, by its name's ending; empty for a number.
 std::string unit_of_parameter(const std::string& name) {
-  constexpr std::pair<const char*, const char*> units[] = {
-      {"_m_per_k", "m/K"}, {"_m_per_db", "m/dB"}, {"_per_k", "1/K"}, {"_per_m", "1/m"}, {"_rad2", "rad^2"},
-      {"_rad", "rad"},     {"_m2", "m^2"},        {"_m", "m"},       {"_s", "s"}};
-  for (const auto& [ending, unit] : units)
-    if (name.ends_with(ending)) return unit;
-  return "";
+  const std::string unit = parameter_name(name).unit;
+  return unit == "1" ? "" : unit;
 }
 
 std::string where_it_shows(const EffectInfo& info) {
@@ -106,7 +103,7 @@ int list_effects(const std::string& id) {
     if (!info.number.empty()) field("number", info.number + " of the catalogue (docs/effects.md)");
     return done;
   }
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : known_effects()) {
     const EffectInfo& info = effect->info();
     fmt::print("{}  ({})\n    {}\n    {}\n    typical: {}\n", info.id, where_it_shows(info),
                wrapped(info.physics, 4, 96), wrapped(info.formula, 4, 96),
@@ -115,7 +112,35 @@ int list_effects(const std::string& id) {
   return done;
 }
 
+/// The effect as a file that --effects reads.
+int print_formula(const std::string& id) {
+  const Effect* effect = find_effect(id);
+  if (!effect) throw InputError("no effect is called '" + id + "'; 'rangecal effects' lists them");
+  const std::string text = as_formula(*effect);
+  if (!text.empty()) {
+    fmt::print("{}", text);
+    return done;
+  }
+  std::string others;
+  for (const Effect* other : known_effects())
+    if (!as_formula(*other).empty()) others += (others.empty() ? "" : ", ") + other->info().id;
+  throw InputError(
+      id +
+      " is no formula of one reading: it changes stops, several channels, how readings hang together, "
+      "or something that is chosen from the recording. Those that are: " +
+      others);
+}
+
 }  // namespace
+
+void add_effects_option(CLI::App& command) {
+  command
+      .add_option(
+          "--effects",
+          "folder of effects of your own, a formula in a .yaml file each (docs/effects-by-formula.md); they are "
+          "treated as those of the catalogue")
+      ->each([](const std::string& folder) { add_effects_by_formula(folder); });
+}
 
 void add_effects(CLI::App& app, Action& chosen) {
   CLI::App* command =
@@ -123,14 +148,22 @@ void add_effects(CLI::App& app, Action& chosen) {
   const auto id = std::make_shared<std::string>();
   const auto markdown = std::make_shared<bool>(false);
   CLI::Option* one = command->add_option("ID", *id, "show this effect alone, in full");
+  const auto yaml = std::make_shared<bool>(false);
+  add_effects_option(*command);
+  command->add_flag("--as-yaml", *yaml, "print the effect ID as a file to copy and change, for --effects")
+      ->needs(one);
   command->add_flag("--markdown", *markdown, "print docs/effects.md: all of them, in full")->excludes(one);
   command->footer(
       "Examples:\n"
       "  rangecal effects                       all of them, with formula and typical size\n"
       "  rangecal effects bearing_offset        what shows it, what settles it, its parameters and source\n"
+      "  rangecal effects cyclic_error --as-yaml > my_effects/ripple.yaml    a start for an effect of your own\n"
       "docs/effects.md has all of them in full, docs/gallery.md a picture of what each leaves behind.");
-  command->callback([id, markdown, &chosen] {
-    chosen = [id, markdown] { return *markdown ? print_markdown() : list_effects(*id); };
+  command->callback([id, markdown, yaml, &chosen] {
+    chosen = [id, markdown, yaml] {
+      if (*yaml) return print_formula(*id);
+      return *markdown ? print_markdown() : list_effects(*id);
+    };
   });
 }
 

@@ -89,6 +89,7 @@ int run(int argc, char** argv) {
   app::add_fleet(app, chosen);
   app::add_import(app, chosen);
   app::add_plan(app, chosen);
+  app::add_predict(app, chosen);
   app::add_prove(app, chosen);
   app::add_study(app, chosen);
   app::add_track(app, chosen);

@@ -121,6 +121,7 @@ void add_simulate(CLI::App& app, Action& chosen) {
   command->add_option("--seed", options->seed, "the same seed makes the same recording")
       ->check(whole())
       ->capture_default_str();
+  add_effects_option(*command);
   command->footer(
       "A scene may hold catalogued effects or an optical sensor (docs/scene.md; 'rangecal effects' lists effects):\n"
       "  effects: {range_eccentricity: {cosine_m: 0.02}, quantisation: {output_step_m: 0.001}}\n"

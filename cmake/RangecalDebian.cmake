@@ -35,7 +35,7 @@ endif()
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME librangecal-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-    "libceres-dev (>= 2.1), libcsv-dev, libeigen3-dev (>= 3.4), libfmt-dev (>= 9), libnlopt-cxx-dev, libtbb-dev, libyaml-cpp-dev (>= 0.7)")
+    "libceres-dev (>= 2.1), libcsv-dev, libeigen3-dev (>= 3.4), libfmt-dev (>= 9), libmuparser-dev, libnlopt-cxx-dev, libtbb-dev, libyaml-cpp-dev (>= 0.7)")
 set(CPACK_COMPONENT_DEV_DESCRIPTION
     "Development files: static libraries and headers, and the CMake package that
 find_package(rangecal) finds.")

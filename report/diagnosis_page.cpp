@@ -107,6 +107,7 @@ void add_before_after(Page& page, const Diagnosis& d) {
     if (!same) table.rows.back().insert(table.rows.back().end(), {row.after, row.note});
   }
   page.table(table);
+  if (const std::string blocks = app::held_out_in_words(d); !blocks.empty()) page.paragraph(blocks + ".");
 }
 
 void add_open_questions(Page& page, const Diagnosis& d) {

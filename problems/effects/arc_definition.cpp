@@ -27,6 +27,8 @@ class ArcDefinition final : public Effect {
             "with the radius: look at the code that extracts landmarks.",
         .formula =
             "delta d = kappa R [m] before the curve, R the radius [m]; mean of all hits: kappa = 1 - pi/4",
+        .expression = "kappa*radius",
+        .before_curve = true,
         .source = "derived: mean depth R (1 - pi/4) of parallel beams on a circle",
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by = "read the extraction code, and use landmarks of two or more radii (4 and 12 cm)",

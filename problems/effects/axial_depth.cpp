@@ -32,6 +32,8 @@ class AxialDepth final : public Effect {
         .formula =
             "d' = d - kappa d (1 - cos(b - b0)) [m], kappa share left uncorrected, b0 axis [rad]: delta r = "
             "f(d') - f(d) [m], log variance + 2 p log(f(d') / f(d)), p of the noise law",
+        .expression = "-kappa*d*(1 - cos(b - axis))",
+        .before_curve = true,
         .source = "derived: pinhole projection of a target of known size",
         .visible_by = "targets at one distance, from the middle to the edge of the field of view",
         .settled_by = "turn the sensor so that one target crosses the field of view at a fixed distance",

@@ -30,6 +30,7 @@ class BeamOffset final : public Effect {
         .formula =
             "delta b = psi0 - asin(q / D) [rad], q offset of the beam [m], psi0 squint [rad], D axis "
             "distance [m]",
+        .expression = "squint - asin(max(-1, min(1, offset/(d + radius))))",
         .source = "Slamtec rplidar_sdk capsule unpacker, YDLidar communication protocol",
         .visible_by = "near landmarks (under 1 m) together with far ones",
         .settled_by =

@@ -23,6 +23,7 @@ class BearingDrift final : public Effect {
             "Bearings turn evenly in the course of the recording: the zero of the encoder creeps, or the "
             "robot turns where it stands.",
         .formula = "delta b = b1 t [rad], t time scaled to 0 .. 1 over the recording",
+        .expression = "angle*t/duration",
         .source = "derived: a zero that moves evenly in time",
         .visible_by = "drive the same stops again in reverse order",
         .settled_by =

@@ -24,6 +24,7 @@ class BearingOffset final : public Effect {
             "All bearings are turned by one angle: the zero of the encoder, or the mounting angle, is wrong, "
             "or the robot drives askew.",
         .formula = "delta b = b0 [rad]",
+        .expression = "angle",
         .source = "derived: a constant in every bearing",
         .visible_by = "a path with turns or known headings",
         .settled_by =

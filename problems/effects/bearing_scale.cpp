@@ -25,6 +25,7 @@ class BearingScale final : public Effect {
             "Bearings are stretched from the front to a seam behind the sensor: angles counted or "
             "interpolated at a wrong speed, or the robot turns during the sweep.",
         .formula = "delta b = gamma b [rad], b in (-pi, pi] [rad], seam at +-pi",
+        .expression = "scale*b",
         .source = "derived; YDLidar communication protocol (angles interpolated inside a packet)",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =

@@ -30,6 +30,7 @@ class CyclicError final : public Effect {
         .formula =
             "delta r = A sin(2 pi d / Lambda + psi) = c cos(k d) + s sin(k d) [m], k = 2 pi / Lambda [rad/m], "
             "psi phase at d = 0 [rad]",
+        .expression = "cosine*cos(wavenumber*d) + sine*sin(wavenumber*d)",
         .source = "Lichti and Licht 2006 (cyclic terms of surveying scanners)",
         .visible_by = "ranges in steps under a quarter of the wavelength",
         .settled_by = "move one stop by small steps along the line of sight",

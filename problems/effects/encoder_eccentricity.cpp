@@ -27,6 +27,7 @@ class EncoderEccentricity final : public Effect {
             "Bearings are off by an angle that depends on the direction in the sensor frame once per turn: "
             "the encoder disc or magnet is eccentric.",
         .formula = "delta b = A sin(b - psi) = s sin b + c cos b [rad], A = e / r_enc of the disc",
+        .expression = "sin_*sin(b) + cos_*cos(b)",
         .source = "derived: geometry of an eccentric or stretched disc",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",

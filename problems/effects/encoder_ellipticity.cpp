@@ -27,6 +27,7 @@ class EncoderEllipticity final : public Effect {
             "Bearings are off by an angle that depends on the direction in the sensor frame twice per turn: "
             "the encoder ring is stretched or its axis wobbles.",
         .formula = "delta b = A sin 2(b - psi) = s sin 2b + c cos 2b [rad]",
+        .expression = "sin_*sin(2*b) + cos_*cos(2*b)",
         .source = "derived: geometry of an eccentric or stretched disc",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",

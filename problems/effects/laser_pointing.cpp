@@ -25,6 +25,7 @@ class LaserPointing final : public Effect {
             "off.",
         .formula =
             "delta r = c d^2 [m], c = delta psi / s [1/m], delta psi laser angle [rad], s baseline [m]",
+        .expression = "curvature*d^2",
         .source = "derived from d = f s / x",
         .visible_by = "nothing more than a curve of order 2: it is alpha_2",
         .settled_by = "not needed: alpha_2 takes it up; if it moves in time see warmup_drift",

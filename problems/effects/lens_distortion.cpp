@@ -24,6 +24,7 @@ class LensDistortion final : public Effect {
             "of the lens.",
         .formula =
             "delta r = k / d [m], k [m^2] = -1e-6 k1 (f s)^2, k1 radial distortion [1/mm^2], f s in mm^2",
+        .expression = "inverse/d",
         .source = "derived: x (1 + k1 x^2) with x = f s / d",
         .visible_by = "ranges under 0.5 m together with far ones",
         .settled_by = "place landmarks at 0.3-0.6 m and at the far end",

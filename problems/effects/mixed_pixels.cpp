@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
+#include "shapes.hpp"
 
 namespace rangecal::effects {
 namespace {

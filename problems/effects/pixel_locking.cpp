@@ -34,6 +34,7 @@ class PixelLocking final : public Effect {
         .formula =
             "delta r = -A d^2 sin(k/d + psi) = d^2 (c cos(k/d) + s sin(k/d)) [m], k = 2 pi f s / p [m], p pixel "
             "pitch; A = a p / (f s) [1/m], a [px] and psi [rad] amplitude and phase of the pull on the spot",
+        .expression = "d^2*(cosine*cos(wavenumber/d) + sine*sin(wavenumber/d))",
         .source = "derived: an error periodic in d = f s / x; the effect: Shimizu and Okutomi 2002",
         .visible_by = "ranges in steps under half a period (8 mm at 1 m, 75 mm at 3 m), seen against 1/d",
         .settled_by = "move one stop by 5 mm, five times",

@@ -23,6 +23,8 @@ class RadiusScale final : public Effect {
             "All radii are wrong by one factor, circumference taken for diameter or paper thickness ignored, "
             "say.",
         .formula = "delta d = -eps R [m] before the curve, R the stated radius [m], eps the relative error",
+        .expression = "-scale*radius",
+        .before_curve = true,
         .source = "derived: d = D - R, twin of arc_definition",
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by =

@@ -24,6 +24,7 @@ class RangeEccentricity final : public Effect {
             "The range depends on the direction in the sensor frame once per turn: a cover, window or mirror is "
             "not concentric with the spin axis.",
         .formula = "delta r = e_c cos b + e_s sin b [m]",
+        .expression = "cosine*cos(b) + sine*sin(b)",
         .source = "derived: first harmonic of the optical path over the direction",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "record near and far landmarks in the same direction, at several headings",

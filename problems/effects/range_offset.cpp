@@ -25,6 +25,7 @@ class RangeOffset final : public Effect {
         .formula =
             "delta r = z [m], z the range zero; a radius wrong by delta R everywhere gives z = -alpha_1 "
             "delta R",
+        .expression = "offset",
         .source = "derived: f(d) plus a constant",
         .visible_by = "nothing in the recording itself: alpha_0 takes it up exactly, in every design",
         .settled_by = "measure the landmarks with a calliper, or read a flat board at a taped distance",

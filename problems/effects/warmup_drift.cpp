@@ -27,6 +27,7 @@ class WarmupDrift final : public Effect {
         .formula =
             "delta r = (c0 + c2 d^2)(1 - exp(-t / T)) [m], c0 [m], c2 [1/m], t since the first reading [s], "
             "T time constant [s]",
+        .expression = "(offset + curvature*d^2)*(1 - exp(-t/time))",
         .source =
             "derived: range_offset and laser_pointing relaxing exponentially; warm-up advice: Toelgyessy et al. 2021",
         .visible_by = "drive the same stops again in reverse order",

@@ -7,6 +7,8 @@
 #include <map>
 #include <mutex>
 
+#include "added_effects.hpp"
+
 namespace rangecal {
 
 double difference_step(const EffectParameter& parameter, double value) {
@@ -52,6 +54,36 @@ const Effect* in_registry(const std::string& id) {
   return nullptr;
 }
 
+/// Effects beside the catalogue.
+class AddedEffects {
+ public:
+  void add(std::unique_ptr<Effect> effect) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    added_.push_back(std::move(effect));
+  }
+  std::vector<const Effect*> all() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::vector<const Effect*> effects;
+    for (const auto& effect : added_) effects.push_back(effect.get());
+    return effects;
+  }
+  const Effect* find(const std::string& id) const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const auto& effect : added_)
+      if (effect->info().id == id) return effect.get();
+    return nullptr;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::unique_ptr<Effect>> added_;
+};
+
+AddedEffects& beside_catalogue() {
+  static AddedEffects effects;
+  return effects;
+}
+
 /// Effects along columns, by id, made when they are first asked for.
 class EffectsAlongColumns {
  public:
@@ -89,8 +121,20 @@ std::string ids_in_words(const std::vector<std::string>& ids, const std::string&
   return words;
 }
 
+void add_effect(std::unique_ptr<Effect> effect) { beside_catalogue().add(std::move(effect)); }
+
+std::vector<const Effect*> added_effects() { return beside_catalogue().all(); }
+
+std::vector<const Effect*> known_effects() {
+  std::vector<const Effect*> effects;
+  for (const auto& effect : effect_registry()) effects.push_back(effect.get());
+  for (const Effect* effect : added_effects()) effects.push_back(effect);
+  return effects;
+}
+
 const Effect* find_effect(const std::string& id) {
   if (const Effect* effect = in_registry(id)) return effect;
+  if (const Effect* effect = beside_catalogue().find(id)) return effect;
   if (column_in_id(id).empty()) return nullptr;
   static EffectsAlongColumns along_columns;
   return along_columns.find(id);
@@ -98,13 +142,13 @@ const Effect* find_effect(const std::string& id) {
 
 std::vector<const Effect*> effects_of(const EffectContext& context) {
   std::vector<const Effect*> effects;
-  for (const auto& effect : effect_registry()) {
+  for (const Effect* effect : known_effects()) {
     const std::size_t before = effects.size();
     for (std::size_t c = 0; c < context.columns.size(); ++c)
       if (const ColumnSummary& column = context.columns[c];
           column.std_dev > 0.0 && effect->lies_along(column.role))
         effects.push_back(find_effect(effect->info().id + before_column + context.covariates[c]));
-    if (effects.size() == before) effects.push_back(effect.get());  // of a column that is lacking, too
+    if (effects.size() == before) effects.push_back(effect);  // of a column that is lacking, too
   }
   return effects;
 }

@@ -123,6 +123,18 @@ double TailLaw::negentropy(double s) const {
   return 2.0 * (0.5 * std::log(2.0 * std::numbers::pi * std::numbers::e * variance) - entropy);
 }
 
+double TailLaw::mean() const {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const Contamination& law = parts_[k].law;
+    if (!one_sided(law)) continue;
+    const double tau = std::abs(law.mean_m);
+    const double cut = std::isfinite(law.end_m) ? law.end_m / std::expm1(law.end_m / tau) : 0.0;
+    sum += body() * parts_[k].odds * sign_of(law) * (tau - cut);
+  }
+  return sum;
+}
+
 double TailLaw::draw(Random& random) const {
   if (empty()) return 0.0;
   double left = random.uniform();

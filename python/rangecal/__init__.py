@@ -12,11 +12,11 @@ Everything is SI: metres, radians, seconds. Results have attributes, ``to_frame(
 `InputError`; an unlucky solve is an ``outcome`` with a ``reason``.
 """
 from . import _api, _docs, _html, _native, _plots, _recording, _results
-from ._api import (calibrate, compare, compare_curves, correct, diagnose, effects, load, residuals,
+from ._api import (calibrate, compare, compare_curves, correct, diagnose, effects, load, load_effects, residuals,
                    simulate, study)
 from ._ingest import extract, import_dataset, import_lego, import_mrclam
 from ._native import (Calibration, CheckReport, CurveChange, Diagnosis, Effect, EffectEstimate, EffectParameter,
-                      Explanation, Finding, FitSummary, InputError, Member, ModelScore, NextExperiment, Recording, Residuals,
+                      Explanation, Finding, FitSummary, InputError, Law, Member, ModelScore, NextExperiment, Recording, Residuals,
                       Sensor, TruthScore, Unseen, __version__)
 from ._results import Comparison, Corrected, Extraction, Study
 
@@ -52,7 +52,7 @@ _attach(Residuals, to_frame=_results.residuals_to_frame, plot=_plots.residuals, 
 _attach(Effect, __repr__=_repr_of("Effect", lambda e: f"{e.id}, {e.channel} along {e.covariate}"))
 
 __all__ = ["Calibration", "CheckReport", "Comparison", "Corrected", "CurveChange", "Diagnosis", "Effect", "EffectEstimate",
-           "EffectParameter", "Explanation", "Extraction", "Finding", "FitSummary", "InputError", "Member", "ModelScore", "NextExperiment",
+           "EffectParameter", "Explanation", "Extraction", "Finding", "FitSummary", "InputError", "Law", "Member", "ModelScore", "NextExperiment",
            "Recording", "Residuals", "Sensor", "Study", "TruthScore", "Unseen", "calibrate", "compare", "compare_curves",
-           "correct", "diagnose", "effects", "extract", "import_dataset", "import_lego", "import_mrclam", "load", "residuals",
+           "correct", "diagnose", "effects", "extract", "import_dataset", "import_lego", "import_mrclam", "load", "load_effects", "residuals",
            "simulate", "study"]

@@ -38,6 +38,7 @@ class Recording:
                  known_distances: Sequence[Mapping[str, Any]] = (), true_stops: Optional[Table] = None,
                  true_landmarks: Optional[Table] = None,
                  columns: Optional[Mapping[str, Mapping[str, str]]] = None,
+                 group_by: Union[str, Sequence[str]] = (), reference: Optional[Mapping[str, float]] = None,
                  extraction: Optional[Mapping[str, Any]] = None) -> None: ...
     path: str
     kind: Literal["landmarks", "pairs"]
@@ -58,6 +59,10 @@ class Recording:
     repeat: Optional[Ints]  # (n,)
     batch: Optional[Ints]  # (n,) indices into batch_labels, -1: none
     batch_labels: list[str]
+    group_by: list[str]  # columns that say which readings belong together
+    group: Optional[Ints]  # (n,) indices into group_labels
+    group_labels: list[list[str]]  # of every group its text in each column of group_by
+    reference_sigma_m: float  # of a stated true distance; 0: exact
     time_s: Optional[Floats]  # (n,)
     range_m: Floats  # (n,) raw readings
     true_m: Optional[Floats]  # (n,)
@@ -254,6 +259,17 @@ class Member:
     log_evidence_without: Optional[float]
     heldout_nll_without: Optional[float]
 
+class Law:
+    id: str
+    channel: str
+    formula: str
+    variables: list[str]
+    parameters: list[EffectEstimate]
+    log_evidence: float
+    log_evidence_over_curve: float
+    agrees_with_first: bool
+    text: str
+
 class NextExperiment:
     change: str
     settles: list[str]
@@ -263,6 +279,7 @@ class FitSummary:
     nll: float
     heldout_nll: Optional[float]
     heldout_std: Optional[float]
+    heldout_rms_range_m: Optional[float]
     rms_range_m: float
     rms_bearing_rad: float
     chi_sq_per_dof: float
@@ -284,7 +301,9 @@ class Diagnosis:
     unseen: list[Unseen]
     next_experiments: list[NextExperiment]
     notes: list[str]
+    laws: list[Law]
     heldout_blocks: str
+    heldout_effective_blocks: float
     def to_dict(self) -> dict[str, Any]: ...
     def to_json(self) -> str: ...
     def save(self, path: Path) -> None: ...
@@ -356,7 +375,7 @@ class Effect:
 
 Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]
 
-def load(path: Path) -> Union[Recording, Calibration]: ...
+def load(path: Path, *, group_by: Union[str, Sequence[str]] = ()) -> Union[Recording, Calibration]: ...
 def calibrate(recordings: Recordings, method: Method = "marginal", *, order: Union[int, Literal["auto"]] = "auto",
               curve: Literal["auto", "polynomial", "reciprocal"] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
               weights: str = "consistent", check: bool = False, start: Optional[Union[Calibration, Path]] = None,
@@ -375,13 +394,14 @@ def simulate(scene: Union[Path, Mapping[str, Any], Diagnosis, Recording, Sequenc
 def diagnose(recordings: Recordings,
              simulation: Optional[Union[Calibration, Recording, Path, Sequence[Recording]]] = None, *,
              curve: Literal["auto", "polynomial", "reciprocal"] = "auto", alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None, held_out: bool = True,
-             unseen: bool = True, next_experiments: bool = True,
+             unseen: bool = True, next_experiments: bool = True, laws: bool = False,
              progress: Optional[Progress] = None) -> Diagnosis: ...
 def residuals(recordings: Recordings, calibration: Union[Calibration, Path],
               along: Union[str, Sequence[str]] = ()) -> Residuals: ...
 def study(path: Path, *, repeats: Optional[int] = None, threads: int = 0,
           progress: Optional[Progress] = None) -> Study: ...
 def effects() -> list[Effect]: ...
+def load_effects(folder: Path) -> list[str]: ...
 def extract(scans: Union[Path, Table, Sequence[Path]], stops: Optional[Union[Path, Table]] = None, *,
             radius_m: Optional[Union[float, Sequence[float]]] = None, landmarks: Optional[Union[Path, Table]] = None,
             arc: Arc = "nearest", beams_min: int = 4, edge_cut: float = 0.9, support: float = 0.5,

@@ -8,7 +8,7 @@ import numpy as np
 
 from . import _native, _take
 from ._native import Calibration, Diagnosis, Recording
-from ._recording import columns_of, is_table, made_by
+from ._recording import columns_of, is_table, made_by, names_of_columns
 from ._results import Comparison, Corrected, Study
 
 _COLUMNS = ("bearing_rad", "heading_rad", "time_s", "radius_m", "landmark", "stop", "repeat")   # docs/diagnosis.md
@@ -16,7 +16,7 @@ _COVARIATES = ("range", "disparity", "sensor_bearing", "heading", "time", "stop"
                "radius")   # docs/formats.md
 
 
-def load(path):
+def load(path, *, group_by=()):
     """Read a recording, or a calibration.
 
     Parameters
@@ -24,6 +24,8 @@ def load(path):
     path : str or os.PathLike
         A recording's folder (``recording.yaml`` and CSV tables), or a calibration file
         (``rangecal-calibration/1`` JSON; of several methods in it the best usable one).
+    group_by : str or list of str
+        Columns of a recording that say which readings belong together, in place of those that it states itself.
 
     Returns
     -------
@@ -36,8 +38,10 @@ def load(path):
     """
     path = _take.path("path", path)
     if os.path.isfile(path):
+        if group_by:
+            raise TypeError("group_by: a calibration has no readings to group")
         return _native.load_calibration(path)
-    return _native.load_recording(path)
+    return _native.load_recording(path, names_of_columns(group_by))
 
 
 def calibrate(recordings, method="marginal", *, order="auto", curve="auto", noise="auto", noise_shape="auto",
@@ -213,7 +217,7 @@ def simulate(scene, seed=1, *, calibration=None, effects=None):
 
 
 def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, force=None, held_out=True, unseen=True,
-             next_experiments=True, progress=None):
+             next_experiments=True, laws=False, progress=None):
     """Find what the model leaves out, name the physics, complete the model.
 
     Parameters
@@ -229,6 +233,8 @@ def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, forc
         Fit exactly these effects, whatever the residuals say.
     held_out, unseen, next_experiments : bool
         Parts that can be left out to save time.
+    laws : bool
+        Look for formulas of what has no name (`Diagnosis.laws`).
     progress : callable, optional
         ``progress(stage, fraction)``, with the fraction done.
 
@@ -253,7 +259,7 @@ def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, forc
         recordings, calibration, other, None if curve is None or curve == "auto" else str(curve),
         _take.number("alarm_rate", alarm_rate),
         None if force is None else _take.texts(force), _take.flag("held_out", held_out), _take.flag("unseen", unseen),
-        _take.flag("next_experiments", next_experiments), _take.progress(progress))
+        _take.flag("next_experiments", next_experiments), _take.flag("laws", laws), _take.progress(progress))
     diagnosis._recordings = recordings
     return diagnosis
 
@@ -324,9 +330,31 @@ def effects():
     Returns
     -------
     list of Effect
-        Ordered by id; each with its physics, formula, source and parameters.
+        Ordered by id, those of `load_effects` last; each with its physics, formula, source and parameters.
     """
     return _native.effects()
+
+
+def load_effects(folder):
+    """Make effects of your own known: a formula in a ``.yaml`` file each (docs/effects-by-formula.md).
+
+    From then on `diagnose`, `simulate` and `correct` treat them as those of the catalogue, as long as the program runs.
+
+    Parameters
+    ----------
+    folder : str or os.PathLike
+
+    Returns
+    -------
+    list of str
+        Their ids.
+
+    Raises
+    ------
+    InputError
+        Naming file, row and field of what cannot be used.
+    """
+    return _native.load_effects(_take.path("folder", folder))
 
 
 def compare_curves(before, after):

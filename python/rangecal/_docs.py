@@ -42,6 +42,14 @@ _DOCS = {
         Of each reading; indices into the labels.
     batch : ndarray of int (n,) or None
         Of pairs, index into `batch_labels`; -1: none.
+    group_by : list of str
+        Columns that say which readings belong together: what is held out is held out by whole groups.
+    group : ndarray of int (n,) or None
+        Index into `group_labels`.
+    group_labels : list of list of str
+        Of every group its text in each column of `group_by`.
+    reference_sigma_m : float
+        Standard deviation of a stated true distance [m]; 0: exact.
     time_s : ndarray (n,) or None
         [s].
     range_m : ndarray (n,)
@@ -298,6 +306,21 @@ _DOCS = {
     heldout_nll_without : float or None
         Negative log predictive density of the blocks left out, under the final model without it [nats].
     """,
+    "Law": """A formula for a mismatch that has no name (docs/laws.md).
+
+    Attributes
+    ----------
+    id, channel, formula : str
+        ``law_1``; what it changes; the formula (docs/effects-by-formula.md).
+    variables : list of str
+    parameters : list of EffectEstimate
+    log_evidence, log_evidence_over_curve : float
+        Over the model without it, and over the smooth curve without a name [nats].
+    agrees_with_first : bool
+        Wherever these recordings have readings, to a twentieth of the squares.
+    text : str
+        As a file for `load_effects` and ``rangecal predict``, with what was estimated.
+    """,
     "NextExperiment": """A change of the experiment and what it would settle.
 
     Attributes
@@ -314,6 +337,8 @@ _DOCS = {
     ----------
     nll, heldout_nll, heldout_std : float, float or None
         [nats]; of left-out blocks; standard deviation of the difference to the seed model.
+    heldout_rms_range_m : float or None
+        Of the means of repeats at known distances, each predicted from the blocks left in [m]; None of landmarks.
     rms_range_m, rms_bearing_rad : float
         Of the means of cells [m], [rad].
     chi_sq_per_dof : float
@@ -346,8 +371,13 @@ _DOCS = {
     unseen : list of Unseen
     next_experiments : list of NextExperiment
     notes : list of str
+    laws : list of Law
+        Where they were asked for and something has no name; the likeliest first.
     heldout_blocks : str
-        What was left out at a time where several recordings were given ("recordings", "cells", ...); else empty.
+        What was left out at a time: "recordings", "groups of COLUMN", "batches", "distances", "stops", or "stretches" of
+        consecutive readings; empty where nothing was.
+    heldout_effective_blocks : float
+        As many blocks of one size, ``sum(n)**2 / sum(n**2)`` over their readings.
     """,
     "Residuals": """What a calibration leaves of every reading; ordered by recording, stop, landmark and time.
 

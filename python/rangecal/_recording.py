@@ -12,7 +12,7 @@ _native_init, _native_save = _native.Recording.__init__, _native.Recording.save
 
 def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sensor=None, sigma_xy_m=0.01,
          sigma_heading_rad=0.0, stop_error="independent", radius_m=0.0, known_distances=(), true_stops=None,
-         true_landmarks=None, columns=None, extraction=None):
+         true_landmarks=None, columns=None, group_by=(), reference=None, extraction=None):
     """A recording from tables in memory, checked as files are.
 
     Parameters
@@ -45,6 +45,12 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
     columns : dict, optional
         What covariates measure whose names do not say it: ``{"T1": {"role": "temperature", "unit": "degC"}}``; roles
         ``received_power, temperature, azimuth, elevation, supply_voltage, intensity, other``.
+    group_by : str or list of str
+        Columns, of numbers or texts, that say which readings belong together (trials, days, places): `diagnose` holds
+        out whole groups.
+    reference : dict, optional
+        How well `true_m` is known: ``sigma_m`` of a stated distance [m], and ``time_offset_s``: a reading at time t
+        belongs to the true distance at t + time_offset_s.
     extraction : dict, optional
         How the readings were cut out of raw scans, kept for people: ``source, arc, ...``, each a text, number or list.
 
@@ -71,12 +77,21 @@ def init(self, observations=None, stops=None, landmarks=None, *, pairs=None, sen
     header["landmarks"] = {"radius_m": radius_m}
     if columns:
         header["columns"] = columns
+    if group_by:
+        header["group_by"] = names_of_columns(group_by)
+    if reference:
+        header["reference"] = reference
     if extraction:
         header["extraction"] = extraction
     if known_distances:
         header["known_distances"] = known_distances
     _native_init(self, json.dumps(header, ensure_ascii=False, default=_take.plain),
                  {name: columns_of(name, table) for name, table in tables.items() if table is not None})
+
+
+def names_of_columns(group_by):
+    """One column's name, or several, as a list."""
+    return [group_by] if isinstance(group_by, str) else list(group_by)
 
 
 def save(self, folder, *, overwrite=False):
@@ -151,6 +166,9 @@ def columns(self):
         table["landmark"] = np.array(self.landmark_labels, dtype=object)[self.landmark]
     table.update({name: getattr(self, name) for name in names if getattr(self, name) is not None})
     table.update(self.covariates)
+    for i, name in enumerate(self.group_by):
+        if name not in table:
+            table[name] = np.array([labels[i] for labels in self.group_labels], dtype=object)[self.group]
     return table
 
 

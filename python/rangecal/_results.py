@@ -355,7 +355,7 @@ def diagnosis_to_frame(self, table="explanations"):
         return pandas.DataFrame(rows, columns=["channel", "covariate", "shape", "from", "to", "group", "size", "unit",
                                                "p_value", "share", "effects"])
     if table == "fit":
-        names = ("nll", "heldout_nll", "heldout_std", "rms_range_m", "rms_bearing_rad", "chi_sq_per_dof")
+        names = ("nll", "heldout_nll", "heldout_std", "heldout_rms_range_m", "rms_range_m", "rms_bearing_rad", "chi_sq_per_dof")
         return pandas.DataFrame({"before": [getattr(self.before, n) for n in names],
                                  "after": [getattr(self.after, n) for n in names]}, index=names)
     if table == "unseen":

@@ -48,7 +48,7 @@ def recordings(name, value):
     for item in items:
         if not isinstance(item, kinds):
             raise TypeError(f"{name}: {shown(item)} is not a Recording, nor the path of one")
-    return [item if isinstance(item, Recording) else _native.load_recording(path(name, item)) for item in items]
+    return [item if isinstance(item, Recording) else _native.load_recording(path(name, item), []) for item in items]
 
 
 def whole(name, value, low=0, high=2**31 - 1):

@@ -46,6 +46,14 @@ inline void archive_fields(python::Archive& a, Pairs& s) {
   auto& [distance, reading, batch, labels, landmark, time, bearing, row, covariates] = s;
   a(distance, reading, batch, labels, landmark, time, bearing, row, covariates);
 }
+inline void archive_fields(python::Archive& a, Groups& s) {
+  auto& [by, of, labels] = s;
+  a(by, of, labels);
+}
+inline void archive_fields(python::Archive& a, Reference& s) {
+  auto& [sigma] = s;
+  a(sigma);
+}
 inline void archive_fields(python::Archive& a, Counts& s) {
   auto& [read, used, dropped, cells] = s;
   a(read, used, dropped, cells);
@@ -60,9 +68,9 @@ inline void archive_fields(python::Archive& a, Column& s) {
 }
 inline void archive_fields(python::Archive& a, Recording& s) {
   auto& [path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings,
-         pairs, counts, truth, columns, extraction, notes] = s;
+         pairs, groups, reference, counts, truth, columns, extraction, notes] = s;
   a(path, kind, sensor, sigma_xy, estimate, sigma_heading, error, stops, landmarks, known, readings, pairs,
-    counts, truth, columns, extraction, notes);
+    groups, reference, counts, truth, columns, extraction, notes);
 }
 
 inline void archive_fields(python::Archive& a, Noise& s) {
@@ -159,8 +167,8 @@ inline void archive_fields(python::Archive& a, NextExperiment& s) {
   a(code, change, settles, power);
 }
 inline void archive_fields(python::Archive& a, FitSummary& s) {
-  auto& [nll, heldout, std_dev, range, bearing, chi_sq] = s;
-  a(nll, heldout, std_dev, range, bearing, chi_sq);
+  auto& [nll, heldout, std_dev, heldout_rms, range, bearing, chi_sq] = s;
+  a(nll, heldout, std_dev, heldout_rms, range, bearing, chi_sq);
 }
 inline void archive_fields(python::Archive& a, AddedChange& s) {
   auto& [range, bearing, range_variance, bearing_variance] = s;
@@ -174,11 +182,15 @@ inline void archive_fields(python::Archive& a, Member& s) {
   auto& [effect, probability, evidence, held_out] = s;
   a(effect, probability, evidence, held_out);
 }
+inline void archive_fields(python::Archive& a, Law& s) {
+  auto& [id, channel, formula, variables, parameters, evidence, over_curve, agrees, text] = s;
+  a(id, channel, formula, variables, parameters, evidence, over_curve, agrees, text);
+}
 inline void archive_fields(python::Archive& a, Diagnosis& s) {
   auto& [verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects,
-         members, omitted, twins, unseen, next, notes, blocks, simulation] = s;
+         members, omitted, twins, unseen, next, notes, blocks, effective, laws, simulation] = s;
   a(verdict, sentence, baseline, corrected, before, after, alarm, location, explanations, effects, members,
-    omitted, twins, unseen, next, notes, blocks, simulation);
+    omitted, twins, unseen, next, notes, blocks, effective, laws, simulation);
 }
 inline void archive_fields(python::Archive& a, ReadingResidual& s) {
   auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,

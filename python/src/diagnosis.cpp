@@ -16,7 +16,7 @@ namespace {
 
 DiagnoseOptions options_from(const std::optional<std::string>& curve, double alarm_rate,
                              const std::optional<std::vector<std::string>>& force, bool held_out, bool unseen,
-                             bool next_experiments, const std::shared_ptr<Calibration>& simulation) {
+                             bool next_experiments, bool laws, const std::shared_ptr<Calibration>& simulation) {
   if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
     throw InputError(fmt::format("alarm_rate is {}, not between 0 and 1", alarm_rate));
   DiagnoseOptions options;
@@ -26,6 +26,7 @@ DiagnoseOptions options_from(const std::optional<std::string>& curve, double ala
   options.held_out = held_out;
   options.unseen = unseen;
   options.next_experiments = next_experiments;
+  options.laws = laws;
   if (simulation) {
     if (!is_usable(simulation->outcome))
       throw InputError(std::string("simulation: its outcome is ") + to_string(simulation->outcome) +
@@ -40,9 +41,9 @@ std::shared_ptr<Diagnosis> diagnose_job(const std::vector<std::shared_ptr<Record
                                         const std::vector<std::shared_ptr<Recording>>& simulation,
                                         const std::optional<std::string>& curve, double alarm_rate,
                                         const std::optional<std::vector<std::string>>& force, bool held_out,
-                                        bool unseen, bool next_experiments, const py::object& progress) {
+                                        bool unseen, bool next_experiments, bool laws, const py::object& progress) {
   DiagnoseOptions options =
-      options_from(curve, alarm_rate, force, held_out, unseen, next_experiments, calibration);
+      options_from(curve, alarm_rate, force, held_out, unseen, next_experiments, laws, calibration);
   const Recordings job({recordings.begin(), recordings.end()});
   std::optional<Recordings> other;
   if (!simulation.empty())
@@ -128,6 +129,17 @@ void bind_findings(py::module_& module) {
       .def_readonly("log_evidence_without", &Member::log_evidence_without)
       .def_readonly("heldout_nll_without", &Member::heldout_nll_without)
       .def(picklable<Member>());
+  py::class_<Law>(module, "Law")
+      .def_readonly("id", &Law::id)
+      .def_readonly("channel", &Law::channel)
+      .def_readonly("formula", &Law::formula)
+      .def_readonly("variables", &Law::variables)
+      .def_readonly("parameters", &Law::parameters)
+      .def_readonly("log_evidence", &Law::log_evidence)
+      .def_readonly("log_evidence_over_curve", &Law::log_evidence_over_curve)
+      .def_readonly("agrees_with_first", &Law::agrees_with_first)
+      .def_readonly("text", &Law::text)
+      .def(picklable<Law>());
   py::class_<NextExperiment>(module, "NextExperiment")
       .def_readonly("change", &NextExperiment::change)
       .def_readonly("settles", &NextExperiment::settles)
@@ -137,6 +149,7 @@ void bind_findings(py::module_& module) {
       .def_readonly("nll", &FitSummary::nll)
       .def_readonly("heldout_nll", &FitSummary::heldout_nll)
       .def_readonly("heldout_std", &FitSummary::heldout_std)
+      .def_readonly("heldout_rms_range_m", &FitSummary::heldout_rms_range_m)
       .def_readonly("rms_range_m", &FitSummary::rms_range_m)
       .def_readonly("rms_bearing_rad", &FitSummary::rms_bearing_rad)
       .def_readonly("chi_sq_per_dof", &FitSummary::chi_sq_per_dof)
@@ -171,7 +184,9 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("unseen", &Diagnosis::unseen)
       .def_readonly("next_experiments", &Diagnosis::next_experiments)
       .def_readonly("notes", &Diagnosis::notes)
+      .def_readonly("laws", &Diagnosis::laws)
       .def_readonly("heldout_blocks", &Diagnosis::heldout_blocks)
+      .def_readonly("heldout_effective_blocks", &Diagnosis::heldout_effective_blocks)
       .def("to_dict", to_dict, "The diagnosis as the dictionary of its file, rangecal-diagnosis/1.")
       .def("to_json", &diagnosis_to_json, "The text of its file, rangecal-diagnosis/1.")
       .def(
@@ -186,7 +201,7 @@ void bind_diagnosis(py::module_& module) {
 
   module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),
              py::arg("simulation"), py::arg("curve"), py::arg("alarm_rate"), py::arg("force"),
-             py::arg("held_out"), py::arg("unseen"), py::arg("next_experiments"), py::arg("progress"));
+             py::arg("held_out"), py::arg("unseen"), py::arg("next_experiments"), py::arg("laws"), py::arg("progress"));
 }
 
 }  // namespace rangecal::python

@@ -103,6 +103,11 @@ bool is_made(const py::handle& self) {
   return reinterpret_cast<py::detail::instance*>(self.ptr())->get_value_and_holder().holder_constructed();
 }
 
+py::object groups_of(const py::object& self) {
+  const auto& r = self.cast<const Recording&>();
+  return r.groups.stated() ? py::object(view(r.groups.of, self)) : py::object(py::none());
+}
+
 std::shared_ptr<Recording> parse(const std::string& header, const py::dict& tables) {
   std::map<std::string, std::string> files{{"recording.yaml", header}};
   for (const auto& [name, columns] : tables) {
@@ -171,6 +176,10 @@ void bind_recording(py::module_& module) {
       .def_property_readonly("repeat", column<int>(&Readings::repeat, nullptr))
       .def_property_readonly("batch", column<int>(nullptr, &Pairs::batch))
       .def_property_readonly("batch_labels", [](const Recording& r) { return r.pairs.batch_labels; })
+      .def_property_readonly("group_by", [](const Recording& r) { return r.groups.by; })
+      .def_property_readonly("group", &groups_of)
+      .def_property_readonly("group_labels", [](const Recording& r) { return r.groups.labels; })
+      .def_property_readonly("reference_sigma_m", [](const Recording& r) { return r.reference.sigma_m; })
       .def_property_readonly("time_s", column<double>(&Readings::time_s, &Pairs::time_s))
       .def_property_readonly("range_m", column<double>(&Readings::range_m, &Pairs::reading_m))
       .def_property_readonly("true_m", column<double>(nullptr, &Pairs::true_m))
@@ -191,12 +200,14 @@ void bind_recording(py::module_& module) {
   module.def("is_made", &is_made, py::arg("recording").none(false));
   module.def(
       "load_recording",
-      [](const std::string& folder) {
+      [](const std::string& folder, const std::vector<std::string>& group_by) {
         return run_interruptible<std::shared_ptr<Recording>>(
-            [folder](const StageHook&) { return std::make_shared<Recording>(load_recording(folder)); },
+            [folder, group_by](const StageHook&) {
+              return std::make_shared<Recording>(load_recording(folder, {group_by}));
+            },
             py::none());
       },
-      py::arg("folder"));
+      py::arg("folder"), py::arg("group_by"));
 }
 
 }  // namespace rangecal::python

@@ -7,6 +7,7 @@
 #include "module.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
 #include "rangecal/problems/world/scene.hpp"
 #include "rangecal/solvers/diagnosis/scene_simulation.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
@@ -100,9 +101,10 @@ void bind_simulate(py::module_& module) {
       .def_readonly("parameters", &EffectInfo::parameters);
   module.def("effects", [] {
     std::vector<EffectInfo> all;
-    for (const auto& effect : effect_registry()) all.push_back(effect->info());
+    for (const Effect* effect : known_effects()) all.push_back(effect->info());
     return all;
   });
+  module.def("load_effects", &add_effects_by_formula, py::arg("folder"));
 }
 
 }  // namespace rangecal::python

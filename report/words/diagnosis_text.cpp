@@ -45,6 +45,8 @@ std::string before_after(const Diagnosis& d) {
   std::string text = table_line("", "seed model", d.final_effects.empty() ? "" : "completed") + "\n";
   for (const BeforeAfter& row : before_after_rows(d))
     text += table_line(row.name, row.before, row.after, row.note) + "\n";
+  if (const std::string blocks = held_out_in_words(d); !blocks.empty())
+    text += "  " + wrapped(blocks, 4) + "\n";
   return text;
 }
 
@@ -67,6 +69,25 @@ std::string names(const Diagnosis& d) {
     text +=
         fmt::format("  {:<24}{:>12}{:>22}{:>22}\n", row.effect, row.probability, row.evidence, row.held_out);
   }
+  return text;
+}
+
+/// Formulas for what has no name.
+std::string laws(const Diagnosis& d) {
+  std::string text;
+  bool first = true;
+  for (const LawRow& row : law_rows(d)) {
+    text += "  " +
+            wrapped(row.formula + (first || !row.agrees ? "" : "  (the same wherever there are readings)"), 4,
+                    width) +
+            "\n";
+    std::string line = row.evidence;
+    for (const std::string& parameter : row.parameters) line += "; " + parameter;
+    text += "    " + wrapped(line, 6, width) + "\n";
+    first = false;
+  }
+  if (!d.laws.empty() && d.laws.front().log_evidence_over_curve < 0.0)
+    text += "  no law is likelier than the free curve\n";
   return text;
 }
 
@@ -147,6 +168,7 @@ std::string diagnosis_text(const Diagnosis& d) {
     text += section("Names", names(d));
     text += section("Parameters", parameters(d));
   }
+  text += section("Laws for what has no name", laws(d));
   text += section("Cannot tell apart", cannot_tell_apart(d));
   text += section("Could be hidden", could_be_hidden(d));
   text += section("Do next", do_next(d));

@@ -142,6 +142,11 @@ std::string millimetres(double harm_m) {
   return harm_m < 1e-5 ? "< 0.01" : fmt::format("{:.2g}", 1e3 * harm_m);
 }
 
+std::string held_out_in_words(const Diagnosis& d) {
+  if (d.heldout_blocks.empty() || !d.before.heldout_nll) return {};
+  return fmt::format("held out: {:.0f} {}", d.heldout_effective_blocks, d.heldout_blocks);
+}
+
 std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {
   const FitSummary &a = d.before, &b = d.after;
   const auto number = [](std::optional<double> value, const char* format) {
@@ -164,6 +169,12 @@ std::vector<BeforeAfter> before_after_rows(const Diagnosis& d) {
     if (*b.heldout_nll >= *a.heldout_nll) change += "  (no improvement)";
   }
   add("held-out NLL [nats]", number(a.heldout_nll, "{:.1f}"), number(b.heldout_nll, "{:.1f}"), change);
+  const auto in_mm = [](std::optional<double> metres) {
+    return metres ? std::optional(1e3 * *metres) : std::nullopt;
+  };
+  if (a.heldout_rms_range_m)
+    add("held-out RMS [mm]", number(in_mm(a.heldout_rms_range_m), "{:.2f}"),
+        number(in_mm(b.heldout_rms_range_m), "{:.2f}"), "");
   add("RMS range [mm]", fmt::format("{:.2f}", 1e3 * a.rms_range_m),
       fmt::format("{:.2f}", 1e3 * b.rms_range_m), "of the means of repeats");
   if (d.baseline.kind == RecordingKind::landmarks)
@@ -209,6 +220,25 @@ std::vector<MemberRow> member_rows(const Diagnosis& d) {
       held_out = *m.heldout_nll_without - *d.after.heldout_nll;
     rows.push_back(
         {id_in_words(m.effect), fmt::format("{:.2f}", m.probability), nats(evidence), nats(held_out)});
+  }
+  return rows;
+}
+
+std::vector<LawRow> law_rows(const Diagnosis& d) {
+  std::vector<LawRow> rows;
+  for (const Law& law : d.laws) {
+    LawRow& row = rows.emplace_back();
+    row.formula = law.channel + " + " + law.formula;
+    row.evidence = fmt::format("{:.1f} nats {} the free curve", std::abs(law.log_evidence_over_curve),
+                               law.log_evidence_over_curve < 0.0 ? "below" : "above");
+    for (const EffectEstimate& e : law.parameters) {
+      const Shown unit = unit_of(e);
+      const std::string text =
+          fmt::format("{} = {}{}{}", without_unit(e.name), estimate_in_words(e, unit.factor),
+                      unit.unit.empty() ? "" : " ", unit.unit);
+      row.parameters.push_back(text);
+    }
+    row.agrees = law.agrees_with_first;
   }
   return rows;
 }

@@ -43,6 +43,16 @@ struct BeforeAfter {
   std::string name, before, after, note;
 };
 std::vector<BeforeAfter> before_after_rows(const Diagnosis& diagnosis);
+/// "held out: 36 groups of trial": as many blocks of one size as they amount to; empty where nothing was held out.
+std::string held_out_in_words(const Diagnosis& diagnosis);
+
+/// A law as a user reads it.
+struct LawRow {
+  std::string formula, evidence;        ///< "12.3 nats above the free curve"
+  std::vector<std::string> parameters;  ///< "a1 = 15.9 +- 0.4 mm"
+  bool agrees = false;                  ///< with the first, wherever there are readings
+};
+std::vector<LawRow> law_rows(const Diagnosis& diagnosis);
 
 /// A parameter as a user reads it.
 struct ParameterRow {

@@ -188,5 +188,20 @@ TEST(OneSidedEffects, EndWhereTheirPhysicsDoes) {
   EXPECT_FALSE(std::isfinite(late.end_m));
 }
 
+TEST(TailLaw, ItsMeanIsThatOfDraws) {
+  TailLaw law;
+  EXPECT_EQ(law.mean(), 0.0);
+  law.add({.share = 0.2, .mean_m = -0.3, .end_m = 0.5});
+  // By hand: -0.2 (0.3 - 0.5 / (e^(5/3) - 1)) = -0.2 (0.3 - 0.1165) = -0.0367.
+  EXPECT_NEAR(law.mean(), -0.0367, 1e-4);
+  law.add({.share = 0.1, .mean_m = 0.4});
+  law.add({.share = 0.1, .extra_sigma_m = 1.0});
+  Random random(seed_from("TailLaw.Mean"));
+  constexpr int draws = 400000;  // of a standard deviation of 0.4 m: 0.6 mm
+  double sum = 0.0;
+  for (int i = 0; i < draws; ++i) sum += law.draw(random) / draws;
+  EXPECT_NEAR(law.mean(), sum, 0.0025);
+}
+
 }  // namespace
 }  // namespace rangecal

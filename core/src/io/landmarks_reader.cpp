@@ -105,7 +105,8 @@ class Cells {
   rows.fail(*columns.repeat, "stop, landmark and repeat are those of an earlier row");
 }
 
-void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Recording& recording) {
+void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, GroupColumns& groups,
+                         Recording& recording) {
   Readings& readings = recording.readings;
   Counts& counts = recording.counts;
   counts.cells_left_out = cells.cut();
@@ -122,6 +123,7 @@ void leave_out_cut_cells(Cells& cells, CovariateColumns& covariates, Recording& 
   for (auto* column : {&readings.time_s, &readings.range_m, &readings.bearing_rad})
     leave_out(unwanted, *column);
   readings.covariates = covariates.finish(unwanted, recording.notes);
+  groups.finish(unwanted, recording.groups);
   counts.used = static_cast<int>(readings.size());
 }
 
@@ -129,7 +131,9 @@ void read_observations(const Files& files, const RecordingHeader& header, bool l
                        const LabelIndex& stops, LabelIndex& landmarks, Recording& recording) {
   CsvRows rows = files.rows("observations.csv");
   const SightingColumns columns(rows);
-  CovariateColumns covariates(rows, {"stop", "landmark", "repeat", "time_s", "range_m", "bearing_rad"});
+  CovariateColumns covariates(rows, {"stop", "landmark", "repeat", "time_s", "range_m", "bearing_rad"},
+                              recording.groups.by);
+  GroupColumns groups(rows, recording.groups);
   Cells cells;
   Readings& readings = recording.readings;
   Counts& counts = recording.counts;
@@ -148,6 +152,7 @@ void read_observations(const Files& files, const RecordingHeader& header, bool l
     const double time_s = columns.time ? rows.finite(*columns.time) : 0.0;
     cell.loss.count(read.unusable);
     covariates.take(rows, read.unusable == nullptr);
+    groups.take(rows, read.unusable == nullptr);
     if (read.unusable != nullptr) {
       ++counts.dropped[read.unusable];
       continue;
@@ -161,7 +166,7 @@ void read_observations(const Files& files, const RecordingHeader& header, bool l
     readings.row.push_back(rows.line());
   }
   if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
-  leave_out_cut_cells(cells, covariates, recording);
+  leave_out_cut_cells(cells, covariates, groups, recording);
 }
 
 void resolve_taped(const RecordingHeader& header, const LabelIndex& landmarks, Recording& recording) {

@@ -130,7 +130,7 @@ void note_lone_distances(const std::string& file, const CutDistances& distances,
 }
 
 void leave_out_cut_pairs(const Batches& batches, const CutDistances& distances, CovariateColumns& covariates,
-                         Recording& recording) {
+                         GroupColumns& groups, Recording& recording) {
   Pairs& pairs = recording.pairs;
   Counts& counts = recording.counts;
   counts.cells_left_out = batches.cut() + distances.cut();
@@ -145,6 +145,7 @@ void leave_out_cut_pairs(const Batches& batches, const CutDistances& distances, 
   for (auto* column : {&pairs.true_m, &pairs.reading_m, &pairs.time_s, &pairs.bearing_rad})
     leave_out(unwanted, *column);
   pairs.covariates = covariates.finish(unwanted, recording.notes);
+  groups.finish(unwanted, recording.groups);
   counts.used = static_cast<int>(pairs.size());
 }
 
@@ -190,6 +191,45 @@ void note_wide_batches(const std::string& file, Recording& recording) {
 
 }  // namespace
 
+namespace {
+
+/// The true distance of every reading at its time + `offset_s`, straight between its device's neighbours in time. Readings
+/// whose time lies beyond the device's first or last are dropped.
+void move_in_time(double offset_s, Recording& recording) {
+  Pairs& pairs = recording.pairs;
+  std::map<int, std::vector<std::size_t>> devices;
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    devices[pairs.landmark.empty() ? 0 : pairs.landmark[i]].push_back(i);
+  std::vector<double> moved(pairs.size());
+  std::vector<char> unwanted(pairs.size());
+  for (auto& [device, readings] : devices) {
+    std::stable_sort(readings.begin(), readings.end(),
+                     [&](std::size_t a, std::size_t b) { return pairs.time_s[a] < pairs.time_s[b]; });
+    for (const std::size_t i : readings) {
+      const double t = pairs.time_s[i] + offset_s;
+      const auto above = std::lower_bound(readings.begin(), readings.end(), t,
+                                          [&](std::size_t a, double time) { return pairs.time_s[a] < time; });
+      unwanted[i] = above == readings.end() || (above == readings.begin() && pairs.time_s[*above] > t);
+      if (unwanted[i]) continue;
+      const std::size_t to = *above, from = above == readings.begin() ? to : *(above - 1);
+      const double span = pairs.time_s[to] - pairs.time_s[from];
+      const double share = span > 0.0 ? (t - pairs.time_s[from]) / span : 1.0;
+      moved[i] = (1.0 - share) * pairs.true_m[from] + share * pairs.true_m[to];
+    }
+  }
+  pairs.true_m = std::move(moved);
+  if (const auto lost = static_cast<int>(std::count(unwanted.begin(), unwanted.end(), 1)); lost > 0)
+    recording.counts.dropped["no true distance at its time"] = lost;
+  for (auto* column : {&pairs.batch, &pairs.landmark, &pairs.row, &recording.groups.of})
+    leave_out(unwanted, *column);
+  for (auto* column : {&pairs.true_m, &pairs.reading_m, &pairs.time_s, &pairs.bearing_rad})
+    leave_out(unwanted, *column);
+  for (auto& [name, column] : pairs.covariates) leave_out(unwanted, column);
+  recording.counts.used = static_cast<int>(pairs.size());
+}
+
+}  // namespace
+
 void read_pairs_kind(const Files& files, const RecordingHeader& header, Recording& recording) {
   CsvRows rows = files.rows("pairs.csv");
   const PairColumns columns(rows);
@@ -199,7 +239,9 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
     throw InputError(header.file, header.taped.front().line, "",
                      "field 'known_distances': has no meaning in a recording of kind pairs");
   }
-  CovariateColumns covariates(rows, {"true_m", "reading_m", "batch", "time_s", "landmark", "bearing_rad"});
+  CovariateColumns covariates(rows, {"true_m", "reading_m", "batch", "time_s", "landmark", "bearing_rad"},
+                              recording.groups.by);
+  GroupColumns groups(rows, recording.groups);
   Batches batches;
   CutDistances distances;
   Pairs& pairs = recording.pairs;
@@ -215,6 +257,7 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
     if (batch >= 0) batches.losses[static_cast<std::size_t>(batch)].count(read.unusable);
     if (!columns.batch) distances.count(read.true_m, read.unusable);
     covariates.take(rows, read.unusable == nullptr);
+    groups.take(rows, read.unusable == nullptr);
     if (read.unusable != nullptr) {
       ++counts.dropped[read.unusable];
       continue;
@@ -229,7 +272,20 @@ void read_pairs_kind(const Files& files, const RecordingHeader& header, Recordin
   }
   if (counts.read == 0) throw InputError(rows.file(), 0, "", "holds a header and no rows");
   distances.count_used(pairs);
-  leave_out_cut_pairs(batches, distances, covariates, recording);
+  leave_out_cut_pairs(batches, distances, covariates, groups, recording);
+  if (header.reference_offset_s != 0.0) {
+    if (!columns.time)
+      throw InputError(
+          header.file, header.reference_line, "",
+          "field 'reference.time_offset_s': needs times (a column time_s of " + rows.file() + ")");
+    move_in_time(header.reference_offset_s, recording);
+    recording.notes.emplace_back(
+        InputError(
+            header.file, header.reference_line, "",
+            fmt::format("readings are held against true_m at their time + {:g} s (reference.time_offset_s)",
+                        header.reference_offset_s))
+            .what());
+  }
   number_batches(batches, pairs);
   if (columns.batch)
     note_wide_batches(rows.file(), recording);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+
 #include "io/recording_parts.hpp"
 #include "rangecal/core/errors.hpp"
 
@@ -65,14 +67,35 @@ Column read_column(const YamlReader& node, const std::string& name) {
   return column;
 }
 
+/// One column, or a list of them.
+std::vector<std::string> read_group_by(const YamlReader& node) {
+  std::vector<std::string> columns;
+  if (!node.is_list()) return {node.text()};
+  for (const YamlReader& item : node.items()) {
+    columns.push_back(item.text());
+    if (std::count(columns.begin(), columns.end(), columns.back()) > 1)
+      item.fail("column '" + columns.back() + "' stands twice");
+  }
+  return columns;
+}
+
+void read_reference(const YamlReader& node, Recording& recording, RecordingHeader& header) {
+  node.allow_only({"sigma_m", "time_offset_s"});
+  if (recording.kind != RecordingKind::pairs)
+    node.fail("is how well true_m is known: it has no meaning in a recording of kind landmarks");
+  if (node.has("sigma_m")) recording.reference.sigma_m = node.at("sigma_m").not_negative();
+  if (node.has("time_offset_s")) header.reference_offset_s = node.at("time_offset_s").number();
+  header.reference_line = node.line();
+}
+
 }  // namespace
 
 RecordingHeader read_header(const Files& files, Recording& recording) {
   RecordingHeader header;
   header.file = files.name("recording.yaml");
   const YamlReader top = files.yaml("recording.yaml");
-  top.allow_only(
-      {"format", "kind", "sensor", "stops", "landmarks", "known_distances", "columns", "extraction"});
+  top.allow_only({"format", "kind", "sensor", "stops", "landmarks", "known_distances", "columns", "group_by",
+                  "reference", "extraction"});
   const YamlReader format = top.at("format");
   if (format.text() != "rangecal/1") format.fail("'" + format.text().substr(0, 40) + "' is not rangecal/1");
   if (top.has("kind")) {
@@ -93,6 +116,8 @@ RecordingHeader read_header(const Files& files, Recording& recording) {
   if (top.has("columns"))
     for (const auto& [name, node] : top.at("columns").entries())
       recording.columns[name] = read_column(node, name);
+  if (top.has("group_by")) recording.groups.by = read_group_by(top.at("group_by"));
+  if (top.has("reference")) read_reference(top.at("reference"), recording, header);
   if (top.has("extraction"))
     recording.extraction = top.at("extraction").texts();  // for people: of any fields
   if (top.has("known_distances")) {

@@ -15,16 +15,16 @@
 
 namespace rangecal {
 
-Recording load_recording(const std::string& folder) {
+Recording load_recording(const std::string& folder, const LoadOptions& options) {
   std::error_code error;
   if (!std::filesystem::exists(folder, error)) throw InputError(folder, 0, "", "no such folder");
   if (!std::filesystem::is_directory(folder, error)) throw InputError(folder, 0, "", "is not a folder");
-  Recording recording = io::read_recording(io::Files(folder));
+  Recording recording = io::read_recording(io::Files(folder), options);
   recording.path = folder;
   return recording;
 }
 
-std::vector<Recording> load_recordings(const std::vector<std::string>& folders) {
+std::vector<Recording> load_recordings(const std::vector<std::string>& folders, const LoadOptions& options) {
   require_distinct(folders);
   std::vector<std::string> tables;
   for (const std::string& folder : folders)
@@ -32,12 +32,12 @@ std::vector<Recording> load_recordings(const std::vector<std::string>& folders) 
   require_distinct(tables);
   std::vector<Recording> recordings;
   recordings.reserve(folders.size());
-  for (const std::string& folder : folders) recordings.push_back(load_recording(folder));
+  for (const std::string& folder : folders) recordings.push_back(load_recording(folder, options));
   return recordings;
 }
 
-Recording parse_recording(const std::map<std::string, std::string>& files) {
-  return io::read_recording(io::Files(files));
+Recording parse_recording(const std::map<std::string, std::string>& files, const LoadOptions& options) {
+  return io::read_recording(io::Files(files), options);
 }
 
 namespace io {
@@ -68,9 +68,10 @@ YamlReader Files::yaml(const char* file) const {
   return texts_ ? YamlReader::parse(text(file), file) : YamlReader::open(name(file));
 }
 
-Recording read_recording(const Files& files) {
+Recording read_recording(const Files& files, const LoadOptions& options) {
   Recording recording;
   const RecordingHeader header = read_header(files, recording);
+  if (!options.group_by.empty()) recording.groups.by = options.group_by;
   if (const std::string& unit = recording.sensor.unit; !unit.empty())
     recording.notes.emplace_back(
         InputError(header.file, 0, "",
@@ -157,13 +158,14 @@ bool lost_at_limit(const char* reason) {
          (std::string_view(reason).starts_with("below") || std::string_view(reason).starts_with("above"));
 }
 
-CovariateColumns::CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known) {
+CovariateColumns::CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known,
+                                   const std::vector<std::string>& grouping) {
   for (std::size_t column = 0; column < rows.columns().size(); ++column) {
     const std::string& name = rows.columns()[column];
     const bool is_known =
         std::any_of(known.begin(), known.end(), [&](const char* other) { return name == other; });
     if (name.empty() || is_known) continue;
-    columns_.push_back({column});
+    columns_.push_back({column, std::find(grouping.begin(), grouping.end(), name) != grouping.end()});
     names_.push_back(name);
   }
 }
@@ -179,8 +181,9 @@ void CovariateColumns::take(const CsvRows& rows, bool used) {
     if (const std::string fault = number_fault(field, parsed); !fault.empty()) {
       own.numeric = false;
       own.values = {};
-      texts_.emplace_back(
-          InputError(rows.file(), rows.line(), names_[i], fault + "; the column is left out").what());
+      if (!own.grouping)
+        texts_.emplace_back(
+            InputError(rows.file(), rows.line(), names_[i], fault + "; the column is left out").what());
     } else if (used) {
       own.values.push_back(value);
     }
@@ -200,6 +203,33 @@ Covariates CovariateColumns::finish(const std::vector<char>& unwanted, std::vect
     covariates[names_[i]] = std::move(columns_[i].values);
   }
   return covariates;
+}
+
+GroupColumns::GroupColumns(const CsvRows& rows, const Groups& groups) {
+  for (const std::string& name : groups.by) columns_.push_back(rows.require(name));
+}
+
+void GroupColumns::take(const CsvRows& rows, bool used) {
+  if (columns_.empty() || !used) return;
+  std::vector<std::string> texts;
+  for (const std::size_t column : columns_) texts.emplace_back(rows.text(column));
+  const auto [known, is_new] = known_.try_emplace(std::move(texts), static_cast<int>(known_.size()));
+  if (is_new) labels_.push_back(known->first);
+  of_.push_back(known->second);
+}
+
+void GroupColumns::finish(const std::vector<char>& unwanted, Groups& groups) {
+  leave_out(unwanted, of_);
+  std::vector<int> number(labels_.size(), -1);
+  for (int& group : of_) {
+    const auto old = static_cast<std::size_t>(group);
+    if (number[old] < 0) {
+      number[old] = static_cast<int>(groups.labels.size());
+      groups.labels.push_back(labels_[old]);
+    }
+    group = number[old];
+  }
+  groups.of = std::move(of_);
 }
 
 }  // namespace io

@@ -13,6 +13,7 @@
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
 #include "rangecal/core/recording.hpp"
+#include "rangecal/core/recording_io.hpp"
 #include "rangecal/core/yaml_reader.hpp"
 
 namespace rangecal::io {
@@ -74,11 +75,13 @@ struct TapedDistance {
 struct RecordingHeader {
   std::string file;
   double landmark_radius_m = 0.0;
+  double reference_offset_s = 0.0;  ///< a reading at time t belongs to the true distance at t + this
+  int reference_line = 0;
   std::vector<TapedDistance> taped;
 };
 
 /// All files of a recording, whatever its kind.
-Recording read_recording(const Files& files);
+Recording read_recording(const Files& files, const LoadOptions& options);
 
 /// recording.yaml into the recording's sensor, kind and stop model.
 RecordingHeader read_header(const Files& files, Recording& recording);
@@ -118,10 +121,11 @@ struct CellLoss {
 };
 
 /// Numeric columns that are not among `known`, as their rows come: of at least one number, all others empty. A column
-/// that holds a text is left out, with a note that says which text and where.
+/// that holds a text is left out, with a note that says which text and where unless it is one of `grouping`.
 class CovariateColumns {
  public:
-  CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known);
+  CovariateColumns(const CsvRows& rows, std::initializer_list<const char*> known,
+                   const std::vector<std::string>& grouping);
   void take(const CsvRows& rows, bool used);  ///< the current row; kept where it is used
   /// Leaves out what stands for a reading that is not wanted (one per reading used), gives the columns away and adds
   /// the notes.
@@ -130,12 +134,28 @@ class CovariateColumns {
  private:
   struct Column {
     std::size_t column;
-    bool numeric = true, any = false;
+    bool grouping = false, numeric = true, any = false;
     std::vector<double> values{};
   };
   std::vector<Column> columns_;
   std::vector<std::string> names_,
       texts_;  ///< texts_: a note for each column left out, by the first text found
+};
+
+/// The group of every reading by the texts of the columns `recording.groups.by`, as their rows come. Throws where there is
+/// no such column.
+class GroupColumns {
+ public:
+  GroupColumns(const CsvRows& rows, const Groups& groups);
+  void take(const CsvRows& rows, bool used);  ///< the current row; kept where it is used
+  /// Leaves out what stands for a reading that is not wanted, and numbers the groups that are left.
+  void finish(const std::vector<char>& unwanted, Groups& groups);
+
+ private:
+  std::vector<std::size_t> columns_;
+  std::map<std::vector<std::string>, int> known_;
+  std::vector<std::vector<std::string>> labels_;
+  std::vector<int> of_;
 };
 
 /// Leaves out the values whose reading is not wanted; nothing where `unwanted` is empty or the column is.

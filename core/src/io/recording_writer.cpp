@@ -100,6 +100,11 @@ std::string header_text(const Recording& recording) {
     }
     out << YAML::EndMap;
   }
+  if (recording.groups.stated())
+    out << YAML::Key << "group_by" << YAML::Value << YAML::Flow << recording.groups.by;
+  if (recording.reference.sigma_m > 0.0)
+    out << YAML::Key << "reference" << YAML::Value << YAML::Flow << YAML::BeginMap << YAML::Key << "sigma_m"
+        << YAML::Value << text_of(recording.reference.sigma_m) << YAML::EndMap;
   if (!recording.extraction.empty()) {
     out << YAML::Key << "extraction" << YAML::Value << YAML::Flow << YAML::BeginMap;
     for (const auto& [field, text] : recording.extraction)
@@ -152,6 +157,26 @@ std::string landmarks_text(const Recording& recording) {
   return csv.text();
 }
 
+/// The columns of texts that state groups, which no other field of the recording holds.
+class GroupTexts {
+ public:
+  GroupTexts(const Groups& groups, std::vector<std::string>& columns) : groups_(groups) {
+    for (std::size_t i = 0; i < groups.by.size(); ++i) {
+      if (std::find(columns.begin(), columns.end(), groups.by[i]) != columns.end()) continue;
+      columns.push_back(groups.by[i]);
+      written_.push_back(i);
+    }
+  }
+  void add(std::size_t reading, std::vector<std::string>& fields) const {
+    for (const std::size_t i : written_)
+      fields.push_back(groups_.labels[static_cast<std::size_t>(groups_.of[reading])][i]);
+  }
+
+ private:
+  const Groups& groups_;
+  std::vector<std::size_t> written_;
+};
+
 std::string observations_text(const Recording& recording) {
   const Readings& readings = recording.readings;
   const bool time = !readings.time_s.empty();
@@ -159,6 +184,7 @@ std::string observations_text(const Recording& recording) {
   if (time) columns.push_back("time_s");
   columns.insert(columns.end(), {"range_m", "bearing_rad"});
   for (const auto& covariate : readings.covariates) columns.push_back(covariate.first);
+  const GroupTexts groups(recording.groups, columns);
   CsvText csv(columns);
   std::vector<std::string> fields;
   for (std::size_t i = 0; i < readings.size(); ++i) {
@@ -169,6 +195,7 @@ std::string observations_text(const Recording& recording) {
     fields.push_back(text_of(readings.range_m[i]));
     fields.push_back(text_of(readings.bearing_rad[i]));
     for (const auto& covariate : readings.covariates) fields.push_back(text_of(covariate.second[i]));
+    groups.add(i, fields);
     csv.add(fields);
   }
   return csv.text();
@@ -185,6 +212,7 @@ std::string pairs_text(const Recording& recording) {
   columns.insert(columns.end(), {"true_m", "reading_m"});
   if (bearing) columns.push_back("bearing_rad");
   for (const auto& covariate : pairs.covariates) columns.push_back(covariate.first);
+  const GroupTexts groups(recording.groups, columns);
   CsvText csv(columns);
   std::vector<std::string> fields;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -198,6 +226,7 @@ std::string pairs_text(const Recording& recording) {
     fields.push_back(text_of(pairs.reading_m[i]));
     if (bearing) fields.push_back(text_of(pairs.bearing_rad[i]));
     for (const auto& covariate : pairs.covariates) fields.push_back(text_of(covariate.second[i]));
+    groups.add(i, fields);
     csv.add(fields);
   }
   return csv.text();

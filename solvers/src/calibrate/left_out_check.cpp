@@ -111,22 +111,6 @@ LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& st
 
 namespace {
 
-/// Which group each reading belongs to, from 0.
-std::vector<int> groups_of(std::span<const double> true_m) {
-  constexpr std::size_t stretches = 20;
-  const std::size_t count = true_m.size();
-  std::vector<double> distinct(true_m.begin(), true_m.end());
-  std::sort(distinct.begin(), distinct.end());
-  distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
-  const bool repeat = 2 * distinct.size() <= count;
-  std::vector<int> groups(count);
-  for (std::size_t i = 0; i < count; ++i)
-    groups[i] = repeat ? static_cast<int>(std::lower_bound(distinct.begin(), distinct.end(), true_m[i]) -
-                                          distinct.begin())
-                       : static_cast<int>(i * std::min(stretches, count) / count);
-  return groups;
-}
-
 /// Normal equations of the curve.
 struct Normal {
   Eigen::MatrixXd A;
@@ -142,7 +126,7 @@ LeftOutErrors left_out_errors(const KnownReadings& readings, const Calibration& 
   const std::size_t count = readings.true_m.size();
   const Eigen::Index size = calibration.alpha.size();
   if (count == 0 || size == 0) return errors;
-  const std::vector<int> groups = groups_of(readings.true_m);
+  const std::span<const int> groups = readings.block;
   const std::size_t group_count =
       static_cast<std::size_t>(*std::max_element(groups.begin(), groups.end())) + 1;
   std::vector<Normal> own(group_count, Normal(size));

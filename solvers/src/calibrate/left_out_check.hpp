@@ -36,10 +36,10 @@ struct KnownReadings {
   std::span<const double> true_m, reading_m;
   std::span<const double> weight;  ///< robust weights, one per reading
   std::span<const char> judged;    ///< no outlier: its error says something of the curve
+  std::span<const int> block;      ///< what is left out with the reading (core/blocks.hpp), from 0
 };
 
-/// The same of pairs: groups are the distances where most repeat, else 20 stretches of consecutive readings. The curve
-/// without a group is that of least squares with the weights w / s^2 of the estimate. `halves`: gets the difference
+/// The same of pairs, their groups the readings' blocks. The curve without a group is that of least squares with the weights w / s^2 of the estimate. `halves`: gets the difference
 /// between the curves of the first and the second half of the readings, and its covariance; its groups stay empty.
 LeftOutErrors left_out_errors(const KnownReadings& readings, const Calibration& calibration,
                               const Calibration& weighed_by, StopInfluence& halves);

@@ -5,10 +5,13 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <set>
 
 #include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
+#include "calibrate/reference_error.hpp"
 #include "calibrate/scale_choice.hpp"
+#include "rangecal/core/blocks.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
@@ -313,28 +316,51 @@ Readings readings_about(const Recording& all, const Calibration& calibration) {
   return about;
 }
 
+/// Block of every reading of the recordings, in the order of joined(), and what the blocks are.
+struct HeldOutBlocks {
+  std::vector<int> of;
+  std::string words;
+};
+
+HeldOutBlocks blocks_of_all(std::span<const Recording> recordings) {
+  HeldOutBlocks all;
+  std::set<std::string> kinds;
+  int first = 0;
+  for (const Recording& recording : recordings) {
+    const Blocks own = blocks_of(recording);
+    for (const int block : own.of) all.of.push_back(first + block);
+    if (!own.of.empty()) first += 1 + *std::max_element(own.of.begin(), own.of.end());
+    kinds.insert(blocks_in_words(own.kind, recording.groups));
+  }
+  for (const std::string& kind : kinds) all.words += (all.words.empty() ? "" : ", ") + kind;
+  return all;
+}
+
 /// Outliers, and whether the curve is better than none.
 void judge(const Recording& all, std::span<const Recording> recordings, Calibration& calibration) {
   if (calibration.outcome != Outcome::converged) return;
   const Readings about = readings_about(all, calibration);
   list_outliers(about.z, about.outlier, places_of(recordings), calibration);
   StopInfluence halves;
-  const LeftOutErrors errors = left_out_errors(
-      {all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged}, calibration, calibration, halves);
-  calibration.left_out = left_out_check(errors, &halves, "stretches of distance left out");
+  const HeldOutBlocks blocks = blocks_of_all(recordings);
+  const LeftOutErrors errors =
+      left_out_errors({all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged, blocks.of},
+                      calibration, calibration, halves);
+  calibration.left_out = left_out_check(errors, &halves, blocks.words + " left out");
 }
 
-/// The lowest order that is nearly as likely as AIC's choice and predicts stretches left out no worse than within its
+/// The lowest order that is nearly as likely as AIC's choice and predicts blocks left out no worse than within its
 /// standard error (the one-standard-error rule: Breiman et al. 1984): AIC alone takes an order too many in one of five.
-int order_by_left_out_stretches(const Recording& all, PairsRun& run, std::pair<int, NoiseLaw> model,
-                                CalibrationReport& report) {
+int order_by_blocks_left_out(const Recording& all, const HeldOutBlocks& blocks, PairsRun& run,
+                             std::pair<int, NoiseLaw> model, CalibrationReport& report) {
   constexpr double nearly = 4.0;  // of AIC
   const Calibration& highest = run.solved(Method::full, model.first, model.second);
   if (highest.outcome != Outcome::converged || model.first < 2) return model.first;
   const Readings about = readings_about(all, highest);
   StopInfluence unused;
-  const LeftOutErrors of_highest = left_out_errors(
-      {all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged}, highest, highest, unused);
+  const LeftOutErrors of_highest =
+      left_out_errors({all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged, blocks.of}, highest,
+                      highest, unused);
   const double value = criterion_at(run, model.first, model.second, report.models);
   int best = model.first;
   for (int order = model.first - 1; order >= 1; --order) {
@@ -343,15 +369,15 @@ int order_by_left_out_stretches(const Recording& all, PairsRun& run, std::pair<i
     if (lower.outcome != Outcome::converged) break;
     const std::vector<double> weight = readings_about(all, lower).weight;
     const LeftOutErrors errors = left_out_errors(
-        {all.pairs.true_m, all.pairs.reading_m, weight, about.judged}, lower, highest, unused);
+        {all.pairs.true_m, all.pairs.reading_m, weight, about.judged, blocks.of}, lower, highest, unused);
     const std::optional<Gain> gain = gain_of(errors, of_highest);
     if (!gain || gain->mean < -gain->std_dev) break;
     best = order;
   }
   if (best != model.first)
-    report.notes.push_back(fmt::format(
-        "order {} rather than {}, which has the lowest AIC: it predicts stretches of distance left out no worse",
-        best, model.first));
+    report.notes.push_back(
+        fmt::format("order {} rather than {}, which has the lowest AIC: it predicts {} left out no worse",
+                    best, model.first, blocks.words));
   return best;
 }
 
@@ -397,7 +423,7 @@ void calibrate_polynomials(const Recording& all, std::span<const Recording> reco
       report.notes.push_back("noise shape by AIC: " + tried_in_words(shape, tried));
   }
   if (!options.order && options.criterion == OrderCriterion::aic && looks)
-    model.first = order_by_left_out_stretches(all, *run, model, report);
+    model.first = order_by_blocks_left_out(all, blocks_of_all(recordings), *run, model, report);
   const auto [order, law] = model;
   const bool shaped = run->shape != NoiseShape::gaussian;
   for (Method method : methods_of(options)) {
@@ -537,6 +563,11 @@ void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptio
     calibrate_reciprocal(all, recordings, options, *chosen, report);
   else
     calibrate_polynomials(all, recordings, options, report);
+  std::optional<std::string> note;
+  for (Calibration& calibration : report.calibrations)
+    if (std::optional<std::string> added = add_reference_error(recordings, calibration))
+      note = std::move(added);
+  if (note) report.notes.push_back(std::move(*note));
 }
 
 }  // namespace rangecal

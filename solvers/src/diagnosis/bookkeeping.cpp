@@ -23,6 +23,9 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr double certain = -200.0;  ///< ln p of what cannot happen under the seed model
+constexpr double step_that_matters =
+    1.0 / 15.0;                           ///< of the spread: less adds four ten-thousandths to the variance
+constexpr double many_alike = 1.0 / 6.0;  ///< of the neighbours among a cell's values
 
 Question question(const char* channel, const char* covariate, const char* shape, double log_p) {
   Question q;
@@ -347,7 +350,39 @@ bool add_grid_beside(const Rows& rows, const JointState& state, Bookkeeping& kno
   std::nth_element(spreads.begin(), tenth, spreads.end());
   if (!(range.step > *tenth)) return false;
   add_range_grid(range, known);
+  known.coarse = true;
   return true;
+}
+
+bool drop_fine_grids(const Rows& rows, const JointState& state, Bookkeeping& known) {
+  const CellGeometry geometry = cell_geometry(rows, state);
+  bool any = false;
+  for (std::size_t e = known.model.size(); e-- > 0;) {
+    const ActiveEffect& active = known.model[e];
+    if (active.effect->info().kind != EffectKind::grid) continue;
+    std::vector<double> steps, ratios;
+    bool of_range = true;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const ReadingView<double> view = view_of(rows, geometry, i);
+      const GridSteps grid = active.effect->grid_steps(view, active.parameters.data());
+      of_range = grid.range_m > 0.0;
+      steps.push_back(of_range ? grid.range_m : grid.bearing_rad);
+      ratios.push_back(steps.back() / (of_range ? view.spread : geometry.sigma_theta_rad));
+    }
+    if (steps.empty() || !(upper_median(std::move(ratios)) < step_that_matters)) continue;
+    const double step = upper_median(std::move(steps));
+    known.notes.push_back(
+        of_range
+            ? fmt::format("the ranges sit on a grid, here of {:.3g} mm in the middle: far below their spread",
+                          1e3 * step)
+            : fmt::format("the bearings sit on a grid of {:.3g} mrad: far below their spread", 1e3 * step));
+    std::erase_if(known.findings, [&](const Question& q) {
+      return q.channel == "grid" && (q.covariate == "range") == of_range;
+    });
+    known.model.erase(known.model.begin() + static_cast<std::ptrdiff_t>(e));
+    any = true;
+  }
+  return any;
 }
 
 Bookkeeping correct_labels(std::vector<Recording>& recordings) {
@@ -365,10 +400,16 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   // Rounding far below the spread repeats a value now and then and does no harm: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {
-    return e.share > 1.0 / 6.0 || (e.repeated > 0.03 && e.step_over_spread > 1.0 / 15.0);
+    return e.share > many_alike || (e.repeated > 0.03 && e.step_over_spread > step_that_matters);
   };
-  if (matters(range)) add_range_grid(range, found);
-  if (!rows.pairs && matters(bearing)) {
+  // Below the spread rounding is more noise, and no more: spreads, tails and dependence are what they are.
+  const auto coarse = [](const GridEvidence& e) {
+    return !(e.step_over_spread > 0.0) || e.step_over_spread > 1.0;
+  };
+  const bool on_range = matters(range), on_bearing = !rows.pairs && matters(bearing);
+  found.coarse = (on_range && coarse(range)) || (on_bearing && coarse(bearing));
+  if (on_range) add_range_grid(range, found);
+  if (on_bearing) {
     const Effect* effect = find_effect("bearing_quantisation");
     const auto& parameters = effect->info().parameters;
     Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));

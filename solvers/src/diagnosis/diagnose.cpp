@@ -143,7 +143,11 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   known.findings.insert(known.findings.end(), gaps.findings.begin(), gaps.findings.end());
   known.notes.insert(known.notes.end(), gaps.notes.begin(), gaps.notes.end());
   known.step_beyond_noise_m = gaps.step_beyond_noise_m;
+  known.coarse = gaps.coarse;
   SearchResult found = looked_for(rows, known, options);
+  if (!options.force && found.verdict != Verdict::no_mismatch &&
+      drop_fine_grids(rows, found.named() ? found.best.fit.state : found.baseline.state, known))
+    found = looked_for(rows, known, options);
   if (found.named() && add_grid_beside(rows, found.best.fit.state, known))
     found = looked_for(rows, known, options);
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {

@@ -140,8 +140,26 @@ Json members(const Diagnosis& d) {
   return members;
 }
 
+Json law_json(const Law& law) {
+  Json parameters = Json::object();
+  for (const EffectEstimate& e : law.parameters)
+    parameters[e.name] = {{"estimate", number(e.estimate)},
+                          {"std", number(e.std_dev)},
+                          {"ci95", {number(e.low95), number(e.high95)}},
+                          {"note", e.note}};
+  return {{"id", law.id},
+          {"channel", law.channel},
+          {"formula", law.formula},
+          {"variables", plain(law.variables)},
+          {"parameters", parameters},
+          {"log_evidence", number(law.log_evidence)},
+          {"log_evidence_over_curve", number(law.log_evidence_over_curve)},
+          {"agrees_with_first", law.agrees_with_first}};
+}
+
 Json fit(const FitSummary& f) {
   return {{"rms_range_m", number(f.rms_range_m)},
+          {"heldout_rms_range_m", number(f.heldout_rms_range_m)},
           {"rms_bearing_rad", number(f.rms_bearing_rad)},
           {"chi_sq_per_dof", number(f.chi_sq_per_dof)},
           {"heldout_std", number(f.heldout_std)}};
@@ -195,7 +213,14 @@ std::string diagnosis_to_json(const Diagnosis& d) {
     json["next_experiments"].push_back(
         {{"change", e.change}, {"settles", plain(e.settles)}, {"power", number(e.power)}});
   json["notes"] = d.notes;
-  if (!d.heldout_blocks.empty()) json["heldout_blocks"] = d.heldout_blocks;
+  if (!d.laws.empty()) {
+    json["laws"] = Json::array();
+    for (const Law& law : d.laws) json["laws"].push_back(law_json(law));
+  }
+  if (!d.heldout_blocks.empty()) {
+    json["heldout_blocks"] = d.heldout_blocks;
+    json["heldout_effective_blocks"] = d.heldout_effective_blocks;
+  }
   std::string text = json.dump(2);
   if (!d.simulation.recordings.empty()) {  // its long columns stay on one line each
     text.erase(text.rfind('\n'));

@@ -18,7 +18,7 @@ bool has_grid_of(const Bookkeeping& known, const std::string& readings) {
 
 bool channel_is_on_grid(const Bookkeeping& known, const std::string& channel) {
   const auto suffix = channel.find('_');
-  return suffix != std::string::npos && has_grid_of(known, channel.substr(0, suffix));
+  return known.coarse && suffix != std::string::npos && has_grid_of(known, channel.substr(0, suffix));
 }
 
 bool on_grid(const Bookkeeping& known, const Question& q) {

@@ -19,6 +19,7 @@
 #include "diagnosis/subset.hpp"
 #include "diagnosis/training_part.hpp"
 #include "in_parallel.hpp"
+#include "rangecal/core/blocks.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -62,7 +63,8 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         if (std::find(out.begin(), out.end(), 1) == out.end()) return;
         const Rows rest = without_cells(rows, out);
         Fit fit = fit_part(rest, full, options, steps_of_fold);
-        if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options);
+        OwnedCurves curves;
+        if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options, curves);
         if (!fit.ok) {
           held.ok = false;
           return;
@@ -72,6 +74,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
           return laplace_value(part, fit.model, state);
         };
         const double alone = value(rest);
+        add_squares(rows, out, fit.model, fit.state, held);
         // Cells that are never left out belong to the training part of every fold.
         held.nll = value(rows) - alone;
         for (int part = 0; part < parts_of_fold; ++part) {
@@ -94,14 +97,6 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
   HeldOut all = sum_of(of_fold);
   all.ok = all.ok && std::any_of(folds.begin(), folds.end(), [](int f) { return f >= 0; });
   return all;
-}
-
-BlockKind block_kind(const Rows& rows, const Model& model) {
-  if (rows.pairs) return BlockKind::batches;
-  const bool moves_stops = std::any_of(model.begin(), model.end(), [](const ActiveEffect& active) {
-    return active.effect->acts_on_stops() || active.effect->info().channel == "stop";
-  });
-  return moves_stops ? BlockKind::stops : BlockKind::cells;
 }
 
 }  // namespace
@@ -146,15 +141,23 @@ std::optional<double> std_of_difference(const HeldOut& before, const HeldOut& af
   return std::sqrt(square * static_cast<double>(parts) / static_cast<double>(parts - 1));
 }
 
+std::optional<double> rms_of(const HeldOut& held) {
+  if (!(held.cells > 0.0)) return std::nullopt;
+  return std::sqrt(held.squares / held.cells);
+}
+
 /// Predictions of the same blocks by several fits.
 struct Predictions {
   std::vector<HeldOut> of_fit;
-  std::string blocks, note;  ///< what was left out, where several recordings are given
+  std::string blocks, note;  ///< what was left out; where several recordings are given, why
+  double effective = 0.0;    ///< blocks, see effective_blocks
 };
 
 /// Fills `all` by whole recordings, if there are several and each fit can be asked about them; else says why not.
-bool predict_by_recordings(const Rows& rows, const SearchResult& found, BlockKind kind,
-                           const std::vector<const Fit*>& fits, Predictions& all) {
+bool predict_by_recordings(const Rows& rows, const SearchResult& found, const std::vector<const Fit*>& fits,
+                           Predictions& all) {
+  all.blocks = rows.blocks;
+  all.effective = effective_blocks(rows.block);
   if (recordings_with_readings(rows) < 2) return false;
   std::string why_not;
   for (const Fit* fit : fits)
@@ -163,16 +166,20 @@ bool predict_by_recordings(const Rows& rows, const SearchResult& found, BlockKin
     in_parallel(
         fits.size(),
         [&](std::size_t i) {
-          all.of_fit[i] = predict_recordings(rows, kind, *fits[i], found.rates, RefitOptions{});
+          all.of_fit[i] = predict_recordings(rows, *fits[i], found.rates, RefitOptions{});
         },
         jobs_at_once(rows.size()));
     all.blocks = "recordings";
-    all.note = whole_recordings_in_words(rows, kind);
+    std::vector<int> recording;
+    for (const int cell : rows.cell) recording.push_back(recording_of(rows, static_cast<std::size_t>(cell)));
+    all.effective = effective_blocks(recording);
+    all.note = whole_recordings_in_words(rows);
     if (std::all_of(all.of_fit.begin(), all.of_fit.end(), [](const HeldOut& held) { return held.ok; }))
       return true;
     why_not = "without one, the others do not determine a calibration that predicts it";
   }
-  all.blocks = to_words(kind);
+  all.blocks = rows.blocks;
+  all.effective = effective_blocks(rows.block);
   all.note = fmt::format("held out: {} of all recordings, not whole recordings: {}", all.blocks, why_not);
   return false;
 }
@@ -191,15 +198,13 @@ std::vector<Fit> fits_without(const Rows& rows, const Fit& fit, const std::vecto
   return without;
 }
 
-/// By whole recordings, else by the blocks of `blocks_for`.
-Predictions predict_all(const Rows& rows, const SearchResult& found, const Model& blocks_for,
-                        const std::vector<const Fit*>& fits) {
+/// By whole recordings, else by the blocks of the rows.
+Predictions predict_all(const Rows& rows, const SearchResult& found, const std::vector<const Fit*>& fits) {
   const RefitOptions refit_options;
-  const BlockKind kind = block_kind(rows, blocks_for);
   Predictions all;
   all.of_fit.resize(fits.size());
-  if (predict_by_recordings(rows, found, kind, fits, all)) return all;
-  const std::vector<int> blocks = blocks_of(rows, kind);
+  if (predict_by_recordings(rows, found, fits, all)) return all;
+  const std::vector<int> blocks = blocks_of_cells(rows);
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
   in_parallel(
       fits.size(),
@@ -213,7 +218,12 @@ Predictions predict_all(const Rows& rows, const SearchResult& found, const Model
 }  // namespace
 
 std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& fit) {
-  const std::vector<HeldOut> held = predict_all(rows, found, fit.model, {&found.baseline, &fit}).of_fit;
+  return held_out_change(rows, found, found.baseline, fit);
+}
+
+std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& other,
+                                             const Fit& fit) {
+  const std::vector<HeldOut> held = predict_all(rows, found, {&other, &fit}).of_fit;
   if (!held[0].ok || !held[1].ok) return std::nullopt;
   return HeldOutChange{held[1].nll - held[0].nll, std_of_difference(held[0], held[1])};
 }
@@ -231,15 +241,18 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   std::vector<std::size_t> of_member;  // of the fits that follow
   for (std::size_t i = 0; i < without.size(); ++i)
     if (without[i].ok) fits.push_back(&without[i]), of_member.push_back(i);
-  const Predictions predictions = predict_all(rows, found, final_fit ? final_fit->model : Model{}, fits);
+  const Predictions predictions = predict_all(rows, found, fits);
   const std::vector<HeldOut>& held = predictions.of_fit;
   const HeldOut& before = held[0];
   if (!before.ok) return;
   result.heldout_blocks = predictions.blocks;
+  result.heldout_effective_blocks = predictions.effective;
   if (!predictions.note.empty()) result.notes.push_back(predictions.note);
   result.before.heldout_nll = before.nll;
   result.before.heldout_std = 0.0;
+  result.before.heldout_rms_range_m = rms_of(before);
   if (!final_fit) {
+    result.after.heldout_rms_range_m = result.before.heldout_rms_range_m;
     result.after.heldout_nll = before.nll;
     result.after.heldout_std = 0.0;
     for (Explanation& e : result.explanations) e.heldout_nll = before.nll, e.heldout_std = 0.0;
@@ -255,6 +268,7 @@ void add_held_out(const Rows& rows, const SearchResult& found, const Fit* comple
   }
   if (!held[1].ok) return;
   result.after.heldout_nll = held[1].nll;
+  result.after.heldout_rms_range_m = rms_of(held[1]);
   result.after.heldout_std = std_of_difference(before, held[1]);
 }
 

@@ -81,13 +81,13 @@ bool others_cover(const Rows& rows) {
 
 /// Predictions of parts of a recording: of pairs given the sensor alone, of landmarks given the rest of it too, by
 /// which the landmarks are known.
-void add_parts(const Rows& rows, BlockKind kind, int parts, const Model& model, const JointState& state,
-               double nll, HeldOut& held) {
+void add_parts(const Rows& rows, int parts, const Model& model, const JointState& state, double nll,
+               HeldOut& held) {
   if (parts == 1) {
     held.parts.push_back(nll);
     return;
   }
-  const std::vector<int> part_of_cell = folds_of(rows, blocks_of(rows, kind), parts);
+  const std::vector<int> part_of_cell = folds_of(rows, blocks_of_cells(rows), parts);
   for (int part = 0; part < parts; ++part) {
     std::vector<char> ours(part_of_cell.size()), others(part_of_cell.size());
     for (std::size_t c = 0; c < ours.size(); ++c) {
@@ -103,7 +103,7 @@ void add_parts(const Rows& rows, BlockKind kind, int parts, const Model& model, 
 
 /// Fitted to the recordings of the other folds.
 Fit fit_to_others(const Rows& rows, const std::vector<int>& fold, int left_out, const Fit& full,
-                  const Rates& rates, const RefitOptions& options) {
+                  const Rates& rates, const RefitOptions& options, OwnedCurves& curves) {
   constexpr std::size_t fewest_readings = 8;
   std::vector<char> kept(fold.size());
   for (std::size_t r = 0; r < fold.size(); ++r) kept[r] = fold[r] >= 0 && fold[r] != left_out;
@@ -112,13 +112,13 @@ Fit fit_to_others(const Rows& rows, const std::vector<int>& fold, int left_out, 
   fit.ok = false;
   if (rest.size() < fewest_readings || (!rest.pairs && why_too_few(rest.problem, 1))) return fit;
   fit = fit_part(rest, fit, options, steps_of_part);
-  if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options);
+  if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options, curves);
   fit.ok = fit.ok && fit.outcome != Outcome::unobservable;
   return fit;
 }
 
-HeldOut predict_recording(const Rows& rows, int recording, std::size_t recordings, BlockKind kind, int parts,
-                          const Fit& full, const Fit& trained) {
+HeldOut predict_recording(const Rows& rows, int recording, std::size_t recordings, int parts, const Fit& full,
+                          const Fit& trained) {
   HeldOut held;
   std::vector<char> kept(recordings);
   kept[static_cast<std::size_t>(recording)] = 1;
@@ -131,7 +131,9 @@ HeldOut predict_recording(const Rows& rows, int recording, std::size_t recording
   state.sigma_s_m = trained.state.sigma_s_m;
   held.nll = predictive_nll(ours, trained.model, state);
   held.ok = std::isfinite(held.nll);
-  if (held.ok) add_parts(ours, kind, parts, trained.model, state, held.nll, held);
+  add_squares(ours, std::vector<char>(static_cast<std::size_t>(ours.cell_count), 1), trained.model, state,
+              held);
+  if (held.ok) add_parts(ours, parts, trained.model, state, held.nll, held);
   return held;
 }
 
@@ -154,11 +156,6 @@ double predictive_nll(const Rows& rows, const Model& model, JointState& state) {
          static_cast<double>(coordinates) * half_log_two_pi;
 }
 
-std::string to_words(BlockKind kind) {
-  if (kind == BlockKind::batches) return "batches";
-  return kind == BlockKind::stops ? "stops" : "cells";
-}
-
 std::string why_not_whole_recordings(const Rows& rows, const Model& model) {
   for (const ActiveEffect& active : model)
     if (belongs_to_one_recording(*active.effect))
@@ -166,7 +163,7 @@ std::string why_not_whole_recordings(const Rows& rows, const Model& model) {
   return others_cover(rows) ? "" : "the recordings do not cover one another's distances";
 }
 
-HeldOut predict_recordings(const Rows& rows, BlockKind kind, const Fit& full, const Rates& rates,
+HeldOut predict_recordings(const Rows& rows, const Fit& full, const Rates& rates,
                            const RefitOptions& options) {
   const std::vector<int> given = recordings_of(rows), fold = fold_of_recording(given);
   const int count = static_cast<int>(given.size());
@@ -176,11 +173,12 @@ HeldOut predict_recordings(const Rows& rows, BlockKind kind, const Fit& full, co
       static_cast<std::size_t>(folds_of_recordings(count)),
       [&](std::size_t left_out) {
         const int f = static_cast<int>(left_out);
-        const Fit trained = fit_to_others(rows, fold, f, full, rates, options);
+        OwnedCurves curves;
+        const Fit trained = fit_to_others(rows, fold, f, full, rates, options, curves);
         for (std::size_t i = 0; i < given.size(); ++i) {
           if (fold[static_cast<std::size_t>(given[i])] != f) continue;
           if (trained.ok)
-            of_recording[i] = predict_recording(rows, given[i], fold.size(), kind, parts, full, trained);
+            of_recording[i] = predict_recording(rows, given[i], fold.size(), parts, full, trained);
           else
             of_recording[i].ok = false;
         }
@@ -193,7 +191,7 @@ HeldOut predict_recordings(const Rows& rows, BlockKind kind, const Fit& full, co
   return all;
 }
 
-std::string whole_recordings_in_words(const Rows& rows, BlockKind kind) {
+std::string whole_recordings_in_words(const Rows& rows) {
   const int count = recordings_with_readings(rows);
   const std::string turns = count > most_folds ? fmt::format("{} groups of {}", most_folds, count)
                                                : fmt::format("each of {}", count);
@@ -204,7 +202,7 @@ std::string whole_recordings_in_words(const Rows& rows, BlockKind kind) {
   return fmt::format(
       "held out: whole recordings, {} in turn{}; standard errors are of {} within them, since {} recordings are "
       "too few to tell how recordings differ",
-      turns, nuisances, to_words(kind), count);
+      turns, nuisances, rows.blocks, count);
 }
 
 }  // namespace rangecal::diagnosis

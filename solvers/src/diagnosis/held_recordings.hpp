@@ -27,14 +27,11 @@ std::string why_not_whole_recordings(const Rows& rows, const Model& model);
 double predictive_nll(const Rows& rows, const Model& model, JointState& state);
 
 /// That of each recording under the model fitted to the others, summed; five folds of recordings at most. `parts`: of
-/// fewer than eight recordings, parts of each (made of blocks of `kind`), given the rest of it; of more, the
-/// recordings. Not ok where a training part does not determine the calibration.
-HeldOut predict_recordings(const Rows& rows, BlockKind kind, const Fit& full, const Rates& rates,
+/// fewer than eight recordings, parts of each (made of its blocks), given the rest of it; of more, the recordings. Not ok where a training part does not determine the calibration.
+HeldOut predict_recordings(const Rows& rows, const Fit& full, const Rates& rates,
                            const RefitOptions& options);
 
 /// What was left out, and what the standard error is of, in words.
-std::string whole_recordings_in_words(const Rows& rows, BlockKind kind);
-/// "cells", "stops" or "batches".
-std::string to_words(BlockKind kind);
+std::string whole_recordings_in_words(const Rows& rows);
 
 }  // namespace rangecal::diagnosis

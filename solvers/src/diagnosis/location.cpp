@@ -331,7 +331,12 @@ void add_location(const Rows& rows, const SearchResult& found, const GenericMode
     add_named_curves(rows, found, result);
   }
   add_shapes(rows, found, generic, result);
-  if (result.location.empty()) add_bookkeeping();
+  if (!found.named()) {  // it is there, but no answer
+    add_bookkeeping();
+    for (std::size_t i = result.location.size() - found.known.findings.size(); i < result.location.size();
+         ++i)
+      result.location[i].effects = result.final_effects;
+  }
   if (result.location.empty() && !found.first->questions.empty()) {
     result.location.push_back(finding_of_shape(rows, found, found.first->strongest()));
     result.location.back().effects = result.final_effects;

@@ -25,6 +25,9 @@ struct HeldOutChange {
 };
 /// None where a training part cannot be fitted.
 std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& fit);
+/// The same less that of another fit.
+std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& other,
+                                             const Fit& fit);
 
 /// Twins, unseen effects with their harm, and the next experiments.
 void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,

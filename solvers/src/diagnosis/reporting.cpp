@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 
+#include "diagnosis/laws/law_search.hpp"
 #include "diagnosis/location.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/places.hpp"
@@ -132,6 +133,10 @@ class Reporting {
       result_.notes.push_back(std::move(doubt));
     generic_ = add_generic(rows_, found_, result_);
     add_location(rows_, found_, generic_ ? &*generic_ : nullptr, result_);
+    if (options_.laws && generic_ && generic_->effect) {
+      say("looking for laws", 0.7);
+      result_.laws = find_laws(rows_, found_, *generic_, RefitOptions{});
+    }
     // Where no curve stands for what a partial name leaves, the name's own.
     completed_ = !curve() && found_.partly() ? &found_.best.fit : curve();
     if (options_.simulation) compare_noise(*options_.simulation, result_.corrected, result_);

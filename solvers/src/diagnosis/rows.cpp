@@ -11,6 +11,7 @@
 
 #include "joint_ml/blocks.hpp"
 #include "rangecal/core/angles.hpp"
+#include "rangecal/core/blocks.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -29,8 +30,10 @@ void add_covariates(const Covariates& columns, std::size_t row, Rows& rows) {
 }
 
 /// Cell of every pair, numbered as the file opens them; a reading in no batch of a file that has some stands alone.
-std::vector<int> cells_of_pairs(const Pairs& p) {
-  std::map<std::tuple<int, double, int, double>, int> known;
+std::vector<int> cells_of_pairs(const Recording& recording) {
+  const Pairs& p = recording.pairs;
+  const std::vector<int>& group = recording.groups.of;
+  std::map<std::tuple<int, int, double, int, double>, int> known;
   std::vector<int> cell(p.size());
   int count = 0;
   for (std::size_t i = 0; i < p.size(); ++i) {
@@ -39,9 +42,10 @@ std::vector<int> cells_of_pairs(const Pairs& p) {
       cell[i] = count++;
       continue;
     }
-    const auto [found, opens] = known.try_emplace({batch, p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
-                                                   p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]},
-                                                  count);
+    const auto [found, opens] = known.try_emplace(
+        {batch, group.empty() ? 0 : group[i], p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
+         p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]},
+        count);
     count += opens;
     cell[i] = found->second;
   }
@@ -57,8 +61,14 @@ std::vector<std::size_t> pairs_in_order(const std::vector<int>& cell) {
   return order;
 }
 
+/// The blocks of one recording among those of all.
+struct NumberedBlocks {
+  std::vector<int> of;
+  int first = 0;
+};
+
 void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time,
-                          Rows& rows) {
+                          const NumberedBlocks& blocks, Rows& rows) {
   const Readings& r = recording.readings;
   const std::vector<std::size_t> order = cell_order(r);
   for (std::size_t j = 0; j < order.size(); ++j) {
@@ -77,12 +87,14 @@ void append_landmark_rows(const Recording& recording, int first_stop, int first_
     rows.time_s.push_back(r.time_s.empty() ? 0.0 : r.time_s[i] - first_time);
     rows.radius_m.push_back(recording.landmarks[r.landmark[i]].radius_m);
     rows.heading_rad.push_back(recording.stops[r.stop[i]].commanded.heading_rad);
+    rows.block.push_back(blocks.first + blocks.of[i]);
     add_covariates(r.covariates, i, rows);
   }
 }
 
-/// One cell of pairs of the recording of that index, its readings the rows from `begin` on.
-void append_cell_of_pairs(double true_m, int begin, int recording, Rows& rows) {
+/// One cell of pairs of the recording of that index, its readings the rows from `begin` on; its true distance is known to
+/// `sigma_m`.
+void append_cell_of_pairs(double true_m, double sigma_m, int begin, int recording, Rows& rows) {
   JointProblem& problem = rows.problem;
   Cells& c = problem.cells;
   const auto count = static_cast<Eigen::Index>(rows.size()) - begin;
@@ -90,6 +102,7 @@ void append_cell_of_pairs(double true_m, int begin, int recording, Rows& rows) {
   const double mean = readings.mean();
   StopPrior prior;
   prior.commanded = {-rows.curve.scale.of(true_m), 0.0, 0.0};
+  prior.sigma_xy_m = std::abs(rows.curve.scale.slope(true_m)) * sigma_m;
   prior.place = problem.place_count++;
   prior.recording = recording;
   c.stop.push_back(problem.stop_count());
@@ -108,9 +121,9 @@ void append_cell_of_pairs(double true_m, int begin, int recording, Rows& rows) {
 }
 
 void append_pair_rows(const Recording& recording, int index, int first_landmark, double first_time,
-                      Rows& rows) {
+                      const NumberedBlocks& blocks, Rows& rows) {
   const Pairs& p = recording.pairs;
-  const std::vector<int> cell = cells_of_pairs(p);
+  const std::vector<int> cell = cells_of_pairs(recording);
   const std::vector<std::size_t> order = pairs_in_order(cell);
   for (std::size_t j = 0; j < order.size(); ++j) {
     const std::size_t i = order[j];
@@ -128,9 +141,10 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
     rows.time_s.push_back(p.time_s.empty() ? 0.0 : p.time_s[i] - first_time);
     rows.radius_m.push_back(0.0);
     rows.heading_rad.push_back(0.0);
+    rows.block.push_back(blocks.first + blocks.of[i]);
     add_covariates(p.covariates, i, rows);
     if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
-      append_cell_of_pairs(p.true_m[i], rows.cell_begin.back(), index, rows);
+      append_cell_of_pairs(p.true_m[i], recording.reference.sigma_m, rows.cell_begin.back(), index, rows);
   }
 }
 
@@ -216,7 +230,7 @@ double first_time_of(const Recording& recording) {
 }  // namespace
 
 std::vector<std::size_t> row_order(const Recording& recording) {
-  return recording.kind == RecordingKind::pairs ? pairs_in_order(cells_of_pairs(recording.pairs))
+  return recording.kind == RecordingKind::pairs ? pairs_in_order(cells_of_pairs(recording))
                                                 : cell_order(recording.readings);
 }
 
@@ -239,17 +253,23 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);
-  int first_stop = 0, first_landmark = 0, index = 0;
+  int first_stop = 0, first_landmark = 0, first_block = 0, index = 0;
+  std::set<std::string> kinds;
   for (const Recording& recording : recordings) {
+    Blocks held_out = blocks_of(recording);
+    kinds.insert(blocks_in_words(held_out.kind, recording.groups));
+    const NumberedBlocks blocks{std::move(held_out.of), first_block};
+    if (!blocks.of.empty()) first_block += 1 + *std::max_element(blocks.of.begin(), blocks.of.end());
     if (rows.pairs)
-      append_pair_rows(recording, index, first_landmark, first_time_of(recording), rows);
+      append_pair_rows(recording, index, first_landmark, first_time_of(recording), blocks, rows);
     else
-      append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), rows);
+      append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), blocks, rows);
     first_stop += static_cast<int>(recording.stops.size());
     first_landmark += static_cast<int>(recording.landmarks.size());
     ++index;
   }
   rows.cell_begin.push_back(static_cast<int>(rows.size()));
+  for (const std::string& kind : kinds) rows.blocks += (rows.blocks.empty() ? "" : ", ") + kind;
   if (rows.pairs) {
     rows.problem.landmark_radius_m = {0.0};
     rows.problem.landmark_recording = {0};

@@ -4,6 +4,7 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "rangecal/core/curve_scale.hpp"
@@ -29,13 +30,15 @@ struct SeedCurve {
 
 /// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
 ///
-/// Pairs are laid out as the joint problem too. Their cells are the readings of one batch at one distance, landmark and
-/// bearing (without batches: of one distance ...), which may share an error as repeats from one stop do. Every cell has an
-/// exact stop of its own on a line through one held landmark, at the scale's u of the known distance: the joint problem's
-/// "distance", of which the curve is a polynomial. The bearing channel is switched off by a constant residual.
+/// Pairs are laid out as the joint problem too. Their cells are the readings of one batch and group at one distance, landmark
+/// and bearing (without batches: of one distance ...), which may share an error as repeats from one stop do. Every cell has a
+/// stop of its own on a line through one held landmark, at the scale's u of the known distance: the joint problem's
+/// "distance", of which the curve is a polynomial. The stop is exact, or as uncertain as the recording's reference. The bearing channel is switched off by a constant residual.
 struct Rows {
   std::vector<int> cell, stop, landmark, repeat, file_row;
   std::vector<double> range_m, bearing_rad, time_s, radius_m, heading_rad;
+  std::vector<int> block;          ///< what is held out with the row (core/blocks.hpp), from 0
+  std::string blocks;              ///< that in words
   std::vector<double> covariates;  ///< row-major, by context.covariates
   int cell_count = 0;
   std::vector<int> cell_begin;  ///< rows of cell c: cell_begin[c] .. cell_begin[c+1]-1

@@ -81,6 +81,8 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   part.time_s = taken(rows.time_s, kept);
   part.radius_m = taken(rows.radius_m, kept);
   part.heading_rad = taken(rows.heading_rad, kept);
+  part.block = taken(rows.block, kept);
+  part.blocks = rows.blocks;
   const std::size_t columns = rows.context.covariates.size();
   for (int i : kept)
     part.covariates.insert(part.covariates.end(),
@@ -195,34 +197,26 @@ std::vector<int> folds_of(const Rows& rows, const std::vector<int>& block_of_cel
   return fold;
 }
 
-std::vector<int> blocks_of(const Rows& rows, BlockKind kind) {
-  std::vector<int> block(static_cast<std::size_t>(rows.cell_count));
-  if (kind == BlockKind::cells) {
-    std::iota(block.begin(), block.end(), 0);
-  } else if (kind == BlockKind::stops) {  // stops of one place stand and fall together
-    std::map<int, int> number;
-    for (std::size_t c = 0; c < block.size(); ++c) {
-      const int place = rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].place;
-      block[c] = number.emplace(place, static_cast<int>(number.size())).first->second;
-    }
-  } else {
-    std::map<double, int> batch;
-    for (std::size_t c = 0; c < block.size(); ++c) {
-      const double d =
-          -rows.problem.stops[static_cast<std::size_t>(rows.problem.cells.stop[c])].commanded.x_m;
-      block[c] = batch.emplace(d, static_cast<int>(batch.size())).first->second;
-    }
-    if (batch.size() < 5 || batch.size() > rows.size() / 3) {
-      constexpr std::size_t parts = 25;
-      std::vector<int> order(block.size());
-      std::iota(order.begin(), order.end(), 0);
-      if (rows.context.duration_s > 0.0)
-        std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-          return rows.time_s[rows.cell_begin[a]] < rows.time_s[rows.cell_begin[b]];
-        });
-      for (std::size_t rank = 0; rank < order.size(); ++rank)
-        block[static_cast<std::size_t>(order[rank])] = static_cast<int>(rank * parts / order.size());
-    }
+std::vector<int> blocks_of_cells(const Rows& rows) {
+  std::vector<int> joined(
+      rows.block.empty()
+          ? 0
+          : static_cast<std::size_t>(1 + *std::max_element(rows.block.begin(), rows.block.end())));
+  std::iota(joined.begin(), joined.end(), 0);
+  const auto lowest = [&](int block) {
+    while (joined[static_cast<std::size_t>(block)] != block) block = joined[static_cast<std::size_t>(block)];
+    return block;
+  };
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    if (rows.cell[i] != rows.cell[i - 1]) continue;
+    const auto [low, high] = std::minmax(lowest(rows.block[i]), lowest(rows.block[i - 1]));
+    joined[static_cast<std::size_t>(high)] = low;
+  }
+  std::map<int, int> number;
+  std::vector<int> block;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    const int of_first = lowest(rows.block[static_cast<std::size_t>(rows.cell_begin[c])]);
+    block.push_back(number.emplace(of_first, static_cast<int>(number.size())).first->second);
   }
   return block;
 }

@@ -30,9 +30,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state);
 /// cells never left out.
 std::vector<int> folds_of(const Rows& rows, const std::vector<int>& block_of_cell, int folds);
 
-enum class BlockKind { cells, stops, batches };
-/// Held-out blocks (docs/diagnosis.md), numbered from 0: cells, stops, or for pairs batches (readings at one distance,
-/// else 25 parts of the run).
-std::vector<int> blocks_of(const Rows& rows, BlockKind kind);
+/// Block of every cell, from 0: those of its rows; blocks that share a cell are one.
+std::vector<int> blocks_of_cells(const Rows& rows);
 
 }  // namespace rangecal::diagnosis

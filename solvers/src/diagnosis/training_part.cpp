@@ -30,12 +30,51 @@ void fit_numeric(const Rows& rows, const Fit& full, Model& model, const JointSta
   }
 }
 
+void forget_unseen(const Rows& rows, const JointState& state, Model& model) {
+  const CellGeometry geometry = cell_geometry(rows, state);
+  for (ActiveEffect& active : model) {
+    const std::vector<EffectParameter>& parameters = active.effect->info().parameters;
+    if (active.effect->info().kind != EffectKind::mean) continue;
+    const RowChanges with = row_changes(rows, geometry, {active});
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      if (!parameters[j].linear || parameters[j].discrete) continue;
+      ActiveEffect other = active;
+      other.parameters[static_cast<Eigen::Index>(j)] = 0.0;
+      const RowChanges without = row_changes(rows, geometry, {other});
+      if (with.range == without.range && with.bearing == without.bearing) active = std::move(other);
+    }
+  }
+}
+
 }  // namespace
+
+void add_squares(const Rows& rows, const std::vector<char>& out, const Model& model, const JointState& state,
+                 HeldOut& held) {
+  if (!rows.pairs) return;
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const RowChanges changes = row_changes(rows, geometry, model);
+  for (int c = 0; c < rows.cell_count; ++c) {
+    if (!out[static_cast<std::size_t>(c)]) continue;
+    const int begin = rows.cell_begin[static_cast<std::size_t>(c)],
+              end = rows.cell_begin[static_cast<std::size_t>(c) + 1];
+    double error = 0.0;
+    for (int i = begin; i < end; ++i)
+      error -= tail_law_of(rows, geometry, model, static_cast<std::size_t>(i)).mean() / (end - begin);
+    for (int i = begin; i < end; ++i)
+      error += (rows.range_m[static_cast<std::size_t>(i)] - geometry.f[static_cast<std::size_t>(c)] -
+                changes.range[i]) /
+               (end - begin);
+    held.squares += error * error;
+    held.cells += 1.0;
+  }
+}
 
 HeldOut sum_of(const std::vector<HeldOut>& parts) {
   HeldOut all;
   for (const HeldOut& held : parts) {
     all.nll += held.nll;
+    all.squares += held.squares;
+    all.cells += held.cells;
     all.parts.insert(all.parts.end(), held.parts.begin(), held.parts.end());
     all.ok = all.ok && held.ok;
   }
@@ -47,8 +86,9 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options, int iterat
     return p.acts == FreeParameter::Acts::numeric;
   });
   options.max_iterations = iterations;
-  if (!numeric) return refit(rest, full.model, full.state, options);
   Fit fit = full;
+  forget_unseen(rest, fit.state, fit.model);
+  if (!numeric) return refit(rest, fit.model, fit.state, options);
   fit_numeric(rest, full, fit.model, full.state);
   const bool others = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
     return p.acts != FreeParameter::Acts::numeric;

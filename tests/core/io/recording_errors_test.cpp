@@ -189,5 +189,26 @@ TEST(RecordingErrors, TrueDistanceOfAPairMustBePositive) {
   EXPECT_EQ(pairs.error(), "pairs.csv, row 3, column 'true_m': the true distance is not positive");
 }
 
+TEST(RecordingErrors, GroupsAndReference) {
+  RecordingFolder pairs;
+  pairs.make_pairs("true_m,reading_m\n1.0,1.1\n");
+  const auto with = [&](const std::string& line) {
+    return pairs.error_with("recording.yaml", "format: rangecal/1\nkind: pairs\n" + line + "\n");
+  };
+  EXPECT_EQ(with("group_by: [trial]"), "pairs.csv, row 1, column 'trial': the column is missing");
+  EXPECT_EQ(with("group_by: [reading_m, reading_m]"),
+            "recording.yaml, row 3: field 'group_by[1]': column 'reading_m' stands twice");
+  EXPECT_EQ(with("reference: {sigma_m: -1}"),
+            "recording.yaml, row 3: field 'reference.sigma_m': '-1' is not a number of at least 0");
+  EXPECT_EQ(
+      with("reference: {time_offset_s: 0.1}"),
+      "recording.yaml, row 3: field 'reference.time_offset_s': needs times (a column time_s of pairs.csv)");
+  const RecordingFolder landmarks;
+  EXPECT_EQ(
+      landmarks.error_with("recording.yaml", "format: rangecal/1\nreference: {sigma_m: 0.01}\n"),
+      "recording.yaml, row 2: field 'reference': is how well true_m is known: it has no meaning in a recording of "
+      "kind landmarks");
+}
+
 }  // namespace
 }  // namespace rangecal

@@ -107,6 +107,10 @@ void expect_same(const Recording& a, const Recording& b) {
   }
   EXPECT_EQ(a.truth.landmarks, b.truth.landmarks);
   EXPECT_EQ(a.extraction, b.extraction);
+  EXPECT_EQ(a.groups.by, b.groups.by);
+  EXPECT_EQ(a.groups.of, b.groups.of);
+  EXPECT_EQ(a.groups.labels, b.groups.labels);
+  EXPECT_EQ(a.reference.sigma_m, b.reference.sigma_m);
 }
 
 Recording random_landmarks_recording(std::uint64_t seed) {
@@ -434,6 +438,65 @@ TEST(RecordingIo, AFolderThatCannotBeMadeIsNamed) {
   folder.write("file", "x");
   EXPECT_THROW(save_recording(random_landmarks_recording(0), folder.file("file/inside")), InputError);
   EXPECT_THROW(save_recording(random_landmarks_recording(0), folder.file("file")), InputError);
+}
+
+constexpr const char* kTrials =
+    "true_m,reading_m,trial,dust_g\n1,1.1,mon,0\n2,2.1,mon,0\n1,1.2,\"tue, late\",5\n2,,tue,5\n2,2.2,mon,5\n";
+
+TEST(RecordingIo, GroupsByTextsAndNumbers) {
+  RecordingFolder folder;
+  folder.make_pairs(kTrials);
+  folder.write("recording.yaml", "format: rangecal/1\nkind: pairs\ngroup_by: [trial, dust_g]\n");
+  const Recording r = load_recording(folder.path());
+  EXPECT_THAT(r.groups.of, ElementsAre(0, 0, 1, 2));  // the group of the lost reading is none
+  EXPECT_THAT(r.groups.labels,
+              ElementsAre(ElementsAre("mon", "0"), ElementsAre("tue, late", "5"), ElementsAre("mon", "5")));
+  EXPECT_TRUE(r.notes.empty()) << r.notes[0];  // of the texts of a column that says groups no note is needed
+  EXPECT_TRUE(r.pairs.covariates.contains("dust_g"));  // numbers stay a covariate
+  EXPECT_FALSE(r.pairs.covariates.contains("trial"));
+
+  const RecordingFolder saved;
+  save_recording(r, saved.file("again"));
+  const Recording again = load_recording(saved.file("again"));
+  EXPECT_EQ(again.groups.of, r.groups.of);
+  EXPECT_EQ(again.groups.labels, r.groups.labels);
+}
+
+TEST(RecordingIo, GroupsOfTheCallerInPlaceOfTheFiles) {
+  RecordingFolder folder;
+  folder.make_pairs(kTrials);
+  EXPECT_FALSE(load_recording(folder.path()).groups.stated());
+  folder.write("recording.yaml", "format: rangecal/1\nkind: pairs\ngroup_by: dust_g\n");
+  EXPECT_THAT(load_recording(folder.path()).groups.by, ElementsAre("dust_g"));
+  EXPECT_THAT(load_recording(folder.path(), {{"trial"}}).groups.of, ElementsAre(0, 0, 1, 0));
+  EXPECT_THROW(load_recording(folder.path(), {{"day"}}), InputError);
+}
+
+TEST(RecordingIo, GroupsOfLandmarksKeepTheirText) {
+  RecordingFolder folder;
+  folder.write("observations.csv",
+               "stop,landmark,range_m,bearing_rad,day\n0,A,1,0.5,mon\n1,A,1,0.4,tue\n1,B,2,-0.5,mon\n");
+  const Recording r = load_recording(folder.path(), {{"day"}});
+  EXPECT_THAT(r.groups.of, ElementsAre(0, 1, 0));
+  const RecordingFolder saved;
+  save_recording(r, saved.file("again"));
+  EXPECT_THAT(load_recording(saved.file("again")).groups.of, ElementsAre(0, 1, 0));
+}
+
+TEST(RecordingIo, AReferenceThatIsLateAndUncertain) {
+  RecordingFolder folder;
+  // The device's true distance runs 1 m a second from 1 m at 10 s; readings belong to half a second later.
+  folder.make_pairs("true_m,reading_m,time_s,landmark\n1,1,10,A\n2,2,11,A\n5,5,10,B\n3,3,12,A\n7,7,11,B\n");
+  folder.write("recording.yaml",
+               "format: rangecal/1\nkind: pairs\nreference: {sigma_m: 0.005, time_offset_s: 0.5}\n");
+  const Recording r = load_recording(folder.path());
+  EXPECT_EQ(r.reference.sigma_m, 0.005);
+  EXPECT_THAT(r.pairs.true_m, ElementsAre(1.5, 2.5, 6.0));
+  EXPECT_THAT(r.pairs.reading_m, ElementsAre(1.0, 2.0, 5.0));
+  EXPECT_THAT(r.counts.dropped, ElementsAre(Pair("no true distance at its time", 2)));
+  EXPECT_EQ(r.counts.used, 3);
+  ASSERT_FALSE(r.notes.empty());
+  EXPECT_NE(r.notes[0].find("their time + 0.5 s"), std::string::npos) << r.notes[0];
 }
 
 }  // namespace

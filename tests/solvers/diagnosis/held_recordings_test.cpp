@@ -89,7 +89,7 @@ TEST(HeldRecordings, ACoverIsPredictedFromTheOtherPairs) {
   EXPECT_GT(held_out_gain(d), 20.0);
   ASSERT_TRUE(d.after.heldout_std);
   EXPECT_GT(*d.after.heldout_std, 0.0);
-  EXPECT_TRUE(notes_say(d, "whole recordings, each of 2 in turn; standard errors are of batches"));
+  EXPECT_TRUE(notes_say(d, "whole recordings, each of 2 in turn; standard errors are of stretches"));
   EXPECT_NE(diagnosis_to_json(d).find("\"heldout_blocks\": \"recordings\""), std::string::npos);
 }
 
@@ -102,11 +102,11 @@ TEST(HeldRecordings, ACoverIsPredictedInARoomFromAnother) {
   EXPECT_TRUE(notes_say(d, "its stops and landmarks integrated"));
 }
 
-TEST(HeldRecordings, WhatBelongsToOneRecordingIsAskedAboutByCells) {
+TEST(HeldRecordings, WhatBelongsToOneRecordingIsAskedAboutByStops) {
   const Diagnosis d = forced_on(
       {room_through_cover(0.0, "HeldRecordings.Dark", 1), room_through_cover(0.0, "HeldRecordings.Dark", 2)},
       "dark_target");
-  EXPECT_EQ(d.heldout_blocks, "cells");
+  EXPECT_EQ(d.heldout_blocks, "stops");
   EXPECT_TRUE(notes_say(d, "not whole recordings: other recordings say nothing of dark_target in one"));
 }
 
@@ -114,17 +114,16 @@ TEST(HeldRecordings, NoCurveIsAskedBeyondItsDistances) {
   const Diagnosis d = forced_on({pairs_through_cover(60, 0.5, 2.0, 0.02, "HeldRecordings.Near", 1),
                                  pairs_through_cover(60, 2.5, 4.0, 0.02, "HeldRecordings.Far", 1)},
                                 "range_eccentricity");
-  EXPECT_EQ(d.heldout_blocks, "batches");
+  EXPECT_EQ(d.heldout_blocks, "stretches");
   EXPECT_TRUE(notes_say(d, "the recordings do not cover one another's distances"));
 }
 
-TEST(HeldRecordings, OfOneRecordingNothingIsSaid) {
+TEST(HeldRecordings, OfOneRecordingPartsAre) {
   const Diagnosis d =
       forced_on({pairs_through_cover(100, 0.5, 4.0, 0.02, "HeldRecordings.One", 1)}, "range_eccentricity");
   EXPECT_TRUE(d.after.heldout_nll);
-  EXPECT_EQ(d.heldout_blocks, "");
+  EXPECT_EQ(d.heldout_blocks, "stretches");
   EXPECT_FALSE(notes_say(d, "held out:"));
-  EXPECT_EQ(diagnosis_to_json(d).find("heldout_blocks"), std::string::npos);
 }
 
 /// Held-out NLL of two recordings without and with a cover.
@@ -136,8 +135,8 @@ struct TwoPredictions {
     const Fit seed = fit_baseline(rows, DiagnoseOptions{}, options);
     const Model cover{{find_effect("range_eccentricity"), Eigen::VectorXd(Eigen::VectorXd::Zero(2))}};
     const Fit more = refit(rows, cover, seed.state, options);
-    without = predict_recordings(rows, BlockKind::batches, seed, Rates{}, options);
-    with = predict_recordings(rows, BlockKind::batches, more, Rates{}, options);
+    without = predict_recordings(rows, seed, Rates{}, options);
+    with = predict_recordings(rows, more, Rates{}, options);
   }
 };
 

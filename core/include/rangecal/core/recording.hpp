@@ -97,6 +97,22 @@ struct Pairs {
   std::size_t size() const { return reading_m.size(); }
 };
 
+/// Which readings belong together (`group_by:` of recording.yaml): those of one trial, of one day, of one place of the tag.
+/// What is held out is held out by whole groups.
+struct Groups {
+  std::vector<std::string> by;  ///< the columns that tell; empty: no groups are stated
+  std::vector<int> of;          ///< group of every reading, from 0 in the order of first readings
+  std::vector<std::vector<std::string>> labels;  ///< of every group: its text in each column of `by`
+
+  bool stated() const { return !by.empty(); }
+};
+
+/// How well the true distances of pairs are known (`reference:` of recording.yaml).
+struct Reference {
+  double sigma_m =
+      0.0;  ///< standard deviation of a stated distance, one error for all readings of a setting [m]
+};
+
 /// What was read and what could not be used, and why. Nothing is dropped silently.
 struct Counts {
   int read = 0, used = 0;
@@ -130,6 +146,8 @@ struct Recording {
 
   Readings readings;  ///< kind landmarks
   Pairs pairs;        ///< kind pairs
+  Groups groups;
+  Reference reference;  ///< kind pairs
   Counts counts;
   Truth truth;
 

@@ -10,18 +10,25 @@
 
 namespace rangecal {
 
+/// What a reader is told beside the files.
+struct LoadOptions {
+  std::vector<std::string> group_by =
+      {};  ///< columns that say which readings belong together, in place of the files' own
+};
+
 /// Reads a recording folder (docs/formats.md: recording.yaml, observations.csv, stops.csv, ... or pairs.csv), validates it,
 /// drops and counts unusable readings. Throws InputError with file, row and column for anything malformed.
 /// Cost: linear in the number of rows.
-Recording load_recording(const std::string& folder);
+Recording load_recording(const std::string& folder, const LoadOptions& options = {});
 
 /// The recordings of one job. Also throws where two of them are one folder, or one table, also through links: their
 /// readings would count twice.
-std::vector<Recording> load_recordings(const std::vector<std::string>& folders);
+std::vector<Recording> load_recordings(const std::vector<std::string>& folders,
+                                       const LoadOptions& options = {});
 
 /// One recording from texts in memory by the names of the folder's files ("recording.yaml", "observations.csv", ...); errors
 /// name these.
-Recording parse_recording(const std::map<std::string, std::string>& files);
+Recording parse_recording(const std::map<std::string, std::string>& files, const LoadOptions& options = {});
 
 /// Writes the recording into `folder` (created if missing) so that load_recording gives it back, readings
 /// that were dropped excepted: numbers as the shortest text that reads back exactly, each file through a

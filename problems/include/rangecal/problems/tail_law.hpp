@@ -38,6 +38,8 @@ class TailLaw {
   double normal_score(double e_m, double s_m) const;
   /// Twice what the normal law of the same mean and variance loses of a reading's expected log density [nats].
   double negentropy(double s_m) const;
+  /// Mean of the extra error [m]: of a one-sided part tau - end / (exp(end / tau) - 1), to its side.
+  double mean() const;
   /// Extra error of one reading [m].
   double draw(Random& random) const;
 

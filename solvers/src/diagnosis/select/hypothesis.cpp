@@ -5,7 +5,7 @@
 
 namespace rangecal::diagnosis {
 
-bool is_nameless(const Effect& effect) { return find_effect(effect.info().id) == nullptr; }
+bool is_nameless(const Effect& effect) { return dynamic_cast<const GenericEffect*>(&effect) != nullptr; }
 
 bool has_nameless(const Model& model) {
   return std::any_of(model.begin(), model.end(),

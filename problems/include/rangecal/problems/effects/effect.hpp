@@ -48,13 +48,17 @@ struct EffectInfo {
   std::string id;           ///< "range_eccentricity"; of an effect along a column "covariate_drift:supply_v"
   std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
   EffectKind kind = EffectKind::mean;
-  std::string channel;     ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
-  std::string covariate;   ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
-  std::string physics;     ///< one sentence a person can act on
-  std::string formula;     ///< with symbols and units
-  std::string source;      ///< where the formula comes from
-  std::string visible_by;  ///< the design that makes it visible (a change of the experiment)
-  std::string settled_by;  ///< what to record next to tell it from its twins
+  std::string channel;    ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
+  std::string covariate;  ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
+  std::string physics;    ///< one sentence a person can act on
+  std::string formula;    ///< with symbols and units
+  /// The change as a formula of docs/effects-by-formula.md, of one reading's d, f, b, ... and the parameters less their units
+  /// ("cosine*cos(b) + sine*sin(b)"); empty where it is none.
+  std::string expression = {};
+  bool before_curve = false;  ///< the expression changes the distance, before the curve
+  std::string source;         ///< where the formula comes from
+  std::string visible_by;     ///< the design that makes it visible (a change of the experiment)
+  std::string settled_by;     ///< what to record next to tell it from its twins
   std::vector<EffectParameter> parameters;
 };
 
@@ -193,11 +197,13 @@ class Effect {
 /// Start grids are products of axes: every combination of the given values, in order; axes of one 0 for linear ones.
 std::vector<Eigen::VectorXd> grid_of(const std::vector<std::vector<double>>& axes);
 
-/// All effects of problems/effects, ordered by id. Generated from the folder's files at configure time.
+/// All effects of problems/effects, the catalogue, ordered by id. Generated from the folder's files at configure time.
 const std::vector<std::unique_ptr<Effect>>& effect_registry();
-/// The effect of that id, or nullptr. "ID:COLUMN" is that effect along a column; the pointer stays valid.
+/// The catalogue's effects, then those that were added (formula_effect.hpp).
+std::vector<const Effect*> known_effects();
+/// The effect of that id, of the catalogue or added, or nullptr. "ID:COLUMN" is that effect along a column; the pointer stays valid.
 const Effect* find_effect(const std::string& id);
-/// The effects that a recording may hold: those of the catalogue, with one for each column that such an effect may lie along.
+/// The effects that a recording may hold: all that are known, with one for each column that such an effect may lie along.
 std::vector<const Effect*> effects_of(const EffectContext& context);
 
 /// The id in physics of an effect along a column: "covariate_drift" of "covariate_drift:supply_v".

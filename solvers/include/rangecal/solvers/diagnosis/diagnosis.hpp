@@ -94,10 +94,25 @@ struct Member {
       heldout_nll_without;  ///< of the final model without it; none where nothing was held out
 };
 
+/// A formula for a mismatch that has no name.
+struct Law {
+  std::string id, channel;             ///< "law_1"; of docs/formats.md
+  std::string formula;                 ///< docs/effects-by-formula.md
+  std::vector<std::string> variables;  ///< that it depends on
+  std::vector<EffectEstimate> parameters;
+  double log_evidence = 0.0;  ///< over the model without it [nats]
+  double log_evidence_over_curve =
+      0.0;  ///< over the smooth curve without a name [nats]; below 0: the curve is likelier
+  bool agrees_with_first = false;  ///< wherever these recordings have readings, to a twentieth of the squares
+  std::string text;                ///< as a file for `--effects` and `predict`, with what was estimated
+};
+
 /// Goodness of fit, for the table before / after.
 struct FitSummary {
   double nll = 0.0;
-  std::optional<double> heldout_nll, heldout_std;   ///< std: of the difference to the baseline
+  std::optional<double> heldout_nll, heldout_std;  ///< std: of the difference to the baseline
+  /// Of the means of repeats at known distances, each predicted from the blocks left in; none for landmarks.
+  std::optional<double> heldout_rms_range_m;
   double rms_range_m = 0.0, rms_bearing_rad = 0.0;  ///< of the cell means
   double chi_sq_per_dof = 0.0;                      ///< of the cell means, dependence and noise as modelled
 };
@@ -121,9 +136,13 @@ struct Diagnosis {
   std::vector<NextExperiment> next_experiments;
   std::vector<std::string>
       notes;  ///< what could not be modelled and which column or repetition it would take
-  /// What was left out at a time where several recordings were given: "recordings", or where none can be predicted from
-  /// the others "cells", "stops" or "batches" of them all, and a note says why; empty for one recording.
+  /// What was left out at a time: "recordings", where several were given and each can be predicted from the others, else
+  /// "groups of COLUMN", "batches", "distances", "stops" or "stretches" of consecutive readings (core/blocks.hpp);
+  /// empty where nothing was.
   std::string heldout_blocks;
+  double heldout_effective_blocks =
+      0.0;                     ///< as many of one size: (sum n)^2 / sum n^2, n the readings of a block
+  std::vector<Law> laws;       ///< where they were asked for and something has no name: the likeliest first
   SimulationModel simulation;  ///< the final model with the recordings' layout: `simulate --from`
 };
 
@@ -153,6 +172,7 @@ struct DiagnoseOptions {
   double naming_gap_nats = 3.0;  ///< a rival within this many nats is a twin, not a loser
   int null_draws = 600;          ///< simulations of the battery under the fitted model
   bool held_out = true, unseen = true, next_experiments = true;
+  bool laws = false;                              ///< look for formulas of what has no name
   std::optional<CurveFamily> curve;               ///< of pairs, as in CalibrateOptions
   std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
                                                   ///< one with effects is simulated, as diagnose_against

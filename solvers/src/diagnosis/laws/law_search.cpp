@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/laws/law_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "diagnosis/battery.hpp"
+#include "diagnosis/candidates.hpp"
+#include "diagnosis/effect_estimates.hpp"
+#include "diagnosis/laws/pieces.hpp"
+#include "diagnosis/select/evidence.hpp"
+#include "diagnosis/select/priors.hpp"
+#include "in_parallel.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr std::size_t kept_at_a_time = 3;   ///< laws that grow
+constexpr std::size_t fitted_of_terms = 8;  ///< of the terms that a law may grow by
+constexpr std::size_t peaks_of_term = 2;    ///< starts that each is fitted from
+constexpr std::size_t listed = 5;
+constexpr int most_terms = 6;  ///< evidence stops long before
+constexpr double per_parameter =
+    1.5;                        ///< nats by which terms of more parameters are judged before they are fitted
+constexpr double grows = 1.0;   ///< nats that one term more is worth at least
+constexpr double alike = 0.95;  ///< of the squares of one law's change, that another takes away
+
+/// A law on the way.
+struct Growing {
+  std::vector<LawPiece> pieces;
+  std::vector<std::shared_ptr<Effect>> effects;  ///< one a term, at the end of the fit's model
+  Fit fit;
+  double log_evidence = 0.0;
+};
+
+/// Terms, and how many nats each promises beside a fit.
+struct Promising {
+  std::size_t piece = 0;
+  std::shared_ptr<Effect> effect;
+  std::vector<Height> peaks;
+  double worth = -std::numeric_limits<double>::infinity();
+};
+
+class LawSearch {
+ public:
+  LawSearch(const Rows& rows, const Fit& base, const std::string& channel, const Rates& rates,
+            const RefitOptions& options)
+      : rows_(rows), base_(base), channel_(channel), rates_(rates), options_(options) {
+    options_.settled = static_cast<int>(base.model.size());
+    base_volume_ = log_calibration_volume(rows, base);
+  }
+
+  std::vector<Growing> run() {
+    std::vector<Growing> all, front{{{}, {}, base_, 0.0}};
+    for (int number = 1; number <= most_terms && !front.empty(); ++number) {
+      std::vector<Growing> next;
+      for (const Growing& law : front)
+        for (Growing& larger : grown(law, number))
+          if (larger.log_evidence > law.log_evidence + grows) next.push_back(std::move(larger));
+      std::stable_sort(next.begin(), next.end(),
+                       [](const Growing& a, const Growing& b) { return a.log_evidence > b.log_evidence; });
+      all.insert(all.end(), next.begin(), next.end());
+      if (next.size() > kept_at_a_time) next.resize(kept_at_a_time);
+      front = std::move(next);
+    }
+    std::stable_sort(all.begin(), all.end(),
+                     [](const Growing& a, const Growing& b) { return a.log_evidence > b.log_evidence; });
+    return all;
+  }
+
+  /// Of a fit beside the base, all but the price of its choice.
+  double log_evidence_of(const Fit& fit) const {
+    return base_.nll - fit.nll + log_parameter_volume(rows_, fit, base_.model.size(), options_, priors_) +
+           log_calibration_volume(rows_, fit) - base_volume_;
+  }
+
+ private:
+  std::vector<Growing> grown(const Growing& law, int number) const {
+    const std::vector<LawPiece> pieces = law_pieces(rows_, channel_, number);
+    const double choice = std::log(static_cast<double>(std::max<std::size_t>(1, pieces.size())));
+    std::vector<Promising> terms(pieces.size());
+    in_parallel(
+        pieces.size(), [&](std::size_t i) { terms[i] = promise_of(law, pieces[i], number, i); },
+        jobs_at_once(rows_.size()));
+    std::stable_sort(terms.begin(), terms.end(),
+                     [](const Promising& a, const Promising& b) { return a.worth > b.worth; });
+    std::erase_if(terms, [](const Promising& t) { return !(t.worth > 0.0); });
+    if (terms.size() > fitted_of_terms) terms.resize(fitted_of_terms);
+    std::vector<std::optional<Growing>> made(terms.size());
+    in_parallel(
+        terms.size(), [&](std::size_t i) { made[i] = fitted(law, pieces[terms[i].piece], terms[i], choice); },
+        jobs_at_once(rows_.size()));
+    std::vector<Growing> larger;
+    for (std::optional<Growing>& one : made)
+      if (one) larger.push_back(std::move(*one));
+    return larger;
+  }
+
+  Promising promise_of(const Growing& law, const LawPiece& piece, int number, std::size_t index) const {
+    Promising term;
+    term.piece = index;
+    const std::string id = "law_" + std::to_string(number) + "_" + std::to_string(index);
+    term.effect = effect_from_formula(law_text({piece}, id, channel_), id);
+    const Battery battery(rows_, law.fit.model, law.fit.state, rates_, *term.effect);
+    std::vector<Height> heights;
+    for (const Question& q : battery.questions) heights.emplace_back(q.gain, q.start);
+    if (heights.empty()) return term;
+    term.peaks = peaks_of(heights);
+    if (term.peaks.size() > peaks_of_term) term.peaks.resize(peaks_of_term);
+    term.worth = term.peaks.front().first - per_parameter * static_cast<double>(piece.parameters.size());
+    return term;
+  }
+
+  std::optional<Growing> fitted(const Growing& law, const LawPiece& piece, const Promising& term,
+                                double choice) const {
+    std::optional<Growing> best;
+    for (const Height& peak : term.peaks) {
+      Model model = law.fit.model;
+      model.push_back({term.effect.get(), peak.second});
+      Fit fit = refit(rows_, model, law.fit.state, options_);
+      if (!fit.ok || (best && fit.nll >= best->fit.nll)) continue;
+      best = Growing{law.pieces, law.effects, std::move(fit), 0.0};
+    }
+    if (!best) return std::nullopt;
+    best->pieces.push_back(piece);
+    best->effects.push_back(term.effect);
+    best->log_evidence = log_evidence_of(best->fit) - static_cast<double>(best->pieces.size()) * choice;
+    if (!std::isfinite(best->log_evidence)) return std::nullopt;
+    return best;
+  }
+
+  const Rows& rows_;
+  const Fit& base_;
+  const std::string channel_;
+  const Rates& rates_;
+  RefitOptions options_;
+  SelectionPriors priors_;
+  double base_volume_ = 0.0;
+};
+
+/// What a law's terms change in its channel, row by row, about the mean.
+Eigen::VectorXd change_by(const Rows& rows, const Growing& law, const std::string& channel) {
+  const auto own = static_cast<std::ptrdiff_t>(law.effects.size());
+  const Model terms(law.fit.model.end() - own, law.fit.model.end());
+  const RowChanges changes = row_changes(rows, cell_geometry(rows, law.fit.state), terms);
+  Eigen::VectorXd change = channel == "range"         ? changes.range
+                           : channel == "bearing"     ? changes.bearing
+                           : channel == "range_noise" ? changes.range_log_variance
+                                                      : changes.bearing_log_variance;
+  change.array() -= change.mean();
+  return change;
+}
+
+/// The law as its readers get it: parameters with their values in the text too.
+Law law_of(const Rows& rows, const Growing& growing, const std::string& channel, std::size_t number) {
+  Law law;
+  law.channel = channel;
+  law.log_evidence = growing.log_evidence;
+  const std::size_t first = growing.fit.model.size() - growing.effects.size();
+  std::vector<LawPiece> pieces = growing.pieces;
+  std::set<std::string> variables;
+  const std::vector<EffectEstimate> estimates = effect_estimates(rows, growing.fit);
+  for (std::size_t k = 0; k < pieces.size(); ++k) {
+    const ActiveEffect& active = growing.fit.model[first + k];
+    variables.insert(pieces[k].variables.begin(), pieces[k].variables.end());
+    law.formula += (k == 0 ? "" : " + ") + pieces[k].formula;
+    for (std::size_t j = 0; j < pieces[k].parameters.size(); ++j) {
+      LawParameter& parameter = pieces[k].parameters[j];
+      parameter.value = active.parameters[static_cast<Eigen::Index>(j)];
+      const std::string& full = active.effect->info().parameters[j].name;
+      for (const EffectEstimate& e : estimates) {
+        if (e.name != active.effect->info().id + "." + full) continue;
+        law.parameters.push_back(e);
+        law.parameters.back().name = full;
+        if (std::isfinite(e.std_dev) && e.std_dev > 0.0) parameter.std_dev = e.std_dev;
+      }
+    }
+  }
+  law.variables.assign(variables.begin(), variables.end());
+  law.id = "law_" + std::to_string(number);
+  law.text = law_text(pieces, law.id, channel);
+  return law;
+}
+
+/// What the terms of a law are, in words.
+std::set<std::string> words_of(const Growing& law) {
+  std::set<std::string> words;
+  for (const LawPiece& piece : law.pieces) words.insert(piece.words);
+  return words;
+}
+
+}  // namespace
+
+std::vector<Law> find_laws(const Rows& rows, const SearchResult& found, const GenericModel& curve,
+                           const RefitOptions& options) {
+  const EffectInfo& info = curve.effect->info();
+  const Fit& base = found.partly() ? found.best.fit : found.baseline;
+  LawSearch search(rows, base, info.channel, found.rates, options);
+  const std::vector<Growing> laws = search.run();
+  std::set<std::string> variables;
+  for (const LawPiece& piece : law_pieces(rows, info.channel, 1))
+    variables.insert(piece.variables.begin(), piece.variables.end());
+  const double of_curve = search.log_evidence_of(curve.fit) -
+                          std::log(static_cast<double>(std::max<std::size_t>(1, variables.size())));
+  std::vector<Law> list;
+  std::vector<std::set<std::string>> listed_terms;
+  Eigen::VectorXd best;
+  for (const Growing& one : laws) {
+    if (list.size() == listed) break;
+    // A likelier law with terms that are worth nothing is no other one.
+    const std::set<std::string> terms = words_of(one);
+    if (std::any_of(listed_terms.begin(), listed_terms.end(), [&](const std::set<std::string>& likelier) {
+          return std::includes(terms.begin(), terms.end(), likelier.begin(), likelier.end());
+        }))
+      continue;
+    listed_terms.push_back(terms);
+    Law law = law_of(rows, one, info.channel, list.size() + 1);
+    const Eigen::VectorXd change = change_by(rows, one, info.channel);
+    if (list.empty()) best = change;
+    law.log_evidence_over_curve = one.log_evidence - of_curve;
+    law.agrees_with_first = (change - best).squaredNorm() < (1.0 - alike) * best.squaredNorm();
+    list.push_back(std::move(law));
+  }
+  return list;
+}
+
+}  // namespace rangecal::diagnosis

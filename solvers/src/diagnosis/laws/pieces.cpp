@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/laws/pieces.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <set>
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// What readings vary in, and over which values.
+struct LawVariable {
+  std::string name, unit;
+  double low = 0.0, high = 0.0;
+  bool is_angle = false;
+  double span() const { return high - low; }
+};
+
+/// Of values that are there, five different ones or more; none otherwise.
+std::optional<LawVariable> variable_of(const std::string& name, const std::string& unit,
+                                       const std::vector<double>& values) {
+  LawVariable v{name, unit, std::numeric_limits<double>::infinity(),
+                -std::numeric_limits<double>::infinity()};
+  std::set<double> distinct;
+  for (const double x : values) {
+    if (!std::isfinite(x)) continue;
+    v.low = std::min(v.low, x);
+    v.high = std::max(v.high, x);
+    if (distinct.size() < 5) distinct.insert(x);
+  }
+  if (distinct.size() < 5) return std::nullopt;
+  return v;
+}
+
+bool is_name(const std::string& text) {
+  static const std::set<std::string> taken{"b",      "d",      "duration", "f", "heading", "landmark",
+                                           "radius", "repeat", "stop",     "t", "pi"};
+  return !text.empty() && !taken.contains(text) && std::isdigit(static_cast<unsigned char>(text[0])) == 0 &&
+         std::all_of(text.begin(), text.end(),
+                     [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
+}
+
+std::vector<LawVariable> variables_of(const Rows& rows) {
+  std::vector<LawVariable> variables;
+  const auto add = [&](std::optional<LawVariable> v) {
+    if (v) variables.push_back(std::move(*v));
+  };
+  add(variable_of("d", "m", rows.range_m));  // the readings stand for the distances
+  if (rows.context.duration_s > 0.0) add(variable_of("t", "s", rows.time_s));
+  if (std::optional<LawVariable> b = variable_of("b", "rad", rows.bearing_rad)) {
+    b->is_angle = true;
+    add(b);
+  }
+  const std::size_t columns = rows.context.covariates.size();
+  for (std::size_t c = 0; c < columns; ++c) {
+    if (!is_name(rows.context.covariates[c])) continue;
+    std::vector<double> values;
+    for (std::size_t i = c; i < rows.covariates.size(); i += columns) values.push_back(rows.covariates[i]);
+    std::string unit = column_by_name(rows.context.covariates[c]).unit;
+    if (unit == "dBm") unit = "dB";
+    if (unit == "degC") unit = "K";
+    add(variable_of(rows.context.covariates[c], unit.empty() ? "1" : unit, values));
+  }
+  return variables;
+}
+
+/// Makes terms of one channel.
+class Pieces {
+ public:
+  Pieces(const std::string& channel, int number)
+      : number_(number),
+        unit_(channel == "range"     ? "m"
+              : channel == "bearing" ? "rad"
+                                     : "1"),
+        typical_(channel == "range"     ? 0.01
+                 : channel == "bearing" ? 0.005
+                                        : 0.5) {}
+
+  std::vector<LawPiece> made;
+
+  /// All along one variable, times a factor: its text ("d*"), unit ("m") and largest value.
+  void along(const LawVariable& x, const std::string& factor, const std::string& factor_unit,
+             double factor_size) {
+    factor_ = factor;
+    per_ = factor_unit == "1" ? "" : "/" + factor_unit;
+    size_ = typical_ / factor_size;
+    factor_words_ = factor.empty() ? "" : " times " + factor.substr(0, factor.size() - 1);
+    if (x.is_angle)
+      around(x);
+    else
+      over(x);
+  }
+
+  /// x y, each about its middle.
+  void product(const LawVariable& x, const LawVariable& y, const std::string& factor,
+               const std::string& factor_unit, double factor_size) {
+    const double size = typical_ / (factor_size * std::max(std::abs(x.low), std::abs(x.high)) *
+                                    std::max(std::abs(y.low), std::abs(y.high)));
+    const std::string unit =
+        unit_ + "/" + x.unit + "/" + y.unit + (factor_unit == "1" ? "" : "/" + factor_unit);
+    LawPiece piece;
+    piece.formula = fmt::format("{}{}*{}*{}", factor, named("a"), x.name, y.name);
+    piece.parameters = {{named("a"), unit, size, -1e3 * size, 1e3 * size}};
+    finish(std::move(piece), {&x, &y}, factor, "the product of " + x.name + " and " + y.name);
+  }
+
+ private:
+  std::string named(const char* letter) const { return fmt::format("{}{}", letter, number_); }
+
+  LawParameter amplitude(const char* letter, const std::string& per = "", double over_size = 1.0) const {
+    const double size = size_ / over_size;
+    return {named(letter), unit_ + per_ + per, size, -1e3 * size, 1e3 * size};
+  }
+
+  void finish(LawPiece piece, const std::vector<const LawVariable*>& variables, const std::string& factor,
+              const std::string& words) {
+    if (!factor.empty()) piece.variables.emplace_back("d");
+    for (const LawVariable* v : variables) piece.variables.push_back(v->name);
+    piece.words = words;
+    made.push_back(std::move(piece));
+  }
+
+  void add(const LawVariable& x, const std::string& shape, std::vector<LawParameter> parameters,
+           std::vector<LawConstant> constants, const std::string& words) {
+    LawPiece piece;
+    piece.formula = factor_ + shape;
+    piece.parameters = std::move(parameters);
+    piece.constants = std::move(constants);
+    finish(std::move(piece), {&x}, factor_, words + " along " + x.name + factor_words_);
+  }
+
+  void over(const LawVariable& x) {
+    const std::string a = named("a"), c = named("c"), k = named("k"), m = named("m"), w = named("w"),
+                      T = named("T"), x0 = named("x");
+    const double S = x.span(), most = std::max(std::abs(x.low), std::abs(x.high));
+    const std::string per = "/" + x.unit;
+    add(x, fmt::format("{}*{}", a, x.name), {amplitude("a", per, most)}, {}, "a line");
+    add(x, fmt::format("{}*{}^2", a, x.name), {amplitude("a", per + per, most * most)}, {}, "a square");
+    if (x.name == "d") {
+      add(x, fmt::format("{}*{}^3", a, x.name), {amplitude("a", per + per + per, most * most * most)}, {},
+          "a cube");
+      add(x, fmt::format("{}/{}", a, x.name), {amplitude("a", "*m", 1.0 / most)}, {}, "a reciprocal");
+    }
+    if (x.low > 0.0)
+      add(x, fmt::format("{}*ln({}/{})", a, x.name, x0), {amplitude("a")},
+          {{x0, x.unit, std::sqrt(x.low * x.high)}}, "a logarithm");
+    const LawParameter middle{m, x.unit, nonzero(x.low + 0.5 * S, S), x.low, x.high, 16};
+    add(x, fmt::format("{}*exp(-abs({} - {})/{})", a, x.name, x0, T),
+        {amplitude("a"), {T, x.unit, 0.3 * S, S / 50.0, 3.0 * S, 8}}, {{x0, x.unit, x.low}}, "a decay");
+    add(x, fmt::format("{}*exp(-(({} - {})/{})^2)", a, x.name, m, w),
+        {amplitude("a"), middle, {w, x.unit, 0.1 * S, S / 50.0, 0.6 * S, 4}}, {}, "a bump");
+    add(x, fmt::format("{}/(1 + exp(-({} - {})/{}))", a, x.name, m, w),
+        {amplitude("a"), middle, {w, x.unit, 0.02 * S, S / 500.0, 0.15 * S, 2}}, {}, "an edge");
+    add(x, fmt::format("{}*exp(-(({} - {})/{})^8)", a, x.name, m, w),
+        {amplitude("a"), middle, {w, x.unit, 0.1 * S, S / 30.0, 0.5 * S, 3}}, {}, "a window");
+    constexpr double turn = 2.0 * std::numbers::pi;
+    add(x, fmt::format("({}*cos({}*{}) + {}*sin({}*{}))", a, k, x.name, c, k, x.name),
+        {amplitude("a"),
+         amplitude("c"),
+         {k, "1" + per, 2.0 * turn / S, 0.5 * turn / S, 40.0 * turn / S, 160}},
+        {}, "a wave");
+  }
+
+  void around(const LawVariable& b) {
+    const std::string a = named("a"), c = named("c"), n = named("n"), m = named("m"), w = named("w");
+    constexpr double pi = std::numbers::pi;
+    add(b, fmt::format("({}*cos({}*b) + {}*sin({}*b))", a, n, c, n),
+        {amplitude("a"), amplitude("c"), {n, "1", 1.0, 1.0, 32.0, 0, true}}, {}, "a ripple");
+    const LawParameter middle{m, "rad", 0.5, -pi, pi, 20};
+    add(b, fmt::format("{}*exp((cos(b - {}) - 1)/{}^2)", a, m, w),
+        {amplitude("a"), middle, {w, "rad", 0.4, 0.08, 1.6, 4}}, {}, "a bump");
+    add(b, fmt::format("{}*exp(-((1 - cos(b - {}))/{})^4)", a, m, w),
+        {amplitude("a"), middle, {w, "1", 0.1, 0.005, 1.2, 4}}, {}, "a sector");
+  }
+
+  static double nonzero(double value, double span) {
+    return std::abs(value) > 1e-9 * span ? value : 1e-3 * span;
+  }
+
+  int number_;
+  std::string unit_;
+  double typical_;
+  std::string factor_, per_, factor_words_;
+  double size_ = 1.0;
+};
+
+}  // namespace
+
+std::vector<LawPiece> law_pieces(const Rows& rows, const std::string& channel, int number) {
+  const std::vector<LawVariable> variables = variables_of(rows);
+  Pieces pieces(channel, number);
+  double far = 1.0, near = 1.0;
+  for (const LawVariable& v : variables)
+    if (v.name == "d") far = v.high, near = v.low;
+  struct Factor {
+    const char *text, *unit;
+    double size;
+  };
+  std::vector<Factor> factors{{"", "1", 1.0}};
+  if (channel == "range") factors.insert(factors.end(), {{"d*", "m", far}, {"d^2*", "m^2", far * far}});
+  if (channel == "bearing") factors.push_back({"1/d*", "1/m", 1.0 / near});
+  for (const LawVariable& x : variables)
+    for (const Factor& factor : factors)
+      if (x.name != "d" || factor.text[0] == '\0') pieces.along(x, factor.text, factor.unit, factor.size);
+  for (std::size_t i = 0; i < variables.size(); ++i)
+    for (std::size_t j = i + 1; j < variables.size(); ++j) {
+      const LawVariable &x = variables[i], &y = variables[j];
+      if (x.name == "d" || x.is_angle || y.is_angle) continue;
+      for (const Factor& factor : factors) pieces.product(x, y, factor.text, factor.unit, factor.size);
+    }
+  return std::move(pieces.made);
+}
+
+std::string law_text(const std::vector<LawPiece>& pieces, const std::string& id, const std::string& channel) {
+  std::string formula, words, parameters, constants;
+  for (const LawPiece& piece : pieces) {
+    formula += (formula.empty() ? "" : " + ") + piece.formula;
+    words += (words.empty() ? "" : ", and ") + piece.words;
+    for (const LawParameter& p : piece.parameters) {
+      parameters +=
+          fmt::format("  {}: {{unit: \"{}\", from: {:.6g}, to: {:.6g}", p.name, p.unit, p.low, p.high);
+      if (p.whole)
+        parameters += ", integer: true";
+      else
+        parameters += fmt::format(", typical: {:.6g}", p.typical);
+      if (p.starts > 0) parameters += fmt::format(", starts: {}", p.starts);
+      if (p.value) parameters += fmt::format(", value: {:.9g}", *p.value);
+      if (p.std_dev) parameters += fmt::format(", std: {:.3g}", *p.std_dev);
+      parameters += "}\n";
+    }
+    for (const LawConstant& c : piece.constants)
+      constants += fmt::format("  {}: {{unit: \"{}\", value: {:.9g}}}\n", c.name, c.unit, c.value);
+  }
+  const std::string given = channel == "range_noise"     ? "log_variance"
+                            : channel == "bearing_noise" ? "bearing_log_variance"
+                                                         : channel;
+  return fmt::format(
+      "effect: {}\nphysics: \"A law that was found, of unknown cause: {}.\"\nchannel: {}\nformula: \"{}\"\nparameters:\n{}{}{}"
+      "source: \"found by rangecal diagnose --laws\"\nsettled_by: \"predict it in another recording of the sensor (rangecal predict)\"\n",
+      id, words, given, formula, parameters, constants.empty() ? "" : "constants:\n", constants);
+}
+
+}  // namespace rangecal::diagnosis

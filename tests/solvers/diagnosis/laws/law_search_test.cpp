@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From what has no name to a formula, and what another recording says of it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "diagnosis/laws/pieces.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
+#include "rangecal/solvers/diagnosis/predict_law.hpp"
+#include "solvers/diagnosis/made_recordings.hpp"
+
+namespace rangecal {
+namespace {
+
+using testing::recording_of;
+using testing::Sensor;
+
+constexpr double amplitude = 0.02;
+
+/// Readings all around, the bearings turned by `turned(b)`, the ranges longer by `longer(y, b)`.
+Recording changed(const std::string& name, std::uint64_t seed, const std::function<double(double)>& turned,
+                  const std::function<double(double, double)>& longer) {
+  Recording recording = recording_of({.sigma = 0.004}, name, seed);
+  Readings& r = recording.readings;
+  for (std::size_t i = 0; i < r.size(); ++i) {
+    const double b = r.bearing_rad[i], y = r.range_m[i];
+    r.bearing_rad[i] = wrap_angle(b + turned(b));
+    r.range_m[i] = y + longer(y, b);
+  }
+  return recording;
+}
+
+double nothing(double) { return 0.0; }
+double ripple(double b) { return amplitude * std::sin(7.0 * b + 0.4); }
+double no_change(double, double) { return 0.0; }
+double trefoil(double, double b) { return amplitude * std::cos(3.0 * b - 1.0); }
+
+std::vector<Law> laws_of(const Recording& recording) {
+  DiagnoseOptions options;
+  options.laws = true;
+  options.held_out = options.unseen = options.next_experiments = false;
+  return diagnose(std::span(&recording, 1), options).laws;
+}
+
+/// Share of the squares of a change over all directions that a law of the direction leaves.
+double left_by(const Law& law, const std::function<double(double)>& change) {
+  const auto effect = effect_from_formula(law.text, "law");
+  const StatedValues found = stated_values(*effect);
+  double left = 0.0, all = 0.0;
+  for (double b = -3.1; b < 3.1; b += 0.01) {
+    ReadingView<double> at{};
+    at.d = at.f = 2.0;
+    at.bearing = b;
+    const ReadingChange<double> by_law = effect->reading(at, found.value.data());
+    left += std::pow(change(b) - by_law.bearing - by_law.range, 2);
+    all += std::pow(change(b), 2);
+  }
+  return left / all;
+}
+
+TEST(Laws, ARippleOfTheBearingIsFoundWithItsOrder) {
+  const std::vector<Law> laws = laws_of(changed("Laws.Ripple", 1, ripple, no_change));
+  ASSERT_FALSE(laws.empty());
+  EXPECT_EQ(laws[0].channel, "bearing");
+  EXPECT_EQ(laws[0].variables, std::vector<std::string>{"b"});
+  EXPECT_LT(left_by(laws[0], ripple), 0.05) << laws[0].formula;
+  EXPECT_GT(laws[0].log_evidence_over_curve, 0.0);
+  const auto order = std::find_if(laws[0].parameters.begin(), laws[0].parameters.end(),
+                                  [](const EffectEstimate& e) { return e.name == "n1"; });
+  ASSERT_NE(order, laws[0].parameters.end());
+  EXPECT_EQ(order->estimate, 7.0);
+  EXPECT_TRUE(laws[0].agrees_with_first);
+}
+
+TEST(Laws, ATrefoilOfTheRangeIsFoundAndPredictsAnotherRoom) {
+  const std::vector<Law> laws = laws_of(changed("Laws.Trefoil", 1, nothing, trefoil));
+  ASSERT_FALSE(laws.empty());
+  EXPECT_EQ(laws[0].channel, "range");
+  EXPECT_LT(left_by(laws[0], [](double b) { return trefoil(0.0, b); }), 0.05) << laws[0].formula;
+
+  const auto law = effect_from_formula(laws[0].text, "law");
+  const StatedValues found = stated_values(*law);
+  ASSERT_EQ(found.value.size(), static_cast<Eigen::Index>(law->info().parameters.size()));
+  const auto of = [&](const Recording& other) { return predict_law(*law, found, std::span(&other, 1)); };
+
+  const LawPrediction with = of(changed("Laws.Trefoil", 2, nothing, trefoil));
+  EXPECT_EQ(with.verdict, LawVerdict::confirmed) << with.size << " +- " << with.size_std;
+  ASSERT_TRUE(with.heldout_gain);
+  EXPECT_GT(*with.heldout_gain, 10.0);
+
+  const LawPrediction without = of(changed("Laws.Trefoil", 3, nothing, no_change));
+  EXPECT_EQ(without.verdict, LawVerdict::refuted) << without.size << " +- " << without.size_std;
+  ASSERT_TRUE(without.heldout_gain);
+  EXPECT_LT(*without.heldout_gain, -10.0);
+
+  const LawPrediction twice =
+      of(changed("Laws.Trefoil", 4, nothing, [](double y, double b) { return 2.0 * trefoil(y, b); }));
+  EXPECT_EQ(twice.verdict, LawVerdict::another_size) << twice.size << " +- " << twice.size_std;
+  EXPECT_NEAR(twice.size, 2.0, 0.4);
+
+  Sensor ahead{.sigma = 0.05};
+  ahead.looks_one_way = true;
+  ahead.fan_rad = 0.05;
+  const LawPrediction blind = of(recording_of(ahead, "Laws.Blind", 1));
+  EXPECT_EQ(blind.verdict, LawVerdict::not_tested) << blind.size << " +- " << blind.size_std;
+}
+
+TEST(Laws, OfACleanRecordingThereIsNone) {
+  EXPECT_TRUE(laws_of(changed("Laws.Clean", 1, nothing, no_change)).empty());
+}
+
+TEST(Laws, EveryTermIsAFormulaThatCanBeRead) {
+  // Of each channel, over a recording with times and a column: names, units, starts and bounds hold.
+  Recording recording = recording_of({.sigma = 0.004}, "Laws.Terms", 1);
+  recording.readings.covariates["temperature_c"];
+  for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+    recording.readings.time_s.push_back(static_cast<double>(i));
+    recording.readings.covariates["temperature_c"].push_back(20.0 + 0.01 * static_cast<double>(i % 700));
+  }
+  const diagnosis::Rows rows = diagnosis::make_rows(std::span(&recording, 1));
+  for (const char* channel : {"range", "bearing", "range_noise", "bearing_noise"}) {
+    const std::vector<diagnosis::LawPiece> pieces = diagnosis::law_pieces(rows, channel, 3);
+    EXPECT_GT(pieces.size(), 20u) << channel;
+    for (const diagnosis::LawPiece& piece : pieces) {
+      const std::string text = diagnosis::law_text({piece}, "law", channel);
+      std::unique_ptr<Effect> effect;
+      ASSERT_NO_THROW(effect = effect_from_formula(text, "law")) << text;
+      EXPECT_EQ(effect->info().channel, channel);
+      EXPECT_TRUE(effect->info().parameters.front().linear) << text;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace rangecal
