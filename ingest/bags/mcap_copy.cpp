@@ -16,7 +16,7 @@ namespace {
 
 class McapCopy : public McapSink {
  public:
-  /// `source` has told its topics.
+  /// `source` has told its topics where raw messages are kept.
   McapCopy(const std::string& from, const McapFile& source, PartialFile& file, const BagChange& change)
       : from_(from), source_(source), file_(file), change_(change) {}
 
@@ -115,7 +115,7 @@ class McapCopy : public McapSink {
 BagCopied copy_mcap(const std::string& from, const std::string& to, const BagChange& change,
                     const MessageSource::Progress& progress) {
   const std::unique_ptr<McapFile> source = open_mcap(from);
-  source->topics();
+  if (!change.keep_raw.empty()) source->topics();  // for a channel that none of the file's is
   PartialFile file(to);
   McapCopy copy(from, *source, file, change);
   source->copy(copy, progress);

@@ -60,10 +60,15 @@ void McapWriter::put_record(unsigned opcode, std::string_view content) {
 void McapWriter::know(unsigned opcode, ByteSpan content) {
   mcap::RecordFields fields(content);
   const std::uint16_t id = fields.id();
-  Known known;
-  known.content = as_text(content);
-  if (opcode == mcap::op_channel) known.schema = fields.id();
-  (opcode == mcap::op_channel ? channels_ : schemas_).emplace(id, std::move(known));
+  auto& known = opcode == mcap::op_channel ? channels_ : schemas_;
+  if (known.contains(id)) return;
+  declared_ += content.size();
+  if (declared_ > most_declared)
+    throw InputError(file_.path(), 0, "",
+                     "cannot be written: its schemas and channels are of more than 256 MB");
+  Known& one = known[id];
+  one.content = as_text(content);
+  if (opcode == mcap::op_channel) one.schema = fields.id();
 }
 
 void McapWriter::know_channel_like(std::uint16_t id, std::uint16_t other, const std::string& topic) {

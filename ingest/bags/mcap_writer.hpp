@@ -29,6 +29,8 @@ class McapWriter {
   static constexpr int zstd_level = 1;
   /// A chunk that nobody closes is closed at this size.
   static constexpr std::size_t own_chunk = std::size_t{1} << 20;
+  /// Of all schemas and channels, which are held to the end.
+  static constexpr std::size_t most_declared = std::size_t{256} << 20;
 
   /// `file` must outlive this.
   McapWriter(PartialFile& file, const std::string& profile, const std::string& library);
@@ -74,6 +76,7 @@ class McapWriter {
   bool in_data_ = true;
   std::uint64_t offset_ = 0;
   std::map<std::uint16_t, Known> schemas_, channels_;
+  std::size_t declared_ = 0;
 
   bool open_ = false, own_ = false;
   std::string compression_, chunk_, packed_;
