@@ -19,6 +19,7 @@ void add_correct(CLI::App& app, Action& chosen);
 void add_simulate(CLI::App& app, Action& chosen);
 void add_diagnose(CLI::App& app, Action& chosen);
 void add_effects(CLI::App& app, Action& chosen);
+void add_export(CLI::App& app, Action& chosen);
 void add_extract(CLI::App& app, Action& chosen);
 void add_fleet(CLI::App& app, Action& chosen);
 void add_import(CLI::App& app, Action& chosen);

@@ -19,6 +19,7 @@
 #include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "report/report.hpp"
+#include "simulator_export.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -26,7 +27,7 @@ namespace {
 
 struct DiagnoseCommand {
   std::vector<std::string> recordings, force;
-  std::string simulation, json, calibration, report, trace, curve = "auto";
+  std::string simulation, json, calibration, report, trace, patch, curve = "auto";
   double alarm_rate = 0.02;
 
   int run() const {
@@ -40,6 +41,7 @@ struct DiagnoseCommand {
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration, trace});
     require_apart({json, report, calibration, trace}, inputs());
+    if (!patch.empty()) require_patchable();
     const std::vector<Recording> loaded = load_recordings(recordings);
     DiagnoseOptions options;
     options.alarm_rate = alarm_rate;
@@ -53,6 +55,7 @@ struct DiagnoseCommand {
     if (!trace.empty()) write_file(trace, trace_to_json(tried));
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
+    if (!patch.empty()) write_patch(diagnosis);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
     return determined(diagnosis) ? done : not_delivered;
   }
@@ -62,6 +65,23 @@ struct DiagnoseCommand {
   bool determined(const Diagnosis& diagnosis) const {
     return !simulation.empty() || diagnosis.corrected.outcome != Outcome::unobservable ||
            has_answer(diagnosis.corrected);
+  }
+
+  void require_patchable() const {
+    if (simulation.empty()) throw InputError("--patch: needs --simulation, which it is to repair");
+    make_folder(patch);
+    std::vector<std::string> outputs;
+    for (const char* name : {"DistanceSensor.txt", "sensor.csv", "sensor.sdf", "sensor.urdf", "check.txt"})
+      outputs.push_back((std::filesystem::path(patch) / name).string());
+    require_apart(outputs, inputs());
+    require_writable(outputs.back());
+  }
+
+  void write_patch(const Diagnosis& diagnosis) const {
+    const auto files = simulator_patch(diagnosis, {simulation, 1e-3});
+    if (files.empty())
+      fmt::print(stderr, "rangecal: nothing is known to differ from the simulation: no patch is written\n");
+    write_files(patch, files);
   }
 
   std::vector<std::string> inputs() const {
@@ -122,6 +142,9 @@ void add_diagnose(CLI::App& app, Action& chosen) {
                       "write the corrected calibration, effects in it, to this file");
   command->add_option("--report", state->report,
                       "write a report to look at to this file: one HTML page that needs no network");
+  command->add_option(
+      "--patch", state->patch,
+      "write to this folder what repairs the simulation, and a check by readings held out (docs/export.md)");
   command
       ->add_option("--alarm-rate", state->alarm_rate,
                    "false alarms per recording of the seed model, all questions together")
