@@ -21,6 +21,7 @@ void add_diagnose(CLI::App& app, Action& chosen);
 void add_effects(CLI::App& app, Action& chosen);
 /// `--effects DIR`: makes the effects by formula of a folder known when it is read.
 void add_effects_option(CLI::App& command);
+void add_export(CLI::App& app, Action& chosen);
 void add_extract(CLI::App& app, Action& chosen);
 void add_fleet(CLI::App& app, Action& chosen);
 void add_import(CLI::App& app, Action& chosen);

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
 #include "commands.hpp"
+#include "ingest/bags/bag_correction.hpp"
+#include "ingest/bags/message_source.hpp"
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/csv_rows.hpp"
 #include "rangecal/core/csv_table.hpp"
@@ -16,6 +19,7 @@
 #include "rangecal/core/utf8.hpp"
 #include "rangecal/solvers/correction/candidates.hpp"
 #include "rangecal/solvers/correction/posterior.hpp"
+#include "read_progress.hpp"
 #include "track/line_source.hpp"
 
 namespace rangecal::app {
@@ -91,6 +95,12 @@ std::vector<double> readings_from(const std::string& text, const std::string& na
 /// Readings that lie beyond what the calibration was fitted over, for stderr.
 class Beyond {
  public:
+  Beyond() = default;
+  explicit Beyond(const ingest::BagCorrected& bag)
+      : readings_(bag.readings - bag.kept),
+        extrapolated_(bag.extrapolated),
+        out_of_range_(bag.out_of_range) {}
+
   /// By the flag of the most likely distance.
   void count(const std::string& flag) {
     ++readings_;
@@ -287,20 +297,24 @@ void warn_of_unlisted_landmarks(const Calibration& loaded, const std::string& fi
 }
 
 struct CorrectCommand {
-  std::string calibration, file = "-", roots = "ls", prior;
+  std::string calibration, file = "-", roots = "ls", prior, output;
   std::vector<double> limits;
   double speed = 0.0;
+  ingest::BagCorrectionOptions bag;
 
   int run() const {
+    std::error_code ignored;
+    const bool is_file = file != "-" && !std::filesystem::is_directory(file, ignored);
+    const bool is_bag = is_file && ingest::is_bag(file);
+    if (!output.empty() && !is_bag && (file == "-" || (is_file && file_exists(file))))
+      throw InputError(file == "-" ? "stdin" : file, 0, "",
+                       "is no bag, of which -o would be the corrected one: a table goes to stdout");
+    if (is_bag || !output.empty()) return run_on_bag();
+    if (!bag.topic.empty() || !bag.keep_raw.empty() || bag.clockwise)
+      throw InputError("--topic, --keep-raw and --clockwise are about a bag, and FILE is none");
     if (roots != "ls" && roots != "ml") throw InputError("--roots is '" + roots + "', not ls or ml");
     require_apart({"/dev/stdout"}, {calibration, file == "-" ? "/dev/stdin" : file});
-    const Calibration loaded = load_calibration(calibration);
-    require_curve(loaded, calibration);
-    if (loaded.outcome == Outcome::unobservable)
-      fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
-    if (loaded.left_out && !loaded.left_out->usable)
-      fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.left_out->reason);
-    warn_of_unlisted_landmarks(loaded, calibration);
+    const Calibration loaded = curve_of_file();
     const bool from_stdin = file == "-";
     std::string text = from_stdin ? text_of_stdin() : read_file(file, most_bytes);
     if (text.starts_with(byte_order_mark)) text.erase(0, byte_order_mark.size());
@@ -340,6 +354,50 @@ struct CorrectCommand {
     beyond.say(loaded, settings.beyond);
     return done;
   }
+
+ private:
+  /// The calibration, with the warnings that go with it.
+  Calibration curve_of_file() const {
+    Calibration loaded = load_calibration(calibration);
+    require_curve(loaded, calibration);
+    if (loaded.outcome == Outcome::unobservable)
+      fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.reason);
+    if (loaded.left_out && !loaded.left_out->usable)
+      fmt::print(stderr, "rangecal: warning: {}: {}\n", calibration, loaded.left_out->reason);
+    warn_of_unlisted_landmarks(loaded, calibration);
+    return loaded;
+  }
+
+  int run_on_bag() const {
+    if (output.empty()) throw InputError(file, 0, "", "is a bag: -o names the corrected one");
+    if (roots != "ls" || !prior.empty() || !limits.empty() || speed != 0.0)
+      throw InputError("--roots, --prior, --limits and --speed are about a table, and " + file + " is a bag");
+    require_apart({output}, {calibration, file});
+    require_writable(output);
+    if (file_exists(output) && !std::filesystem::is_regular_file(output))
+      throw InputError(output, 0, "", "cannot be written: a bag is written to a file only");
+    const Calibration loaded = curve_of_file();
+    ingest::BagCorrectionOptions options = bag;
+    if (const auto progress = progress_on_terminal())
+      options.progress = [&, progress](double share) mutable { progress(file, share); };
+    const ingest::BagCorrected found = ingest::correct_bag(loaded, calibration, file, output, options);
+    if (options.progress) options.progress(1.0);
+    if (!found.warning.empty()) fmt::print(stderr, "rangecal: {}\n", found.warning);
+    fmt::print(
+        "{}: {} messages of {}, {} readings: {} corrected, {} no returns kept, {} without a distance (NaN), {} "
+        "ambiguous (the most likely distance)\n",
+        found.topic, found.messages - found.left_out, found.type, found.readings, found.corrected, found.kept,
+        found.without_distance, found.ambiguous);
+    fmt::print("written to {} ({})\n", output, found.format);
+    Beyond(found).say(loaded, {});
+    if (found.extrapolated_column > 0)
+      fmt::print(
+          stderr,
+          "rangecal: {} of {} readings have a bearing, time or intensity outside those over which the effects that use it "
+          "were fitted: extrapolated_column\n",
+          found.extrapolated_column, found.readings - found.kept);
+    return done;
+  }
 };
 
 }  // namespace
@@ -366,6 +424,19 @@ void add_correct(CLI::App& app, Action& chosen) {
       ->add_option("--limits", state->limits,
                    "MIN MAX of the distance [m]; else those over which f was fitted")
       ->expected(2);
+  command
+      ->add_option("-o,--output", state->output,
+                   "of a bag: the corrected one, whole or not at all; FILE is a bag by its first bytes")
+      ->group("Bags");
+  command
+      ->add_option("--topic", state->bag.topic,
+                   "of sensor_msgs/LaserScan or sensor_msgs/Range; may be left out where the bag has one")
+      ->group("Bags");
+  command->add_option("--keep-raw", state->bag.keep_raw, "keep the messages as they were under this topic")
+      ->group("Bags");
+  command
+      ->add_flag("--clockwise", state->bag.clockwise, "bearings of the scans run clockwise, as in 'extract'")
+      ->group("Bags");
   command->add_option("--speed", state->speed, "largest speed along the beam [m/s], for --prior motion");
   add_effects_option(*command);
   command->footer(
@@ -382,12 +453,15 @@ void add_correct(CLI::App& app, Action& chosen) {
       "Effects that 'diagnose --calibration' left in CALIBRATION are undone; the CSV then has the columns they need\n"
       "(bearing_rad, time_s from its first reading on, landmark, stop, ...); a missing one is an error that\n"
       "names it (exit code 2, nothing is printed), and a row without its value is flagged missing.\n"
+      "Of a bag (MCAP, SQLite file of rosbag2) -o is a copy in which every reading of the topic is its most likely distance: no\n"
+      "returns stay, what no distance explains becomes nan, all other messages stay byte for byte (docs/bags.md).\n"
       "With --prior each candidate is a part of the curve, distance_m and std_m are those of the posterior on it, and more\n"
       "columns follow: probability (that the distance lies on this part), mode_m, mean_m, low95_m, high95_m (of the whole).\n"
       "\n"
       "Examples:\n"
       "  rangecal correct cal.json readings.csv > distances.csv\n"
       "  rangecal correct cal.json readings.csv --prior motion --speed 0.5\n"
+      "  rangecal correct cal.json run.mcap -o corrected.mcap --topic /scan --keep-raw /scan_raw\n"
       "  echo 1.234 | rangecal correct cal.json");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
 }

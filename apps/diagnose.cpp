@@ -20,6 +20,7 @@
 #include "rangecal/problems/effects/formula_effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "report/report.hpp"
+#include "simulator_export.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -27,7 +28,7 @@ namespace {
 
 struct DiagnoseCommand {
   std::vector<std::string> recordings, force, group_by;
-  std::string simulation, json, calibration, report, trace, laws, curve = "auto";
+  std::string simulation, json, calibration, report, trace, laws, patch, curve = "auto";
   double alarm_rate = 0.02;
 
   int run() const {
@@ -41,6 +42,7 @@ struct DiagnoseCommand {
     if (!report.empty()) report::require_available();
     require_writable({json, report, calibration, trace});
     require_apart({json, report, calibration, trace}, inputs());
+    if (!patch.empty()) require_patchable();
     const std::vector<Recording> loaded = load_recordings(recordings, {group_by});
     require_columns_of_formulas(loaded);
     DiagnoseOptions options;
@@ -57,6 +59,7 @@ struct DiagnoseCommand {
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
     if (!laws.empty()) write_laws(diagnosis);
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
+    if (!patch.empty()) write_patch(diagnosis);
     fmt::print("{}\n\n{}", describe(loaded), diagnosis_text(diagnosis));
     return determined(diagnosis) ? done : not_delivered;
   }
@@ -66,6 +69,23 @@ struct DiagnoseCommand {
   bool determined(const Diagnosis& diagnosis) const {
     return !simulation.empty() || diagnosis.corrected.outcome != Outcome::unobservable ||
            has_answer(diagnosis.corrected);
+  }
+
+  void require_patchable() const {
+    if (simulation.empty()) throw InputError("--patch: needs --simulation, which it is to repair");
+    make_folder(patch);
+    std::vector<std::string> outputs;
+    for (const char* name : {"DistanceSensor.txt", "sensor.csv", "sensor.sdf", "sensor.urdf", "check.txt"})
+      outputs.push_back((std::filesystem::path(patch) / name).string());
+    require_apart(outputs, inputs());
+    require_writable(outputs.back());
+  }
+
+  void write_patch(const Diagnosis& diagnosis) const {
+    const auto files = simulator_patch(diagnosis, {simulation, 1e-3});
+    if (files.empty())
+      fmt::print(stderr, "rangecal: nothing is known to differ from the simulation: no patch is written\n");
+    write_files(patch, files);
   }
 
   std::vector<std::string> inputs() const {
@@ -138,6 +158,9 @@ void add_diagnose(CLI::App& app, Action& chosen) {
                       "write the corrected calibration, effects in it, to this file");
   command->add_option("--report", state->report,
                       "write a report to look at to this file: one HTML page that needs no network");
+  command->add_option(
+      "--patch", state->patch,
+      "write to this folder what repairs the simulation, and a check by readings held out (docs/export.md)");
   command
       ->add_option("--alarm-rate", state->alarm_rate,
                    "false alarms per recording of the seed model, all questions together")

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,6 +11,7 @@
 #include "ingest/extract_options.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "read_progress.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
@@ -26,22 +25,6 @@ void check_results(const std::vector<std::string>& inputs, const std::string& fo
   require_apart(outputs, inputs);
   require_writable(json);
   require_replaceable(folder);
-}
-
-/// How far a long file is read, on stderr where that is a terminal: each hundredth once.
-ingest::ReadProgress progress_on_terminal() {
-  if (::isatty(STDERR_FILENO) == 0) return {};
-  return [shown = -1](const std::string& file, double share) mutable {
-    const int now = static_cast<int>(100.0 * share);
-    if (now == shown) return;
-    shown = now;
-    const std::string words = "reading " + std::filesystem::path(file).filename().string();
-    if (now < 100)
-      fmt::print(stderr, "\rrangecal: {} {:3} %", words, now);
-    else
-      fmt::print(stderr, "\r{:{}}\r", "", words.size() + 20);
-    std::fflush(stderr);
-  };
 }
 
 int list_topics(const std::vector<std::string>& bags) {

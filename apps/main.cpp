@@ -85,6 +85,7 @@ int run(int argc, char** argv) {
   app::add_simulate(app, chosen);
   app::add_diagnose(app, chosen);
   app::add_effects(app, chosen);
+  app::add_export(app, chosen);
   app::add_extract(app, chosen);
   app::add_fleet(app, chosen);
   app::add_import(app, chosen);

@@ -9,121 +9,22 @@
 #include <zstd.h>
 
 #include <algorithm>
-#include <array>
-#include <bit>
 #include <cerrno>
 #include <cstring>
 #include <map>
 #include <optional>
 #include <utility>
 
+#include "bags/mcap_records.hpp"
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal::ingest {
 namespace {
 
-using ByteSpan = std::span<const std::byte>;
+using namespace mcap;
 
-constexpr std::uint64_t kMagicSize = 8, kRecordHead = 9, kFooterContent = 20, kDataEndContent = 4;
 constexpr std::uint64_t kLargestChunk = std::uint64_t{512} << 20, kLargestMessage = std::uint64_t{512} << 20;
-constexpr std::uint64_t kLongestName = 4096;
 constexpr ByteSpan::size_type kWindow = std::size_t{256} << 10, kGlance = 4096;
-
-enum Opcode : unsigned {
-  op_header = 0x01,
-  op_footer = 0x02,
-  op_schema = 0x03,
-  op_channel = 0x04,
-  op_message = 0x05,
-  op_chunk = 0x06,
-  op_message_index = 0x07,
-  op_chunk_index = 0x08,
-  op_attachment = 0x09,
-  op_statistics = 0x0b,
-  op_metadata = 0x0c,
-  op_data_end = 0x0f,
-  op_first_private = 0x80
-};
-
-/// CRC-32 of IEEE 802.3 (polynomial 04c11db7, reflected), eight bytes at a time: table k holds the CRC of a byte that k bytes
-/// follow.
-class Crc32 {
- public:
-  void add(ByteSpan bytes) {
-    static const Tables tables = make_tables();
-    const std::byte* at = bytes.data();
-    std::size_t left = bytes.size();
-    for (; left >= 8; at += 8, left -= 8) {
-      std::uint32_t low, high;
-      std::memcpy(&low, at, 4), std::memcpy(&high, at + 4, 4);
-      if constexpr (std::endian::native == std::endian::big)
-        low = __builtin_bswap32(low), high = __builtin_bswap32(high);
-      low ^= crc_;
-      crc_ = tables[7][low & 0xff] ^ tables[6][low >> 8 & 0xff] ^ tables[5][low >> 16 & 0xff] ^
-             tables[4][low >> 24] ^ tables[3][high & 0xff] ^ tables[2][high >> 8 & 0xff] ^
-             tables[1][high >> 16 & 0xff] ^ tables[0][high >> 24];
-    }
-    for (; left > 0; ++at, --left)
-      crc_ = tables[0][(crc_ ^ std::to_integer<std::uint32_t>(*at)) & 0xff] ^ crc_ >> 8;
-  }
-  std::uint32_t value() const { return ~crc_; }
-
- private:
-  using Tables = std::array<std::array<std::uint32_t, 256>, 8>;
-  static Tables make_tables() {
-    Tables tables{};
-    for (std::uint32_t i = 0; i < 256; ++i) {
-      std::uint32_t crc = i;
-      for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc & 1 ? 0xedb88320u : 0u);
-      tables[0][i] = crc;
-    }
-    for (std::size_t k = 1; k < 8; ++k)
-      for (std::size_t i = 0; i < 256; ++i)
-        tables[k][i] = tables[0][tables[k - 1][i] & 0xff] ^ tables[k - 1][i] >> 8;
-    return tables;
-  }
-  std::uint32_t crc_ = ~std::uint32_t{0};
-};
-
-/// The fields of a record, one after the other; zeros, and sound() false, once they run beyond its end.
-class RecordFields {
- public:
-  explicit RecordFields(ByteSpan bytes) : bytes_(bytes) {}
-  std::uint64_t number(std::size_t size) {
-    std::uint64_t value = 0;
-    const ByteSpan found = take(size);
-    if constexpr (std::endian::native == std::endian::little) {
-      if (!found.empty()) std::memcpy(&value, found.data(), found.size());
-    } else {
-      for (std::size_t i = found.size(); i-- > 0;)
-        value = value << 8 | std::to_integer<std::uint64_t>(found[i]);
-    }
-    return value;
-  }
-  std::uint16_t id() { return static_cast<std::uint16_t>(number(2)); }
-  std::uint32_t crc() { return static_cast<std::uint32_t>(number(4)); }
-  std::string name() {
-    const std::uint64_t size = number(4);
-    if (size > kLongestName) sound_ = false;
-    const ByteSpan found = take(size);
-    return {reinterpret_cast<const char*>(found.data()), found.size()};
-  }
-  ByteSpan take(std::uint64_t size) {
-    if (!sound_ || size > bytes_.size()) {
-      sound_ = false;
-      return {};
-    }
-    const ByteSpan found = bytes_.first(size);
-    bytes_ = bytes_.subspan(size);
-    return found;
-  }
-  ByteSpan rest() const { return bytes_; }
-  bool sound() const { return sound_; }
-
- private:
-  ByteSpan bytes_;
-  bool sound_ = true;
-};
 
 /// Bytes that grow without being filled: what a damaged file announces costs no memory before it is there.
 class Buffer {
@@ -236,13 +137,14 @@ class Decompressor {
   Buffer buffer_;
 };
 
-class McapSource : public MessageSource {
+class McapSource : public McapFile {
  public:
   explicit McapSource(const std::string& path) : path_(path), file_(path) {
     if (file_.size() < kMagicSize || !is_magic(0))
       throw InputError(path, 0, "", "is no MCAP file of version 0");
     read_footer();
-    if (!read_summary())
+    summary_holds_ = read_summary();
+    if (!summary_holds_)
       schemas_.clear(), channels_.clear(), counts_.clear(), chunks_.clear(), indexed_ = false;
   }
 
@@ -263,6 +165,24 @@ class McapSource : public MessageSource {
     walk(
         names, [&](Channel&, const BagMessage& message) { take(message); }, progress, false);
   }
+
+  void copy(McapSink& sink, const Progress& progress) override {
+    sink_ = &sink;
+    if (summary_holds_)
+      each_of_summary([&](unsigned opcode, ByteSpan content) {
+        if (opcode == op_schema || opcode == op_channel) sink.known(opcode, content);
+        return true;
+      });
+    try {
+      walk({}, {}, progress, true);
+    } catch (...) {
+      sink_ = nullptr;
+      throw;
+    }
+    sink_ = nullptr;
+  }
+
+  bool has_channel(std::uint16_t id) const override { return channels_.contains(id); }
 
   std::string losses() const override {
     std::string out;
@@ -328,8 +248,7 @@ class McapSource : public MessageSource {
   };
 
   bool is_magic(std::uint64_t offset) {
-    constexpr unsigned char magic[] = {0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'};
-    return std::memcmp(file_.view(offset, kMagicSize).data(), magic, kMagicSize) == 0;
+    return std::memcmp(file_.view(offset, kMagicSize).data(), kMagic, kMagicSize) == 0;
   }
   Head head_at(std::uint64_t offset) {
     RecordFields fields(file_.view(offset, kRecordHead));
@@ -374,16 +293,11 @@ class McapSource : public MessageSource {
     if (summary_fails_) return false;
     std::uint64_t chunks_stated = 0, messages_stated = 0;
     bool counted = false;
-    for (std::uint64_t at = summary_start_; at < summary_end_;) {
-      if (summary_end_ - at < kRecordHead) return false;
-      const Head head = head_at(at);
-      at += kRecordHead;
-      if (head.length > summary_end_ - at || head.length > kLargestMessage) return false;
-      RecordFields fields(file_.view(at, head.length));
-      at += head.length;
-      if (head.opcode == op_schema || head.opcode == op_channel) {
-        if (!declare(head.opcode, fields)) return false;
-      } else if (head.opcode == op_chunk_index) {
+    const bool read = each_of_summary([&](unsigned opcode, ByteSpan content) {
+      RecordFields fields(content);
+      if (opcode == op_schema || opcode == op_channel) {
+        if (!declare(opcode, fields)) return false;
+      } else if (opcode == op_chunk_index) {
         ChunkPlace place;
         fields.number(8), fields.number(8), place.offset = fields.number(8), place.length = fields.number(8);
         RecordFields channels(fields.take(fields.number(4)));
@@ -394,7 +308,7 @@ class McapSource : public MessageSource {
           return false;
         place.channels.shrink_to_fit();
         chunks_.push_back(std::move(place));
-      } else if (head.opcode == op_statistics) {
+      } else if (opcode == op_statistics) {
         messages_stated = fields.number(8), fields.take(2 + 4 + 4 + 4);
         chunks_stated = fields.number(4), fields.take(16);
         RecordFields counts(fields.take(fields.number(4)));
@@ -405,7 +319,9 @@ class McapSource : public MessageSource {
         if (!fields.sound() || !counts.sound()) return false;
         counted = true;
       }
-    }
+      return true;
+    });
+    if (!read) return false;
     for (const auto& [id, count] : counts_) {
       if (count > 0 && !channels_.contains(id)) return false;
       messages_stated -= count;
@@ -417,6 +333,19 @@ class McapSource : public MessageSource {
       if (chunks_[i].offset < chunks_[i - 1].offset + chunks_[i - 1].length) return false;
     indexed_ = counted && chunks_.size() == chunks_stated;
     if (!indexed_) chunks_.clear();
+    return true;
+  }
+
+  /// Every record of the summary, until `take` is false. False then, and where its records make no sense.
+  bool each_of_summary(const std::function<bool(unsigned opcode, ByteSpan content)>& take) {
+    for (std::uint64_t at = summary_start_; at < summary_end_;) {
+      if (summary_end_ - at < kRecordHead) return false;
+      const Head head = head_at(at);
+      at += kRecordHead;
+      if (head.length > summary_end_ - at || head.length > kLargestMessage) return false;
+      if (!take(head.opcode, file_.view(at, head.length))) return false;
+      at += head.length;
+    }
     return true;
   }
 
@@ -500,8 +429,10 @@ class McapSource : public MessageSource {
       take_chunk(at, head.length, take);
     } else if (head.opcode == op_schema || head.opcode == op_channel) {
       if (head.length > kLargestMessage) return lost_.broken.add(at);
-      RecordFields fields(file_.view(at + kRecordHead, head.length));
-      if (!declare(head.opcode, fields)) lost_.broken.add(at);
+      const ByteSpan content = file_.view(at + kRecordHead, head.length);
+      RecordFields fields(content);
+      if (!declare(head.opcode, fields)) return lost_.broken.add(at);
+      if (sink_) sink_->declared(head.opcode, content);
     } else if (head.opcode == op_message) {
       constexpr std::uint64_t fixed = 22;
       if (head.length < fixed) return lost_.broken.add(at);
@@ -518,8 +449,13 @@ class McapSource : public MessageSource {
       RecordFields fields(file_.view(at + kRecordHead, std::min<std::uint64_t>(head.length, 6)));
       fields.number(2);
       if (fields.number(4) != head.length - 6 || head.length < 6) lost_.broken.add(at);
-    } else if (head.opcode != op_attachment && head.opcode != op_metadata && head.opcode < op_first_private &&
-               (head.opcode != op_header || at != kMagicSize)) {
+    } else if (head.opcode == op_attachment || head.opcode == op_metadata ||
+               head.opcode >= op_first_private || (head.opcode == op_header && at == kMagicSize)) {
+      if (sink_)
+        sink_->other(head.opcode, head.length, [&](std::uint64_t from, std::size_t size) {
+          return file_.view(at + kRecordHead + from, size);
+        });
+    } else {
       lost_.broken.add(at);  // does not belong here
     }
   }
@@ -545,7 +481,9 @@ class McapSource : public MessageSource {
       sum.add(*records);
       if (sum.value() != crc) return lost_.crc.add(at);
     }
+    if (sink_) sink_->chunk_begins(compression);
     if (take_records(*records, at, take) < records->size()) lost_.unreadable.add(at);
+    if (sink_) sink_->chunk_ends(*records, content.subspan(before, packed.size()));
   }
 
   /// What is there of a chunk whose end is missing, as long as its bytes are the records themselves and nothing could be checked.
@@ -559,7 +497,9 @@ class McapSource : public MessageSource {
     if (!fields.sound() || checked || packed) return;
     unchecked_ = true;
     const std::uint64_t before = kRecordHead + length - fields.rest().size();
+    if (sink_) sink_->chunk_begins("");
     stopped_at_ = at + before + take_records(fields.rest(), at, take);
+    if (sink_) sink_->chunk_ends({}, {});
   }
 
   /// The records of a chunk. Returns how many of its bytes are whole records.
@@ -573,7 +513,10 @@ class McapSource : public MessageSource {
         take_message(record, at, take);
       } else if (opcode == op_schema || opcode == op_channel) {
         RecordFields inner(record);
-        if (!declare(opcode, inner)) lost_.broken.add(at);
+        if (!declare(opcode, inner))
+          lost_.broken.add(at);
+        else if (sink_)
+          sink_->declared(opcode, record);
       }
     }
     return whole;
@@ -588,6 +531,7 @@ class McapSource : public MessageSource {
     if (!fields.sound()) return lost_.broken.add(at);
     const auto channel = channels_.find(id);
     if (channel == channels_.end()) return lost_.no_channel.add(at);
+    if (sink_) return sink_->message(channel->second.topic, record);
     if (channel->second.wanted) take(channel->second, {channel->second.topic, time, fields.rest()});
   }
 
@@ -605,7 +549,8 @@ class McapSource : public MessageSource {
   FileWindow file_;
   Decompressor decompressor_;
   bool whole_ = false, indexed_ = false, all_wanted_ = false, unchecked_ = false, ended_ = true,
-       has_chunks_ = false, summary_fails_ = false;
+       has_chunks_ = false, summary_fails_ = false, summary_holds_ = false;
+  McapSink* sink_ = nullptr;  ///< while the file is copied
   std::uint64_t summary_start_ = 0, summary_end_ = 0, data_end_ = 0;
   std::uint32_t summary_crc_ = 0, data_crc_ = 0;
   std::optional<bool> data_holds_;
@@ -622,8 +567,6 @@ class McapSource : public MessageSource {
 
 }  // namespace
 
-std::unique_ptr<MessageSource> open_mcap(const std::string& path) {
-  return std::make_unique<McapSource>(path);
-}
+std::unique_ptr<McapFile> open_mcap(const std::string& path) { return std::make_unique<McapSource>(path); }
 
 }  // namespace rangecal::ingest

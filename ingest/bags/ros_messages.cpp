@@ -87,6 +87,10 @@ class MessageFields {
       throw InputError(fmt::format("its {} is no quaternion of length 1", orientation));
     return {p[0], p[1], std::atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)};
   }
+  /// Of so many floats that were read last.
+  FloatPlace place_of_last(std::size_t count) const {
+    return {(wire_ == Wire::cdr ? 4 : 0) + at_ - count * sizeof(float), swapped_};
+  }
   void finish() const {
     if (bytes_.size() - at_ >= 8)
       throw InputError(fmt::format("{} bytes follow its last field", bytes_.size() - at_));
@@ -127,6 +131,15 @@ class MessageFields {
 
 }  // namespace
 
+void put_floats(std::span<std::byte> message, const FloatPlace& place, std::span<const float> values) {
+  const std::span<std::byte> to = message.subspan(place.at, values.size_bytes());
+  if (!to.empty()) std::memcpy(to.data(), values.data(), to.size());
+  if (place.swapped)
+    for (std::size_t at = 0; at < to.size(); at += sizeof(float))
+      std::reverse(to.begin() + static_cast<std::ptrdiff_t>(at),
+                   to.begin() + static_cast<std::ptrdiff_t>(at + sizeof(float)));
+}
+
 LaserScanMessage read_laser_scan(std::span<const std::byte> bytes, Wire wire) {
   MessageFields fields(bytes, wire);
   LaserScanMessage out;
@@ -136,7 +149,9 @@ LaserScanMessage read_laser_scan(std::span<const std::byte> bytes, Wire wire) {
   out.angle_increment_rad = fields.number<float>("angle_increment");
   fields.number<float>("time_increment"), fields.number<float>("scan_time");
   out.range_min_m = fields.number<float>("range_min"), out.range_max_m = fields.number<float>("range_max");
-  out.range_m = fields.floats("ranges"), out.intensity = fields.floats("intensities");
+  out.range_m = fields.floats("ranges");
+  out.range_place = fields.place_of_last(out.range_m.size());
+  out.intensity = fields.floats("intensities");
   fields.finish();
   return out;
 }
@@ -149,6 +164,7 @@ RangeMessage read_range(std::span<const std::byte> bytes, Wire wire) {
   out.field_of_view_rad = fields.number<float>("field_of_view");
   out.min_range_m = fields.number<float>("min_range"), out.max_range_m = fields.number<float>("max_range");
   out.range_m = fields.number<float>("range");
+  out.range_place = fields.place_of_last(1);
   fields.finish();
   return out;
 }

@@ -23,6 +23,14 @@ enum class Wire { cdr, ros1 };
 // nobody set them. Each read_... throws InputError, without a file's name, for bytes that end within a field or go on behind
 // the last one, or hold a byte order that is neither.
 
+/// Where numbers of a message stand in its bytes.
+struct FloatPlace {
+  std::size_t at = 0;
+  bool swapped = false;  ///< against the order of this machine
+};
+/// Puts numbers there.
+void put_floats(std::span<std::byte> message, const FloatPlace& place, std::span<const float> values);
+
 /// sensor_msgs/LaserScan: header, angle_min, angle_max, angle_increment, time_increment, scan_time, range_min, range_max (all
 /// float32), ranges[], intensities[] (float32).
 struct LaserScanMessage {
@@ -30,6 +38,7 @@ struct LaserScanMessage {
   float angle_min_rad = 0.0f, angle_max_rad = 0.0f, angle_increment_rad = 0.0f;
   float range_min_m = 0.0f, range_max_m = 0.0f;
   std::vector<float> range_m, intensity;
+  FloatPlace range_place;  ///< of the first range
 };
 LaserScanMessage read_laser_scan(std::span<const std::byte> bytes, Wire wire);
 
@@ -39,6 +48,7 @@ struct RangeMessage {
   double stamp_s = 0.0;
   unsigned char radiation_type = 0;  ///< 0: ultrasound, 1: infrared
   float field_of_view_rad = 0.0f, min_range_m = 0.0f, max_range_m = 0.0f, range_m = 0.0f;
+  FloatPlace range_place;
 };
 RangeMessage read_range(std::span<const std::byte> bytes, Wire wire);
 

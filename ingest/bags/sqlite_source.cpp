@@ -92,28 +92,13 @@ bool has_bytes(const std::string& path) {
   return !error && size > 0;
 }
 
+[[noreturn]] void no_bag(const std::string& path, const std::string& why) {
+  throw InputError(path, 0, "", "cannot be read as an SQLite file of rosbag2: " + why);
+}
+
 class SqliteSource : public MessageSource {
  public:
-  explicit SqliteSource(const std::string& path) : path_(path), database_(nullptr, &sqlite3_close_v2) {
-    if (has_bytes(path + "-journal"))
-      throw InputError(
-          path, 0, "",
-          "was not closed by its recorder: let `sqlite3` open it once, or take its -journal away");
-    // unless a log of writes stands beside it, nothing may be locked or created in its folder
-    const char* query = has_bytes(path + "-wal") ? "?mode=ro" : "?mode=ro&immutable=1";
-    sqlite3* database = nullptr;
-    const int code =
-        sqlite3_open_v2(uri_of(path, query).c_str(), &database,
-                        SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX, WholePages::name());
-    database_.reset(database);
-    if (code != SQLITE_OK) refuse(database ? sqlite3_errmsg(database) : "no memory");
-    sqlite3_limit(database, SQLITE_LIMIT_LENGTH, kLargestValue);
-    sqlite3_db_config(database, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
-    sqlite3_db_config(database, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
-    sqlite3_db_config(database, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
-    // with writable_schema SQLite opens a file that is shorter than its first page says; nothing is written
-    sqlite3_exec(database, "PRAGMA cell_size_check = ON; PRAGMA writable_schema = ON", nullptr, nullptr,
-                 nullptr);
+  explicit SqliteSource(const std::string& path) : path_(path), database_(open_sqlite_to_read(path)) {
     read_topics();
   }
 
@@ -164,9 +149,7 @@ class SqliteSource : public MessageSource {
   }
 
  private:
-  [[noreturn]] void refuse(const std::string& why) const {
-    throw InputError(path_, 0, "", "cannot be read as an SQLite file of rosbag2: " + why);
-  }
+  [[noreturn]] void refuse(const std::string& why) const { no_bag(path_, why); }
 
   void read_topics() {
     step_through("SELECT id, name, type, serialization_format FROM topics", [&](sqlite3_stmt* row) {
@@ -200,13 +183,35 @@ class SqliteSource : public MessageSource {
   }
 
   std::string path_;
-  std::unique_ptr<sqlite3, decltype(&sqlite3_close_v2)> database_;
+  std::unique_ptr<sqlite3, int (*)(sqlite3*)> database_;
   std::map<std::int64_t, BagTopic> topics_;
   std::uint64_t rows_ = 0;
   std::string stopped_;  ///< why the last query ended before its last row
 };
 
 }  // namespace
+
+std::unique_ptr<sqlite3, int (*)(sqlite3*)> open_sqlite_to_read(const std::string& path) {
+  if (has_bytes(path + "-journal"))
+    throw InputError(path, 0, "",
+                     "was not closed by its recorder: let `sqlite3` open it once, or take its -journal away");
+  // unless a log of writes stands beside it, nothing may be locked or created in its folder
+  const char* query = has_bytes(path + "-wal") ? "?mode=ro" : "?mode=ro&immutable=1";
+  sqlite3* database = nullptr;
+  const int code =
+      sqlite3_open_v2(uri_of(path, query).c_str(), &database,
+                      SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX, WholePages::name());
+  std::unique_ptr<sqlite3, int (*)(sqlite3*)> opened(database, &sqlite3_close_v2);
+  if (code != SQLITE_OK) no_bag(path, database ? sqlite3_errmsg(database) : "no memory");
+  sqlite3_limit(database, SQLITE_LIMIT_LENGTH, kLargestValue);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
+  sqlite3_db_config(database, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  // with writable_schema SQLite opens a file that is shorter than its first page says; nothing is written
+  sqlite3_exec(database, "PRAGMA cell_size_check = ON; PRAGMA writable_schema = ON", nullptr, nullptr,
+               nullptr);
+  return opened;
+}
 
 std::unique_ptr<MessageSource> open_sqlite_bag(const std::string& path) {
   return std::make_unique<SqliteSource>(path);

@@ -6,7 +6,12 @@
 
 #include "bags/message_source.hpp"
 
+struct sqlite3;
+
 namespace rangecal::ingest {
+
+/// A file that is only read, with the habits of open_sqlite_bag below. Throws InputError.
+std::unique_ptr<sqlite3, int (*)(sqlite3*)> open_sqlite_to_read(const std::string& path);
 
 /// An SQLite file of rosbag2 (github.com/ros2/rosbag2, rosbag2_storage_sqlite3, README "Storage format"): the tables
 ///   topics    id, name, type, serialization_format, ...

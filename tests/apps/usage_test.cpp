@@ -27,8 +27,8 @@ void expect_bad_input(const std::string& arguments, std::initializer_list<const 
 TEST(Usage, HelpTeachesWithExamples) {
   const RunResult top = run("--help");
   EXPECT_EQ(top.code, 0);
-  for (const char* command : {"calibrate", "compare", "correct", "diagnose", "effects", "extract", "fleet",
-                              "import", "plan", "prove", "simulate", "study", "track"}) {
+  for (const char* command : {"calibrate", "compare", "correct", "diagnose", "effects", "export", "extract",
+                              "fleet", "import", "plan", "prove", "simulate", "study", "track"}) {
     EXPECT_THAT(top.out, HasSubstr(command));
     const RunResult help = run(std::string(command) + " --help");
     EXPECT_EQ(help.code, 0) << command;

@@ -12,7 +12,9 @@
 #include <span>
 #include <stdexcept>
 
+#include "ingest/bags/bag_correction.hpp"
 #include "ingest/bags/bag_scans.hpp"
+#include "ingest/bags/message_source.hpp"
 #include "ingest/bags/ros_messages.hpp"
 #include "ingest/importer.hpp"
 #include "ingest/scan_files.hpp"
@@ -210,12 +212,36 @@ void feed_table(std::string_view bytes) {
   import_by("csv", {path, "--true", "truth", "--reading", "sonar", "--time", "time", "--landmark", "which"});
 }
 
+/// A bag with its scans corrected: every reading becomes something, and what is written reads back.
+void correct_scans(const std::string& file, const std::string& name) {
+  static const Calibration line = [] {
+    Calibration c;
+    c.outcome = Outcome::converged;
+    c.alpha = Eigen::Vector2d(0.05, 0.98);
+    c.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, 0.01)};
+    c.range_min_m = 0.3, c.range_max_m = 5.0;
+    return c;
+  }();
+  ingest::BagCorrectionOptions correction;
+  correction.topic = "/scan", correction.keep_raw = "/scan_raw";
+  const std::string out = (folder().path() / ("corrected-" + name)).string();
+  const ingest::BagCorrected corrected = ingest::correct_bag(line, "cal.json", file, out, correction);
+  promise(corrected.readings == corrected.corrected + corrected.kept + corrected.without_distance,
+          "readings that became nothing");
+  std::uint64_t scans = 0;
+  for (const ingest::BagTopic& topic : ingest::open_bag(out)->topics())
+    if (topic.name == "/scan") scans += topic.messages;
+  promise(scans == corrected.messages - corrected.left_out, "another number of scans was written");
+  fs::remove(out);
+}
+
 /// Everything that is read of a bag; a refusal of one does not keep the other from being tried.
 void feed_bag(std::string_view bytes, const char* name) {
   const std::string file = folder().write(name, bytes);
   std::string refusal;
   try {
     ingest::describe_topics(file);
+    correct_scans(file, name);
   } catch (const InputError& error) {
     refusal = error.what();
   }

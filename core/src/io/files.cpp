@@ -22,45 +22,11 @@
 namespace rangecal {
 namespace {
 
-/// A file under a name of its own until it is whole; removed unless it is put in place.
-class Temporary {
- public:
-  Temporary(std::string path, const std::string& text)
-      : path_(std::move(path)), own_(path_ + ".partial" + std::to_string(::getpid()) + "-" + next_number()) {
-    std::ofstream stream(own_, std::ios::binary | std::ios::trunc);
-    if (!stream) fail(std::strerror(errno));
-    stream.write(text.data(), static_cast<std::streamsize>(text.size()));
-    stream.close();
-    if (stream) return;
-    const std::string reason = std::strerror(errno);
-    std::filesystem::remove(own_, ignored_);
-    fail(reason);
-  }
-  Temporary(Temporary&& other) noexcept
-      : path_(std::move(other.path_)), own_(std::exchange(other.own_, "")) {}
-  ~Temporary() {
-    if (!own_.empty()) std::filesystem::remove(own_, ignored_);
-  }
-
-  void put_in_place() {
-    std::error_code error;
-    std::filesystem::rename(own_, path_, error);
-    if (error) fail(error.message());
-    own_.clear();
-  }
-
- private:
-  /// No two threads share one.
-  static std::string next_number() {
-    static std::atomic<unsigned long> count{0};
-    return std::to_string(count++);
-  }
-  [[noreturn]] void fail(const std::string& reason) const {
-    throw InputError(path_, 0, "", "cannot be written: " + reason);
-  }
-  std::string path_, own_;
-  std::error_code ignored_;
-};
+/// No two threads share one.
+std::string next_number() {
+  static std::atomic<unsigned long> count{0};
+  return std::to_string(count++);
+}
 
 /// A terminal, a device or a pipe: nothing can be put in its place.
 bool is_stream(const std::string& path) {
@@ -79,6 +45,43 @@ std::optional<FileIdentity> identity_of(const std::string& path) {
 }
 
 }  // namespace
+
+PartialFile::PartialFile(std::string path)
+    : path_(std::move(path)),
+      own_(path_ + ".partial" + std::to_string(::getpid()) + "-" + next_number()),
+      stream_(own_, std::ios::binary | std::ios::trunc) {
+  if (!stream_) fail(std::strerror(errno));
+}
+
+PartialFile::PartialFile(PartialFile&& other) noexcept
+    : path_(std::move(other.path_)), own_(std::exchange(other.own_, "")), stream_(std::move(other.stream_)) {}
+
+PartialFile::~PartialFile() {
+  std::error_code ignored;
+  if (!own_.empty()) std::filesystem::remove(own_, ignored);
+}
+
+void PartialFile::write(std::string_view bytes) {
+  if (!stream_.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) fail(std::strerror(errno));
+}
+
+void PartialFile::close() {
+  if (!stream_.is_open()) return;
+  stream_.close();
+  if (!stream_) fail(std::strerror(errno));
+}
+
+void PartialFile::put_in_place() {
+  close();
+  std::error_code error;
+  std::filesystem::rename(own_, path_, error);
+  if (error) fail(error.message());
+  own_.clear();
+}
+
+void PartialFile::fail(const std::string& reason) const {
+  throw InputError(path_, 0, "", "cannot be written: " + reason);
+}
 
 bool file_exists(const std::string& path) {
   std::error_code ignored;
@@ -105,7 +108,11 @@ std::string read_file(const std::string& path, std::size_t most_bytes) {
 }
 
 void write_file(const std::string& path, const std::string& text) {
-  if (!is_stream(path)) return Temporary(path, text).put_in_place();
+  if (!is_stream(path)) {
+    PartialFile file(path);
+    file.write(text);
+    return file.put_in_place();
+  }
   std::ofstream stream(path, std::ios::binary | std::ios::app);
   if (!stream.write(text.data(), static_cast<std::streamsize>(text.size())).flush())
     throw InputError(path, 0, "", std::string("cannot be written: ") + std::strerror(errno));
@@ -116,7 +123,7 @@ void require_writable(const std::string& path) {
   for (const char* own : measured_files)
     if (std::filesystem::path(path).filename() == own && file_exists(path))
       throw InputError(path, 0, "", "is a table of a recording, and would be lost: name another file");
-  const Temporary probe(path, "");
+  const PartialFile probe(path);
   if (std::error_code ignored; std::filesystem::is_directory(path, ignored))
     throw InputError(path, 0, "", "cannot be written: it is a folder");
 }
@@ -161,11 +168,14 @@ void require_distinct(const std::vector<std::string>& inputs) {
 }
 
 void write_files(const std::string& folder, const std::vector<std::pair<std::string, std::string>>& files) {
-  std::vector<Temporary> written;
+  std::vector<PartialFile> written;
   written.reserve(files.size());
-  for (const auto& [name, text] : files)
-    written.emplace_back((std::filesystem::path(folder) / name).string(), text);
-  for (Temporary& file : written) file.put_in_place();
+  for (const auto& [name, text] : files) {
+    written.emplace_back((std::filesystem::path(folder) / name).string());
+    written.back().write(text);
+    written.back().close();
+  }
+  for (PartialFile& file : written) file.put_in_place();
 }
 
 int write_all(int descriptor, std::string_view text) {

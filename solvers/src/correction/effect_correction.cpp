@@ -163,9 +163,10 @@ std::optional<double> EffectCorrector::mean_variance(double d, const ReadingSett
 EffectCorrector::Expected EffectCorrector::at(double d, const ReadingSetting& setting) const {
   const double f = calibration_.f(d), s = calibration_.noise.spread(d, f);
   const double curve = mean_variance(d, setting).value_or(0.0);
-  if (active_.empty()) return {f, std::sqrt(s * s + curve)};
+  if (active_.empty()) return {f, std::sqrt(s * s + curve), s};
   const ReadingChange<double> own = change(d, setting);
-  return {f + own.range, std::sqrt(s * s * std::exp(own.range_log_variance) + curve)};
+  const double noise = s * std::exp(0.5 * own.range_log_variance);
+  return {f + own.range, std::sqrt(noise * noise + curve), noise};
 }
 
 std::vector<double> EffectCorrector::turning_points(double low_m, double high_m) const {

@@ -2,6 +2,7 @@
 // write_bags FOLDER: small bags of every form and single messages, for fuzzers to begin with (FOLDER/mcap, sqlite, message).
 // write_bags FILE.mcap MEGABYTES: a long one, chunks of 4 MB without compression and with their checksums, a scan of 1440 beams for each
 // message of odometry and nine images of 100 kB.
+// write_bags FILE.mcap SCANS COMPRESSION: so many scans of 1440 beams and nothing else, by lz4, zstd or ''.
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -77,11 +78,32 @@ void write_long(const std::string& path, std::uint64_t megabytes) {
   file << writer.bytes;
 }
 
+/// Scans of 1440 beams and nothing else, a hundred to a chunk.
+void write_scans(const std::string& path, int scans, const std::string& compression) {
+  std::ofstream file(path, std::ios::binary);
+  McapWriter writer({{"/scan", "sensor_msgs/msg/LaserScan"}}, {100, compression});
+  std::vector<float> ranges(1440);
+  std::uint32_t state = 1;
+  for (int i = 0; i < scans; ++i) {
+    for (float& range : ranges) {  // 0.2 to 4.8 m in whole millimetres
+      state = state * 1664525u + 1013904223u;
+      range = static_cast<float>(200 + (state >> 8) % 4600) / 1000.0f;
+    }
+    const double t = 0.1 * i;
+    writer.write({0, static_cast<std::int64_t>(1e9 * t), laser_scan(t, -3.1f, 0.00436f, ranges)});
+    file << writer.bytes;
+    writer.bytes.clear();
+  }
+  writer.finish();
+  file << writer.bytes;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
   if (argc == 2) return write_small(argv[1]), 0;
   if (argc == 3) return write_long(argv[1], std::strtoull(argv[2], nullptr, 10)), 0;
+  if (argc == 4) return write_scans(argv[1], std::atoi(argv[2]), argv[3]), 0;
   return 2;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "write_bags: %s\n", error.what());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <fstream>
 #include <initializer_list>
 #include <string>
 #include <string_view>
@@ -13,6 +14,30 @@ namespace rangecal {
 /// The bytes of a file of at most `most_bytes`. Throws InputError naming the file if it is missing, a folder, a device, a
 /// pipe that nobody writes to, longer, or cannot be read.
 std::string read_file(const std::string& path, std::size_t most_bytes = std::size_t{1} << 30);
+
+/// A file under a name of its own, beside the one that it will have, until it is whole; removed unless it is put in place. For what
+/// is written piece by piece; write_file() writes a text. Throws InputError naming the file where it cannot be written.
+class PartialFile {
+ public:
+  explicit PartialFile(std::string path);
+  PartialFile(PartialFile&& other) noexcept;
+  ~PartialFile();
+
+  void write(std::string_view bytes);
+  /// Nothing more is written.
+  void close();
+  /// Gives it its name, in the place of a file that has it.
+  void put_in_place();
+  const std::string& path() const { return path_; }
+  /// Its name until then.
+  const std::string& partial_path() const { return own_; }
+
+ private:
+  [[noreturn]] void fail(const std::string& reason) const;
+
+  std::string path_, own_;
+  std::ofstream stream_;
+};
 
 /// Writes the text to a temporary beside `path` and renames it, so that the file is there whole or not at all;
 /// a pipe or a device is written to. Throws InputError naming the file if it cannot be written.

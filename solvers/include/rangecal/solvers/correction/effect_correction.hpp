@@ -54,10 +54,10 @@ class EffectCorrector {
   Correction correct(double reading_m, const ReadingSetting& setting,
                      const CorrectionOptions& options = {}) const;
 
-  /// What a reading of the distance d [m] is expected to be: its mean f(d) + delta r, and its standard deviation
-  /// sqrt(s^2 e^v + var g(d)), both in metres.
+  /// What a reading of the distance d [m] is expected to be: its mean f(d) + delta r, its standard deviation
+  /// sqrt(s^2 e^v + var g(d)), and that of its noise alone, s e^(v/2), all in metres.
   struct Expected {
-    double mean_m = 0.0, spread_m = 0.0;
+    double mean_m = 0.0, spread_m = 0.0, noise_m = 0.0;
   };
   Expected at(double d, const ReadingSetting& setting) const;
   /// f'(d) = 0 inside (low, high), ascending.
