@@ -130,6 +130,7 @@ Specimen modelled_specimen(const Effect& effect) {
 std::string column_for(const Effect& effect) {
   constexpr std::pair<ColumnRole, const char*> columns[] = {{ColumnRole::temperature, "temperature_c"},
                                                             {ColumnRole::received_power, "rx_power_dbm"},
+                                                            {ColumnRole::azimuth, "azimuth_deg"},
                                                             {ColumnRole::other, "humidity_percent"}};
   for (const auto& [role, name] : columns)
     if (effect.lies_along(role)) return name;
@@ -152,7 +153,9 @@ Specimen table_specimen(const Effect& effect) {
     pairs.reading_m.push_back(random.normal(f, 0.002 * f * f));
     pairs.landmark.push_back(i % 3);
     pairs.row.push_back(i + 2);
-    if (!column.empty()) pairs.covariates[column].push_back(random.uniform(10.0, 40.0));
+    const double half = effect.info().id.starts_with("antenna_pattern") ? 180.0 : 15.0,
+                 middle = half < 90.0 ? 25.0 : 0.0;
+    if (!column.empty()) pairs.covariates[column].push_back(random.uniform(middle - half, middle + half));
   }
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
