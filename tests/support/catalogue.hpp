@@ -59,7 +59,8 @@ inline const std::vector<std::string> catalogue{"axial_depth",
                                                 "power_bias",
                                                 "covariate_drift",
                                                 "device_offset",
-                                                "antenna_pattern"};
+                                                "antenna_pattern",
+                                                "turn_scale"};
 
 /// The channels of the file format, and its covariates that are no column.
 inline const std::set<std::string> channels{"range",

@@ -66,6 +66,67 @@ TEST(EffectStops, PathCurvatureBendsALineByHalfKappaLengthSquared) {
   EXPECT_NEAR(changed("path_curvature", {0.02})[2].commanded.y_m, 0.04, 2e-5);
 }
 
+TEST(EffectStops, TurnScaleTurnsWhatFollowsATurn) {
+  // the only turn, of a quarter before stop 3, is larger by 4 %: 0.0628318531 rad from there on
+  const double more = 0.04 * quarter;
+  const auto stops = changed("turn_scale", {0.04});
+  expect_pose(stops[2], 2.0, 0.0, 0.0);
+  expect_pose(stops[3], 2.0, 0.0, quarter + more);
+  expect_pose(stops[4], 2.0 - std::sin(more), std::cos(more), quarter + more);
+  expect_pose(stops[5], 2.0 - 2 * std::sin(more), 2 * std::cos(more), quarter + more);
+}
+
+TEST(EffectStops, TurnScaleCountsTurnsAcrossTheSeamAndAnewInEachRecording) {
+  EffectContext context = example_context();
+  for (int k = 0; k < 6; ++k)
+    context.commanded[static_cast<std::size_t>(k)].heading_rad = std::remainder(2.0 * k, 4.0 * quarter);
+  std::vector<StopPrior> stops = example_stops(context);
+  for (int k = 4; k < 6; ++k) stops[static_cast<std::size_t>(k)].recording = 1;
+  const double p[] = {0.05};
+  find_effect("turn_scale")->stops(context, p, stops);
+  EXPECT_NEAR(stops[3].commanded.heading_rad - context.commanded[3].heading_rad, 0.05 * 6.0, 1e-12);
+  EXPECT_NEAR(stops[4].commanded.heading_rad, context.commanded[4].heading_rad, 1e-12);
+  EXPECT_NEAR(stops[5].commanded.heading_rad - context.commanded[5].heading_rad, 0.05 * 2.0, 1e-12);
+}
+
+TEST(EffectStops, TurnScaleIsATrackThatIsNotTheOneStated) {
+  // A robot of track w is driven by its wheels along an arc that it takes for one of the stated track: wheels' ways +-w a / 2
+  // turn it by a w_stated / w. Against the arc in many small steps; chords of 0.1 rad and 0.05 m leave (0.1)^2 / 24 of a step.
+  const double stated = 0.15, track = 0.173, turn = 0.1, step = 0.05;
+  EffectContext context = example_context();
+  Pose2 meant, driven;
+  std::vector<Pose2> truth;
+  constexpr int pieces = 1000;
+  for (Pose2& pose : context.commanded) {
+    pose = meant;
+    truth.push_back(driven);
+    meant = {meant.x_m + step * std::cos(meant.heading_rad + turn / 2),
+             meant.y_m + step * std::sin(meant.heading_rad + turn / 2), meant.heading_rad + turn};
+    const double left = step - turn * stated / 2, right = step + turn * stated / 2;  // ways of the wheels [m]
+    for (int i = 0; i < pieces; ++i) {
+      const double angle = (right - left) / track / pieces, middle = driven.heading_rad + angle / 2;
+      driven = {driven.x_m + (left + right) / 2 / pieces * std::cos(middle),
+                driven.y_m + (left + right) / 2 / pieces * std::sin(middle), driven.heading_rad + angle};
+    }
+  }
+  std::vector<StopPrior> stops = example_stops(context);
+  const double p[] = {stated / track - 1.0};
+  find_effect("turn_scale")->stops(context, p, stops);
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    EXPECT_NEAR(stops[k].commanded.x_m, truth[k].x_m, 1e-4);
+    EXPECT_NEAR(stops[k].commanded.y_m, truth[k].y_m, 1e-4);
+    EXPECT_NEAR(stops[k].commanded.heading_rad, truth[k].heading_rad, 1e-12);
+  }
+}
+
+TEST(EffectStops, TurnScaleTakesAPathWithTurns) {
+  EffectContext context = example_context();
+  const Effect& turns = *find_effect("turn_scale");
+  EXPECT_EQ(turns.missing(context), "");
+  for (Pose2& pose : context.commanded) pose.heading_rad = 0.3;
+  EXPECT_NE(turns.missing(context), "");
+}
+
 TEST(EffectStops, HeadingDriftFollowsTime) {
   const auto stops = changed("heading_drift", {0.02});
   expect_pose(stops[0], 0.0, 0.0, 0.0);

@@ -110,6 +110,7 @@ std::vector<Case> cases() {
       {"heading_drift", {0.02}, {}},
       {"odometry_random_walk", {0.01}, {}},
       {"lever_arm", {0.02, 0.01}, {}},
+      {"turn_scale", {0.03}, {}},
       {"wheel_slip", {0.05, 2.0}, {}},
       {"stated_sigma", {0.7}, {}},
       {"stop_effect", {0.02, 0.005}, {}},
