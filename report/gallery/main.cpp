@@ -137,8 +137,8 @@ std::string column_for(const Effect& effect) {
   return "";
 }
 
-/// For an effect of recorded columns or of devices: 400 readings at known distances by three devices, with the effect at twice
-/// its typical size.
+/// For an effect of recorded columns, of devices or of long distances: 400 readings at known distances by three devices, with the
+/// effect at twice its typical size.
 Specimen table_specimen(const Effect& effect) {
   const EffectInfo& info = effect.info();
   Random random(seed_from("gallery table " + info.id));
@@ -147,10 +147,11 @@ Specimen table_specimen(const Effect& effect) {
   recording.landmarks = {{"A", 0.0, {}}, {"B", 0.0, {}}, {"C", 0.0, {}}};
   Pairs& pairs = recording.pairs;
   const std::string column = column_for(effect);
+  const double far = info.id == "range_saturation" ? 60.0 : 6.0, noise = 0.002 * 36.0 / (far * far);
   for (int i = 0; i < 400; ++i) {
-    const double d = random.uniform(0.3, 6.0), f = 0.02 + d * (1.01 + 0.002 * d);
+    const double d = random.uniform(0.3, far), f = 0.02 + d * (1.01 + 0.002 * d);
     pairs.true_m.push_back(d);
-    pairs.reading_m.push_back(random.normal(f, 0.002 * f * f));
+    pairs.reading_m.push_back(random.normal(f, noise * f * f));
     pairs.landmark.push_back(i % 3);
     pairs.row.push_back(i + 2);
     const double half = effect.info().id.starts_with("antenna_pattern") ? 180.0 : 15.0,
@@ -162,6 +163,7 @@ Specimen table_specimen(const Effect& effect) {
   SimulationModel model = diagnose({&recording, 1}, options).simulation;
   std::string planted;
   EffectContext context;
+  context.range_max_m = far;
   context.covariates = {column};
   context.columns = {{ColumnRole::other, 25.0, 8.7}};
   const Eigen::VectorXd start = effect.start_grid(context).front();
@@ -177,7 +179,8 @@ Specimen table_specimen(const Effect& effect) {
 
 Specimen specimen_of(const Effect& effect) {
   const std::string& id = effect.info().id;
-  if (!column_in_id(id).empty() || id == "device_offset") return table_specimen(effect);
+  if (!column_in_id(id).empty() || id == "device_offset" || id == "range_saturation")
+    return table_specimen(effect);
   std::optional<Specimen> planted = planted_specimen(id);
   return planted ? *planted : modelled_specimen(effect);
 }

@@ -60,7 +60,8 @@ inline const std::vector<std::string> catalogue{"axial_depth",
                                                 "covariate_drift",
                                                 "device_offset",
                                                 "antenna_pattern",
-                                                "turn_scale"};
+                                                "turn_scale",
+                                                "range_saturation"};
 
 /// The channels of the file format, and its covariates that are no column.
 inline const std::set<std::string> channels{"range",

@@ -47,8 +47,9 @@ std::vector<Case> cases() {
       {"device_offset", {0.012, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, {.range = 0.012}},  // landmark 1
       // a = 30 degrees: 0.01 sin a + 0.02 cos 2 a + 0.03 cos 3 a + 0.04 sin 3 a = 0.005 + 0.01 + 0 + 0.04
       {"antenna_pattern:elevation_rad", {0.0, 0.01, 0.02, 0.0, 0.03, 0.04}, {.range = 0.055}},
-      {"laser_pointing", {0.002}, {.range = 0.008}},   // 0.002 * 4
-      {"lens_distortion", {0.002}, {.range = 0.001}},  // 0.002 / 2
+      {"range_saturation", {0.4, 2.0 / half}, {.range = 0.2}},  // d / D = ln 2: half of it
+      {"laser_pointing", {0.002}, {.range = 0.008}},            // 0.002 * 4
+      {"lens_distortion", {0.002}, {.range = 0.001}},           // 0.002 / 2
       // k / d = 100.5 pi: cos = 0, sin = 1; 4 * 0.002
       {"pixel_locking", {0.001, 0.002, 201.0 * pi}, {.range = 0.008}},
       // steps 2.1^2 * 0.005 = 0.02205 and 0.01: (0.0004862025 + 0.0001) / (12 * 0.0004) = 0.1221255208
@@ -249,6 +250,24 @@ TEST(EffectValues, AntennaPatternHoldsWhatALeverLeaves) {
     const double shorter = std::hypot(2.0 * std::cos(b) - q, 2.0 * std::sin(b)) - 2.0;
     EXPECT_NEAR(find_effect("antenna_pattern")->reading(at, p).range, shorter, 2.6e-5);
   }
+}
+
+TEST(EffectValues, RangeSaturationIsAParabolaOfShortSpans) {
+  // A d / D - A d^2 / 2 D^2 up to A (d / D)^3 / 6: 0.4 / 6 * 0.1^3 = 6.7e-5 m at a tenth of D
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  const double p[] = {0.4, 15.0};
+  for (const double d : {0.2, 0.8, 1.5}) {
+    at.d = d;
+    EXPECT_NEAR(find_effect("range_saturation")->reading(at, p).range, 0.4 * d / 15.0 - 0.2 * d * d / 225.0,
+                6.7e-5);
+  }
+  // A receiver whose gain g closes on its limit with distance, dg/dd = (A - g) / D, in steps of a millimetre: each is off by
+  // its square / 2 D^2 of what is left, 4e-5 of A in all.
+  double gain = 0.0;
+  for (int i = 0; i < 20000; ++i) gain += (0.4 - gain) / 15.0 * 0.001;
+  at.d = 20.0;
+  EXPECT_NEAR(find_effect("range_saturation")->reading(at, p).range, gain, 2e-5);
 }
 
 TEST(EffectValues, LevelAndSpreadOfAColumnAreReadOffTheRecordingOnce) {

@@ -196,7 +196,7 @@ TEST(Plants, TableNamesTheCatalogueAndItsPlaces) {
   // written beside it (row stated-sigma).
   const std::set<std::string> not_here{
       "axial_depth",  "temperature_coefficient", "power_bias", "covariate_drift", "device_offset",
-      "stated_sigma", "antenna_pattern",         "turn_scale"};
+      "stated_sigma", "antenna_pattern",         "turn_scale", "range_saturation"};
   for (const std::string& id : rangecal::test::catalogue)
     EXPECT_EQ(ids.count(id), 1u - not_here.count(id)) << id;
 }
