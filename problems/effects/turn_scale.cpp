@@ -54,7 +54,8 @@ class TurnScale final : public Effect {
 
   bool acts_on_stops() const override { return true; }
 
-  void stops(const EffectContext&, const double* p, std::vector<StopPrior>& stops) const override {
+  void stops(const EffectContext& context, const double* p, std::vector<StopPrior>& stops) const override {
+    if (context.commanded.size() != stops.size()) return;
     Pose2 commanded_before;
     double turned = 0.0;
     for (std::size_t k = 0; k < stops.size(); ++k) {
@@ -62,7 +63,8 @@ class TurnScale final : public Effect {
       if (k == 0 || stops[k].recording != stops[k - 1].recording) {
         turned = 0.0;
       } else {
-        const double next = turned + turn(commanded_before, commanded), angle = p[0] * 0.5 * (turned + next);
+        const double next = turned + turn(context.commanded[k - 1], context.commanded[k]),
+                     angle = p[0] * 0.5 * (turned + next);
         const double dx = commanded.x_m - commanded_before.x_m, dy = commanded.y_m - commanded_before.y_m;
         const Pose2& before = stops[k - 1].commanded;
         Pose2& pose = stops[k].commanded;
