@@ -61,7 +61,8 @@ inline const std::vector<std::string> catalogue{"axial_depth",
                                                 "device_offset",
                                                 "antenna_pattern",
                                                 "turn_scale",
-                                                "range_saturation"};
+                                                "range_saturation",
+                                                "scan_latency"};
 
 /// The channels of the file format, and its covariates that are no column.
 inline const std::set<std::string> channels{"range",

@@ -81,6 +81,7 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   part.time_s = taken(rows.time_s, kept);
   part.radius_m = taken(rows.radius_m, kept);
   part.heading_rad = taken(rows.heading_rad, kept);
+  if (!rows.rate_mps.empty()) part.rate_mps = taken(rows.rate_mps, kept);
   const std::size_t columns = rows.context.covariates.size();
   for (int i : kept)
     part.covariates.insert(part.covariates.end(),

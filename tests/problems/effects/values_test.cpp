@@ -112,6 +112,7 @@ std::vector<Case> cases() {
       {"odometry_random_walk", {0.01}, {}},
       {"lever_arm", {0.02, 0.01}, {}},
       {"turn_scale", {0.03}, {}},
+      {"scan_latency", {0.2}, {}},
       {"wheel_slip", {0.05, 2.0}, {}},
       {"stated_sigma", {0.7}, {}},
       {"stop_effect", {0.02, 0.005}, {}},
@@ -250,6 +251,14 @@ TEST(EffectValues, AntennaPatternHoldsWhatALeverLeaves) {
     const double shorter = std::hypot(2.0 * std::cos(b) - q, 2.0 * std::sin(b)) - 2.0;
     EXPECT_NEAR(find_effect("antenna_pattern")->reading(at, p).range, shorter, 2.6e-5);
   }
+}
+
+TEST(EffectValues, ScanLatencyReadsAnotherTrueDistance) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  at.rate_mps = -0.5;
+  const double p[] = {0.2};  // x = -0.1: -0.09 + 0.05 * 0.01
+  EXPECT_NEAR(find_effect("scan_latency")->reading(at, p).range, -0.0895, 1e-12);
 }
 
 TEST(EffectValues, RangeSaturationIsAParabolaOfShortSpans) {
