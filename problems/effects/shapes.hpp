@@ -106,7 +106,7 @@ class ColumnEffect : public Effect {
  public:
   const EffectInfo& info() const final { return info_; }
 
-  std::string missing(const EffectContext& context) const final { return index(context) < 0 ? lacking_ : ""; }
+  std::string missing(const EffectContext& context) const override { return index(context) < 0 ? lacking_ : ""; }
 
  protected:
   /// `lacking`: what a recording without such a column lacks. Along a column id and covariate are the column's, and the

@@ -148,7 +148,8 @@ std::vector<const Effect*> effects_of(const EffectContext& context) {
       if (const ColumnSummary& column = context.columns[c];
           column.std_dev > 0.0 && effect->lies_along(column.role))
         effects.push_back(find_effect(effect->info().id + before_column + context.covariates[c]));
-    if (effects.size() == before) effects.push_back(effect);  // of a column that is lacking, too
+    // The kind itself where it needs no column, or for a column that is lacking.
+    if (effects.size() == before || effect->missing(context).empty()) effects.push_back(effect);
   }
   return effects;
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <exception>
 #include <optional>
+#include <tuple>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -109,11 +110,33 @@ landmarks:
 repeats: 10
 )";
 
-/// For an effect that the physical world cannot plant: that scene, simulated again with the effect at its typical size.
+/// A robot that reads while it winds its way between landmarks on all sides.
+std::string driven_scene() {
+  std::string text =
+      "format: rangecal-scene/1\n"
+      "sensor: {alpha: [0.0525, 0.8838, 0.0584], noise: {law: f2, sigma: 0.003}, sigma_theta_rad: 0.005}\n"
+      "timing: {drive_s: 0.48, sweep_s: 0.01}\nrepeats: 3\nlandmarks:\n  list:\n";
+  for (const auto& [label, x, y] :
+       {std::tuple("A", 0.5, 1.2), {"B", 1.2, -1.0}, {"C", 2.5, 1.5}, {"D", 3.4, -0.9}, {"E", 4.6, 0.8}})
+    text += fmt::format("    - {{landmark: {}, x_m: {}, y_m: {}}}\n", label, x, y);
+  text += "stops:\n  sigma_xy_m: 0.005\n  list:\n";
+  double x = 0.0, y = 0.0;
+  for (int k = 0; k < 40; ++k) {
+    const double heading = 1.2 * std::sin(0.4 * k);
+    text += fmt::format("    - {{x_m: {:.4f}, y_m: {:.4f}, heading_rad: {:.4f}}}\n", x, y, heading);
+    x += 0.15 * std::cos(heading + 0.2 * std::cos(0.4 * k)),
+        y += 0.15 * std::sin(heading + 0.2 * std::cos(0.4 * k));
+  }
+  return text;
+}
+
+/// For an effect that the physical world cannot plant: one of these scenes, simulated again with the effect at its typical size.
 Specimen modelled_specimen(const Effect& effect) {
   const EffectInfo& info = effect.info();
-  const Scene scene = parse_scene(one_way_scene, "the scene");
-  const Recording recording = looking_one_way(simulate(scene, seed_from("gallery run " + info.id)));
+  const bool driven = effect.acts_on_stops() && info.kind == EffectKind::mean;
+  const Scene scene = parse_scene(driven ? driven_scene() : one_way_scene, "the scene");
+  Recording recording = simulate(scene, seed_from("gallery run " + info.id));
+  if (!driven) recording = looking_one_way(recording);
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
   SimulationModel model = diagnose({&recording, 1}, options).simulation;
@@ -123,21 +146,23 @@ Specimen modelled_specimen(const Effect& effect) {
     planted += fmt::format("{}{} {:g}", planted.empty() ? "" : ", ", p.name, p.typical);
   }
   const Recording again = simulate(model, seed_from("gallery again " + info.id)).front();
-  return {again, planted + ", a sensor that looks one way", with_effect_named(again, info.id)};
+  return {again, planted + (driven ? ", a path with turns" : ", a sensor that looks one way"),
+          with_effect_named(again, info.id)};
 }
 
 /// The column along which a picture of the effect is drawn; "" for effects along none.
 std::string column_for(const Effect& effect) {
   constexpr std::pair<ColumnRole, const char*> columns[] = {{ColumnRole::temperature, "temperature_c"},
                                                             {ColumnRole::received_power, "rx_power_dbm"},
+                                                            {ColumnRole::azimuth, "azimuth_deg"},
                                                             {ColumnRole::other, "humidity_percent"}};
   for (const auto& [role, name] : columns)
     if (effect.lies_along(role)) return name;
   return "";
 }
 
-/// For an effect of recorded columns or of devices: 400 readings at known distances by three devices, with the effect at twice
-/// its typical size.
+/// For an effect of recorded columns, of devices or of long distances: 400 readings at known distances by three devices, with the
+/// effect at twice its typical size.
 Specimen table_specimen(const Effect& effect) {
   const EffectInfo& info = effect.info();
   Random random(seed_from("gallery table " + info.id));
@@ -146,19 +171,23 @@ Specimen table_specimen(const Effect& effect) {
   recording.landmarks = {{"A", 0.0, {}}, {"B", 0.0, {}}, {"C", 0.0, {}}};
   Pairs& pairs = recording.pairs;
   const std::string column = column_for(effect);
+  const double far = info.id == "range_saturation" ? 60.0 : 6.0, noise = 0.002 * 36.0 / (far * far);
   for (int i = 0; i < 400; ++i) {
-    const double d = random.uniform(0.3, 6.0), f = 0.02 + d * (1.01 + 0.002 * d);
+    const double d = random.uniform(0.3, far), f = 0.02 + d * (1.01 + 0.002 * d);
     pairs.true_m.push_back(d);
-    pairs.reading_m.push_back(random.normal(f, 0.002 * f * f));
+    pairs.reading_m.push_back(random.normal(f, noise * f * f));
     pairs.landmark.push_back(i % 3);
     pairs.row.push_back(i + 2);
-    if (!column.empty()) pairs.covariates[column].push_back(random.uniform(10.0, 40.0));
+    const double half = effect.info().id.starts_with("antenna_pattern") ? 180.0 : 15.0,
+                 middle = half < 90.0 ? 25.0 : 0.0;
+    if (!column.empty()) pairs.covariates[column].push_back(random.uniform(middle - half, middle + half));
   }
   DiagnoseOptions options;
   options.held_out = options.unseen = options.next_experiments = false;
   SimulationModel model = diagnose({&recording, 1}, options).simulation;
   std::string planted;
   EffectContext context;
+  context.range_max_m = far;
   context.covariates = {column};
   context.columns = {{ColumnRole::other, 25.0, 8.7}};
   const Eigen::VectorXd start = effect.start_grid(context).front();
@@ -174,7 +203,8 @@ Specimen table_specimen(const Effect& effect) {
 
 Specimen specimen_of(const Effect& effect) {
   const std::string& id = effect.info().id;
-  if (!column_in_id(id).empty() || id == "device_offset") return table_specimen(effect);
+  if (!column_in_id(id).empty() || id == "device_offset" || id == "range_saturation")
+    return table_specimen(effect);
   std::optional<Specimen> planted = planted_specimen(id);
   return planted ? *planted : modelled_specimen(effect);
 }

@@ -58,7 +58,11 @@ inline const std::vector<std::string> catalogue{"axial_depth",
                                                 "temperature_coefficient",
                                                 "power_bias",
                                                 "covariate_drift",
-                                                "device_offset"};
+                                                "device_offset",
+                                                "antenna_pattern",
+                                                "turn_scale",
+                                                "range_saturation",
+                                                "scan_latency"};
 
 /// The channels of the file format, and its covariates that are no column.
 inline const std::set<std::string> channels{"range",

@@ -120,11 +120,36 @@ void append_cell_of_pairs(double true_m, double sigma_m, int begin, int recordin
   problem.readings += static_cast<double>(count);
 }
 
+/// Rate of every true distance [m/s]: between the readings of its device before and after, as far as they lie within seconds.
+std::vector<double> rates_of_pairs(const Pairs& p) {
+  constexpr double near_s = 2.0;
+  std::vector<double> rate(p.size(), 0.0);
+  if (p.time_s.empty()) return rate;
+  const auto device = [&](std::size_t i) { return p.landmark.empty() ? 0 : p.landmark[i]; };
+  std::vector<std::size_t> order(p.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return std::pair(device(a), p.time_s[a]) < std::pair(device(b), p.time_s[b]);
+  });
+  for (std::size_t j = 0; j < order.size(); ++j) {
+    const std::size_t i = order[j];
+    const auto is_near = [&](std::size_t k) {
+      return device(k) == device(i) && std::abs(p.time_s[k] - p.time_s[i]) <= near_s;
+    };
+    const std::size_t before = j > 0 && is_near(order[j - 1]) ? order[j - 1] : i,
+                      after = j + 1 < order.size() && is_near(order[j + 1]) ? order[j + 1] : i;
+    const double time = p.time_s[after] - p.time_s[before];
+    if (time > 0.0) rate[i] = (p.true_m[after] - p.true_m[before]) / time;
+  }
+  return rate;
+}
+
 void append_pair_rows(const Recording& recording, int index, int first_landmark, double first_time,
                       const NumberedBlocks& blocks, Rows& rows) {
   const Pairs& p = recording.pairs;
   const std::vector<int> cell = cells_of_pairs(recording);
   const std::vector<std::size_t> order = pairs_in_order(cell);
+  const std::vector<double> rate_mps = rates_of_pairs(p);
   for (std::size_t j = 0; j < order.size(); ++j) {
     const std::size_t i = order[j];
     if (j == 0 || cell[i] != cell[order[j - 1]]) {
@@ -142,6 +167,7 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
     rows.radius_m.push_back(0.0);
     rows.heading_rad.push_back(0.0);
     rows.block.push_back(blocks.first + blocks.of[i]);
+    rows.rate_mps.push_back(rate_mps[i]);
     add_covariates(p.covariates, i, rows);
     if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
       append_cell_of_pairs(p.true_m[i], recording.reference.sigma_m, rows.cell_begin.back(), index, rows);
@@ -179,6 +205,8 @@ void fill_context(std::span<const Recording> recordings, Rows& rows) {
     context.range_min_m = *nearest;
     context.range_max_m = *farthest;
   }
+  for (double rate : rows.rate_mps)
+    context.largest_rate_mps = std::max(context.largest_rate_mps, std::abs(rate));
   if (rows.size() > 0) context.duration_s = *std::max_element(rows.time_s.begin(), rows.time_s.end());
   if (context.duration_s > 0.0) {
     context.stop_time_s.assign(context.stop_count, 0.0);
@@ -325,6 +353,7 @@ ReadingView<double> view_of(const Rows& rows, const CellGeometry& g, std::size_t
   view.heading = rows.heading_rad[i];
   view.time_s = rows.time_s[i];
   view.time = rows.context.duration_s > 0.0 ? rows.time_s[i] / rows.context.duration_s : 0.0;
+  view.rate_mps = rows.rate_mps.empty() ? 0.0 : rows.rate_mps[i];
   view.stop = rows.stop[i];
   view.landmark = rows.landmark[i];
   view.repeat = rows.repeat[i];

@@ -39,6 +39,7 @@ struct Rows {
   std::vector<double> range_m, bearing_rad, time_s, radius_m, heading_rad;
   std::vector<int> block;          ///< what is held out with the row (core/blocks.hpp), from 0
   std::string blocks;              ///< that in words
+  std::vector<double> rate_mps;    ///< of the true distance of pairs; of landmarks empty
   std::vector<double> covariates;  ///< row-major, by context.covariates
   int cell_count = 0;
   std::vector<int> cell_begin;  ///< rows of cell c: cell_begin[c] .. cell_begin[c+1]-1

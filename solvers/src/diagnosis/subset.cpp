@@ -83,6 +83,7 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   part.heading_rad = taken(rows.heading_rad, kept);
   part.block = taken(rows.block, kept);
   part.blocks = rows.blocks;
+  if (!rows.rate_mps.empty()) part.rate_mps = taken(rows.rate_mps, kept);
   const std::size_t columns = rows.context.covariates.size();
   for (int i : kept)
     part.covariates.insert(part.covariates.end(),

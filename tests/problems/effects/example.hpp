@@ -8,7 +8,7 @@
 
 namespace rangecal::effects_testing {
 
-/// Six stops on an L-shaped path, three landmarks, 15 repeats, times and columns of intensity, received power and temperature: nothing
+/// Six stops on an L-shaped path, three landmarks, 15 repeats, times and columns of intensity, received power, temperature and elevation: nothing
 /// is missing but what takes known distances.
 inline EffectContext example_context() {
   EffectContext context;
@@ -31,10 +31,11 @@ inline EffectContext example_context() {
   context.headings = 0.8;
   context.several_radii = true;
   context.largest_bearing_rad = 1.1;
-  context.covariates = {"intensity", "rx_power_dbm", "temperature_c"};
+  context.covariates = {"intensity", "rx_power_dbm", "temperature_c", "elevation_rad"};
   context.columns = {{ColumnRole::intensity, 100.0, 10.0},
                      {ColumnRole::received_power, -70.0, 4.0},
-                     {ColumnRole::temperature, 25.0, 5.0}};
+                     {ColumnRole::temperature, 25.0, 5.0},
+                     {ColumnRole::elevation, 0.2, 0.3}};
   return context;
 }
 
@@ -63,9 +64,9 @@ inline std::vector<StopPrior> example_stops(const EffectContext& context) {
 
 /// A reading at stop 3 of landmark 1, 2 s after the stop's first: d = 2 m, b = 60 degrees, heading 30
 /// degrees, so the direction in the world is 90 degrees; f = 2.1 m, f' = 0.9, f'' = 0.1 / m, spread 2 cm;
-/// intensity 120, -74 dBm, 35 degrees Celsius.
+/// intensity 120, -74 dBm, 35 degrees Celsius, elevation 30 degrees.
 inline ReadingView<double> example_reading(const EffectContext& context) {
-  static const double covariates[] = {120.0, -74.0, 35.0};
+  static const double covariates[] = {120.0, -74.0, 35.0, std::numbers::pi / 6};
   ReadingView<double> at{};
   at.d = 2.0;
   at.axis_distance = 2.12;

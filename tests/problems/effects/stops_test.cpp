@@ -66,6 +66,120 @@ TEST(EffectStops, PathCurvatureBendsALineByHalfKappaLengthSquared) {
   EXPECT_NEAR(changed("path_curvature", {0.02})[2].commanded.y_m, 0.04, 2e-5);
 }
 
+TEST(EffectStops, TurnScaleTurnsWhatFollowsATurn) {
+  // the only turn, of a quarter before stop 3, is larger by 4 %: 0.0628318531 rad from there on
+  const double more = 0.04 * quarter;
+  const auto stops = changed("turn_scale", {0.04});
+  expect_pose(stops[2], 2.0, 0.0, 0.0);
+  expect_pose(stops[3], 2.0, 0.0, quarter + more);
+  expect_pose(stops[4], 2.0 - std::sin(more), std::cos(more), quarter + more);
+  expect_pose(stops[5], 2.0 - 2 * std::sin(more), 2 * std::cos(more), quarter + more);
+}
+
+TEST(EffectStops, TurnScaleCountsTurnsAcrossTheSeamAndAnewInEachRecording) {
+  EffectContext context = example_context();
+  for (int k = 0; k < 6; ++k)
+    context.commanded[static_cast<std::size_t>(k)].heading_rad = std::remainder(2.0 * k, 4.0 * quarter);
+  std::vector<StopPrior> stops = example_stops(context);
+  for (int k = 4; k < 6; ++k) stops[static_cast<std::size_t>(k)].recording = 1;
+  const double p[] = {0.05};
+  find_effect("turn_scale")->stops(context, p, stops);
+  EXPECT_NEAR(stops[3].commanded.heading_rad - context.commanded[3].heading_rad, 0.05 * 6.0, 1e-12);
+  EXPECT_NEAR(stops[4].commanded.heading_rad, context.commanded[4].heading_rad, 1e-12);
+  EXPECT_NEAR(stops[5].commanded.heading_rad - context.commanded[5].heading_rad, 0.05 * 2.0, 1e-12);
+}
+
+TEST(EffectStops, TurnScaleIsATrackThatIsNotTheOneStated) {
+  // A robot of track w is driven by its wheels along an arc that it takes for one of the stated track: wheels' ways +-w a / 2
+  // turn it by a w_stated / w. Against the arc in many small steps; chords of 0.1 rad and 0.05 m leave (0.1)^2 / 24 of a step.
+  const double stated = 0.15, track = 0.173, turn = 0.1, step = 0.05;
+  EffectContext context = example_context();
+  Pose2 meant, driven;
+  std::vector<Pose2> truth;
+  constexpr int pieces = 1000;
+  for (Pose2& pose : context.commanded) {
+    pose = meant;
+    truth.push_back(driven);
+    meant = {meant.x_m + step * std::cos(meant.heading_rad + turn / 2),
+             meant.y_m + step * std::sin(meant.heading_rad + turn / 2), meant.heading_rad + turn};
+    const double left = step - turn * stated / 2, right = step + turn * stated / 2;  // ways of the wheels [m]
+    for (int i = 0; i < pieces; ++i) {
+      const double angle = (right - left) / track / pieces, middle = driven.heading_rad + angle / 2;
+      driven = {driven.x_m + (left + right) / 2 / pieces * std::cos(middle),
+                driven.y_m + (left + right) / 2 / pieces * std::sin(middle), driven.heading_rad + angle};
+    }
+  }
+  std::vector<StopPrior> stops = example_stops(context);
+  const double p[] = {stated / track - 1.0};
+  find_effect("turn_scale")->stops(context, p, stops);
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    EXPECT_NEAR(stops[k].commanded.x_m, truth[k].x_m, 1e-4);
+    EXPECT_NEAR(stops[k].commanded.y_m, truth[k].y_m, 1e-4);
+    EXPECT_NEAR(stops[k].commanded.heading_rad, truth[k].heading_rad, 1e-12);
+  }
+}
+
+TEST(EffectStops, TurnScaleTakesAPathWithTurns) {
+  EffectContext context = example_context();
+  const Effect& turns = *find_effect("turn_scale");
+  EXPECT_EQ(turns.missing(context), "");
+  for (Pose2& pose : context.commanded) pose.heading_rad = 0.3;
+  EXPECT_NE(turns.missing(context), "");
+}
+
+TEST(EffectStops, ScanLatencyMovesAlongThePath) {
+  // v tau to first order, v between the stops before and after: at stop 1 2 m in 75 s, at stop 5 its own last 1 m in 195 s; the
+  // path's bend adds some (tau / 25 s)^2 of a metre
+  const double tau = 1e-3;
+  const auto stops = changed("scan_latency", {tau});
+  EXPECT_NEAR(stops[1].commanded.x_m, 1.0 + tau * 2.0 / 75.0, 1e-8);
+  EXPECT_NEAR(stops[5].commanded.y_m, 2.0 + tau * 1.0 / 195.0, 1e-8);
+  // at stop 3 a quarter turn between stops 2 and 4, 125 s apart
+  EXPECT_NEAR(stops[3].commanded.heading_rad, quarter + tau * quarter / 125.0, 1e-8);
+}
+
+TEST(EffectStops, ScanLatencyFollowsABendingPath) {
+  // A circle of radius 1 m at 0.5 rad/s, read every 0.2 s: half a second later the robot is 0.25 rad on. Chords of 0.1 rad
+  // leave an error of 0.1^2 / 6 of the speed in each tangent: 0.1^3 / 24 m at most between the stops.
+  EffectContext context = example_context();
+  context.commanded.clear();
+  context.stop_time_s.clear();
+  const auto on_circle = [](double t) {
+    return Pose2{std::sin(0.5 * t), -std::cos(0.5 * t), std::remainder(0.5 * t, 4.0 * quarter)};
+  };
+  for (int k = 0; k < 60; ++k) {
+    context.stop_time_s.push_back(0.2 * k);
+    context.commanded.push_back(on_circle(0.2 * k));
+  }
+  context.stop_count = 60;
+  context.duration_s = 11.8;
+  EXPECT_EQ(find_effect("scan_latency")->missing(context), "");
+  context.stop_time_s[20] = context.stop_time_s[21] = 0.0;  // no reading there
+  for (const double tau : {0.5, -0.5}) {
+    std::vector<StopPrior> stops = example_stops(context);
+    find_effect("scan_latency")->stops(context, &tau, stops);
+    for (std::size_t k = 5; k < 55; ++k) {
+      const Pose2 truth = on_circle(0.2 * static_cast<double>(k) + tau);
+      EXPECT_NEAR(stops[k].commanded.x_m, truth.x_m, 1e-4);
+      EXPECT_NEAR(stops[k].commanded.y_m, truth.y_m, 1e-4);
+      EXPECT_NEAR(std::remainder(stops[k].commanded.heading_rad - truth.heading_rad, 4.0 * quarter), 0.0,
+                  1e-12);
+    }
+  }
+}
+
+TEST(EffectStops, ScanLatencyTakesMotion) {
+  EffectContext context = example_context();  // 6 stops in 400 s
+  const Effect& latency = *find_effect("scan_latency");
+  EXPECT_EQ(latency.missing(context), "");
+  context.stay_s = 40.0;
+  EXPECT_NE(latency.missing(context), "") << "it stands while it reads";
+  context.kind = RecordingKind::pairs;
+  EXPECT_NE(latency.missing(context), "");
+  context.largest_rate_mps = 0.1;
+  EXPECT_EQ(latency.missing(context), "");
+}
+
 TEST(EffectStops, HeadingDriftFollowsTime) {
   const auto stops = changed("heading_drift", {0.02});
   expect_pose(stops[0], 0.0, 0.0, 0.0);

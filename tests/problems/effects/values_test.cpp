@@ -45,8 +45,11 @@ std::vector<Case> cases() {
       {"power_bias:rx_power_dbm", {0.002, -70.0}, {.range = -0.008}},
       {"covariate_drift:intensity", {0.003, 0.001, 0.002, 100.0, 10.0}, {.range = 0.016}},
       {"device_offset", {0.012, 0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, {.range = 0.012}},  // landmark 1
-      {"laser_pointing", {0.002}, {.range = 0.008}},                                    // 0.002 * 4
-      {"lens_distortion", {0.002}, {.range = 0.001}},                                   // 0.002 / 2
+      // a = 30 degrees: 0.01 sin a + 0.02 cos 2 a + 0.03 cos 3 a + 0.04 sin 3 a = 0.005 + 0.01 + 0 + 0.04
+      {"antenna_pattern:elevation_rad", {0.0, 0.01, 0.02, 0.0, 0.03, 0.04}, {.range = 0.055}},
+      {"range_saturation", {0.4, 2.0 / half}, {.range = 0.2}},  // d / D = ln 2: half of it
+      {"laser_pointing", {0.002}, {.range = 0.008}},            // 0.002 * 4
+      {"lens_distortion", {0.002}, {.range = 0.001}},           // 0.002 / 2
       // k / d = 100.5 pi: cos = 0, sin = 1; 4 * 0.002
       {"pixel_locking", {0.001, 0.002, 201.0 * pi}, {.range = 0.008}},
       // steps 2.1^2 * 0.005 = 0.02205 and 0.01: (0.0004862025 + 0.0001) / (12 * 0.0004) = 0.1221255208
@@ -108,6 +111,8 @@ std::vector<Case> cases() {
       {"heading_drift", {0.02}, {}},
       {"odometry_random_walk", {0.01}, {}},
       {"lever_arm", {0.02, 0.01}, {}},
+      {"turn_scale", {0.03}, {}},
+      {"scan_latency", {0.2}, {}},
       {"wheel_slip", {0.05, 2.0}, {}},
       {"stated_sigma", {0.7}, {}},
       {"stop_effect", {0.02, 0.005}, {}},
@@ -209,6 +214,69 @@ TEST(EffectValues, OffsetsAreOfDevicesOfKnownDistances) {
   EXPECT_EQ(reported[1], (std::pair<std::string, double>{"offset_C_m", -0.03}));
   context.landmark_count = 14;
   EXPECT_NE(offsets.missing(context), "");
+}
+
+TEST(EffectValues, AntennaPatternIsOfDirectionsOrOfAColumn) {
+  EffectContext context = effects_testing::example_of_pairs();
+  ReadingView<double> at = example_reading(context);  // b = 60 degrees
+  const Effect &own = *find_effect("antenna_pattern"),
+               &column = *find_effect("antenna_pattern:elevation_rad");
+  // 0.01 cos b + 0.02 sin b + 0.03 cos 2 b + 0.04 cos 3 b = 0.005 + 0.01732050808 - 0.015 - 0.04
+  const double p[] = {0.01, 0.02, 0.03, 0.0, 0.04, 0.0};
+  EXPECT_NEAR(own.reading(at, p).range, -0.0326794919, 1e-10);
+  EXPECT_EQ(own.missing(context), "");
+  EXPECT_NE(own.missing(example_context()), "") << "the places of landmarks follow their directions";
+  EXPECT_EQ(column.missing(example_context()), "");
+  const std::vector<const Effect*> both = effects_of(context);
+  EXPECT_EQ(std::count(both.begin(), both.end(), &own), 1);
+  EXPECT_EQ(std::count(both.begin(), both.end(), &column), 1);
+  context.largest_bearing_rad = 0.0;
+  EXPECT_NE(own.missing(context), "");
+  // A column in degrees says the same as one in radians; an empty field nothing.
+  const double angles[] = {60.0, std::numeric_limits<double>::quiet_NaN()};
+  context.covariates = {"azimuth_deg", "elevation_rad"};
+  at.covariate = angles;
+  EXPECT_NEAR(find_effect("antenna_pattern:azimuth_deg")->reading(at, p).range, -0.0326794919, 1e-10);
+  EXPECT_EQ(column.reading(at, p).range, 0.0);
+}
+
+TEST(EffectValues, AntennaPatternHoldsWhatALeverLeaves) {
+  // Distances taken to the device's middle while its antenna sits q ahead of it: the true one is shorter by q cos b, to
+  // q^2 / 2 D = 2.5e-5 m at 2 m.
+  const EffectContext context = effects_testing::example_of_pairs();
+  ReadingView<double> at = example_reading(context);
+  const double q = 0.01, p[] = {-q, 0.0, 0.0, 0.0, 0.0, 0.0};
+  for (const double b : {-2.0, 0.3, 1.4}) {
+    at.bearing = b;
+    const double shorter = std::hypot(2.0 * std::cos(b) - q, 2.0 * std::sin(b)) - 2.0;
+    EXPECT_NEAR(find_effect("antenna_pattern")->reading(at, p).range, shorter, 2.6e-5);
+  }
+}
+
+TEST(EffectValues, ScanLatencyReadsAnotherTrueDistance) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  at.rate_mps = -0.5;
+  const double p[] = {0.2};  // x = -0.1: -0.09 + 0.05 * 0.01
+  EXPECT_NEAR(find_effect("scan_latency")->reading(at, p).range, -0.0895, 1e-12);
+}
+
+TEST(EffectValues, RangeSaturationIsAParabolaOfShortSpans) {
+  // A d / D - A d^2 / 2 D^2 up to A (d / D)^3 / 6: 0.4 / 6 * 0.1^3 = 6.7e-5 m at a tenth of D
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  const double p[] = {0.4, 15.0};
+  for (const double d : {0.2, 0.8, 1.5}) {
+    at.d = d;
+    EXPECT_NEAR(find_effect("range_saturation")->reading(at, p).range, 0.4 * d / 15.0 - 0.2 * d * d / 225.0,
+                6.7e-5);
+  }
+  // A receiver whose gain g closes on its limit with distance, dg/dd = (A - g) / D, in steps of a millimetre: each is off by
+  // its square / 2 D^2 of what is left, 4e-5 of A in all.
+  double gain = 0.0;
+  for (int i = 0; i < 20000; ++i) gain += (0.4 - gain) / 15.0 * 0.001;
+  at.d = 20.0;
+  EXPECT_NEAR(find_effect("range_saturation")->reading(at, p).range, gain, 2e-5);
 }
 
 TEST(EffectValues, LevelAndSpreadOfAColumnAreReadOffTheRecordingOnce) {

@@ -79,6 +79,7 @@ struct EffectContext {
   std::vector<double> path_m;       ///< per stop: path length driven so far, 0 at the first
   std::vector<double> stop_time_s;  ///< per stop: time of its first reading, 0 at the start; empty: no times
   double duration_s = 0.0;          ///< last time minus first
+  double largest_rate_mps = 0.0;    ///< of any true distance of kind pairs; 0 without times
   double stay_s = 0.0;              ///< longest time between two readings of one stop; 0 without times
   double range_min_m = 0.0, range_max_m = 0.0;  ///< of the true distances, as fitted
   double largest_cell = 1.0;                    ///< most repeats of one (stop, landmark)
@@ -92,17 +93,18 @@ struct EffectContext {
 /// One reading as its effects see it; geometry under the current estimate.
 template <typename T>
 struct ReadingView {
-  T d;                   ///< true distance to the surface [m]
-  T axis_distance;       ///< to the axis [m]
-  T bearing;             ///< predicted direction in the sensor frame [rad], (-pi, pi]
-  T f, slope;            ///< f(d) [m], f'(d)
-  T curvature;           ///< f''(d) [1/m]
-  T spread;              ///< standard deviation of the reading [m]
-  int spread_power = 0;  ///< p of the noise law s = sigma |f|^p
-  double radius = 0.0;   ///< of the landmark [m]
-  double heading = 0.0;  ///< of the stop, commanded [rad]
-  double time_s = 0.0;   ///< since the first reading; 0 without times
-  double time = 0.0;     ///< the same scaled to 0 .. 1 over the recording
+  T d;                    ///< true distance to the surface [m]
+  T axis_distance;        ///< to the axis [m]
+  T bearing;              ///< predicted direction in the sensor frame [rad], (-pi, pi]
+  T f, slope;             ///< f(d) [m], f'(d)
+  T curvature;            ///< f''(d) [1/m]
+  T spread;               ///< standard deviation of the reading [m]
+  int spread_power = 0;   ///< p of the noise law s = sigma |f|^p
+  double radius = 0.0;    ///< of the landmark [m]
+  double heading = 0.0;   ///< of the stop, commanded [rad]
+  double time_s = 0.0;    ///< since the first reading; 0 without times
+  double time = 0.0;      ///< the same scaled to 0 .. 1 over the recording
+  double rate_mps = 0.0;  ///< of the true distance of kind pairs; 0 where it is not known
   int stop = 0, landmark = 0, repeat = 0;
   const double* covariate = nullptr;  ///< values by EffectContext::covariates; NaN where empty
   const EffectContext* context = nullptr;
