@@ -62,7 +62,7 @@ struct CalibrateCommand {
     std::vector<std::string> inputs = recording_files(job.recordings);
     inputs.push_back(from);
     require_apart({json, report}, inputs);
-    const std::vector<Recording> recordings = load_recordings(job.recordings);
+    const std::vector<Recording> recordings = load_recordings(job.recordings, {job.group_by});
     if (tilt) return out_of_the_plane(recordings, options);
     CalibrationReport result = run_job(recordings, options);
     if (!json.empty()) set_alpha_bounds(recordings, result.calibrations);

@@ -19,7 +19,7 @@ int run(const JobOptions& job, const std::string& page) {
   if (!page.empty()) report::require_available();
   require_writable(page);
   require_apart({page}, recording_files(job.recordings));
-  const std::vector<Recording> recordings = load_recordings(job.recordings);
+  const std::vector<Recording> recordings = load_recordings(job.recordings, {job.group_by});
   const CalibrationReport report = run_job(recordings, job.parsed());
   const Calibration* stops = nullptr;
   const Calibration* best = nullptr;

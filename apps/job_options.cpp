@@ -42,6 +42,12 @@ int order_from(const std::string& text) {
 
 void JobOptions::add_to(CLI::App& command) {
   command.add_option("RECORDING", recordings, "recording folders; several share one sensor")->required();
+  command
+      .add_option(
+          "--group-by", group_by,
+          "of pairs: columns that say which readings belong together (trials, days, places), in place of the "
+          "recording's own: left out are whole groups; several as a,b or a b")
+      ->delimiter(',');
   command.add_option("--order", order, "order of the curve f: a number, or auto (1 to 4, by AIC)")
       ->capture_default_str();
   command

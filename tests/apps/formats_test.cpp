@@ -104,11 +104,23 @@ TEST(Formats, NameEveryMemberOfADiagnosis) {
   std::vector<json> files;
   for (const char* recording : {"field-layout", "pairs-2016", "concealed/world-01", "concealed/world-11"})
     files.push_back(written(folder, "diagnose " + shipped(recording) + " --json"));
+  files.push_back(written(
+      folder, "diagnose " + shipped("concealed/world-11") + " --laws " + folder.file("laws") + " --json"));
+  EXPECT_FALSE(files.back().at("laws").empty());
   const std::string second = folder.file("second");
   ASSERT_EQ(run("simulate " + shipped("scenes/pairs-2016.yaml") + " --seed 5 -o " + second).code, 0);
   files.push_back(written(folder, "diagnose " + shipped("pairs-2016") + " " + second + " --json"));
   files.push_back({{"simulation", json::parse(simulation_model_to_json(full_model()))}});
   expect_documented("A diagnosis", files);
+}
+
+TEST(Formats, NameEveryMemberOfAPrediction) {
+  const TemporaryFolder folder;
+  folder.write("law.yaml",
+               "effect: law_1\nphysics: p\nsettled_by: s\nchannel: range\nformula: a*cos(3*b)\n"
+               "parameters: {a: {unit: m, typical: 0.01, from: -1, to: 1, value: 0.02, std: 0.002}}\n");
+  expect_documented("A prediction", {written(folder, "predict " + folder.file("law.yaml") + " " +
+                                                         shipped("concealed/world-11") + " --json")});
 }
 
 TEST(Formats, NameEveryMemberOfATrace) {

@@ -31,7 +31,8 @@ def test_every_member_is_in_the_stubs(source, field, calibration, diagnosis, ecc
                 diagnosis.explanations[0].parameters[0], diagnosis.next_experiments[0], diagnosis.unseen[0],
                 rangecal.study(source / "notebooks_data/studies/quick.yaml", repeats=2),
                 rangecal.extract(scans_of([], [(0.0, 0.0)])), rangecal.residuals(eccentric, calibration),
-                rangecal.effects()[0], rangecal.effects()[0].parameters[0]]
+                rangecal.effects()[0], rangecal.effects()[0].parameters[0],
+                    rangecal.diagnose(source / "notebooks_data/concealed/world-11", laws=True).laws[0]]
     by_name = {type(e).__name__: e for e in examples}
     left_out = {"InputError", "CheckReport"}
     for node in TREE.body:

@@ -210,8 +210,8 @@ std::vector<int> blocks_of_cells(const Rows& rows) {
   };
   for (std::size_t i = 1; i < rows.size(); ++i) {
     if (rows.cell[i] != rows.cell[i - 1]) continue;
-    const auto [low, high] = std::minmax(lowest(rows.block[i]), lowest(rows.block[i - 1]));
-    joined[static_cast<std::size_t>(high)] = low;
+    const int a = lowest(rows.block[i]), b = lowest(rows.block[i - 1]);
+    joined[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
   }
   std::map<int, int> number;
   std::vector<int> block;

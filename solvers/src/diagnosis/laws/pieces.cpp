@@ -84,11 +84,10 @@ class Pieces {
 
   std::vector<LawPiece> made;
 
-  /// All along one variable, times a factor: its text ("d*"), unit ("m") and largest value.
-  void along(const LawVariable& x, const std::string& factor, const std::string& factor_unit,
-             double factor_size) {
+  /// All along one variable, times a factor: its text ("d*"), what an amplitude's unit is multiplied by ("/m"), and its largest value.
+  void along(const LawVariable& x, const std::string& factor, const std::string& per, double factor_size) {
     factor_ = factor;
-    per_ = factor_unit == "1" ? "" : "/" + factor_unit;
+    per_ = per;
     size_ = typical_ / factor_size;
     factor_words_ = factor.empty() ? "" : " times " + factor.substr(0, factor.size() - 1);
     if (x.is_angle)
@@ -97,13 +96,12 @@ class Pieces {
       over(x);
   }
 
-  /// x y, each about its middle.
-  void product(const LawVariable& x, const LawVariable& y, const std::string& factor,
-               const std::string& factor_unit, double factor_size) {
+  /// x y; what of it is x alone, or y, are terms of their own.
+  void product(const LawVariable& x, const LawVariable& y, const std::string& factor, const std::string& per,
+               double factor_size) {
     const double size = typical_ / (factor_size * std::max(std::abs(x.low), std::abs(x.high)) *
                                     std::max(std::abs(y.low), std::abs(y.high)));
-    const std::string unit =
-        unit_ + "/" + x.unit + "/" + y.unit + (factor_unit == "1" ? "" : "/" + factor_unit);
+    const std::string unit = unit_ + "/" + x.unit + "/" + y.unit + per;
     LawPiece piece;
     piece.formula = fmt::format("{}{}*{}*{}", factor, named("a"), x.name, y.name);
     piece.parameters = {{named("a"), unit, size, -1e3 * size, 1e3 * size}};
@@ -199,20 +197,20 @@ std::vector<LawPiece> law_pieces(const Rows& rows, const std::string& channel, i
   for (const LawVariable& v : variables)
     if (v.name == "d") far = v.high, near = v.low;
   struct Factor {
-    const char *text, *unit;
+    const char *text, *per;
     double size;
   };
-  std::vector<Factor> factors{{"", "1", 1.0}};
-  if (channel == "range") factors.insert(factors.end(), {{"d*", "m", far}, {"d^2*", "m^2", far * far}});
-  if (channel == "bearing") factors.push_back({"1/d*", "1/m", 1.0 / near});
+  std::vector<Factor> factors{{"", "", 1.0}};
+  if (channel == "range") factors.insert(factors.end(), {{"d*", "/m", far}, {"d^2*", "/m^2", far * far}});
+  if (channel == "bearing") factors.push_back({"1/d*", "*m", 1.0 / near});
   for (const LawVariable& x : variables)
     for (const Factor& factor : factors)
-      if (x.name != "d" || factor.text[0] == '\0') pieces.along(x, factor.text, factor.unit, factor.size);
+      if (x.name != "d" || factor.text[0] == '\0') pieces.along(x, factor.text, factor.per, factor.size);
   for (std::size_t i = 0; i < variables.size(); ++i)
     for (std::size_t j = i + 1; j < variables.size(); ++j) {
       const LawVariable &x = variables[i], &y = variables[j];
       if (x.name == "d" || x.is_angle || y.is_angle) continue;
-      for (const Factor& factor : factors) pieces.product(x, y, factor.text, factor.unit, factor.size);
+      for (const Factor& factor : factors) pieces.product(x, y, factor.text, factor.per, factor.size);
     }
   return std::move(pieces.made);
 }
