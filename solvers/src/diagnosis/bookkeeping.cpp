@@ -402,12 +402,12 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   const auto matters = [](const GridEvidence& e) {
     return e.share > many_alike || (e.repeated > 0.03 && e.step_over_spread > step_that_matters);
   };
-  // Below the spread rounding is more noise, and no more: spreads, tails and dependence are what they are.
+  // Below the scatter of repeats rounding is more noise, and no more: spreads, tails and dependence are what they are.
   const auto coarse = [](const GridEvidence& e) {
     return !(e.step_over_spread > 0.0) || e.step_over_spread > 1.0;
   };
   const bool on_range = matters(range), on_bearing = !rows.pairs && matters(bearing);
-  found.coarse = (on_range && coarse(range)) || (on_bearing && coarse(bearing));
+  found.coarse = (on_range && (!has_repeats(rows) || coarse(range))) || (on_bearing && coarse(bearing));
   if (on_range) add_range_grid(range, found);
   if (on_bearing) {
     const Effect* effect = find_effect("bearing_quantisation");

@@ -128,7 +128,8 @@ std::optional<CurveFit> fit_curve(const Rows& rows, const Projector& projector, 
   const Eigen::VectorXd x = values_along(rows, projector.geometry(), covariate);
   Reduced best;
   CurveBasis chosen;
-  const std::vector<CurveBasis> candidates = bases(question, x);
+  std::vector<CurveBasis> candidates = bases(question, x);
+  std::erase_if(candidates, [&](const CurveBasis& basis) { return !has_cells_for(rows, basis); });
   for (const CurveBasis& basis : candidates) {
     const Reduced reduced = reduce(score_of(rows, projector, channel, x, basis), price);
     if (reduced.penalised > best.penalised) {

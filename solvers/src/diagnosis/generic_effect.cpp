@@ -31,6 +31,11 @@ Eigen::VectorXd values_along(const Rows& rows, const CellGeometry& geometry, con
   return x;
 }
 
+bool has_cells_for(const Rows& rows, const CurveBasis& basis) {
+  constexpr Eigen::Index cells_of_knot = 3;
+  return cells_of_knot * basis.size() <= rows.cell_count;
+}
+
 std::vector<double> knots_at_equal_shares(const std::vector<double>& sorted, int count) {
   const double apart = 1e-9 * (sorted.back() - sorted.front());
   std::vector<double> knots;

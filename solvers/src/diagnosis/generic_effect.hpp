@@ -55,6 +55,10 @@ struct CurveBasis {
   }
 };
 
+/// True if the recording has three cells or more for every knot of a curve: with one for each it passes through all means,
+/// whatever they are, and tells no shape from errors that the cells have each for itself.
+bool has_cells_for(const Rows& rows, const CurveBasis& basis);
+
 /// At most `count` knots at equal shares of values in ascending order.
 std::vector<double> knots_at_equal_shares(const std::vector<double>& sorted, int count);
 

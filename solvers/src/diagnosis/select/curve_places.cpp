@@ -106,7 +106,8 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
     const CovariateOf value = covariate_of(rows, covariate);
     if (!value) continue;
     const Eigen::VectorXd& x = values.emplace_back(values_along(rows, projector.geometry(), value));
-    const std::vector<CurveBasis> bases = bases_along(covariate, x);
+    std::vector<CurveBasis> bases = bases_along(covariate, x);
+    std::erase_if(bases, [&](const CurveBasis& basis) { return !has_cells_for(rows, basis); });
     if (bases.empty()) continue;
     const std::vector<OneShape> shapes = shapes_along(covariate, rows, x);
     for (const char* channel : {"range", "bearing"}) {

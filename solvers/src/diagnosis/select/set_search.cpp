@@ -388,8 +388,20 @@ class SetSearch {
         refine_member(rows_, table_.front()->fit.state, i, options_, fit);
   }
 
-  /// The three terms of a fit's posterior; false if they are no numbers.
+  /// True if there are three settings or more for every parameter of means, of known distances that were read repeatedly: fewer follow
+  /// whatever errors the settings have each for itself, which then are the better explanation.
+  bool has_settings_for(const Fit& fit) const {
+    constexpr std::ptrdiff_t settings_of_parameter = 3;
+    if (!rows_.pairs || rows_.context.largest_cell < 2) return true;
+    const auto of_means = std::count_if(fit.free.begin(), fit.free.end(), [](const FreeParameter& p) {
+      return p.acts == FreeParameter::Acts::mean;
+    });
+    return settings_of_parameter * of_means <= rows_.cell_count;
+  }
+
+  /// The three terms of a fit's posterior; false if they are no numbers, or the set is none that these readings can tell.
   bool weigh(Hypothesis& h) const {
+    if (!has_settings_for(h.fit)) return false;
     h.gain = root_nll_ - h.fit.nll;
     h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_) +
                          log_calibration_volume(rows_, h.fit) - root_volume_;
