@@ -59,8 +59,7 @@ struct PredictCommand {
     std::vector<std::string> inputs = recording_files(recordings);
     inputs.push_back(law);
     require_apart({json}, inputs);
-    constexpr std::size_t largest = 1u << 20;
-    const std::unique_ptr<Effect> effect = effect_from_formula(read_file(law, largest), law);
+    const std::unique_ptr<Effect> effect = effect_from_file(law);
     const EffectInfo& info = effect->info();
     if (info.kind != EffectKind::mean && info.kind != EffectKind::noise)
       throw InputError(law, 0, "",

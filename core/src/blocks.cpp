@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <map>
 #include <numeric>
-#include <tuple>
+#include <set>
+#include <utility>
 
 namespace rangecal {
 namespace {
@@ -81,6 +82,20 @@ Blocks blocks_of(const Recording& recording) {
   if (distances.size() >= fewest_settings && distances.size() <= pairs.size() / 3)
     return {BlockKind::distances, std::move(block)};
   return {BlockKind::stretches, by_stretch(pairs)};
+}
+
+BlocksOfAll blocks_of_all(std::span<const Recording> recordings) {
+  BlocksOfAll all;
+  std::set<std::string> kinds;
+  int first = 0;
+  for (const Recording& recording : recordings) {
+    const Blocks own = blocks_of(recording);
+    for (const int block : own.of) all.of.push_back(first + block);
+    if (!own.of.empty()) first += 1 + *std::max_element(own.of.begin(), own.of.end());
+    kinds.insert(blocks_in_words(own.kind, recording.groups));
+  }
+  for (const std::string& kind : kinds) all.words += (all.words.empty() ? "" : ", ") + kind;
+  return all;
 }
 
 double effective_blocks(const std::vector<int>& block_of_reading) {

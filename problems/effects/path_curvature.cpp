@@ -42,25 +42,13 @@ class PathCurvature final : public Effect {
 
   void stops(const EffectContext& context, const double* p, std::vector<StopPrior>& stops) const override {
     if (context.path_m.size() != stops.size()) return;
-    Pose2 commanded_before;
-    double path_before = 0.0, path_start = 0.0;
+    std::vector<double> path_m;  // of its recording, up to each stop
+    double start_m = 0.0;
     for (std::size_t k = 0; k < stops.size(); ++k) {
-      const Pose2 commanded = stops[k].commanded;
-      const bool first = k == 0 || stops[k].recording != stops[k - 1].recording;
-      if (first) path_start = context.path_m[k];
-      const double path = context.path_m[k] - path_start;
-      Pose2& pose = stops[k].commanded;
-      if (!first) {
-        const double turn = p[0] * 0.5 * (path_before + path);
-        const double dx = commanded.x_m - commanded_before.x_m, dy = commanded.y_m - commanded_before.y_m;
-        const Pose2& before = stops[k - 1].commanded;
-        pose.x_m = before.x_m + std::cos(turn) * dx - std::sin(turn) * dy;
-        pose.y_m = before.y_m + std::sin(turn) * dx + std::cos(turn) * dy;
-        pose.heading_rad += p[0] * path;
-      }
-      commanded_before = commanded;
-      path_before = path;
+      if (k == 0 || stops[k].recording != stops[k - 1].recording) start_m = context.path_m[k];
+      path_m.push_back(context.path_m[k] - start_m);
     }
+    turn_path(p[0], path_m, stops);
   }
 };
 

@@ -101,12 +101,33 @@ inline std::string lacks_radii(const EffectContext& context) {
   return round ? "" : "radius_m of the landmarks";
 }
 
+/// Turns a commanded path: headings by `scale` times `error` of each stop, 0 at the first of a recording, and each step by the
+/// mean of the errors before and after it, as the chord of an arc.
+inline void turn_path(double scale, const std::vector<double>& error, std::vector<StopPrior>& stops) {
+  Pose2 commanded_before;
+  for (std::size_t k = 0; k < stops.size(); ++k) {
+    const Pose2 commanded = stops[k].commanded;
+    if (k > 0 && stops[k].recording == stops[k - 1].recording) {
+      const double turn = scale * 0.5 * (error[k - 1] + error[k]);
+      const double dx = commanded.x_m - commanded_before.x_m, dy = commanded.y_m - commanded_before.y_m;
+      const Pose2& before = stops[k - 1].commanded;
+      Pose2& pose = stops[k].commanded;
+      pose.x_m = before.x_m + std::cos(turn) * dx - std::sin(turn) * dy;
+      pose.y_m = before.y_m + std::sin(turn) * dx + std::cos(turn) * dy;
+      pose.heading_rad += scale * error[k];
+    }
+    commanded_before = commanded;
+  }
+}
+
 /// An effect along a covariate column, or the kind of them that stands in the catalogue, which changes nothing.
 class ColumnEffect : public Effect {
  public:
   const EffectInfo& info() const final { return info_; }
 
-  std::string missing(const EffectContext& context) const override { return index(context) < 0 ? lacking_ : ""; }
+  std::string missing(const EffectContext& context) const override {
+    return index(context) < 0 ? lacking_ : "";
+  }
 
  protected:
   /// `lacking`: what a recording without such a column lacks. Along a column id and covariate are the column's, and the

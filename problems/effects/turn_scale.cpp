@@ -56,25 +56,12 @@ class TurnScale final : public Effect {
 
   void stops(const EffectContext& context, const double* p, std::vector<StopPrior>& stops) const override {
     if (context.commanded.size() != stops.size()) return;
-    Pose2 commanded_before;
-    double turned = 0.0;
+    std::vector<double> turned;  // commanded, in its recording up to each stop
     for (std::size_t k = 0; k < stops.size(); ++k) {
-      const Pose2 commanded = stops[k].commanded;
-      if (k == 0 || stops[k].recording != stops[k - 1].recording) {
-        turned = 0.0;
-      } else {
-        const double next = turned + turn(context.commanded[k - 1], context.commanded[k]),
-                     angle = p[0] * 0.5 * (turned + next);
-        const double dx = commanded.x_m - commanded_before.x_m, dy = commanded.y_m - commanded_before.y_m;
-        const Pose2& before = stops[k - 1].commanded;
-        Pose2& pose = stops[k].commanded;
-        pose.x_m = before.x_m + std::cos(angle) * dx - std::sin(angle) * dy;
-        pose.y_m = before.y_m + std::sin(angle) * dx + std::cos(angle) * dy;
-        pose.heading_rad += p[0] * next;
-        turned = next;
-      }
-      commanded_before = commanded;
+      const bool first = k == 0 || stops[k].recording != stops[k - 1].recording;
+      turned.push_back(first ? 0.0 : turned.back() + turn(context.commanded[k - 1], context.commanded[k]));
     }
+    turn_path(p[0], turned, stops);
   }
 
  private:

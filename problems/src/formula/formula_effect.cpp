@@ -101,17 +101,22 @@ struct Outliers {
   double size_m = 0.0;
 };
 
+/// What a text states of a parameter beside its bounds.
+struct StatedParameter {
+  std::string name;  ///< in the formula
+  Unit unit{"1"};
+  int starts = 0;                    ///< how many a fit may start from; 0: by default
+  std::optional<double> value = {};  ///< what was found
+  double std_dev = 0.0;              ///< of that, 0 where it is not stated
+};
+
 /// All that a text states.
 struct Stated {
   std::string text;  ///< the whole of it
   GivenChannel channel = channels[0];
   bool before_curve = false;
-  std::vector<std::string> names;             ///< of the parameters, in the formula
-  std::vector<Unit> units;                    ///< the same
-  std::vector<std::optional<double>> values;  ///< the same: what was found
-  std::vector<double> std_devs;               ///< the same: of that, 0 where it is not stated
-  std::vector<int> starts;                    ///< the same: how many a fit may start from; 0: by default
-  std::vector<Slot> slots;                    ///< one for each variable of the expression
+  std::vector<StatedParameter> parameters;  ///< as info has them
+  std::vector<Slot> slots;                  ///< one for each variable of the expression
   bool rest = false;  ///< a part does not vanish with the linear parameters: one that is not linear has it
   Outliers outliers;
   EffectInfo info;
@@ -157,7 +162,8 @@ class FormulaEffect final : public Effect {
         for (double value = p.low; value <= p.high; value += 1.0) axis.push_back(value);
       } else {
         const int by_default = nonlinear == 1 ? 24 : nonlinear == 2 ? 8 : 4;
-        axis = spaced(p.low, p.high, stated_.starts[i] > 0 ? stated_.starts[i] : by_default);
+        axis = spaced(p.low, p.high,
+                      stated_.parameters[i].starts > 0 ? stated_.parameters[i].starts : by_default);
       }
     }
     return grid_of(axes);
@@ -341,12 +347,19 @@ EffectParameter parameter_in(const YamlReader& node, const std::string& name, St
     node.fail("field 'typical' is missing: the size that is often met");
   }
   if (!parameter.discrete && !(std::abs(parameter.typical) > 0.0)) node.at("typical").fail("is 0");
-  stated.starts.push_back(node.has("starts") ? node.at("starts").whole(1) : 0);
-  stated.values.push_back(node.has("value") ? std::optional(node.at("value").number()) : std::nullopt);
-  stated.std_devs.push_back(node.has("std") ? node.at("std").not_negative() : 0.0);
-  stated.names.push_back(name);
-  stated.units.push_back(unit);
+  StatedParameter own{name, unit};
+  if (node.has("starts")) own.starts = node.at("starts").whole(1);
+  if (node.has("value")) own.value = node.at("value").number();
+  if (node.has("std")) own.std_dev = node.at("std").not_negative();
+  stated.parameters.push_back(std::move(own));
   return parameter;
+}
+
+/// -1: it is none.
+int number_of_parameter(const Stated& stated, const std::string& name) {
+  const auto found = std::find_if(stated.parameters.begin(), stated.parameters.end(),
+                                  [&](const StatedParameter& own) { return own.name == name; });
+  return found == stated.parameters.end() ? -1 : static_cast<int>(found - stated.parameters.begin());
 }
 
 Outliers outliers_in(const YamlReader& node, const Stated& stated) {
@@ -360,9 +373,8 @@ Outliers outliers_in(const YamlReader& node, const Stated& stated) {
   else if (side != "both")
     node.at("side").fail("'" + side.substr(0, 40) + "' is none of both, early, late");
   const std::string size = node.at("size").text();
-  const auto named = std::find(stated.names.begin(), stated.names.end(), size);
-  if (named != stated.names.end()) {
-    outliers.parameter = static_cast<int>(named - stated.names.begin());
+  outliers.parameter = number_of_parameter(stated, size);
+  if (outliers.parameter >= 0) {
     if (!(stated.info.parameters[static_cast<std::size_t>(outliers.parameter)].low > 0.0))
       node.at("size").fail("the size of outliers is above 0: 'from' of " + size + " is not");
   } else {
@@ -378,12 +390,7 @@ Unit unit_of_column(const std::string& name, const YamlReader* columns) {
     own.allow_only({"unit"});
     return unit_in(own);
   }
-  const std::string known = column_by_name(name).unit;
-  try {
-    return Unit(known == "dBm" ? "dB" : known);
-  } catch (const std::invalid_argument&) {
-    return Unit("1");
-  }
+  return Unit(unit_of_column_in_formulas(name));
 }
 
 // What a formula has to hold, tried at points.
@@ -499,7 +506,7 @@ class Trial {
                                                   slot.index == static_cast<int>(j);
                                          });
           used == stated.slots.end())
-        node_.at("parameters").fail("the formula does not use '" + stated.names[j] + "'");
+        node_.at("parameters").fail("the formula does not use '" + stated.parameters[j].name + "'");
   }
 
   /// What is left where the linear parameters are 0 has to be another parameter's, which it changes with.
@@ -576,15 +583,15 @@ std::vector<Slot> slots_of(const Expression& expression, const Stated& stated,
   for (const std::string& name : expression.variables()) {
     Slot slot;
     slot.name = name;
-    const auto parameter = std::find(stated.names.begin(), stated.names.end(), name);
+    const int parameter = number_of_parameter(stated, name);
     if (const Variable* variable = variable_of(name)) {
       slot.from = Slot::From::variable;
       slot.index = static_cast<int>(variable - variables.data());
       slot.unit = Unit(variable->unit);
-    } else if (parameter != stated.names.end()) {
+    } else if (parameter >= 0) {
       slot.from = Slot::From::parameter;
-      slot.index = static_cast<int>(parameter - stated.names.begin());
-      slot.unit = stated.units[static_cast<std::size_t>(slot.index)];
+      slot.index = parameter;
+      slot.unit = stated.parameters[static_cast<std::size_t>(parameter)].unit;
     } else if (const auto constant = constants.find(name); constant != constants.end()) {
       slot = constant->second;
     } else {
@@ -677,23 +684,45 @@ std::unique_ptr<FormulaEffect> formula_effect(const std::string& yaml, const std
   return effect;
 }
 
+std::unique_ptr<FormulaEffect> formula_effect_of_file(const std::string& path) {
+  constexpr std::size_t largest = 1u << 20;
+  return formula_effect(read_file(path, largest), path);
+}
+
 }  // namespace
 
 std::unique_ptr<Effect> effect_from_formula(const std::string& yaml, const std::string& file) {
   return formula_effect(yaml, file);
 }
 
+std::unique_ptr<Effect> effect_from_file(const std::string& path) { return formula_effect_of_file(path); }
+
+bool is_column_of_formulas(const std::string& name) {
+  return is_name(name) && variable_of(name) == nullptr && name != "pi" && !is_function(name);
+}
+
+std::string unit_of_column_in_formulas(const std::string& name) {
+  const std::string unit = column_by_name(name).unit;
+  if (unit == "dBm") return "dB";
+  if (unit == "degC") return "K";
+  try {
+    return Unit(unit).text();
+  } catch (const std::invalid_argument&) {
+    return "1";
+  }
+}
+
 StatedValues stated_values(const Effect& effect) {
   const auto* by_formula = dynamic_cast<const FormulaEffect*>(&effect);
   if (by_formula == nullptr) return {};
   const Stated& stated = by_formula->stated();
-  const auto count = static_cast<Eigen::Index>(stated.values.size());
+  const auto count = static_cast<Eigen::Index>(stated.parameters.size());
   StatedValues values{Eigen::VectorXd(count), Eigen::VectorXd(count)};
   for (Eigen::Index i = 0; i < count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    if (!stated.values[at]) return {};
-    values.value[i] = *stated.values[at];
-    values.std_dev[i] = stated.std_devs[at];
+    const StatedParameter& own = stated.parameters[static_cast<std::size_t>(i)];
+    if (!own.value) return {};
+    values.value[i] = *own.value;
+    values.std_dev[i] = own.std_dev;
   }
   return values;
 }
@@ -710,8 +739,7 @@ std::vector<std::string> add_effects_by_formula(const std::string& folder) {
   std::sort(files.begin(), files.end());
   std::vector<std::unique_ptr<FormulaEffect>> read;
   for (const std::string& file : files) {
-    constexpr std::size_t largest = 1u << 20;
-    read.push_back(formula_effect(read_file(file, largest), file));
+    read.push_back(formula_effect_of_file(file));
     const std::string& id = read.back()->info().id;
     for (std::size_t i = 0; i + 1 < read.size(); ++i)
       if (read[i]->info().id == id)

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <deque>
 #include <limits>
-#include <set>
 
 #include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
@@ -316,33 +315,13 @@ Readings readings_about(const Recording& all, const Calibration& calibration) {
   return about;
 }
 
-/// Block of every reading of the recordings, in the order of joined(), and what the blocks are.
-struct HeldOutBlocks {
-  std::vector<int> of;
-  std::string words;
-};
-
-HeldOutBlocks blocks_of_all(std::span<const Recording> recordings) {
-  HeldOutBlocks all;
-  std::set<std::string> kinds;
-  int first = 0;
-  for (const Recording& recording : recordings) {
-    const Blocks own = blocks_of(recording);
-    for (const int block : own.of) all.of.push_back(first + block);
-    if (!own.of.empty()) first += 1 + *std::max_element(own.of.begin(), own.of.end());
-    kinds.insert(blocks_in_words(own.kind, recording.groups));
-  }
-  for (const std::string& kind : kinds) all.words += (all.words.empty() ? "" : ", ") + kind;
-  return all;
-}
-
 /// Outliers, and whether the curve is better than none.
 void judge(const Recording& all, std::span<const Recording> recordings, Calibration& calibration) {
   if (calibration.outcome != Outcome::converged) return;
   const Readings about = readings_about(all, calibration);
   list_outliers(about.z, about.outlier, places_of(recordings), calibration);
   StopInfluence halves;
-  const HeldOutBlocks blocks = blocks_of_all(recordings);
+  const BlocksOfAll blocks = blocks_of_all(recordings);
   const LeftOutErrors errors =
       left_out_errors({all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged, blocks.of},
                       calibration, calibration, halves);
@@ -351,7 +330,7 @@ void judge(const Recording& all, std::span<const Recording> recordings, Calibrat
 
 /// The lowest order that is nearly as likely as AIC's choice and predicts blocks left out no worse than within its
 /// standard error (the one-standard-error rule: Breiman et al. 1984): AIC alone takes an order too many in one of five.
-int order_by_blocks_left_out(const Recording& all, const HeldOutBlocks& blocks, PairsRun& run,
+int order_by_blocks_left_out(const Recording& all, const BlocksOfAll& blocks, PairsRun& run,
                              std::pair<int, NoiseLaw> model, CalibrationReport& report) {
   constexpr double nearly = 4.0;  // of AIC
   const Calibration& highest = run.solved(Method::full, model.first, model.second);

@@ -24,19 +24,23 @@ bool was_chosen(const Rows& rows, const Effect& effect) {
          effect.start_grid(rows.context).size() > 1;
 }
 
-/// `without` and a curve along the covariate of `before`, as the part asks for one.
-Fit with_curve_anew(const Rows& part, const Fit& without, const GenericEffect& before,
+/// Without the curve, and with one along its covariate as the part asks for it. `held`: as `options`, names settled.
+Fit with_curve_anew(const Rows& part, Fit fitted, const GenericEffect& curve, const RefitOptions& held,
                     const RefitOptions& options, OwnedCurves& curves) {
+  Model others = fitted.model;
+  std::erase_if(others, [&](const ActiveEffect& active) { return active.effect == &curve; });
+  Fit without = refit(part, others, fitted.state, held);
+  if (!without.ok) return fitted;
   Question question;
-  question.channel = before.info().channel;
-  question.covariate = before.info().covariate;
-  if (before.basis().wavenumber > 0.0) question.shape = "periodic";
+  question.channel = curve.info().channel;
+  question.covariate = curve.info().covariate;
+  if (curve.basis().wavenumber > 0.0) question.shape = "periodic";
   const WorkingProblem working = working_problem(part, without.model, without.state);
   const Projector projector(part, working, without.state);
-  const std::optional<CurveFit> anew = fit_curve(part, projector, without, question, options);
+  std::optional<CurveFit> anew = fit_curve(part, projector, without, question, options);
   if (!anew) return without;
   curves.push_back(anew->effect);
-  return anew->fit;
+  return std::move(anew->fit);
 }
 
 }  // namespace
@@ -45,20 +49,13 @@ Fit chosen_anew(const Rows& part, Fit fitted, const Rates& rates, const RefitOpt
                 OwnedCurves& curves) {
   RefitOptions held = options;
   held.settled = static_cast<int>(fitted.model.size());
-  const std::size_t effects = fitted.model.size();
-  for (std::size_t e = 0, done = 0; done < effects; ++e, ++done) {
+  for (std::size_t e = 0; e < fitted.model.size(); ++e) {
     const Effect& effect = *fitted.model[e].effect;
-    const auto* curve = dynamic_cast<const GenericEffect*>(&effect);
-    if (!curve && !was_chosen(part, effect)) continue;
+    if (!was_chosen(part, effect)) continue;
     Model others = fitted.model;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
     const Fit without = refit(part, others, fitted.state, held);
     if (!without.ok) continue;
-    if (curve) {  // the new one stands last, the next effect in its place
-      fitted = with_curve_anew(part, without, *curve, options, curves);
-      --e;
-      continue;
-    }
     const Battery battery(part, without.model, without.state, rates, effect);
     std::vector<Height> heights;
     for (const Question& q : battery.questions) heights.emplace_back(q.gain, q.start);
@@ -71,6 +68,10 @@ Fit chosen_anew(const Rows& part, Fit fitted, const Rates& rates, const RefitOpt
       if (trial.ok && trial.nll < fitted.nll) fitted = std::move(trial);
     }
   }
+  const Model chosen = fitted.model;
+  for (const ActiveEffect& active : chosen)
+    if (const auto* curve = dynamic_cast<const GenericEffect*>(active.effect))
+      fitted = with_curve_anew(part, std::move(fitted), *curve, held, options, curves);
   return fitted;
 }
 

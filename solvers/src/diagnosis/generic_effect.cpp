@@ -32,8 +32,7 @@ Eigen::VectorXd values_along(const Rows& rows, const CellGeometry& geometry, con
 }
 
 bool has_cells_for(const Rows& rows, const CurveBasis& basis) {
-  constexpr Eigen::Index cells_of_knot = 3;
-  return cells_of_knot * basis.size() <= rows.cell_count;
+  return cells_of_parameter * basis.size() <= rows.cell_count;
 }
 
 std::vector<double> knots_at_equal_shares(const std::vector<double>& sorted, int count) {

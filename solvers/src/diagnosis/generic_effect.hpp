@@ -55,8 +55,10 @@ struct CurveBasis {
   }
 };
 
-/// True if the recording has three cells or more for every knot of a curve: with one for each it passes through all means,
-/// whatever they are, and tells no shape from errors that the cells have each for itself.
+/// Cells, or settings, for each parameter of means: fewer follow whatever errors the cells have each for itself.
+inline constexpr Eigen::Index cells_of_parameter = 3;
+
+/// True if the recording has so many for every knot of a curve: with one for each it passes through all means, whatever they are.
 bool has_cells_for(const Rows& rows, const CurveBasis& basis);
 
 /// At most `count` knots at equal shares of values in ascending order.

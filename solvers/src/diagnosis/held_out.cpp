@@ -156,8 +156,6 @@ struct Predictions {
 /// Fills `all` by whole recordings, if there are several and each fit can be asked about them; else says why not.
 bool predict_by_recordings(const Rows& rows, const SearchResult& found, const std::vector<const Fit*>& fits,
                            Predictions& all) {
-  all.blocks = rows.blocks;
-  all.effective = effective_blocks(rows.block);
   if (recordings_with_readings(rows) < 2) return false;
   std::string why_not;
   for (const Fit* fit : fits)
@@ -169,18 +167,18 @@ bool predict_by_recordings(const Rows& rows, const SearchResult& found, const st
           all.of_fit[i] = predict_recordings(rows, *fits[i], found.rates, RefitOptions{});
         },
         jobs_at_once(rows.size()));
-    all.blocks = "recordings";
-    std::vector<int> recording;
-    for (const int cell : rows.cell) recording.push_back(recording_of(rows, static_cast<std::size_t>(cell)));
-    all.effective = effective_blocks(recording);
-    all.note = whole_recordings_in_words(rows);
-    if (std::all_of(all.of_fit.begin(), all.of_fit.end(), [](const HeldOut& held) { return held.ok; }))
+    if (std::all_of(all.of_fit.begin(), all.of_fit.end(), [](const HeldOut& held) { return held.ok; })) {
+      std::vector<int> recording;
+      for (const int cell : rows.cell)
+        recording.push_back(recording_of(rows, static_cast<std::size_t>(cell)));
+      all.blocks = "recordings";
+      all.effective = effective_blocks(recording);
+      all.note = whole_recordings_in_words(rows);
       return true;
+    }
     why_not = "without one, the others do not determine a calibration that predicts it";
   }
-  all.blocks = rows.blocks;
-  all.effective = effective_blocks(rows.block);
-  all.note = fmt::format("held out: {} of all recordings, not whole recordings: {}", all.blocks, why_not);
+  all.note = fmt::format("held out: {} of all recordings, not whole recordings: {}", rows.blocks, why_not);
   return false;
 }
 
@@ -204,6 +202,8 @@ Predictions predict_all(const Rows& rows, const SearchResult& found, const std::
   Predictions all;
   all.of_fit.resize(fits.size());
   if (predict_by_recordings(rows, found, fits, all)) return all;
+  all.blocks = rows.blocks;
+  all.effective = effective_blocks(rows.block);
   const std::vector<int> blocks = blocks_of_cells(rows);
   const std::vector<int> folds = folds_of(rows, blocks, fold_count);
   in_parallel(

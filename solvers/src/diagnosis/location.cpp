@@ -323,6 +323,8 @@ void add_location(const Rows& rows, const SearchResult& found, const GenericMode
   const auto add_bookkeeping = [&] {
     for (const Question& q : found.known.findings) {
       result.location.push_back(finding_of_bookkeeping(found, q));
+      if (!found.named())
+        result.location.back().effects = result.final_effects;  // it is there, but no answer
       close_place(rows, geometry, result.location.back());
     }
   };
@@ -331,12 +333,7 @@ void add_location(const Rows& rows, const SearchResult& found, const GenericMode
     add_named_curves(rows, found, result);
   }
   add_shapes(rows, found, generic, result);
-  if (!found.named()) {  // it is there, but no answer
-    add_bookkeeping();
-    for (std::size_t i = result.location.size() - found.known.findings.size(); i < result.location.size();
-         ++i)
-      result.location[i].effects = result.final_effects;
-  }
+  if (!found.named()) add_bookkeeping();
   if (result.location.empty() && !found.first->questions.empty()) {
     result.location.push_back(finding_of_shape(rows, found, found.first->strongest()));
     result.location.back().effects = result.final_effects;

@@ -86,6 +86,10 @@ class Reporting {
       settle_what_is_open();  // of the model that is delivered now
       write();
     }
+    if (options_.laws && generic_ && generic_->effect) {
+      say("looking for laws", 0.7);
+      result_.laws = find_laws(rows_, found_, *generic_, RefitOptions{});
+    }
     add_residual_bins(rows_, found_, completed_, result_);
     place_by_residuals(rows_, result_.location);
     say("looking for what could be hidden", 0.9);
@@ -133,10 +137,6 @@ class Reporting {
       result_.notes.push_back(std::move(doubt));
     generic_ = add_generic(rows_, found_, result_);
     add_location(rows_, found_, generic_ ? &*generic_ : nullptr, result_);
-    if (options_.laws && generic_ && generic_->effect) {
-      say("looking for laws", 0.7);
-      result_.laws = find_laws(rows_, found_, *generic_, RefitOptions{});
-    }
     // Where no curve stands for what a partial name leaves, the name's own.
     completed_ = !curve() && found_.partly() ? &found_.best.fit : curve();
     if (options_.simulation) compare_noise(*options_.simulation, result_.corrected, result_);

@@ -61,14 +61,8 @@ std::vector<std::size_t> pairs_in_order(const std::vector<int>& cell) {
   return order;
 }
 
-/// The blocks of one recording among those of all.
-struct NumberedBlocks {
-  std::vector<int> of;
-  int first = 0;
-};
-
 void append_landmark_rows(const Recording& recording, int first_stop, int first_landmark, double first_time,
-                          const NumberedBlocks& blocks, Rows& rows) {
+                          std::span<const int> block, Rows& rows) {
   const Readings& r = recording.readings;
   const std::vector<std::size_t> order = cell_order(r);
   for (std::size_t j = 0; j < order.size(); ++j) {
@@ -87,7 +81,7 @@ void append_landmark_rows(const Recording& recording, int first_stop, int first_
     rows.time_s.push_back(r.time_s.empty() ? 0.0 : r.time_s[i] - first_time);
     rows.radius_m.push_back(recording.landmarks[r.landmark[i]].radius_m);
     rows.heading_rad.push_back(recording.stops[r.stop[i]].commanded.heading_rad);
-    rows.block.push_back(blocks.first + blocks.of[i]);
+    rows.block.push_back(block[i]);
     add_covariates(r.covariates, i, rows);
   }
 }
@@ -145,7 +139,7 @@ std::vector<double> rates_of_pairs(const Pairs& p) {
 }
 
 void append_pair_rows(const Recording& recording, int index, int first_landmark, double first_time,
-                      const NumberedBlocks& blocks, Rows& rows) {
+                      std::span<const int> block, Rows& rows) {
   const Pairs& p = recording.pairs;
   const std::vector<int> cell = cells_of_pairs(recording);
   const std::vector<std::size_t> order = pairs_in_order(cell);
@@ -166,7 +160,7 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
     rows.time_s.push_back(p.time_s.empty() ? 0.0 : p.time_s[i] - first_time);
     rows.radius_m.push_back(0.0);
     rows.heading_rad.push_back(0.0);
-    rows.block.push_back(blocks.first + blocks.of[i]);
+    rows.block.push_back(block[i]);
     rows.rate_mps.push_back(rate_mps[i]);
     add_covariates(p.covariates, i, rows);
     if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
@@ -281,23 +275,21 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);
-  int first_stop = 0, first_landmark = 0, first_block = 0, index = 0;
-  std::set<std::string> kinds;
+  const BlocksOfAll blocks = blocks_of_all(recordings);
+  rows.blocks = blocks.words;
+  int first_stop = 0, first_landmark = 0, index = 0;
   for (const Recording& recording : recordings) {
-    Blocks held_out = blocks_of(recording);
-    kinds.insert(blocks_in_words(held_out.kind, recording.groups));
-    const NumberedBlocks blocks{std::move(held_out.of), first_block};
-    if (!blocks.of.empty()) first_block += 1 + *std::max_element(blocks.of.begin(), blocks.of.end());
+    const std::span<const int> block = std::span(blocks.of).subspan(
+        rows.size(), rows.pairs ? recording.pairs.size() : recording.readings.size());
     if (rows.pairs)
-      append_pair_rows(recording, index, first_landmark, first_time_of(recording), blocks, rows);
+      append_pair_rows(recording, index, first_landmark, first_time_of(recording), block, rows);
     else
-      append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), blocks, rows);
+      append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), block, rows);
     first_stop += static_cast<int>(recording.stops.size());
     first_landmark += static_cast<int>(recording.landmarks.size());
     ++index;
   }
   rows.cell_begin.push_back(static_cast<int>(rows.size()));
-  for (const std::string& kind : kinds) rows.blocks += (rows.blocks.empty() ? "" : ", ") + kind;
   if (rows.pairs) {
     rows.problem.landmark_radius_m = {0.0};
     rows.problem.landmark_recording = {0};

@@ -58,12 +58,11 @@ void add_squares(const Rows& rows, const std::vector<char>& out, const Model& mo
     const int begin = rows.cell_begin[static_cast<std::size_t>(c)],
               end = rows.cell_begin[static_cast<std::size_t>(c) + 1];
     double error = 0.0;
-    for (int i = begin; i < end; ++i)
-      error -= tail_law_of(rows, geometry, model, static_cast<std::size_t>(i)).mean() / (end - begin);
-    for (int i = begin; i < end; ++i)
-      error += (rows.range_m[static_cast<std::size_t>(i)] - geometry.f[static_cast<std::size_t>(c)] -
-                changes.range[i]) /
-               (end - begin);
+    for (int i = begin; i < end; ++i) {
+      const double predicted = geometry.f[static_cast<std::size_t>(c)] + changes.range[i] +
+                               tail_law_of(rows, geometry, model, static_cast<std::size_t>(i)).mean();
+      error += (rows.range_m[static_cast<std::size_t>(i)] - predicted) / (end - begin);
+    }
     held.squares += error * error;
     held.cells += 1.0;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,13 @@ Blocks blocks_of(const Recording& recording);
 
 /// As many blocks of one size would scatter as these do: (sum n)^2 / sum n^2, n the readings of a block.
 double effective_blocks(const std::vector<int>& block_of_reading);
+
+/// Those of recordings laid end to end.
+struct BlocksOfAll {
+  std::vector<int> of;  ///< of every reading, recording after recording
+  std::string words;    ///< what they are, each kind once: "batches, distances"
+};
+BlocksOfAll blocks_of_all(std::span<const Recording> recordings);
 
 /// "batches", "stops", ...; of groups with the columns that state them: "groups of trial".
 std::string blocks_in_words(BlockKind kind, const Groups& groups);

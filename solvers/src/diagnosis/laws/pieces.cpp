@@ -11,6 +11,8 @@
 #include <optional>
 #include <set>
 
+#include "rangecal/problems/effects/formula_effect.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -38,14 +40,6 @@ std::optional<LawVariable> variable_of(const std::string& name, const std::strin
   return v;
 }
 
-bool is_name(const std::string& text) {
-  static const std::set<std::string> taken{"b",      "d",      "duration", "f", "heading", "landmark",
-                                           "radius", "repeat", "stop",     "t", "pi"};
-  return !text.empty() && !taken.contains(text) && std::isdigit(static_cast<unsigned char>(text[0])) == 0 &&
-         std::all_of(text.begin(), text.end(),
-                     [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; });
-}
-
 std::vector<LawVariable> variables_of(const Rows& rows) {
   std::vector<LawVariable> variables;
   const auto add = [&](std::optional<LawVariable> v) {
@@ -59,13 +53,11 @@ std::vector<LawVariable> variables_of(const Rows& rows) {
   }
   const std::size_t columns = rows.context.covariates.size();
   for (std::size_t c = 0; c < columns; ++c) {
-    if (!is_name(rows.context.covariates[c])) continue;
+    const std::string& name = rows.context.covariates[c];
+    if (!is_column_of_formulas(name)) continue;
     std::vector<double> values;
     for (std::size_t i = c; i < rows.covariates.size(); i += columns) values.push_back(rows.covariates[i]);
-    std::string unit = column_by_name(rows.context.covariates[c]).unit;
-    if (unit == "dBm") unit = "dB";
-    if (unit == "degC") unit = "K";
-    add(variable_of(rows.context.covariates[c], unit.empty() ? "1" : unit, values));
+    add(variable_of(name, unit_of_column_in_formulas(name), values));
   }
   return variables;
 }

@@ -388,15 +388,13 @@ class SetSearch {
         refine_member(rows_, table_.front()->fit.state, i, options_, fit);
   }
 
-  /// True if there are three settings or more for every parameter of means, of known distances that were read repeatedly: fewer follow
-  /// whatever errors the settings have each for itself, which then are the better explanation.
+  /// True if known distances that were read repeatedly are settings enough for the parameters of means.
   bool has_settings_for(const Fit& fit) const {
-    constexpr std::ptrdiff_t settings_of_parameter = 3;
     if (!rows_.pairs || rows_.context.largest_cell < 2) return true;
     const auto of_means = std::count_if(fit.free.begin(), fit.free.end(), [](const FreeParameter& p) {
       return p.acts == FreeParameter::Acts::mean;
     });
-    return settings_of_parameter * of_means <= rows_.cell_count;
+    return cells_of_parameter * of_means <= rows_.cell_count;
   }
 
   /// The three terms of a fit's posterior; false if they are no numbers, or the set is none that these readings can tell.

@@ -17,6 +17,14 @@ namespace rangecal {
 /// not vanish with its parameters, one that is no finite number.
 std::unique_ptr<Effect> effect_from_formula(const std::string& yaml, const std::string& file);
 
+/// The same of a file.
+std::unique_ptr<Effect> effect_from_file(const std::string& path);
+
+/// True if a formula can ask for a covariate column of that name: a name, and no variable or function.
+bool is_column_of_formulas(const std::string& name);
+/// The unit that a formula takes the column to be in, by its name: decibels for dBm, K for degC, "1" where the name says none.
+std::string unit_of_column_in_formulas(const std::string& name);
+
 /// What a text states of its parameters, as a law that was found does.
 struct StatedValues {
   Eigen::VectorXd value;    ///< `value` of each; empty where one has none, or the effect is no formula
