@@ -5,7 +5,13 @@
 //   e_i = rho e_(i-1) + sqrt(1 - rho^2) w_i
 //     rho for range and for bearing [-]; variance of a mean times (1 + rho) / (1 - rho)
 //
-// Source: derived: first-order autoregression from reading to reading.
+// Known distances read on the way, none twice, follow one another by device and in order of time. What their errors share is
+// rarely all of the noise (multipath, a pose that is off for a while), and gaps differ:
+//
+//   e_i = sqrt(q) x_i + sqrt(1 - q) w_i,   corr(x_i, x_(i-1)) = rho^(gap_i / usual gap)
+//     q = share of the variance [-]
+//
+// Source: derived: first-order autoregression from reading to reading (an Ornstein-Uhlenbeck process where gaps differ).
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
@@ -22,39 +28,50 @@ class AutocorrelatedNoise final : public Effect {
         .channel = "range_dependence",
         .covariate = "repeat",
         .physics =
-            "Successive readings hang together: the driver smooths them, so repeats count for less than they "
-            "seem.",
-        .formula = "e_i = rho e_(i-1) + sqrt(1 - rho^2) w_i over the repeats, rho for range and for bearing",
+            "Readings taken one after another share part of their errors (a filter in the driver, an error that "
+            "wanders), so they count for less than they seem.",
+        .formula =
+            "e_i = rho e_(i-1) + sqrt(1 - rho^2) w_i over the repeats, rho for range and for bearing; of known "
+            "distances read on the way a share of the noise, rho over the usual gap",
         .source = "derived: first-order autoregression from reading to reading",
         .visible_by = "many sweeps at each stop",
         .settled_by = "200 sweeps at one stop: autocorrelation and distinct values",
         .parameters = {{.name = "rho", .typical = 0.6, .low = 0.0, .high = 0.98, .linear = false},
-                       {.name = "bearing_rho", .typical = 0.6, .low = 0.0, .high = 0.98, .linear = false}}};
+                       {.name = "bearing_rho", .typical = 0.6, .low = 0.0, .high = 0.98, .linear = false},
+                       {.name = "share", .typical = 0.5, .low = 0.0, .high = 1.0, .linear = false}}};
     return value;
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
+    if (context.in_sequence) return {point({0.6, 0.0, 0.9}), point({0.9, 0.0, 0.5}), point({0.98, 0.0, 0.3})};
     if (context.kind == RecordingKind::pairs)
-      return {point({0.3, 0.0}), point({0.6, 0.0}), point({0.9, 0.0})};
-    return {point({0.3, 0.0}), point({0.6, 0.0}), point({0.9, 0.0}), point({0.0, 0.6}), point({0.6, 0.6})};
+      return {point({0.3, 0.0, 1.0}), point({0.6, 0.0, 1.0}), point({0.9, 0.0, 1.0})};
+    return {point({0.3, 0.0, 1.0}), point({0.6, 0.0, 1.0}), point({0.9, 0.0, 1.0}), point({0.0, 0.6, 1.0}),
+            point({0.6, 0.6, 1.0})};
   }
 
-  std::string missing(const EffectContext& context) const override { return lacks_repeats(context, 3); }
+  std::string missing(const EffectContext& context) const override {
+    return context.in_sequence ? "" : lacks_repeats(context, 3);
+  }
 
-  /// Pairs have no channel of bearings.
+  /// Pairs have no channel of bearings; repeats share all of their noise.
   std::pair<double, double> bounds(const EffectContext& context, std::size_t parameter) const override {
-    const bool silent = context.kind == RecordingKind::pairs && parameter == 1;
-    return silent ? std::pair(0.0, 0.0) : Effect::bounds(context, parameter);
+    if (parameter == 1 && context.kind == RecordingKind::pairs) return {0.0, 0.0};
+    if (parameter == 2 && !context.in_sequence) return {1.0, 1.0};
+    if (parameter == 0 && context.in_sequence) return {0.0, 0.9995};
+    if (parameter == 2) return {0.0, 0.99};  // a little of the noise is of each reading alone
+    return Effect::bounds(context, parameter);
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
                                                        const double* p) const override {
+    if (context.in_sequence) return {{"rho", p[0]}, {"share", p[2]}};
     if (context.kind == RecordingKind::pairs) return {{"rho", p[0]}};
-    return Effect::reported(context, p);
+    return {{"rho", p[0]}, {"bearing_rho", p[1]}};
   }
 
   Dependence dependence(const double* p) const override {
-    return {.range_correlation = p[0], .bearing_correlation = p[1]};
+    return {.range_correlation = p[0], .range_correlated_share = p[2], .bearing_correlation = p[1]};
   }
 };
 

@@ -136,9 +136,10 @@ TEST(FleetCommand, SaysWhatIsOddWhereTheDiagnosisFindsNothing) {
   auto said = explanations_in(db);
   const std::string follows = said[folder.file("fleet/u005")], steep = said[folder.file("fleet/u006")];
   EXPECT_THAT(follows, HasSubstr("neighbouring readings depend on each other: correlation +0."));
-  EXPECT_THAT(follows, HasSubstr("; physics within its own recording: none found"));
+  EXPECT_THAT(follows, HasSubstr("; physics within its own recording: Explained by autocorrelated_noise"));
   EXPECT_THAT(steep, HasSubstr("calibration differs from the population's: alpha_1 +0."));  // 0.3, no unit
   EXPECT_THAT(steep, HasSubstr(" sd)"));
+  EXPECT_THAT(steep, HasSubstr("; physics within its own recording: none found"));
   for (const auto& [name, text] : said) EXPECT_THAT(text, ::testing::Not(HasSubstr("No mismatch"))) << name;
 }
 

@@ -47,8 +47,7 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
     const double score = projector_.score(x);
     question.statistic += score * score;
     // The size is what the calibration leaves of the shape, not its coefficient.
-    const Eigen::VectorXd range =
-        projected.head(n).cwiseQuotient(projector_.range_information.cwiseMax(1e-300));
+    const Eigen::VectorXd range = projector_.unweighted(projected.head(n));
     const Eigen::VectorXd bearing =
         projected.tail(n).cwiseQuotient(projector_.bearing_information.cwiseMax(1e-300));
     const bool of_bearing = question.channel == "bearing";
@@ -96,7 +95,7 @@ double Battery::fitted_gain(const Question& question, const Signature& fitted) c
                : (information.array() * change.array() * (2.0 * residual.array() - change.array())).sum();
   };
   const double range =
-      fall(projector_.range_information, projector_.range_residual, fitted.range) +
+      projector_.weighted(fitted.range).dot(2.0 * projector_.range_residual - fitted.range) +
       fall(projector_.row_range_information, projector_.row_range_residual, fitted.range_rows);
   const double bearing =
       fall(projector_.bearing_information, projector_.bearing_residual, fitted.bearing) +

@@ -48,10 +48,12 @@ void Battery::fill_variance_units() {
     units.dof.resize(2 * cells);
     Signature unit;
     unit.range = unit.bearing = Eigen::VectorXd::Zero(cells);
+    const Eigen::VectorXd white =
+        bearing ? projector_.bearing_residual.cwiseProduct(projector_.bearing_information.cwiseSqrt()).eval()
+                : projector_.whitened(projector_.range_residual);
     for (int i = 0; i < cells; ++i) {
       const double information =
           bearing ? projector_.bearing_information[i] : projector_.range_information[i];
-      const double residual = bearing ? projector_.bearing_residual[i] : projector_.range_residual[i];
       const double count = rows_.cell_begin[i + 1] - rows_.cell_begin[i];
       const double mean_square = bearing ? c.bearing_mean_square[i] : c.range_mean_square[i];
       units.square[i] = information * mean_square;
@@ -67,7 +69,7 @@ void Battery::fill_variance_units() {
         left = projector_.project(unit)[bearing ? cells + i : i] / information;
         column[i] = 0.0;
       }
-      units.square[cells + i] = information * residual * residual;
+      units.square[cells + i] = white[i] * white[i];
       units.dof[cells + i] = std::max(left, 1e-6);
     }
     cell_chi_sq += units.square.tail(cells).sum();
@@ -217,7 +219,7 @@ void Battery::ask_scalars() {
   const int cells = rows_.cell_count;
   UnitResiduals residuals;
   residuals.range_rows = range_scores_;
-  residuals.range_cells = projector_.range_residual.cwiseProduct(projector_.range_information.cwiseSqrt());
+  residuals.range_cells = projector_.whitened(projector_.range_residual);
   residuals.stops = Eigen::VectorXd::Zero(projector_.system().layout().coordinates);
   Eigen::VectorXd bearing_dof;
   if (!rows_.pairs) {

@@ -38,8 +38,7 @@ double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& s
   const Projector projector(rows, working, state);
   const Eigen::Index alphas = state.alpha.size();
   const AlphaPrior& prior = *rows.alpha_prior;
-  const Eigen::VectorXd gradient =
-      projector.system().reduced_gradient().head(alphas) + prior.precision * (state.alpha - prior.mean);
+  const Eigen::VectorXd gradient = projector.alpha_gradient() + prior.precision * (state.alpha - prior.mean);
   const Eigen::VectorXd step = -projector.phi_covariance().topLeftCorner(alphas, alphas) * gradient;
   state.alpha += step;
   return -0.5 * gradient.dot(step);
@@ -51,8 +50,11 @@ bool holds_readings(const Rows& rows, const JointState& state) {
   return upper_median(cell_geometry(rows, state).spread) < rows.context.range_max_m;  // false of NaN
 }
 
-MarginalFit solve(const Rows& rows, const JointProblem& problem, const JointState& start,
+MarginalFit solve(const Rows& rows, const WorkingProblem& working, const JointState& start,
                   const MarginalOptions& options) {
+  const JointProblem& problem = working.problem;
+  if (!working.serial.independent())
+    return solve_with_serial_errors(problem, working.serial, start, options.held);
   if (rows.pairs && !options.held.alpha && !options.held.sigmas)
     if (std::optional<MarginalFit> fit = solve_at_known_distances(problem, start)) return std::move(*fit);
   return solve_marginal(problem, start, options);
@@ -76,7 +78,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     const WorkingProblem working = rounds.begin(rows, model, state);
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
-    MarginalFit fit = solve(rows, working.problem, start, marginal);
+    MarginalFit fit = solve(rows, working, start, marginal);
     if (!std::isfinite(fit.marginal_nll) || fit.outcome == Outcome::failed ||
         !holds_readings(rows, fit.state))
       return infinity;
@@ -86,7 +88,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     for (int move = 0; move < 3 && rows.alpha_prior && !rows.alpha_prior->exact(); ++move) {
       JointState moved = fit.state;
       if (!(step_alpha(rows, working, moved) > 1e-3)) break;
-      MarginalFit next = solve_marginal(working.problem, moved, marginal);
+      MarginalFit next = solve(rows, working, moved, marginal);
       const double next_value = next.marginal_nll + prior_nll(rows, next.state.alpha);
       if (next.outcome == Outcome::failed || !(next_value < fit_value)) break;
       fit_value = next_value;
@@ -96,8 +98,8 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     value = fit_value + working.constant;
     if (rounds.bends()) {  // the solve saw straight lines; the value is that of the effects where it ended
       const WorkingProblem ended = working_problem(rows, model, state);
-      value += joint_nll(ended.problem, state) + ended.constant - joint_nll(working.problem, state) -
-               working.constant;
+      value += joint_nll(ended.problem, state) + ended.constant + serial_nll(rows, ended, state) -
+               joint_nll(working.problem, state) - working.constant - serial_nll(rows, working, state);
     }
     if (rounds.bends() && !(value < least)) continue;
     least = value;

@@ -122,7 +122,7 @@ std::optional<GenericModel> add_generic(const Rows& rows, const SearchResult& fo
       log_chi_sq_survival(price, std::max(1, static_cast<int>(generic.fit.free.size()))));
   const double taken =
       generic.effect->info().kind == EffectKind::mean ? static_cast<double>(generic.fit.free.size()) : 0.0;
-  const double chi_sq = projector.range_residual.cwiseAbs2().dot(projector.range_information) +
+  const double chi_sq = projector.whitened(projector.range_residual).squaredNorm() +
                         projector.bearing_residual.cwiseAbs2().dot(projector.bearing_information);
   result.after.chi_sq_per_dof = chi_sq / std::max(1.0, found.first->cell_dof - taken);
   return generic;

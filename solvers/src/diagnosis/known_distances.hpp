@@ -15,4 +15,12 @@ namespace rangecal::diagnosis {
 /// Cost: some 40 passes of about 1 ns per cell.
 std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem, const JointState& start);
 
+/// The same where the errors of the readings, one a cell, depend on one another along a sequence: with z the residuals in
+/// units of their spreads, log s = tau + g(f, d), and u = K z (SerialErrors),
+///   NLL = n tau + sum g_i + u^T u / 2 + constants [nats];
+/// Fisher scoring in alpha and the REML update of tau in turn. The determinant of the sequence is left to the caller. Fails
+/// for a polynomial noise law.
+MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialErrors& serial,
+                                     const JointState& start, const Held& held);
+
 }  // namespace rangecal::diagnosis

@@ -63,9 +63,10 @@ Trace trace_of(const Rows& rows, const Projector& projector, const Model& effect
   trace.fall = std::pow(projector.score(x), 2) / information;
   const int cells = projector.cells();
   const auto left = [](double pull, double weight) { return weight > 0.0 ? pull / weight : 0.0; };
+  const Eigen::VectorXd range = projector.unweighted(projected.head(cells));
   for (Eigen::Index i = 0; i < n; ++i) {
     const int c = rows.cell[static_cast<std::size_t>(i)];
-    trace.range[i] = left(projected[c], projector.range_information[c]);
+    trace.range[i] = range[c];
     trace.bearing[i] = left(projected[cells + c], projector.bearing_information[c]);
     if (!x.within()) continue;
     trace.range[i] += x.range_rows[i];

@@ -68,16 +68,15 @@ NullDraws::NullDraws(const Rows& rows, const Projector& projector, const JointPr
       projector_(projector),
       problem_(problem),
       scalars_(scalars),
-      range_{range, projector.range_information.cwiseSqrt(), projector.row_range_information.cwiseSqrt()},
-      bearing_{bearing, projector.bearing_information.cwiseSqrt(),
-               projector.row_bearing_information.cwiseSqrt()},
+      range_{range, projector.row_range_information.cwiseSqrt()},
+      bearing_{bearing, projector.row_bearing_information.cwiseSqrt()},
       has_rows_(wants_rows || rows.size() <= most_rows) {}
 
 Eigen::VectorXd NullDraws::draw_cells(Random& random) const {
   const int cells = projector_.cells();
-  const Eigen::VectorXd range_sd = spread_of(projector_.range_information);
   Eigen::VectorXd errors = Eigen::VectorXd::Zero(2 * cells);
-  for (int c = 0; c < cells; ++c) errors[c] = random.normal() * range_sd[c];
+  for (int c = 0; c < cells; ++c) errors[c] = random.normal();
+  errors.head(cells) = projector_.coloured(errors.head(cells));
   if (!rows_.pairs) {
     const Eigen::VectorXd bearing_sd = spread_of(projector_.bearing_information);
     for (int c = 0; c < cells; ++c) errors[cells + c] = random.normal() * bearing_sd[c];
@@ -94,12 +93,11 @@ Eigen::VectorXd NullDraws::draw_cells(Random& random) const {
   return errors;
 }
 
-NullDraws::Settled NullDraws::settle(const Channel& channel, const Eigen::VectorXd& cell_residuals,
-                                     Random& random) const {
+NullDraws::Settled NullDraws::settle(const Channel& channel, Eigen::VectorXd white, Random& random) const {
   const int cells = projector_.cells();
   const Eigen::VectorXd& dof = channel.units.dof;
   Settled settled;
-  settled.cells = cell_residuals.cwiseProduct(channel.cell_scale);
+  settled.cells = std::move(white);
   Eigen::VectorXd square(2 * cells);
   square.tail(cells) = settled.cells.cwiseAbs2();
   if (has_rows_) {
@@ -133,14 +131,16 @@ NullDraw NullDraws::draw(Random& random) const {
   projector_.absorbed(errors, phi, left.stops);
   const Signature taken = projector_.of_calibration(phi, left.stops);
 
-  Settled range = settle(range_, errors.range - taken.range, random);
+  Settled range = settle(range_, projector_.whitened(errors.range - taken.range), random);
   draw.cells.head(cells) /= range.scale;
   draw.range_excess = std::move(range.excess);
   if (has_rows_) draw.range_rows = range.rows.cwiseQuotient(range_.row_scale);
   left.range_cells = std::move(range.cells);
   left.range_rows = std::move(range.rows);
   if (!rows_.pairs) {
-    Settled bearing = settle(bearing_, errors.bearing - taken.bearing, random);
+    Settled bearing = settle(
+        bearing_, (errors.bearing - taken.bearing).cwiseProduct(projector_.bearing_information.cwiseSqrt()),
+        random);
     draw.cells.tail(cells) /= bearing.scale;
     draw.bearing_excess = std::move(bearing.excess);
     if (has_rows_) draw.bearing_rows = bearing.rows.cwiseQuotient(bearing_.row_scale);

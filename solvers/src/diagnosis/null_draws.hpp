@@ -38,11 +38,10 @@ class NullDraws {
   NullDraw draw(Random& random) const;
 
  private:
-  /// What does not change from draw to draw: of one cell mean and of one row, one over the standard
-  /// deviation.
+  /// What does not change from draw to draw: of one row, one over the standard deviation.
   struct Channel {
     const VarianceUnits& units;
-    Eigen::VectorXd cell_scale, row_scale;
+    Eigen::VectorXd row_scale;
   };
   /// Residuals of one channel in units of its spread, which is estimated from them: `scale` times what was
   /// drawn with.
@@ -51,7 +50,8 @@ class NullDraws {
     Eigen::VectorXd cells, rows, excess;
   };
   Eigen::VectorXd draw_cells(Random& random) const;
-  Settled settle(const Channel& channel, const Eigen::VectorXd& cell_residuals, Random& random) const;
+  /// `cells`: of the cell means, in units of their spread.
+  Settled settle(const Channel& channel, Eigen::VectorXd cells, Random& random) const;
 
   const Rows& rows_;
   const Projector& projector_;

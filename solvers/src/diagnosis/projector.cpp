@@ -62,6 +62,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
       geometry_(cell_geometry(rows, state)),
       range_whitening_(working.range_whitening),
       bearing_whitening_(working.bearing_whitening),
+      serial_(working.serial),
       problem_(with_held_spreads(working.problem, geometry_)),
       system_(problem_, static_cast<int>(state.alpha.size()), 1) {
   const JointProblem& problem = working.problem;
@@ -96,6 +97,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   phi_factor_ = Eigen::MatrixXd::Zero(system_.layout().global_count, system_.layout().global_count);
   Eigen::MatrixXd information = system_.schur().topLeftCorner(phi, phi);
   const int alphas = system_.layout().alpha_count;
+  if (!serial_.independent()) information = serial_information();
   if (rows.alpha_prior && rows.alpha_prior->exact()) {
     information.leftCols(alphas).setZero();
     information.topRows(alphas).setZero();
@@ -116,6 +118,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   // Effects that change fast with distance leave the calibration a little off its optimum when the readings
   // are corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
   Eigen::VectorXd pull = -system_.global_gradient();
+  if (!serial_.independent()) pull = pulls(residuals()).globals;
   const auto settle = [&](Eigen::VectorXd& range, Eigen::VectorXd& bearing) {
     pull.tail(pull.size() - phi).setZero();
     const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
@@ -130,14 +133,58 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   if (!rows.pairs && c.bend.empty())
     pull -= expect_scores();  // a fast bend has no second derivative to go by
   settle(range_residual, bearing_residual);
+  if (!serial_.independent()) weighted_residual_ = weighted(range_residual);
+}
+
+Signature Projector::residuals() const {
+  Signature r;
+  r.range = range_residual;
+  r.bearing = bearing_residual;
+  return r;
+}
+
+Eigen::VectorXd Projector::whitened(const Eigen::VectorXd& range) const {
+  return serial_.whitened(range.cwiseProduct(range_information.cwiseSqrt()));
+}
+
+Eigen::VectorXd Projector::coloured(const Eigen::VectorXd& white) const {
+  return serial_.coloured(white).cwiseQuotient(range_information.cwiseMax(1e-300).cwiseSqrt());
+}
+
+Eigen::VectorXd Projector::weighted(const Eigen::VectorXd& range) const {
+  if (serial_.independent()) return range_information.cwiseProduct(range);
+  return serial_.transposed(whitened(range)).cwiseProduct(range_information.cwiseSqrt());
+}
+
+Eigen::VectorXd Projector::unweighted(const Eigen::VectorXd& range) const {
+  if (serial_.independent()) return range.cwiseQuotient(range_information.cwiseMax(1e-300));
+  const Eigen::VectorXd scaled = range.cwiseQuotient(range_information.cwiseMax(1e-300).cwiseSqrt());
+  return coloured(serial_.transpose_coloured(scaled));
+}
+
+/// J^T W J of alpha.
+Eigen::MatrixXd Projector::serial_information() const {
+  const int alphas = system_.layout().alpha_count;
+  Eigen::MatrixXd columns(cells(), alphas);
+  Eigen::VectorXd power = Eigen::VectorXd::Ones(cells());
+  const Eigen::Map<const Eigen::VectorXd> u(geometry_.u.data(), cells());
+  for (int a = 0; a < alphas; ++a, power = power.cwiseProduct(u)) columns.col(a) = whitened(power);
+  return columns.transpose() * columns;
+}
+
+Eigen::VectorXd Projector::alpha_gradient() const {
+  const int alphas = system_.layout().alpha_count;
+  if (serial_.independent()) return system_.reduced_gradient().head(alphas);
+  return -pulls(residuals()).globals.head(alphas);
 }
 
 Projector::Pulls Projector::pulls(const Signature& x) const {
   const JointLayout& layout = system_.layout();
   const Cells& c = problem_.cells;
   Pulls sum{Eigen::VectorXd::Zero(layout.global_count), Eigen::VectorXd::Zero(layout.coordinates)};
+  const Eigen::VectorXd ranges = weighted(x.range);
   for (int i = 0; i < cells(); ++i) {
-    const double range = range_information[i] * x.range[i], bearing = bearing_information[i] * x.bearing[i];
+    const double range = ranges[i], bearing = bearing_information[i] * x.bearing[i];
     double power = range;
     for (int a = 0; a < layout.alpha_count; ++a, power *= geometry_.u[i]) sum.globals[a] += power;
     const Eigen::Vector2d pull =
@@ -185,7 +232,7 @@ Eigen::VectorXd Projector::project(const Signature& x) const {
   absorbed(x, phi, stops);
   const Signature taken = of_calibration(phi, stops);
   Eigen::VectorXd result(2 * cells());
-  result.head(cells()) = range_information.cwiseProduct(x.range - taken.range);
+  result.head(cells()) = weighted(x.range - taken.range);
   result.tail(cells()) = bearing_information.cwiseProduct(x.bearing - taken.bearing);
   return result;
 }
@@ -200,7 +247,9 @@ double Projector::inner(const Signature& x, const Eigen::VectorXd& projected_y, 
 
 double Projector::score(const Signature& x) const {
   const bool plain = x.turns || moved_.empty();
-  double sum = x.range.cwiseProduct(range_information).dot(plain ? plain_range_ : range_residual) +
+  double sum = (serial_.independent()
+                    ? x.range.cwiseProduct(range_information).dot(plain ? plain_range_ : range_residual)
+                    : x.range.dot(weighted_residual_)) +
                x.bearing.cwiseProduct(bearing_information).dot(plain ? plain_bearing_ : bearing_residual);
   if (!plain)
     sum -= x.range.cwiseProduct(range_information).dot(expected_.range) +
@@ -211,11 +260,15 @@ double Projector::score(const Signature& x) const {
   return sum;
 }
 
-double Projector::raw_information(const Signature& x) const {
-  double sum = x.range.cwiseAbs2().dot(range_information) + x.bearing.cwiseAbs2().dot(bearing_information);
-  if (x.within())
-    sum += x.range_rows.cwiseAbs2().dot(row_range_information) +
-           x.bearing_rows.cwiseAbs2().dot(row_bearing_information);
+double Projector::raw_information(const Signature& x) const { return raw_inner(x, x); }
+
+double Projector::raw_inner(const Signature& x, const Signature& y) const {
+  double sum = (serial_.independent() ? x.range.cwiseProduct(range_information).dot(y.range)
+                                      : whitened(x.range).dot(whitened(y.range))) +
+               x.bearing.cwiseProduct(bearing_information).dot(y.bearing);
+  if (x.within() && y.within())
+    sum += x.range_rows.cwiseProduct(row_range_information).dot(y.range_rows) +
+           x.bearing_rows.cwiseProduct(row_bearing_information).dot(y.bearing_rows);
   return sum;
 }
 

@@ -32,8 +32,9 @@ struct Signature {
 /// stops against their prior; alpha against its own where a simulation gives one, not at all where it is
 /// exact. With W the readings' information, J the derivatives and K = J^T W J + prior,
 ///   P x = W (x - J K^-1 J^T W x),   score s = x^T W r at the optimum,   information I = x^T P x.
-/// s / I estimates the parameter, s^2 / I is its chi-square. Cost per signature: linear in the cells and
-/// stops.
+/// s / I estimates the parameter, s^2 / I is its chi-square. W is diagonal, but for ranges whose errors depend on one another
+/// along a sequence (SerialErrors): W = D K^T K D, D the reciprocal standard deviations. Cost per signature: linear in the
+/// cells and stops.
 class Projector {
  public:
   /// `working`: of the same cells as `rows`.
@@ -48,6 +49,16 @@ class Projector {
   double score(const Signature& x) const;
   /// x^T W x: the information before projection.
   double raw_information(const Signature& x) const;
+  /// x^T W y before projection.
+  double raw_inner(const Signature& x, const Signature& y) const;
+  /// W x of the ranges of the cells, and its inverse: of a projected signature what is left of the readings' change [m].
+  Eigen::VectorXd weighted(const Eigen::VectorXd& range) const;
+  Eigen::VectorXd unweighted(const Eigen::VectorXd& range) const;
+  /// Errors of the ranges of the cells [m] as independent ones of variance 1, W^(1/2) x, and back.
+  Eigen::VectorXd whitened(const Eigen::VectorXd& range) const;
+  Eigen::VectorXd coloured(const Eigen::VectorXd& white) const;
+  /// Slope of the NLL in alpha, the stops at their optimum.
+  Eigen::VectorXd alpha_gradient() const;
   /// The change of (alpha, landmarks) that absorbs x: K^-1 J^T W x, and of the stops.
   void absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const;
   /// The readings' change when (alpha, landmarks) and the stop coordinates change.
@@ -87,11 +98,14 @@ class Projector {
     Eigen::VectorXd globals, stops;  ///< J^T W x
   };
   Pulls pulls(const Signature& x) const;
+  Signature residuals() const;
+  Eigen::MatrixXd serial_information() const;
   Eigen::VectorXd expect_scores();
 
   const Rows& rows_;
   CellGeometry geometry_;
   Whitening range_whitening_, bearing_whitening_;
+  SerialErrors serial_;
   Eigen::VectorXd slope_;  ///< of the mean range in d, the effects' own included
   JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
@@ -100,6 +114,7 @@ class Projector {
   std::vector<Eigen::Vector3d> stop_errors_;
   Signature expected_;                           ///< m: the residuals that are expected
   Eigen::VectorXd plain_range_, plain_bearing_;  ///< residuals at the optimum of F itself, no expectation off
+  Eigen::VectorXd weighted_residual_;            ///< W r of the ranges, where they depend on one another
   std::vector<CellGeometry> moved_;
   double step_ = 1.0;
   std::vector<Eigen::Vector2d> curving_;  ///< sum over cells of W H C J^T, by stop

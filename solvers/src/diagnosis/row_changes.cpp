@@ -55,6 +55,7 @@ Dependence dependence_of(const Model& model) {
     sum.range_cell_sigma_m = std::hypot(sum.range_cell_sigma_m, own.range_cell_sigma_m);
     sum.bearing_cell_sigma_rad = std::hypot(sum.bearing_cell_sigma_rad, own.bearing_cell_sigma_rad);
     sum.range_correlation += own.range_correlation;
+    sum.range_correlated_share *= own.range_correlated_share;
     sum.bearing_correlation += own.bearing_correlation;
   }
   return sum;

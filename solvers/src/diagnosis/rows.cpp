@@ -16,6 +16,7 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/landmarks/cell_order.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -29,12 +30,30 @@ void add_covariates(const Covariates& columns, std::size_t row, Rows& rows) {
   }
 }
 
-/// Cell of every pair, numbered as the file opens them; a reading in no batch of a file that has some stands alone.
+/// True of known distances that were read one after another on the way, hardly any of them twice.
+bool in_sequence(const Recording& recording) {
+  constexpr double most_repeats = 0.2;
+  constexpr std::size_t fewest = 60;
+  const Pairs& p = recording.pairs;
+  if (!p.batch.empty() || p.size() < fewest || recording.reference.sigma_m > 0.0) return false;
+  std::set<std::tuple<double, int, double>> distinct;
+  for (std::size_t i = 0; i < p.size(); ++i)
+    distinct.emplace(p.true_m[i], p.landmark.empty() ? 0 : p.landmark[i],
+                     p.bearing_rad.empty() ? 0.0 : p.bearing_rad[i]);
+  return static_cast<double>(distinct.size()) >= (1.0 - most_repeats) * static_cast<double>(p.size());
+}
+
+/// Cell of every pair, numbered as the file opens them; a reading in no batch of a file that has some stands alone, as all do
+/// in a sequence.
 std::vector<int> cells_of_pairs(const Recording& recording) {
   const Pairs& p = recording.pairs;
   const std::vector<int>& group = recording.groups.of;
   std::map<std::tuple<int, int, double, int, double>, int> known;
   std::vector<int> cell(p.size());
+  if (in_sequence(recording)) {
+    std::iota(cell.begin(), cell.end(), 0);
+    return cell;
+  }
   int count = 0;
   for (std::size_t i = 0; i < p.size(); ++i) {
     const int batch = p.batch.empty() ? 0 : p.batch[i];
@@ -138,12 +157,48 @@ std::vector<double> rates_of_pairs(const Pairs& p) {
   return rate;
 }
 
+/// The readings of the rows from `first` on in order of time, without times of the file, those of every device and group for
+/// themselves.
+void append_sequence(const Recording& recording, std::span<const std::size_t> order, int first, Rows& rows) {
+  constexpr double shortest = 0.01;  // gap: readings at one time are not one reading
+  const Pairs& p = recording.pairs;
+  const std::vector<int>& group = recording.groups.of;
+  std::vector<int> sorted(order.size());
+  std::iota(sorted.begin(), sorted.end(), 0);
+  const auto chain = [&](int row) {
+    const std::size_t i = order[static_cast<std::size_t>(row)];
+    return std::pair(group.empty() ? 0 : group[i], p.landmark.empty() ? 0 : p.landmark[i]);
+  };
+  const auto at = [&](int row) {
+    const std::size_t i = order[static_cast<std::size_t>(row)];
+    return p.time_s.empty() ? static_cast<double>(i) : p.time_s[i];
+  };
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](int a, int b) { return std::pair(chain(a), at(a)) < std::pair(chain(b), at(b)); });
+  std::vector<double> gaps;
+  for (std::size_t j = 1; j < sorted.size(); ++j)
+    if (chain(sorted[j]) == chain(sorted[j - 1])) gaps.push_back(at(sorted[j]) - at(sorted[j - 1]));
+  const double usual = gaps.empty() ? 0.0 : upper_median(gaps);
+  Sequence& sequence = rows.sequence;
+  sequence.before.resize(static_cast<std::size_t>(first) + order.size(), -1);
+  sequence.gap.resize(sequence.before.size(), 0.0);
+  for (std::size_t j = 0; j < sorted.size(); ++j) {
+    sequence.order.push_back(first + sorted[j]);
+    if (j == 0 || chain(sorted[j]) != chain(sorted[j - 1])) continue;
+    const auto row = static_cast<std::size_t>(first + sorted[j]);
+    sequence.before[row] = first + sorted[j - 1];
+    const double gap = at(sorted[j]) - at(sorted[j - 1]);
+    sequence.gap[row] = std::max(shortest, usual > 0.0 ? gap / usual : 1.0);
+  }
+}
+
 void append_pair_rows(const Recording& recording, int index, int first_landmark, double first_time,
                       std::span<const int> block, Rows& rows) {
   const Pairs& p = recording.pairs;
   const std::vector<int> cell = cells_of_pairs(recording);
   const std::vector<std::size_t> order = pairs_in_order(cell);
   const std::vector<double> rate_mps = rates_of_pairs(p);
+  const auto first_row = static_cast<int>(rows.size());
   for (std::size_t j = 0; j < order.size(); ++j) {
     const std::size_t i = order[j];
     if (j == 0 || cell[i] != cell[order[j - 1]]) {
@@ -166,6 +221,7 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
     if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
       append_cell_of_pairs(p.true_m[i], recording.reference.sigma_m, rows.cell_begin.back(), index, rows);
   }
+  if (rows.context.in_sequence) append_sequence(recording, order, first_row, rows);
 }
 
 void fill_context(std::span<const Recording> recordings, Rows& rows) {
@@ -275,6 +331,7 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);
+  rows.context.in_sequence = rows.pairs && std::all_of(recordings.begin(), recordings.end(), in_sequence);
   const BlocksOfAll blocks = blocks_of_all(recordings);
   rows.blocks = blocks.words;
   int first_stop = 0, first_landmark = 0, index = 0;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/serial_errors.hpp"
 #include "rangecal/core/curve_scale.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/problems/effects/effect.hpp"
@@ -31,7 +32,8 @@ struct SeedCurve {
 /// The readings of a job, one entry per row, ordered by cell and, within a cell, by time.
 ///
 /// Pairs are laid out as the joint problem too. Their cells are the readings of one batch and group at one distance, landmark
-/// and bearing (without batches: of one distance ...), which may share an error as repeats from one stop do. Every cell has a
+/// and bearing (without batches: of one distance ...), which may share an error as repeats from one stop do. Where nearly all
+/// stand alone there are no repeats to speak of: every reading is a cell, and they follow one another. Every cell has a
 /// stop of its own on a line through one held landmark, at the scale's u of the known distance: the joint problem's
 /// "distance", of which the curve is a polynomial. The stop is exact, or as uncertain as the recording's reference. The bearing channel is switched off by a constant residual.
 struct Rows {
@@ -41,6 +43,7 @@ struct Rows {
   std::string blocks;              ///< that in words
   std::vector<double> rate_mps;    ///< of the true distance of pairs; of landmarks empty
   std::vector<double> covariates;  ///< row-major, by context.covariates
+  Sequence sequence;               ///< of readings without repeats that follow one another; else empty
   int cell_count = 0;
   std::vector<int> cell_begin;  ///< rows of cell c: cell_begin[c] .. cell_begin[c+1]-1
 

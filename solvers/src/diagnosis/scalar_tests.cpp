@@ -12,6 +12,7 @@
 namespace rangecal::diagnosis {
 namespace {
 
+constexpr double longest_gap = 3.0;  ///< usual ones, between readings that are neighbours
 constexpr double fewest_products = 20.0, fewest_values = 40.0, fewest_stops = 3.0;
 constexpr double least_share =
     0.2;  ///< of a cell mean's variance, for its residual to say something of tails
@@ -59,6 +60,7 @@ ScalarTests::ScalarTests(const Rows& rows, const Projector& projector, const Joi
 void ScalarTests::ask_rows(const std::string& channel, const Eigen::VectorXd& rows,
                            const Eigen::VectorXd& cells, const Eigen::VectorXd& dof,
                            std::vector<ScalarTest>& tests) const {
+  const bool of_range = channel == "range";
   double sum = 0.0, products = 0.0;
   Moments values;
   for (int c = 0; c < rows_.cell_count; ++c) {
@@ -74,6 +76,14 @@ void ScalarTests::ask_rows(const std::string& channel, const Eigen::VectorXd& ro
     // of two readings one difference is independent of the mean
     if (count == 2) values.add(std::numbers::sqrt2 * rows[begin]);
     if (dof[c] > least_share) values.add(cells[c] / std::sqrt(dof[c]));
+  }
+  if (of_range) {
+    const Sequence& sequence = rows_.sequence;
+    for (std::size_t i = 0; i < sequence.before.size(); ++i) {
+      if (sequence.before[i] < 0 || sequence.gap[i] > longest_gap) continue;
+      sum += cells[static_cast<Eigen::Index>(i)] * cells[sequence.before[i]];
+      products += 1.0;
+    }
   }
   if (products > fewest_products)
     tests.push_back({channel + "_dependence", "repeat", "lag 1", sum / std::sqrt(products), sum / products});

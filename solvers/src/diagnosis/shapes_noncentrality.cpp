@@ -123,6 +123,10 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   };
   if (own.range_cell_sigma_m > 0.0) sum += shared(own.range_cell_sigma_m, p.range_information);
   if (own.bearing_cell_sigma_rad > 0.0) sum += shared(own.bearing_cell_sigma_rad, p.bearing_information);
+  if (!rows.sequence.empty() && own.range_correlation > 0.0) {
+    // Twice the divergence of the independent law from that of the sequence: of correlation matrices -ln det.
+    sum -= SerialErrors(rows.sequence, own.range_correlated_share, own.range_correlation).log_determinant();
+  }
   const double repeats = static_cast<double>(rows.size()) - cells;
   for (double rho : {own.range_correlation, rows.pairs ? 0.0 : own.bearing_correlation})
     if (rho != 0.0) sum -= repeats * std::log1p(-std::min(rho * rho, 0.999));

@@ -139,6 +139,14 @@ std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model,
   const Errors errors = errors_of(effects);
   std::vector<double> range(rows.size()), bearing(rows.size());  // by running number
   Random random(seed_from("simulated readings", {seed}));
+  const SerialErrors serial(rows.sequence, errors.dependence.range_correlated_share,
+                            errors.dependence.range_correlation);
+  Eigen::VectorXd in_sequence;  // errors of readings in a sequence, of variance 1
+  if (!serial.independent()) {
+    in_sequence.resize(static_cast<Eigen::Index>(rows.size()));
+    for (double& value : in_sequence) value = random.normal();
+    in_sequence = serial.coloured(in_sequence);
+  }
   for (int cell = 0; cell < rows.cell_count; ++cell) {
     const double f = geometry.f[cell], s = geometry.spread[cell];
     const double range_shared = errors.dependence.range_cell_sigma_m * random.normal();
@@ -150,6 +158,7 @@ std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model,
         return first ? fresh : rho * before + std::sqrt(1.0 - rho * rho) * fresh;
       };
       range_error = follow(range_error, errors.dependence.range_correlation, random.normal());
+      if (!serial.independent()) range_error = in_sequence[i];
       bearing_error = follow(bearing_error, errors.dependence.bearing_correlation, random.normal());
       double e = s * std::exp(0.5 * changes.range_log_variance[i]) * range_error + range_shared;
       e += tail_law_of(rows, geometry, effects, static_cast<std::size_t>(i)).draw(random);

@@ -83,6 +83,7 @@ Rows without_cells(const Rows& rows, const std::vector<char>& out) {
   part.heading_rad = taken(rows.heading_rad, kept);
   part.block = taken(rows.block, kept);
   part.blocks = rows.blocks;
+  part.sequence = rows.sequence.of(kept);
   if (!rows.rate_mps.empty()) part.rate_mps = taken(rows.rate_mps, kept);
   const std::size_t columns = rows.context.covariates.size();
   for (int i : kept)
@@ -165,7 +166,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state) {
     const LaplaceValue laplace = laplace_marginal(working.problem, start);
     if (!laplace.ok) return std::numeric_limits<double>::quiet_NaN();
     state = laplace.state;
-    value = laplace.marginal_nll + working.constant;
+    value = laplace.marginal_nll + working.constant + serial_nll(rows, working, state);
   } while (rounds.another(rows, model, state, value));
   return value;
 }

@@ -111,13 +111,7 @@ std::vector<std::vector<std::string>> find_twins(const Space& space,
   std::vector<std::size_t> group(entries.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
   const auto raw_inner = [&](const Signature& a, const Signature& b) {
-    const Projector& p = space.projector();
-    double sum = a.range.cwiseProduct(p.range_information).dot(b.range) +
-                 a.bearing.cwiseProduct(p.bearing_information).dot(b.bearing);
-    if (a.within() && b.within())
-      sum += a.range_rows.cwiseProduct(p.row_range_information).dot(b.range_rows) +
-             a.bearing_rows.cwiseProduct(p.row_bearing_information).dot(b.bearing_rows);
-    return sum;
+    return space.projector().raw_inner(a, b);
   };
   for (std::size_t a = 0; a < entries.size(); ++a)
     for (std::size_t b = 0; b < a; ++b) {

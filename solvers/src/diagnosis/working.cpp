@@ -149,7 +149,14 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     working.tail_shift[i] = at.shift * spread;
     working.tail_square[i] = at.extra_square;
   }
-  working.range_whitening = whitening_of(range_m, dependence.range_correlation);
+  if (rows.sequence.empty()) {
+    working.range_whitening = whitening_of(range_m, dependence.range_correlation);
+  } else {
+    working.range_whitening = whitening_of(range_m, 0.0);
+    working.serial =
+        SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+    working.constant += 0.5 * working.serial.log_determinant();
+  }
   CellsAndRows range = split(rows, working.range, working.range_whitening);
   working.constant += working.range_whitening.log_jacobian(rows);
   for (int cell = 0; cell < rows.cell_count; ++cell) {
@@ -180,6 +187,17 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   }
   working.bearing_deviation = std::move(bearing.deviations);
   return working;
+}
+
+double serial_nll(const Rows& rows, const WorkingProblem& working, const JointState& state) {
+  if (working.serial.independent()) return 0.0;
+  const Cells& c = working.problem.cells;
+  const CellGeometry geometry = cell_geometry(rows, state);
+  Eigen::VectorXd e(rows.cell_count);
+  for (int i = 0; i < rows.cell_count; ++i)
+    e[i] = std::sqrt(c.range_weight[i]) * (c.range_mean[i] - geometry.f[i] - c.bent(i, geometry.d[i])) /
+           geometry.spread[i];
+  return 0.5 * (working.serial.whitened(e).squaredNorm() - e.squaredNorm());
 }
 
 Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,

@@ -35,6 +35,10 @@ Dependence dependence_of(const Model& model);
 /// state.
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);
 
+/// What errors that depend on one another along a sequence add to the NLL of the working problem [nats], whose cells take them
+/// for independent; 0 where they are. Their determinant is in `constant`.
+double serial_nll(const Rows& rows, const WorkingProblem& working, const JointState& state);
+
 /// Per-row change of all of the model's effects, and what its grids add to the cells, their repeats' own part
 /// in the rows' variance already.
 struct RowChanges {

@@ -24,6 +24,7 @@ struct WorkingProblem {
     return tail_shift.size() > 0 ? range[row] + tail_shift[row] : range[row];
   }
   Whitening range_whitening, bearing_whitening;
+  SerialErrors serial;  ///< of readings in a sequence: how their errors, as weighted, depend on one another
   Eigen::VectorXd range_deviation, bearing_deviation;  ///< white, from the cell means [m], [rad]
 };
 

@@ -104,7 +104,7 @@ std::vector<Case> cases() {
       {"early_echo", {0.05, 0.4}, {}},
       {"late_return", {0.05, 0.4}, {}},
       {"cell_effect", {0.005}, {}},
-      {"autocorrelated_noise", {0.6, 0.3}, {}},
+      {"autocorrelated_noise", {0.6, 0.3, 1.0}, {}},
       {"bearing_quantisation", {0.0175}, {}},
       {"odometry_scale", {0.01}, {}},
       {"path_curvature", {0.02}, {}},
@@ -301,7 +301,7 @@ TEST(EffectValues, TruncationFarBeyondTheLimitLeavesTheLimit) {
 }
 
 TEST(EffectValues, DependenceAndTails) {
-  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3}, outliers[] = {0.03, 5.0},
+  const double step[] = {0.0175}, sigma[] = {0.005}, rho[] = {0.6, 0.3, 0.8}, outliers[] = {0.03, 5.0},
                edge[] = {0.002};
   EXPECT_NEAR(find_effect("bearing_quantisation")->dependence(step).bearing_cell_sigma_rad, 0.0050518149,
               1e-10);
@@ -309,6 +309,7 @@ TEST(EffectValues, DependenceAndTails) {
   EXPECT_EQ(find_effect("cell_effect")->dependence(sigma).range_cell_sigma_m, 0.005);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).range_correlation, 0.6);
   EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).bearing_correlation, 0.3);
+  EXPECT_EQ(find_effect("autocorrelated_noise")->dependence(rho).range_correlated_share, 0.8);
   ReadingView<double> at{};
   at.spread = 0.01;
   // Five times the spread is the spread and sqrt(5^2 - 1) = 4.8989795 of it, independent of each other.

@@ -16,7 +16,7 @@ namespace {
 
 /// W and p of R 4.2, `shapiro.test(x)`, printed with sprintf("%.10f %.10g"); the R text of x stands beside
 /// each.
-struct Reference {
+struct PublishedW {
   const char* r_call;
   std::vector<double> x;
   double w, p;
@@ -30,7 +30,7 @@ std::vector<double> sequence(int n, const std::function<double(double)>& of) {
 
 double fraction(double value) { return value - std::floor(value); }
 
-std::vector<Reference> references() {
+std::vector<PublishedW> references() {
   return {
       {"c(1.1,2.0,4.7)", {1.1, 2.0, 4.7}, 0.9230769231, 0.4632628749},
       {"c(0.2,0.5,0.9,2.4)", {0.2, 0.5, 0.9, 2.4}, 0.8712282309, 0.3025239383},
@@ -65,7 +65,7 @@ std::vector<Reference> references() {
 }
 
 TEST(ShapiroWilk, AgreesWithR) {
-  for (const Reference& reference : references()) {
+  for (const PublishedW& reference : references()) {
     const ShapiroWilk test = shapiro_wilk(reference.x);
     EXPECT_EQ(test.outcome, Outcome::converged) << reference.r_call;
     EXPECT_NEAR(test.w, reference.w, 1e-7) << reference.r_call;

@@ -83,7 +83,9 @@ struct EffectContext {
   double stay_s = 0.0;              ///< longest time between two readings of one stop; 0 without times
   double range_min_m = 0.0, range_max_m = 0.0;  ///< of the true distances, as fitted
   double largest_cell = 1.0;                    ///< most repeats of one (stop, landmark)
-  double headings = 0.0;                        ///< spread of the stops' headings [rad]
+  bool in_sequence =
+      false;  ///< kind pairs, without repeats: readings follow one another in time or as the file has them
+  double headings = 0.0;  ///< spread of the stops' headings [rad]
   bool several_radii = false;
   double largest_bearing_rad = 3.14159265358979;  ///< largest |direction in the sensor frame| of any reading
   std::vector<std::string> covariates;            ///< names of the covariate columns
@@ -131,11 +133,13 @@ struct ReadingChange {
   T bearing_log_variance{0.0};
 };
 
-/// How the readings of one cell (repeats, in order of time) hang together.
+/// How the errors of readings depend on one another: of the repeats of a cell in order of time, and where readings follow one
+/// another without repeats (EffectContext::in_sequence) of those of a device.
 struct Dependence {
   double range_cell_sigma_m = 0.0;  ///< error shared by all repeats of a cell
   double bearing_cell_sigma_rad = 0.0;
-  double range_correlation = 0.0;  ///< AR(1) from repeat to repeat
+  double range_correlation = 0.0;       ///< AR(1) from reading to reading
+  double range_correlated_share = 1.0;  ///< of the variance, what is AR(1), in a sequence; the rest is white
   double bearing_correlation = 0.0;
 };
 

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/serial_errors.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rangecal::diagnosis {
+
+int Sequence::links() const {
+  return static_cast<int>(std::count_if(before.begin(), before.end(), [](int row) { return row >= 0; }));
+}
+
+Sequence Sequence::of(const std::vector<int>& kept) const {
+  Sequence part;
+  if (empty()) return part;
+  std::vector<int> number(before.size(), -1);
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    number[static_cast<std::size_t>(kept[i])] = static_cast<int>(i);
+  for (const int row : order)
+    if (number[static_cast<std::size_t>(row)] >= 0)
+      part.order.push_back(number[static_cast<std::size_t>(row)]);
+  for (const int row : kept) {
+    int from = before[static_cast<std::size_t>(row)];
+    double distance = gap[static_cast<std::size_t>(row)];
+    while (from >= 0 && number[static_cast<std::size_t>(from)] < 0) {
+      distance += gap[static_cast<std::size_t>(from)];
+      from = before[static_cast<std::size_t>(from)];
+    }
+    part.before.push_back(from < 0 ? -1 : number[static_cast<std::size_t>(from)]);
+    part.gap.push_back(from < 0 ? 0.0 : distance);
+  }
+  return part;
+}
+
+SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho) {
+  if (sequence.empty() || !(q > 0.0) || !(rho > 0.0)) return;
+  const std::size_t n = sequence.order.size();
+  order_ = sequence.order;
+  before_ = sequence.before;
+  for (auto* column : {&phi_, &gain_, &root_}) column->resize(n);
+  std::vector<double> left(n);  // variance of x_i given the readings up to i
+  for (const int row : order_) {
+    const auto i = static_cast<std::size_t>(row);
+    phi_[i] = before_[i] < 0 ? 0.0 : std::pow(rho, sequence.gap[i]);
+    const double expected =
+        phi_[i] * phi_[i] * (before_[i] < 0 ? 0.0 : left[static_cast<std::size_t>(before_[i])]) +
+        q * (1.0 - phi_[i] * phi_[i]);
+    const double variance = expected + 1.0 - q;
+    gain_[i] = expected / variance;
+    left[i] = (1.0 - gain_[i]) * expected;
+    root_[i] = std::sqrt(variance);
+    log_determinant_ += std::log(variance);
+  }
+}
+
+Eigen::VectorXd SerialErrors::whitened(Eigen::VectorXd e) const {
+  if (independent()) return e;
+  Eigen::VectorXd x(e.size());  // of each row, given the readings up to it
+  for (const int i : order_) {
+    const auto row = static_cast<std::size_t>(i);
+    const double expected = before_[row] < 0 ? 0.0 : phi_[row] * x[before_[row]];
+    const double surprise = e[i] - expected;
+    x[i] = expected + gain_[row] * surprise;
+    e[i] = surprise / root_[row];
+  }
+  return e;
+}
+
+Eigen::VectorXd SerialErrors::transposed(const Eigen::VectorXd& u) const {
+  if (independent()) return u;
+  Eigen::VectorXd result(u.size()), of_x = Eigen::VectorXd::Zero(u.size());  // slopes in x of each row
+  for (auto at = order_.rbegin(); at != order_.rend(); ++at) {
+    const auto row = static_cast<std::size_t>(*at);
+    result[*at] = u[*at] / root_[row] + gain_[row] * of_x[*at];
+    if (before_[row] >= 0) of_x[before_[row]] += phi_[row] * (of_x[*at] - result[*at]);
+  }
+  return result;
+}
+
+Eigen::VectorXd SerialErrors::transpose_coloured(const Eigen::VectorXd& v) const {
+  if (independent()) return v;
+  Eigen::VectorXd u(v.size()), of_x = Eigen::VectorXd::Zero(v.size());
+  for (auto at = order_.rbegin(); at != order_.rend(); ++at) {  // as `transposed`, solved for u
+    const auto row = static_cast<std::size_t>(*at);
+    u[*at] = root_[row] * (v[*at] - gain_[row] * of_x[*at]);
+    if (before_[row] >= 0) of_x[before_[row]] += phi_[row] * (of_x[*at] - v[*at]);
+  }
+  return u;
+}
+
+Eigen::VectorXd SerialErrors::coloured(const Eigen::VectorXd& u) const {
+  if (independent()) return u;
+  Eigen::VectorXd e(u.size()), x(u.size());
+  for (const int i : order_) {
+    const auto row = static_cast<std::size_t>(i);
+    const double expected = before_[row] < 0 ? 0.0 : phi_[row] * x[before_[row]];
+    const double surprise = root_[row] * u[i];
+    x[i] = expected + gain_[row] * surprise;
+    e[i] = expected + surprise;
+  }
+  return e;
+}
+
+}  // namespace rangecal::diagnosis
