@@ -35,8 +35,7 @@ void keep_recordings(const std::string& csv, const std::vector<std::string>& inp
 void FleetCommand::prepare() {
   job.law = noise_law_from_string(noise);
   job.noise_shape = noise_shape_from_string(noise_shape);
-  if (job.law == NoiseLaw::polynomial)
-    throw InputError("--noise polynomial has no one sigma for a population");
+  if (!has_sigma(job.law)) throw InputError("--noise polynomial has no one sigma for a population");
   const Shard part = shard_from(shard);
   job.shard = part.index;
   job.shards = part.count;

@@ -67,7 +67,7 @@ class LandmarksLearner : public Learner {
       : known_(recording_of(job)), calibrator_(options_of(job, known_)), default_radius_m_(job.radius_m) {
     if (job.approximate)
       throw InputError("--approximate is for pairs; readings of landmarks are calibrated by marginal");
-    if (job.options.law == NoiseLaw::polynomial)
+    if (!has_sigma(job.options.law))
       throw InputError(
           "--noise polynomial is for pairs; readings of landmarks have constant, f, f2, f3 or d2");
     if (known_) {
@@ -166,7 +166,7 @@ class LandmarksLearner : public Learner {
   static RecursiveLandmarksOptions options_of(const TrackJob& job, const std::optional<Recording>& known) {
     RecursiveLandmarksOptions options;
     options.order = job.options.order;
-    if (job.options.law != NoiseLaw::polynomial) options.law = job.options.law;  // refused below
+    if (has_sigma(job.options.law)) options.law = job.options.law;  // refused below
     options.noise_shape = job.options.noise_shape;
     options.forget = job.options.forget;
     options.sigma_xy_m = job.sigma_xy_m;

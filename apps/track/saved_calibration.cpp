@@ -39,7 +39,7 @@ Calibration calibration_in(const Json& json) {
   const auto noise = json.contains("noise") ? json.at("noise").get<std::vector<double>>()
                                             : std::vector<double>{json.at("sigma").get<double>()};
   const NoiseLaw law = noise_law_from_string(json.at("law").get<std::string>());
-  if (noise.empty() || (law != NoiseLaw::polynomial && !(noise.size() == 1 && noise[0] > 0.0)))
+  if (noise.empty() || (has_sigma(law) && !(noise.size() == 1 && noise[0] > 0.0)))
     throw InputError("the state's sigma is not positive");
   c.outcome = Outcome::converged;
   c.kind = RecordingKind::pairs;

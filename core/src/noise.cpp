@@ -2,6 +2,7 @@
 #include "rangecal/core/noise.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "rangecal/core/names.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -23,34 +24,26 @@ const char* to_string(NoiseLaw law) { return law_names.name_of(law); }
 NoiseLaw noise_law_from_string(const std::string& text) { return law_names.value_of(text); }
 
 double Noise::spread(double d, double f) const {
-  switch (law) {
-    case NoiseLaw::constant:
-      return parameters[0];
-    case NoiseLaw::f:
-      return parameters[0] * std::abs(f);
-    case NoiseLaw::f_squared:
-      return parameters[0] * f * f;
-    case NoiseLaw::f_cubed:
-      return parameters[0] * std::abs(f) * f * f;
-    case NoiseLaw::d_squared:
-      return parameters[0] * d * d;
-    case NoiseLaw::polynomial:
-      return evaluate_polynomial(parameters, d);
-  }
-  return parameters[0];
+  const NoiseForm form = form_of(law);
+  if (!form.has_sigma) return evaluate_polynomial(parameters, d);
+  double s = parameters[0];
+  for (int i = 0; i < form.power_of_f; ++i) s *= std::abs(f);
+  for (int i = 0; i < form.power_of_d; ++i) s *= d;
+  return s;
 }
 
-int Noise::power_of_f() const {
-  switch (law) {
-    case NoiseLaw::f:
-      return 1;
-    case NoiseLaw::f_squared:
-      return 2;
-    case NoiseLaw::f_cubed:
-      return 3;
-    default:
-      return 0;
+Noise::LogSpread Noise::log_spread(double d, double f) const {
+  const NoiseForm form = form_of(law);
+  const double s = spread(d, f);
+  LogSpread at;
+  at.value = s > 0.0 ? std::log(s) : std::numeric_limits<double>::quiet_NaN();
+  if (!form.has_sigma) {
+    at.by_d = evaluate_derivative(parameters, d) / s;
+    return at;
   }
+  if (form.power_of_f > 0) at.by_f = form.power_of_f / f;
+  if (form.power_of_d > 0) at.by_d = form.power_of_d / d;
+  return at;
 }
 
 }  // namespace rangecal

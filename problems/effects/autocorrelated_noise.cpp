@@ -12,11 +12,15 @@
 //     q = share of the variance [-]
 //
 // Source: derived: first-order autoregression from reading to reading (an Ornstein-Uhlenbeck process where gaps differ).
+#include <cmath>
+
 #include "rangecal/problems/effects/effect.hpp"
 #include "shapes.hpp"
 
 namespace rangecal::effects {
 namespace {
+
+bool is_sequence(const EffectContext& context) { return context.longest_sequence > 0; }
 
 class AutocorrelatedNoise final : public Effect {
  public:
@@ -43,7 +47,10 @@ class AutocorrelatedNoise final : public Effect {
   }
 
   std::vector<Eigen::VectorXd> start_grid(const EffectContext& context) const override {
-    if (context.in_sequence) return {point({0.6, 0.0, 0.9}), point({0.9, 0.0, 0.5}), point({0.98, 0.0, 0.3})};
+    if (is_sequence(context)) {
+      const double slowest = bounds(context, 0).second;
+      return {point({0.5 * slowest, 0.0, 0.9}), point({0.9 * slowest, 0.0, 0.5})};
+    }
     if (context.kind == RecordingKind::pairs)
       return {point({0.3, 0.0, 1.0}), point({0.6, 0.0, 1.0}), point({0.9, 0.0, 1.0})};
     return {point({0.3, 0.0, 1.0}), point({0.6, 0.0, 1.0}), point({0.9, 0.0, 1.0}), point({0.0, 0.6, 1.0}),
@@ -51,21 +58,21 @@ class AutocorrelatedNoise final : public Effect {
   }
 
   std::string missing(const EffectContext& context) const override {
-    return context.in_sequence ? "" : lacks_repeats(context, 3);
+    return is_sequence(context) ? "" : lacks_repeats(context, 3);
   }
 
-  /// Pairs have no channel of bearings; repeats share all of their noise.
+  /// Pairs have no channel of bearings; repeats share all of their noise. In a sequence a little of it is of each reading alone,
+  /// and what wanders more slowly than a twentieth of the sequence is a drift, no noise.
   std::pair<double, double> bounds(const EffectContext& context, std::size_t parameter) const override {
     if (parameter == 1 && context.kind == RecordingKind::pairs) return {0.0, 0.0};
-    if (parameter == 2 && !context.in_sequence) return {1.0, 1.0};
-    if (parameter == 0 && context.in_sequence) return {0.0, 0.9995};
-    if (parameter == 2) return {0.0, 0.99};  // a little of the noise is of each reading alone
-    return Effect::bounds(context, parameter);
+    if (!is_sequence(context))
+      return parameter == 2 ? std::pair(1.0, 1.0) : Effect::bounds(context, parameter);
+    return {0.0, parameter == 2 ? 0.99 : std::exp(-20.0 / context.longest_sequence)};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
                                                        const double* p) const override {
-    if (context.in_sequence) return {{"rho", p[0]}, {"share", p[2]}};
+    if (is_sequence(context)) return {{"rho", p[0]}, {"share", p[2]}};
     if (context.kind == RecordingKind::pairs) return {{"rho", p[0]}};
     return {{"rho", p[0]}, {"bearing_rho", p[1]}};
   }

@@ -92,7 +92,7 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
       return has_answer(c) ? with_std(c.scale.offset_m, c.scale.offset_std_m) : std::string("-");
     });
   for (Eigen::Index j = 0; j < taus; ++j)
-    table.row(named(law == NoiseLaw::polynomial ? fmt::format("beta_{}", j).c_str() : "sigma_e",
+    table.row(named(!has_sigma(law) ? fmt::format("beta_{}", j).c_str() : "sigma_e",
                     law_unit(law, static_cast<int>(j))),
               [&](const Calibration& c, std::size_t) {
                 const std::size_t index = static_cast<std::size_t>(j);

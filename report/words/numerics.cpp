@@ -134,8 +134,7 @@ std::string numerics_page(const CalibrationReport& report, const Calibration& c,
   const auto line = [&](const std::string& text) { page += "  " + wrapped(text, 4) + "\n"; };
   const bool numbers = has_answer(c) || c.outcome == Outcome::not_converged;
   for (std::size_t j = 0; numbers && j < c.noise_estimates.size(); ++j)
-    line(fmt::format("{} = {} {}",
-                     c.noise.law == NoiseLaw::polynomial ? fmt::format("beta_{}", j) : "sigma_e",
+    line(fmt::format("{} = {} {}", !has_sigma(c.noise.law) ? fmt::format("beta_{}", j) : "sigma_e",
                      with_std(c.noise_estimates[j].value, c.noise_estimates[j].std_dev),
                      law_unit(c.noise.law, static_cast<int>(j))));
   if (const std::string both = approximate_variances(c, recordings); !both.empty()) line(both);

@@ -24,38 +24,18 @@ std::string coefficient_unit(int power, CurveFamily family) {
 }
 
 std::string law_in_words(NoiseLaw law) {
-  switch (law) {
-    case NoiseLaw::constant:
-      return "sigma_e";
-    case NoiseLaw::f:
-      return "sigma_e f";
-    case NoiseLaw::f_squared:
-      return "sigma_e f^2";
-    case NoiseLaw::f_cubed:
-      return "sigma_e f^3";
-    case NoiseLaw::d_squared:
-      return "sigma_e d^2";
-    case NoiseLaw::polynomial:
-      return "beta_0 + beta_1 d + ...";
-  }
-  return "";
+  const NoiseForm form = form_of(law);
+  if (!form.has_sigma) return "beta_0 + beta_1 d + ...";
+  const auto power = [](const char* of, int p) -> std::string {
+    if (p == 0) return "";
+    return p == 1 ? fmt::format(" {}", of) : fmt::format(" {}^{}", of, p);
+  };
+  return "sigma_e" + power("f", form.power_of_f) + power("d", form.power_of_d);
 }
 
 std::string law_unit(NoiseLaw law, int index) {
-  switch (law) {
-    case NoiseLaw::constant:
-      return "m";
-    case NoiseLaw::f:
-      return "";
-    case NoiseLaw::f_squared:
-    case NoiseLaw::d_squared:
-      return "1/m";
-    case NoiseLaw::f_cubed:
-      return "1/m^2";
-    case NoiseLaw::polynomial:
-      return coefficient_unit(index);
-  }
-  return "";
+  const NoiseForm form = form_of(law);
+  return coefficient_unit(form.has_sigma ? form.power_of_f + form.power_of_d : index);
 }
 
 std::string describe(std::span<const Recording> recordings) {

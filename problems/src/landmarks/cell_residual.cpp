@@ -20,8 +20,7 @@ CurveBlock::CurveBlock(const JointState& reference, Eigen::MatrixXd given)
     : origin(reference.alpha),
       basis(std::move(given)),
       law(reference.noise.law),
-      tau_count(static_cast<int>(reference.noise.parameters.size())),
-      power_of_f(reference.noise.power_of_f()) {}
+      tau_count(static_cast<int>(reference.noise.parameters.size())) {}
 
 Pose2 StopBlock::pose(const double* own) const {
   Pose2 pose = reference;
@@ -52,7 +51,7 @@ struct CellResidual::Curve {
       f_slope = f_slope * d + f;
       f = f * d + alpha;
     }
-    if (block.law == NoiseLaw::polynomial) {
+    if (!has_sigma(block.law)) {
       double s = 0.0, slope = 0.0;
       for (int i = block.tau_count; i-- > 0;) {
         slope = slope * d + s;
@@ -64,14 +63,16 @@ struct CellResidual::Curve {
       by_d = slope * inverse_s;
       return true;
     }
+    const NoiseForm form = form_of(block.law);
     double base = 1.0;
-    if (block.power_of_f > 0) {
+    if (form.power_of_f > 0) {
       if (!(f > 0.0)) return false;
-      by_f = block.power_of_f / f;
-      for (int i = 0; i < block.power_of_f; ++i) base *= f;
-    } else if (block.law == NoiseLaw::d_squared) {
-      base = d * d;
-      by_d = 2.0 / d;
+      by_f = form.power_of_f / f;
+      for (int i = 0; i < form.power_of_f; ++i) base *= f;
+    }
+    if (form.power_of_d > 0) {
+      by_d = form.power_of_d / d;
+      for (int i = 0; i < form.power_of_d; ++i) base *= d;
     }
     log_spread = tau[0] + std::log(base);
     inverse_s = std::exp(-tau[0]) / base;
@@ -152,8 +153,7 @@ bool CellResidual::evaluate(const double* const* blocks, const double* log_floor
     if (double* by_curve = jacobians[0] ? jacobians[0] + e * curve_->size() : nullptr) {
       for (int j = 0; j < na; ++j) by_curve[j] = in_f * f_by_u[j];
       for (int j = 0; j < nt; ++j)
-        by_curve[na + j] =
-            by_log[e] * (curve_->law == NoiseLaw::polynomial ? curve.power[j] * curve.inverse_s : 1.0);
+        by_curve[na + j] = by_log[e] * (!has_sigma(curve_->law) ? curve.power[j] * curve.inverse_s : 1.0);
       by_curve[na + nt] = e == 2 ? -r[2] : 0.0;
     }
     const double in_d = (e == 0 ? by_mean * (curve.f_slope + bend) : 0.0) + by_log[e] * lambda_slope;

@@ -167,7 +167,7 @@ double pairs_nll(const PairsProblem& problem, const Eigen::VectorXd& alpha, cons
 PairsDerivatives pairs_derivatives(const PairsProblem& problem, const Eigen::VectorXd& alpha,
                                    const Noise& noise) {
   const Eigen::Index n = alpha.size(), m = noise.parameters.size(), size = n + m;
-  const bool polynomial = noise.law == NoiseLaw::polynomial;
+  const bool polynomial = !has_sigma(noise.law);
   PairsDerivatives out;
   out.nll = problem.readings() * half_log_two_pi;
   out.gradient = Eigen::VectorXd::Zero(size);

@@ -6,23 +6,12 @@
 #include "rangecal/core/polynomial.hpp"
 
 namespace rangecal {
-namespace {
-
-int power_of(NoiseLaw law) {
-  return law == NoiseLaw::f ? 1 : law == NoiseLaw::f_squared ? 2 : law == NoiseLaw::f_cubed ? 3 : 0;
-}
-
-}  // namespace
 
 double PairsResidual::spread(const Eigen::Ref<const Eigen::VectorXd>& alpha,
                              const Eigen::Ref<const Eigen::VectorXd>& noise) const {
-  if (law == NoiseLaw::polynomial) return evaluate_polynomial(noise, d);
-  const double sigma = std::exp(noise[0]);
-  if (law == NoiseLaw::d_squared) return sigma * d * d;
-  const double f = std::abs(evaluate_polynomial(alpha, d));
-  double s = sigma;
-  for (int i = 0; i < power_of(law); ++i) s *= f;
-  return s;
+  if (!has_sigma(law)) return evaluate_polynomial(noise, d);
+  const Noise with_sigma{law, Eigen::VectorXd::Constant(1, std::exp(noise[0]))};
+  return with_sigma.spread(d, evaluate_polynomial(alpha, d));
 }
 
 bool PairsResidual::evaluate(const Eigen::Ref<const Eigen::VectorXd>& alpha,
@@ -39,7 +28,7 @@ bool PairsResidual::evaluate(const Eigen::Ref<const Eigen::VectorXd>& alpha,
   // In the spread: d r0 = -r0 ds/s, d r1 = -r1 ds/s, d r2 = R ds / (s r2).
   const double in_log_s[3] = {-residuals[0], -residuals[1], count / residuals[2]};
   if (in_alpha) {
-    const double log_s_in_f = power_of(law) / f;
+    const double log_s_in_f = form_of(law).power_of_f / f;
     const Eigen::Index n = alpha.size();
     double power = 1.0;
     for (Eigen::Index j = 0; j < n; ++j, power *= d) {
@@ -50,7 +39,7 @@ bool PairsResidual::evaluate(const Eigen::Ref<const Eigen::VectorXd>& alpha,
   }
   if (in_noise) {
     const Eigen::Index m = noise.size();
-    double log_s_in_parameter = law == NoiseLaw::polynomial ? 1.0 / s : 1.0;
+    double log_s_in_parameter = !has_sigma(law) ? 1.0 / s : 1.0;
     for (Eigen::Index j = 0; j < m; ++j, log_s_in_parameter *= d) {
       for (int row = 0; row < 3; ++row) in_noise[row * m + j] = in_log_s[row] * log_s_in_parameter;
     }

@@ -18,7 +18,7 @@ void read_noise(const YamlReader& node, Scene& scene) {
   } catch (const InputError& error) {
     law.fail(error.what());
   }
-  if (scene.noise.law == NoiseLaw::polynomial) {
+  if (!has_sigma(scene.noise.law)) {
     if (node.has("sigma")) node.at("sigma").fail("the polynomial law has beta in its place");
     scene.noise.parameters = coefficients(node.at("beta"));
   } else {

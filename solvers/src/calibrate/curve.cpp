@@ -47,7 +47,7 @@ double noise_degrees(const Calibration& c) {
     if (sigma.std_dev && *sigma.std_dev > 0.0 && std::isfinite(sigma.value))
       degrees = std::min(degrees, 0.5 * std::pow(sigma.value / *sigma.std_dev, 2));
   };
-  if (c.noise.law != NoiseLaw::polynomial && c.noise_estimates.size() == 1) told(c.noise_estimates[0]);
+  if (has_sigma(c.noise.law) && c.noise_estimates.size() == 1) told(c.noise_estimates[0]);
   if (c.sigma_theta_rad) told(*c.sigma_theta_rad);
   if (c.counts.used > 0)
     degrees = std::min(degrees, static_cast<double>(c.counts.used) - static_cast<double>(c.alpha.size()));

@@ -21,7 +21,7 @@ void fill_deviations(const JointProblem& problem, const JointFit& fit, Calibrati
   const JointLayout layout(
       problem, alphas, taus,
       covariance && covariance->rows() > alphas + 2 * problem.landmark_count() + taus + 1);
-  const bool logs = fit.state.noise.law != NoiseLaw::polynomial;
+  const bool logs = has_sigma(fit.state.noise.law);
   const auto std_dev = [&](int index, double factor) -> std::optional<double> {
     if (!covariance || !((*covariance)(index, index) >= 0.0)) return std::nullopt;
     return factor * std::sqrt((*covariance)(index, index));
@@ -60,7 +60,7 @@ std::string with_labels(const std::string& text, const std::vector<std::string>&
 
 std::string in_user_words(const std::string& direction, const std::vector<std::string>& labels,
                           NoiseLaw law) {
-  const bool beta = law == NoiseLaw::polynomial;
+  const bool beta = !has_sigma(law);
   return std::regex_replace(with_labels(direction, labels), std::regex("noise parameter ([0-9]+)"),
                             beta ? "beta_$1" : "log sigma_e");
 }

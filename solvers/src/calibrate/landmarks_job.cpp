@@ -204,7 +204,7 @@ JointState LandmarksJob::restated(const JointState& from, int order, NoiseLaw la
   if (law == from.noise.law) return state;
   state.noise.law = law;
   state.noise.parameters = Eigen::VectorXd::Ones(1);
-  if (law == NoiseLaw::polynomial) {
+  if (!has_sigma(law)) {
     state.noise.parameters = Eigen::VectorXd::Zero(order + 1);
     state.noise.parameters[0] = 1.0;
   }

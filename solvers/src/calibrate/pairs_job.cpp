@@ -194,8 +194,7 @@ std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::pair<int, NoiseL
     const int order = fit.calibration.order();
     if (fit.calibration.outcome == Outcome::unbounded) return {order, law};  // on the curve
     // A noise polynomial has the order of f where that is given: another model than the search's.
-    if (fit.calibration.outcome == Outcome::converged &&
-        (law != NoiseLaw::polynomial || order == wanted.noise_order))
+    if (fit.calibration.outcome == Outcome::converged && (has_sigma(law) || order == wanted.noise_order))
       run.keep(Method::full, order, law, with_shape(fit));
     for (const OrderScore& score : fit.orders) {
       const bool usable = score.outcome == Outcome::converged;
@@ -231,7 +230,7 @@ std::vector<TriedCurve> tried_curves(Method method, PairsRun& run, const std::ve
 CheckReport check_pairs(const PairsProblem& problem, const Calibration& start, const Calibration& full) {
   CheckReport report;
   if (full.outcome != Outcome::converged || start.alpha.size() != full.alpha.size() ||
-      full.noise.law == NoiseLaw::polynomial) {
+      !has_sigma(full.noise.law)) {
     report.report = "no check: there is no optimum of a power law to compare with";
     return report;
   }

@@ -72,7 +72,7 @@ double log_with_spread(const ShapeDensity& density_at, double log_rho, double z,
 
 /// Of a power law; a polynomial's is taken as exact.
 double variance_of_log_sigma(const Calibration& c) {
-  if (c.noise.law == NoiseLaw::polynomial || c.noise_estimates.empty()) return 0.0;
+  if (!has_sigma(c.noise.law) || c.noise_estimates.empty()) return 0.0;
   return std::pow(c.noise_estimates[0].std_dev.value_or(0.0) / c.noise.parameters[0], 2);
 }
 

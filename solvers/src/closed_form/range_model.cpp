@@ -70,7 +70,7 @@ void fit_noise(const std::vector<RangeSample>& samples,
                RangeModel& model) {
   BetaFit beta;
   Noise shape = unit_noise(law);
-  if (law == NoiseLaw::polynomial) {
+  if (!has_sigma(law)) {
     beta = fit_beta(samples, model.alpha);
     shape.parameters = beta.beta;
   }
@@ -107,7 +107,7 @@ void fit_noise(const std::vector<RangeSample>& samples,
   model.noise.parameters = sigma * shape.parameters;
   for (Eigen::Index i = 0; i < model.noise.parameters.size(); ++i) {
     Estimate estimate{model.noise.parameters(i), std::nullopt};
-    if (law == NoiseLaw::polynomial)
+    if (!has_sigma(law))
       estimate.std_dev = sigma * std::sqrt(beta.covariance(i, i));
     else if (dof > 0.0 && !untold)
       estimate.std_dev =

@@ -45,18 +45,8 @@ struct Curve {
   }
   /// s'(d) along the curve.
   double spread_slope(double d) const {
-    const Noise& noise = calibration.noise;
-    const double f_d = f(d), s = spread(d);
-    switch (noise.law) {
-      case NoiseLaw::constant:
-        return 0.0;
-      case NoiseLaw::d_squared:
-        return 2.0 * s / d;
-      case NoiseLaw::polynomial:
-        return evaluate_derivative(noise.parameters, d);
-      default:
-        return noise.power_of_f() * s / f_d * slope(d);
-    }
+    const Noise::LogSpread log_s = calibration.noise.log_spread(d, f(d));
+    return spread(d) * (log_s.by_f * slope(d) + log_s.by_d);
   }
   /// d NLL / d d.
   double nll_slope(double y, double d) const {

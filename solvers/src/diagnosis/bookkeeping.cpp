@@ -407,7 +407,9 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     return !(e.step_over_spread > 0.0) || e.step_over_spread > 1.0;
   };
   const bool on_range = matters(range), on_bearing = !rows.pairs && matters(bearing);
-  found.coarse = (on_range && (!has_repeats(rows) || coarse(range))) || (on_bearing && coarse(bearing));
+  // Of readings without repeats only a sequence is judged beside a grid: errors that wander have a name there.
+  const bool coarse_range = coarse(range) || (!has_repeats(rows) && rows.sequence.empty());
+  found.coarse = (on_range && coarse_range) || (on_bearing && coarse(bearing));
   if (on_range) add_range_grid(range, found);
   if (on_bearing) {
     const Effect* effect = find_effect("bearing_quantisation");

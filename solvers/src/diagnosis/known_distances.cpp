@@ -86,8 +86,7 @@ std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem,
   constexpr int max_iterations = 60;
   constexpr double full_tolerance = 1e-3;  // REML starts there
   const int order = static_cast<int>(start.alpha.size()) - 1;
-  if (start.noise.law == NoiseLaw::polynomial || order + 2 > pairs_ml::max_unknowns ||
-      problem.cells.size() == 0)
+  if (!has_sigma(start.noise.law) || order + 2 > pairs_ml::max_unknowns || problem.cells.size() == 0)
     return std::nullopt;
   const PairsProblem pairs = pairs_of(problem, start);
   const pairs_ml::ScaledPairs scaled(pairs, order, start.noise.law, 0, std::numeric_limits<int>::max());
@@ -120,93 +119,102 @@ std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem,
 
 namespace {
 
-/// Readings in a sequence under a curve whose coefficients are scaled: x_j = alpha_j scale^j belongs to (u / scale)^j.
+/// Readings in a sequence under a curve whose coefficients are scaled: x_j = alpha_j scale^j belongs to (u / scale)^j. What is
+/// summed over the readings does not depend on tau; the rest is a matter of e^(-2 tau).
 class SerialProblem {
  public:
   struct Point {
-    Eigen::VectorXd x, gradient;
-    double tau = 0.0, nll = std::numeric_limits<double>::infinity();
-    double squares = 0.0;  ///< u^T u and the mean squares that tails add, in units of e^(-2 tau)
-    Eigen::MatrixXd of_means,
-        of_spread;          ///< information in x: of the means, also in e^(-2 tau), and of the spreads
-    Eigen::VectorXd cross;  ///< information in (x, tau)
+    Eigen::VectorXd x;
+    bool inside = false;       ///< of the domain
+    double log_spreads = 0.0;  ///< sum g
+    double squares = 0.0;      ///< u^T u and the mean squares that tails add, in units of e^(-2 tau)
+    Eigen::VectorXd of_spreads, of_squares;                ///< their slopes in x, half those of the squares
+    Eigen::MatrixXd mean_information, spread_information;  ///< in x, of the means in units of e^(-2 tau)
+    Eigen::VectorXd cross;                                 ///< information in (x, tau)
   };
 
   SerialProblem(const JointProblem& problem, const SerialErrors& serial, const JointState& start)
       : cells_(problem.cells),
         serial_(serial),
-        law_(start.noise),
+        power_of_f_(start.noise.power_of_f()),
+        power_of_d_(form_of(start.noise.law).power_of_d),
         n_(static_cast<Eigen::Index>(cells_.size())) {
-    d_.resize(n_);
+    u_.resize(n_);
     for (Eigen::Index i = 0; i < n_; ++i)
-      d_[i] = start.landmarks[static_cast<std::size_t>(cells_.landmark[i])].x() -
+      u_[i] = start.landmarks[static_cast<std::size_t>(cells_.landmark[i])].x() -
               problem.stops[static_cast<std::size_t>(cells_.stop[i])].commanded.x_m;
-    scale_ = std::max(d_.cwiseAbs().maxCoeff(), 1e-300);
+    const double scale = std::max(u_.cwiseAbs().maxCoeff(), 1e-300);
     powers_.resize(n_, start.alpha.size());
     powers_.col(0).setOnes();
-    for (Eigen::Index j = 1; j < powers_.cols(); ++j)
-      powers_.col(j) = powers_.col(j - 1).cwiseProduct(d_ / scale_);
     scales_ = Eigen::VectorXd::Ones(powers_.cols());
-    for (Eigen::Index j = 1; j < scales_.size(); ++j) scales_[j] = scales_[j - 1] * scale_;
-    log_distances_ = law_.law == NoiseLaw::d_squared ? 2.0 : 0.0;
+    for (Eigen::Index j = 1; j < powers_.cols(); ++j) {
+      powers_.col(j) = powers_.col(j - 1).cwiseProduct(u_ / scale);
+      scales_[j] = scales_[j - 1] * scale;
+    }
   }
 
   Eigen::VectorXd x_of(const Eigen::VectorXd& alpha) const { return alpha.cwiseProduct(scales_); }
   Eigen::VectorXd alpha_of(const Eigen::VectorXd& x) const { return x.cwiseQuotient(scales_); }
   const Eigen::VectorXd& scales() const { return scales_; }
-  Eigen::Index size() const { return n_; }
+  double count() const { return static_cast<double>(n_); }
 
-  Point at(const Eigen::VectorXd& x, double tau, bool derivatives) const {
+  Point at(const Eigen::VectorXd& x) const {
     Point point;
     point.x = x;
-    point.tau = tau;
-    const double p = law_.power_of_f();
-    Eigen::ArrayXd f = (powers_ * x).array();
-    if (p > 0.0 && !(f.minCoeff() > 0.0)) return point;
-    Eigen::ArrayXd g = Eigen::ArrayXd::Zero(n_);
-    if (p > 0.0) g += p * f.log();
-    if (log_distances_ > 0.0) g += log_distances_ * d_.array().log();
+    const double p = power_of_f_;
+    const Eigen::ArrayXd f = (powers_ * x).array();
+    if (power_of_f_ > 0 && !(f.minCoeff() > 0.0)) return point;
     const Eigen::Map<const Eigen::ArrayXd> weight(cells_.range_weight.data(), n_),
         mean(cells_.range_mean.data(), n_), mean_square(cells_.range_mean_square.data(), n_);
-    const Eigen::ArrayXd root = weight.sqrt() * (-g).exp();  // sqrt(W) / s in units of e^-tau
+    Eigen::ArrayXd root = weight.sqrt();  // sqrt(W) / s in units of e^-tau
+    for (int i = 0; i < power_of_f_; ++i) root /= f;
+    for (int i = 0; i < power_of_d_; ++i) root /= u_.array();
+    if (power_of_f_ > 0) point.log_spreads += p * f.log().sum();
+    if (power_of_d_ > 0) point.log_spreads += power_of_d_ * u_.array().log().sum();
     const Eigen::ArrayXd extra = root.square() * mean_square;
     Eigen::ArrayXd z = root * (mean - f);
     for (Eigen::Index i = 0; !cells_.bend.empty() && i < n_; ++i)
-      z[i] -= root[i] * cells_.bent(static_cast<std::size_t>(i), d_[i]);
-    const Eigen::VectorXd u = serial_.whitened(z.matrix());
-    point.squares = u.squaredNorm() + extra.sum();
-    const double precision = std::exp(-2.0 * tau), count = static_cast<double>(n_);
-    point.nll = count * (tau + half_log_two_pi) + g.sum() + 0.5 * precision * point.squares;
-    if (!std::isfinite(point.nll)) point.nll = std::numeric_limits<double>::infinity();
-    if (!derivatives) return point;
-    const Eigen::VectorXd ku = serial_.transposed(u);
+      z[i] -= root[i] * cells_.bent(static_cast<std::size_t>(i), u_[i]);
+    const Eigen::VectorXd white = serial_.whitened(z.matrix());
+    point.squares = white.squaredNorm() + extra.sum();
+    point.inside = std::isfinite(point.log_spreads) && std::isfinite(point.squares);
     // dz/df = -root - p z / f, dg/df = p / f
-    const Eigen::ArrayXd by_f = p / f - precision * (ku.array() * (root + p * z / f) + p * extra / f);
-    point.gradient = powers_.transpose() * by_f.matrix();
+    const Eigen::VectorXd pull = serial_.transposed(white);
+    const Eigen::ArrayXd relative = p / f;
+    point.of_spreads = powers_.transpose() * relative.matrix();
+    point.of_squares =
+        -(powers_.transpose() * (pull.array() * (root + relative * z) + relative * extra).matrix());
     Eigen::MatrixXd columns(n_, powers_.cols());
     for (Eigen::Index j = 0; j < columns.cols(); ++j)
       columns.col(j) = serial_.whitened(powers_.col(j).cwiseProduct(root.matrix()));
-    point.of_means = columns.transpose() * columns;
-    const Eigen::MatrixXd relative = (p / f).matrix().asDiagonal() * powers_;
-    point.of_spread = 2.0 * relative.transpose() * relative;
-    point.cross = 2.0 * relative.colwise().sum().transpose();
+    point.mean_information = columns.transpose() * columns;
+    const Eigen::MatrixXd by_spread = relative.matrix().asDiagonal() * powers_;
+    point.spread_information = 2.0 * by_spread.transpose() * by_spread;
+    point.cross = 2.0 * point.of_spreads;
     return point;
   }
 
-  Eigen::MatrixXd information(const Point& at) const {
-    return std::exp(-2.0 * at.tau) * at.of_means + at.of_spread;
+  double nll(const Point& at, double tau) const {
+    if (!at.inside) return std::numeric_limits<double>::infinity();
+    return count() * (tau + half_log_two_pi) + at.log_spreads + 0.5 * std::exp(-2.0 * tau) * at.squares;
+  }
+  Eigen::VectorXd gradient(const Point& at, double tau) const {
+    return at.of_spreads + std::exp(-2.0 * tau) * at.of_squares;
+  }
+  Eigen::MatrixXd information(const Point& at, double tau) const {
+    return std::exp(-2.0 * tau) * at.mean_information + at.spread_information;
   }
 
-  /// The REML estimate of tau at the point's alpha: squares e^(-2 tau) = n - tr(information^-1 of the means').
-  double settled_tau(const Point& at, bool reml) const {
-    double tau = at.tau;
+  /// The REML estimate of tau at the point: squares e^(-2 tau) = n - tr(information^-1 of the means'); that of ML where alpha
+  /// is not estimated.
+  double settled_tau(const Point& at, double tau, bool reml) const {
     for (int round = 0; round < 3; ++round) {
       double lost = 0.0;
       if (reml) {
-        const double precision = std::exp(-2.0 * tau);
-        lost = (precision * at.of_means + at.of_spread).ldlt().solve(precision * at.of_means).trace();
+        const Eigen::MatrixXd of_means = std::exp(-2.0 * tau) * at.mean_information;
+        lost = (of_means + at.spread_information).ldlt().solve(of_means).trace();
       }
-      tau = 0.5 * std::log(std::max(at.squares, 1e-300) / std::max(1.0, static_cast<double>(n_) - lost));
+      tau = 0.5 * std::log(std::max(at.squares, 1e-300) / std::max(1.0, count() - lost));
     }
     return tau;
   }
@@ -214,11 +222,10 @@ class SerialProblem {
  private:
   const Cells& cells_;
   const SerialErrors& serial_;
-  Noise law_;
+  int power_of_f_, power_of_d_;
   Eigen::Index n_;
-  Eigen::VectorXd d_, scales_;  ///< u of the known distances
+  Eigen::VectorXd u_, scales_;  ///< u of the known distances
   Eigen::MatrixXd powers_;
-  double scale_ = 1.0, log_distances_ = 0.0;
 };
 
 }  // namespace
@@ -226,52 +233,54 @@ class SerialProblem {
 MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialErrors& serial,
                                      const JointState& start, const Held& held) {
   constexpr int most_steps = 60, most_halvings = 30;
-  constexpr double settled = 1e-8;  // nats
+  constexpr double settled = 1e-7;  // nats
   MarginalFit fit;
   fit.state = start;
-  if (start.noise.law == NoiseLaw::polynomial || problem.cells.size() == 0) {
+  if (!has_sigma(start.noise.law) || problem.cells.size() == 0) {
     fit.reason = "the noise law is no power of the curve";
     return fit;
   }
   const SerialProblem pairs(problem, serial, start);
-  auto here = pairs.at(pairs.x_of(start.alpha), std::log(start.noise.parameters[0]), true);
-  if (!std::isfinite(here.nll)) {
+  SerialProblem::Point here = pairs.at(pairs.x_of(start.alpha));
+  double tau = std::log(start.noise.parameters[0]);
+  if (!here.inside) {
     fit.reason = "the start is outside of the model's domain";
     return fit;
   }
   fit.outcome = Outcome::not_converged;
-  const bool reml = !held.alpha;
-  if (!held.sigmas) here = pairs.at(here.x, pairs.settled_tau(here, reml), true);
   while (fit.iterations < most_steps && fit.outcome != Outcome::converged) {
     ++fit.iterations;
-    double promised = 0.0;
-    if (!held.alpha) {
-      const Eigen::VectorXd step = -pairs.information(here).ldlt().solve(here.gradient);
-      promised = -0.5 * here.gradient.dot(step);
-      if (!step.allFinite()) break;
-      double length = 1.0;
-      auto next = pairs.at(here.x + step, here.tau, false);
-      for (int halving = 0; halving < most_halvings && !(next.nll <= here.nll); ++halving)
-        next = pairs.at(here.x + (length *= 0.5) * step, here.tau, false);
-      if (next.nll <= here.nll) here = pairs.at(next.x, here.tau, true);
-    }
-    const double tau = held.sigmas ? here.tau : pairs.settled_tau(here, reml);
-    const double moved = tau - here.tau;
-    if (moved != 0.0) here = pairs.at(here.x, tau, true);
-    if (promised < settled && static_cast<double>(pairs.size()) * moved * moved < settled)
+    if (!held.sigmas) tau = pairs.settled_tau(here, tau, !held.alpha);
+    if (held.alpha) {
       fit.outcome = Outcome::converged;
+      break;
+    }
+    const Eigen::VectorXd gradient = pairs.gradient(here, tau);
+    const Eigen::VectorXd step = -pairs.information(here, tau).ldlt().solve(gradient);
+    if (!step.allFinite()) break;
+    if (-0.5 * gradient.dot(step) < settled) {
+      fit.outcome = Outcome::converged;
+      break;
+    }
+    const double value = pairs.nll(here, tau);
+    double length = 1.0;
+    SerialProblem::Point next = pairs.at(here.x + step);
+    for (int halving = 0; halving < most_halvings && !(pairs.nll(next, tau) <= value); ++halving)
+      next = pairs.at(here.x + (length *= 0.5) * step);
+    if (!(pairs.nll(next, tau) <= value)) break;
+    here = std::move(next);
   }
   fit.state.alpha = pairs.alpha_of(here.x);
-  fit.state.noise.parameters[0] = std::exp(here.tau);
+  fit.state.noise.parameters[0] = std::exp(tau);
   fit.state.sigma_theta_rad = 1.0;
   for (std::size_t k = 0; k < problem.stops.size(); ++k) fit.state.stops[k] = problem.stops[k].commanded;
-  fit.joint_nll = fit.marginal_nll = here.nll + problem.readings * (half_log_two_pi + 0.5);
+  fit.joint_nll = fit.marginal_nll = pairs.nll(here, tau) + problem.readings * (half_log_two_pi + 0.5);
   const JointProblem one = of_one_stop(problem);
   const auto alphas = static_cast<int>(start.alpha.size());
   const JointLayout layout(one, alphas, 1, false);
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(layout.global_count, layout.global_count);
   const Eigen::MatrixXd scale = pairs.scales().asDiagonal();
-  hessian.topLeftCorner(alphas, alphas) = scale * pairs.information(here) * scale;
+  hessian.topLeftCorner(alphas, alphas) = scale * pairs.information(here, tau) * scale;
   hessian.block(0, layout.tau_begin, alphas, 1) = scale * here.cross;
   hessian.block(layout.tau_begin, 0, 1, alphas) = (scale * here.cross).transpose();
   hessian(layout.tau_begin, layout.tau_begin) = 2.0 * problem.readings;

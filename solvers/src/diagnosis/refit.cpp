@@ -26,21 +26,25 @@ void move_parameters(const Rows& rows, const std::vector<FreeParameter>& free, c
   }
 }
 
-/// Fits the parameters that only the value of the likelihood knows: scoring of the tails', line searches of the others;
-/// true if there are any. Where there are several they depend on one another.
+/// Fits the parameters that only the value of the likelihood knows: scoring of the tails', those of a sequence by its residuals,
+/// line searches of the others; true if there are any. Where there are several they depend on one another.
 bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
   std::vector<FreeParameter> lines;
-  bool tails = false;
+  bool tails = false, sequence = false;
   for (const FreeParameter& p : fit.free)
     if (is_of_tail(fit.model, p))
       tails = true;
+    else if (is_of_sequence(rows, fit.model, p))
+      sequence = true;
     else if (p.acts == FreeParameter::Acts::numeric)
       lines.push_back(p);
-  for (int sweep = 0; sweep < (lines.size() + (tails ? 1 : 0) > 1 ? 2 : 1); ++sweep) {
+  const std::size_t kinds = lines.size() + (tails ? 1 : 0) + (sequence ? 1 : 0);
+  for (int sweep = 0; sweep < (kinds > 1 ? 2 : 1); ++sweep) {
     if (tails) fit_tails(rows, options, fit);
+    if (sequence) fit_sequence(rows, options, fit);
     for (const FreeParameter& p : lines) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
   }
-  return tails || !lines.empty();
+  return kinds > 0;
 }
 
 /// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.

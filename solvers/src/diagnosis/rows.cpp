@@ -182,9 +182,12 @@ void append_sequence(const Recording& recording, std::span<const std::size_t> or
   Sequence& sequence = rows.sequence;
   sequence.before.resize(static_cast<std::size_t>(first) + order.size(), -1);
   sequence.gap.resize(sequence.before.size(), 0.0);
-  for (std::size_t j = 0; j < sorted.size(); ++j) {
+  for (std::size_t j = 0, begin = 0; j < sorted.size(); ++j) {
     sequence.order.push_back(first + sorted[j]);
-    if (j == 0 || chain(sorted[j]) != chain(sorted[j - 1])) continue;
+    const bool starts = j == 0 || chain(sorted[j]) != chain(sorted[j - 1]);
+    if (starts) begin = j;
+    rows.context.longest_sequence = std::max(rows.context.longest_sequence, static_cast<int>(j - begin) + 1);
+    if (starts) continue;
     const auto row = static_cast<std::size_t>(first + sorted[j]);
     sequence.before[row] = first + sorted[j - 1];
     const double gap = at(sorted[j]) - at(sorted[j - 1]);
@@ -193,7 +196,7 @@ void append_sequence(const Recording& recording, std::span<const std::size_t> or
 }
 
 void append_pair_rows(const Recording& recording, int index, int first_landmark, double first_time,
-                      std::span<const int> block, Rows& rows) {
+                      std::span<const int> block, bool sequence, Rows& rows) {
   const Pairs& p = recording.pairs;
   const std::vector<int> cell = cells_of_pairs(recording);
   const std::vector<std::size_t> order = pairs_in_order(cell);
@@ -221,7 +224,7 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
     if (j + 1 == order.size() || cell[order[j + 1]] != cell[i])
       append_cell_of_pairs(p.true_m[i], recording.reference.sigma_m, rows.cell_begin.back(), index, rows);
   }
-  if (rows.context.in_sequence) append_sequence(recording, order, first_row, rows);
+  if (sequence) append_sequence(recording, order, first_row, rows);
 }
 
 void fill_context(std::span<const Recording> recordings, Rows& rows) {
@@ -331,7 +334,7 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
   }
   rows.context.covariates.assign(names.begin(), names.end());
   if (!rows.pairs) rows.problem = make_joint_problem(recordings);
-  rows.context.in_sequence = rows.pairs && std::all_of(recordings.begin(), recordings.end(), in_sequence);
+  const bool sequence = rows.pairs && std::all_of(recordings.begin(), recordings.end(), in_sequence);
   const BlocksOfAll blocks = blocks_of_all(recordings);
   rows.blocks = blocks.words;
   int first_stop = 0, first_landmark = 0, index = 0;
@@ -339,7 +342,7 @@ Rows make_rows(std::span<const Recording> recordings, const SeedCurve& curve) {
     const std::span<const int> block = std::span(blocks.of).subspan(
         rows.size(), rows.pairs ? recording.pairs.size() : recording.readings.size());
     if (rows.pairs)
-      append_pair_rows(recording, index, first_landmark, first_time_of(recording), block, rows);
+      append_pair_rows(recording, index, first_landmark, first_time_of(recording), block, sequence, rows);
     else
       append_landmark_rows(recording, first_stop, first_landmark, first_time_of(recording), block, rows);
     first_stop += static_cast<int>(recording.stops.size());

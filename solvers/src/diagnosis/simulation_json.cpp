@@ -278,7 +278,7 @@ SimulationModel simulation_model_from_json(const std::string& text, const std::s
     c.noise.law = noise_law_from_string(json.at("noise").at("law").get<std::string>());
     c.noise.parameters =
         Eigen::Map<const Eigen::VectorXd>(noise.data(), static_cast<Eigen::Index>(noise.size()));
-    if (c.noise.law != NoiseLaw::polynomial && (noise.size() != 1 || !(noise[0] > 0.0)))
+    if (has_sigma(c.noise.law) && (noise.size() != 1 || !(noise[0] > 0.0)))
       throw InputError("field 'noise.parameters' is not one positive number");
     if (!json.at("sigma_theta_rad").is_null())
       c.sigma_theta_rad = Estimate{json.at("sigma_theta_rad").get<double>(), {}};

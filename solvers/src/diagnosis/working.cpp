@@ -189,14 +189,19 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   return working;
 }
 
+Eigen::VectorXd sequence_residuals(const WorkingProblem& working, const CellGeometry& geometry) {
+  const Cells& c = working.problem.cells;
+  Eigen::VectorXd e(static_cast<Eigen::Index>(c.size()));
+  for (std::size_t i = 0; i < c.size(); ++i)
+    e[static_cast<Eigen::Index>(i)] = std::sqrt(c.range_weight[i]) *
+                                      (c.range_mean[i] - geometry.f[i] - c.bent(i, geometry.d[i])) /
+                                      geometry.spread[i];
+  return e;
+}
+
 double serial_nll(const Rows& rows, const WorkingProblem& working, const JointState& state) {
   if (working.serial.independent()) return 0.0;
-  const Cells& c = working.problem.cells;
-  const CellGeometry geometry = cell_geometry(rows, state);
-  Eigen::VectorXd e(rows.cell_count);
-  for (int i = 0; i < rows.cell_count; ++i)
-    e[i] = std::sqrt(c.range_weight[i]) * (c.range_mean[i] - geometry.f[i] - c.bent(i, geometry.d[i])) /
-           geometry.spread[i];
+  const Eigen::VectorXd e = sequence_residuals(working, cell_geometry(rows, state));
   return 0.5 * (working.serial.whitened(e).squaredNorm() - e.squaredNorm());
 }
 

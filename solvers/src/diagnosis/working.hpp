@@ -35,6 +35,9 @@ Dependence dependence_of(const Model& model);
 /// state.
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);
 
+/// Residuals of the working problem's ranges in units of their standard deviations, sqrt(W) (y - f) / s, of the cells.
+Eigen::VectorXd sequence_residuals(const WorkingProblem& working, const CellGeometry& geometry);
+
 /// What errors that depend on one another along a sequence add to the NLL of the working problem [nats], whose cells take them
 /// for independent; 0 where they are. Their determinant is in `constant`.
 double serial_nll(const Rows& rows, const WorkingProblem& working, const JointState& state);

@@ -13,8 +13,7 @@ namespace rangecal {
 inline std::string collapsed_sigma(const JointState& start, const JointState& now) {
   if (now.sigma_theta_rad < collapse_ratio * start.sigma_theta_rad)
     return fmt::format("sigma_theta went to 0 ({:.1e} rad and falling)", now.sigma_theta_rad);
-  if (now.noise.law != NoiseLaw::polynomial &&
-      now.noise.parameters[0] < collapse_ratio * start.noise.parameters[0])
+  if (has_sigma(now.noise.law) && now.noise.parameters[0] < collapse_ratio * start.noise.parameters[0])
     return fmt::format("sigma_e went to 0 ({:.1e} and falling)", now.noise.parameters[0]);
   return {};
 }

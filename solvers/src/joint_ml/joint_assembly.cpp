@@ -91,7 +91,7 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
   double nll = assemble_priors(state, exact, node, sum);
 
   const NoiseLaw law = state.noise.law;
-  const bool power_law = law != NoiseLaw::polynomial && law != NoiseLaw::d_squared, bent = !c.bend.empty();
+  const bool power_law = is_power_of_f(law), bent = !c.bend.empty();
   const double sigma = state.noise.parameters[0], tau = power_law ? std::log(sigma) : 0.0;
   if (power_law && !(sigma > 0.0)) return infinity;
   const PowerLaw power{state.noise.power_of_f(), 1.0 / (sigma * sigma)};
@@ -226,7 +226,7 @@ double JointSystem::assemble(const JointState& state, HessianKind kind) {
   if (sums_.empty()) sums_.assign(parts, Accumulator(layout_, problem_.landmark_count()));
   if (!(state.sigma_theta_rad > 0.0)) return infinity;
   const NoiseLaw law = state.noise.law;
-  const int fixed = law == NoiseLaw::polynomial || law == NoiseLaw::d_squared ? 0 : layout_.alpha_count;
+  const int fixed = !is_power_of_f(law) ? 0 : layout_.alpha_count;
   const auto run = [&](int part) {
     Accumulator& sum = sums_[part];
     sum.clear();

@@ -58,7 +58,7 @@ class Program : public ceres::IterationCallback {
         alpha_count_(start.alpha.size()),
         program_(program_options()) {
     for (const Eigen::Vector2d& m : start.landmarks) landmarks_.insert(landmarks_.end(), {m.x(), m.y()});
-    if (start.noise.law == NoiseLaw::polynomial)
+    if (!has_sigma(start.noise.law))
       curve_.insert(curve_.end(), start.noise.parameters.begin(), start.noise.parameters.end());
     else
       curve_.push_back(std::log(start.noise.parameters[0]));
@@ -77,7 +77,7 @@ class Program : public ceres::IterationCallback {
     if (!held_.alpha)
       now.alpha += curve_block_.basis * Eigen::Map<const Eigen::VectorXd>(curve_.data(), alpha_count_);
     if (!held_.sigmas) {
-      if (now.noise.law == NoiseLaw::polynomial)
+      if (!has_sigma(now.noise.law))
         std::copy(curve_.begin() + alpha_count_, curve_.end() - 1, now.noise.parameters.begin());
       else
         now.noise.parameters[0] = std::exp(curve_[alpha_count_]);
@@ -144,7 +144,7 @@ class Program : public ceres::IterationCallback {
     if (held_.sigmas) return ceres::SOLVER_CONTINUE;
     JointState now = start_;
     now.sigma_theta_rad = std::exp(curve_.back());
-    if (now.noise.law != NoiseLaw::polynomial) now.noise.parameters[0] = std::exp(curve_[alpha_count_]);
+    if (has_sigma(now.noise.law)) now.noise.parameters[0] = std::exp(curve_[alpha_count_]);
     collapsed = collapsed_sigma(start_, now);
     return collapsed.empty() ? ceres::SOLVER_CONTINUE : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }

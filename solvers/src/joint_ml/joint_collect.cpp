@@ -51,7 +51,7 @@ void JointSystem::profile_spreads(JointState& state) const {
   const std::size_t stops = problem_.stops.size();
   const int parts = part_count(stops), na = static_cast<int>(state.alpha.size());
   const int power = state.noise.power_of_f();
-  const bool plain = state.noise.law != NoiseLaw::polynomial && state.noise.law != NoiseLaw::d_squared;
+  const bool plain = is_power_of_f(state.noise.law);
   std::vector<std::array<double, 2>> sums(parts, {0.0, 0.0});
   const auto run = [&](int part) {
     double range = 0.0, bearing = 0.0;

@@ -92,7 +92,7 @@ JointState step_state(const JointProblem& problem, const JointLayout& layout, co
   next.alpha += globals.head(layout.alpha_count);
   for (int l = 0; l < problem.landmark_count(); ++l)
     next.landmarks[l] += globals.segment<2>(layout.landmark_begin + 2 * l);
-  if (state.noise.law == NoiseLaw::polynomial)
+  if (!has_sigma(state.noise.law))
     next.noise.parameters += globals.segment(layout.tau_begin, layout.tau_count);
   else
     next.noise.parameters[0] *= std::exp(globals[layout.tau_begin]);

@@ -56,10 +56,8 @@ double expected_information(const JointState& state, double d, const Cells& c, s
     f = f * d + state.alpha[a];
   }
   const double s = state.noise.spread(d, f);
-  const int power = state.noise.power_of_f();
-  const double log_slope = state.noise.law == NoiseLaw::d_squared ? 2.0 / d
-                           : power > 0                            ? power * slope / f
-                                                                  : 0.0;
+  const Noise::LogSpread log_s = state.noise.log_spread(d, f);
+  const double log_slope = log_s.by_f * slope + log_s.by_d;
   if (!c.bend.empty()) slope += c.bend[i];
   return c.range_weight[i] * slope * slope / (s * s) + 2.0 * c.count[i] * log_slope * log_slope;
 }

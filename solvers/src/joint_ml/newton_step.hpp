@@ -47,7 +47,7 @@ inline std::optional<Eigen::VectorXd> newton_step(const Eigen::MatrixXd& hessian
 inline double limit_step(const JointLayout& layout, NoiseLaw law, Eigen::VectorXd& globals,
                          double limit = 1.5) {
   double largest = std::abs(globals[layout.sigma_theta]);
-  if (law != NoiseLaw::polynomial) largest = std::max(largest, std::abs(globals[layout.tau_begin]));
+  if (has_sigma(law)) largest = std::max(largest, std::abs(globals[layout.tau_begin]));
   if (layout.sigma_s >= 0) largest = std::max(largest, std::abs(globals[layout.sigma_s]));
   const double factor = largest > limit ? limit / largest : 1.0;
   globals *= factor;

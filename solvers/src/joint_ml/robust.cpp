@@ -185,7 +185,7 @@ class Squarem {
     };
     JointState x = x2;
     x.alpha = c0 * x0.alpha + c1 * x1.alpha + c2 * x2.alpha;
-    if (x.noise.law == NoiseLaw::polynomial)
+    if (!has_sigma(x.noise.law))
       x.noise.parameters = c0 * x0.noise.parameters + c1 * x1.noise.parameters + c2 * x2.noise.parameters;
     else
       x.noise.parameters[0] =

@@ -161,7 +161,7 @@ void set_robust_covariance(const JointProblem& weighted, bool marginal, ShapeAtE
   }
   describe_covariance(H, layout, free, fit);
   if (!fit.covariance) return;
-  const bool polynomial = state.noise.law == NoiseLaw::polynomial;
+  const bool polynomial = !has_sigma(state.noise.law);
   const Eigen::VectorXd one = Eigen::VectorXd::Ones(1);
   range.shape_std = add_shape_part(of_range, range, polynomial ? state.noise.parameters : one,
                                    layout.tau_begin, *fit.covariance);

@@ -16,7 +16,7 @@ struct ThirdOrder {
       : state(at),
         moved(at),
         na(static_cast<int>(at.alpha.size())),
-        is_power(at.noise.law != NoiseLaw::polynomial && at.noise.law != NoiseLaw::d_squared),
+        is_power(is_power_of_f(at.noise.law)),
         bent(!cells.bend.empty()),
         law{at.noise.power_of_f(), 1.0 / (at.noise.parameters[0] * at.noise.parameters[0])} {}
 
@@ -155,7 +155,7 @@ struct ThirdOrder {
     power = 1.0;
     for (Eigen::Index e = 0; e < taus; ++e, power *= d) {
       double& tau = moved.noise.parameters[e];
-      const bool beta = state.noise.law == NoiseLaw::polynomial;
+      const bool beta = !has_sigma(state.noise.law);
       out.by_curve[na + e] = slope(tau, part * (beta ? spread / power : tau)) * (beta ? 1.0 : tau);
     }
   }

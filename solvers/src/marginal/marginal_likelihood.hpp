@@ -93,7 +93,7 @@ class Marginal {
 
   /// Step of the differences in sigma coordinate j: logs, or a small part of the largest beta.
   double step_of(const JointState& state, Eigen::Index j) const {
-    const bool beta = state.noise.law == NoiseLaw::polynomial && j < layout().tau_count;
+    const bool beta = !has_sigma(state.noise.law) && j < layout().tau_count;
     return beta ? 1e-4 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-4;
   }
 
@@ -226,12 +226,12 @@ class Marginal {
   }
 
   bool is_logarithm(const JointState& state, int global) const {
-    return state.noise.law != NoiseLaw::polynomial || global >= layout().sigma_theta;
+    return has_sigma(state.noise.law) || global >= layout().sigma_theta;
   }
 
   Eigen::VectorXd sigma_coordinates(const JointState& state) const {
     Eigen::VectorXd s(layout().sigma_count());
-    if (state.noise.law == NoiseLaw::polynomial)
+    if (!has_sigma(state.noise.law))
       s.head(layout().tau_count) = state.noise.parameters;
     else
       s[0] = std::log(state.noise.parameters[0]);

@@ -72,7 +72,7 @@ struct Converged {
 
 std::optional<ProfileInterval> profile_interval(const JointProblem& problem, const JointState& state,
                                                 Sigma which, double relative_std, double level) {
-  if (which == Sigma::noise && state.noise.law == NoiseLaw::polynomial) return std::nullopt;
+  if (which == Sigma::noise && !has_sigma(state.noise.law)) return std::nullopt;
   if (which == Sigma::stops && !(problem.estimate_sigma_s && state.sigma_s_m)) return std::nullopt;
   const auto [start, options] = Converged(problem, state);
   RemlProfile below(problem, start, options, which), over(problem, start, options, which);

@@ -12,7 +12,7 @@
 namespace rangecal::pairs_ml {
 
 void scale_noise(Vector& x, int first, NoiseLaw law, double factor) {
-  if (law == NoiseLaw::polynomial) {
+  if (!has_sigma(law)) {
     x.tail(x.size() - first) *= factor;
   } else {
     x[first] += std::log(factor);
@@ -46,7 +46,7 @@ Vector least_absolute(const PairsProblem& problem, const ScaledPairs& scaled, No
   Vector x = gaussian;
   x.head(n) = c;
   x.tail(x.size() - n).setZero();
-  if (law == NoiseLaw::polynomial) x[n] = 1.0;  // sigma = 1, or a constant spread of 1 m, to be scaled
+  if (!has_sigma(law)) x[n] = 1.0;  // sigma = 1, or a constant spread of 1 m, to be scaled
   const Eigen::VectorXd alpha = scaled.alpha(x);
   const Noise unit = scaled.noise(x);
   for (std::size_t i = 0; i < size; ++i) {  // now in units of the law's spread

@@ -91,7 +91,7 @@ class CellsCost : public ceres::CostFunction {
 
 PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseLaw law, int noise_order) {
   PairsCeresResult result;
-  const int noise_count = law == NoiseLaw::polynomial ? noise_order + 1 : 1;
+  const int noise_count = parameter_count(law, noise_order);
   if (problem.readings() < order + 1 + noise_count || static_cast<int>(problem.size()) < order + 1) {
     result.outcome = Outcome::too_few_data;
     result.reason = "fewer readings or distances than unknowns";
@@ -108,12 +108,12 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
   }
   const Eigen::Index n = order + 1, size = seed.size();
   Eigen::MatrixXd to_user = scaled.jacobian(seed);
-  if (law != NoiseLaw::polynomial) to_user(n, n) = 1.0;  // log sigma stays log sigma
+  if (has_sigma(law)) to_user(n, n) = 1.0;  // log sigma stays log sigma
   Eigen::VectorXd origin(size);
   const Noise seed_noise = scaled.noise(seed);
   origin.head(n) = scaled.alpha(seed);
   origin.tail(size - n) = seed_noise.parameters;
-  if (law != NoiseLaw::polynomial) origin[n] = seed[n];
+  if (has_sigma(law)) origin[n] = seed[n];
   const Eigen::MatrixXd W = Eigen::MatrixXd(information.matrixU()).inverse();
 
   auto* cost = new CellsCost(problem, law, origin, to_user * W, n);  // owned by the program
@@ -144,8 +144,8 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
     const Eigen::VectorXd x = cost->at(u.data());
     result.alpha = x.head(n);
     result.noise.law = law;
-    result.noise.parameters = law == NoiseLaw::polynomial ? Eigen::VectorXd(x.tail(size - n))
-                                                          : Eigen::VectorXd::Constant(1, std::exp(x[n]));
+    result.noise.parameters =
+        !has_sigma(law) ? Eigen::VectorXd(x.tail(size - n)) : Eigen::VectorXd::Constant(1, std::exp(x[n]));
     pairs_ml::Evaluation at;
     scaled.evaluate(scaled.from_user(result.alpha, result.noise), true, at);
     const Eigen::LLT<Eigen::MatrixXd> factor(at.information);

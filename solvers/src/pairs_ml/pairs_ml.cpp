@@ -21,9 +21,7 @@ namespace {
 using pairs_ml::NewtonResult;
 using pairs_ml::ScaledPairs;
 
-int noise_count(const PairsOptions& options) {
-  return options.law == NoiseLaw::polynomial ? options.noise_order + 1 : 1;
-}
+int noise_count(const PairsOptions& options) { return parameter_count(options.law, options.noise_order); }
 
 PairsFit empty_fit(const PairsProblem& problem, Method method) {
   PairsFit fit;
@@ -45,12 +43,11 @@ double lowest(const std::vector<double>& values) {
 
 /// True, with the outcome and its reason set, where the model's domain excludes the readings.
 bool outside_domain(const PairsProblem& problem, const PairsOptions& options, Calibration& calibration) {
-  const bool power =
-      options.law == NoiseLaw::f || options.law == NoiseLaw::f_squared || options.law == NoiseLaw::f_cubed;
-  if (options.law == NoiseLaw::d_squared && !(problem.true_m.front() > 0.0)) {
-    calibration.reason =
-        fmt::format("noise law d2 needs distances above 0, got {} m", problem.true_m.front());
-  } else if (power && lowest(problem.mean_m) <= 0.0) {
+  const NoiseForm form = form_of(options.law);
+  if (form.power_of_d > 0 && !(problem.true_m.front() > 0.0)) {
+    calibration.reason = fmt::format("noise law {} needs distances above 0, got {} m", to_string(options.law),
+                                     problem.true_m.front());
+  } else if (form.power_of_f > 0 && lowest(problem.mean_m) <= 0.0) {
     calibration.reason = fmt::format("noise law {} needs readings above 0", to_string(options.law));
   } else {
     return false;

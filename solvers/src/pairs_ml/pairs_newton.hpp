@@ -30,7 +30,7 @@ class ScaledPairs {
   ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, int noise_order, int parallel_from);
 
   int unknowns() const { return order_ + 1 + noise_count_; }
-  bool log_sigma() const { return law_ != NoiseLaw::polynomial; }  ///< the last unknown is log sigma
+  bool log_sigma() const { return has_sigma(law_); }  ///< the last unknown is log sigma
   int mean_unknowns() const { return order_ + 1; }
   void evaluate(const Vector& x, bool information, Evaluation& out) const;
   /// Least squares in one streaming pass, s as d^2; false where it cannot serve: take `seed` then.
@@ -47,7 +47,7 @@ class ScaledPairs {
   bool perfect(const Vector& x) const;
 
  private:
-  bool streams() const { return law_ != NoiseLaw::polynomial && order_ <= kernel_max_order; }
+  bool streams() const { return has_sigma(law_) && order_ <= kernel_max_order; }
   KernelSums sum(const PairsProblem& problem, const Vector& x, bool information, KernelLaw law) const;
   bool sampled() const { return !sample_.true_m.empty(); }
   Vector least_squares() const;

@@ -13,7 +13,7 @@ Vector ScaledPairs::least_squares() const {
   // Normal equations over powers of t in [-1, 1] (condition below 1e4 for order 4); s as d^p, d kept off 0.
   const int n = order_ + 1;
   const std::size_t size = problem_.size(), stride = std::max<std::size_t>(1, size / 4096);
-  const double power = law_ == NoiseLaw::d_squared ? 2.0 : power_;
+  const double power = form_of(law_).power_of_f + form_of(law_).power_of_d;
   const double floor = 0.05 * std::max(std::abs(center_), half_width_);
   double moments[2 * max_unknowns] = {}, right[max_unknowns] = {};
   for (std::size_t i = 0; i < size; i += stride) {
@@ -81,8 +81,8 @@ Vector ScaledPairs::seed() const {
       const double d = problem_.true_m[i], f = f_at(c, d), r = problem_.mean_m[i] - f;
       if (power_ > 0.0 && !(f > 0.02 * std::abs(problem_.mean_m[i]))) return false;
       double shape = 1.0;
-      if (law_ == NoiseLaw::d_squared) shape = d * d;
-      if (power_ >= 1.0) shape = f;
+      for (int i = 0; i < form_of(law_).power_of_d; ++i) shape *= d;
+      if (power_ >= 1.0) shape *= f;
       if (power_ >= 2.0) shape *= f;
       if (power_ >= 3.0) shape *= f;
       square += problem_.weight[i] * (r * r + problem_.mean_square[i]) / (shape * shape);
@@ -111,7 +111,7 @@ Vector ScaledPairs::seed() const {
   const double tiny = 1e-30 * (1.0 + typical_ * typical_);
   Vector x = Vector::Zero(unknowns());
   x.head(n) = c;
-  if (law_ == NoiseLaw::polynomial) {
+  if (!has_sigma(law_)) {
     x[n] = std::sqrt(std::max(variance, tiny));
   } else {
     x[n] = 0.5 * std::log(std::max(variance, tiny));

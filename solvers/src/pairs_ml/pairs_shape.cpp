@@ -81,7 +81,7 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
     const double in_f = w * density.derivative / s + (power > 0.0 ? in_log_s * power / f : 0.0);
     double power_of_d = 1.0;
     for (int j = 0; j < n; ++j, power_of_d *= d) in_user[j] += in_f * power_of_d;
-    double in_parameter = law_ == NoiseLaw::polynomial ? in_log_s / s : in_log_s;
+    double in_parameter = !has_sigma(law_) ? in_log_s / s : in_log_s;
     for (int j = 0; j < m; ++j, in_parameter *= d) in_user[n + j] += in_parameter;
     in_shape[0] -= w * density.in_shape[0];
     in_shape[1] -= w * density.in_shape[1];
@@ -89,7 +89,7 @@ double ShapePairs::evaluate(const Eigen::VectorXd& x, Eigen::VectorXd* gradient)
   if (!std::isfinite(nll)) return infinity;
   if (gradient) {
     Eigen::MatrixXd J = scaled_.jacobian(gaussian);
-    if (law_ != NoiseLaw::polynomial) J(n, n) = 1.0;  // the sums above are in log sigma already
+    if (has_sigma(law_)) J(n, n) = 1.0;  // the sums above are in log sigma already
     gradient->resize(unknowns());
     gradient->head(first) = J.transpose() * in_user;
     if (shape_ == NoiseShape::student_t) (*gradient)[first] = in_shape[0] * (shape.nu - 1.0);

@@ -24,23 +24,12 @@ std::vector<double> every_kth(const std::vector<double>& values) {
   return taken;
 }
 
+/// The kernel's specialisation for a law of one sigma; power0 stands for the polynomial, which never streams.
 KernelLaw kernel_law(NoiseLaw law) {
-  switch (law) {
-    case NoiseLaw::f:
-      return KernelLaw::power1;
-    case NoiseLaw::f_squared:
-      return KernelLaw::power2;
-    case NoiseLaw::f_cubed:
-      return KernelLaw::power3;
-    case NoiseLaw::d_squared:
-      return KernelLaw::d_squared;
-    default:
-      return KernelLaw::power0;
-  }
-}
-
-double power_of(NoiseLaw law) {
-  return law == NoiseLaw::f ? 1.0 : law == NoiseLaw::f_squared ? 2.0 : law == NoiseLaw::f_cubed ? 3.0 : 0.0;
+  if (form_of(law).power_of_d == 2) return KernelLaw::d_squared;
+  constexpr KernelLaw by_power[] = {KernelLaw::power0, KernelLaw::power1, KernelLaw::power2,
+                                    KernelLaw::power3};
+  return by_power[form_of(law).power_of_f];
 }
 
 }  // namespace
@@ -61,10 +50,10 @@ ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, i
                          int parallel_from)
     : problem_(problem),
       order_(order),
-      noise_count_(law == NoiseLaw::polynomial ? noise_order + 1 : 1),
+      noise_count_(parameter_count(law, noise_order)),
       law_(law),
       kernel_law_(kernel_law(law)),
-      power_(power_of(law)),
+      power_(form_of(law).power_of_f),
       parallel_from_(parallel_from) {
   const double low = problem.true_m.front(), high = problem.true_m.back();
   center_ = 0.5 * (low + high);
@@ -79,7 +68,7 @@ ScaledPairs::ScaledPairs(const PairsProblem& problem, int order, NoiseLaw law, i
   }
   if (!streams()) {
     scaled_ = problem;
-    if (law == NoiseLaw::polynomial) {
+    if (!has_sigma(law)) {
       for (double& d : scaled_.true_m) d = (d - center_) / half_width_;
     }
   } else if (problem.size() > chunk_cells) {
@@ -168,7 +157,7 @@ void ScaledPairs::evaluate(const Vector& x, bool information, Evaluation& out) c
     return;
   }
   const int n = order_ + 1;
-  if (law_ == NoiseLaw::polynomial) {
+  if (!has_sigma(law_)) {
     Noise in_t;
     in_t.law = law_;
     in_t.parameters = x.tail(noise_count_);
@@ -196,7 +185,7 @@ Eigen::VectorXd ScaledPairs::alpha(const Vector& x) const {
 Noise ScaledPairs::noise(const Vector& x) const {
   Noise noise;
   noise.law = law_;
-  if (law_ == NoiseLaw::polynomial) {
+  if (!has_sigma(law_)) {
     noise.parameters = shift_matrix(noise_count_ - 1, center_, half_width_) * x.tail(noise_count_);
   } else {
     noise.parameters = Eigen::VectorXd::Constant(1, std::exp(x[order_ + 1]));
@@ -208,7 +197,7 @@ Matrix ScaledPairs::jacobian(const Vector& x) const {
   const int n = order_ + 1;
   Matrix J = Matrix::Zero(unknowns(), unknowns());
   J.topLeftCorner(n, n) = shift_matrix(order_, center_, half_width_);
-  if (law_ == NoiseLaw::polynomial) {
+  if (!has_sigma(law_)) {
     J.bottomRightCorner(noise_count_, noise_count_) = shift_matrix(noise_count_ - 1, center_, half_width_);
   } else {
     J(n, n) = std::exp(x[n]);
@@ -220,7 +209,7 @@ Vector ScaledPairs::from_user(const Eigen::VectorXd& user_alpha, const Noise& us
   Vector x(unknowns());
   x.head(order_ + 1) =
       shift_matrix(order_, center_, half_width_).triangularView<Eigen::Upper>().solve(user_alpha);
-  if (law_ == NoiseLaw::polynomial) {
+  if (!has_sigma(law_)) {
     x.tail(noise_count_) = shift_matrix(noise_count_ - 1, center_, half_width_)
                                .triangularView<Eigen::Upper>()
                                .solve(user_noise.parameters);
@@ -232,7 +221,7 @@ Vector ScaledPairs::from_user(const Eigen::VectorXd& user_alpha, const Noise& us
 
 bool ScaledPairs::perfect(const Vector& x) const {
   // A pass over all cells is only spent where sigma is that small: s at the typical reading, in parts of it.
-  if (streams() && law_ != NoiseLaw::d_squared) {
+  if (streams() && is_power_of_f(law_)) {
     const double relative = std::exp(x[order_ + 1]) * std::pow(typical_, power_ - 1.0);
     if (relative > 1e-6) return false;
   }

@@ -225,7 +225,7 @@ void PlanRequest::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("plan: " + what); };
   if (sketch.kind != RecordingKind::landmarks)
     refuse("the sketch is of kind pairs: there is nothing to plan but how many readings");
-  if (sketch.noise.law == NoiseLaw::polynomial) refuse("the sketch's noise is polynomial; give a power law");
+  if (!has_sigma(sketch.noise.law)) refuse("the sketch's noise is polynomial; give a power law");
   if (!(sketch.sigma_theta_rad > 0.0)) refuse("the sketch's sigma_theta_rad is not positive");
   if (!(accuracy_m > 0.0) || !std::isfinite(accuracy_m))
     refuse(fmt::format("accuracy_m = {} is not a positive length", accuracy_m));

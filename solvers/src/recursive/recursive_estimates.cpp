@@ -122,7 +122,7 @@ Calibration RecursiveCalibrator::approximate() const {
   const MatrixXd cofactor = root * root.transpose() / factor;
   const double dof = dof_of(order);
   const PairsProblem cells = moments_.cells(factor);
-  const NoiseLaw law = options_.law == NoiseLaw::polynomial ? NoiseLaw::f_squared : options_.law;
+  const NoiseLaw law = !has_sigma(options_.law) ? NoiseLaw::f_squared : options_.law;
   const double variance =
       law == NoiseLaw::d_squared ? rss(order) / W : scaled_squares(cells, result.alpha, law) / dof;
   const double sigma = std::sqrt(std::max(0.0, variance));
@@ -141,7 +141,7 @@ Calibration RecursiveCalibrator::approximate() const {
 std::optional<VectorXd> RecursiveCalibrator::noise_start(int order, VectorXd& alpha, Outcome& outcome) const {
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const PairsProblem cells = moments_.cells(factor);
-  if (options_.law == NoiseLaw::polynomial) {  // the polynomial that comes closest to the spread sigma f^2
+  if (!has_sigma(options_.law)) {  // the polynomial that comes closest to the spread sigma f^2
     RecursiveCalibrator power(*this);
     power.options_.law = NoiseLaw::f_squared;
     const auto fit = power.maximise(order, nullptr);
@@ -199,7 +199,7 @@ std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibr
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const PairsProblem cells = moments_.cells(factor);
   const double W = factor * sum_w_, constant = half_log_two_pi * W;
-  const bool logs = options_.law != NoiseLaw::polynomial;
+  const bool logs = has_sigma(options_.law);
   const Eigen::Index n = order + 1, m = options_.noise_count();
   Calibration result;
   VectorXd x(n + m), alpha;

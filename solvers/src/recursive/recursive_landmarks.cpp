@@ -27,7 +27,7 @@ void RecursiveLandmarksOptions::check() const {
   const auto refuse = [](const std::string& what) { throw InputError("RecursiveLandmarksOptions: " + what); };
   if (order && (*order < 0 || *order > 6)) refuse(fmt::format("order = {} is outside of 0 .. 6", *order));
   if (max_order < 1 || max_order > 6) refuse(fmt::format("max_order = {} is outside of 1 .. 6", max_order));
-  if (law == NoiseLaw::polynomial) refuse("law = polynomial is not one that can be tracked");
+  if (!has_sigma(law)) refuse("law = polynomial is not one that can be tracked");
   if (!(sigma_xy_m >= 0.0 && std::isfinite(sigma_xy_m)))
     refuse(fmt::format("sigma_xy_m = {} is negative or not finite", sigma_xy_m));
   if (!(sigma_heading_rad >= 0.0 && std::isfinite(sigma_heading_rad)))

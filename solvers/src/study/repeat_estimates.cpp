@@ -56,7 +56,7 @@ void fill_from_fit(const JointFit& fit, RepeatEstimate& result) {
   if (fit.outcome != Outcome::converged) return;
   result.alpha = fit.state.alpha;
   result.landmarks = fit.state.landmarks;
-  if (fit.state.noise.law != NoiseLaw::polynomial) result.sigma_e = fit.state.noise.parameters[0];
+  if (has_sigma(fit.state.noise.law)) result.sigma_e = fit.state.noise.parameters[0];
   result.sigma_theta = fit.state.sigma_theta_rad;
   if (!fit.covariance) return;
   const Eigen::Index alphas = fit.state.alpha.size();

@@ -86,7 +86,7 @@ void set_readings(Scene& scene, const std::string& value) {
 
 /// The power law's sigma; for the polynomial law beta = value * alpha, the 2021 paper's way to state it.
 void set_noise_sigma(Scene& scene, const std::string& value) {
-  if (scene.noise.law == NoiseLaw::polynomial)
+  if (!has_sigma(scene.noise.law))
     scene.noise.parameters = positive(value) * scene.alpha;
   else
     scene.noise.parameters = Eigen::VectorXd::Constant(1, positive(value));
@@ -94,7 +94,7 @@ void set_noise_sigma(Scene& scene, const std::string& value) {
 
 void set_noise_law(Scene& scene, const std::string& value) {
   const NoiseLaw law = noise_law_from_string(value);
-  if ((law == NoiseLaw::polynomial) != (scene.noise.law == NoiseLaw::polynomial))
+  if (has_sigma(law) != has_sigma(scene.noise.law))
     throw InputError("the polynomial law has other parameters than the power laws");
   scene.noise.law = law;
 }

@@ -83,9 +83,8 @@ struct EffectContext {
   double stay_s = 0.0;              ///< longest time between two readings of one stop; 0 without times
   double range_min_m = 0.0, range_max_m = 0.0;  ///< of the true distances, as fitted
   double largest_cell = 1.0;                    ///< most repeats of one (stop, landmark)
-  bool in_sequence =
-      false;  ///< kind pairs, without repeats: readings follow one another in time or as the file has them
-  double headings = 0.0;  ///< spread of the stops' headings [rad]
+  int longest_sequence = 0;  ///< readings of one device of kind pairs, without repeats; else 0
+  double headings = 0.0;     ///< spread of the stops' headings [rad]
   bool several_radii = false;
   double largest_bearing_rad = 3.14159265358979;  ///< largest |direction in the sensor frame| of any reading
   std::vector<std::string> covariates;            ///< names of the covariate columns
@@ -134,7 +133,7 @@ struct ReadingChange {
 };
 
 /// How the errors of readings depend on one another: of the repeats of a cell in order of time, and where readings follow one
-/// another without repeats (EffectContext::in_sequence) of those of a device.
+/// another without repeats (EffectContext::longest_sequence) of those of a device.
 struct Dependence {
   double range_cell_sigma_m = 0.0;  ///< error shared by all repeats of a cell
   double bearing_cell_sigma_rad = 0.0;

@@ -18,7 +18,7 @@ struct CurveBlock {
   Eigen::VectorXd origin;
   Eigen::MatrixXd basis;
   NoiseLaw law;
-  int tau_count, power_of_f;
+  int tau_count;
 };
 
 /// Where a stop's unknowns stand in the block of its place (x, y, headings of its stops), as changes from a

@@ -38,14 +38,14 @@ class RangeTerm {
     coefficients_ = static_cast<int>(alpha.size());
     noise_parameters_ = static_cast<int>(noise.parameters.size());
     if (!(d > 0.0)) return false;
-    powers(d, std::max(coefficients_, noise.law == NoiseLaw::polynomial ? noise_parameters_ : 0));
+    powers(d, std::max(coefficients_, !has_sigma(noise.law) ? noise_parameters_ : 0));
     Taylor<N> f;
     for (int i = 0; i < coefficients_; ++i) f = f + alpha[i] * power[i];
     power_of_f_ = noise.power_of_f();
 
     Taylor<N> lambda, precision;  // log s, 1 / s^2
     inverse_f_ = Taylor<N>{};
-    if (noise.law == NoiseLaw::polynomial) {
+    if (!has_sigma(noise.law)) {
       Taylor<N> s;
       for (int i = 0; i < noise_parameters_; ++i) s = s + noise.parameters[i] * power[i];
       if (!(s.value() > 0.0)) return false;
@@ -63,17 +63,18 @@ class RangeTerm {
         lambda = lambda + double(power_of_f_) * log(f, inverse_f_);
         const Taylor<N> inverse_sq = inverse_f_ * inverse_f_;
         for (int i = 0; i < power_of_f_; ++i) precision = precision * inverse_sq;
-      } else if (noise.law == NoiseLaw::d_squared) {
+      }
+      if (const int q = form_of(noise.law).power_of_d; q > 0) {
         Taylor<N> distance;
         distance.c[0] = d;
         distance.c[1] = 1.0;
         const Taylor<N> inverse = reciprocal(distance);
-        lambda = lambda + 2.0 * log(distance, inverse);
+        lambda = lambda + double(q) * log(distance, inverse);
         const Taylor<N> inverse_sq = inverse * inverse;
-        precision = precision * inverse_sq * inverse_sq;
+        for (int i = 0; i < q; ++i) precision = precision * inverse_sq;
       }
     }
-    polynomial_law_ = noise.law == NoiseLaw::polynomial;
+    polynomial_law_ = !has_sigma(noise.law);
 
     Taylor<N> e = Taylor<N>::constant(cells.range_mean[cell] - cells.bent(cell, d)) - f;
     e.c[1] -= bend;

@@ -34,7 +34,7 @@ struct RecursiveOptions {
   /// Throws InputError naming the bad field and its value.
   void check() const;
   int columns() const { return order.value_or(max_order) + 1; }
-  int noise_count() const { return law == NoiseLaw::polynomial ? noise_order + 1 : 1; }
+  int noise_count() const { return parameter_count(law, noise_order); }
 };
 
 /// Calibrates from pairs (true distance d, reading y) one at a time, in memory that does not depend on their number
