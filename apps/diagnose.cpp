@@ -11,6 +11,7 @@
 
 #include "commands.hpp"
 #include "diagnosis_text.hpp"
+#include "ingest/bags/diagnosis_mcap.hpp"
 #include "job_options.hpp"
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
@@ -28,7 +29,7 @@ namespace {
 
 struct DiagnoseCommand {
   std::vector<std::string> recordings, force, group_by;
-  std::string simulation, json, calibration, report, trace, laws, patch, curve = "auto";
+  std::string simulation, json, calibration, report, mcap, trace, laws, patch, curve = "auto";
   double alarm_rate = 0.02;
 
   int run() const {
@@ -40,8 +41,9 @@ struct DiagnoseCommand {
     if (!trace.empty() && !force.empty())
       throw InputError("--trace: with --force nothing is searched, so there is nothing to trace");
     if (!report.empty()) report::require_available();
-    require_writable({json, report, calibration, trace});
-    require_apart({json, report, calibration, trace}, inputs());
+    require_writable({json, report, calibration, mcap, trace});
+    require_apart({json, report, calibration, mcap, trace}, inputs());
+    if (!mcap.empty()) require_place_for_file(mcap);
     if (!patch.empty()) require_patchable();
     const std::vector<Recording> loaded = load_recordings(recordings, {group_by});
     require_columns_of_formulas(loaded);
@@ -57,6 +59,7 @@ struct DiagnoseCommand {
     if (!json.empty()) write_file(json, diagnosis_to_json(diagnosis));
     if (!trace.empty()) write_file(trace, trace_to_json(tried));
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
+    if (!mcap.empty()) ingest::write_diagnosis_mcap(loaded, diagnosis, mcap);
     if (!laws.empty()) write_laws(diagnosis);
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     if (!patch.empty()) write_patch(diagnosis);
@@ -159,6 +162,10 @@ void add_diagnose(CLI::App& app, Action& chosen) {
   command->add_option("--report", state->report,
                       "write a report to look at to this file: one HTML page that needs no network");
   command->add_option(
+      "--mcap", state->mcap,
+      "write scans, landmarks, stops, residuals and the finding to this file for Foxglove, Lichtblick and "
+      "PlotJuggler (docs/viewers.md)");
+  command->add_option(
       "--patch", state->patch,
       "write to this folder what repairs the simulation, and a check by readings held out (docs/export.md)");
   command
@@ -192,6 +199,7 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       "Examples:\n"
       "  rangecal diagnose notebooks_data/field-layout\n"
       "  rangecal diagnose my-recording --json d.json --calibration cal.json && rangecal correct cal.json readings.csv\n"
+      "  rangecal diagnose my-recording --mcap diagnosis.mcap      opens in Foxglove, Lichtblick and PlotJuggler\n"
       "  rangecal diagnose my-recording --simulation my-simulator-run\n"
       "docs/diagnosis.md says what the verdicts mean. Exit code 1: the recording does not determine the curve.");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
