@@ -282,6 +282,22 @@ def report_diagnosis(self, path):
     _native.report_diagnosis(self, self._recordings, _take.path("path", path))
 
 
+def mcap_diagnosis(self, path):
+    """Write what ``rangecal diagnose --mcap`` does: scans, landmarks, stops, residuals and the finding for viewers
+    (``docs/viewers.md``).
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    _native.mcap_diagnosis(self, self._recordings, _take.path("path", path))
+
+
 def models_to_frame(self):
     """Orders and noise laws tried: ``order, noise_law, nll, aic, behind``, best first; `behind` in AIC."""
     import pandas

@@ -39,6 +39,15 @@ def test_reports_are_those_of_the_program(source, field, calibration, diagnosis,
     assert quick.name in write(quick, tmp_path / "study.html")
 
 
+def test_the_file_for_viewers_is_that_of_the_program(source, command, tmp_path):
+    recording = source / "notebooks_data/pairs-2016"
+    command("diagnose", recording, "--mcap", tmp_path / "theirs.mcap")
+    rangecal.diagnose(recording).mcap(tmp_path / "ours.mcap")
+    assert (tmp_path / "ours.mcap").read_bytes() == (tmp_path / "theirs.mcap").read_bytes()
+    with pytest.raises(rangecal.InputError, match="cannot be written"):
+        rangecal.diagnose(recording, held_out=False).mcap("/dev/null")
+
+
 def test_a_calibration_from_a_file_has_no_report(calibration, tmp_path):
     calibration.save(str(tmp_path / "cal.json"))
     with pytest.raises(rangecal.InputError, match="takes a calibration made by"):
