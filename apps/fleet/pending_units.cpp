@@ -2,7 +2,7 @@
 #include "fleet/pending_units.hpp"
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
+#include <tbb/global_control.h>
 
 #include <algorithm>
 
@@ -14,7 +14,7 @@ PendingUnits::PendingUnits(Database& database, std::string table, const UnitShar
     : database_(database),
       table_(std::move(table)),
       share_(share),
-      batch_(static_cast<std::size_t>(tbb::this_task_arena::max_concurrency())) {
+      batch_(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)) {
   if (!share.queue) return;
   // A unit's number in the queue is its row here.
   database.execute(
@@ -30,10 +30,10 @@ PendingUnits::PendingUnits(Database& database, std::string table, const UnitShar
 std::vector<PendingUnits::One> PendingUnits::next() {
   using namespace std::chrono_literals;
   constexpr std::size_t most = 256;
-  const auto now = std::chrono::steady_clock::now();
-  if (now - begun_ < 250ms) batch_ = std::min(most, 2 * batch_);
-  begun_ = now;
-  return share_.queue ? next_of_queue() : next_of_shard();
+  if (begun_ && std::chrono::steady_clock::now() - *begun_ < 250ms) batch_ = std::min(most, 2 * batch_);
+  std::vector<One> units = share_.queue ? next_of_queue() : next_of_shard();
+  begun_ = std::chrono::steady_clock::now();
+  return units;
 }
 
 std::vector<PendingUnits::One> PendingUnits::next_of_shard() {
@@ -68,7 +68,6 @@ std::vector<PendingUnits::One> PendingUnits::next_of_queue() {
     }
     if (units.empty()) done();  // all of them were done by a run before
   }
-  begun_ = std::chrono::steady_clock::now();  // to wait is not to work
   return units;
 }
 

@@ -52,7 +52,7 @@ class PendingUnits {
   std::string after_;
   std::int64_t index_ = -1;
   std::size_t batch_;
-  std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+  std::optional<std::chrono::steady_clock::time_point> begun_;  ///< the last batch
 };
 
 }  // namespace rangecal::app
