@@ -74,13 +74,6 @@ fuzz: build
 	cmake --build $(BUILD) -j $(JOBS) --target fuzz_readers write_bag write_bags
 	tests/fuzz/run.sh $(BUILD) $(SECONDS) $(JOBS)
 
-# What `rangecal correct` writes of bags, read by npm's @mcap/core.
-.PHONY: outside-reader
-outside-reader: build
-	mkdir -p build/outside && cp tests/ingest/bags/outside/* build/outside
-	cd build/outside && npm ci --ignore-scripts --no-audit --no-fund
-	RANGECAL_OUTSIDE_READER=$(CURDIR)/build/outside $(BUILD)/tests/test_apps --gtest_filter='CorrectBags.TheOutsideReader*'
-
 # Input of hostile size: lines of 2 GB, 10^8 rows, nested and aliased YAML. Some ten minutes and 6 GB of disk.
 hostile: build
 	benchmarks/hostile.py $(BUILD)

@@ -3,6 +3,8 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <string>
+#include <vector>
 
 namespace rangecal::app {
 
@@ -19,8 +21,8 @@ void add_correct(CLI::App& app, Action& chosen);
 void add_simulate(CLI::App& app, Action& chosen);
 void add_diagnose(CLI::App& app, Action& chosen);
 void add_effects(CLI::App& app, Action& chosen);
-/// `--effects DIR`: makes the effects by formula of a folder known when it is read.
-void add_effects_option(CLI::App& command);
+/// `--effects DIR`: makes the effects by formula of a folder known when it is read, and keeps its name in `folders`, if any.
+void add_effects_option(CLI::App& command, std::vector<std::string>* folders = nullptr);
 void add_export(CLI::App& app, Action& chosen);
 void add_extract(CLI::App& app, Action& chosen);
 void add_fleet(CLI::App& app, Action& chosen);

@@ -373,9 +373,7 @@ struct CorrectCommand {
     if (roots != "ls" || !prior.empty() || !limits.empty() || speed != 0.0)
       throw InputError("--roots, --prior, --limits and --speed are about a table, and " + file + " is a bag");
     require_apart({output}, {calibration, file});
-    require_writable(output);
-    if (file_exists(output) && !std::filesystem::is_regular_file(output))
-      throw InputError(output, 0, "", "cannot be written: a bag is written to a file only");
+    require_place_for_file(output);
     const Calibration loaded = curve_of_file();
     ingest::BagCorrectionOptions options = bag;
     if (const auto progress = progress_on_terminal())

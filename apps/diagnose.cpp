@@ -11,7 +11,10 @@
 
 #include "commands.hpp"
 #include "diagnosis_text.hpp"
+#include "each/each_job.hpp"
+#include "ingest/bags/diagnosis_mcap.hpp"
 #include "job_options.hpp"
+#include "mpi_program.hpp"
 #include "rangecal/core/calibration_io.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -27,11 +30,14 @@ namespace rangecal::app {
 namespace {
 
 struct DiagnoseCommand {
-  std::vector<std::string> recordings, force, group_by;
-  std::string simulation, json, calibration, report, trace, laws, patch, curve = "auto";
+  std::vector<std::string> recordings, force, group_by, effects;
+  std::string simulation, json, calibration, report, mcap, trace, laws, patch, curve = "auto";
   double alarm_rate = 0.02;
+  EachJob each;
 
   int run() const {
+    if (!each.output.empty()) return run_each_apart();
+    if (!each.page.empty() || each.threads != 0) throw InputError("--page and --threads are of --each");
     if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
       throw InputError(fmt::format("--alarm-rate is {}, not between 0 and 1", alarm_rate));
     for (const std::string& id : force)
@@ -40,8 +46,9 @@ struct DiagnoseCommand {
     if (!trace.empty() && !force.empty())
       throw InputError("--trace: with --force nothing is searched, so there is nothing to trace");
     if (!report.empty()) report::require_available();
-    require_writable({json, report, calibration, trace});
-    require_apart({json, report, calibration, trace}, inputs());
+    require_writable({json, report, calibration, mcap, trace});
+    require_apart({json, report, calibration, mcap, trace}, inputs());
+    if (!mcap.empty()) require_place_for_file(mcap);
     if (!patch.empty()) require_patchable();
     const std::vector<Recording> loaded = load_recordings(recordings, {group_by});
     require_columns_of_formulas(loaded);
@@ -57,6 +64,7 @@ struct DiagnoseCommand {
     if (!json.empty()) write_file(json, diagnosis_to_json(diagnosis));
     if (!trace.empty()) write_file(trace, trace_to_json(tried));
     if (!report.empty()) write_file(report, report::diagnosis_page(loaded, diagnosis));
+    if (!mcap.empty()) ingest::write_diagnosis_mcap(loaded, diagnosis, mcap);
     if (!laws.empty()) write_laws(diagnosis);
     if (!calibration.empty()) save_calibrations({diagnosis.corrected}, calibration);
     if (!patch.empty()) write_patch(diagnosis);
@@ -65,6 +73,42 @@ struct DiagnoseCommand {
   }
 
  private:
+  int run_each_apart() const {
+    for (const auto& [option, given] : {std::pair("--simulation", &simulation),
+                                        {"--json", &json},
+                                        {"--calibration", &calibration},
+                                        {"--report", &report},
+                                        {"--mcap", &mcap},
+                                        {"--trace", &trace},
+                                        {"--laws", &laws},
+                                        {"--patch", &patch}})
+      if (!given->empty())
+        throw InputError(std::string(option) + " is of one diagnosis, and --each makes many");
+    EachJob job = each;
+    job.inputs = recordings, job.group_by = group_by, job.force = force;
+    job.curve = curve, job.alarm_rate = alarm_rate;
+    if (started_by_mpirun()) become_mpi_program(words_of(job), "run it without mpirun");
+    job.check();
+    job.progress = ::isatty(STDERR_FILENO) != 0;
+    const EachResult result = run_each(job);
+    fmt::print("{}", describe(job, result));
+    for (const std::string& note : result.notes) fmt::print(stderr, "rangecal: {}\n", note);
+    return done;
+  }
+
+  /// The same command for the program that carries MPI.
+  std::vector<std::string> words_of(const EachJob& job) const {
+    std::vector<std::string> words{"diagnose"};
+    words.insert(words.end(), job.inputs.begin(), job.inputs.end());
+    words.insert(words.end(), {"--each", job.output, "--alarm-rate", fmt::format("{}", job.alarm_rate),
+                               "--curve", job.curve, "--threads", std::to_string(job.threads)});
+    if (!job.page.empty()) words.insert(words.end(), {"--page", job.page});
+    for (const std::string& id : job.force) words.insert(words.end(), {"--force", id});
+    for (const std::string& column : job.group_by) words.insert(words.end(), {"--group-by", column});
+    for (const std::string& folder : effects) words.insert(words.end(), {"--effects", folder});
+    return words;
+  }
+
   /// A simulation's curve is given; else the recordings have to determine the one that stands by.
   bool determined(const Diagnosis& diagnosis) const {
     return !simulation.empty() || diagnosis.corrected.outcome != Outcome::unobservable ||
@@ -149,7 +193,8 @@ void add_diagnose(CLI::App& app, Action& chosen) {
   CLI::App* command =
       app.add_subcommand("diagnose", "find what the model leaves out, name the physics, complete the model");
   const auto state = std::make_shared<DiagnoseCommand>();
-  command->add_option("REC", state->recordings, "recording folders of one sensor")->required();
+  command->add_option("REC", state->recordings, "recording folders of one sensor; with --each of any")
+      ->required();
   command->add_option(
       "--simulation", state->simulation,
       "hold this against the recordings: a calibration file, or a recording made by a simulator");
@@ -158,6 +203,10 @@ void add_diagnose(CLI::App& app, Action& chosen) {
                       "write the corrected calibration, effects in it, to this file");
   command->add_option("--report", state->report,
                       "write a report to look at to this file: one HTML page that needs no network");
+  command->add_option(
+      "--mcap", state->mcap,
+      "write scans, landmarks, stops, residuals and the finding to this file for Foxglove, Lichtblick and "
+      "PlotJuggler (docs/viewers.md)");
   command->add_option(
       "--patch", state->patch,
       "write to this folder what repairs the simulation, and a check by readings held out (docs/export.md)");
@@ -183,7 +232,8 @@ void add_diagnose(CLI::App& app, Action& chosen) {
   command->add_option(
       "--trace", state->trace,
       "write every set of causes that was fitted to this file (rangecal-trace/1): why was one not named?");
-  add_effects_option(*command);
+  add_effects_option(*command, &state->effects);
+  state->each.add_to(*command);
   command->add_option(
       "--laws", state->laws,
       "look for formulas of what has no name, and write them to this folder as files for --effects, the "
@@ -192,7 +242,10 @@ void add_diagnose(CLI::App& app, Action& chosen) {
       "Examples:\n"
       "  rangecal diagnose notebooks_data/field-layout\n"
       "  rangecal diagnose my-recording --json d.json --calibration cal.json && rangecal correct cal.json readings.csv\n"
+      "  rangecal diagnose my-recording --mcap diagnosis.mcap      opens in Foxglove, Lichtblick and PlotJuggler\n"
       "  rangecal diagnose my-recording --simulation my-simulator-run\n"
+      "  rangecal diagnose recordings/ --each found.db --page found.html\n"
+      "  mpirun --enable-recovery -n 16 rangecal diagnose recordings/ --each found.db\n"
       "docs/diagnosis.md says what the verdicts mean. Exit code 1: the recording does not determine the curve.");
   command->callback([state, &chosen] { chosen = [state] { return state->run(); }; });
 }

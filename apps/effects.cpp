@@ -133,13 +133,16 @@ int print_formula(const std::string& id) {
 
 }  // namespace
 
-void add_effects_option(CLI::App& command) {
+void add_effects_option(CLI::App& command, std::vector<std::string>* folders) {
   command
       .add_option(
           "--effects",
           "folder of effects of your own, a formula in a .yaml file each (docs/effects-by-formula.md); they are "
           "treated as those of the catalogue")
-      ->each([](const std::string& folder) { add_effects_by_formula(folder); });
+      ->each([folders](const std::string& folder) {
+        add_effects_by_formula(folder);
+        if (folders) folders->push_back(folder);
+      });
 }
 
 void add_effects(CLI::App& app, Action& chosen) {

@@ -161,15 +161,6 @@ void add_open_questions(Page& page, const Diagnosis& d) {
   }
 }
 
-/// The recordings with the labels that the final model reads.
-std::vector<Recording> relabelled(std::span<const Recording> recordings, const Diagnosis& d) {
-  std::vector<Recording> result(recordings.begin(), recordings.end());
-  for (std::size_t r = 0; r < result.size() && r < d.simulation.landmark_read.size(); ++r)
-    if (result[r].readings.landmark.size() == d.simulation.landmark_read[r].size())
-      result[r].readings.landmark = d.simulation.landmark_read[r];
-  return result;
-}
-
 /// Scores of orders and noise laws of the seed model; none where it cannot be fitted.
 std::vector<ModelScore> scores_of(std::span<const Recording> recordings) {
   CalibrateOptions options;
@@ -193,7 +184,7 @@ std::string diagnosis_page(std::span<const Recording> recordings, const Diagnosi
 
   std::vector<std::string> covariates = covariates_of(d);
   covariates.insert(covariates.end(), {"range", "sensor_bearing"});
-  const std::vector<Recording> relabelled_recordings = relabelled(recordings, d);
+  const std::vector<Recording> relabelled_recordings = relabelled(recordings, d.simulation);
   const FitView recorded = view_of({recordings.begin(), recordings.end()}, d.baseline);
   const FitView before = view_of(relabelled_recordings, d.baseline, covariates);
   const bool completed = !d.final_effects.empty();

@@ -64,21 +64,14 @@ std::optional<ReadingPlaces> places_of(const FitView& view, const ReadingResidua
   if (x.stop < 0) return std::nullopt;
   const Recording& recording = view.recordings[static_cast<std::size_t>(x.recording)];
   const Landmark& landmark = recording.landmarks[static_cast<std::size_t>(x.landmark)];
-  std::size_t k = static_cast<std::size_t>(x.stop);
-  for (int r = 0; r < x.recording; ++r) k += view.recordings[static_cast<std::size_t>(r)].stops.size();
-  const Pose2& stop = view.calibration.stops.empty()
-                          ? recording.stops[static_cast<std::size_t>(x.stop)].commanded
-                          : view.calibration.stops[k].pose;
-  const std::vector<LandmarkEstimate>& landmarks = view.calibration.landmarks;
-  const auto estimate = std::find_if(landmarks.begin(), landmarks.end(), [&](const LandmarkEstimate& l) {
-    return l.recording == x.recording && l.label == landmark.label;
-  });
-  if (estimate == landmarks.end()) return std::nullopt;
-  const Eigen::Vector2d from(stop.x_m, stop.y_m), sight = estimate->position_m - from;
+  const auto axis = estimated_place(view.calibration, x.recording, landmark.label);
+  if (!axis) return std::nullopt;
+  const Pose2 stop = estimated_pose(view.recordings, view.calibration, x.recording, x.stop);
+  const Eigen::Vector2d from(stop.x_m, stop.y_m), sight = *axis - from;
   const auto place = [&](double range, double direction) -> Eigen::Vector2d {
     return from + (range + landmark.radius_m) * Eigen::Vector2d(std::cos(direction), std::sin(direction));
   };
-  return ReadingPlaces{from, estimate->position_m, place(x.range_m, stop.heading_rad + x.bearing_rad),
+  return ReadingPlaces{from, *axis, place(x.range_m, stop.heading_rad + x.bearing_rad),
                        place(x.corrected_m, std::atan2(sight.y(), sight.x()) + x.bearing_residual_rad)};
 }
 

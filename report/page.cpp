@@ -190,7 +190,8 @@ Json Page::data() const {
 std::string Page::html() const {
   std::string libraries;
   for (const char* name : {"vega.js", "vega-lite.js", "vega-embed.js"})
-    libraries += "<script>" + replaced(asset(name), "</script", "<\\/script") + "</script>\n";
+    if (!charts_.empty())
+      libraries += "<script>" + replaced(asset(name), "</script", "<\\/script") + "</script>\n";
   std::string page = asset("page.html");
   const std::vector<std::pair<std::string, std::string>> parts{
       {"{{title}}", escaped(title_)},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -37,6 +38,17 @@ std::string calibration_page(std::span<const Recording> recordings, const Calibr
 /// truth. `advice` says which to trust.
 std::string comparison_page(std::span<const Recording> recordings, const CalibrationReport& report,
                             const std::vector<TruthScore>& scores, const app::Advice& advice);
+
+/// One of many diagnoses; empty or none: there is no such thing.
+struct DiagnosisRow {
+  std::string recording, verdict;  ///< verdict empty: there is no diagnosis, for this `reason`
+  std::string names, estimates, rest, reason;
+  std::optional<double> nll_change, heldout_change, heldout_std;    ///< [nats]
+  std::optional<double> heldout_rms_before_m, heldout_rms_after_m;  ///< of known distances
+  double seconds = 0.0;
+};
+/// A table with a row each. It has no charts and needs no charting library.
+std::string diagnoses_page(const std::vector<DiagnosisRow>& rows);
 
 /// A study from its table of results (docs/study.md): measures over the parameter with the most values, a line per
 /// estimator, with standard errors. Throws InputError for a table that is not one of a study.

@@ -37,8 +37,8 @@ void FleetCommand::prepare() {
   job.noise_shape = noise_shape_from_string(noise_shape);
   if (!has_sigma(job.law)) throw InputError("--noise polynomial has no one sigma for a population");
   const Shard part = shard_from(shard);
-  job.shard = part.index;
-  job.shards = part.count;
+  job.share.shard = part.index;
+  job.share.shards = part.count;
   if (job.inputs.empty() && job.merge.empty())
     throw InputError("fleet: neither recordings nor --merge are given");
   require_writable({job.output, job.csv});
@@ -63,7 +63,7 @@ std::string FleetCommand::page(const FleetResult& r) const {
       r.renewed > 0 ? fmt::format(", {} fitted anew (by another version before)", r.renewed) : "");
   if (r.partial)
     return text + fmt::format("Shard        {} of {}; --merge all of them to have the population\n",
-                              job.shard + 1, job.shards);
+                              job.share.shard + 1, job.share.shards);
   const Population& p = r.population;
   text += fmt::format("Population   {}{}{}, of {} units after {} passes; {} left out as unlike the others\n",
                       to_string(p.outcome), p.reason.empty() ? "" : ": ", p.reason, p.units, p.iterations,
@@ -137,7 +137,7 @@ CLI::App* declare_fleet(CLI::App& app, FleetCommand& given) {
       "Examples:\n"
       "  rangecal fleet sensors/ -o fleet.db --csv fleet.csv\n"
       "  sqlite3 fleet.db 'SELECT name, what, explanation FROM oddities ORDER BY p_value'\n"
-      "  mpirun -n 8 rangecal fleet sensors/ -o fleet.db\n"
+      "  mpirun --enable-recovery -n 8 rangecal fleet sensors/ -o fleet.db\n"
       "  rangecal fleet sensors/ -o 2.db --shard 2/8      (with 1/8 .. 8/8, then: rangecal fleet --merge 1.db 2.db ... -o fleet.db)");
   return command;
 }

@@ -23,7 +23,6 @@ namespace {
 
 using Eigen::VectorXd;
 namespace fs = std::filesystem;
-constexpr int chunk = 256;  // units of one transaction
 
 std::string columns(int order, const char* pattern) {
   std::string text;
@@ -54,7 +53,7 @@ class Fleet {
     same("order", std::to_string(job.order));
     same("law", to_string(job.law));
     same("noise_shape", to_string(job.noise_shape));
-    same("shard", fmt::format("{}/{}", job.shard + 1, job.shards));
+    same("shard", job.share.queue ? "queue" : fmt::format("{}/{}", job.share.shard + 1, job.share.shards));
     identify_inputs(database_);
     renew_fits(database_);
     database_.execute("COMMIT");
@@ -86,7 +85,7 @@ class Fleet {
     result.unreadable = database_.count("SELECT count(*) FROM units WHERE readings IS NULL");
     result.few = database_.count(fmt::format("SELECT count(*) FROM units WHERE theta IS NULL AND used < {}",
                                              readings_for_own_fit(job_.order)));
-    result.partial = job_.shards > 1;
+    result.partial = job_.share.partial();
     if (result.partial) return result;
     fit_whole(database_, job_, result);
     return result;
@@ -104,33 +103,18 @@ class Fleet {
   }
 
   void fit_units() {
+    PendingUnits pending(database_, "units", job_.share);
     std::int64_t done = 0;
     const std::int64_t all = database_.count("SELECT count(*) FROM inputs");
-    std::string after;
-    std::int64_t index = -1;
-    while (true) {
-      std::vector<Unit> units;
-      std::vector<std::string> places;
-      {
-        Statement names = database_.prepare(
-            "SELECT inputs.name, units.name IS NOT NULL, identity FROM inputs LEFT JOIN units USING(name) WHERE inputs.name > ? ORDER BY inputs.name");
-        names.bind(1, after);
-        while (units.size() < chunk && names.step()) {
-          after = names.text(0);
-          ++index;
-          if (index % job_.shards != job_.shard || names.integer(1) != 0) continue;
-          units.emplace_back();
-          units.back().name = after;
-          places.push_back(names.text(2));
-        }
-      }
-      if (units.empty()) break;
+    for (auto batch = pending.next(); !batch.empty(); batch = pending.next()) {
+      std::vector<Unit> units(batch.size());
       tbb::parallel_for(std::size_t{0}, units.size(), [&](std::size_t i) {
-        units[i] = fit_unit(units[i].name, place_of(units[i].name, places[i]), job_);
+        units[i] = fit_unit(batch[i].name, place_of(batch[i].name, batch[i].identity), job_);
       });
       database_.execute("BEGIN");
       for (const Unit& unit : units) insert(unit);
       database_.execute("COMMIT");
+      pending.done();
       done += static_cast<std::int64_t>(units.size());
       if (job_.progress) fmt::print(stderr, "\rrangecal: {} of {} units ", done, all);
     }

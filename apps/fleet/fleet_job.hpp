@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "fleet/pending_units.hpp"
 #include "rangecal/solvers/fleet/population.hpp"
 
 namespace rangecal::app {
@@ -16,7 +17,7 @@ struct FleetJob {
   int order = 2;
   NoiseLaw law = NoiseLaw::f_squared;
   NoiseShape noise_shape = NoiseShape::automatic;  ///< of each unit for itself
-  int shard = 0, shards = 1;                       ///< of the units, counted over their names in order
+  UnitShare share;                                 ///< of the units, all of them if nothing is said
   int diagnoses = 20;                              ///< at most, of units that are odd
   double alarm_rate = 0.01;                        ///< of naming any unit of a faultless fleet
   int threads = 0;                                 ///< 0: all
@@ -28,7 +29,7 @@ struct FleetResult {
   std::int64_t resumed = 0, refitted = 0;  ///< there already; there, but their files changed
   std::int64_t renewed = 0;                ///< there, but fitted by another version
   std::int64_t by_population = 0, odd = 0;
-  bool partial = false;  ///< one shard of several: no population yet
+  bool partial = false;  ///< a share of the units: no population yet
   Population population;
   std::vector<std::string> notes;  ///< units that were read once and are gone now
 };

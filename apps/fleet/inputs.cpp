@@ -177,7 +177,7 @@ std::string gone_in_words(const Changes& changes) {
   return text;
 }
 
-Changes forget_changed(Database& database) {
+Changes forget_changed(Database& database, const std::string& table) {
   struct Fitted {
     std::string name, identity;
     Fingerprint then, now;
@@ -192,9 +192,9 @@ Changes forget_changed(Database& database) {
     units.clear();
     {
       Statement rows = database.prepare(
-          fmt::format("SELECT u.name, i.identity, u.stamp, u.contents FROM units u JOIN inputs i USING(name)"
+          fmt::format("SELECT u.name, i.identity, u.stamp, u.contents FROM {} u JOIN inputs i USING(name)"
                       " WHERE u.name > ? AND u.readings IS NOT NULL ORDER BY u.name LIMIT {}",
-                      at_once));
+                      table, at_once));
       rows.bind(1, after);
       while (rows.step())
         units.push_back(
@@ -214,10 +214,10 @@ Changes forget_changed(Database& database) {
         if (changes.gone++ == 0) changes.first_gone = unit.name;
         changes.gone_unrenewed += !unit.stamped;
       } else if (!unit.stamped || unit.now.contents != unit.then.contents) {
-        database.prepare("DELETE FROM units WHERE name = ?").bind(1, unit.name).run();
+        database.prepare("DELETE FROM " + table + " WHERE name = ?").bind(1, unit.name).run();
         ++(unit.stamped ? changes.changed : changes.renewed);
       } else if (unit.now.stamp != unit.then.stamp) {
-        database.prepare("UPDATE units SET stamp = ? WHERE name = ?")
+        database.prepare("UPDATE " + table + " SET stamp = ? WHERE name = ?")
             .bind(1, unit.now.stamp)
             .bind(2, unit.name)
             .run();

@@ -40,7 +40,7 @@ std::string gone_in_words(const Changes& changes);
 
 /// Forgets the rows of units whose files are no longer what they were when fitted, and of those that another version fitted,
 /// for them to be fitted anew. A unit that is gone keeps its row: its readings were taken, and a merged shard may have been
-/// fitted on another computer.
-Changes forget_changed(Database& database);
+/// fitted on another computer. `table` has a row per unit: `name, readings` (NULL: could not be read), `stamp, contents`.
+Changes forget_changed(Database& database, const std::string& table = "units");
 
 }  // namespace rangecal::app

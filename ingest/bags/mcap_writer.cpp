@@ -40,8 +40,9 @@ std::string record_head(unsigned opcode, std::uint64_t length) {
 
 }  // namespace
 
-McapWriter::McapWriter(PartialFile& file, const std::string& profile, const std::string& library)
-    : file_(file), zstd_(nullptr, &ZSTD_freeCCtx) {
+McapWriter::McapWriter(PartialFile& file, const std::string& profile, const std::string& library,
+                       const std::string& compression)
+    : file_(file), own_compression_(compression), zstd_(nullptr, &ZSTD_freeCCtx) {
   put({reinterpret_cast<const char*>(mcap::kMagic), mcap::kMagicSize});
   put_record(mcap::op_header, counted(profile) + counted(library));
 }
@@ -81,6 +82,21 @@ void McapWriter::know_channel_like(std::uint16_t id, std::uint16_t other, const 
   channels_.emplace(id, std::move(known));
 }
 
+std::uint16_t McapWriter::add_topic(const Topic& topic) {
+  const auto id = static_cast<std::uint16_t>(channels_.size() + 1);
+  const std::string schema =
+      little(id) + counted(topic.schema) + counted(topic.schema_encoding) + counted(topic.schema_text);
+  const std::string channel =
+      little(id) + little(id) + counted(topic.name) + counted(topic.encoding) + counted("");
+  know(mcap::op_schema, as_span(schema)), know(mcap::op_channel, as_span(channel));
+  return id;
+}
+
+void McapWriter::write_message(std::uint16_t id, std::uint64_t time_ns, std::string_view data) {
+  const auto number = static_cast<std::uint32_t>(counts_[id]);
+  write_message(id, as_span(little(number) + little(time_ns) + little(time_ns)), as_span(data));
+}
+
 void McapWriter::put_declaration(unsigned opcode, Known& known) {
   known.written = true;
   if (open_)
@@ -109,7 +125,7 @@ void McapWriter::open_chunk(const std::string& compression) {
 }
 
 void McapWriter::write_message(std::uint16_t id, ByteSpan head, ByteSpan data) {
-  if (!open_) open_chunk(""), own_ = true;
+  if (!open_) open_chunk(own_compression_), own_ = true;
   ensure_written(id);
   mcap::RecordFields fields(head);
   fields.number(4);

@@ -32,8 +32,9 @@ class McapWriter {
   /// Of all schemas and channels, which are held to the end.
   static constexpr std::size_t most_declared = std::size_t{256} << 20;
 
-  /// `file` must outlive this.
-  McapWriter(PartialFile& file, const std::string& profile, const std::string& library);
+  /// `file` must outlive this. `compression` is that of chunks which nobody opened: of messages outside of chunks.
+  McapWriter(PartialFile& file, const std::string& profile, const std::string& library,
+             const std::string& compression = "");
   ~McapWriter();
 
   /// The content of a schema or channel, to be written where a message needs it first; the first of an id counts.
@@ -44,7 +45,16 @@ class McapWriter {
   /// Writes a schema or channel here, if it is the one that is known of its id.
   void declare(unsigned opcode, mcap::ByteSpan content);
 
-  /// `compression`: "", "lz4" or "zstd". Messages outside of chunks come into uncompressed ones.
+  /// What a topic of one's own is made of; returns the id of its channel.
+  struct Topic {
+    std::string name, encoding;                        ///< of its messages
+    std::string schema, schema_encoding, schema_text;  ///< name, kind and text of what describes them
+  };
+  std::uint16_t add_topic(const Topic& topic);
+  /// A message of a topic of one's own, numbered from 0 within it.
+  void write_message(std::uint16_t id, std::uint64_t time_ns, std::string_view data);
+
+  /// `compression`: "", "lz4" or "zstd". Messages outside of chunks come into chunks of `own_chunk`.
   void open_chunk(const std::string& compression);
   /// A message's record of the known channel `id`: `head` is the 20 bytes behind the id: sequence and both times.
   void write_message(std::uint16_t id, mcap::ByteSpan head, mcap::ByteSpan data);
@@ -79,7 +89,7 @@ class McapWriter {
   std::size_t declared_ = 0;
 
   bool open_ = false, own_ = false;
-  std::string compression_, chunk_, packed_;
+  std::string own_compression_, compression_, chunk_, packed_;
   std::uint64_t first_ = 0, last_ = 0;
   std::map<std::uint16_t, std::string> message_indexes_;  ///< of the chunk: entries of time and offset
 

@@ -44,7 +44,7 @@ _attach(Calibration, models=(), notes=(), check=None, _origin=None, f=_results.f
         plot=_plots.calibration, plot_scene=_plots.scene, _repr_html_=_html.calibration,
         __repr__=_repr_of("Calibration", lambda c: f"{c.method}, order {c.order}, noise {c.noise_law}, {c.outcome}"))
 _attach(Diagnosis, _recordings=(), save=_results.save_diagnosis, simulate_all=_results.simulate_all,
-        report=_results.report_diagnosis, to_frame=_results.diagnosis_to_frame, plot=_plots.diagnosis, _repr_html_=_html.diagnosis,
+        report=_results.report_diagnosis, mcap=_results.mcap_diagnosis, to_frame=_results.diagnosis_to_frame, plot=_plots.diagnosis, _repr_html_=_html.diagnosis,
         __repr__=_repr_of("Diagnosis", lambda d: d.verdict if d.verdict == "unobservable" else
                           f"{d.verdict}, {' + '.join(d.final_effects) or 'nothing to add'}"))
 _attach(Residuals, to_frame=_results.residuals_to_frame, plot=_plots.residuals, _repr_html_=_html.residuals,

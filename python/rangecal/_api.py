@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from . import _native, _take
+from . import _ingest, _native, _take
 from ._native import Calibration, Diagnosis, Recording
 from ._recording import columns_of, is_table, made_by, names_of_columns
 from ._results import Comparison, Corrected, Study
@@ -16,32 +16,52 @@ _COVARIATES = ("range", "disparity", "sensor_bearing", "heading", "time", "stop"
                "radius")   # docs/formats.md
 
 
-def load(path, *, group_by=()):
-    """Read a recording, or a calibration.
+def load(path, *, group_by=(), **options):
+    """Read a recording, a calibration, or the cylinders in a bag's scans.
 
     Parameters
     ----------
     path : str or os.PathLike
-        A recording's folder (``recording.yaml`` and CSV tables), or a calibration file
-        (``rangecal-calibration/1`` JSON; of several methods in it the best usable one).
+        A recording's folder (``recording.yaml`` and CSV tables), a calibration file
+        (``rangecal-calibration/1`` JSON; of several methods in it the best usable one), or a bag: MCAP, an SQLite file of
+        rosbag2, a folder of these (``docs/bags.md``).
     group_by : str or list of str
         Columns of a recording that say which readings belong together, in place of those that it states itself.
+    **options
+        Of a bag those of `extract`: ``topic, odometry_topic, stops, radius_m``, ...
 
     Returns
     -------
     Recording or Calibration
+        Of a bag what ``extract(path, **options).recording`` is.
 
     Raises
     ------
     InputError
-        Naming file, row and column of what cannot be used.
+        Naming file, row and column of what cannot be used; of a bag in which no landmark was found, saying what was.
     """
     path = _take.path("path", path)
+    if not os.path.exists(os.path.join(path, "recording.yaml")) and os.path.exists(path) and _holds_scans(path):
+        if group_by:
+            raise TypeError("group_by: the scans of a bag have no columns to group by")
+        found = _ingest.extract(path, **options)
+        if found.recording is None:
+            raise _native.InputError(f"{path}: no landmark was found\n{found.text}")
+        return found.recording
+    if options:
+        raise TypeError(f"{', '.join(options)}: of a bag, and {path} is none")
     if os.path.isfile(path):
         if group_by:
             raise TypeError("group_by: a calibration has no readings to group")
         return _native.load_calibration(path)
     return _native.load_recording(path, names_of_columns(group_by))
+
+
+def _holds_scans(path):
+    """Whether a file is a bag, or a folder holds any."""
+    if os.path.isfile(path):
+        return _native.is_bag(path)
+    return any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in os.listdir(path))
 
 
 def calibrate(recordings, method="marginal", *, order="auto", curve="auto", noise="auto", noise_shape="auto",

@@ -383,8 +383,8 @@ _DOCS = {
 
     Attributes
     ----------
-    recording, stop, landmark, repeat, row : ndarray of int (n,)
-        Indices; -1: no stop or landmark. `row` is the line in the file.
+    recording, reading, stop, landmark, repeat, row : ndarray of int (n,)
+        Indices; -1: no stop or landmark. `reading` is that in the recording's own columns, `row` the line in the file.
     reading_m, bearing_rad : ndarray (n,)
         As read [m], [rad].
     distance_m : ndarray (n,)

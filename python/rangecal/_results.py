@@ -282,6 +282,22 @@ def report_diagnosis(self, path):
     _native.report_diagnosis(self, self._recordings, _take.path("path", path))
 
 
+def mcap_diagnosis(self, path):
+    """Write what ``rangecal diagnose --mcap`` does: scans, landmarks, stops, residuals and the finding for viewers
+    (``docs/viewers.md``).
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be written.
+    """
+    _native.mcap_diagnosis(self, self._recordings, _take.path("path", path))
+
+
 def models_to_frame(self):
     """Orders and noise laws tried: ``order, noise_law, nll, aic, behind``, best first; `behind` in AIC."""
     import pandas
@@ -340,7 +356,10 @@ def diagnosis_to_frame(self, table="explanations"):
 
     Parameters
     ----------
-    table : {"explanations", "location", "fit", "unseen", "next_experiments"}
+    table : {"explanations", "location", "fit", "unseen", "next_experiments", "readings"}
+        ``"readings"``: a row for every reading of the recordings, with all their columns, the true distance and the
+        corrected reading by the final model, and residuals with their standard deviations before and after: of the seed
+        model and of the final one.
     """
     import pandas
     if table == "explanations":
@@ -364,13 +383,36 @@ def diagnosis_to_frame(self, table="explanations"):
     if table == "next_experiments":
         rows = [(e.change, ", ".join(e.settles), e.power) for e in self.next_experiments]
         return pandas.DataFrame(rows, columns=["change", "settles", "power"])
-    raise ValueError(f"table is '{table}', not explanations, location, fit, unseen or next_experiments")
+    if table == "readings":
+        return _every_reading(self)
+    raise ValueError(f"table is '{table}', not explanations, location, fit, unseen, next_experiments or readings")
+
+
+def _every_reading(self):
+    """Columns of the recordings, joined with the residuals of both models."""
+    import pandas
+    before, after = _native.residuals_of_diagnosis(self, self._recordings)
+    frames = []
+    for number, recording in enumerate(self._recordings):
+        mine = np.flatnonzero(after.recording == number)
+        mine = mine[np.argsort(after.reading[mine])]   # in the order of the recording's own columns
+        frame = recording.to_frame()
+        frame.insert(0, "recording", number)
+        frame.insert(1, "row", after.row[mine])
+        frame["distance_m"], frame["corrected_m"] = after.distance_m[mine], after.corrected_m[mine]
+        for when, model in (("before", before), ("after", after)):
+            for channel in ("range", "bearing") if recording.kind == "landmarks" else ("range",):
+                unit = "m" if channel == "range" else "rad"
+                frame[f"{channel}_residual_{when}_{unit}"] = getattr(model, f"{channel}_residual_{unit}")[mine]
+                frame[f"{channel}_std_{when}_{unit}"] = getattr(model, f"{channel}_std_{unit}")[mine]
+        frames.append(frame)
+    return pandas.concat(frames, ignore_index=True)
 
 
 def residuals_to_frame(self):
     """One row per reading: indices, reading, distance, residuals with their standard deviations, covariates."""
     import pandas
-    names = ("recording", "stop", "landmark", "repeat", "row", "reading_m", "bearing_rad", "distance_m",
+    names = ("recording", "reading", "stop", "landmark", "repeat", "row", "reading_m", "bearing_rad", "distance_m",
              "range_residual_m", "range_std_m", "bearing_residual_rad", "bearing_std_rad", "corrected_m")
     columns = {name: np.array(getattr(self, name)) for name in names}
     columns.update({name: np.array(values) for name, values in self.along.items()})

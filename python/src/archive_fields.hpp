@@ -193,10 +193,10 @@ inline void archive_fields(python::Archive& a, Diagnosis& s) {
     omitted, twins, unseen, next, notes, blocks, effective, laws, simulation);
 }
 inline void archive_fields(python::Archive& a, ReadingResidual& s) {
-  auto& [recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,
+  auto& [recording, reading, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,
          bearing_residual, bearing_std_dev, corrected] = s;
-  a(recording, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev, bearing_residual,
-    bearing_std_dev, corrected);
+  a(recording, reading, stop, landmark, repeat, row, range, bearing, distance, residual, std_dev,
+    bearing_residual, bearing_std_dev, corrected);
 }
 inline void archive_fields(python::Archive& a, ModelResiduals& s) {
   auto& [readings, along] = s;

@@ -2,6 +2,7 @@
 #include <pybind11/stl.h>
 
 #include "columns.hpp"
+#include "ingest/bags/message_source.hpp"
 #include "ingest/extract_options.hpp"
 #include "ingest/importer.hpp"
 #include "module.hpp"
@@ -55,6 +56,7 @@ py::tuple import_job(const std::string& name, const std::vector<std::string>& wo
 }  // namespace
 
 void bind_ingest(py::module_& module) {
+  module.def("is_bag", &ingest::is_bag);
   module.def("extract_job", &extract_job);
   module.def("import_job", &import_job);
   module.def("csv_text", &csv_text);

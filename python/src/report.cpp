@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include "comparison.hpp"
+#include "ingest/bags/diagnosis_mcap.hpp"
 #include "job_result.hpp"
 #include "module.hpp"
 #include "rangecal/core/csv_table.hpp"
@@ -47,6 +48,18 @@ void report_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis, const Given& 
   write_page(path, [diagnosis, all] { return report::diagnosis_page(all.span(), *diagnosis); });
 }
 
+void mcap_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis, const Given& recordings,
+                    const std::string& path) {
+  const Recordings all = recordings_of(recordings);
+  require_place_for_file(path);
+  run_interruptible<bool>(
+      [diagnosis, all, path](const StageHook&) {
+        ingest::write_diagnosis_mcap(all.span(), *diagnosis, path);
+        return true;
+      },
+      py::none());
+}
+
 std::string calibration_summary(const std::shared_ptr<JobResult>& job, std::size_t index,
                                 const Given& recordings) {
   return report::calibration_summary(recordings_of(recordings).span(), job->report,
@@ -70,6 +83,7 @@ void bind_report(py::module_& module) {
   module.def("report_calibration", &report_calibration, job, index, recordings, path);
   module.def("report_comparison", &report_comparison, job, recordings, path);
   module.def("report_diagnosis", &report_diagnosis, py::arg("diagnosis").none(false), recordings, path);
+  module.def("mcap_diagnosis", &mcap_diagnosis, py::arg("diagnosis").none(false), recordings, path);
   module.def("report_study", &report_study);
   module.def("diagnosis_summary", &report::diagnosis_summary);
   module.def("calibration_summary", &calibration_summary, job, index, recordings);

@@ -4,6 +4,7 @@
 #include "archive_fields.hpp"
 #include "arrays.hpp"
 #include "module.hpp"
+#include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "rangecal/solvers/diagnosis/model_residuals.hpp"
 #include "work.hpp"
 
@@ -21,6 +22,18 @@ std::shared_ptr<ModelResiduals> residuals_of(const std::vector<std::shared_ptr<R
       py::none());
 }
 
+/// Of the seed model and of the final one, which are the same where nothing was found.
+py::tuple residuals_of_diagnosis(const std::shared_ptr<Diagnosis>& diagnosis,
+                                 const std::vector<std::shared_ptr<Recording>>& recordings) {
+  const Recordings job({recordings.begin(), recordings.end()});
+  const std::vector<Recording> read = relabelled(job.span(), diagnosis->simulation);
+  const auto before = std::make_shared<ModelResiduals>(model_residuals(read, diagnosis->baseline));
+  if (diagnosis->final_effects.empty()) return py::make_tuple(before, before);
+  return py::make_tuple(
+      before, std::make_shared<ModelResiduals>(
+                  model_residuals(read, diagnosis->simulation.calibration, {}, diagnosis->simulation.added)));
+}
+
 }  // namespace
 
 void bind_residuals(py::module_& module) {
@@ -31,6 +44,7 @@ void bind_residuals(py::module_& module) {
   };
   py::class_<ModelResiduals, std::shared_ptr<ModelResiduals>>(module, "Residuals")
       .def_property_readonly("recording", reading(&ReadingResidual::recording))
+      .def_property_readonly("reading", reading(&ReadingResidual::reading))
       .def_property_readonly("stop", reading(&ReadingResidual::stop))
       .def_property_readonly("landmark", reading(&ReadingResidual::landmark))
       .def_property_readonly("repeat", reading(&ReadingResidual::repeat))
@@ -52,6 +66,8 @@ void bind_residuals(py::module_& module) {
                              })
       .def("__len__", [](const ModelResiduals& r) { return r.readings.size(); })
       .def(picklable<ModelResiduals>());
+  module.def("residuals_of_diagnosis", &residuals_of_diagnosis, py::arg("diagnosis").none(false),
+             py::arg("recordings"));
   module.def("residuals_job", &residuals_of, py::arg("recordings"), py::arg("calibration").none(false),
              py::arg("along"));
 }

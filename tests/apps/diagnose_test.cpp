@@ -12,6 +12,7 @@
 #include "rangecal/problems/world/physical/designs.hpp"
 #include "rangecal/problems/world/physical/plants.hpp"
 #include "rangecal/problems/world/physical/simulate.hpp"
+#include "support/outside_programs.hpp"
 
 namespace rangecal::test {
 namespace {
@@ -150,6 +151,32 @@ TEST_F(DiagnoseCommand, WrongInputIsOneLineAndNoFile) {
     EXPECT_FALSE(std::filesystem::exists(out)) << arguments;
   }
   EXPECT_EQ(run("diagnose " + rec + " --json " + folder.file("no/such/folder/d.json")).code, 2);
+}
+
+// A viewer looks for what its own schemas have; every message has to be as its schema in the file says.
+TEST_F(DiagnoseCommand, TheOutsideReaderAcceptsItsMcap) {
+  RANGECAL_REQUIRE_OUTSIDE();
+  const std::string rec = eccentric(), file = folder.file("d.mcap");
+  for (const std::string& recording : {rec, shipped("pairs-2016")}) {
+    SCOPED_TRACE(recording);
+    ASSERT_EQ(run("diagnose " + recording + " --mcap " + file).code, 0);
+    const Json read = Json::parse(run_outside("read.mjs", file));
+    EXPECT_EQ(read["topics"], read["streamed"]);  // by the index as from start to end
+    EXPECT_EQ(read["counts"]["/finding"], 1);
+    EXPECT_GT(read["dataSectionCrc"], 0);
+    const Json held = Json::parse(run_outside("schemas.mjs", file));
+    EXPECT_EQ(held["complaints"], Json::array());
+    EXPECT_EQ(held["seen"], read["counts"]);
+    EXPECT_EQ(held["seen"].contains("/scan"), recording == rec);
+  }
+}
+
+TEST_F(DiagnoseCommand, AnMcapGoesIntoAFileOnly) {
+  const RunResult result = run("diagnose " + shipped("field-layout") + " --mcap /dev/null");
+  EXPECT_EQ(result.code, 2);
+  EXPECT_EQ(result.err, "rangecal: /dev/null: cannot be written: it is written to a file only\n");
+  EXPECT_EQ(run("diagnose " + shipped("field-layout") + " --mcap " + shipped("field-layout/stops.csv")).code,
+            2);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# The README's line: installs the package by pip into a fresh virtual environment, without a network, and calibrates.
+# pip wheel, without a network; the wheel into a virtual environment that has nothing of the system's but NumPy, away from the sources: it
+# calibrates with the libraries that are in it.
 # Usage: pip_install.sh SOURCE WORK PYTHON [CMAKE OPTION...]; WORK is emptied.
 set -euo pipefail
 source=$1 work=$2 python=$3
@@ -15,16 +16,37 @@ built=$("$python" -c 'from skbuild.constants import CMAKE_BUILD_DIR; print(CMAKE
 mkdir -p build/pip "$(dirname "$built")"
 ln -s "$PWD/build/pip" "$built"
 export SKBUILD_CONFIGURE_OPTIONS="$*" PIP_NO_INDEX=1 PIP_DISABLE_PIP_VERSION_CHECK=1
-"$python" -m venv --system-site-packages v
-v/bin/pip install --no-build-isolation . > ../pip.log 2>&1 || { tail -50 ../pip.log; exit 1; }
+"$python" -m venv --system-site-packages build/with
+build/with/bin/pip wheel --no-build-isolation --no-deps -w ../wheel . > ../pip.log 2>&1 || { tail -50 ../pip.log; exit 1; }
 tail -1 ../pip.log
 
-cd "$work"   # away from the sources: what is imported is what was installed
-unset PYTHONPATH
+# Into a virtual environment that sees NumPy and nothing else of the system's packages; the sources are out of reach.
+cd "$work"
+mv rangecal/build built && rm -rf rangecal && mkdir rangecal
+"$python" -m venv rangecal/v
+rangecal/v/bin/pip install --no-deps wheel/rangecal-*.whl >> pip.log 2>&1 || { tail -50 pip.log; exit 1; }
+numpy=$("$python" -c 'import numpy, pathlib; print(pathlib.Path(numpy.__file__).parent)')
+ln -s "$numpy" "$(rangecal/v/bin/python -c 'import site; print(site.getsitepackages()[0])')/numpy"
+unset PYTHONPATH LD_LIBRARY_PATH
 rangecal/v/bin/python - "$source/notebooks_data/field-layout" <<'END'
+import bz2
+import ctypes
+import hashlib
+import lzma
 import pathlib
+import sqlite3
 import sys
+import zlib
 
+import numpy.linalg
+
+
+def libraries():
+    with open("/proc/self/maps", encoding="utf-8") as maps:
+        return {line.split(maxsplit=5)[5].strip() for line in maps if ".so" in line}
+
+
+before = libraries()   # those of Python and NumPy
 import rangecal
 
 folder = pathlib.Path(rangecal.__file__).parent
@@ -34,6 +56,10 @@ for name in ("py.typed", "__init__.pyi"):
 calibration = rangecal.calibrate(sys.argv[1])
 assert calibration.outcome == "converged", calibration
 assert abs(rangecal.correct(calibration, 1.234).distance_m[0] - 1.236) < 0.03
+compilers = ("/ld-linux", "/libc.so", "/libm.so", "/libdl.so", "/libpthread.so", "/librt.so", "/libgcc_s.so", "/libstdc++.so")
+outside = [path for path in libraries() - before if str(folder) not in path and not any(name in path for name in compilers)]
+assert not outside, outside
+assert (folder / "lib").is_dir() and any((folder / "lib").glob("libfmt.so.*"))
 strays = [path for path in pathlib.Path(sys.prefix).rglob("*") if path.suffix in (".hpp", ".a")]
 assert not strays, strays
 print(rangecal.__version__, calibration)

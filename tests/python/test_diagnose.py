@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -51,6 +52,23 @@ def test_frames(diagnosis):
     assert len(diagnosis.to_frame("explanations")) == sum(len(e.parameters) for e in diagnosis.explanations)
     with pytest.raises(ValueError, match="table is 'x'"):
         diagnosis.to_frame("x")
+
+
+def test_a_frame_of_every_reading(diagnosis, eccentric, pairs):
+    frame = diagnosis.to_frame("readings")
+    assert len(frame) == len(eccentric)
+    for name, column in eccentric.to_frame().items():
+        assert (frame[name] == column).all(), name
+    before = rangecal.residuals(eccentric, diagnosis.baseline)
+    assert set(before.row) == set(frame.row)
+    by_row = before.to_frame().set_index("row").range_residual_m
+    assert np.array_equal(frame.range_residual_before_m, by_row[frame.row])
+    assert (frame.range_residual_after_m ** 2).sum() < (frame.range_residual_before_m ** 2).sum()
+    clean = rangecal.diagnose([pairs, pairs], held_out=False, unseen=False, next_experiments=False).to_frame("readings")
+    assert len(clean) == 2 * len(pairs) and "bearing_residual_after_rad" not in clean
+    assert np.array_equal(clean.true_m[:len(pairs)], pairs.true_m)
+    again = pickle.loads(pickle.dumps(diagnosis)).to_frame("readings")
+    assert again.equals(frame)
 
 
 def test_a_clean_recording_has_no_mismatch(field):

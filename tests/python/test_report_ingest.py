@@ -5,8 +5,10 @@ import multiprocessing
 import os
 import pathlib
 import pickle
+import struct
 
 import numpy as np
+import pandas
 import pytest
 from conftest import scans_of
 
@@ -35,6 +37,15 @@ def test_reports_are_those_of_the_program(source, field, calibration, diagnosis,
     assert ours == (tmp_path / "theirs.html").read_text()
     quick = rangecal.study(source / "notebooks_data/studies/quick.yaml", repeats=2)
     assert quick.name in write(quick, tmp_path / "study.html")
+
+
+def test_the_file_for_viewers_is_that_of_the_program(source, command, tmp_path):
+    recording = source / "notebooks_data/pairs-2016"
+    command("diagnose", recording, "--mcap", tmp_path / "theirs.mcap")
+    rangecal.diagnose(recording).mcap(tmp_path / "ours.mcap")
+    assert (tmp_path / "ours.mcap").read_bytes() == (tmp_path / "theirs.mcap").read_bytes()
+    with pytest.raises(rangecal.InputError, match="cannot be written"):
+        rangecal.diagnose(recording, held_out=False).mcap("/dev/null")
 
 
 def test_a_calibration_from_a_file_has_no_report(calibration, tmp_path):
@@ -154,3 +165,55 @@ def test_damaged_bytes_are_refused(field):
     for state in ((version, data[:-3], more), (version, data + b"x", more), ("0.0.0", data, more)):
         with pytest.raises(rangecal.InputError, match="pickled"):
             rangecal.Recording.__new__(rangecal.Recording).__setstate__(state)
+
+
+def mcap_of(scans):
+    """A table of scans as an MCAP file: no chunks, no index, LaserScan messages of ROS 2 in little-endian CDR."""
+    def text(words):
+        return struct.pack("<I", len(words)) + words.encode()
+
+    def record(opcode, content):
+        return struct.pack("<BQ", opcode, len(content)) + content
+
+    magic = b"\x89MCAP0\r\n"
+    out = magic + record(1, text("ros2") + text("tests"))
+    out += record(3, struct.pack("<H", 1) + text("sensor_msgs/msg/LaserScan") + text("ros2msg") + text(""))
+    out += record(4, struct.pack("<HH", 1, 1) + text("/scan") + text("cdr") + text(""))
+    table = pandas.DataFrame(scans)
+    for number, (stamp, one) in enumerate(table.groupby("stamp")):
+        angles, ranges = one.angle_rad.to_numpy(), one.range_m.to_numpy()
+        cdr = struct.pack("<iI", int(stamp), 0) + struct.pack("<I", 6) + b"laser\0" + b"\0\0"
+        cdr += struct.pack("<7f", angles[0], angles[-1], angles[1] - angles[0], 0.0, 0.1, 0.05, 30.0)
+        cdr += struct.pack("<I", len(ranges)) + struct.pack(f"<{len(ranges)}f", *ranges) + struct.pack("<I", 0)
+        time = int(1e9 * stamp)
+        out += record(5, struct.pack("<HIQQ", 1, number, time, time) + b"\0\1\0\0" + cdr)
+    return out + record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + magic
+
+
+def test_load_reads_a_bag_as_extract_does(tmp_path):
+    places = [(0.0, 0.0)] * 6                                   # the robot stands
+    scans = scans_of([(1.2, 1.5), (-1.0, 0.8), (0.3, -1.4)], places, beams=1440)
+    del scans["stop"]
+    bag = tmp_path / "run.mcap"
+    bag.write_bytes(mcap_of(scans))
+    loaded = rangecal.load(bag, radius_m=0.1)
+    assert len(loaded.landmark_labels) == 3 and len(loaded) == 18
+    pandas.testing.assert_frame_equal(loaded.to_frame(), rangecal.extract(bag, radius_m=0.1).recording.to_frame())
+    table = rangecal.extract(scans, radius_m=0.1).recording
+    assert np.max(np.abs(np.sort(loaded.range_m) - np.sort(table.range_m))) < 1e-6      # float32 in the bag
+    folder = tmp_path / "rosbag2"
+    folder.mkdir()
+    (folder / "run_0.mcap").write_bytes(bag.read_bytes())
+    assert len(rangecal.load(folder, topic="/scan", radius_m=0.1)) == 18
+    (tmp_path / "empty.mcap").write_bytes(mcap_of(scans_of([], places)))
+    with pytest.raises(rangecal.InputError, match="no landmark was found"):
+        rangecal.load(tmp_path / "empty.mcap")
+    with pytest.raises(rangecal.InputError, match="/none"):
+        rangecal.load(bag, topic="/none")
+    with pytest.raises(TypeError, match="group_by"):
+        rangecal.load(bag, group_by="stop")
+
+
+def test_load_takes_no_options_of_a_bag_for_a_recording(source):
+    with pytest.raises(TypeError, match="topic: of a bag"):
+        rangecal.load(source / "notebooks_data/field-layout", topic="/scan")

@@ -128,6 +128,12 @@ void require_writable(const std::string& path) {
     throw InputError(path, 0, "", "cannot be written: it is a folder");
 }
 
+void require_place_for_file(const std::string& path) {
+  require_writable(path);
+  if (std::error_code none; file_exists(path) && !std::filesystem::is_regular_file(path, none))
+    throw InputError(path, 0, "", "cannot be written: it is written to a file only");
+}
+
 void require_writable(std::initializer_list<std::string> paths) {
   std::set<std::filesystem::path> seen;
   for (const std::string& path : paths) {

@@ -31,6 +31,7 @@ ModelResiduals model_residuals(std::span<const Recording> recordings, const Cali
       const Eigen::Index at = static_cast<Eigen::Index>(row);
       ReadingResidual x;
       x.recording = static_cast<int>(r);
+      x.reading = static_cast<int>(i);
       if (!fit.rows.pairs) {
         x.stop = recording.readings.stop[i];
         x.landmark = recording.readings.landmark[i];
@@ -56,6 +57,30 @@ ModelResiduals model_residuals(std::span<const Recording> recordings, const Cali
     if (const auto values = covariate_values(fit.rows, geometry, name))
       result.along[name].assign(values->begin(), values->end());
   return result;
+}
+
+std::vector<Recording> relabelled(std::span<const Recording> recordings, const SimulationModel& model) {
+  std::vector<Recording> result(recordings.begin(), recordings.end());
+  for (std::size_t r = 0; r < result.size() && r < model.landmark_read.size(); ++r)
+    if (result[r].readings.landmark.size() == model.landmark_read[r].size())
+      result[r].readings.landmark = model.landmark_read[r];
+  return result;
+}
+
+Pose2 estimated_pose(std::span<const Recording> recordings, const Calibration& calibration, int recording,
+                     int stop) {
+  if (calibration.stops.empty())
+    return recordings[static_cast<std::size_t>(recording)].stops[static_cast<std::size_t>(stop)].commanded;
+  std::size_t k = static_cast<std::size_t>(stop);
+  for (int r = 0; r < recording; ++r) k += recordings[static_cast<std::size_t>(r)].stops.size();
+  return calibration.stops[k].pose;
+}
+
+std::optional<Eigen::Vector2d> estimated_place(const Calibration& calibration, int recording,
+                                               const std::string& landmark) {
+  for (const LandmarkEstimate& estimate : calibration.landmarks)
+    if (estimate.recording == recording && estimate.label == landmark) return estimate.position_m;
+  return std::nullopt;
 }
 
 std::vector<int> bins_of_equal_shares(const std::vector<double>& values) {

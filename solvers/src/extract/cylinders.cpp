@@ -82,7 +82,7 @@ Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& 
   Cylinders found;
   for (std::size_t k = 0; k < groups.size(); ++k)
     for (std::size_t q = 0; q < groups[k].scans.size(); ++q)
-      for (Segment& segment : split_scan(groups[k].scans[q], noise, options.cylinder, found.beams)) {
+      for (Segment& segment : split_scan(*groups[k].scans[q], noise, options.cylinder, found.beams)) {
         const SegmentVerdict finding = judge_segment(segment, noise, options.cylinder);
         const auto hits = static_cast<long>(segment.beams.size());
         ++found.segments["all"];

@@ -163,8 +163,8 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   if (options.clockwise) reversed = turned(given);
   const std::vector<ScanLog>& logs = options.clockwise ? reversed : given;  // long bags: no copy without need
   Extraction out;
-  std::vector<Scan> all;
-  for (const ScanLog& log : logs) all.insert(all.end(), log.scans.begin(), log.scans.end());
+  std::vector<Scan> joined;
+  const std::span<const Scan> all = scans_of(logs, joined);
   if (all.empty()) throw InputError(logs.front().path, 0, "", "holds no scan");
   out.noise = options.noise ? *options.noise : estimate_scan_noise(all);
   out.noise_origin = options.noise ? "given" : "from walls";
@@ -214,7 +214,7 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
         continue;
       }
       const Scan& scan =
-          groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)];
+          *groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)];
       add_reading(out.recording, cylinder.stop, index[j], cylinder.scan, scan.stamp_s - start, *fit,
                   options.arc, out.noise.spread(fit->range_m));
       ++out.cylinders["used"];

@@ -10,7 +10,7 @@
 namespace rangecal::extract {
 namespace {
 
-using Groups = std::vector<std::vector<Scan>>;
+using Groups = std::vector<std::vector<const Scan*>>;
 
 Groups by_label(const std::vector<ScanLog>& logs, std::vector<std::string>& labels, Tally& tally) {
   Groups groups;
@@ -23,7 +23,7 @@ Groups by_label(const std::vector<ScanLog>& logs, std::vector<std::string>& labe
       }
       const auto [found, is_new] = index.emplace(scan.stop, groups.size());
       if (is_new) groups.emplace_back(), labels.push_back(scan.stop);
-      groups[found->second].push_back(scan);
+      groups[found->second].push_back(&scan);
     }
   return groups;
 }
@@ -31,12 +31,15 @@ Groups by_label(const std::vector<ScanLog>& logs, std::vector<std::string>& labe
 Groups by_standing(const std::vector<ScanLog>& logs, const ScanNoise& noise, const StandOptions& options,
                    Tally& tally) {
   Groups groups;
-  std::vector<Scan> scans;
-  for (const ScanLog& log : logs) scans.insert(scans.end(), log.scans.begin(), log.scans.end());
+  std::vector<Scan> joined;
+  const std::span<const Scan> scans = scans_of(logs, joined);
+  std::vector<const Scan*> own;  // as they stand in their logs
+  for (const ScanLog& log : logs)
+    for (const Scan& scan : log.scans) own.push_back(&scan);
   long used = 0;
   for (const auto& stand : find_stands(scans, noise, options)) {
     groups.emplace_back();
-    for (const std::size_t k : stand) groups.back().push_back(scans[k]);
+    for (const std::size_t k : stand) groups.back().push_back(own[k]);
     used += static_cast<long>(stand.size());
   }
   const long moving = static_cast<long>(scans.size()) - used;
@@ -51,8 +54,8 @@ std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>
   for (std::size_t k = 0; k < groups.size(); ++k) {
     Stop stop;
     stop.label = labels.empty() ? std::to_string(k + 1) : labels[k];
-    if (groups[k].front().odometry) {
-      stop.commanded = *groups[k].front().odometry;
+    if (groups[k].front()->odometry) {
+      stop.commanded = *groups[k].front()->odometry;
     } else if (groups.size() > 1) {
       throw InputError(
           file, 0, "",
@@ -65,6 +68,12 @@ std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>
 }
 
 }  // namespace
+
+std::span<const Scan> scans_of(const std::vector<ScanLog>& logs, std::vector<Scan>& joined) {
+  if (logs.size() == 1) return logs.front().scans;
+  for (const ScanLog& log : logs) joined.insert(joined.end(), log.scans.begin(), log.scans.end());
+  return joined;
+}
 
 StopSplit resolved_split(const std::vector<ScanLog>& logs, const std::vector<Stop>& stops, StopSplit split) {
   if (split != StopSplit::automatic) return split;
@@ -82,10 +91,13 @@ std::vector<StopGroup> group_by_stop(const std::vector<ScanLog>& logs, const std
   if (split == StopSplit::label) {
     groups = by_label(logs, labels, tally);
   } else if (split == StopSplit::file) {
-    for (const ScanLog& log : logs) groups.push_back(log.scans);
+    for (const ScanLog& log : logs) {
+      groups.emplace_back();
+      for (const Scan& scan : log.scans) groups.back().push_back(&scan);
+    }
   } else if (split == StopSplit::scan) {
     for (const ScanLog& log : logs)
-      for (const Scan& scan : log.scans) groups.push_back({scan});
+      for (const Scan& scan : log.scans) groups.push_back({&scan});
   } else {
     groups = by_standing(logs, noise, options.stand, tally);
   }
@@ -105,7 +117,8 @@ std::vector<StopGroup> group_by_stop(const std::vector<ScanLog>& logs, const std
       const auto same = [&](const Stop& stop) { return stop.label == labels[k]; };
       const auto found = std::find_if(stops.begin(), stops.end(), same);
       if (found == stops.end())
-        throw InputError(file, groups[k].front().row, "stop", "'" + labels[k] + "' is not in the stops file");
+        throw InputError(file, groups[k].front()->row, "stop",
+                         "'" + labels[k] + "' is not in the stops file");
       poses.push_back(*found);
     }
   } else if (groups.size() != stops.size()) {

@@ -14,12 +14,15 @@
 
 #include "rangecal/core/errors.hpp"
 #include "support/bag_writers.hpp"
+#include "support/read_mcap.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace rangecal::ingest {
 namespace {
 
+using test::is_part_of;
 using test::McapForm;
+using test::Seen;
 using test::TemporaryFolder;
 using test::WrittenMessage;
 using test::WrittenTopic;
@@ -40,35 +43,17 @@ std::vector<WrittenMessage> twelve_messages() {
   return out;
 }
 
-/// What was read: topic, time and bytes of each message, and what was said about the rest.
-struct Seen {
-  std::vector<std::string> messages;
-  std::string losses, format;
-};
-std::string as_text(const std::string& topic, std::int64_t time, std::string bytes) {
-  return fmt::format("{} {} {}", topic, time, bytes);
-}
 std::vector<std::string> as_written(const std::vector<WrittenMessage>& messages,
                                     const std::string& only = "") {
   std::vector<std::string> out;
   for (const WrittenMessage& one : messages)
     if (only.empty() || kTopics[one.topic].name == only)
-      out.push_back(as_text(kTopics[one.topic].name, one.time_ns, one.bytes));
+      out.push_back(test::message_text(kTopics[one.topic].name, one.time_ns, one.bytes));
   return out;
 }
 Seen read_mcap_file(const TemporaryFolder& folder,
                     const std::vector<std::string>& names = {"/scan", "/odom"}) {
-  const auto source = open_mcap(folder.file("a.mcap"));
-  Seen seen;
-  source->read(names,
-               [&](const BagMessage& message) {
-                 seen.messages.push_back(as_text(
-                     message.topic.name, message.log_time_ns,
-                     std::string(reinterpret_cast<const char*>(message.bytes.data()), message.bytes.size())));
-               },
-               {});
-  seen.losses = source->losses(), seen.format = source->format();
-  return seen;
+  return test::read_mcap_file(folder.file("a.mcap"), names);
 }
 Seen read_mcap(const TemporaryFolder& folder, const std::string& bytes,
                const std::vector<std::string>& names = {"/scan", "/odom"}) {
@@ -83,17 +68,6 @@ void flip(const std::string& path, std::size_t at) {
   file.seekp(static_cast<std::streamoff>(at));
   file.put(static_cast<char>(byte ^ 1 << at % 8));
 }
-/// True if `part` holds messages of `whole` in their order and no other.
-bool is_part_of(const std::vector<std::string>& part, const std::vector<std::string>& whole) {
-  auto at = whole.begin();
-  for (const std::string& one : part) {
-    at = std::find(at, whole.end(), one);
-    if (at == whole.end()) return false;
-    ++at;
-  }
-  return true;
-}
-
 std::vector<McapForm> all_forms() {
   std::vector<McapForm> forms;
   for (const std::size_t per_chunk : {std::size_t{0}, std::size_t{1}, std::size_t{5}, std::size_t{100}})

@@ -50,6 +50,10 @@ void require_writable(const std::string& path);
 /// The same of several, no two of which may be one file.
 void require_writable(std::initializer_list<std::string> paths);
 
+/// The same for what is written as a PartialFile, piece by piece: throws, too, for a pipe or a device, whose place it would
+/// take.
+void require_place_for_file(const std::string& path);
+
 /// Throws InputError where one of `outputs` is the same file as one of `inputs`: of one name, or through links, where the
 /// file or its name would be taken by a result. Empty paths, files that are not there yet, pipes and devices are none.
 void require_apart(const std::vector<std::string>& outputs, const std::vector<std::string>& inputs);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,6 +17,7 @@ namespace rangecal {
 /// One reading beside what a model says of it.
 struct ReadingResidual {
   int recording = 0;
+  int reading = 0;  ///< index into Recording::readings, or ::pairs
   int stop = -1,
       landmark = -1;  ///< indices into Recording::stops, ::landmarks; -1: kind pairs, or no landmark
   int repeat = 0;     ///< within the cell (stop, landmark), in order of time
@@ -41,6 +44,16 @@ struct ModelResiduals {
 ModelResiduals model_residuals(std::span<const Recording> recordings, const Calibration& calibration,
                                std::span<const std::string> covariates = {},
                                std::span<const AddedChange> added = {});
+
+/// The recordings with the landmarks that a model reads behind their labels.
+std::vector<Recording> relabelled(std::span<const Recording> recordings, const SimulationModel& model);
+
+/// Where a calibration has a stop; the commanded pose where it has none.
+Pose2 estimated_pose(std::span<const Recording> recordings, const Calibration& calibration, int recording,
+                     int stop);
+/// Where it has a landmark's axis [m]; nothing where it was not placed.
+std::optional<Eigen::Vector2d> estimated_place(const Calibration& calibration, int recording,
+                                               const std::string& landmark);
 
 /// Bin of every value, as the diagnosis bins its residuals: 12 bins of equal shares, or one for each value
 /// where there are few; -1 where a value is not finite. Cost: n log n.

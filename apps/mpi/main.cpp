@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `rangecal study` and `rangecal fleet` under mpirun: a program of its own, so that no other command needs MPI to start. Of a
-// fleet each rank takes its part (fleet/mpi/fleet_ranks.hpp). Of a study rank 0 owns the folder and hands units out, one per question, so that slow ranks simply ask less often; it computes too.
-// Results travel as the lines of the journal, which give back the same bits.
+// `rangecal study`, `fleet` and `diagnose --each` under mpirun: a program of its own, so that no other command needs MPI to start.
+// Recordings are shared by a queue in a file (mpi/ranks.hpp). Of a study rank 0 owns the folder and hands units out, one per question, so that
+// slow ranks simply ask less often; it computes too. Results travel as the lines of the journal, which give back the same bits.
 #include <fmt/core.h>
 #include <glog/logging.h>
 #include <mpi.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -17,8 +18,11 @@
 #include <thread>
 
 #include "commands.hpp"
-#include "fleet/mpi/fleet_ranks.hpp"
+#include "each/each_job.hpp"
+#include "fleet/command.hpp"
+#include "mpi/ranks.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
 #include "study/command.hpp"
 
 namespace {
@@ -156,6 +160,65 @@ int run(StudyJob& job, const World& world) {
   return folder->finish();
 }
 
+RankedWork work_of(FleetCommand& given) {
+  FleetJob& job = given.job;
+  RankedWork work;
+  work.output = job.output;
+  work.prepare = [&] {
+    given.prepare();
+    if (!given.shard.empty() || !job.merge.empty())
+      throw InputError("--shard and --merge are for runs without mpirun");
+  };
+  work.work = [&](const UnitShare& share, const std::string& part) {
+    FleetJob own = job;
+    own.output = part, own.csv.clear();
+    own.share = share;
+    own.threads = std::max(1, job.threads);  // the other ranks may stand on the same machine
+    run_fleet(own);
+  };
+  work.finish = [&](const std::vector<std::string>& parts) {
+    if (!parts.empty()) job.inputs.clear();
+    job.merge = parts;
+    return given.deliver(run_fleet(job));
+  };
+  return work;
+}
+
+RankedWork work_of(EachJob& job) {
+  RankedWork work;
+  work.output = job.output;
+  work.prepare = [&] { job.check(); };
+  work.work = [&](const UnitShare& share, const std::string& part) {
+    EachJob own = job;
+    own.output = part, own.page.clear();
+    own.share = share;
+    own.threads = std::max(1, job.threads);
+    run_each(own);
+  };
+  work.finish = [&](const std::vector<std::string>& parts) {
+    if (!parts.empty()) job.inputs.clear();
+    job.merge = parts;
+    const EachResult result = run_each(job);
+    fmt::print("{}", describe(job, result));
+    for (const std::string& note : result.notes) complain(note);
+    return int{done};
+  };
+  return work;
+}
+
+/// `diagnose` as `rangecal` hands it over: with what --each takes.
+CLI::App* declare_each(CLI::App& app, EachJob& job) {
+  CLI::App* command = app.add_subcommand("diagnose", "every recording for itself");
+  command->add_option("REC", job.inputs)->required();
+  job.add_to(*command);
+  command->add_option("--alarm-rate", job.alarm_rate);
+  command->add_option("--curve", job.curve);
+  command->add_option("--force", job.force)->delimiter(',');
+  command->add_option("--group-by", job.group_by)->delimiter(',');
+  command->add_option("--effects")->each([](const std::string& folder) { add_effects_by_formula(folder); });
+  return command;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -171,17 +234,29 @@ int main(int argc, char** argv) {
   declare_study(app, job);
   FleetCommand fleet;
   const CLI::App* fleets = declare_fleet(app, fleet);
+  EachJob each;
+  const CLI::App* diagnoses = declare_each(app, each);
   FLAGS_minloglevel = google::GLOG_FATAL;  // Ceres logs through glog: nowhere
   int code = bad_input;
   try {
     app.parse(argc, argv);
-    code = fleets->parsed() ? run_fleet_ranks(fleet, world.rank, world.size) : run(job, world);
+    if (fleets->parsed())
+      code = run_on_ranks(work_of(fleet), world.rank, world.size);
+    else if (diagnoses->parsed())
+      code = run_on_ranks(work_of(each), world.rank, world.size);
+    else
+      code = run(job, world);
   } catch (const CLI::ParseError& error) {
     if (world.rank == 0) code = app.exit(error) == 0 ? done : bad_input;
   } catch (const std::exception& error) {  // the others wait: only ending all of them ends the run
     complain(std::string("internal error: ") + error.what());
-    MPI_Abort(MPI_COMM_WORLD, not_delivered);
+    int ended = 0;
+    MPI_Finalized(&ended);
+    if (!ended) MPI_Abort(MPI_COMM_WORLD, not_delivered);
+    return not_delivered;
   }
-  MPI_Finalize();
+  int ended = 0;
+  MPI_Finalized(&ended);
+  if (!ended) MPI_Finalize();
   return code;
 }

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# rangecal_npm(SOURCE WORK FOUND): installs what SOURCE/package-lock.json names into WORK/node_modules, once for each lock file.
+# FOUND says whether it is there, FOUND_WHY why it is not.
+find_program(NPM_EXECUTABLE npm)
+
+function(rangecal_npm source work found)
+  file(SHA256 "${source}/package-lock.json" lock)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${source}/package-lock.json")
+  set(installed "")
+  if(EXISTS "${work}/installed")
+    file(READ "${work}/installed" installed)
+  endif()
+  set(${found} ON PARENT_SCOPE)
+  if(installed STREQUAL lock)
+    return()
+  elseif(NOT NPM_EXECUTABLE)
+    set(${found} OFF PARENT_SCOPE)
+    set(${found}_WHY "npm was not found" PARENT_SCOPE)
+    return()
+  endif()
+  file(COPY "${source}/package.json" "${source}/package-lock.json" DESTINATION "${work}")
+  execute_process(COMMAND "${NPM_EXECUTABLE}" ci --ignore-scripts --no-audit --no-fund --fetch-retries=1 --prefer-offline
+                  WORKING_DIRECTORY "${work}" RESULT_VARIABLE failed OUTPUT_QUIET ERROR_QUIET)
+  if(failed)
+    set(${found} OFF PARENT_SCOPE)
+    set(${found}_WHY "npm could not install the packages of ${source}" PARENT_SCOPE)
+  else()
+    file(WRITE "${work}/installed" "${lock}")
+  endif()
+endfunction()
