@@ -72,10 +72,16 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   constexpr double infinity = std::numeric_limits<double>::infinity();
   double value = infinity, least = infinity;
   JointState least_state = state;
+  bool at_the_end = false;
   Rounds rounds(model, options.places_stay);
   if (detail) marginal.begin = detail->reml;
   do {
     const WorkingProblem working = rounds.begin(rows, model, state);
+    const bool weighted = !working.serial.independent() && working.tail_shift.size() > 0;
+    if (weighted && least == infinity) {
+      least = nll_at(rows, working, state) + prior_nll(rows, state.alpha);
+      least_state = state;
+    }
     JointState start = state;
     follow_commanded(working.problem.stops, start.stops);
     MarginalFit fit = solve(rows, working, start, marginal);
@@ -96,17 +102,22 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     }
     state = fit.state;
     value = fit_value + working.constant;
-    if (rounds.bends()) {  // the solve saw straight lines; the value is that of the effects where it ended
+    // The solve saw straight lines, or tails along a sequence by the weights where it began, which no bound goes with: the value
+    // is that of the model where it ended.
+    if (rounds.bends()) {
       const WorkingProblem ended = working_problem(rows, model, state);
-      value += joint_nll(ended.problem, state) + ended.constant + serial_nll(rows, ended, state) -
-               joint_nll(working.problem, state) - working.constant - serial_nll(rows, working, state);
+      value += nll_at(rows, ended, state) - nll_at(rows, working, state);
+    } else if (weighted) {
+      value = nll_at(rows, working_problem(rows, model, state), state) + prior_nll(rows, state.alpha);
+      if (detail) *detail = fit;
     }
-    if (rounds.bends() && !(value < least)) continue;
+    at_the_end = rounds.bends() || weighted;
+    if (at_the_end && !(value < least)) continue;
     least = value;
     least_state = state;
     if (detail) *detail = std::move(fit);
   } while (rounds.another(rows, model, state, value));
-  if (!rounds.bends()) return value;
+  if (!at_the_end) return value;
   state = std::move(least_state);
   return least;
 }

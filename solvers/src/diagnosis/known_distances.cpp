@@ -175,7 +175,11 @@ class SerialProblem {
     Eigen::ArrayXd z = root * (mean - f);
     for (Eigen::Index i = 0; !cells_.bend.empty() && i < n_; ++i)
       z[i] -= root[i] * cells_.bent(static_cast<std::size_t>(i), u_[i]);
-    const Eigen::VectorXd white = serial_.whitened(z.matrix());
+    SerialErrors::Columns columns(n_, powers_.cols() + 1);  // of the coefficients, and the residuals
+    columns.leftCols(powers_.cols()) = root.matrix().asDiagonal() * powers_;
+    columns.rightCols(1) = z.matrix();
+    columns = serial_.whitened_columns(std::move(columns));
+    const Eigen::VectorXd white = columns.rightCols(1);
     point.squares = white.squaredNorm() + extra.sum();
     point.inside = std::isfinite(point.log_spreads) && std::isfinite(point.squares);
     // dz/df = -root - p z / f, dg/df = p / f
@@ -184,10 +188,8 @@ class SerialProblem {
     point.of_spreads = powers_.transpose() * relative.matrix();
     point.of_squares =
         -(powers_.transpose() * (pull.array() * (root + relative * z) + relative * extra).matrix());
-    Eigen::MatrixXd columns(n_, powers_.cols());
-    for (Eigen::Index j = 0; j < columns.cols(); ++j)
-      columns.col(j) = serial_.whitened(powers_.col(j).cwiseProduct(root.matrix()));
-    point.mean_information = columns.transpose() * columns;
+    const auto of_means = columns.leftCols(powers_.cols());
+    point.mean_information = of_means.transpose() * of_means;
     const Eigen::MatrixXd by_spread = relative.matrix().asDiagonal() * powers_;
     point.spread_information = 2.0 * by_spread.transpose() * by_spread;
     point.cross = 2.0 * point.of_spreads;

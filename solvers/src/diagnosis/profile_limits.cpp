@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/free_parameters.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -49,23 +51,19 @@ class Profile {
   }
 
  private:
-  const EffectParameter& info(Eigen::Index a) const {
-    const FreeParameter& p = fit_.free[numeric_[static_cast<std::size_t>(a)]];
-    return fit_.model[static_cast<std::size_t>(p.effect)].effect->info().parameters[static_cast<std::size_t>(
-        p.index)];
-  }
-  double& parameter(Model& model, Eigen::Index a) const {
-    const FreeParameter& p = fit_.free[numeric_[static_cast<std::size_t>(a)]];
-    return model[static_cast<std::size_t>(p.effect)].parameters[p.index];
-  }
-  bool positive(Eigen::Index a) const { return info(a).low >= 0.0; }
-  double smallest(Eigen::Index a) const { return std::max(info(a).low, 1e-4 * info(a).typical); }
+  const FreeParameter& own(Eigen::Index a) const { return fit_.free[numeric_[static_cast<std::size_t>(a)]]; }
+  double typical(Eigen::Index a) const { return info_of(fit_.model, own(a)).typical; }
+  double low(Eigen::Index a) const { return bounds_of(rows_, fit_.model, own(a)).first; }
+  double high(Eigen::Index a) const { return bounds_of(rows_, fit_.model, own(a)).second; }
+  double& parameter(Model& model, Eigen::Index a) const { return value_of(model, own(a)); }
+  bool positive(Eigen::Index a) const { return low(a) >= 0.0; }
+  double smallest(Eigen::Index a) const { return std::max(low(a), 1e-4 * typical(a)); }
 
   /// The parameter at u + step, within its bounds.
   double moved(Eigen::Index a, double step) const {
     const double p = parameter(fit_.model, a);
-    if (!positive(a)) return std::clamp(p + step, info(a).low, info(a).high);
-    return std::clamp(std::max(p, smallest(a)) * std::exp(step), smallest(a), info(a).high);
+    if (!positive(a)) return std::clamp(p + step, low(a), high(a));
+    return std::clamp(std::max(p, smallest(a)) * std::exp(step), smallest(a), high(a));
   }
 
   /// l(u + step) - l(u).
@@ -87,11 +85,11 @@ class Profile {
 
   /// An estimate that l_s draws to 0 may be positive by l: tries sizes from a tenth of the typical up.
   void leave_bound(Eigen::Index a) {
-    const double p = std::max(parameter(fit_.model, a), smallest(a)), typical = info(a).typical;
-    if (!positive(a) || p > 0.1 * typical) return;
+    const double p = std::max(parameter(fit_.model, a), smallest(a));
+    if (!positive(a) || p > 0.1 * typical(a)) return;
     double best = -1e-3, best_step = 0.0;
     for (double size : {0.1, 0.2, 0.4, 0.8}) {
-      const double step = std::log(size * typical / p);
+      const double step = std::log(size * typical(a) / p);
       const double change = rise(step * Eigen::VectorXd::Unit(static_cast<Eigen::Index>(numeric_.size()), a));
       if (change < best) best = change, best_step = step;
     }
@@ -155,7 +153,7 @@ class Profile {
   /// The parameter where l has risen by `level` on one side; its bound where it never does.
   double limit(Eigen::Index a, double side, double level) const {
     const Eigen::VectorXd along = direction(a);
-    const double p = parameter(fit_.model, a), bound = side > 0.0 ? info(a).high : info(a).low;
+    const double p = parameter(fit_.model, a), bound = side > 0.0 ? high(a) : low(a);
     double inner = 0.0, outer = step_[a], inner_rise = 0.0, outer_rise = rise(side * outer * along);
     while (outer_rise < level) {
       if (outer > 2.0 * far || moved(a, side * outer) == moved(a, 2.0 * side * outer)) return bound;
@@ -181,7 +179,7 @@ class Profile {
     const auto n = static_cast<Eigen::Index>(numeric_.size());
     const bool lowest = positive(a) && rise(-2.0 * far * Eigen::VectorXd::Unit(n, a)) < at_bound;
     fit_.limits[numeric_[static_cast<std::size_t>(a)]] =
-        lowest ? Limits{info(a).low, limit(a, 1.0, one_sided), true}
+        lowest ? Limits{low(a), limit(a, 1.0, one_sided), true}
                : Limits{limit(a, -1.0, two_sided), limit(a, 1.0, two_sided)};
   }
 
@@ -197,8 +195,7 @@ class Profile {
       covariance.col(a) *= scale;
       // Half the interval bounds what the curvature says, which at a bound or on a plateau is nothing.
       const double widest = (limits.high - limits.low) / 3.92;
-      if (!(covariance(a, a) > 0.0) || covariance(a, a) > 4.0 * widest * widest ||
-          limits.low == info(a).low) {
+      if (!(covariance(a, a) > 0.0) || covariance(a, a) > 4.0 * widest * widest || limits.low == low(a)) {
         covariance.row(a).setZero();
         covariance.col(a).setZero();
         covariance(a, a) = widest * widest;

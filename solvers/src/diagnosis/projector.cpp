@@ -165,10 +165,11 @@ Eigen::VectorXd Projector::unweighted(const Eigen::VectorXd& range) const {
 /// J^T W J of alpha.
 Eigen::MatrixXd Projector::serial_information() const {
   const int alphas = system_.layout().alpha_count;
-  Eigen::MatrixXd columns(cells(), alphas);
-  Eigen::VectorXd power = Eigen::VectorXd::Ones(cells());
+  SerialErrors::Columns columns(cells(), alphas);
+  Eigen::VectorXd power = range_information.cwiseSqrt();
   const Eigen::Map<const Eigen::VectorXd> u(geometry_.u.data(), cells());
-  for (int a = 0; a < alphas; ++a, power = power.cwiseProduct(u)) columns.col(a) = whitened(power);
+  for (int a = 0; a < alphas; ++a, power = power.cwiseProduct(u)) columns.col(a) = power;
+  columns = serial_.whitened_columns(std::move(columns));
   return columns.transpose() * columns;
 }
 

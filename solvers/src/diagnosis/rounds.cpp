@@ -183,8 +183,27 @@ std::vector<std::pair<Model, JointState>> Sides::others(const Rows& rows, const 
   return others;
 }
 
+namespace {
+
+/// True if the fit moved so little that effects and tails, evaluated anew where it ended, do not change the value by what
+/// matters.
+bool hardly_moved(const Rows& rows, const JointState& from, const JointState& to) {
+  constexpr double little = 1e-3;  // nats
+  const CellGeometry before = cell_geometry(rows, from), after = cell_geometry(rows, to);
+  double sum = 0.0;
+  for (std::size_t c = 0; c < after.f.size(); ++c) {
+    const double off = (after.f[c] - before.f[c]) / after.spread[c];
+    const double ratio = after.spread[c] / before.spread[c] - 1.0;
+    sum += 0.5 * off * off + ratio * ratio;
+  }
+  return sum < little;
+}
+
+}  // namespace
+
 WorkingProblem Rounds::begin(const Rows& rows, const Model& model, JointState& state) {
   jumps_ = jumps_ && !rows.pairs;  // whose distances are known
+  if (rows.pairs) begun_ = state;
   if (jumps_) sides_.settle(rows, model, state, places_stay_);
   WorkingProblem working = working_problem(rows, model, state);
   bends_ = !working.problem.cells.bend.empty();
@@ -199,6 +218,7 @@ bool Rounds::another(const Rows& rows, const Model& model, JointState& state, do
   constexpr double settled = 1e-2;  // nats
   if (jumps_) value += sides_.restore(rows, model, state);
   ++done_;
+  if (rows.pairs && left_ > 1 && !exact_ && !bends_ && hardly_moved(rows, begun_, state)) left_ = 1;
   if (--left_ == 0 && (bends_ || exact_) && done_ < most && !(std::abs(value - before_) < settled)) ++left_;
   before_ = value;
   return left_ > 0;

@@ -41,7 +41,7 @@ class Sides {
 /// The alternation of taking effects out of the readings at a state and solving for the state: twice, the
 /// second time with the effects at the new geometry (and the tails' new weights); where they change fast with
 /// distance, hold a grid's part of the noise, or make it noise of 1/f, whose density has f in its Jacobian, until the value
-/// stays.
+/// stays. Of pairs, whose distances stand, once is enough where curve and noise hardly moved.
 ///
 ///   Rounds rounds(model);
 ///   do { working = rounds.begin(rows, model, state);  ... solve: state, value ... }
@@ -66,6 +66,7 @@ class Rounds {
   int left_, done_ = 0;
   bool jumps_, exact_, places_stay_, bends_ = false;
   double before_ = 0.0;
+  JointState begun_;  ///< of pairs: where the round began
   Sides sides_;
 };
 

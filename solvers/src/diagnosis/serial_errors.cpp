@@ -41,10 +41,10 @@ SerialErrors::SerialErrors(const Sequence& sequence, double q, double rho) {
   std::vector<double> left(n);  // variance of x_i given the readings up to i
   for (const int row : order_) {
     const auto i = static_cast<std::size_t>(row);
-    phi_[i] = before_[i] < 0 ? 0.0 : std::pow(rho, sequence.gap[i]);
-    const double expected =
-        phi_[i] * phi_[i] * (before_[i] < 0 ? 0.0 : left[static_cast<std::size_t>(before_[i])]) +
-        q * (1.0 - phi_[i] * phi_[i]);
+    const bool first = before_[i] < 0;
+    phi_[i] = first ? 0.0 : std::pow(rho, sequence.gap[i]);
+    const double expected = (first ? 0.0 : phi_[i] * phi_[i] * left[static_cast<std::size_t>(before_[i])]) +
+                            q * (1.0 - phi_[i] * phi_[i]);
     const double variance = expected + 1.0 - q;
     gain_[i] = expected / variance;
     left[i] = (1.0 - gain_[i]) * expected;
@@ -64,6 +64,25 @@ Eigen::VectorXd SerialErrors::whitened(Eigen::VectorXd e) const {
     e[i] = surprise / root_[row];
   }
   return e;
+}
+
+SerialErrors::Columns SerialErrors::whitened_columns(Columns E) const {
+  if (independent()) return E;
+  const Eigen::Index columns = E.cols();
+  Columns X(E.rows(), columns);  // of each row, given the readings up to it
+  for (const int i : order_) {
+    const auto row = static_cast<std::size_t>(i);
+    const double phi = before_[row] < 0 ? 0.0 : phi_[row], gain = gain_[row], scale = 1.0 / root_[row];
+    const double* before = X.data() + columns * std::max(before_[row], 0);
+    double* const e = E.data() + columns * i;
+    double* const x = X.data() + columns * i;
+    for (Eigen::Index j = 0; j < columns; ++j) {
+      const double expected = phi > 0.0 ? phi * before[j] : 0.0, surprise = e[j] - expected;
+      x[j] = expected + gain * surprise;
+      e[j] = scale * surprise;
+    }
+  }
+  return E;
 }
 
 Eigen::VectorXd SerialErrors::transposed(const Eigen::VectorXd& u) const {

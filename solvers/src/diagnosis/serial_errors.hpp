@@ -31,7 +31,10 @@ class SerialErrors {
   SerialErrors(const Sequence& sequence, double q, double rho);
 
   bool independent() const { return phi_.empty(); }
-  Eigen::VectorXd whitened(Eigen::VectorXd e) const;                   ///< K e
+  Eigen::VectorXd whitened(Eigen::VectorXd e) const;  ///< K e
+  /// K E, all columns in one pass.
+  using Columns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Columns whitened_columns(Columns E) const;
   Eigen::VectorXd transposed(const Eigen::VectorXd& u) const;          ///< K^T u
   Eigen::VectorXd coloured(const Eigen::VectorXd& u) const;            ///< K^-1 u
   Eigen::VectorXd transpose_coloured(const Eigen::VectorXd& v) const;  ///< K^-T v
@@ -40,8 +43,8 @@ class SerialErrors {
 
  private:
   std::vector<int> order_, before_;
-  std::vector<double> phi_, gain_,
-      root_;  ///< by row: phi_i, Kalman's gain, standard deviation of the prediction's error
+  std::vector<double> phi_, gain_;  ///< by row: phi_i, Kalman's gain
+  std::vector<double> root_;        ///< standard deviation of the prediction's error
   double log_determinant_ = 0.0;
 };
 

@@ -6,6 +6,7 @@
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/problems/landmarks/joint_nll.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -203,6 +204,10 @@ double serial_nll(const Rows& rows, const WorkingProblem& working, const JointSt
   if (working.serial.independent()) return 0.0;
   const Eigen::VectorXd e = sequence_residuals(working, cell_geometry(rows, state));
   return 0.5 * (working.serial.whitened(e).squaredNorm() - e.squaredNorm());
+}
+
+double nll_at(const Rows& rows, const WorkingProblem& working, const JointState& state) {
+  return joint_nll(working.problem, state) + working.constant + serial_nll(rows, working, state);
 }
 
 Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,

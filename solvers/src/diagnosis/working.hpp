@@ -42,6 +42,9 @@ Eigen::VectorXd sequence_residuals(const WorkingProblem& working, const CellGeom
 /// for independent; 0 where they are. Their determinant is in `constant`.
 double serial_nll(const Rows& rows, const WorkingProblem& working, const JointState& state);
 
+/// NLL of the readings themselves [nats] with the state's own stops, by the working problem at that state.
+double nll_at(const Rows& rows, const WorkingProblem& working, const JointState& state);
+
 /// Per-row change of all of the model's effects, and what its grids add to the cells, their repeats' own part
 /// in the rows' variance already.
 struct RowChanges {

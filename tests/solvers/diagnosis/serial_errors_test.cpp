@@ -11,6 +11,7 @@
 #include <string>
 
 #include "diagnosis/known_distances.hpp"
+#include "diagnosis/refit.hpp"
 #include "diagnosis/rows.hpp"
 #include "diagnosis/working.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -68,6 +69,7 @@ TEST(SerialErrors, OperatorsAreThoseOfTheDenseCovariance) {
     EXPECT_LT((K * C * K.transpose() - Eigen::MatrixXd::Identity(n, n)).cwiseAbs().maxCoeff(), 1e-13);
     EXPECT_NEAR(serial.log_determinant(), std::log(C.determinant()), 1e-11);
     const Eigen::VectorXd x = drawn(n, "SerialErrors.Operators");
+    EXPECT_LT((serial.whitened_columns(SerialErrors::Columns::Identity(n, n)) - K).norm(), 1e-12);
     EXPECT_LT((serial.transposed(x) - K.transpose() * x).norm(), 1e-12);
     EXPECT_LT((serial.coloured(serial.whitened(x)) - x).norm(), 1e-12);
     EXPECT_LT((serial.transpose_coloured(serial.transposed(x)) - x).norm(), 1e-12);
@@ -241,6 +243,21 @@ TEST(SerialErrors, ProjectionsAreThoseOfGeneralisedLeastSquares) {
   for (Eigen::Index i = 0; i < n; ++i) y[i] = rows.range_m[static_cast<std::size_t>(i)];
   EXPECT_NEAR(projector.score(shape), shape.range.dot(P * y), 1e-5 * std::abs(shape.range.dot(P * y)) + 1e-6);
   EXPECT_LT((projector.unweighted(projector.weighted(shape.range)) - shape.range).norm(), 1e-9);
+}
+
+TEST(SerialErrors, AFitWithTailsCanBeRepeated) {
+  Recording recording = on_the_way(0.6, 0.9, 2, "SerialErrors.Repeated", 0, 300);
+  Random random(seed_from("SerialErrors.Repeated.echoes"));
+  for (double& y : recording.pairs.reading_m)
+    if (random.uniform() < 0.06) y -= 0.3 * random.uniform();
+  const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
+  const Model model{{find_effect("autocorrelated_noise"), Eigen::Vector3d(0.8, 0.0, 0.5)},
+                    {find_effect("early_echo"), Eigen::Vector2d(0.05, 0.2)}};
+  const Fit fit = refit(rows, model, near_truth(rows, NoiseLaw::f_squared), RefitOptions{});
+  ASSERT_TRUE(fit.ok);
+  JointState state = fit.state;
+  EXPECT_NEAR(calibrate_under(rows, fit.model, state, RefitOptions{}), fit.nll, 0.05);
+  EXPECT_NEAR(nll_at(rows, working_problem(rows, fit.model, fit.state), fit.state), fit.nll, 1e-6);
 }
 
 Diagnosis diagnosis_of(const Recording& recording) {
