@@ -105,7 +105,8 @@ def test_a_log_that_was_cut_off_warns_in_the_line_of_the_call(tmp_path):
 def test_published_data_sets(source):
     folder = pathlib.Path(os.environ.get("RANGECAL_RECORDINGS", source / "../shared/recordings"))
     if not folder.exists():
-        pytest.skip(f"the recordings {folder} are not here")
+        required = os.environ.get("RANGECAL_REQUIRE_DATA", "") not in ("", "0")
+        (pytest.fail if required else pytest.skip)(f"missing recording {folder}")
     robot = rangecal.import_lego(folder / "brenner-lego")
     np.testing.assert_array_equal(robot.landmark_radius_m, np.full(6, 0.055))
     assert robot.extraction["arc"] == "nearest"

@@ -453,7 +453,7 @@ TEST(NloptCheck, FindsABetterBasin) {
 TEST(FullPairs, RealRecordingsConverge) {
   const std::filesystem::path root = testing::recordings();
   for (const char* name : {"rangecal/mrclam6-robot1-pairs", "rangecal/wall-sonar-calibration"}) {
-    if (!std::filesystem::exists(root / name)) GTEST_SKIP() << "missing recording " << (root / name).string();
+    RANGECAL_REQUIRE_RECORDING(root / name);
     const Recording recording[1] = {load_recording((root / name).string())};
     const PairsProblem problem = make_pairs_problem(recording);
     PairsOptions options;
