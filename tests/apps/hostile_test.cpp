@@ -229,7 +229,7 @@ TEST(HostileFiles, AFullFileSystemLeavesWhatWasThere) {
   SCOPED_TRACE(out + err);
   EXPECT_EQ(count_of(out, "code 2\n"), 4);
   EXPECT_EQ(count_of(err, "\n"), 4);
-  EXPECT_EQ(count_of(err, "cannot be written"), 4);
+  EXPECT_EQ(count_of(err, "cannot be written: No space left on device"), 4);
   EXPECT_EQ(count_of(out, "\nkept\n"), 2);
   EXPECT_EQ(count_of(out, ".partial"), 0);
   EXPECT_TRUE(out.ends_with("\nrec:\n")) << "rec holds something";
