@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <sstream>
 #include <string>
 #include <system_error>
 
@@ -58,6 +59,12 @@ std::string version_text() {
   return text;
 }
 
+/// `code`, or that of standard output where it did not take all.
+int flushed(int code) {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout)) return stdout_failed(std::strerror(errno));
+  return code;
+}
+
 int run(int argc, char** argv) {
   CLI::App app{
       "Calibrates cheap range sensors from recordings of landmarks at unknown places, or of known distances.",
@@ -100,7 +107,10 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {
-    return app.exit(help_or_version);
+    std::ostringstream text;
+    const int code = app.exit(help_or_version, text, text);
+    fmt::print("{}", text.str());
+    return flushed(code);
   } catch (const CLI::ParseError& error) {
     std::string of;  // the command that the line named, and its own: "import lego "
     for (auto named = app.get_subcommands(); !named.empty(); named = named.front()->get_subcommands())
@@ -109,9 +119,7 @@ int run(int argc, char** argv) {
     return app::bad_input;
   }
   start_logging(argv[0], log_dir);
-  const int code = chosen();
-  if (std::fflush(stdout) != 0 || std::ferror(stdout)) return stdout_failed(std::strerror(errno));
-  return code;
+  return flushed(chosen());
 }
 
 }  // namespace

@@ -3,7 +3,10 @@
 
 #include <fmt/core.h>
 
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
+#include <string>
 
 #include "rangecal/core/errors.hpp"
 
@@ -19,7 +22,7 @@ void TrackOutput::open(std::int64_t bytes, bool tells_outliers) {
       std::filesystem::resize_file(path_, static_cast<std::uintmax_t>(bytes));
     }
     out_ = std::fopen(path_.c_str(), resumed ? "ab" : "wb");
-    if (!out_) fail("cannot be written");
+    if (!out_) fail_to_write();
     closer_.reset(out_);
   }
   bytes_ = bytes;
@@ -28,15 +31,17 @@ void TrackOutput::open(std::int64_t bytes, bool tells_outliers) {
 }
 
 void TrackOutput::print(const std::string& text) {
-  if (std::fwrite(text.data(), 1, text.size(), out_) != text.size()) fail("cannot be written");
+  if (std::fwrite(text.data(), 1, text.size(), out_) != text.size()) fail_to_write();
   bytes_ += static_cast<std::int64_t>(text.size());
 }
 
 void TrackOutput::flush() {
-  if (std::fflush(out_) != 0) fail("cannot be written");
+  if (std::fflush(out_) != 0) fail_to_write();
 }
 
-void TrackOutput::fail(const char* what) const {
+void TrackOutput::fail_to_write() const { fail("cannot be written: " + std::string(std::strerror(errno))); }
+
+void TrackOutput::fail(const std::string& what) const {
   throw InputError(path_.empty() ? "stdout" : path_, 0, "", what);
 }
 

@@ -22,7 +22,8 @@ class TrackOutput {
   std::int64_t bytes() const { return bytes_; }
 
  private:
-  [[noreturn]] void fail(const char* what) const;
+  [[noreturn]] void fail_to_write() const;
+  [[noreturn]] void fail(const std::string& what) const;
   struct Close {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };

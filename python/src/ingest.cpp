@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <locale.h>
 #include <pybind11/stl.h>
 
 #include "columns.hpp"
@@ -12,6 +13,23 @@
 namespace rangecal::python {
 namespace {
 
+/// Numbers with a decimal point for the C library on this thread, whatever locale the program has set: CLI11 reads by it.
+class PlainNumbers {
+ public:
+  PlainNumbers()
+      : plain_(::newlocale(LC_NUMERIC_MASK, "C", ::duplocale(::uselocale(nullptr)))),
+        before_(::uselocale(plain_)) {}
+  PlainNumbers(const PlainNumbers&) = delete;
+  PlainNumbers& operator=(const PlainNumbers&) = delete;
+  ~PlainNumbers() {
+    ::uselocale(before_);
+    ::freelocale(plain_);
+  }
+
+ private:
+  locale_t plain_, before_;
+};
+
 /// The options of a command from words as its command line has them, then its work, interruptibly.
 template <typename Result>
 Result run_command(const std::function<std::function<Result()>(CLI::App&)>& declare, const std::string& name,
@@ -19,6 +37,7 @@ Result run_command(const std::function<std::function<Result()>(CLI::App&)>& decl
   CLI::App command{name};
   const std::function<Result()> work = declare(command);
   try {
+    const PlainNumbers plain;
     command.parse(std::vector<std::string>(words.rbegin(), words.rend()));
   } catch (const CLI::ParseError& error) {
     throw InputError(name + ": " + error.what());

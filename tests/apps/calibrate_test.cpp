@@ -272,7 +272,7 @@ TEST(CalibrateCommand, WhatIsConstantAtAStopIsAskedOfDiagnoseFirst) {
 
 TEST(CalibrateCommand, ADriftedPathIsNotDeterminedByTheClosedForm) {
   const std::string walk = testing::recordings() + "/rangecal/brenner-lego";
-  if (slurp(walk + "/recording.yaml").empty()) GTEST_SKIP() << "the recording " << walk << " is not here";
+  RANGECAL_REQUIRE_RECORDING(walk);
   const TemporaryFolder folder;
   const std::string json = folder.file("cal.json");
   const RunResult result = run("calibrate " + walk + " --method closed-form --json " + json);

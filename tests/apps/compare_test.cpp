@@ -56,7 +56,7 @@ class RealRecording : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(RealRecording, EndsInAConvergedFullLikelihood) {
   const std::string folder = recordings() + "/rangecal/" + GetParam();
-  if (slurp(folder + "/recording.yaml").empty()) GTEST_SKIP() << "the recording " << folder << " is not here";
+  RANGECAL_REQUIRE_RECORDING(folder);
   const RunResult result = run("calibrate " + folder + " --method full --order 2");
   EXPECT_EQ(result.code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("converged by full"));
@@ -65,7 +65,7 @@ TEST_P(RealRecording, EndsInAConvergedFullLikelihood) {
 TEST(CompareCommand, SpuriousJointMaximumIsNotCalledConverged) {
   // Stops of three coordinates each see three landmarks or so: sigma_theta of full falls to a third of marginal's.
   const std::string folder = recordings() + "/rangecal/brenner-lego";
-  if (slurp(folder + "/recording.yaml").empty()) GTEST_SKIP() << "the recording " << folder << " is not here";
+  RANGECAL_REQUIRE_RECORDING(folder);
   const RunResult result = run("calibrate " + folder + " --method full --order 2");
   EXPECT_EQ(result.code, 1) << result.err;
   EXPECT_THAT(result.out, HasSubstr("UNBOUNDED"));

@@ -163,7 +163,7 @@ TEST_F(CorrectBags, TheOutsideReaderAcceptsWhatIsWritten) {
 TEST_F(CorrectBags, ABagByTheOutsideWriterComesBackToTheOutsideReader) {
   RANGECAL_REQUIRE_OUTSIDE();
   const std::string table = rangecal::testing::recordings() + "/rplidar-a2-room/scans.csv";
-  if (!fs::exists(table)) GTEST_SKIP() << table << " is not here";
+  RANGECAL_REQUIRE_RECORDING(table);
   for (const auto& [indexed, options] :
        {std::pair(true, R"("compression": "lz4", "chunks": true, "index": true, "bigEndian": true)"),
         std::pair(false, R"("compression": "zstd", "chunks": true, "index": false, "bigEndian": false)"),

@@ -106,7 +106,7 @@ class RoomsWithoutCylinders : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(RoomsWithoutCylinders, HaveNone) {
   const std::string scans = recordings() + "/" + GetParam();
-  if (!std::filesystem::exists(scans)) GTEST_SKIP() << "the recording " << scans << " is not here";
+  RANGECAL_REQUIRE_RECORDING(scans);
   const TemporaryFolder folder;
   for (const std::string radius : {"free", "0.04", "0.08", "0.12"}) {
     SCOPED_TRACE(radius);
@@ -147,7 +147,7 @@ std::map<std::pair<std::string, std::string>, std::pair<double, double>> rows_of
 // another's name.
 TEST(ImportLego, FindsAndLabelsTheCylinders) {
   const std::string source = recordings() + "/brenner-lego", known = recordings() + "/rangecal/brenner-lego";
-  if (!std::filesystem::exists(source)) GTEST_SKIP() << "the recording " << source << " is not here";
+  RANGECAL_REQUIRE_RECORDING(source);
   const TemporaryFolder folder;
   const RunResult result = run("import lego " + source + " --arc mean -o " + folder.file("rec"));
   ASSERT_EQ(result.code, 0) << result.err;
@@ -177,7 +177,7 @@ TEST(ImportLego, FindsAndLabelsTheCylinders) {
 // Robot 5 as stops: the same rows as the recording made by another program.
 TEST(ImportMrclam, GivesTheSameRows) {
   const std::string source = recordings() + "/mrclam6", known = recordings() + "/rangecal/mrclam6-robot";
-  if (!std::filesystem::exists(source)) GTEST_SKIP() << "the recording " << source << " is not here";
+  RANGECAL_REQUIRE_RECORDING(source);
   const TemporaryFolder folder;
   for (const std::string robot : {"2", "5"}) {
     const std::string stops = folder.file("stops" + robot), pairs = folder.file("pairs" + robot);

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # The Debian packages of the build tree, their dependencies, and their installation into and removal from a root of its own.
-# Works for root and for others. Arguments (-D): BUILD, WORK, VERSION, CPACK.
+# Works for root and for others. Arguments (-D): BUILD, WORK, VERSION, CPACK, PYTHON, and where reports are built in LOCK and MODULES (npm's).
 cmake_minimum_required(VERSION 3.25)
 include("${CMAKE_CURRENT_LIST_DIR}/run.cmake")
 file(REMOVE_RECURSE "${WORK}")
@@ -62,13 +62,16 @@ if(NOT output MATCHES "^rangecal ${VERSION}\n")
   message(FATAL_ERROR "another version than ${VERSION}:\n${output}")
 endif()
 run("${root}/usr/bin/rangecal" correct --help)
+if(LOCK)  # reports are built in
+  run("${PYTHON}" "${CMAKE_CURRENT_LIST_DIR}/notices.py" "${root}/usr/share/doc/rangecal/NOTICES" "${LOCK}" "${MODULES}")
+endif()
 list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/copyright" OUTPUT_VARIABLE copyrights)
 list(TRANSFORM names REPLACE "(.+)" "share/doc/\\1/changelog.gz" OUTPUT_VARIABLE changelogs)
 set(manuals ${names})
 list(REMOVE_ITEM manuals librangecal-dev)
 list(TRANSFORM manuals REPLACE "(.+)" "share/man/man1/\\1.1.gz")
 foreach(file ${copyrights} ${changelogs} ${manuals} lib/librangecal_solvers.a lib/cmake/rangecal/rangecalConfig.cmake include/rangecal/solvers/calibrate.hpp
-             share/doc/rangecal/docs/formats.md share/rangecal/notebooks_data/field-layout/recording.yaml)
+             share/doc/rangecal/NOTICES share/doc/librangecal-dev/NOTICES share/doc/rangecal/docs/formats.md share/rangecal/notebooks_data/field-layout/recording.yaml)
   if(NOT EXISTS "${root}/usr/${file}")
     file(GLOB_RECURSE files RELATIVE "${root}" "${root}/usr/*")
     message(FATAL_ERROR "${file} is missing among: ${files}")

@@ -28,7 +28,8 @@ rangecal/v/bin/pip install --no-deps wheel/rangecal-*.whl >> pip.log 2>&1 || { t
 numpy=$("$python" -c 'import numpy, pathlib; print(pathlib.Path(numpy.__file__).parent)')
 ln -s "$numpy" "$(rangecal/v/bin/python -c 'import site; print(site.getsitepackages()[0])')/numpy"
 unset PYTHONPATH LD_LIBRARY_PATH
-rangecal/v/bin/python - "$source/notebooks_data/field-layout" <<'END'
+charts=$(find built -path '*/report/web/installed' | sed 's/.*/charts/')  # where npm had them
+rangecal/v/bin/python - "$source/notebooks_data/field-layout" "$charts" <<'END'
 import bz2
 import ctypes
 import hashlib
@@ -60,6 +61,12 @@ compilers = ("/ld-linux", "/libc.so", "/libm.so", "/libdl.so", "/libpthread.so",
 outside = [path for path in libraries() - before if str(folder) not in path and not any(name in path for name in compilers)]
 assert not outside, outside
 assert (folder / "lib").is_dir() and any((folder / "lib").glob("libfmt.so.*"))
+listed = [line.split() for line in (folder / "licenses/LIBRARIES").read_text().split("\n\n")[1].splitlines()]
+assert {line[0] for line in listed} == {path.name for path in (folder / "lib").iterdir()}
+unlicensed = [line for line in listed if not (folder / f"licenses/{line[1]}.copyright").exists()]
+assert not unlicensed, unlicensed
+notices = (folder / "licenses/NOTICES").read_text(encoding="utf-8")
+assert "==== Eigen/Core (" in notices and ("==== vega " in notices) == (sys.argv[2] == "charts"), notices[:500]
 strays = [path for path in pathlib.Path(sys.prefix).rglob("*") if path.suffix in (".hpp", ".a")]
 assert not strays, strays
 print(rangecal.__version__, calibration)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reports, raw scans, published data sets, pickling."""
 import copy
+import locale
 import multiprocessing
 import os
 import pathlib
 import pickle
 import struct
+import subprocess
 
 import numpy as np
 import pandas
@@ -102,10 +104,36 @@ def test_a_log_that_was_cut_off_warns_in_the_line_of_the_call(tmp_path):
     assert [pathlib.Path(warning.filename).name for warning in caught] == [pathlib.Path(__file__).name]
 
 
+def test_a_program_that_has_decimal_commas(tmp_path, monkeypatch, source):
+    made = subprocess.run(["localedef", "-c", "-i", "de_DE", "-f", "UTF-8", tmp_path / "de_DE.UTF-8"], capture_output=True, check=False)
+    if made.returncode and not (tmp_path / "de_DE.UTF-8/LC_NUMERIC").exists():
+        pytest.skip("no German locale can be made here (Debian: locales)")
+    places = [(0.0, 0.0), (0.3, 0.1), (0.6, -0.2)]
+    scans = scans_of([(1.0, 1.0), (2.0, -1.0), (-1.5, 0.5)], places)
+    stops = {"stop": ["0", "1", "2"], "x_m": [x for x, _ in places], "y_m": [y for _, y in places], "heading_rad": [0.0] * 3}
+
+    def extracted():
+        return rangecal.extract(scans, stops, radius_m=0.1, sigma_xy_m=0.01)
+
+    field = source / "notebooks_data/field-layout"
+    plain = extracted(), rangecal.calibrate(field, "full", order=2)
+    before = locale.setlocale(locale.LC_ALL)
+    monkeypatch.setenv("LOCPATH", str(tmp_path))
+    try:
+        locale.setlocale(locale.LC_ALL, "de_DE.UTF-8")
+        assert locale.str(1.5) == "1,5"
+        german = extracted(), rangecal.calibrate(field, "full", order=2)
+    finally:
+        locale.setlocale(locale.LC_ALL, before)
+    np.testing.assert_array_equal(german[0].recording.range_m, plain[0].recording.range_m)
+    np.testing.assert_array_equal(german[1].alpha, plain[1].alpha)
+
+
 def test_published_data_sets(source):
     folder = pathlib.Path(os.environ.get("RANGECAL_RECORDINGS", source / "../shared/recordings"))
     if not folder.exists():
-        pytest.skip(f"the recordings {folder} are not here")
+        required = os.environ.get("RANGECAL_REQUIRE_DATA", "") not in ("", "0")
+        (pytest.fail if required else pytest.skip)(f"missing recording {folder}")
     robot = rangecal.import_lego(folder / "brenner-lego")
     np.testing.assert_array_equal(robot.landmark_radius_m, np.full(6, 0.055))
     assert robot.extraction["arc"] == "nearest"

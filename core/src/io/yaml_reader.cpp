@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <locale>
 #include <set>
+#include <sstream>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
@@ -24,6 +26,14 @@ std::string shortened(const std::string& text) {
 [[noreturn]] void fail_at(const std::string& file, int line, const std::string& field,
                           const std::string& what) {
   throw InputError(file, line, "", field.empty() ? what : "field '" + field + "': " + what);
+}
+
+/// A number with a decimal point, whatever the locale of the process: yaml-cpp reads by the global one. It knows .inf and .nan.
+bool decoded(const YAML::Node& node, double& value) {
+  std::istringstream stream(node.Scalar());
+  stream.imbue(std::locale::classic());
+  if (stream >> std::noskipws >> value && (stream >> std::ws).eof()) return true;
+  return YAML::convert<double>::decode(node, value) && !std::isfinite(value);
 }
 
 }  // namespace
@@ -117,8 +127,7 @@ std::string YamlReader::text() const {
 double YamlReader::number() const {
   double value = 0.0;
   if (!node_.IsScalar()) fail("is not a number");
-  if (!YAML::convert<double>::decode(node_, value))
-    fail(fmt::format("'{}' is not a number", shortened(node_.Scalar())));
+  if (!decoded(node_, value)) fail(fmt::format("'{}' is not a number", shortened(node_.Scalar())));
   if (std::isnan(value)) fail("is not a number");
   return value;
 }

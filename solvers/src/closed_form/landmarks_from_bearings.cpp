@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/closed_form/landmarks_from_bearings.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -82,9 +83,7 @@ double weight_of(const Sight& s, BearingWeights weights, double sigma_theta_sq) 
 }
 
 std::string direction_text(const Eigen::Vector2d& direction) {
-  char text[80];
-  std::snprintf(text, sizeof text, "(%.3f, %.3f)", direction.x(), direction.y());
-  return text;
+  return fmt::format("({:.3f}, {:.3f})", direction.x(), direction.y());
 }
 
 /// Of bearings: as used, and as told by the repeats alone, without what lines that miss each other add [rad^2].
@@ -106,13 +105,10 @@ std::string why_parallel(const std::vector<const Sight*>& sights, double spread_
   if (spread_sq < std::max(1e-13, 2.25 * scatter_of_directions(sights, bearing.of_repeats)))
     return "its lines of sight are parallel: " + where;
   constexpr double degrees = 180.0 / std::numbers::pi;
-  char text[200];
-  std::snprintf(
-      text, sizeof text,
-      "its lines of sight do not meet: stops and bearings disagree by %.0f degrees where the lines' directions "
-      "differ by %.0f: ",
-      degrees * std::sqrt(bearing.used), degrees * std::sqrt(spread_sq));
-  return text + where;
+  return fmt::format(
+      "its lines of sight do not meet: stops and bearings disagree by {:.0f} degrees where the lines' directions "
+      "differ by {:.0f}: {}",
+      degrees * std::sqrt(bearing.used), degrees * std::sqrt(spread_sq), where);
 }
 
 LandmarkFromBearings solve(const std::vector<const Sight*>& sights, BearingWeights weights,

@@ -141,6 +141,8 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
     silence_ceres();
     ceres::Solve(options, &program, &summary);
     result.iterations += static_cast<int>(summary.iterations.size());
+    // Where no step was good the trust region has to shrink further than three iterations take it.
+    options.max_num_iterations = summary.final_cost < summary.initial_cost ? 3 : 30;
     const Eigen::VectorXd x = cost->at(u.data());
     result.alpha = x.head(n);
     result.noise.law = law;

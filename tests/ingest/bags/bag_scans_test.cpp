@@ -224,7 +224,7 @@ TEST_F(BagScans, TopicsAreListed) {
 // Python's struct.
 TEST_F(BagScans, OfARealRecordingAreThoseOfAnotherDecoder) {
   const std::string folder = testing::recordings() + "/ros2-bags";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "the recordings " << folder << " are not here";
+  RANGECAL_REQUIRE_RECORDING(folder);
   struct Expected {
     const char* file;
     std::size_t scans, beams;

@@ -67,8 +67,7 @@ class OutsideWriter : public ::testing::Test {
  protected:
   void SetUp() override {
     RANGECAL_REQUIRE_OUTSIDE();
-    if (!std::filesystem::exists(table("lds02-wall")))
-      GTEST_SKIP() << "the recordings " << testing::recordings() << " are not here";
+    RANGECAL_REQUIRE_RECORDING(table("lds02-wall"));
   }
   static std::string table(const std::string& recording) {
     return testing::recordings() +

@@ -172,7 +172,7 @@ TEST(SqliteSource, ALogOfWritesBesideItIsRead) {
 
 TEST(SqliteSource, FilesOfRosbag2ItselfAreRead) {
   const std::string folder = testing::recordings() + "/ros2-bags";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "the recordings " << folder << " are not here";
+  RANGECAL_REQUIRE_RECORDING(folder);
   for (const char* name : {"talker.db3", "cdr_test_0.db3"}) {
     const auto topics = open_sqlite_bag(folder + "/" + name)->topics();
     ASSERT_FALSE(topics.empty()) << name;

@@ -10,6 +10,9 @@
 #include <boost/math/distributions/normal.hpp>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -68,6 +71,80 @@ TEST(FullPairs, AgreesWithSciPyAndR) {
       EXPECT_NEAR(fit.calibration.alpha[k], reference[k], 1e-6 * std::abs(reference[k]));
     EXPECT_NEAR(fit.calibration.noise.parameters[0], reference[3], 1e-6 * reference[3]);
     EXPECT_NEAR(fit.nll, reference[4], 1e-6);
+  }
+}
+
+const std::string certified_folder = std::string(RANGECAL_SOURCE_DIR) + "/tests/data/certified/";
+
+std::map<std::string, PairsProblem> certified_problems() {
+  std::map<std::string, std::array<std::vector<double>, 2>> rows;
+  std::ifstream file(certified_folder + "data.csv");
+  std::string name, d, y;
+  std::getline(file, name);
+  while (std::getline(file, name, ',') && std::getline(file, d, ',') && std::getline(file, y)) {
+    rows[name][0].push_back(std::stod(d));
+    rows[name][1].push_back(std::stod(y));
+  }
+  std::map<std::string, PairsProblem> problems;
+  for (const auto& [key, columns] : rows) problems[key] = make_pairs_problem(columns[0], columns[1]);
+  return problems;
+}
+
+/// Log relative error, as NIST's StRD counts digits: -log10 |value - certified| / |certified|, from 0 to 15.9.
+double certified_digits(double value, double certified) {
+  if (value == certified) return 15.9;
+  return std::clamp(-std::log10(std::abs(value - certified) / std::abs(certified)), 0.0, 15.9);
+}
+
+TEST(CertifiedPairs, TenDigitsOfEstimatesAndNll) {
+  // Maximum likelihood to 30 digits by another program in another arithmetic: tests/data/certified/README.md.
+  std::ifstream file(certified_folder + "certified.json");
+  const nlohmann::json certified = nlohmann::json::parse(file);
+  const auto problems = certified_problems();
+  ASSERT_EQ(certified["problems"].size(), 20u);
+  fmt::print("{:40}digits of full_pairs           of full_pairs_ceres\n", "");
+  fmt::print("problem      law      order  N     kept  alpha  sigma    NLL    std    alpha  sigma    NLL\n");
+  for (const nlohmann::json& p : certified["problems"]) {
+    const std::string name = p["name"];
+    SCOPED_TRACE(name);
+    const PairsProblem& problem = problems.at(name);
+    ASSERT_EQ(problem.readings(), p["readings"].get<double>());
+    PairsOptions options;
+    options.order = p["order"].get<int>();
+    options.law = noise_law_from_string(p["law"]);
+    const PairsFit fit = full_pairs(problem, options);
+    ASSERT_EQ(fit.calibration.outcome, Outcome::converged) << fit.calibration.reason;
+    const PairsCeresResult ceres = full_pairs_ceres(problem, *options.order, options.law);
+
+    const auto number = [](const nlohmann::json& text) { return std::stod(text.get<std::string>()); };
+    const std::vector<double> kept = p["digits_kept_by_rounded_data"];  // of alpha_0 .. alpha_n, sigma
+    double alpha = 15.9, std_digits = 15.9, ceres_alpha = 15.9;
+    for (int j = 0; j <= *options.order; ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      const double expected = number(p["alpha"][k]), deviation = number(p["alpha_std"][k]);
+      alpha = std::min(alpha, certified_digits(fit.calibration.alpha[j], expected));
+      std_digits = std::min(
+          std_digits, certified_digits(std::sqrt((*fit.calibration.alpha_covariance)(j, j)), deviation));
+      ceres_alpha = std::min(ceres_alpha, certified_digits(ceres.alpha[j], expected));
+      // Ceres takes no step whose gain drowns in the cost's rounding.
+      EXPECT_NEAR(ceres.alpha[j], expected, 1e-6 * deviation);
+    }
+    const double sigma = certified_digits(fit.calibration.noise.parameters[0], number(p["sigma"]));
+    const double nll = certified_digits(fit.nll, number(p["nll"]));
+    const double ceres_sigma = certified_digits(ceres.noise.parameters[0], number(p["sigma"]));
+    const double ceres_nll = certified_digits(ceres.nll, number(p["nll"]));
+    fmt::print("{:12} {:8} {:5} {:4} {:6.1f} {:6.1f} {:6.1f} {:6.1f} {:6.1f}   {:6.1f} {:6.1f} {:6.1f}\n",
+               name, to_string(options.law), *options.order, problem.readings(),
+               *std::min_element(kept.begin(), kept.end()), alpha, sigma, nll, std_digits, ceres_alpha,
+               ceres_sigma, ceres_nll);
+    // Of `quiet` the readings, rounded to doubles, hold sigma to 9.5 digits; the solver rounds f as well, a digit more.
+    const double wanted_of_sigma = std::min(10.0, kept.back() - 1.0);
+    EXPECT_GE(alpha, 10.0);
+    EXPECT_GE(sigma, wanted_of_sigma);
+    EXPECT_GE(std_digits, wanted_of_sigma);  // a multiple of sigma
+    EXPECT_GE(nll, 10.0);
+    ASSERT_EQ(ceres.outcome, Outcome::converged) << ceres.reason;
+    EXPECT_GE(ceres_nll, 10.0);
   }
 }
 
@@ -368,7 +445,7 @@ TEST(NloptCheck, FindsABetterBasin) {
 TEST(FullPairs, RealRecordingsConverge) {
   const std::filesystem::path root = testing::recordings();
   for (const char* name : {"rangecal/mrclam6-robot1-pairs", "rangecal/wall-sonar-calibration"}) {
-    if (!std::filesystem::exists(root / name)) GTEST_SKIP() << "missing recording " << (root / name).string();
+    RANGECAL_REQUIRE_RECORDING(root / name);
     const Recording recording[1] = {load_recording((root / name).string())};
     const PairsProblem problem = make_pairs_problem(recording);
     PairsOptions options;

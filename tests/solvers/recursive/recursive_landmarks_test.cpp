@@ -590,7 +590,7 @@ TEST(RecursiveLandmarks, ConvergesWhereCalibrateDoesOnCamerasOfRealRobots) {
   for (const int robot : {1, 2}) {
     const std::filesystem::path folder =
         std::filesystem::path(testing::recordings()) / fmt::format("rangecal/mrclam6-robot{}", robot);
-    if (!std::filesystem::exists(folder)) GTEST_SKIP() << "missing recording " << folder.string();
+    RANGECAL_REQUIRE_RECORDING(folder);
     const Recording recording = load_recording(folder.string());
     RecursiveLandmarksOptions options;
     options.sigma_xy_m = recording.sigma_xy_m;
