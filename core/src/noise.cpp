@@ -2,7 +2,6 @@
 #include "rangecal/core/noise.hpp"
 
 #include <cmath>
-#include <limits>
 
 #include "rangecal/core/names.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -32,18 +31,10 @@ double Noise::spread(double d, double f) const {
   return s;
 }
 
-Noise::LogSpread Noise::log_spread(double d, double f) const {
+Noise::LogSlopes Noise::log_slopes(double d, double f) const {
   const NoiseForm form = form_of(law);
-  const double s = spread(d, f);
-  LogSpread at;
-  at.value = s > 0.0 ? std::log(s) : std::numeric_limits<double>::quiet_NaN();
-  if (!form.has_sigma) {
-    at.by_d = evaluate_derivative(parameters, d) / s;
-    return at;
-  }
-  if (form.power_of_f > 0) at.by_f = form.power_of_f / f;
-  if (form.power_of_d > 0) at.by_d = form.power_of_d / d;
-  return at;
+  if (!form.has_sigma) return {0.0, evaluate_derivative(parameters, d) / evaluate_polynomial(parameters, d)};
+  return {form.power_of_f > 0 ? form.power_of_f / f : 0.0, form.power_of_d > 0 ? form.power_of_d / d : 0.0};
 }
 
 }  // namespace rangecal

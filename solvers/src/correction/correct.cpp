@@ -45,7 +45,7 @@ struct Curve {
   }
   /// s'(d) along the curve.
   double spread_slope(double d) const {
-    const Noise::LogSpread log_s = calibration.noise.log_spread(d, f(d));
+    const Noise::LogSlopes log_s = calibration.noise.log_slopes(d, f(d));
     return spread(d) * (log_s.by_f * slope(d) + log_s.by_d);
   }
   /// d NLL / d d.

@@ -130,7 +130,6 @@ class SerialProblem {
     double squares = 0.0;      ///< u^T u and the mean squares that tails add, in units of e^(-2 tau)
     Eigen::VectorXd of_spreads, of_squares;                ///< their slopes in x, half those of the squares
     Eigen::MatrixXd mean_information, spread_information;  ///< in x, of the means in units of e^(-2 tau)
-    Eigen::VectorXd cross;                                 ///< information in (x, tau)
   };
 
   SerialProblem(const JointProblem& problem, const SerialErrors& serial, const JointState& start)
@@ -192,7 +191,6 @@ class SerialProblem {
     point.mean_information = of_means.transpose() * of_means;
     const Eigen::MatrixXd by_spread = relative.matrix().asDiagonal() * powers_;
     point.spread_information = 2.0 * by_spread.transpose() * by_spread;
-    point.cross = 2.0 * point.of_spreads;
     return point;
   }
 
@@ -283,8 +281,9 @@ MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialEr
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(layout.global_count, layout.global_count);
   const Eigen::MatrixXd scale = pairs.scales().asDiagonal();
   hessian.topLeftCorner(alphas, alphas) = scale * pairs.information(here, tau) * scale;
-  hessian.block(0, layout.tau_begin, alphas, 1) = scale * here.cross;
-  hessian.block(layout.tau_begin, 0, 1, alphas) = (scale * here.cross).transpose();
+  const Eigen::VectorXd in_alpha_and_tau = 2.0 * (scale * here.of_spreads);
+  hessian.block(0, layout.tau_begin, alphas, 1) = in_alpha_and_tau;
+  hessian.block(layout.tau_begin, 0, 1, alphas) = in_alpha_and_tau.transpose();
   hessian(layout.tau_begin, layout.tau_begin) = 2.0 * problem.readings;
   hessian(layout.sigma_theta, layout.sigma_theta) = 2.0 * problem.readings;
   Held given = held;

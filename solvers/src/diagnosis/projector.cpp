@@ -118,7 +118,14 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   // Effects that change fast with distance leave the calibration a little off its optimum when the readings
   // are corrected anew. Scores speak of residuals at the optimum: its last step is taken to first order.
   Eigen::VectorXd pull = -system_.global_gradient();
-  if (!serial_.independent()) pull = pulls(residuals()).globals;
+  if (!serial_.independent()) {
+    Signature residuals;
+    residuals.range = range_residual;
+    residuals.bearing = bearing_residual;
+    pull = pulls(residuals).globals;
+  }
+  alpha_gradient_ =
+      serial_.independent() ? system_.reduced_gradient().head(alphas).eval() : -pull.head(alphas);
   const auto settle = [&](Eigen::VectorXd& range, Eigen::VectorXd& bearing) {
     pull.tail(pull.size() - phi).setZero();
     const Eigen::VectorXd settled = system_.solve_stops(-system_.stop_gradient());
@@ -134,13 +141,6 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
     pull -= expect_scores();  // a fast bend has no second derivative to go by
   settle(range_residual, bearing_residual);
   if (!serial_.independent()) weighted_residual_ = weighted(range_residual);
-}
-
-Signature Projector::residuals() const {
-  Signature r;
-  r.range = range_residual;
-  r.bearing = bearing_residual;
-  return r;
 }
 
 Eigen::VectorXd Projector::whitened(const Eigen::VectorXd& range) const {
@@ -171,12 +171,6 @@ Eigen::MatrixXd Projector::serial_information() const {
   for (int a = 0; a < alphas; ++a, power = power.cwiseProduct(u)) columns.col(a) = power;
   columns = serial_.whitened_columns(std::move(columns));
   return columns.transpose() * columns;
-}
-
-Eigen::VectorXd Projector::alpha_gradient() const {
-  const int alphas = system_.layout().alpha_count;
-  if (serial_.independent()) return system_.reduced_gradient().head(alphas);
-  return -pulls(residuals()).globals.head(alphas);
 }
 
 Projector::Pulls Projector::pulls(const Signature& x) const {

@@ -57,8 +57,8 @@ class Projector {
   /// Errors of the ranges of the cells [m] as independent ones of variance 1, W^(1/2) x, and back.
   Eigen::VectorXd whitened(const Eigen::VectorXd& range) const;
   Eigen::VectorXd coloured(const Eigen::VectorXd& white) const;
-  /// Slope of the NLL in alpha, the stops at their optimum.
-  Eigen::VectorXd alpha_gradient() const;
+  /// Slope of the means' NLL in alpha at the state, the stops at their optimum.
+  const Eigen::VectorXd& alpha_gradient() const { return alpha_gradient_; }
   /// The change of (alpha, landmarks) that absorbs x: K^-1 J^T W x, and of the stops.
   void absorbed(const Signature& x, Eigen::VectorXd& phi, Eigen::VectorXd& stops) const;
   /// The readings' change when (alpha, landmarks) and the stop coordinates change.
@@ -98,7 +98,6 @@ class Projector {
     Eigen::VectorXd globals, stops;  ///< J^T W x
   };
   Pulls pulls(const Signature& x) const;
-  Signature residuals() const;
   Eigen::MatrixXd serial_information() const;
   Eigen::VectorXd expect_scores();
 
@@ -109,6 +108,7 @@ class Projector {
   Eigen::VectorXd slope_;  ///< of the mean range in d, the effects' own included
   JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
+  Eigen::VectorXd alpha_gradient_;
   Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
   double log_phi_volume_ = 0.0;
   std::vector<Eigen::Vector3d> stop_errors_;

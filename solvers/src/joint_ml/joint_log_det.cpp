@@ -56,7 +56,7 @@ double expected_information(const JointState& state, double d, const Cells& c, s
     f = f * d + state.alpha[a];
   }
   const double s = state.noise.spread(d, f);
-  const Noise::LogSpread log_s = state.noise.log_spread(d, f);
+  const Noise::LogSlopes log_s = state.noise.log_slopes(d, f);
   const double log_slope = log_s.by_f * slope + log_s.by_d;
   if (!c.bend.empty()) slope += c.bend[i];
   return c.range_weight[i] * slope * slope / (s * s) + 2.0 * c.count[i] * log_slope * log_slope;

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "rangecal/core/random.hpp"
+#include "solvers/diagnosis/state_of_pairs.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -35,14 +36,7 @@ Rows rows_of(const std::string& name, bool robust) {
 }
 
 JointState start_of(const Rows& rows, NoiseLaw law) {
-  JointState state;
-  state.alpha = Eigen::Vector3d(0.03, 0.93, 0.045);
-  state.noise.law = law;
-  state.noise.parameters = Eigen::VectorXd::Constant(1, 0.02);
-  state.sigma_theta_rad = 1.0;
-  state.landmarks.assign(1, Eigen::Vector2d::Zero());
-  for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
-  return state;
+  return testing::state_of_pairs(rows, Eigen::Vector3d(0.03, 0.93, 0.045), law, 0.02);
 }
 
 class KnownDistances : public ::testing::TestWithParam<NoiseLaw> {};

@@ -9,6 +9,7 @@
 #include "diagnosis/rows.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "solvers/diagnosis/made_recordings.hpp"
 
 namespace rangecal {
 namespace {
@@ -38,16 +39,10 @@ Recording batches(double shared_m, double rho, const std::string& name, std::uin
   return recording;
 }
 
-Diagnosis diagnosis_of(const Recording& recording) {
-  DiagnoseOptions options;
-  options.held_out = options.unseen = options.next_experiments = false;
-  return diagnose({&recording, 1}, options);
-}
-
 TEST(PairsDependence, AnErrorOfTheBatchIsNoPhysicsOfTheRange) {
   int named = 0, held = 0;
   for (std::uint64_t seed = 0; seed < 8; ++seed) {
-    const Diagnosis d = diagnosis_of(batches(0.006, 0.0, "PairsDependence.Shared", seed));
+    const Diagnosis d = testing::verdict_of(batches(0.006, 0.0, "PairsDependence.Shared", seed));
     if (d.verdict != Verdict::explained) continue;
     EXPECT_EQ(d.final_effects, std::vector<std::string>{"cell_effect"}) << seed << ": " << d.sentence;
     ++named;
@@ -61,7 +56,7 @@ TEST(PairsDependence, AnErrorOfTheBatchIsNoPhysicsOfTheRange) {
 
 TEST(PairsDependence, AFilterOfTheDriverIsFound) {
   for (std::uint64_t seed = 0; seed < 8; ++seed) {
-    const Diagnosis d = diagnosis_of(batches(0.0, 0.85, "PairsDependence.Filter", seed));
+    const Diagnosis d = testing::verdict_of(batches(0.0, 0.85, "PairsDependence.Filter", seed));
     EXPECT_EQ(d.final_effects, std::vector<std::string>{"autocorrelated_noise"})
         << seed << ": " << d.sentence;
     for (const EffectEstimate& e : d.explanations.at(0).parameters)
@@ -72,7 +67,8 @@ TEST(PairsDependence, AFilterOfTheDriverIsFound) {
 TEST(PairsDependence, CleanBatchesAreClean) {
   int alarms = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed)
-    alarms += diagnosis_of(batches(0.0, 0.0, "PairsDependence.Clean", seed)).verdict != Verdict::no_mismatch;
+    alarms +=
+        testing::verdict_of(batches(0.0, 0.0, "PairsDependence.Clean", seed)).verdict != Verdict::no_mismatch;
   EXPECT_LE(alarms, 3);  // of 20 at 2 %: four or more once in 1500 times
 }
 

@@ -17,6 +17,8 @@
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
+#include "solvers/diagnosis/made_recordings.hpp"
+#include "solvers/diagnosis/state_of_pairs.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -128,14 +130,7 @@ Recording on_the_way(double share, double rho, int power, const std::string& nam
 }
 
 JointState near_truth(const Rows& rows, NoiseLaw law) {
-  JointState state;
-  state.alpha = Eigen::Vector3d(0.06, 0.94, 0.021);
-  state.noise.law = law;
-  state.noise.parameters = Eigen::VectorXd::Constant(1, 0.005);
-  state.sigma_theta_rad = 1.0;
-  state.landmarks.assign(1, Eigen::Vector2d::Zero());
-  for (const StopPrior& prior : rows.problem.stops) state.stops.push_back(prior.commanded);
-  return state;
+  return testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), law, 0.005);
 }
 
 TEST(SerialErrors, TheFitIsGeneralisedLeastSquaresWhereTheSpreadIsConstant) {
@@ -242,6 +237,11 @@ TEST(SerialErrors, ProjectionsAreThoseOfGeneralisedLeastSquares) {
   Eigen::VectorXd y(n);
   for (Eigen::Index i = 0; i < n; ++i) y[i] = rows.range_m[static_cast<std::size_t>(i)];
   EXPECT_NEAR(projector.score(shape), shape.range.dot(P * y), 1e-5 * std::abs(shape.range.dot(P * y)) + 1e-6);
+  const JointState away = near_truth(rows, NoiseLaw::constant);
+  const Eigen::VectorXd gradient =
+      -X.transpose() * (W * variance / std::pow(away.noise.parameters[0], 2)) * (y - X * away.alpha);
+  EXPECT_LT((Projector(rows, working_problem(rows, model, away), away).alpha_gradient() - gradient).norm(),
+            1e-9 * gradient.norm());
   EXPECT_LT((projector.unweighted(projector.weighted(shape.range)) - shape.range).norm(), 1e-9);
 }
 
@@ -260,16 +260,10 @@ TEST(SerialErrors, AFitWithTailsCanBeRepeated) {
   EXPECT_NEAR(nll_at(rows, working_problem(rows, fit.model, fit.state), fit.state), fit.nll, 1e-6);
 }
 
-Diagnosis diagnosis_of(const Recording& recording) {
-  DiagnoseOptions options;
-  options.held_out = options.unseen = options.next_experiments = false;
-  return diagnose({&recording, 1}, options);
-}
-
 TEST(SerialErrors, NoiseThatWandersIsNamedAndNothingElse) {
   int named = 0, shares = 0;
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    const Diagnosis d = diagnosis_of(on_the_way(0.7, 0.9, 2, "SerialErrors.Named", seed));
+    const Diagnosis d = testing::verdict_of(on_the_way(0.7, 0.9, 2, "SerialErrors.Named", seed));
     if (d.final_effects != std::vector<std::string>{"autocorrelated_noise"}) {
       ADD_FAILURE() << seed << ": " << d.sentence;
       continue;
@@ -293,7 +287,7 @@ TEST(SerialErrors, AnEffectBesideNoiseThatWandersKeepsItsName) {
       recording.pairs.reading_m[i] += 0.001 * (temperature.back() - 20.0);
     }
     recording.pairs.covariates["temperature_c"] = temperature;
-    const Diagnosis d = diagnosis_of(recording);
+    const Diagnosis d = testing::verdict_of(recording);
     both += d.final_effects.size() == 2;
     EXPECT_EQ(d.final_effects.size(), 2u) << seed << ": " << d.sentence;
   }

@@ -61,12 +61,11 @@ struct Noise {
 
   /// s(d) in metres, given f = f(d).
   double spread(double d, double f) const;
-  /// log s with its slopes in f (d held) and in d (f held).
-  struct LogSpread {
-    double value = 0.0;  ///< NaN where s is not positive
+  /// Slopes of log s in f (d held) and in d (f held), where s is positive.
+  struct LogSlopes {
     double by_f = 0.0, by_d = 0.0;
   };
-  LogSpread log_spread(double d, double f) const;
+  LogSlopes log_slopes(double d, double f) const;
   /// p of s = sigma |f|^p d^q; 0 for the polynomial.
   int power_of_f() const { return form_of(law).power_of_f; }
 };
