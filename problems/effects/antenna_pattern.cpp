@@ -10,6 +10,7 @@
 // al., IEEE RA-L 2021; here as a Fourier series of three harmonics.
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include "rangecal/core/recording.hpp"
 #include "rangecal/problems/effects/effect.hpp"
@@ -17,6 +18,8 @@
 
 namespace rangecal::effects {
 namespace {
+
+constexpr double quarter_turn = 0.5 * std::numbers::pi;  // to either side
 
 class AntennaPattern final : public ColumnEffect {
  public:
@@ -58,7 +61,11 @@ class AntennaPattern final : public ColumnEffect {
   /// Of landmarks, direction and place are estimated from each other: theirs takes a column.
   std::string missing(const EffectContext& context) const override {
     const bool directions = context.kind == RecordingKind::pairs && context.largest_bearing_rad > 0.0;
-    return !along_column_ && directions ? "" : ColumnEffect::missing(context);
+    if (along_column_ || !directions) return ColumnEffect::missing(context);
+    return context.largest_bearing_rad < quarter_turn
+               ? "directions over half a turn: in a narrower sector any curve passes for "
+                 "three harmonics"
+               : "";
   }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {

@@ -15,8 +15,22 @@ bool one_sided(const Contamination& law) { return law.mean_m != 0.0; }
 
 double sign_of(const Contamination& law) { return law.mean_m < 0.0 ? -1.0 : 1.0; }
 
+constexpr double largest_share = 0.999;
+
 /// Ratio of an even share's standard deviation to the spread.
 double wide(const Contamination& law, double s) { return std::hypot(1.0, law.extra_sigma_m / s); }
+
+/// Slope of the log density of one share's readings in its size. `excess`: what their extra error is expected to be, given z, in
+/// units of s; that of an exponential one is all that its mean knows (Fisher's identity).
+double in_size(const Contamination& law, double z, double s, double excess) {
+  if (!one_sided(law)) {
+    const double ratio = wide(law, s);
+    return (z * z / (ratio * ratio) - 1.0) * law.extra_sigma_m / (s * s * ratio * ratio);
+  }
+  const double lambda = std::abs(law.mean_m) / s, end = law.end_m / s;
+  const double cut = std::isfinite(end) ? end / std::expm1(end / lambda) : 0.0;
+  return sign_of(law) * (std::abs(excess) - lambda + cut) / (lambda * lambda * s);
+}
 
 /// Probabilities below and above z of one share.
 struct Tails {
@@ -39,15 +53,16 @@ double quantile_above(double upper) {
 
 }  // namespace
 
-void TailLaw::add(const Contamination& part) {
-  if (!(part.share > 0.0) || count_ == most) return;
-  const double odds = part.share / (1.0 - std::min(part.share, 0.999));
+bool TailLaw::add(const Contamination& part) {
+  if (!(part.share > 0.0) || count_ == most) return false;
+  const double odds = part.share / (1.0 - std::min(part.share, largest_share));
   parts_[count_++] = {part, odds, std::log(odds)};
   odds_ += odds;
   log_body_ = -std::log1p(odds_);
+  return true;
 }
 
-LogDensity TailLaw::density(double e, double s) const {
+LogDensity TailLaw::density(double e, double s, Slopes* slopes) const {
   const double z = e / s;
   struct Term {
     double log = 0.0, weight = 1.0, mean = 0.0, variance = 0.0;
@@ -78,6 +93,13 @@ LogDensity TailLaw::density(double e, double s) const {
     const Term& term = terms[k];
     const double r = std::exp(term.log - out.value);
     if (k > 0) out.outlier += r;
+    if (k > 0 && slopes) {
+      const Part& part = parts_[k - 1];
+      const double body_share =
+          1.0 - std::min(part.law.share, largest_share);  // d odds / d p = 1 / body_share^2
+      slopes->in_share[k - 1] = (r / part.odds - body()) / (body_share * body_share);
+      slopes->in_size[k - 1] = r * in_size(part.law, z, s, term.mean);
+    }
     weight += r * term.weight;
     first += r * term.weight * term.mean;
     second += r * term.weight * (term.mean * term.mean + term.variance);

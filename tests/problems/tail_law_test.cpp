@@ -119,6 +119,29 @@ TEST(TailLaw, SlopesAndTheGaussianThatStandsForIt) {
   }
 }
 
+TEST(TailLaw, SlopesInSharesAndSizes) {
+  constexpr double h = 1e-5;  // of each, relatively
+  for (const TailLaws& each : tail_laws())
+    for (const double z : {-35.0, -6.0, -2.0, 0.0, 1.0, 3.5, 30.0}) {
+      TailLaw::Slopes slopes;
+      law_of(each).density(z * s, s, &slopes);
+      for (std::size_t k = 0; k < each.parts.size(); ++k) {
+        const auto slope = [&](double Contamination::*member) {
+          TailLaws up = each, down = each;
+          const double step = h * each.parts[k].*member;
+          up.parts[k].*member += step;
+          down.parts[k].*member -= step;
+          return (law_of(up).density(z * s, s).value - law_of(down).density(z * s, s).value) / (2.0 * step);
+        };
+        const double in_share = slope(&Contamination::share);
+        EXPECT_NEAR(slopes.in_share[k], in_share, 1e-6 * (1.0 + std::abs(in_share))) << each.name << ' ' << z;
+        const double in_size =
+            slope(each.parts[k].mean_m != 0.0 ? &Contamination::mean_m : &Contamination::extra_sigma_m);
+        EXPECT_NEAR(slopes.in_size[k], in_size, 1e-5 * (1.0 + std::abs(in_size))) << each.name << ' ' << z;
+      }
+    }
+}
+
 TEST(TailLaw, ScoresAreNormal) {
   for (const TailLaws& each : tail_laws()) {
     const TailLaw law = law_of(each);

@@ -84,8 +84,9 @@ void Battery::score_rows(const Model& model) {
   range_scores_ = whiten(range, projector_.row_range_information, changes_.range_log_variance, range_rho);
   bearing_scores_ =
       whiten(bearing, projector_.row_bearing_information, changes_.bearing_log_variance, bearing_rho);
+  TailLaws laws(rows_, projector_.geometry(), model);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    const TailLaw tails = tail_law_of(rows_, projector_.geometry(), model, i);
+    const TailLaw& tails = laws.of(i);
     if (tails.empty()) continue;
     rescored_ = true;
     const auto at = static_cast<Eigen::Index>(i);

@@ -115,7 +115,7 @@ JointState with_robust_noise(const Rows& rows, const Model& model, JointState st
 void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options,
                                 Model& model, JointState& state) {
   constexpr std::size_t most_followed = 3;
-  constexpr int further_solves = 2;  // the weights and the level of the noise follow each other
+  constexpr int most_solves = 3;  // the weights and the level of the noise follow each other
   struct Start {
     Eigen::VectorXd parameters;
     JointState state;
@@ -127,13 +127,17 @@ void start_tail_where_likeliest(const Rows& rows, std::size_t member, const Refi
     start.nll = calibrate_under(rows, model, start.state, options);
   };
   for (const JointState& from : {state, with_robust_noise(rows, without(model, member), state)})
-    for (const Eigen::VectorXd& parameters : model[member].effect->start_grid(rows.context))
-      solve(starts.emplace_back(Start{parameters, from}));
+    for (const Eigen::VectorXd& parameters : model[member].effect->start_grid(rows.context)) {
+      model[member].parameters = parameters;
+      const double nll = nll_at(rows, working_problem(rows, model, from), from);
+      if (std::isfinite(nll)) starts.push_back({parameters, from, nll});
+    }
+  if (starts.empty()) return;
   std::stable_sort(starts.begin(), starts.end(),
                    [](const Start& a, const Start& b) { return a.nll < b.nll; });
   if (starts.size() > most_followed) starts.resize(most_followed);
   for (Start& start : starts)
-    for (int i = 0; i < further_solves && std::isfinite(start.nll); ++i) solve(start);
+    for (int i = 0; i < most_solves && std::isfinite(start.nll); ++i) solve(start);
   Start& best = *std::min_element(starts.begin(), starts.end(),
                                   [](const Start& a, const Start& b) { return a.nll < b.nll; });
   model[member].parameters = best.parameters;

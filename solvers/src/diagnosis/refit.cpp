@@ -6,7 +6,9 @@
 #include <limits>
 
 #include "diagnosis/free_parameters.hpp"
+#include "diagnosis/joint_scoring.hpp"
 #include "diagnosis/refit_step.hpp"
+#include "diagnosis/tail_slopes.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -39,8 +41,12 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
     else if (p.acts == FreeParameter::Acts::numeric)
       lines.push_back(p);
   const std::size_t kinds = lines.size() + (tails ? 1 : 0) + (sequence ? 1 : 0);
+  const bool jointly = (tails || sequence) && can_be_scored_jointly(rows, fit.model, fit.state, options);
   for (int sweep = 0; sweep < (kinds > 1 ? 2 : 1); ++sweep) {
-    if (tails) fit_tails(rows, options, fit);
+    if (jointly)
+      score_jointly(rows, options, fit);
+    else if (tails)
+      fit_tails(rows, options, fit);
     if (sequence) fit_sequence(rows, options, fit);
     for (const FreeParameter& p : lines) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
   }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnosis/free_parameters.hpp"
+#include "diagnosis/tail_slopes.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -103,38 +104,24 @@ Eigen::MatrixXd information_of(const Projector& projector, const Model& model,
 
 /// Sums over the readings of the slopes of their log densities in the tails' u = ln p and in ln s, which comes last, and of
 /// the slopes' products. A parameter at a bound that its slope leads beyond has none.
-struct TailSlopes {
+struct TailScore {
   Eigen::VectorXd score;
   Eigen::MatrixXd information;
 };
 
-TailSlopes tail_slopes(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& tails) {
-  constexpr double h = 1e-3;
+TailScore tail_score(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& tails) {
   const auto n = static_cast<Eigen::Index>(tails.size()), count = static_cast<Eigen::Index>(rows.size());
   const WorkingProblem working = working_problem(rows, fit.model, fit.state);
   const CellGeometry geometry = cell_geometry(rows, fit.state);
-  const RowChanges changes = row_changes(rows, geometry, fit.model);
-  std::vector<Model> up(tails.size(), fit.model), down = up;
-  for (std::size_t a = 0; a < tails.size(); ++a) {
-    value_of(up[a], tails[a]) *= std::exp(h);
-    value_of(down[a], tails[a]) *= std::exp(-h);
-  }
   Eigen::MatrixXd slopes(count, n + 1);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const auto row = static_cast<std::size_t>(i);
-    const int cell = rows.cell[row];
-    const double e = working.range_with_tail(i) - geometry.f[cell];
-    const double s = geometry.spread[cell] * std::exp(0.5 * changes.range_log_variance[i]);
-    for (std::size_t a = 0; a < tails.size(); ++a)
-      slopes(i, static_cast<Eigen::Index>(a)) =
-          (tail_law_of(rows, geometry, up[a], row).density(e, s).value -
-           tail_law_of(rows, geometry, down[a], row).density(e, s).value) /
-          (2.0 * h);
-    const TailLaw law = tail_law_of(rows, geometry, fit.model, row);
-    slopes(i, n) =
-        (law.density(e, s * std::exp(h)).value - law.density(e, s * std::exp(-h)).value) / (2.0 * h) - 1.0;
+  slopes.leftCols(n) = tail_slopes(rows, fit.model, working, geometry, tails);
+  for (Eigen::Index i = 0; i < count; ++i) {  // the squares that are expected of a reading, less 1
+    const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)]);
+    const double scale = working.range_whitening.scale.size() > 0 ? working.range_whitening.scale[i] : 1.0;
+    slopes(i, n) = std::pow(scale * (working.range[i] - geometry.f[cell]) / geometry.spread[cell], 2) - 1.0;
   }
-  TailSlopes out{slopes.colwise().sum().transpose(), slopes.transpose() * slopes};
+  if (working.tail_square.size() > 0) slopes.col(n) += working.tail_square;
+  TailScore out{slopes.colwise().sum().transpose(), slopes.transpose() * slopes};
   out.score[n] = 0.0;  // the calibration has fitted it
   for (Eigen::Index a = 0; a < n; ++a) {
     const FreeParameter& p = tails[static_cast<std::size_t>(a)];
@@ -244,11 +231,6 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
   }
 }
 
-bool is_of_tail(const Model& model, const FreeParameter& p) {
-  return p.acts == FreeParameter::Acts::numeric &&
-         model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::tail;
-}
-
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
   constexpr int most_steps = 12, most_halvings = 5, most_rounds = 8, most_solves = 2;
   constexpr double settled = 1e-3, rounds_settled = 0.05;  // nats
@@ -269,7 +251,7 @@ void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
   }
   double stretch = 1.0;
   for (int iteration = 0; iteration < most_steps; ++iteration) {
-    const TailSlopes slopes = tail_slopes(rows, fit, tails);
+    const TailScore slopes = tail_score(rows, fit, tails);
     const Eigen::LDLT<Eigen::MatrixXd> factor(slopes.information);
     if (factor.info() != Eigen::Success) return;
     Eigen::VectorXd step = factor.solve(slopes.score).head(static_cast<Eigen::Index>(tails.size()));

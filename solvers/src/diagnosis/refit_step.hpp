@@ -16,9 +16,6 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit);
 
-/// True if the parameter is of a tail's law, which knows every reading's slope.
-bool is_of_tail(const Model& model, const FreeParameter& p);
-
 /// Fits the parameters u = ln p of the tails, and the rest by calibrate_under after each step, by scoring:
 ///
 ///   g_i = d ln p(e_i) / d(u, ln s),   step = (sum g_i g_i^T)^-1 sum g_i   (Berndt, Hall, Hall, Hausman 1974)

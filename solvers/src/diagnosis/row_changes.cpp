@@ -67,10 +67,13 @@ RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Mod
   for (auto* column :
        {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
     *column = Eigen::VectorXd::Zero(n);
-  for (const ActiveEffect& active : model) {
-    if (active.effect->noise_before_reciprocal() || is_grid(active)) continue;
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const auto change = active.effect->reading(view_of(rows, geometry, i), active.parameters.data());
+  std::vector<const ActiveEffect*> of_readings;
+  for (const ActiveEffect& active : model)
+    if (!active.effect->noise_before_reciprocal() && !is_grid(active)) of_readings.push_back(&active);
+  for (Eigen::Index i = 0; i < n && !of_readings.empty(); ++i) {
+    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
+    for (const ActiveEffect* active : of_readings) {
+      const auto change = active->effect->reading(view, active->parameters.data());
       changes.range[i] += change.range;
       changes.bearing[i] += change.bearing;
       changes.range_log_variance[i] += change.range_log_variance;

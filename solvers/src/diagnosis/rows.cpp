@@ -308,6 +308,16 @@ double first_time_of(const Recording& recording) {
   return times.empty() ? 0.0 : *std::min_element(times.begin(), times.end());
 }
 
+/// A known distance's line of sight, which lies along x.
+Sight along_x(const Eigen::Vector2d& landmark, const Pose2& stop) {
+  const double v = landmark.x() - stop.x_m, sign = std::copysign(1.0, v);
+  Sight sight;
+  sight.axis_distance = sight.d = std::abs(v);
+  sight.n = {sign, 0.0};
+  sight.t = {0.0, sign};
+  return sight;
+}
+
 }  // namespace
 
 std::vector<std::size_t> row_order(const Recording& recording) {
@@ -373,7 +383,9 @@ CellGeometry cell_geometry(const Rows& rows, const JointState& state) {
   g.n.resize(cells);
   g.t.resize(cells);
   for (std::size_t i = 0; i < cells; ++i) {
-    const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
+    const Sight sight = rows.pairs
+                            ? along_x(state.landmarks[c.landmark[i]], state.stops[c.stop[i]])
+                            : Sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
     g.u[i] = sight.d;
     g.d[i] = rows.curve.scale.distance(sight.d);
     g.axis_distance[i] = rows.pairs ? g.d[i] : sight.axis_distance;

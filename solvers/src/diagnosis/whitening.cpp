@@ -27,6 +27,13 @@ CellsAndRows split(const Rows& rows, const Eigen::VectorXd& values, const Whiten
                      Eigen::VectorXd(values.size())};
   for (int c = 0; c < rows.cell_count; ++c) {
     const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
+    if (count == 1) {
+      const double scale = whitening.scale.size() > 0 ? whitening.scale[begin] : 1.0;
+      parts.weights[c] = scale * scale;
+      parts.means[c] = values[begin];
+      parts.deviations[begin] = 0.0;
+      continue;
+    }
     const auto of_cell = values.segment(begin, count);
     if (whitening.is_identity()) {
       parts.weights[c] = count;

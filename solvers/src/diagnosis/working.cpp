@@ -63,6 +63,11 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, double extra_
   constant += 0.5 * std::log1p(shared);
 }
 
+bool is_same(const Contamination& a, const Contamination& b) {
+  return a.share == b.share && a.extra_sigma_m == b.extra_sigma_m && a.mean_m == b.mean_m &&
+         a.end_m == b.end_m;
+}
+
 /// Readings whose variances are m times the spread's squares.
 Whitening whitening_of(const Eigen::ArrayXd& m, double rho) {
   return {(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
@@ -86,12 +91,34 @@ double bend_of(const ActiveEffect& active, const ReadingView<double>& at) {
   return (change_at(above) - change_at(-below)) / (above + below);
 }
 
+TailLaws::TailLaws(const Rows& rows, const CellGeometry& geometry, const Model& model)
+    : rows_(rows), geometry_(geometry), model_(model) {
+  for (std::size_t e = 0; e < model.size(); ++e)
+    if (model[e].effect->info().kind == EffectKind::tail) tails_.push_back(static_cast<int>(e));
+}
+
+const TailLaw& TailLaws::of(std::size_t row) {
+  if (tails_.empty()) return law_;
+  const bool first = parts_.empty();
+  parts_.resize(tails_.size());
+  bool same = !first;
+  const ReadingView<double> view = view_of(rows_, geometry_, row);
+  for (std::size_t k = 0; k < tails_.size(); ++k) {
+    const ActiveEffect& active = model_[static_cast<std::size_t>(tails_[k])];
+    const Contamination part = active.effect->contamination(view, active.parameters.data());
+    same = same && is_same(part, parts_[k]);
+    parts_[k] = part;
+  }
+  if (same) return law_;
+  law_ = TailLaw();
+  effect_of_share_.clear();
+  for (std::size_t k = 0; k < tails_.size(); ++k)
+    if (law_.add(parts_[k])) effect_of_share_.push_back(tails_[k]);
+  return law_;
+}
+
 TailLaw tail_law_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row) {
-  TailLaw law;
-  for (const ActiveEffect& active : model)
-    if (active.effect->info().kind == EffectKind::tail)
-      law.add(active.effect->contamination(view_of(rows, geometry, row), active.parameters.data()));
-  return law;
+  return TailLaws(rows, geometry, model).of(row);
 }
 
 WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state) {
@@ -122,6 +149,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   // m of every row: what the effects do to its variance, and the weight of a tail at its residual.
   Eigen::ArrayXd range_m = changes.range_log_variance.array().exp(),
                  bearing_m = changes.bearing_log_variance.array().exp();
+  TailLaws laws(rows, geometry, model);
   for (Eigen::Index i = 0; i < n; ++i) {
     const int cell = rows.cell[i];
     const double f = geometry.f[cell], s = geometry.spread[cell];
@@ -133,7 +161,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     }
     if (!rows.pairs)
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
-    const TailLaw tails = tail_law_of(rows, geometry, model, static_cast<std::size_t>(i));
+    const TailLaw& tails = laws.of(static_cast<std::size_t>(i));
     if (tails.empty()) continue;
     const double spread = s * std::sqrt(range_m[i]);
     // The Gaussian that stands for the law at this residual (expectation and maximisation).

@@ -53,7 +53,24 @@ struct RowChanges {
 };
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
 
-/// The law of a row's error under the model's tail effects; empty without one.
+/// The laws of rows' errors under the model's tail effects, empty without one. Of a row for which these are what they were of
+/// the row before, no law is made anew.
+class TailLaws {
+ public:
+  TailLaws(const Rows& rows, const CellGeometry& geometry, const Model& model);
+  const TailLaw& of(std::size_t row);
+  /// Effect of the model that gives each share of the last law.
+  const std::vector<int>& effects() const { return effect_of_share_; }
+
+ private:
+  const Rows& rows_;
+  const CellGeometry& geometry_;
+  const Model& model_;
+  std::vector<int> tails_, effect_of_share_;  ///< by index in the model
+  std::vector<Contamination> parts_;          ///< of `law_`, by tail
+  TailLaw law_;
+};
+/// That of one row.
 TailLaw tail_law_of(const Rows& rows, const CellGeometry& geometry, const Model& model, std::size_t row);
 
 /// Derivative of the readings with respect to parameter `index` of `active`, stops included, by central

@@ -12,6 +12,7 @@ namespace rangecal {
 
 /// The line of sight from a stop to a landmark.
 struct Sight {
+  Sight() = default;
   Sight(const Eigen::Vector2d& landmark, const Pose2& pose, double radius_m) {
     const Eigen::Vector2d v(landmark.x() - pose.x_m, landmark.y() - pose.y_m);
     axis_distance = v.norm();
@@ -20,8 +21,8 @@ struct Sight {
     t = Eigen::Vector2d(-n.y(), n.x());
     bearing = std::atan2(v.y(), v.x()) - pose.heading_rad;
   }
-  double axis_distance, d,
-      bearing;           ///< |m - p| [m], surface distance [m], direction in the sensor frame [rad]
+  double axis_distance = 0.0, d = 0.0,
+         bearing = 0.0;  ///< |m - p| [m], surface distance [m], direction in the sensor frame [rad]
   Eigen::Vector2d n, t;  ///< unit vector stop -> landmark, and across
 };
 

@@ -29,11 +29,16 @@ class TailLaw {
  public:
   static constexpr std::size_t most = 4;  ///< shares; further ones are not taken
 
-  /// A share of 0 adds nothing.
-  void add(const Contamination& part);
+  /// Slopes of the log density of e in each share, and in its size: extra_sigma_m of an even one, mean_m of one on one side.
+  struct Slopes {
+    std::array<double, most> in_share{}, in_size{};
+  };
+
+  /// False if it adds nothing: a share of 0, or one too many.
+  bool add(const Contamination& part);
   bool empty() const { return count_ == 0; }
   /// log density of z = e / s, and the Gaussian that stands for it (expectation and maximisation), as in log_density().
-  LogDensity density(double e_m, double s_m) const;
+  LogDensity density(double e_m, double s_m, Slopes* slopes = nullptr) const;
   /// The normal quantile of the error's probability: standard normal where the law is right.
   double normal_score(double e_m, double s_m) const;
   /// Twice what the normal law of the same mean and variance loses of a reading's expected log density [nats].

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/joint_scoring.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "diagnosis/free_parameters.hpp"
+#include "diagnosis/tail_slopes.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+using Columns = SerialErrors::Columns;
+
+/// Where scoring stands, with the readings as the model has them there.
+struct Point {
+  Model model;
+  JointState state;
+  WorkingProblem working;
+  double nll = std::numeric_limits<double>::infinity();
+};
+
+Point point_at(const Rows& rows, Model model, JointState state) {
+  Point point{std::move(model), std::move(state), {}};
+  if (!point.state.alpha.allFinite() || !(point.state.noise.parameters[0] > 0.0)) return point;
+  point.working = working_problem(rows, point.model, point.state);
+  const double nll = nll_at(rows, point.working, point.state);
+  if (std::isfinite(nll)) point.nll = nll;
+  return point;
+}
+
+/// What is fitted: alpha, ln sigma, then parameters of effects, those of tails in their logarithms.
+class Scoring {
+ public:
+  Scoring(const Rows& rows, const Fit& fit, const RefitOptions& options)
+      : rows_(rows), options_(options), alphas_(fit.state.alpha.size()) {
+    for (const FreeParameter& p : fit.free)
+      if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p)) own_.push_back(p);
+    tails_ = std::any_of(fit.model.begin(), fit.model.end(), [](const ActiveEffect& active) {
+      return active.effect->info().kind == EffectKind::tail;
+    });
+  }
+
+  struct Slopes {
+    Eigen::VectorXd score;
+    Eigen::MatrixXd information;
+  };
+  Slopes at(const Point& point) const;
+  /// The point a step away, every parameter within its bounds.
+  Point moved(const Point& from, const Eigen::VectorXd& step) const;
+
+ private:
+  Eigen::Index count() const { return alphas_ + 1 + static_cast<Eigen::Index>(own_.size()); }
+  Eigen::Index place_of(std::size_t parameter) const {
+    return alphas_ + 1 + static_cast<Eigen::Index>(parameter);
+  }
+  void add_slopes_of_effects(const Point& point, const CellGeometry& geometry, Columns& means,
+                             Columns& spreads) const;
+  /// What does not move: what is held, and what its slope leads beyond a bound.
+  void hold(const Point& point, Slopes& slopes) const;
+
+  const Rows& rows_;
+  const RefitOptions& options_;
+  Eigen::Index alphas_;
+  std::vector<FreeParameter> own_;
+  bool tails_ = false;
+};
+
+void Scoring::add_slopes_of_effects(const Point& point, const CellGeometry& geometry, Columns& means,
+                                    Columns& spreads) const {
+  struct Probe {  // a parameter, and its effect with a little more and less of it
+    Eigen::Index place;
+    int index;
+    double step;
+    ActiveEffect at, up, down;
+  };
+  std::vector<Probe> probes;
+  for (std::size_t a = 0; a < own_.size(); ++a) {
+    const FreeParameter& p = own_[a];
+    if (p.acts == FreeParameter::Acts::numeric) continue;
+    const ActiveEffect& active = point.model[static_cast<std::size_t>(p.effect)];
+    const double step = difference_step(info_of(point.model, p), active.parameters[p.index]);
+    probes.push_back({place_of(a), p.index, step, active, active, active});
+    probes.back().up.parameters[p.index] += step;
+    probes.back().down.parameters[p.index] -= step;
+  }
+  for (Eigen::Index i = 0; i < means.rows() && !probes.empty(); ++i) {
+    const ReadingView<double> view = view_of(rows_, geometry, static_cast<std::size_t>(i));
+    for (const Probe& probe : probes) {
+      const Effect& effect = *probe.at.effect;
+      ReadingChange<double> slope;
+      if (const auto own = effect.slope(view, probe.at.parameters.data(), probe.index)) {
+        slope = *own;
+      } else {
+        const auto high = effect.reading(view, probe.up.parameters.data()),
+                   low = effect.reading(view, probe.down.parameters.data());
+        slope.range = (high.range - low.range) / (2.0 * probe.step);
+        slope.range_log_variance = (high.range_log_variance - low.range_log_variance) / (2.0 * probe.step);
+      }
+      means(i, probe.place) = slope.range;
+      spreads(i, probe.place) = 0.5 * slope.range_log_variance;
+    }
+  }
+}
+
+Scoring::Slopes Scoring::at(const Point& point) const {
+  const auto n = static_cast<Eigen::Index>(rows_.size());
+  const CellGeometry geometry = cell_geometry(rows_, point.state);
+  const WorkingProblem& working = point.working;
+  Columns means = Columns::Zero(n, count()), spreads = means;  // slopes of f / s, of ln s
+  const double power = geometry.spread_power;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
+    double u = 1.0;
+    for (Eigen::Index a = 0; a < alphas_; ++a, u *= geometry.u[cell]) {
+      means(i, a) = u;
+      spreads(i, a) = power * u / geometry.f[cell];
+    }
+    spreads(i, alphas_) = 1.0;
+  }
+  add_slopes_of_effects(point, geometry, means, spreads);
+  Eigen::VectorXd z(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
+    const double root = (working.range_whitening.scale.size() > 0 ? working.range_whitening.scale[i] : 1.0) /
+                        geometry.spread[cell];
+    z[i] = root * (working.range[i] - geometry.f[cell]);
+    means.row(i) *= root;
+  }
+  const Eigen::VectorXd pull = working.serial.transposed(working.serial.whitened(z));
+  Eigen::VectorXd off = z.cwiseProduct(pull).array() - 1.0;
+  if (working.tail_square.size() > 0) off += working.tail_square;
+  const Columns of_means = pull.asDiagonal() * means;
+  Columns slopes = of_means;
+  slopes += off.asDiagonal() * spreads;
+  if (tails_)
+    slopes.rightCols(static_cast<Eigen::Index>(own_.size())) +=
+        tail_slopes(rows_, point.model, working, geometry, own_);
+  Slopes out{slopes.colwise().sum().transpose(), {}};
+  const Columns white = working.serial.whitened_columns(means);
+  if (!tails_) {
+    out.information = white.transpose() * white;
+    out.information += 2.0 * spreads.transpose() * spreads;
+  } else {
+    for (Eigen::Index a = 0; a < slopes.cols() && !working.serial.independent(); ++a) {
+      const double each = of_means.col(a).squaredNorm(), along = white.col(a).squaredNorm();
+      if (each > 0.0) slopes.col(a) += (std::sqrt(along / each) - 1.0) * of_means.col(a);
+    }
+    out.information = slopes.transpose() * slopes;
+  }
+  for (std::size_t a = 0; a < own_.size(); ++a) {
+    const double scale = own_[a].acts == FreeParameter::Acts::numeric
+                             ? 1.0
+                             : std::max(std::abs(info_of(point.model, own_[a]).typical), 1e-12);
+    out.information(place_of(a), place_of(a)) += 1e-6 / (scale * scale);
+  }
+  hold(point, out);
+  return out;
+}
+
+void Scoring::hold(const Point& point, Slopes& slopes) const {
+  const auto stays = [&](Eigen::Index a) {
+    slopes.score[a] = 0.0;
+    slopes.information.row(a).setZero();
+    slopes.information.col(a).setZero();
+    slopes.information(a, a) = 1.0;
+  };
+  for (Eigen::Index a = 0; options_.held.alpha && a < alphas_; ++a) stays(a);
+  if (options_.held.sigmas) stays(alphas_);
+  for (std::size_t a = 0; a < own_.size(); ++a) {
+    const auto [low, high] = bounds_of(rows_, point.model, own_[a]);
+    const double value = point.model[static_cast<std::size_t>(own_[a].effect)].parameters[own_[a].index];
+    const double slope = slopes.score[place_of(a)];
+    if (slope > 0.0 ? value >= high : value <= low) stays(place_of(a));
+  }
+}
+
+Point Scoring::moved(const Point& from, const Eigen::VectorXd& step) const {
+  constexpr double longest = 1.5;  // of a logarithm: a factor of 4.5
+  JointState state = from.state;
+  Model model = from.model;
+  state.alpha += step.head(alphas_);
+  state.noise.parameters[0] *= std::exp(std::clamp(step[alphas_], -longest, longest));
+  for (std::size_t a = 0; a < own_.size(); ++a) {
+    const FreeParameter& p = own_[a];
+    const auto [low, high] = bounds_of(rows_, model, p);
+    double& value = value_of(model, p);
+    const double by = step[place_of(a)];
+    // A non-linear parameter moves by at most a third of its bounds at a time.
+    const double limit =
+        info_of(model, p).linear ? std::numeric_limits<double>::infinity() : 0.33 * (high - low);
+    const double to = p.acts == FreeParameter::Acts::numeric
+                          ? value * std::exp(std::clamp(by, -longest, longest))
+                          : value + std::clamp(by, -limit, limit);
+    value = std::clamp(to, low, high);
+  }
+  return point_at(rows_, std::move(model), std::move(state));
+}
+
+}  // namespace
+
+bool can_be_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
+                           const RefitOptions& options) {
+  const Dependence dependence = dependence_of(model);
+  const bool exact = std::all_of(rows.problem.stops.begin(), rows.problem.stops.end(),
+                                 [](const StopPrior& stop) { return stop.sigma_xy_m == 0.0; });
+  return rows.pairs && exact && !rows.alpha_prior && has_sigma(state.noise.law) && !has_grid(model) &&
+         dependence.range_cell_sigma_m == 0.0 &&
+         (!rows.sequence.empty() || dependence.range_correlation == 0.0) &&
+         !(options.held.alpha && options.held.sigmas);
+}
+
+void score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit) {
+  constexpr int most_steps = 40, most_failures = 6;
+  constexpr double settled = 2e-3;                                           // nats
+  constexpr double first_damping = 1e-2, more = 10.0, least_damping = 1e-3;  // lambda
+  const Scoring scoring(rows, fit, options);
+  Point here = point_at(rows, fit.model, fit.state);
+  if (!std::isfinite(here.nll)) return;
+  const double began = here.nll;
+  double damping = 0.0;
+  for (int iteration = 0; iteration < most_steps; ++iteration) {
+    const auto [score, information] = scoring.at(here);
+    const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+    bool gained = false;
+    double gain = 0.0;
+    for (int failure = 0; failure < most_failures && !gained; ++failure) {
+      Eigen::MatrixXd damped = scaled;
+      damped.diagonal().array() += damping + 1e-9;
+      const Eigen::LDLT<Eigen::MatrixXd> factor(damped);
+      const Eigen::VectorXd step = scale.cwiseProduct(factor.solve(scale.cwiseProduct(score)));
+      if (factor.info() != Eigen::Success || !step.allFinite()) {
+        damping = std::max(first_damping, more * damping);
+        continue;
+      }
+      if (!(0.5 * score.dot(step) > settled)) break;
+      Point next = scoring.moved(here, step);
+      gained = next.nll < here.nll;
+      if (gained) {
+        gain = here.nll - next.nll;
+        here = std::move(next);
+        damping = damping > least_damping ? damping / more : 0.0;
+      } else {
+        damping = std::max(first_damping, more * damping);
+      }
+    }
+    if (!(gain > settled)) break;
+  }
+  if (!(here.nll < began)) return;
+  RefitOptions staying = options;
+  staying.places_stay = true;
+  const double value = calibrate_under(rows, here.model, here.state, staying);
+  if (!(value < fit.nll)) return;
+  fit.nll = value;
+  fit.model = std::move(here.model);
+  fit.state = std::move(here.state);
+}
+
+}  // namespace rangecal::diagnosis

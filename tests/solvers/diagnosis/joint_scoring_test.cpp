@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Curve, noise, effects and tails of known distances fitted together: the score of the likelihood, written down here anew, is
+// zero where the fit ends.
+#include "diagnosis/joint_scoring.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "rangecal/core/quantiles.hpp"
+#include "rangecal/core/random.hpp"
+#include "solvers/diagnosis/state_of_pairs.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+/// 150 known distances read twice: f = 0.05 + 0.95 d + 0.02 d^2, s = 0.004 f^2, 4 mm per kelvin, and `late` of the readings
+/// further by an exponential of mean 0.2 m.
+Recording late_and_warm(double late, const std::string& name) {
+  Random random(seed_from(name));
+  Recording recording;
+  recording.kind = RecordingKind::pairs;
+  recording.path = "made";
+  for (int i = 0; i < 300; ++i) {
+    const double d = 1.0 + 0.02 * (i / 2), f = 0.05 + d * (0.95 + 0.02 * d),
+                 kelvin = random.uniform(-10.0, 10.0);
+    const double echo = random.uniform() < late ? -0.2 * std::log(random.uniform()) : 0.0;
+    recording.pairs.true_m.push_back(d);
+    recording.pairs.reading_m.push_back(f + 0.004 * kelvin + 0.004 * f * f * random.normal() + echo);
+    recording.pairs.covariates["temperature_c"].push_back(20.0 + kelvin);
+    recording.pairs.row.push_back(i + 2);
+  }
+  return recording;
+}
+
+/// alpha_0, alpha_1, alpha_2, a [m/K], s [1/K], share, mean of the late ones [m], ln sigma.
+using Parameters = std::array<double, 8>;
+
+/// NLL of the readings [nats], ln((1 - p) N(e; 0, s^2) + p EMG(e; s, tau)) each.
+double nll_of(const Recording& recording, double reference_c, const Parameters& x) {
+  double sum = 0.0;
+  const Pairs& pairs = recording.pairs;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double d = pairs.true_m[i], f = x[0] + d * (x[1] + d * x[2]), s = std::exp(x[7]) * f * f;
+    const double warmer = pairs.covariates.at("temperature_c")[i] - reference_c;
+    const double e = pairs.reading_m[i] - f - (x[3] + x[4] * d) * warmer, tau = x[6];
+    const double body = std::exp(-0.5 * e * e / (s * s) - half_log_two_pi) / s;
+    const double late = std::exp(s * s / (2.0 * tau * tau) - e / tau) *
+                        std::erfc((s / tau - e / s) / std::sqrt(2.0)) / (2.0 * tau);
+    sum -= std::log((1.0 - x[5]) * body + x[5] * late);
+  }
+  return sum;
+}
+
+const Effect* effect_of(const Rows& rows, const std::string& id) {
+  for (const Effect* effect : effects_of(rows.context))
+    if (effect->info().id == id) return effect;
+  return nullptr;
+}
+
+TEST(JointScoring, EndsWhereTheScoreIsZero) {
+  const Recording recording = late_and_warm(0.15, "JointScoring.Ends");
+  const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
+  ASSERT_TRUE(rows.sequence.empty());
+  const Effect *warm = effect_of(rows, "temperature_coefficient"), *late = effect_of(rows, "late_return");
+  ASSERT_TRUE(warm && late);
+  const Model start{{warm, warm->start_grid(rows.context).front()}, {late, Eigen::Vector2d(0.04, 0.5)}};
+  const JointState near =
+      testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
+  ASSERT_TRUE(can_be_scored_jointly(rows, start, near, {}));
+  const Fit fit = refit(rows, start, near, {});
+  ASSERT_TRUE(fit.ok);
+  const Eigen::VectorXd &of_warm = fit.model[0].parameters, &of_late = fit.model[1].parameters;
+  const Parameters found{
+      fit.state.alpha[0], fit.state.alpha[1], fit.state.alpha[2], of_warm[0],
+      of_warm[1],         of_late[0],         of_late[1],         std::log(fit.state.noise.parameters[0])};
+  EXPECT_NEAR(fit.nll, nll_of(recording, of_warm[2], found),
+              0.01);  // tails' own value, an upper bound at the last weights
+  constexpr Parameters steps{1e-4, 1e-4, 1e-5, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4};
+  for (std::size_t j = 0; j + 1 < found.size(); ++j) {  // ln sigma is REML's
+    const auto at = [&](double side) {
+      Parameters x = found;
+      x[j] += side * steps[j];
+      return nll_of(recording, of_warm[2], x);
+    };
+    const double score = (at(1.0) - at(-1.0)) / (2.0 * steps[j]);
+    const double information = (at(1.0) - 2.0 * at(0.0) + at(-1.0)) / (steps[j] * steps[j]);
+    ASSERT_GT(information, 0.0) << j;
+    EXPECT_LT(std::abs(score) / std::sqrt(information), 0.1) << j;  // standard deviations off its optimum
+  }
+}
+
+TEST(JointScoring, IsNotForErrorsSharedByCells) {
+  const Recording recording = late_and_warm(0.0, "JointScoring.Shared");
+  const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
+  const JointState near =
+      testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
+  const Model shared{{find_effect("autocorrelated_noise"), Eigen::Vector3d(0.5, 0.0, 1.0)}};
+  EXPECT_FALSE(can_be_scored_jointly(rows, shared, near, {}));
+  RefitOptions held;
+  held.held.alpha = held.held.sigmas = true;
+  EXPECT_FALSE(can_be_scored_jointly(rows, {}, near, held));
+}
+
+}  // namespace
+}  // namespace rangecal::diagnosis
