@@ -69,7 +69,7 @@ INSTANTIATE_TEST_SUITE_P(
                       World{202611211702, "noise-50", 50, "line", "dropout", Answer::right_name,
                             "nothing: few readings, all far away"},
                       World{202611212008, "noise-50", 221, "turning", "cell_effect", Answer::right_name,
-                            "nothing in the catalogue: what its test promised was less than it gains"},
+                            "nothing in the catalogue: what its test predicted was less than it gains"},
                       World{202611211702, "outside", 33, "turning", "cable_guard", Answer::unexplained,
                             "errors that cells share, whose refit was held against a curve's score"},
                       World{202611211702, "outside", 44, "line", "cable_guard", Answer::unexplained,

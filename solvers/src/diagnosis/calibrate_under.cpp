@@ -33,7 +33,7 @@ double prior_nll(const Rows& rows, const Eigen::VectorXd& alpha) {
   return 0.5 * off.dot(rows.alpha_prior->precision * off);
 }
 
-/// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the nats it promises.
+/// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the gain that it predicts [nats].
 double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& state) {
   const Projector projector(rows, working, state);
   const Eigen::Index alphas = state.alpha.size();

@@ -18,7 +18,8 @@ void fit_forced(const Rows& rows, const std::vector<std::string>& names, const R
     for (const Proposal& p : proposals)
       if (p.effect == effect) proposal = p;
     for (const Question& q : result.first->questions)
-      if (q.effect == effect && q.gain > proposal.promised) proposal = {effect, q.start, q.gain, 0.0, {}};
+      if (q.effect == effect && q.gain > proposal.predicted_gain)
+        proposal = {effect, q.start, q.gain, 0.0, {}};
     const Fit base = result.best.fit.ok ? result.best.fit : result.baseline;
     result.best.fit = fit_proposal(rows, base, proposal, options);
     if (!result.best.fit.ok) throw NoAnswerError("effect '" + id + "' cannot be fitted to this recording");

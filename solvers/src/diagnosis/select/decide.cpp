@@ -152,7 +152,7 @@ bool is_material(const Rows& rows, double spread_m, double sigma_theta_rad, doub
 TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
   return {member_names(h.fit.model, known),
           h.parent,
-          h.promised,
+          h.predicted_gain,
           h.gain,
           h.parameter_volume,
           h.prior_mass,
