@@ -10,7 +10,7 @@
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/forced.hpp"
-#include "diagnosis/prepared.hpp"
+#include "diagnosis/preprocess.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reporting.hpp"
 #include "diagnosis/search.hpp"
@@ -123,9 +123,9 @@ diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis:
 
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
-  if (std::optional<Prepared> ready = prepared(recordings)) {
-    Diagnosis result = diagnose(ready->recordings, options);
-    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+  if (std::optional<Preprocessed> preprocessed = preprocess(recordings)) {
+    Diagnosis result = diagnose(preprocessed->recordings, options);
+    result.notes.insert(result.notes.end(), preprocessed->notes.begin(), preprocessed->notes.end());
     return result;
   }
   if (options.simulation && !options.simulation->effects.empty()) {

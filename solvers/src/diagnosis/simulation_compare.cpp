@@ -6,7 +6,7 @@
 #include <numbers>
 #include <set>
 
-#include "diagnosis/prepared.hpp"
+#include "diagnosis/preprocess.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
@@ -224,17 +224,17 @@ void add_notes_of_simulation(std::span<const Recording> simulation, Diagnosis& r
 Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
                            const DiagnoseOptions& options) {
   using namespace diagnosis;
-  if (std::optional<Prepared> ready = prepared(recordings)) {
-    Diagnosis result = diagnose_against(ready->recordings, simulation, options);
-    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+  if (std::optional<Preprocessed> preprocessed = preprocess(recordings)) {
+    Diagnosis result = diagnose_against(preprocessed->recordings, simulation, options);
+    result.notes.insert(result.notes.end(), preprocessed->notes.begin(), preprocessed->notes.end());
     return result;
   }
-  const std::optional<Prepared> ready = prepared(simulation);
-  if (ready) simulation = ready->recordings;
+  const std::optional<Preprocessed> preprocessed = preprocess(simulation);
+  if (preprocessed) simulation = preprocessed->recordings;
   Diagnosis result = compared(recordings, simulation, options);
   add_notes_of_simulation(simulation, result);
-  if (ready)
-    for (const std::string& note : ready->notes) add_note_of_simulation(note, result);
+  if (preprocessed)
+    for (const std::string& note : preprocessed->notes) add_note_of_simulation(note, result);
   return result;
 }
 

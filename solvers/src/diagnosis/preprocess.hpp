@@ -11,7 +11,7 @@
 namespace rangecal::diagnosis {
 
 /// Recordings as the search can take them, and what was done to them, in words.
-struct Prepared {
+struct Preprocessed {
   std::vector<Recording> recordings;
   std::vector<std::string> notes;
 };
@@ -20,6 +20,6 @@ struct Prepared {
 /// error: within the repeats of a cell they move with it), and states the sigma_xy that recordings ask to be
 /// estimated, by `marginal` with labels put right: the search needs a scale for what is too far. None where there
 /// is nothing to do.
-std::optional<Prepared> prepared(std::span<const Recording> recordings);
+std::optional<Preprocessed> preprocess(std::span<const Recording> recordings);
 
 }  // namespace rangecal::diagnosis

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/prepared.hpp"
+#include "diagnosis/preprocess.hpp"
 
 #include <gtest/gtest.h>
 
@@ -86,7 +86,7 @@ Recording scattered_stops(double sigma_s_m, std::uint64_t seed) {
   return recording;
 }
 
-TEST(Prepared, AnEstimatedSigmaOfTheStopsIsTheirScale) {
+TEST(Preprocessed, AnEstimatedSigmaOfTheStopsIsTheirScale) {
   // Held against an unstated centimetre stops of 3 cm were named `stop_effect`, all of them. At 2 % two alarms
   // in six happen once in 160.
   DiagnoseOptions options;
@@ -105,7 +105,7 @@ TEST(Prepared, AnEstimatedSigmaOfTheStopsIsTheirScale) {
   EXPECT_LE(alarms, 1);
 }
 
-TEST(Prepared, AColumnComputedFromTheReadingIsNoCovariate) {
+TEST(Preprocessed, AColumnComputedFromTheReadingIsNoCovariate) {
   Recording recording = scattered_stops(0.0, 1);
   recording.sigma_xy_m = 0.005;
   Random random(seed_from("computed column"));
@@ -115,14 +115,14 @@ TEST(Prepared, AColumnComputedFromTheReadingIsNoCovariate) {
     pixels.push_back(std::round(200.0 / range));
     degrees.push_back(20.0 + random.normal());
   }
-  const std::optional<diagnosis::Prepared> ready = diagnosis::prepared({&recording, 1});
-  ASSERT_TRUE(ready);
-  EXPECT_EQ(ready->recordings[0].readings.covariates.count("disparity_px"), 0u);
-  EXPECT_EQ(ready->recordings[0].readings.covariates.count("temperature_c"), 1u);
-  ASSERT_EQ(ready->notes.size(), 1u);
-  EXPECT_EQ(ready->notes[0].rfind("column disparity_px was not used", 0), 0u);
+  const std::optional<diagnosis::Preprocessed> preprocessed = diagnosis::preprocess({&recording, 1});
+  ASSERT_TRUE(preprocessed);
+  EXPECT_EQ(preprocessed->recordings[0].readings.covariates.count("disparity_px"), 0u);
+  EXPECT_EQ(preprocessed->recordings[0].readings.covariates.count("temperature_c"), 1u);
+  ASSERT_EQ(preprocessed->notes.size(), 1u);
+  EXPECT_EQ(preprocessed->notes[0].rfind("column disparity_px was not used", 0), 0u);
   recording.readings.covariates.erase("disparity_px");
-  EXPECT_FALSE(diagnosis::prepared({&recording, 1}));
+  EXPECT_FALSE(diagnosis::preprocess({&recording, 1}));
 }
 
 }  // namespace

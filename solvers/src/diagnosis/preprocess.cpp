@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/prepared.hpp"
+#include "diagnosis/preprocess.hpp"
 
 #include <fmt/core.h>
 #include <fmt/ranges.h>
@@ -84,8 +84,8 @@ std::optional<double> estimated_sigma_xy(std::vector<Recording> recordings) {
 
 }  // namespace
 
-std::optional<Prepared> prepared(std::span<const Recording> recordings) {
-  Prepared result;
+std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
+  Preprocessed result;
   const std::vector<std::string> unseen = unseen_landmarks(recordings);
   std::vector<std::vector<std::string>> derived;
   for (const Recording& recording : recordings) derived.push_back(derived_covariates(recording));
