@@ -12,7 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "text.hpp"
 #include "track/tracking.hpp"
 
@@ -166,7 +166,8 @@ struct TrackCommand {
                           with_std(landmark.position_m.x(), std_dev(0)),
                           with_std(landmark.position_m.y(), std_dev(1)));
     }
-    for (const std::string& doubt : doubts({}, c)) text += "Note       " + wrapped(doubt, 11) + "\n";
+    for (const std::string& warning : plausibility_warnings({}, c))
+      text += "Note       " + wrapped(warning, 11) + "\n";
     return text;
   }
 };

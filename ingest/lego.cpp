@@ -125,7 +125,7 @@ void state_errors(const Given& given, AssociationOptions& association) {
 }
 
 /// A warning where the poses do not let most cylinders be named; else empty.
-std::string naming_doubt(const Extraction& extraction) {
+std::string naming_warning(const Extraction& extraction) {
   const auto count = [&](const char* fate) {
     const auto found = extraction.cylinders.find(fate);
     return found == extraction.cylinders.end() ? 0L : found->second;
@@ -197,7 +197,8 @@ Imported import_lego(const Given& given) {
                extraction_json(extraction, options),
                {scans, motors, camera, survey},
                {}};
-  if (std::string doubt = naming_doubt(extraction); !doubt.empty()) out.warnings.push_back(std::move(doubt));
+  if (std::string warning = naming_warning(extraction); !warning.empty())
+    out.warnings.push_back(std::move(warning));
   return out;
 }
 

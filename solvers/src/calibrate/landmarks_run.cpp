@@ -11,7 +11,7 @@
 #include "calibrate/walk_seed.hpp"
 #include "calibrate/what_is_open.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/nlopt/joint_check.hpp"
 
 namespace rangecal {

@@ -19,7 +19,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -97,10 +97,10 @@ diagnosis::SeedCurve seed_curve(std::span<const Recording> recordings, const Dia
 void require_testable(const diagnosis::Rows& rows, std::span<const Recording> recordings) {
   constexpr int highest = 4;
   if (rows.size() < 8) {
-    const std::string doubt = limit_doubt(recordings);
+    const std::string warning = range_limit_warning(recordings);
     throw InputError(recordings[0].path + ": " + to_string(Outcome::too_few_data) +
                      ": fewer than 8 usable readings: nothing can be diagnosed" +
-                     (doubt.empty() ? "" : "; " + doubt));
+                     (warning.empty() ? "" : "; " + warning));
   }
   if (!rows.pairs)
     if (const auto why = why_too_few(rows.problem, 1))

@@ -17,7 +17,7 @@
 #include "diagnosis/simulation_compare.hpp"
 #include "diagnosis/undetermined.hpp"
 #include "diagnosis/withdrawal.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -133,8 +133,8 @@ class Reporting {
           "the residuals differ from those of the seed model, but no cause is named beside a curve that is open");
     for (Explanation& e : result_.explanations)
       e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
-    for (std::string& doubt : doubts(recordings_, result_.corrected))
-      result_.notes.push_back(std::move(doubt));
+    for (std::string& warning : plausibility_warnings(recordings_, result_.corrected))
+      result_.notes.push_back(std::move(warning));
     generic_ = add_generic(rows_, found_, result_);
     add_location(rows_, found_, generic_ ? &*generic_ : nullptr, result_);
     // Where no curve stands for what a partial name leaves, the name's own.

@@ -18,15 +18,16 @@ namespace rangecal {
 ///   - readings of which more than half lie above the sensor's range;
 ///   - repeats that are the same to the last digit in every cell: a simulation without noise, or steps far
 ///     coarser than the noise. Of such readings no likelihood has a maximum worth its name;
-///   - readings too few for a noise shape of its own (shape_doubt).
-std::vector<std::string> doubts(std::span<const Recording> recordings, const Calibration& calibration);
+///   - readings too few for a noise shape of its own (noise_shape_warning).
+std::vector<std::string> plausibility_warnings(std::span<const Recording> recordings,
+                                               const Calibration& calibration);
 
 /// Fewer than 100 readings, and tails estimated along: intervals that are too narrow, with what they hold
 /// (docs/reliability.md). Empty where that is not so.
-std::string shape_doubt(const Calibration& calibration);
+std::string noise_shape_warning(const Calibration& calibration);
 
 /// The first of these that needs no curve: readings above the sensor's range. Empty where there are few.
-std::string limit_doubt(std::span<const Recording> recordings);
+std::string range_limit_warning(std::span<const Recording> recordings);
 
 /// Lowest order, up to `highest`, of a curve on which all readings lie, seen from where the closed form has
 /// landmarks and the stops as stated; none where there is noise.

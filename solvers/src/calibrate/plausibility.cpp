@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 
 #include <fmt/core.h>
 
@@ -16,7 +16,7 @@
 namespace rangecal {
 namespace {
 
-std::string unit_doubt(const Calibration& calibration) {
+std::string unit_warning(const Calibration& calibration) {
   constexpr double most = 20.0;
   const double d = 0.5 * (calibration.range_min_m + calibration.range_max_m);
   if (calibration.alpha.size() == 0 || !(d > 0.0) || !calibration.scale.is_distance()) return {};
@@ -31,7 +31,7 @@ std::string unit_doubt(const Calibration& calibration) {
 }
 
 /// Of ranges or bearings: "" where a cell has two that differ, or hardly any cell has two.
-std::string repeat_doubt(std::span<const Recording> recordings, bool bearings) {
+std::string repeat_warning(std::span<const Recording> recordings, bool bearings) {
   constexpr int fewest = 5;  // cells with repeats
   int repeated = 0;
   for (const Recording& recording : recordings) {
@@ -53,7 +53,7 @@ std::string repeat_doubt(std::span<const Recording> recordings, bool bearings) {
 
 }  // namespace
 
-std::string limit_doubt(std::span<const Recording> recordings) {
+std::string range_limit_warning(std::span<const Recording> recordings) {
   int read = 0, above = 0;
   for (const Recording& recording : recordings) {
     read += recording.counts.read;
@@ -65,7 +65,7 @@ std::string limit_doubt(std::span<const Recording> recordings) {
                      recordings[0].sensor.range_max_m);
 }
 
-std::string shape_doubt(const Calibration& calibration) {
+std::string noise_shape_warning(const Calibration& calibration) {
   constexpr int enough = 100;
   const int used = calibration.counts.used;
   if (calibration.noise_shapes.empty() || used <= 0 || used >= enough) return {};
@@ -75,13 +75,15 @@ std::string shape_doubt(const Calibration& calibration) {
       used, enough);
 }
 
-std::vector<std::string> doubts(std::span<const Recording> recordings, const Calibration& calibration) {
+std::vector<std::string> plausibility_warnings(std::span<const Recording> recordings,
+                                               const Calibration& calibration) {
   std::vector<std::string> all;
   for (const Recording& recording : recordings)
     for (const std::string& note : recording.notes)
       if (std::find(all.begin(), all.end(), note) == all.end()) all.push_back(note);
-  for (std::string one : {limit_doubt(recordings), unit_doubt(calibration), repeat_doubt(recordings, false),
-                          repeat_doubt(recordings, true), shape_doubt(calibration)})
+  for (std::string one :
+       {range_limit_warning(recordings), unit_warning(calibration), repeat_warning(recordings, false),
+        repeat_warning(recordings, true), noise_shape_warning(calibration)})
     if (!one.empty()) all.push_back(std::move(one));
   return all;
 }
