@@ -6,7 +6,7 @@
 #include <regex>
 
 #include "calibrate/landmarks_job.hpp"
-#include "calibrate/what_is_open.hpp"
+#include "calibrate/observability.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"

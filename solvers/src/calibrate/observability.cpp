@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "calibrate/what_is_open.hpp"
+#include "calibrate/observability.hpp"
 
 #include <fmt/core.h>
 
@@ -25,7 +25,7 @@ void fill_range(const JointProblem& problem, const JointState& state, Calibratio
   result.range_max_m = high;
 }
 
-std::optional<std::string> what_is_open(const JointProblem& problem, const JointState& state) {
+std::optional<std::string> unobservable_reason(const JointProblem& problem, const JointState& state) {
   if (state.alpha.size() < 2) return std::nullopt;
   Calibration at;
   at.alpha = state.alpha;
@@ -56,8 +56,8 @@ std::optional<std::string> what_is_open(const JointProblem& problem, const Joint
   return std::nullopt;
 }
 
-void mark_open(const JointProblem& problem, const std::string& what, const JointState& state,
-               Calibration& calibration) {
+void mark_unobservable(const JointProblem& problem, const std::string& reason, const JointState& state,
+                       Calibration& calibration) {
   if (calibration.outcome == Outcome::too_few_data) return;
   if (calibration.alpha.size() == 0) {
     calibration.alpha = state.alpha;
@@ -65,10 +65,10 @@ void mark_open(const JointProblem& problem, const std::string& what, const Joint
     fill_range(problem, state, calibration);
   }
   calibration.outcome = Outcome::unobservable;
-  calibration.reason = what;
+  calibration.reason = reason;
   calibration.alpha_covariance.reset();
   calibration.covariance_with_choice.reset();
-  calibration.covariance_reason = "no covariance: " + what;
+  calibration.covariance_reason = "no covariance: " + reason;
   for (Estimate& estimate : calibration.noise_estimates) estimate.std_dev.reset();
   for (LandmarkEstimate& landmark : calibration.landmarks) landmark.covariance.reset();
   if (calibration.weakest_direction.empty())

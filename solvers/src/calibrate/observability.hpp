@@ -12,14 +12,14 @@ namespace rangecal {
 /// The distances of the problem's cells at `state`, as the range of a calibration.
 void fill_range(const JointProblem& problem, const JointState& state, Calibration& result);
 
-/// What of the curve the recording leaves open, in words: distances that do not differ, or a standard
+/// Why the recording does not determine the curve, in words: distances that do not differ, or a standard
 /// deviation of f (by the expected information at `state`) beyond a quarter of the distance. None where f is
-/// determined, and for a curve without a slope, of which nothing is asked.
-std::optional<std::string> what_is_open(const JointProblem& problem, const JointState& state);
+/// determined, and for a curve without a slope, which is not checked.
+std::optional<std::string> unobservable_reason(const JointProblem& problem, const JointState& state);
 
 /// Turns a calibration into the outcome `unobservable`, standard deviations removed; where it had no curve it
 /// gets that of `state`, one of the many that explain the readings. `too_few_data` stays.
-void mark_open(const JointProblem& problem, const std::string& what, const JointState& state,
-               Calibration& calibration);
+void mark_unobservable(const JointProblem& problem, const std::string& reason, const JointState& state,
+                       Calibration& calibration);
 
 }  // namespace rangecal
