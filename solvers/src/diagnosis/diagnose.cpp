@@ -9,7 +9,7 @@
 #include "calibrate/scale_choice.hpp"
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
-#include "diagnosis/forced.hpp"
+#include "diagnosis/fit_given.hpp"
 #include "diagnosis/preprocess.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reporting.hpp"
@@ -115,7 +115,7 @@ diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis:
   if (!options.force) return diagnosis::search_by_sets(rows, known, options);
   diagnosis::RefitOptions refit_options;
   diagnosis::SearchResult result = diagnosis::scan_seed_model(rows, known, options, refit_options);
-  diagnosis::fit_forced(rows, *options.force, refit_options, result);
+  diagnosis::fit_given(rows, *options.force, refit_options, result);
   return result;
 }
 
@@ -153,9 +153,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
     if (!curve_alone.empty()) {
-      DiagnoseOptions forced = options;
-      forced.force = curve_alone;
-      found = looked_for(rows, known, forced);
+      DiagnoseOptions with_given = options;
+      with_given.force = curve_alone;
+      found = looked_for(rows, known, with_given);
     }
   }
   if (found.named()) {

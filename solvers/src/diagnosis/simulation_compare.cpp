@@ -87,13 +87,13 @@ void compare_noise_levels(std::span<const Recording> recordings, const Calibrati
 /// fitted.
 std::optional<double> log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects,
                                const DiagnoseOptions& options, std::size_t parameters) {
-  DiagnoseOptions forced = options;
-  forced.force = effects;
-  forced.held_out = forced.unseen = forced.next_experiments = false;
-  forced.progress = nullptr;
-  forced.null_draws = 20;
+  DiagnoseOptions with_given = options;
+  with_given.force = effects;
+  with_given.held_out = with_given.unseen = with_given.next_experiments = false;
+  with_given.progress = nullptr;
+  with_given.null_draws = 20;
   try {
-    const Diagnosis d = diagnose(recordings, forced);
+    const Diagnosis d = diagnose(recordings, with_given);
     if (d.explanations.empty()) return std::nullopt;
     return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
                                static_cast<int>(std::max<std::size_t>(1, parameters)));

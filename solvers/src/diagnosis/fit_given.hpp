@@ -8,9 +8,9 @@
 
 namespace rangecal::diagnosis {
 
-/// Fits exactly the named effects on top of the baseline, whatever its battery (`first`) says, and makes them
+/// Fits exactly the named effects on top of the baseline, whatever the score tests (`first`) say, and makes them
 /// the explanation. Throws InputError for a name that is unknown or cannot be fitted to this recording.
-void fit_forced(const Rows& rows, const std::vector<std::string>& names, const RefitOptions& options,
-                SearchResult& result);
+void fit_given(const Rows& rows, const std::vector<std::string>& names, const RefitOptions& options,
+               SearchResult& result);
 
 }  // namespace rangecal::diagnosis

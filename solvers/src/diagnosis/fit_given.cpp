@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/forced.hpp"
+#include "diagnosis/fit_given.hpp"
 
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal::diagnosis {
 
-void fit_forced(const Rows& rows, const std::vector<std::string>& names, const RefitOptions& options,
-                SearchResult& result) {
+void fit_given(const Rows& rows, const std::vector<std::string>& names, const RefitOptions& options,
+               SearchResult& result) {
   if (names.empty()) throw InputError("no effect is named to be fitted");
   const std::vector<Proposal> proposals = propose(rows, *result.first, {});
   for (const std::string& id : names) {
