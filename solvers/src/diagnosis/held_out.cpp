@@ -10,12 +10,12 @@
 #include <set>
 #include <string>
 
-#include "diagnosis/chosen_anew.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/held_recordings.hpp"
 #include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
+#include "diagnosis/reselection.hpp"
 #include "diagnosis/subset.hpp"
 #include "diagnosis/training_part.hpp"
 #include "in_parallel.hpp"
@@ -64,7 +64,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         const Rows rest = without_cells(rows, out);
         Fit fit = fit_part(rest, full, options, steps_of_fold);
         OwnedCurves curves;
-        if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options, curves);
+        if (fit.ok) fit = reselect(rest, std::move(fit), rates, options, curves);
         if (!fit.ok) {
           held.ok = false;
           return;

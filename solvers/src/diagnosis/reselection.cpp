@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/chosen_anew.hpp"
+#include "diagnosis/reselection.hpp"
 
 #include <algorithm>
 #include <vector>
@@ -25,8 +25,8 @@ bool was_chosen(const Rows& rows, const Effect& effect) {
 }
 
 /// Without the curve, and with one along its covariate as the part asks for it. `held`: as `options`, names settled.
-Fit with_curve_anew(const Rows& part, Fit fitted, const GenericEffect& curve, const RefitOptions& held,
-                    const RefitOptions& options, OwnedCurves& curves) {
+Fit with_reselected_curve(const Rows& part, Fit fitted, const GenericEffect& curve, const RefitOptions& held,
+                          const RefitOptions& options, OwnedCurves& curves) {
   Model others = fitted.model;
   std::erase_if(others, [&](const ActiveEffect& active) { return active.effect == &curve; });
   Fit without = refit(part, others, fitted.state, held);
@@ -45,8 +45,8 @@ Fit with_curve_anew(const Rows& part, Fit fitted, const GenericEffect& curve, co
 
 }  // namespace
 
-Fit chosen_anew(const Rows& part, Fit fitted, const Rates& rates, const RefitOptions& options,
-                OwnedCurves& curves) {
+Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOptions& options,
+             OwnedCurves& curves) {
   RefitOptions held = options;
   held.settled = static_cast<int>(fitted.model.size());
   for (std::size_t e = 0; e < fitted.model.size(); ++e) {
@@ -71,7 +71,7 @@ Fit chosen_anew(const Rows& part, Fit fitted, const Rates& rates, const RefitOpt
   const Model chosen = fitted.model;
   for (const ActiveEffect& active : chosen)
     if (const auto* curve = dynamic_cast<const GenericEffect*>(active.effect))
-      fitted = with_curve_anew(part, std::move(fitted), *curve, held, options, curves);
+      fitted = with_reselected_curve(part, std::move(fitted), *curve, held, options, curves);
   return fitted;
 }
 
