@@ -2,6 +2,8 @@
 // Held-out predictive density: fitted on four fifths of the blocks, asked about the last fifth,
 //   sum over folds of  l_s(all readings; theta of the rest) - l_s(the rest; theta of the rest),
 // stops integrated by Laplace's method in both. Where several recordings are given: held_recordings.hpp.
+#include "diagnosis/held_out.hpp"
+
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -13,7 +15,6 @@
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/held_recordings.hpp"
-#include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reselection.hpp"
 #include "diagnosis/subset.hpp"

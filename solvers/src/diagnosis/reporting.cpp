@@ -8,9 +8,10 @@
 #include <string_view>
 #include <utility>
 
+#include "diagnosis/held_out.hpp"
+#include "diagnosis/identifiability.hpp"
 #include "diagnosis/laws/law_search.hpp"
 #include "diagnosis/location.hpp"
-#include "diagnosis/outlook.hpp"
 #include "diagnosis/places.hpp"
 #include "diagnosis/report.hpp"
 #include "diagnosis/residual_bins.hpp"
@@ -93,9 +94,10 @@ class Reporting {
     add_residual_bins(rows_, found_, completed_, result_);
     place_by_residuals(rows_, result_.location);
     say("looking for what could be hidden", 0.9);
-    DiagnoseOptions outlook = options_;
-    if (unobservable()) outlook.unseen = outlook.next_experiments = false;  // of a curve that is none
-    add_outlook(rows_, found_, outlook, result_);
+    DiagnoseOptions identifiability = options_;
+    if (unobservable())
+      identifiability.unseen = identifiability.next_experiments = false;  // of a curve that is none
+    add_identifiability(rows_, found_, identifiability, result_);
     add_simulation_model(rows_, recordings_, corrected, found_, curve(), result_);
     write_sentence(against);
     if (curve()) take_noise_of(*curve());

@@ -29,8 +29,4 @@ std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResul
 std::optional<HeldOutChange> held_out_change(const Rows& rows, const SearchResult& found, const Fit& other,
                                              const Fit& fit);
 
-/// Twins, unseen effects with their harm, and the next experiments.
-void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,
-                 Diagnosis& result);
-
 }  // namespace rangecal::diagnosis

@@ -189,7 +189,7 @@ double harm_mm(const Space& space, const char* id) {
   return 1e3 * harm_of(space, *typical_effect(space, *find_effect(id)));
 }
 
-TEST(Outlook, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
+TEST(Identifiability, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
   for (const char* id : {"range_offset", "radius_scale", "arc_definition", "odometry_scale", "lever_arm",
@@ -203,7 +203,7 @@ TEST(Outlook, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
             0.1);
 }
 
-TEST(Outlook, VisibleEffectsShowAsTheEquationsSay) {
+TEST(Identifiability, VisibleEffectsShowAsTheEquationsSay) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
   const ByHand hand(design.rows, design.state);
@@ -233,7 +233,7 @@ TEST(Outlook, VisibleEffectsShowAsTheEquationsSay) {
   EXPECT_NEAR(visibility(space, "path_curvature"), curved, close * curved);
 }
 
-TEST(Outlook, ExactTwinsComeOut) {
+TEST(Identifiability, ExactTwinsComeOut) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
   const auto twins = find_twins(space, catalogue_of(space));
@@ -252,7 +252,7 @@ TEST(Outlook, ExactTwinsComeOut) {
   EXPECT_FALSE(listed("bearing_drift", "bearing_offset"));
 }
 
-TEST(Outlook, TurningShowsLeverArmAndTapeShowsPathScale) {
+TEST(Identifiability, TurningShowsLeverArmAndTapeShowsPathScale) {
   const TableDesign design;
   const auto in = [&](const char* code, const char* id) {
     const ExtendedDesign extended = extend(design.rows, design.state, code);
@@ -291,13 +291,13 @@ TEST(Outlook, TurningShowsLeverArmAndTapeShowsPathScale) {
   EXPECT_LT(in("E2", "odometry_scale"), 0.2);
 }
 
-TEST(Outlook, DetectionThresholdIsThatOfOneTestAtTwoPercent) {
+TEST(Identifiability, DetectionThresholdIsThatOfOneTestAtTwoPercent) {
   // One question: z = 2.326 (two-sided 2 %), (2.326 + 0.842)^2 = 10.04.
   EXPECT_NEAR(detection_threshold(0.02, 1.0), 10.04, 0.01);
   EXPECT_NEAR(detection_power(detection_threshold(0.02, 400.0), 0.02, 400.0), 0.8, 1e-6);
 }
 
-TEST(Outlook, WhatTheRepeatsShowIsNoTwinOfAConstant) {
+TEST(Identifiability, WhatTheRepeatsShowIsNoTwinOfAConstant) {
   const TableDesign design;
   const Space space(design.rows, {}, design.state);
   for (const auto& set : find_twins(space, catalogue_of(space)))
@@ -305,7 +305,7 @@ TEST(Outlook, WhatTheRepeatsShowIsNoTwinOfAConstant) {
                  std::count(set.begin(), set.end(), "settling"));
 }
 
-TEST(Outlook, ADropoutShowsBelowALimitNotAboveIt) {
+TEST(Identifiability, ADropoutShowsBelowALimitNotAboveIt) {
   const TableDesign design;  // to 3.4 m
   const Space space(design.rows, {}, design.state);
   const std::optional<TypicalEffect> typical = typical_effect(space, *find_effect("dropout"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/outlook.hpp"
+#include "diagnosis/identifiability.hpp"
 
 #include <algorithm>
 
@@ -8,8 +8,8 @@
 
 namespace rangecal::diagnosis {
 
-void add_outlook(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,
-                 Diagnosis& result) {
+void add_identifiability(const Rows& rows, const SearchResult& found, const DiagnoseOptions& options,
+                         Diagnosis& result) {
   const Fit& fit = found.named() ? found.best.fit : found.baseline;
   Rows own = rows;
   const std::vector<double> d = cell_geometry(rows, fit.state).d;
