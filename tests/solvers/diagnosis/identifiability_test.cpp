@@ -185,8 +185,8 @@ class ByHand {
   std::vector<double> prior_;
 };
 
-double harm_mm(const Space& space, const char* id) {
-  return 1e3 * harm_of(space, *typical_effect(space, *find_effect(id)));
+double range_error_mm(const Space& space, const char* id) {
+  return 1e3 * range_error_of(space, *typical_effect(space, *find_effect(id)));
 }
 
 TEST(Identifiability, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
@@ -195,11 +195,13 @@ TEST(Identifiability, AbsorbedEffectsLeaveNothingAndCostWhatTheTableSays) {
   for (const char* id : {"range_offset", "radius_scale", "arc_definition", "odometry_scale", "lever_arm",
                          "range_scale", "laser_pointing"})
     EXPECT_LT(visibility(space, id), 0.2) << id;
-  EXPECT_NEAR(harm_mm(space, "range_offset"), 5.0, 0.75);    // 5 mm
-  EXPECT_NEAR(harm_mm(space, "radius_scale"), 6.0, 0.9);     // 5 % of 12 cm
-  EXPECT_NEAR(harm_mm(space, "odometry_scale"), 26.0, 3.9);  // 1 % of the axis distances
-  EXPECT_NEAR(harm_mm(space, "arc_definition"), 24.0, 3.6);  // 0.2 of 12 cm; the table's 26 is 0.215 of it
-  EXPECT_LT(harm_mm(space, "range_scale") + harm_mm(space, "laser_pointing") + harm_mm(space, "lever_arm"),
+  EXPECT_NEAR(range_error_mm(space, "range_offset"), 5.0, 0.75);    // 5 mm
+  EXPECT_NEAR(range_error_mm(space, "radius_scale"), 6.0, 0.9);     // 5 % of 12 cm
+  EXPECT_NEAR(range_error_mm(space, "odometry_scale"), 26.0, 3.9);  // 1 % of the axis distances
+  EXPECT_NEAR(range_error_mm(space, "arc_definition"), 24.0,
+              3.6);  // 0.2 of 12 cm; the table's 26 is 0.215 of it
+  EXPECT_LT(range_error_mm(space, "range_scale") + range_error_mm(space, "laser_pointing") +
+                range_error_mm(space, "lever_arm"),
             0.1);
 }
 

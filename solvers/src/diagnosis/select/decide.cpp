@@ -221,8 +221,8 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
     if (worth < least || probability < 0.5 ||
         curve_along(*member.effect, table, known) > priors.discrepancy * worth)
       continue;
-    const double harm = harm_of(seed, {member, -1, seed.change({member})});
-    costs.emplace_back(std::isfinite(harm) ? harm : 0.0,
+    const double range_error = range_error_of(seed, {member, -1, seed.change({member})});
+    costs.emplace_back(std::isfinite(range_error) ? range_error : 0.0,
                        Member{member.effect->info().id, std::min(1.0, probability),
                               std::isfinite(worth) ? std::optional(-worth) : std::nullopt, std::nullopt});
     model.push_back(member);
