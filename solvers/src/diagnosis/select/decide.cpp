@@ -192,7 +192,7 @@ struct Named {
   std::vector<Member> members;  ///< what speaks for each
 };
 
-/// Those whose class has half of the probability, less what may be a curve's shadow, or a formula for another shape; the one
+/// Those whose class has half of the probability, less what may be confounded with a curve, or a formula for another shape; the one
 /// that costs most in a corrected range first.
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
                const DiagnoseOptions& options, const SelectionPriors& priors) {
@@ -209,7 +209,8 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
   }
   const bool beside_others = fit.model.size() > known + 1;
   double least = beside_others ? std::max(priors.beside_names, priors.formula_error * strongest) : 0.0;
-  if (has_nameless(fit.model)) least = std::max({least, priors.shadow * of_curves, options.naming_gap_nats});
+  if (has_nameless(fit.model))
+    least = std::max({least, priors.beside_curve * of_curves, options.naming_gap_nats});
   std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
   Model model;
   const Space seed(rows, {}, fit.state);
