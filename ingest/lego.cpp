@@ -130,11 +130,11 @@ std::string naming_warning(const Extraction& extraction) {
     const auto found = extraction.cylinders.find(fate);
     return found == extraction.cylinders.end() ? 0L : found->second;
   };
-  const long all = count("found"), nameless = count("matches no landmark") + count("ambiguous");
-  if (2 * nameless <= all) return {};
+  const long all = count("found"), unmatched = count("matches no landmark") + count("ambiguous");
+  if (2 * unmatched <= all) return {};
   return fmt::format(
       "{} of {} cylinders match no surveyed landmark: the poses do not fit the scans (--poses, --track)",
-      nameless, all);
+      unmatched, all);
 }
 
 std::vector<MappedLandmark> surveyed(const std::string& path) {

@@ -118,9 +118,9 @@ Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<c
     return effect && effect->info().kind == EffectKind::mean;
   };
   const std::string channel = result.location.empty() ? "" : result.location[0].channel;
-  const bool nameless = std::find(result.final_effects.begin(), result.final_effects.end(), "generic") !=
-                        result.final_effects.end();
-  if ((nameless && (channel == "range" || channel == "bearing")) ||
+  const bool generic = std::find(result.final_effects.begin(), result.final_effects.end(), "generic") !=
+                       result.final_effects.end();
+  if ((generic && (channel == "range" || channel == "bearing")) ||
       std::any_of(result.final_effects.begin(), result.final_effects.end(), cancels))
     return result;
   DiagnoseOptions alone = options;

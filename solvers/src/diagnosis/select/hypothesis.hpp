@@ -28,10 +28,10 @@ struct Hypothesis {
 };
 
 /// True if the effect is a curve without a name.
-bool is_nameless(const Effect& effect);
+bool is_generic(const Effect& effect);
 
 /// True if one of the effects is.
-bool has_nameless(const Model& model);
+bool has_generic(const Model& model);
 
 /// The model less the effect at `index`.
 Model without(Model model, std::size_t index);

@@ -6,7 +6,7 @@ namespace rangecal::diagnosis {
 /// Everything about the posterior and the verdict of a search by sets that was chosen and not computed.
 struct SelectionPriors {
   /// Prior probability of a member being a curve without a name; the names of the catalogue share the rest equally.
-  double nameless = 0.02;
+  double generic = 0.02;
   /// Odds of one member more, after the first.
   double further_member = 0.5;
   /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may

@@ -102,7 +102,7 @@ class SetSearch {
   /// True if the other members may have been fitted about a wrong start of this one: what moves no mean takes up what means
   /// leave, and periods, time constants, stops and landmarks have many optima.
   static bool may_hold_fast(const Effect& effect) {
-    return !is_nameless(effect) && (effect.info().kind != EffectKind::mean || has_many_optima(effect));
+    return !is_generic(effect) && (effect.info().kind != EffectKind::mean || has_many_optima(effect));
   }
 
   /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
@@ -314,7 +314,7 @@ class SetSearch {
   std::optional<CurveFit> curve_for(const Hypothesis& here, const Battery& battery, const Question& q) const {
     Model rest = here.fit.model;
     std::erase_if(rest, [&](const ActiveEffect& a) {
-      return is_nameless(*a.effect) && member_name(*a.effect) == curve_name(q.channel, q.covariate);
+      return is_generic(*a.effect) && member_name(*a.effect) == curve_name(q.channel, q.covariate);
     });
     if (rest.size() == here.fit.model.size())
       return fit_curve(rows_, battery.projector(), here.fit, q, options_);
