@@ -40,7 +40,7 @@ struct LandmarkFilter {
   /// for the first time, m = m(x, y, theta), there are no innovations but how it was placed: dm/dx, dm/dy.
   struct Taken {
     bool usable = false, placed = false;
-    double d = 0.0, f = 0.0, s = 0.0;  ///< as foretold
+    double d = 0.0, f = 0.0, s = 0.0;  ///< as predicted
     Innovation bearing, range;
     Eigen::Matrix2Xd by_state;
     Eigen::Vector2d by_range = Eigen::Vector2d::Zero();

@@ -10,9 +10,9 @@
 
 namespace rangecal {
 
-/// One number read, beside what was foretold of it: its error, the spread s of its noise and the variance of what foretold
+/// One number read, beside what was predicted of it: its error, the spread s of its noise and the variance of what predicted
 /// it, in its unit [m; rad].
-struct ForetoldNumber {
+struct PredictedNumber {
   double error = 0.0, s = 1.0, variance = 0.0;
 
   double z() const;  ///< error / sqrt(s^2 + variance)
@@ -22,11 +22,11 @@ struct ForetoldNumber {
 
 /// Range and bearing of a landmark at a known place, seen from a stop that may be off its pose by `stop`; alpha, noise and
 /// sigma_theta those of `state`. None where the distance or the spread is not positive.
-struct ForetoldReading {
-  ForetoldNumber range, bearing;
+struct PredictedReading {
+  PredictedNumber range, bearing;
 };
-std::optional<ForetoldReading> foretold_reading(const JointState& state, const Pose2& pose,
-                                                const StopVariance& stop, const Eigen::Vector2d& landmark_m,
-                                                double radius_m, double range_m, double bearing_rad);
+std::optional<PredictedReading> predicted_reading(const JointState& state, const Pose2& pose,
+                                                  const StopVariance& stop, const Eigen::Vector2d& landmark_m,
+                                                  double radius_m, double range_m, double bearing_rad);
 
 }  // namespace rangecal
