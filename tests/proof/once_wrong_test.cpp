@@ -79,7 +79,7 @@ INSTANTIATE_TEST_SUITE_P(
                       World{202611221624, "lambda-400", 44, "line", "near_regime", Answer::right_name,
                             "nothing in the catalogue: the seed model had put a cell beyond the jump"},
                       World{202611221624, "lambda-100", 214, "line", "pixel_locking", Answer::right_name,
-                            "errors of cells as well: stops lay on other swings"},
+                            "errors of cells as well: stops lay in other modes"},
                       World{202611222004, "twins", 184, "line", "bearing_offset", Answer::right_set,
                             "settling that takes ten times as long as a stop"},
                       World{202611222004, "pair", 164, "line", "sweep_motion+bearing_scale",

@@ -104,14 +104,14 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     value = fit_value + working.constant;
     // The solve saw straight lines, or tails along a sequence by the weights where it began, which no bound goes with: the value
     // is that of the model where it ended.
-    if (rounds.bends()) {
+    if (rounds.has_effect_slope()) {
       const WorkingProblem ended = working_problem(rows, model, state);
       value += nll_at(rows, ended, state) - nll_at(rows, working, state);
     } else if (weighted) {
       value = nll_at(rows, working_problem(rows, model, state), state) + prior_nll(rows, state.alpha);
       if (detail) *detail = fit;
     }
-    at_the_end = rounds.bends() || weighted;
+    at_the_end = rounds.has_effect_slope() || weighted;
     if (at_the_end && !(value < least)) continue;
     least = value;
     least_state = state;

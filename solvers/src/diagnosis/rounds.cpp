@@ -7,7 +7,7 @@
 #include <map>
 #include <utility>
 
-#include "diagnosis/bends.hpp"
+#include "diagnosis/stop_modes.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -206,9 +206,9 @@ WorkingProblem Rounds::begin(const Rows& rows, const Model& model, JointState& s
   if (rows.pairs) begun_ = state;
   if (jumps_) sides_.settle(rows, model, state, places_stay_);
   WorkingProblem working = working_problem(rows, model, state);
-  bends_ = !working.problem.cells.bend.empty();
-  if (bends_ && !places_stay_ &&
-      settle_places(rows, model, working, done_ == 0 ? Swings::all : Swings::own, state))
+  has_effect_slope_ = !working.problem.cells.effect_slope.empty();
+  if (has_effect_slope_ && !places_stay_ &&
+      move_places_to_modes(rows, model, working, done_ == 0 ? ModeSearch::all : ModeSearch::nearest, state))
     working = working_problem(rows, model, state);
   return working;
 }
@@ -218,8 +218,10 @@ bool Rounds::another(const Rows& rows, const Model& model, JointState& state, do
   constexpr double settled = 1e-2;  // nats
   if (jumps_) value += sides_.restore(rows, model, state);
   ++done_;
-  if (rows.pairs && left_ > 1 && !exact_ && !bends_ && hardly_moved(rows, begun_, state)) left_ = 1;
-  if (--left_ == 0 && (bends_ || exact_) && done_ < most && !(std::abs(value - before_) < settled)) ++left_;
+  if (rows.pairs && left_ > 1 && !exact_ && !has_effect_slope_ && hardly_moved(rows, begun_, state))
+    left_ = 1;
+  if (--left_ == 0 && (has_effect_slope_ || exact_) && done_ < most && !(std::abs(value - before_) < settled))
+    ++left_;
   before_ = value;
   return left_ > 0;
 }

@@ -60,11 +60,11 @@ class Rounds {
 
   /// True if effects changed too fast with distance, in the last round, for the readings to be corrected
   /// once.
-  bool bends() const { return bends_; }
+  bool has_effect_slope() const { return has_effect_slope_; }
 
  private:
   int left_, done_ = 0;
-  bool jumps_, exact_, places_stay_, bends_ = false;
+  bool jumps_, exact_, places_stay_, has_effect_slope_ = false;
   double before_ = 0.0;
   JointState begun_;  ///< of pairs: where the round began
   Sides sides_;

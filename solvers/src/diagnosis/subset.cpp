@@ -153,7 +153,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state) {
   do {
     WorkingProblem working = rounds.begin(rows, model, state);
     // A stop predicted from others is off by more than the stretch on which a fast effect is straight.
-    working.problem.cells.bend.clear();
+    working.problem.cells.effect_slope.clear();
     JointState start = state;
     for (std::size_t k = 0; k < start.stops.size(); ++k) {
       const StopPrior& prior = working.problem.stops[k];

@@ -91,7 +91,7 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
   double nll = assemble_priors(state, exact, node, sum);
 
   const NoiseLaw law = state.noise.law;
-  const bool power_law = is_power_of_f(law), bent = !c.bend.empty();
+  const bool power_law = is_power_of_f(law), bent = !c.effect_slope.empty();
   const double sigma = state.noise.parameters[0], tau = power_law ? std::log(sigma) : 0.0;
   if (power_law && !(sigma > 0.0)) return infinity;
   const PowerLaw power{state.noise.power_of_f(), 1.0 / (sigma * sigma)};

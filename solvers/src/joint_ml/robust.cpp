@@ -64,7 +64,7 @@ class Rows {
         direction = sight.bearing;
         if (!(d > 0.0) || !(s > 0.0)) return false;
       }
-      range.z[i] = (r.range_mean[i] - f - r.bent(i, d)) / s;
+      range.z[i] = (r.range_mean[i] - f - r.effect_change(i, d)) / s;
       range.s[i] = s;
       bearing.z[i] = wrap_angle(r.bearing_mean[i] - direction) / state.sigma_theta_rad;
       bearing.s[i] = state.sigma_theta_rad;
@@ -99,7 +99,7 @@ class Rows {
     for (std::size_t i = 0; i < c.size(); ++i) {
       const Sight sight(state.landmarks[c.landmark[i]], state.stops[c.stop[i]], c.radius_m[i]);
       const double f = evaluate_polynomial(state.alpha, sight.d), s = state.noise.spread(sight.d, f),
-                   off = c.range_mean[i] - f - c.bent(i, sight.d),
+                   off = c.range_mean[i] - f - c.effect_change(i, sight.d),
                    turn = wrap_angle(c.bearing_mean[i] - sight.bearing);
       range += c.range_weight[i] * (off * off + c.range_mean_square[i]) / (s * s);
       bearing += c.bearing_weight[i] * (turn * turn + c.bearing_mean_square[i]);

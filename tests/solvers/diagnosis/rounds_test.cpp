@@ -131,7 +131,7 @@ TEST(Sides, OthersAreThoseThatTheJumpCouldHaveMisplaced) {
   EXPECT_EQ(Sides::others(rows, {{effect, Eigen::Vector3d(0.2, 0.0, 1.41)}}, state).size(), 3u);
 }
 
-TEST(Bends, AnEffectThatWobblesWithDistanceGivesItsCellsASlope) {
+TEST(EffectSlope, AnEffectThatWobblesWithDistanceGivesItsCellsASlope) {
   const Recording recording = recording_with_step(0.0, 0.0);
   const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
   const Effect* effect = find_effect("cyclic_error");
@@ -142,7 +142,7 @@ TEST(Bends, AnEffectThatWobblesWithDistanceGivesItsCellsASlope) {
   const JointState state = truth();
   const WorkingProblem working = working_problem(rows, {{effect, p}}, state);
   const Cells& cells = working.problem.cells;
-  ASSERT_EQ(cells.bend.size(), 6u);
+  ASSERT_EQ(cells.effect_slope.size(), 6u);
   const CellGeometry geometry = cell_geometry(rows, state);
   for (int c = 0; c < 6; ++c) {
     const auto change = [&](double h) {
@@ -150,10 +150,11 @@ TEST(Bends, AnEffectThatWobblesWithDistanceGivesItsCellsASlope) {
       view.d += h;
       return effect->reading(view, p.data()).range;
     };
-    EXPECT_NEAR(cells.bend[c], (change(1e-6) - change(-1e-6)) / 2e-6, 1e-3 * (1.0 + std::abs(cells.bend[c])));
-    EXPECT_EQ(cells.bent(static_cast<std::size_t>(c), geometry.d[c]), 0.0);
+    EXPECT_NEAR(cells.effect_slope[c], (change(1e-6) - change(-1e-6)) / 2e-6,
+                1e-3 * (1.0 + std::abs(cells.effect_slope[c])));
+    EXPECT_EQ(cells.effect_change(static_cast<std::size_t>(c), geometry.d[c]), 0.0);
   }
-  EXPECT_TRUE(working_problem(rows, {}, state).problem.cells.bend.empty());
+  EXPECT_TRUE(working_problem(rows, {}, state).problem.cells.effect_slope.empty());
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/bends.hpp"
+#include "diagnosis/stop_modes.hpp"
 
 #include <algorithm>
 #include <array>
@@ -12,60 +12,61 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr double reach = 3.0;       ///< standard deviations of a place that the grid covers
-constexpr double grid_phase = 0.8;  ///< of a swing, between points of the grid [rad]
+constexpr double grid_phase = 0.8;  ///< of a period, between points of the grid [rad]
 constexpr double table_phase = 0.15;
 constexpr int widest = 20;     ///< points of the grid on either side
 constexpr double worth = 0.3;  ///< nats below which a place stays
-constexpr double faint = 0.3;  ///< of a cell's error: a swing below it needs no resolution
+constexpr double faint = 0.3;  ///< of a cell's error: an oscillation below it needs no resolution
 
 double range_information(const WorkingProblem& working, const CellGeometry& geometry, int cell) {
   return working.problem.cells.range_weight[cell] / (geometry.spread[cell] * geometry.spread[cell]);
 }
 
-/// How far about d a swing is looked at [m]: over a tenth of d where that is close by, since a period may grow with its square.
+/// How far about d an oscillation is looked at [m]: over a tenth of d where that is close by, since a period may grow with its square.
 double within_m(double d) { return std::min(0.012, 0.1 * std::abs(d)); }
 
 /// The effects of a model on the mean range, as functions of the distance about each cell.
-struct Swinging {
+struct OscillatingEffects {
   Model effects;              ///< those that are no straight lines
   std::vector<double> slope;  ///< of all others, by cell [m/m]
 };
 
-Swinging swinging_of(const Rows& rows, const Model& model, const WorkingProblem& working,
-                     const CellGeometry& geometry) {
+OscillatingEffects oscillating_effects(const Rows& rows, const Model& model, const WorkingProblem& working,
+                                       const CellGeometry& geometry) {
   constexpr std::array places{-0.52, 0.33, 0.76};
   constexpr double straight = 0.1 * faint;  // of a cell's error
-  Swinging swinging;
-  swinging.slope.assign(static_cast<std::size_t>(rows.cell_count), 0.0);
-  std::vector<double> slope(swinging.slope.size());
+  OscillatingEffects oscillating;
+  oscillating.slope.assign(static_cast<std::size_t>(rows.cell_count), 0.0);
+  std::vector<double> slope(oscillating.slope.size());
   for (const ActiveEffect& active : model) {
     if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) continue;
-    bool swings = std::isfinite(active.effect->switching_distance(active.parameters.data()));
-    for (int c = 0; c < rows.cell_count && !swings; ++c) {
+    bool oscillates = std::isfinite(active.effect->switching_distance(active.parameters.data()));
+    for (int c = 0; c < rows.cell_count && !oscillates; ++c) {
       const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
       const double reach_m = within_m(view.d);
       const double least = straight / (reach_m * std::sqrt(range_information(working, geometry, c)));
-      slope[c] = bend_of(active, view);
+      slope[c] = effect_slope_of(active, view);
       for (const double place : places)
-        swings = swings || std::abs(bend_of(active, moved_by(view, place * reach_m)) - slope[c]) > least;
+        oscillates = oscillates ||
+                     std::abs(effect_slope_of(active, moved_by(view, place * reach_m)) - slope[c]) > least;
     }
-    if (swings) {
-      swinging.effects.push_back(active);
+    if (oscillates) {
+      oscillating.effects.push_back(active);
       continue;
     }
-    for (std::size_t c = 0; c < slope.size(); ++c) swinging.slope[c] += slope[c];
+    for (std::size_t c = 0; c < slope.size(); ++c) oscillating.slope[c] += slope[c];
   }
-  return swinging;
+  return oscillating;
 }
 
 /// One cell as its place sees it: h(d) in a table, the curve to second order, the bearing to first.
-class SwingingCell {
+class OscillatingCell {
  public:
-  SwingingCell(const Rows& rows, const Swinging& swinging, const WorkingProblem& working,
-               const CellGeometry& geometry, const JointState& state, int cell)
+  OscillatingCell(const Rows& rows, const OscillatingEffects& oscillating, const WorkingProblem& working,
+                  const CellGeometry& geometry, const JointState& state, int cell)
       : rows_(&rows),
-        model_(&swinging.effects),
-        slope_(swinging.slope[cell]),
+        model_(&oscillating.effects),
+        slope_(oscillating.slope[cell]),
         cell_(cell),
         view_(view_of(rows, geometry, first_row())) {
     const Cells& c = working.problem.cells;
@@ -79,11 +80,11 @@ class SwingingCell {
     measure();
   }
 
-  /// Variance of the cell's mean range with the swing counted as an error, as information on d [1/m^2].
+  /// Variance of the cell's mean range with the oscillation counted as an error, as information on d [1/m^2].
   double open_information() const {
     return view_.slope * view_.slope / (1.0 / information_ + amplitude_ * amplitude_);
   }
-  /// Phase of the swing per metre, 0 where it does not matter [rad/m].
+  /// Phase of the oscillation per metre, 0 where it does not matter [rad/m].
   double wavenumber() const { return amplitude_ * std::sqrt(information_) > faint ? wavenumber_ : 0.0; }
 
   /// Tabulates h within `reach_m` of d.
@@ -122,7 +123,7 @@ class SwingingCell {
       const ReadingView<double> at = moved_by(view_, place * reach_m);
       const double h = change(place * reach_m);
       double slope = slope_;
-      for (const ActiveEffect& active : *model_) slope += bend_of(active, at);
+      for (const ActiveEffect& active : *model_) slope += effect_slope_of(active, at);
       sum += h;
       square += h * h;
       slope_sum += slope;
@@ -154,20 +155,20 @@ class SwingingCell {
 };
 
 /// The cells of a place and its prior.
-struct SwingingPlace {
-  std::vector<SwingingCell> cells;
+struct OscillatingPlace {
+  std::vector<OscillatingCell> cells;
   Eigen::Vector2d error = Eigen::Vector2d::Zero();  ///< of the place, from where it was commanded [m]
   double prior_information = 0.0;
 
   double cost(const Eigen::Vector2d& u) const {
     double sum = 0.5 * prior_information * (error + u).squaredNorm();
-    for (const SwingingCell& cell : cells) sum += cell.cost(u);
+    for (const OscillatingCell& cell : cells) sum += cell.cost(u);
     return sum;
   }
 };
 
 /// The least cost downhill from u, by steps that halve; u moves there.
-double descend(const SwingingPlace& place, double step, Eigen::Vector2d& u) {
+double descend(const OscillatingPlace& place, double step, Eigen::Vector2d& u) {
   constexpr int longest_walk = 200;  // steps: a minimum lies within a few, a slope without end leads nowhere
   const std::array<Eigen::Vector2d, 4> ways{{{1.0, 0.0}, {-1.0, 0.0}, {0.0, 1.0}, {0.0, -1.0}}};
   double least = place.cost(u);
@@ -188,19 +189,19 @@ double descend(const SwingingPlace& place, double step, Eigen::Vector2d& u) {
 }
 
 /// Where the place is likeliest, from where it is; 0 where that gains next to nothing.
-Eigen::Vector2d best_move(SwingingPlace& place, Swings swings) {
+Eigen::Vector2d best_move(OscillatingPlace& place, ModeSearch search) {
   double steepest = 0.0, information = place.prior_information;
-  for (const SwingingCell& cell : place.cells) {
+  for (const OscillatingCell& cell : place.cells) {
     steepest = std::max(steepest, cell.wavenumber());
     information += 0.5 * cell.open_information();
   }
   if (!(steepest > 0.0)) return Eigen::Vector2d::Zero();
   const double step = grid_phase / steepest;
   const int points =
-      swings == Swings::own
+      search == ModeSearch::nearest
           ? 0
           : std::clamp(static_cast<int>(std::ceil(reach / std::sqrt(information) / step)), 1, widest);
-  for (SwingingCell& cell : place.cells) cell.tabulate(1.5 * step * (points + 2));
+  for (OscillatingCell& cell : place.cells) cell.tabulate(1.5 * step * (points + 2));
   Eigen::Vector2d home = Eigen::Vector2d::Zero(), best = home;
   const double here = place.cost(home);
   double least = here;
@@ -214,22 +215,22 @@ Eigen::Vector2d best_move(SwingingPlace& place, Swings swings) {
     }
   const double go = descend(place, 0.5 * step, best);
   if (!(go < here - worth)) return Eigen::Vector2d::Zero();
-  if (swings == Swings::own) return best;
+  if (search == ModeSearch::nearest) return best;
   return go < descend(place, 0.5 * step, home) - worth ? best : home;
 }
 
 }  // namespace
 
-bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& working, Swings swings,
-                   JointState& state) {
+bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingProblem& working,
+                          ModeSearch search, JointState& state) {
   const JointProblem& problem = working.problem;
   const CellGeometry geometry = cell_geometry(rows, state);
-  const Swinging swinging = swinging_of(rows, model, working, geometry);
-  if (swinging.effects.empty()) return false;
-  std::vector<SwingingPlace> places(static_cast<std::size_t>(problem.place_count));
+  const OscillatingEffects oscillating = oscillating_effects(rows, model, working, geometry);
+  if (oscillating.effects.empty()) return false;
+  std::vector<OscillatingPlace> places(static_cast<std::size_t>(problem.place_count));
   for (int cell = 0; cell < rows.cell_count; ++cell) {
     const int place = problem.stops[static_cast<std::size_t>(problem.cells.stop[cell])].place;
-    places[static_cast<std::size_t>(place)].cells.emplace_back(rows, swinging, working, geometry, state,
+    places[static_cast<std::size_t>(place)].cells.emplace_back(rows, oscillating, working, geometry, state,
                                                                cell);
   }
   std::vector<Eigen::Vector2d> moves(places.size(), Eigen::Vector2d::Zero());
@@ -239,7 +240,7 @@ bool settle_places(const Rows& rows, const Model& model, const WorkingProblem& w
     if (prior.opens_place && !prior.chained && prior.sigma_xy_m > 0.0 && !places[p].cells.empty()) {
       places[p].prior_information = 1.0 / (prior.sigma_xy_m * prior.sigma_xy_m);
       places[p].error = {state.stops[k].x_m - prior.commanded.x_m, state.stops[k].y_m - prior.commanded.y_m};
-      moves[p] = best_move(places[p], swings);
+      moves[p] = best_move(places[p], search);
     }
     state.stops[k].x_m += moves[p].x();
     state.stops[k].y_m += moves[p].y();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/bends.hpp"
+#include "diagnosis/stop_modes.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,16 +17,16 @@ constexpr double amplitude = 0.002, wavenumber = 750.0;  // 1/m, m: at 1.5 m +-4
 
 const std::vector<Eigen::Vector2d> posts{{1.2, 0.9}, {1.6, -0.8}, {0.4, -1.1}, {-0.6, 0.9}};
 
-double swing(double d) { return amplitude * d * d * std::sin(wavenumber / d); }
+double oscillation(double d) { return amplitude * d * d * std::sin(wavenumber / d); }
 
-Model swinging() { return {{find_effect("pixel_locking"), Eigen::Vector3d(0.0, amplitude, wavenumber)}}; }
+Model oscillating() { return {{find_effect("pixel_locking"), Eigen::Vector3d(0.0, amplitude, wavenumber)}}; }
 
 /// Eight stops 15 cm apart, off by a few millimetres, ten readings of four landmarks each, 0.5 mm of noise.
-struct SwingScene {
+struct OscillationScene {
   Recording recording;
   JointState truth;
 
-  explicit SwingScene(const std::string& name) {
+  explicit OscillationScene(const std::string& name) {
     recording.kind = RecordingKind::landmarks;
     recording.path = "made";
     Random random(seed_from(name, {1}));
@@ -45,7 +45,7 @@ struct SwingScene {
           const Eigen::Vector2d v = posts[l] - at;
           const double d = v.norm();
           testing::add_reading(
-              recording, k, static_cast<int>(l), j, d + swing(d) + random.normal(0.0, 5e-4),
+              recording, k, static_cast<int>(l), j, d + oscillation(d) + random.normal(0.0, 5e-4),
               std::atan2(v.y(), v.x()) - truth.stops.back().heading_rad + random.normal(0.0, 2e-3));
         }
     }
@@ -53,33 +53,33 @@ struct SwingScene {
   Rows rows() const { return make_rows(std::span<const Recording>(&recording, 1)); }
 };
 
-TEST(Bends, APlaceOnAWrongSwingIsPutBack) {
-  const SwingScene scene("APlaceOnAWrongSwingIsPutBack");
+TEST(StopModes, APlaceInAWrongModeIsPutBack) {
+  const OscillationScene scene("APlaceOnAWrongSwingIsPutBack");
   const Rows rows = scene.rows();
-  const auto put_back = [&](double way, Swings swings) {
+  const auto put_back = [&](double way, ModeSearch search) {
     JointState state = scene.truth;
     state.stops[3].x_m += 0.012 * std::cos(way);
     state.stops[3].y_m += 0.012 * std::sin(way);
-    settle_places(rows, swinging(), working_problem(rows, swinging(), state), swings, state);
+    move_places_to_modes(rows, oscillating(), working_problem(rows, oscillating(), state), search, state);
     return std::hypot(state.stops[3].x_m - scene.truth.stops[3].x_m,
                       state.stops[3].y_m - scene.truth.stops[3].y_m) < 1.5e-3;
   };
   int downhill = 0;
   for (int i = 0; i < 12; ++i) {
-    EXPECT_TRUE(put_back(0.5 * i, Swings::all)) << i;
-    downhill += put_back(0.5 * i, Swings::own);
+    EXPECT_TRUE(put_back(0.5 * i, ModeSearch::all)) << i;
+    downhill += put_back(0.5 * i, ModeSearch::nearest);
   }
-  EXPECT_LT(downhill, 12);  // from some sides it ends on another swing
+  EXPECT_LT(downhill, 12);  // from some sides it ends in another mode
 }
 
-TEST(Bends, PlacesThatAreRightOrExactStay) {
-  SwingScene scene("PlacesThatAreRightOrExactStay");
+TEST(StopModes, PlacesThatAreRightOrExactStay) {
+  OscillationScene scene("PlacesThatAreRightOrExactStay");
   scene.recording.stops[5].sigma_xy_m = 0.0;
   const Rows rows = scene.rows();
   JointState state = scene.truth;
   state.stops[5].x_m += 0.012;
-  const WorkingProblem working = working_problem(rows, swinging(), state);
-  settle_places(rows, swinging(), working, Swings::all, state);
+  const WorkingProblem working = working_problem(rows, oscillating(), state);
+  move_places_to_modes(rows, oscillating(), working, ModeSearch::all, state);
   EXPECT_EQ(state.stops[5].x_m, scene.truth.stops[5].x_m + 0.012);
   for (std::size_t k = 0; k < state.stops.size(); ++k) {
     if (k == 5) continue;
@@ -88,19 +88,19 @@ TEST(Bends, PlacesThatAreRightOrExactStay) {
   }
 }
 
-TEST(Bends, AFitFindsTheSameOptimumFromStopsOnOtherSwings) {
-  // The slope of the swing is 1.5 and more: a fit that only follows it downhill ends where it happens to.
-  const SwingScene scene("AFitFindsTheSameOptimumFromStopsOnOtherSwings");
+TEST(StopModes, AFitFindsTheSameOptimumFromStopsInOtherModes) {
+  // The slope of the oscillation is 1.5 and more: a fit that only follows it downhill ends where it happens to.
+  const OscillationScene scene("AFitFindsTheSameOptimumFromStopsOnOtherSwings");
   const Rows rows = scene.rows();
   JointState truth = scene.truth, commanded = scene.truth;
   for (std::size_t k = 0; k < commanded.stops.size(); ++k)
     commanded.stops[k] = scene.recording.stops[k].commanded;
-  const double from_truth = calibrate_under(rows, swinging(), truth, RefitOptions{});
-  const double from_commanded = calibrate_under(rows, swinging(), commanded, RefitOptions{});
+  const double from_truth = calibrate_under(rows, oscillating(), truth, RefitOptions{});
+  const double from_commanded = calibrate_under(rows, oscillating(), commanded, RefitOptions{});
   EXPECT_NEAR(from_commanded, from_truth, 0.5);
   // And the value is that of its state: a fit that starts there gains nothing.
   JointState again = commanded;
-  EXPECT_NEAR(calibrate_under(rows, swinging(), again, RefitOptions{}), from_commanded, 0.1);
+  EXPECT_NEAR(calibrate_under(rows, oscillating(), again, RefitOptions{}), from_commanded, 0.1);
 }
 
 }  // namespace
