@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/rounds.hpp"
+#include "diagnosis/alternation.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {

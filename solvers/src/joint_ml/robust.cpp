@@ -21,15 +21,15 @@
 namespace rangecal {
 namespace {
 
-constexpr int max_rounds = 200;
+constexpr int max_iterations = 200;
 
-/// When the rounds end: where one gains no more than `settled` [nats], or after so many.
-struct Rounds {
+/// When the iterations end: when one gains no more than `settled` [nats], or after so many.
+struct IterationLimits {
   double settled = 1e-5;
-  int most = max_rounds;
+  int most = max_iterations;
 };
 /// What models and families are told apart by.
-constexpr Rounds rough_rounds{1e-2, 10};
+constexpr IterationLimits rough_limits{1e-2, 10};
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// The readings beside the cells of Gaussian readings that stand for them.
@@ -156,7 +156,7 @@ double nll_of(const ChannelResiduals& residuals, const NoiseShapeParameters& sha
   return sum;
 }
 
-/// Squared extrapolation (Varadhan and Roland 2008, SQUAREM, scheme S3) of states that rounds of expectation and
+/// Squared extrapolation (Varadhan and Roland 2008, SQUAREM, scheme S3) of states that iterations of expectation and
 /// maximisation pass through, x = x0 - 2 a r + a^2 v with r = x1 - x0, v = x2 - 2 x1 + x0, a = -|r| / |v|, the lengths
 /// taken in the readings' errors, which have one unit. None before three states are there.
 class Squarem {
@@ -253,7 +253,7 @@ class RobustSolver {
     best.fit =
         solve_(rows_.weighted(range_, best.shapes.range, bearing_, best.shapes.bearing), start, options_);
     best.shapes.nll = value(best);
-    best.shapes.rounds = 1;
+    best.shapes.iterations = 1;
     finish(start, 0, best);
     return best;
   }
@@ -267,7 +267,7 @@ class RobustSolver {
     return first;
   }
 
-  Robust shaped(const JointState& start, const ShapeStart& from, const Rounds& until = {});
+  Robust shaped(const JointState& start, const ShapeStart& from, const IterationLimits& until = {});
   Robust automatic(const JointState& start, ChannelShapes asked);
 
  private:
@@ -334,7 +334,7 @@ class RobustSolver {
 
 template <typename Robust, typename Options, typename Solve>
 Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, const ShapeStart& from,
-                                                    const Rounds& until) {
+                                                    const IterationLimits& until) {
   Robust best, at;
   at.fit.state = start;
   at.shapes.range = from.range.shape;
@@ -347,11 +347,11 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
   double last = infinity, change = infinity;
   Squarem squarem;
   bool extrapolated = false;
-  int rounds = 0;
-  for (; rounds < until.most; ++rounds) {
+  int iterations = 0;
+  for (; iterations < until.most; ++iterations) {
     JointState state = at.fit.state;
     if (!rows_.residuals(state, range_, bearing_)) break;
-    if (rounds > 0) {
+    if (iterations > 0) {
       const auto [of_range, of_bearing] = rows_.squares_at(state);
       extrapolated = false;
       if (const auto further = squarem.after(state, range_, bearing_)) {
@@ -381,15 +381,15 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
     if (change > 1e-2) options.gradient_tolerance = std::max(options.gradient_tolerance, 1e-3);
     at.fit = solve_(weighted, state, options);
     const double now = value(at);
-    if (extrapolated && !(now < last + 1e-3)) {  // too far: back to where the rounds stood
+    if (extrapolated && !(now < last + 1e-3)) {  // too far: back to where the iterations stood
       at = best;
       squarem.restart();
       rows_.residuals(at.fit.state, range_, bearing_);
       rows_.weighted(range_, at.shapes.range, bearing_, at.shapes.bearing);
       continue;
     }
-    // REML's fixed point lies a little above the lowest likelihood: there the rounds end where it stands still.
-    if (rounds == 0 || (std::isfinite(now) && (now < last || restricted))) {
+    // REML's fixed point lies a little above the lowest likelihood: there the iterations end where it stands still.
+    if (iterations == 0 || (std::isfinite(now) && (now < last || restricted))) {
       best = at;
       best.shapes.nll = now;
     }
@@ -397,11 +397,11 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
     if (!std::isfinite(now) || !(change > until.settled)) break;
     last = now;
   }
-  best.shapes.rounds = std::min(rounds + 1, until.most);
+  best.shapes.iterations = std::min(iterations + 1, until.most);
   if (best.fit.state.alpha.size() == 0) return outside_domain(best);
   fill_deviations(best);
   finish(start, from.parameters(), best);
-  if (rounds == max_rounds && best.fit.outcome == Outcome::converged) {
+  if (iterations == max_iterations && best.fit.outcome == Outcome::converged) {
     best.fit.outcome = Outcome::not_converged;
     best.fit.reason = "the weights of the noise shape did not settle";
   }
@@ -452,7 +452,7 @@ Robust RobustSolver<Robust, Options, Solve>::automatic(const JointState& start, 
     if (ChannelShapes(families.first, families.second).gaussian()) break;
     if (std::find(tried.begin(), tried.end(), families) != tried.end()) break;
     tried.push_back(families);
-    Robust fit = shaped(from, chosen, rough_rounds);
+    Robust fit = shaped(from, chosen, rough_limits);
     if (is_usable(fit.fit.outcome)) from = fit.fit.state;
     const bool first_shape = ChannelShapes(best.shapes.range.shape, best.shapes.bearing.shape).gaussian();
     const double margin = first_shape ? shape_margin_aic : 0.0;
@@ -508,7 +508,7 @@ RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointSta
                                         const RobustShapes& shapes, const MarginalOptions& options,
                                         bool rough) {
   return marginal_solver(rows, start, options)
-      .shaped(start, start_of(shapes, false), rough ? rough_rounds : Rounds());
+      .shaped(start, start_of(shapes, false), rough ? rough_limits : IterationLimits());
 }
 
 std::optional<RobustShapes> better_shapes(const JointProblem& rows, const JointState& state,

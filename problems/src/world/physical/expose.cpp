@@ -59,8 +59,8 @@ Exposure expose_one(const World& world, const Pose2& robot_stop, int stop, int l
   // The beam's moment in the sweep depends on its direction, and its direction on the pose at that moment.
   Sight sight;
   double in_sweep = 0.0;
-  const int rounds = world.robot.creep_mps != 0.0 || world.robot.creep_radps != 0.0 ? 4 : 2;
-  for (int i = 0; i < rounds; ++i) {
+  const int iterations = world.robot.creep_mps != 0.0 || world.robot.creep_radps != 0.0 ? 4 : 2;
+  for (int i = 0; i < iterations; ++i) {
     out.time_s = start + middle + in_sweep;
     const Pose2 pose = sensor_pose(world, robot_stop, out.time_s, middle + in_sweep, in_sweep);
     sight = look_at(world.head, cylinder, pose, out.time_s);

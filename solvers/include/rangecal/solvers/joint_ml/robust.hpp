@@ -27,9 +27,9 @@ struct RobustShapes {
   /// Standard deviations of their parameters, in their order (nu; p, k; p, outlier_mean); empty where there are none, or
   /// one is at the end of its range.
   std::vector<double> range_std, bearing_std;
-  double nll = 0.0;  ///< of the shapes delivered: joint for `full`, Laplace's for `marginal` [nats]
-  double aic = 0.0;  ///< 2 (nll + parameters: globals not held and shapes)
-  int rounds = 0;    ///< of expectation and maximisation
+  double nll = 0.0;    ///< of the shapes delivered: joint for `full`, Laplace's for `marginal` [nats]
+  double aic = 0.0;    ///< 2 (nll + parameters: globals not held and shapes)
+  int iterations = 0;  ///< of expectation and maximisation
   /// `automatic`: each family at the residuals of one channel, its AIC less the best one's.
   std::vector<std::pair<NoiseShape, double>> range_tried, bearing_tried;
 };
@@ -82,7 +82,7 @@ RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointSta
                                         ChannelShapes shapes, const MarginalOptions& options = {});
 
 /// From a fit of other curve or noise law: its shapes are where the search begins, and its families are kept. `rough`: to
-/// about a hundredth of a nat, or a dozen rounds, as models are told apart by.
+/// about a hundredth of a nat, or a dozen iterations, as models are told apart by.
 RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start,
                                         const RobustShapes& shapes, const MarginalOptions& options = {},
                                         bool rough = false);

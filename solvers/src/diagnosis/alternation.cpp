@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/rounds.hpp"
+#include "diagnosis/alternation.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -201,7 +201,7 @@ bool hardly_moved(const Rows& rows, const JointState& from, const JointState& to
 
 }  // namespace
 
-WorkingProblem Rounds::begin(const Rows& rows, const Model& model, JointState& state) {
+WorkingProblem Alternation::begin(const Rows& rows, const Model& model, JointState& state) {
   jumps_ = jumps_ && !rows.pairs;  // whose distances are known
   if (rows.pairs) begun_ = state;
   if (jumps_) sides_.settle(rows, model, state, places_stay_);
@@ -213,7 +213,7 @@ WorkingProblem Rounds::begin(const Rows& rows, const Model& model, JointState& s
   return working;
 }
 
-bool Rounds::another(const Rows& rows, const Model& model, JointState& state, double& value) {
+bool Alternation::another(const Rows& rows, const Model& model, JointState& state, double& value) {
   constexpr int most = 5;
   constexpr double settled = 1e-2;  // nats
   if (jumps_) value += sides_.restore(rows, model, state);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "diagnosis/rounds.hpp"
+#include "diagnosis/alternation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -57,8 +57,8 @@ TEST(Sides, ACellThatReadsOffTheStepIsMovedOverTheSwitchingDistance) {
   JointState state = truth();
   state.stops[0].x_m -= 1e-4;
   ASSERT_GT(cell_geometry(rows, state).d[0], limit);
-  Rounds rounds(model);
-  rounds.begin(rows, model, state);
+  Alternation alternation(model);
+  alternation.begin(rows, model, state);
   EXPECT_LT(cell_geometry(rows, state).d[0], limit);
   EXPECT_NEAR(cell_geometry(rows, state).d[0], limit, 1e-5);  // just over it
   // Another stop stays where it was.
@@ -71,13 +71,13 @@ TEST(Sides, AMoveBackOverTheDistanceCostsItsSquare) {
   const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
   const Model model{{find_effect("near_regime"), Eigen::Vector3d(0.02, 0.0, limit)}};
   JointState state = truth();
-  Rounds rounds(model);
-  rounds.begin(rows, model, state);
+  Alternation alternation(model);
+  alternation.begin(rows, model, state);
   ASSERT_LT(cell_geometry(rows, state).d[0], limit);
   state.stops[0].x_m -= 0.004;  // what a solve that knows nothing of sides may do
   const double over = cell_geometry(rows, state).d[0] - limit;
   double value = 0.0;
-  rounds.another(rows, model, state, value);
+  alternation.another(rows, model, state, value);
   EXPECT_LT(cell_geometry(rows, state).d[0], limit);
   // Information of the stop along a line of sight: the prior's 1e4 and half of ten readings of 0.1 mm, 5e8.
   EXPECT_NEAR(value, 0.5 * over * over * (1e4 + 5e8), 1e-3 * value);
@@ -100,8 +100,8 @@ TEST(Sides, StopsOfOnePlaceCrossTogether) {
   JointState state = truth();
   state.stops[1] = {0.0, 0.0, 1.0};
   for (int k : {0, 1}) state.stops[k].x_m -= 1e-4;
-  Rounds rounds(model);
-  rounds.begin(rows, model, state);
+  Alternation alternation(model);
+  alternation.begin(rows, model, state);
   const CellGeometry geometry = cell_geometry(rows, state);
   for (int cell : {0, 2}) {
     EXPECT_LT(geometry.d[cell], limit);

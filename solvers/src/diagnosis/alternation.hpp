@@ -43,22 +43,22 @@ class Sides {
 /// distance, hold a grid's part of the noise, or make it noise of 1/f, whose density has f in its Jacobian, until the value
 /// stays. Of pairs, whose distances stand, once is enough where curve and noise hardly moved.
 ///
-///   Rounds rounds(model);
-///   do { working = rounds.begin(rows, model, state);  ... solve: state, value ... }
-///   while (rounds.another(rows, model, state, value));
-class Rounds {
+///   Alternation alternation(model);
+///   do { working = alternation.begin(rows, model, state);  ... solve: state, value ... }
+///   while (alternation.another(rows, model, state, value));
+class Alternation {
  public:
-  explicit Rounds(const Model& model, bool places_stay = false)
+  explicit Alternation(const Model& model, bool places_stay = false)
       : left_(model.empty() ? 1 : 2),
         jumps_(Sides::matter(model)),
         exact_(has_grid(model) || has_reciprocal_noise(model)),
         places_stay_(places_stay) {}
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
-  /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: go round
+  /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: iterate
   /// again.
   bool another(const Rows& rows, const Model& model, JointState& state, double& value);
 
-  /// True if effects changed too fast with distance, in the last round, for the readings to be corrected
+  /// True if effects changed too fast with distance, in the last iteration, for the readings to be corrected
   /// once.
   bool has_effect_slope() const { return has_effect_slope_; }
 
@@ -66,7 +66,7 @@ class Rounds {
   int left_, done_ = 0;
   bool jumps_, exact_, places_stay_, has_effect_slope_ = false;
   double before_ = 0.0;
-  JointState begun_;  ///< of pairs: where the round began
+  JointState begun_;  ///< of pairs: where the iteration began
   Sides sides_;
 };
 
