@@ -91,7 +91,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   return order;
 }
 
-// Effects that change fast with distance let the fit choose, stop by stop, among many bends to lie on: gain
+// Effects that change fast with distance let the fit choose, stop by stop, among many modes to lie in: gain
 // far beyond what the score predicted is that choice, and no evidence.
 double credible_gain(const Proposal& proposal) { return 1.5 * proposal.predicted_gain + 3.0; }
 
