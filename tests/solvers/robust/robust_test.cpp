@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rangecal/solvers/joint_ml/robust.hpp"
+#include "rangecal/solvers/robust/robust.hpp"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 #include <cmath>
 
-#include "joint_ml/robust_covariance.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
+#include "robust/robust_covariance.hpp"
 #include "support/joint_scenes.hpp"
 
 namespace rangecal {

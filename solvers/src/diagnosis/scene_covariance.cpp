@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rangecal/solvers/covariance/scene_covariance.hpp"
+#include "rangecal/solvers/diagnosis/scene_covariance.hpp"
 
 #include <cmath>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "change/landmark_filter.hpp"
+#include "kalman/landmark_filter.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

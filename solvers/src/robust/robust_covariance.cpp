@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "joint_ml/robust_covariance.hpp"
+#include "robust/robust_covariance.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "rangecal/solvers/joint_ml/robust.hpp"
+#include "rangecal/solvers/robust/robust.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,12 +11,12 @@
 #include "joint_ml/blocks.hpp"
 #include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
-#include "joint_ml/robust_covariance.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "robust/residual_shape.hpp"
+#include "robust/robust_covariance.hpp"
 
 namespace rangecal {
 namespace {
@@ -30,7 +30,7 @@ struct IterationLimits {
 };
 /// What models and families are told apart by.
 constexpr IterationLimits rough_limits{1e-2, 10};
-constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double no_fit_nll = std::numeric_limits<double>::infinity();
 
 /// The readings beside the cells of Gaussian readings that stand for them.
 class Rows {
@@ -273,13 +273,13 @@ class RobustSolver {
  private:
   static Robust& outside_domain(Robust& fit) {
     fit.fit.reason = "the start lies outside the model's domain: a distance or a spread is not positive";
-    fit.shapes.nll = fit.shapes.aic = infinity;
+    fit.shapes.nll = fit.shapes.aic = no_fit_nll;
     return fit;
   }
   /// True where the readings are likelier at state a than at b, shapes of these families fitted to its residuals.
   bool likelier(const JointState& a, const JointState& b, ChannelShapes families) {
     const auto nll = [&](const JointState& at) {
-      if (!rows_.residuals(at, range_, bearing_)) return infinity;
+      if (!rows_.residuals(at, range_, bearing_)) return no_fit_nll;
       double sum = joint_nll_parts(rows_.rows(), at).stops;
       for (std::size_t i = 0; i < range_.s.size(); ++i) sum += range_.weight_of(i) * std::log(range_.s[i]);
       sum += bearing_.count() * std::log(at.sigma_theta_rad);
@@ -290,8 +290,8 @@ class RobustSolver {
   }
   /// The objective of the shapes at the end of a fit; leaves the residuals there.
   double value(const Robust& at) {
-    if (!std::isfinite(at.fit.joint_nll) || at.fit.outcome == Outcome::failed) return infinity;
-    if (!rows_.residuals(at.fit.state, range_, bearing_)) return infinity;
+    if (!std::isfinite(at.fit.joint_nll) || at.fit.outcome == Outcome::failed) return no_fit_nll;
+    if (!rows_.residuals(at.fit.state, range_, bearing_)) return no_fit_nll;
     const JointNllParts parts = joint_nll_parts(rows_.rows(), at.fit.state);
     return nll_of(range_, at.shapes.range) + nll_of(bearing_, at.shapes.bearing) + parts.stops + parts.taped +
            laplace_part(at.fit);
@@ -344,7 +344,7 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
     at.fit.state.sigma_theta_rad *= from.bearing.scale;
   }
   const bool restricted = is_restricted(at.fit), renews = !from.held && !options_.held.sigmas;
-  double last = infinity, change = infinity;
+  double last = no_fit_nll, change = no_fit_nll;
   Squarem squarem;
   bool extrapolated = false;
   int iterations = 0;
