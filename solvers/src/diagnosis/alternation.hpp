@@ -54,12 +54,11 @@ class Alternation {
         exact_(has_grid(model) || has_reciprocal_noise(model)),
         places_stay_(places_stay) {}
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
-  /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True: iterate
-  /// again.
+  /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True where another
+  /// iteration is needed.
   bool another(const Rows& rows, const Model& model, JointState& state, double& value);
 
-  /// True if effects changed too fast with distance, in the last iteration, for the readings to be corrected
-  /// once.
+  /// True if effects changed so fast with distance, in the last iteration, that cells need their slopes.
   bool has_effect_slope() const { return has_effect_slope_; }
 
  private:

@@ -22,7 +22,8 @@ double range_information(const WorkingProblem& working, const CellGeometry& geom
   return working.problem.cells.range_weight[cell] / (geometry.spread[cell] * geometry.spread[cell]);
 }
 
-/// How far about d an oscillation is looked at [m]: over a tenth of d where that is close by, since a period may grow with its square.
+/// How far about d an oscillation is looked at [m]: over a tenth of d where that is close by,
+/// since a period may grow with its square.
 double within_m(double d) { return std::min(0.012, 0.1 * std::abs(d)); }
 
 /// The effects of a model on the mean range, as functions of the distance about each cell.

@@ -192,8 +192,8 @@ struct Named {
   std::vector<Member> members;  ///< what speaks for each
 };
 
-/// Those whose class has half of the probability, less what may be confounded with a curve, or a formula for another shape; the one
-/// that costs most in a corrected range first.
+/// Those whose class has half of the probability, less what may be confounded with a curve, or a formula for another shape; the
+/// one that costs most in a corrected range first.
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
