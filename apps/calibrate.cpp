@@ -13,7 +13,7 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/solvers/calibrate/alpha_bound.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/tilt/leaning.hpp"
 #include "report/report.hpp"
 #include "summary.hpp"
@@ -96,7 +96,7 @@ struct CalibrateCommand {
     CalibrationReport report_of_fit;
     report_of_fit.calibrations = {fit.calibration};
     report_of_fit.models = fit.models;
-    report_of_fit.notes = doubts(recordings, fit.calibration);
+    report_of_fit.notes = plausibility_warnings(recordings, fit.calibration);
     if (!json.empty()) save_calibrations({fit.calibration}, json, report_of_fit.notes);
     fmt::print("{}\n{}", tilt_page(fit), summary_page(report_of_fit, fit.calibration, recordings, json));
     return done;

@@ -9,7 +9,7 @@
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "summary.hpp"
 
 namespace rangecal::app {
@@ -118,9 +118,9 @@ CalibrationReport run_job(const std::vector<Recording>& recordings, CalibrateOpt
   const bool too_few = std::all_of(all.begin(), all.end(),
                                    [](const Calibration& c) { return c.outcome == Outcome::too_few_data; });
   if (too_few) {
-    const std::string doubt = limit_doubt(recordings);
+    const std::string warning = range_limit_warning(recordings);
     throw InputError(fmt::format("{}: {}: {}; {}", recordings[0].path, to_string(Outcome::too_few_data),
-                                 all[0].reason, doubt.empty() ? too_few_advice(all[0].kind) : doubt));
+                                 all[0].reason, warning.empty() ? too_few_advice(all[0].kind) : warning));
   }
   return report;
 }

@@ -12,7 +12,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "text.hpp"
 #include "track/tracking.hpp"
 
@@ -59,7 +59,7 @@ struct TrackCommand {
     if (!job.from.empty() || (tracked.calibration && has_answer(*tracked.calibration))) return done;
     if (job.output.empty())
       fmt::print(stderr, "rangecal: no calibration: {}\n",
-                 tracked.calibration ? tracked.calibration->reason : what_lacks(tracked));
+                 tracked.calibration ? tracked.calibration->reason : missing_data(tracked));
     return not_delivered;
   }
 
@@ -89,7 +89,7 @@ struct TrackCommand {
   }
 
   /// Why a stream taught nothing.
-  static std::string what_lacks(const Tracked& tracked) {
+  static std::string missing_data(const Tracked& tracked) {
     return tracked.landmarks ? "no row had a landmark" : "no row had a true distance";
   }
 
@@ -117,7 +117,7 @@ struct TrackCommand {
   }
 
   /// Of a curve that is no answer there are no numbers.
-  static std::string what_is_open(const Calibration& c) {
+  static std::string unobservable_text(const Calibration& c) {
     if (c.outcome != Outcome::unobservable) return "";
     const std::string unseen =
         c.weakest_direction.empty() ? "" : ": what can change unseen is " + c.weakest_direction;
@@ -129,11 +129,11 @@ struct TrackCommand {
         fmt::format("Readings   {} rows, {} corrected, {} out of range, {} not understood; {}: {}\n",
                     tracked.rows, tracked.corrected, tracked.out_of_range, tracked.malformed,
                     tracked.landmarks ? "of landmarks" : "pairs", describe(tracked.counts));
-    if (!tracked.calibration) return text + fmt::format("Curve f    {}\n", what_lacks(tracked));
+    if (!tracked.calibration) return text + fmt::format("Curve f    {}\n", missing_data(tracked));
     const Calibration& c = *tracked.calibration;
     text += fmt::format("Outcome    {} by {}{}{}\n", to_string(c.outcome), to_string(c.method),
                         c.reason.empty() ? "" : ": ", c.reason);
-    if (!has_answer(c)) return text + what_is_open(c);
+    if (!has_answer(c)) return text + unobservable_text(c);
     if (std::isfinite(job.options.forget))
       text += fmt::format("Memory     time constant {} {}; {:.0f} readings count\n", job.options.forget,
                           tracked.landmarks ? "stops"
@@ -166,7 +166,8 @@ struct TrackCommand {
                           with_std(landmark.position_m.x(), std_dev(0)),
                           with_std(landmark.position_m.y(), std_dev(1)));
     }
-    for (const std::string& doubt : doubts({}, c)) text += "Note       " + wrapped(doubt, 11) + "\n";
+    for (const std::string& warning : plausibility_warnings({}, c))
+      text += "Note       " + wrapped(warning, 11) + "\n";
     return text;
   }
 };

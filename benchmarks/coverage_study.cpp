@@ -23,7 +23,7 @@
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/covariance/cramer_rao.hpp"
-#include "rangecal/solvers/covariance/scene_covariance.hpp"
+#include "rangecal/solvers/diagnosis/scene_covariance.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 #include "rangecal/solvers/marginal/profile_interval.hpp"

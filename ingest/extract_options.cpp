@@ -119,7 +119,7 @@ std::string source_of(const std::vector<ScanLog>& logs) {
 }
 
 /// A question about the unit of the ranges, where no room is as large as they say; else empty.
-std::string unit_doubt(const std::vector<ScanLog>& logs) {
+std::string unit_warning(const std::vector<ScanLog>& logs) {
   constexpr double largest_m = 100.0;
   constexpr std::size_t enough = 100000;  // ranges, of which every k-th is looked at
   std::size_t beams = 0, seen = 0;
@@ -156,7 +156,8 @@ Extracted extract(const Given& given, const ReadProgress& progress) {
   }
   out.extraction = extract_recording(logs, stops, out.options);
   if (out.extraction.recording.landmarks.empty())
-    if (std::string doubt = unit_doubt(logs); !doubt.empty()) out.warnings.push_back(std::move(doubt));
+    if (std::string warning = unit_warning(logs); !warning.empty())
+      out.warnings.push_back(std::move(warning));
   out.extraction.recording.sensor.name = given.sensor,
   out.extraction.recording.sensor.principle = given.principle;
   out.source = source_of(logs), out.format = logs.front().format;

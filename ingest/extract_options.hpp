@@ -15,7 +15,7 @@ struct Extracted {
   Extraction extraction;  ///< its recording carries the note of the extraction
   ExtractOptions options;
   std::string source, format;         ///< of the scans, in words
-  std::vector<std::string> warnings;  ///< what was left out of files that were cut off; a doubt about units
+  std::vector<std::string> warnings;  ///< what was left out of files that were cut off; a warning about units
 };
 
 /// Says how far the reading of a file is, 0 to 1.

@@ -125,16 +125,16 @@ void state_errors(const Given& given, AssociationOptions& association) {
 }
 
 /// A warning where the poses do not let most cylinders be named; else empty.
-std::string naming_doubt(const Extraction& extraction) {
+std::string naming_warning(const Extraction& extraction) {
   const auto count = [&](const char* fate) {
     const auto found = extraction.cylinders.find(fate);
     return found == extraction.cylinders.end() ? 0L : found->second;
   };
-  const long all = count("found"), nameless = count("matches no landmark") + count("ambiguous");
-  if (2 * nameless <= all) return {};
+  const long all = count("found"), unmatched = count("matches no landmark") + count("ambiguous");
+  if (2 * unmatched <= all) return {};
   return fmt::format(
       "{} of {} cylinders match no surveyed landmark: the poses do not fit the scans (--poses, --track)",
-      nameless, all);
+      unmatched, all);
 }
 
 std::vector<MappedLandmark> surveyed(const std::string& path) {
@@ -197,7 +197,8 @@ Imported import_lego(const Given& given) {
                extraction_json(extraction, options),
                {scans, motors, camera, survey},
                {}};
-  if (std::string doubt = naming_doubt(extraction); !doubt.empty()) out.warnings.push_back(std::move(doubt));
+  if (std::string warning = naming_warning(extraction); !warning.empty())
+    out.warnings.push_back(std::move(warning));
   return out;
 }
 

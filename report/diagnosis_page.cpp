@@ -150,12 +150,12 @@ void add_open_questions(Page& page, const Diagnosis& d) {
                  "effects could cost together with it left undone.");
     Table next{{{"change"}, {"settles"}, {"power", true}, {"largest harm settled [mm]", true}}, {}, true};
     for (const NextExperiment& e : d.next_experiments) {
-      double harm = 0.0;
+      double range_error = 0.0;
       for (const Unseen& u : d.unseen)
         for (const std::string& id : e.settles)
-          if (u.effect == id) harm = std::max(harm, u.harm_m);
+          if (u.effect == id) range_error = std::max(range_error, u.harm_m);
       next.rows.push_back({e.change, ids_in_words(e.settles, ", "), fmt::format("{:.2f}", e.power),
-                           harm > 0.0 ? app::millimetres(harm) : std::string("-")});
+                           range_error > 0.0 ? app::millimetres(range_error) : std::string("-")});
     }
     page.table(next);
   }

@@ -9,8 +9,8 @@
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/solvers/calibrate.hpp"
-#include "rangecal/solvers/covariance/scene_covariance.hpp"
 #include "rangecal/solvers/diagnosis/model_residuals.hpp"
+#include "rangecal/solvers/diagnosis/scene_covariance.hpp"
 
 namespace rangecal::report {
 

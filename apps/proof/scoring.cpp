@@ -126,7 +126,7 @@ bool is_said_large(const Diagnosis& diagnosis) {
                      });
 }
 
-/// One of two causes named and nothing wrong beside it: every set of the answer, what it calls nameless left
+/// One of two causes named and nothing wrong beside it: every set of the answer, a generic curve left
 /// out, holds one of the planted effects or an exact twin of it alone.
 bool is_partly_right(const Case& c, const std::vector<std::vector<std::string>>& sets) {
   const auto right = [&](const std::string& id) {

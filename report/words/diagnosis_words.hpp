@@ -35,7 +35,7 @@ std::string place(const Finding& finding);
 /// "bearing along time (linear) from 0 to 40 s: 0.2 deg RMS, 87 % of the excess, p < 1e-12": a finding in one line. Shares
 /// that noise carries beyond one are all of the excess.
 std::string finding_in_words(const Finding& finding);
-/// A harm in mm to two digits; what no one could measure as a bound.
+/// A range error in mm to two digits; below what can be measured as a bound.
 std::string millimetres(double harm_m);
 
 /// A row of the table before and after; `after` and `note` are empty where nothing was added to the model.

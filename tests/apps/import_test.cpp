@@ -124,9 +124,9 @@ TEST_F(ImportCsv, UnitsOfLengths) {
   EXPECT_THAT(against.err,
               HasSubstr("column 'truth [cm]' is taken to be in m, by --unit, though its name says cm"));
   EXPECT_THAT(loaded().pairs.true_m, ElementsAre(1.0));
-  const RunResult doubt = import("truth,sonar\n1,1010\n2,2020\n");
-  EXPECT_EQ(doubt.code, 0);
-  EXPECT_THAT(doubt.err, HasSubstr("in another unit?"));
+  const RunResult warned = import("truth,sonar\n1,1010\n2,2020\n");
+  EXPECT_EQ(warned.code, 0);
+  EXPECT_THAT(warned.err, HasSubstr("in another unit?"));
   EXPECT_THAT(import("truth,sonar\n1000,1010\n2000,2020\n").err,
               HasSubstr("if the table is in mm or cm, say --unit"));
   std::filesystem::remove_all(rec());

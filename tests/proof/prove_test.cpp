@@ -171,9 +171,9 @@ TEST(Score, OfAFormulaThatIsOffMayLeaveARest) {
   const Score wrong = score(c, in_part({"tilt", "lever_arm"}, "range", "range"));
   EXPECT_EQ(wrong.result, Answer::wrong_name);
   EXPECT_EQ(wrong.names.wrong, 1);
-  Diagnosis nameless = explained({"generic"});
-  nameless.verdict = Verdict::unexplained;
-  EXPECT_EQ(score(c, nameless).result, Answer::unexplained);
+  Diagnosis generic = explained({"generic"});
+  generic.verdict = Verdict::unexplained;
+  EXPECT_EQ(score(c, generic).result, Answer::unexplained);
 }
 
 TEST(Score, OfAWronglyStatedSpread) {

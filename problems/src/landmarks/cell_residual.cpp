@@ -128,7 +128,7 @@ bool CellResidual::evaluate(const double* const* blocks, const double* log_floor
   const double level = R * (floor - reference_log_spread_ + margin);
   if (!(height > 0.0) || !(level >= 0.0)) return false;
   const double bearing_scale = std::sqrt(c.bearing_weight[cell_]) * std::exp(-blocks[0][na + nt]);
-  r[0] = root_W * (c.range_mean[cell_] - curve.f - c.bent(cell_, d)) * curve.inverse_s;
+  r[0] = root_W * (c.range_mean[cell_] - curve.f - c.effect_change(cell_, d)) * curve.inverse_s;
   r[1] = std::sqrt(2.0 * R * height);
   r[2] = bearing_scale * wrap_angle(c.bearing_mean[cell_] - std::atan2(vy, vx) + at.heading_rad);
   r[3] = std::sqrt(2.0 * level);
@@ -137,7 +137,8 @@ bool CellResidual::evaluate(const double* const* blocks, const double* log_floor
 
   // d r = by_mean df + by_log dlambda, row by row; the bearing's row knows no f, and the level
   // moves with the floor only.
-  const double by_mean = -root_W * curve.inverse_s, bend = c.bend.empty() ? 0.0 : c.bend[cell_];
+  const double by_mean = -root_W * curve.inverse_s,
+               effect_slope = c.effect_slope.empty() ? 0.0 : c.effect_slope[cell_];
   const double by_log[5] = {-r[0], R / r[1], 0.0, 0.0, repeats_ ? -r[4] : 0.0};
   const double lambda_slope = curve.by_f * curve.f_slope + curve.by_d;
   const double nx = vx / D, ny = vy / D, across = bearing_scale / D;
@@ -156,7 +157,7 @@ bool CellResidual::evaluate(const double* const* blocks, const double* log_floor
         by_curve[na + j] = by_log[e] * (!has_sigma(curve_->law) ? curve.power[j] * curve.inverse_s : 1.0);
       by_curve[na + nt] = e == 2 ? -r[2] : 0.0;
     }
-    const double in_d = (e == 0 ? by_mean * (curve.f_slope + bend) : 0.0) + by_log[e] * lambda_slope;
+    const double in_d = (e == 0 ? by_mean * (curve.f_slope + effect_slope) : 0.0) + by_log[e] * lambda_slope;
     const double sx = e == 2 ? across * ny : in_d * nx,
                  sy = e == 2 ? -across * nx : in_d * ny;  // in the landmark
     if (double* by_landmark = jacobians[last]) {

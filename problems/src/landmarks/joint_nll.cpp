@@ -57,7 +57,7 @@ JointNllParts joint_nll_parts(const JointProblem& problem, const JointState& sta
     const double f = evaluate_polynomial(state.alpha, d);
     const double s = state.noise.spread(d, f);
     if (!(d > 0.0) || !(s > 0.0)) return {infinity, parts.bearing, 0.0, 0.0};
-    const double range_error = c.range_mean[i] - f - c.bent(i, d);
+    const double range_error = c.range_mean[i] - f - c.effect_change(i, d);
     const double bearing_error =
         wrap_angle(c.bearing_mean[i] - std::atan2(sight.y(), sight.x()) + pose.heading_rad);
     parts.range += c.count[i] * (std::log(s) + half_log_two_pi) +

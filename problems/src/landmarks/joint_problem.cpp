@@ -158,8 +158,8 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
   std::vector<std::size_t> first;  // row of each cell
   for (std::size_t i = 0; i < r.size(); ++i) {
     if (!kept.empty() && !kept[i]) continue;
-    const bool same =
-        !first.empty() && r.stop[i] == c.stop.back() && r.landmark[i] == c.landmark.back() && r.bend.empty();
+    const bool same = !first.empty() && r.stop[i] == c.stop.back() && r.landmark[i] == c.landmark.back() &&
+                      r.effect_slope.empty();
     if (!same) {
       first.push_back(i);
       c.stop.push_back(r.stop[i]);
@@ -168,9 +168,9 @@ JointProblem merge_rows(const JointProblem& rows, const std::vector<char>& kept,
       c.count.push_back(0.0);
       c.range_mean.push_back(0.0);
       c.bearing_mean.push_back(0.0);
-      if (!r.bend.empty()) {
-        c.bend.push_back(r.bend[i]);
-        c.bend_at_m.push_back(r.bend_at_m[i]);
+      if (!r.effect_slope.empty()) {
+        c.effect_slope.push_back(r.effect_slope[i]);
+        c.effect_slope_at_m.push_back(r.effect_slope_at_m[i]);
       }
     }
     cell[i] = static_cast<int>(first.size()) - 1;

@@ -10,7 +10,7 @@
 #include "calibrate/landmarks_job.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/statistics/information_criteria.hpp"
 
 namespace rangecal {
@@ -86,10 +86,11 @@ CalibrationReport calibrate_report(std::span<const Recording> recordings, const 
   else
     calibrate_landmarks(recordings, options, report);
   for (Calibration& calibration : report.calibrations)
-    if (const std::string doubt = shape_doubt(calibration); !doubt.empty() && calibration.alpha_covariance)
-      calibration.covariance_reason += (calibration.covariance_reason.empty() ? "" : "; ") + doubt;
-  for (std::string& doubt : doubts(recordings, report.calibrations.back()))
-    report.notes.push_back(std::move(doubt));
+    if (const std::string warning = noise_shape_warning(calibration);
+        !warning.empty() && calibration.alpha_covariance)
+      calibration.covariance_reason += (calibration.covariance_reason.empty() ? "" : "; ") + warning;
+  for (std::string& warning : plausibility_warnings(recordings, report.calibrations.back()))
+    report.notes.push_back(std::move(warning));
   return report;
 }
 

@@ -6,7 +6,7 @@
 #include <regex>
 
 #include "calibrate/landmarks_job.hpp"
-#include "calibrate/what_is_open.hpp"
+#include "calibrate/observability.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
@@ -126,10 +126,10 @@ namespace {
 /// Both likelihoods at the stops that are best for the rest of `state`; marginal_nll is NaN where there are none.
 LaplaceValue at_best_stops(const LandmarksJob& job, JointState state, const RobustShapes* shapes) {
   if (!shapes) return laplace_marginal(job.problem, state);
-  constexpr int rounds = 20;
+  constexpr int iterations = 20;
   constexpr double settled = 1e-6;  // [nats]
   LaplaceValue value;
-  for (int round = 0; round < rounds; ++round) {  // the weights go with the stops
+  for (int iteration = 0; iteration < iterations; ++iteration) {  // the weights go with the stops
     const LaplaceValue moved =
         laplace_marginal(weighted_problem(*job.rows, state, shapes->range, shapes->bearing), state);
     if (!moved.ok) return moved;
@@ -140,7 +140,7 @@ LaplaceValue at_best_stops(const LandmarksJob& job, JointState state, const Robu
     value.ok = nll.ok;
     value.joint_nll = nll.joint;
     value.marginal_nll = nll.marginal;
-    if (round > 0 && !(before - nll.joint > settled)) break;
+    if (iteration > 0 && !(before - nll.joint > settled)) break;
   }
   return value;
 }

@@ -18,7 +18,7 @@
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_ceres.hpp"
-#include "rangecal/solvers/joint_ml/robust.hpp"
+#include "rangecal/solvers/robust/robust.hpp"
 
 namespace rangecal {
 namespace {

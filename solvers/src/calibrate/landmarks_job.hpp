@@ -12,9 +12,9 @@
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/closed_form/consensus.hpp"
 #include "rangecal/solvers/joint_ml/joint_ml.hpp"
-#include "rangecal/solvers/joint_ml/robust.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 #include "rangecal/solvers/nlopt/nlopt_check.hpp"
+#include "rangecal/solvers/robust/robust.hpp"
 
 namespace rangecal {
 

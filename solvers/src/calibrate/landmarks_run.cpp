@@ -8,10 +8,10 @@
 
 #include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
+#include "calibrate/observability.hpp"
 #include "calibrate/walk_seed.hpp"
-#include "calibrate/what_is_open.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/nlopt/joint_check.hpp"
 
 namespace rangecal {
@@ -249,8 +249,8 @@ void note_tried(const RobustShapes& shapes, CalibrationReport& report) {
                                      tried_in_words(shapes.bearing.shape, shapes.bearing_tried)));
 }
 
-/// What is asked for and does not exist for landmarks.
-void refuse_what_is_not(std::span<const Recording> recordings, const CalibrateOptions& options) {
+/// Throws InputError for options that landmarks do not have.
+void check_landmark_options(std::span<const Recording> recordings, const CalibrateOptions& options) {
   if (options.criterion != OrderCriterion::aic)
     throw InputError(
         fmt::format("{}: criterion {} is for known distances (kind: pairs); of landmarks order and noise "
@@ -265,15 +265,16 @@ void refuse_what_is_not(std::span<const Recording> recordings, const CalibrateOp
                        "use --method marginal, or give sigma_xy_m a value");
 }
 
-/// What the recording leaves open, of every method; and what the closed form alone could not tell.
-void mark_what_is_open(const LandmarksJob& job, const std::optional<JointState>& at,
-                       CalibrationReport& report) {
-  if (const auto open = at ? what_is_open(job.problem, *at) : std::nullopt)
-    for (Calibration& calibration : report.calibrations) mark_open(job.problem, *open, *at, calibration);
+/// Marks the calibrations of every method whose curve the recording does not determine, and those of the closed form.
+void mark_unobservable_curves(const LandmarksJob& job, const std::optional<JointState>& at,
+                              CalibrationReport& report) {
+  if (const auto reason = at ? unobservable_reason(job.problem, *at) : std::nullopt)
+    for (Calibration& calibration : report.calibrations)
+      mark_unobservable(job.problem, *reason, *at, calibration);
   for (Calibration& calibration : report.calibrations) {
     if (calibration.outcome != Outcome::unobservable || calibration.alpha.size() > 0) continue;
     if (at)
-      mark_open(job.problem, std::string(calibration.reason), *at, calibration);
+      mark_unobservable(job.problem, std::string(calibration.reason), *at, calibration);
     else
       calibration.outcome = Outcome::failed;
   }
@@ -320,7 +321,7 @@ std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, N
 
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
                          CalibrationReport& report) {
-  refuse_what_is_not(recordings, options);
+  check_landmark_options(recordings, options);
   LandmarksJob job(recordings, options, report);
   const std::vector<Method> methods = methods_of(options);
   if (job.too_few) {
@@ -377,7 +378,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   }
   report_shapes(report);
   if (run.shapes()) note_tried(*run.shapes(), report);
-  mark_what_is_open(job, run.best_state ? run.best_state : run.seed(), report);
+  mark_unobservable_curves(job, run.best_state ? run.best_state : run.seed(), report);
   if (options.check && !run.shapes() && !job.problem.estimate_sigma_s && run.seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
     report.check = checked(job, *run.seed(), *run.full());

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "calibrate/landmarks_job.hpp"
-#include "rangecal/solvers/joint_ml/robust.hpp"
+#include "rangecal/solvers/robust/robust.hpp"
 
 namespace rangecal {
 

@@ -295,14 +295,14 @@ std::vector<PlacedReading> places_of(std::span<const Recording> recordings) {
 }
 
 /// Every reading beside a curve: its error in spreads, what the noise shape takes it for, and its robust weight.
-struct Readings {
+struct WeighedReadings {
   std::vector<double> z, outlier, weight;
   std::vector<char> judged;
 };
 
-Readings readings_about(const Recording& all, const Calibration& calibration) {
+WeighedReadings readings_about(const Recording& all, const Calibration& calibration) {
   const ShapeDensity density_at(noise_shape_of(calibration, "range"));
-  Readings about;
+  WeighedReadings about;
   ChannelResiduals residuals = residuals_about(calibration, all.pairs.true_m, all.pairs.reading_m);
   for (std::size_t i = 0; i < residuals.z.size(); ++i) {
     const LogDensity at = density_at(residuals.z[i], residuals.s[i]);
@@ -317,7 +317,7 @@ Readings readings_about(const Recording& all, const Calibration& calibration) {
 /// Outliers, and whether the curve is better than none.
 void judge(const Recording& all, std::span<const Recording> recordings, Calibration& calibration) {
   if (calibration.outcome != Outcome::converged) return;
-  const Readings about = readings_about(all, calibration);
+  const WeighedReadings about = readings_about(all, calibration);
   list_outliers(about.z, about.outlier, places_of(recordings), calibration);
   StopInfluence halves;
   const BlocksOfAll blocks = blocks_of_all(recordings);
@@ -334,7 +334,7 @@ int order_by_blocks_left_out(const Recording& all, const BlocksOfAll& blocks, Pa
   constexpr double nearly = 4.0;  // of AIC
   const Calibration& highest = run.solved(Method::full, model.first, model.second);
   if (highest.outcome != Outcome::converged || model.first < 2) return model.first;
-  const Readings about = readings_about(all, highest);
+  const WeighedReadings about = readings_about(all, highest);
   StopInfluence unused;
   const LeftOutErrors of_highest =
       left_out_errors({all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged, blocks.of}, highest,

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <string>
 
-#include "change/landmark_filter.hpp"
 #include "joint_ml/seed_from.hpp"
+#include "kalman/landmark_filter.hpp"
 
 namespace rangecal {
 

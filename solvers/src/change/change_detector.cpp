@@ -138,8 +138,8 @@ class ReadingsSince {
     best.gain = -1.0;
     for (const VectorXd& start : {VectorXd(VectorXd::Zero(size)), least}) {
       VectorXd b = start;
-      constexpr int rounds = 50;
-      for (int round = 0; round < rounds; ++round) {
+      constexpr int iterations = 50;
+      for (int iteration = 0; iteration < iterations; ++iteration) {
         VectorXd U = VectorXd::Zero(size);
         MatrixXd W = MatrixXd::Zero(size, size);
         for (Index i = 0; i < count; ++i) {

@@ -25,7 +25,7 @@ using Eigen::VectorXd;
 
 constexpr std::int64_t first_life = 32, longest_life = 512;  // stops
 
-/// dy/db of the directions at a reading foretold as f.
+/// dy/db of the directions at a reading predicted as f.
 std::array<double, LandmarkWatch::directions> slopes(double f, double bearing) {
   return {1.0, f, f * f, std::cos(bearing), std::sin(bearing)};
 }

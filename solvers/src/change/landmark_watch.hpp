@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "change/landmark_filter.hpp"
+#include "kalman/landmark_filter.hpp"
 #include "rangecal/solvers/change/change_detector.hpp"
 #include "rangecal/solvers/recursive/recursive_landmarks.hpp"
 

@@ -45,9 +45,9 @@ double common_variance(const std::vector<double>& r_sq, const std::vector<double
     std::nth_element(ratios.begin(), middle, ratios.end());
     tau_sq = *middle / median_of_chi_sq;
   }
-  constexpr int rounds = 12;
+  constexpr int iterations = 12;
   constexpr double close = 0.02;
-  for (int round = 0; round < rounds; ++round) {
+  for (int iteration = 0; iteration < iterations; ++iteration) {
     const double excess = excess_at(tau_sq);
     if (std::abs(excess - 1.0) < close) break;
     tau_sq *= std::clamp(excess, 0.2, 5.0);
@@ -80,8 +80,8 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
   }
   Eigen::VectorXd row(order + 1), unit = Eigen::VectorXd::Ones(order + 1);  // powers of d / longest
   for (int j = 1; j <= order; ++j) unit[j] = unit[j - 1] / longest;
-  constexpr int absolute = 5, rounds = 12;  // least absolute deviations first, then the biweight
-  for (int round = 0; round < rounds; ++round) {
+  constexpr int absolute = 5, iterations = 12;  // least absolute deviations first, then the biweight
+  for (int iteration = 0; iteration < iterations; ++iteration) {
     Eigen::MatrixXd A = Eigen::MatrixXd::Zero(order + 1, order + 1);
     Eigen::VectorXd b = Eigen::VectorXd::Zero(order + 1);
     for (std::size_t i = 0; i < n; ++i) {
@@ -96,7 +96,7 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
     curve.tau_sq = common_variance(square, own, g, curve.tau_sq);
     for (std::size_t i = 0; i < n; ++i) {
       const double variance = v[i] + curve.tau_sq * g[i] + rounding, z = std::sqrt(square[i] / variance);
-      weight[i] = round < absolute ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
+      weight[i] = iteration < absolute ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
     }
   }
   curve.score = 0.0;
@@ -153,8 +153,8 @@ class Search {
       landmarks_.push_back(own.empty() ? Eigen::Vector2d::Zero()
                                        : Eigen::Vector2d(upper_median(x), upper_median(y)));
     }
-    constexpr int rounds = 12;
-    for (int round = 0; round < rounds; ++round) {
+    constexpr int iterations = 12;
+    for (int iteration = 0; iteration < iterations; ++iteration) {
       angles();
       double moved = 0.0;
       for (std::size_t l = 0; l < landmarks_.size(); ++l) moved = std::max(moved, improve(l));

@@ -24,8 +24,8 @@ struct MeanReading {
   double at(double d) const;
 };
 
-/// The stretches of `range` on which g may come within `reach` of y, ascending. An effect swings as fast as it
-/// changes for its size: the grid has a dozen points to a swing, and every extreme on it is refined. f is
+/// The stretches of `range` on which g may come within `reach` of y, ascending. An effect oscillates as fast as it
+/// changes for its size: the grid has a dozen points to a period, and every extreme on it is refined. f is
 /// followed to where it leaves y by more than the effects together ever do. Cost: some five hundred changes.
 std::vector<Stretch> stretches_near(const MeanReading& mean, const SearchedRange& range, double y,
                                     double reach);

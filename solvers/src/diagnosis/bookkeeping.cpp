@@ -397,7 +397,7 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   const GridEvidence range =
                          has_repeats(rows) ? grid_of_values(rows, rows.range_m) : grid_without_repeats(rows),
                      bearing = grid_of_values(rows, rows.bearing_rad);
-  // Rounding far below the spread repeats a value now and then and does no harm: steps of a fifteenth of the
+  // Rounding far below the spread repeats a value now and then and can be ignored: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {
     return e.share > many_alike || (e.repeated > 0.03 && e.step_over_spread > step_that_matters);

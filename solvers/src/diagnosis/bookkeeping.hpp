@@ -9,7 +9,7 @@
 
 namespace rangecal::diagnosis {
 
-/// What the bookkeeping found: mistakes and grids that wear the mask of physics.
+/// What the bookkeeping found: mistakes in labels, grids and missing readings, which look like physics.
 struct Bookkeeping {
   Model model;                     ///< effects found, with their parameters
   std::vector<Question> findings;  ///< channel, covariate, evidence

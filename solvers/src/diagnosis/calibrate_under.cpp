@@ -5,9 +5,9 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/alternation.hpp"
 #include "diagnosis/known_distances.hpp"
 #include "diagnosis/refit.hpp"
-#include "diagnosis/rounds.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
@@ -33,7 +33,7 @@ double prior_nll(const Rows& rows, const Eigen::VectorXd& alpha) {
   return 0.5 * off.dot(rows.alpha_prior->precision * off);
 }
 
-/// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the nats it promises.
+/// Moves alpha by a Gauss-Newton step towards its optimum under the prior; returns the gain that it predicts [nats].
 double step_alpha(const Rows& rows, const WorkingProblem& working, JointState& state) {
   const Projector projector(rows, working, state);
   const Eigen::Index alphas = state.alpha.size();
@@ -73,10 +73,10 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   double value = infinity, least = infinity;
   JointState least_state = state;
   bool at_the_end = false;
-  Rounds rounds(model, options.places_stay);
+  Alternation alternation(model, options.places_stay);
   if (detail) marginal.begin = detail->reml;
   do {
-    const WorkingProblem working = rounds.begin(rows, model, state);
+    const WorkingProblem working = alternation.begin(rows, model, state);
     const bool weighted = !working.serial.independent() && working.tail_shift.size() > 0;
     if (weighted && least == infinity) {
       least = nll_at(rows, working, state) + prior_nll(rows, state.alpha);
@@ -104,19 +104,19 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
     value = fit_value + working.constant;
     // The solve saw straight lines, or tails along a sequence by the weights where it began, which no bound goes with: the value
     // is that of the model where it ended.
-    if (rounds.bends()) {
+    if (alternation.has_effect_slope()) {
       const WorkingProblem ended = working_problem(rows, model, state);
       value += nll_at(rows, ended, state) - nll_at(rows, working, state);
     } else if (weighted) {
       value = nll_at(rows, working_problem(rows, model, state), state) + prior_nll(rows, state.alpha);
       if (detail) *detail = fit;
     }
-    at_the_end = rounds.bends() || weighted;
+    at_the_end = alternation.has_effect_slope() || weighted;
     if (at_the_end && !(value < least)) continue;
     least = value;
     least_state = state;
     if (detail) *detail = std::move(fit);
-  } while (rounds.another(rows, model, state, value));
+  } while (alternation.another(rows, model, state, value));
   if (!at_the_end) return value;
   state = std::move(least_state);
   return least;

@@ -48,7 +48,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
   for (const Question& q : battery.questions) {
     if (!q.effect || contains(model, q.effect) || is_bookkeeping(q.effect->info().kind)) continue;
     Proposal& p = best[q.effect->info().id];
-    if (!p.effect || q.gain > p.promised) p = {q.effect, q.start, q.gain, q.gain - q.dof, {}};
+    if (!p.effect || q.gain > p.predicted_gain) p = {q.effect, q.start, q.gain, q.gain - q.dof, {}};
     peaks[q.effect->info().id].emplace_back(q.gain, q.start);
   }
   // Effects on dependence, tails and the spread of stops have no mean signature: their scalar tests propose
@@ -67,7 +67,7 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
       if (!same_channel && !any_channel && !any_tail) continue;
       if (q.log_p > -4.0) continue;
       Proposal& p = best[info.id];
-      if (p.effect && q.gain <= p.promised) continue;
+      if (p.effect && q.gain <= p.predicted_gain) continue;
       const auto grid = effect->start_grid(rows.context);
       if (grid.empty()) continue;
       p = {effect, grid[grid.size() / 2], q.gain, q.gain - q.dof, {}};
@@ -80,20 +80,20 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
                      [](const EffectParameter& q) { return !q.linear && !q.discrete; }))
       continue;
     for (const auto& [height, start] : peaks_of(peaks[id]))
-      if (p.others.size() < 3 && height > 0.6 * p.promised - 2.0 && start != p.start)
+      if (p.others.size() < 3 && height > 0.6 * p.predicted_gain - 2.0 && start != p.start)
         p.others.push_back(start);
   }
   std::vector<Proposal> order;
   for (auto& [id, p] : best)
-    if (p.promised > 3.0) order.push_back(p);  // less cannot pass the battery's rate
+    if (p.predicted_gain > 3.0) order.push_back(p);  // less cannot pass the battery's rate
   std::sort(order.begin(), order.end(), [](const Proposal& a, const Proposal& b) { return a.rank > b.rank; });
   if (order.size() > shortlist) order.resize(shortlist);
   return order;
 }
 
-// Effects that change fast with distance let the fit choose, stop by stop, among many bends to lie on: gain
-// far beyond what the score promised is that choice, and no evidence.
-double credible_gain(const Proposal& proposal) { return 1.5 * proposal.promised + 3.0; }
+// Effects that change fast with distance let the fit choose, stop by stop, among many modes to lie in: gain
+// far beyond what the score predicted is that choice, and no evidence.
+double credible_gain(const Proposal& proposal) { return 1.5 * proposal.predicted_gain + 3.0; }
 
 namespace {
 

@@ -24,7 +24,7 @@ struct Candidate {
 struct Proposal {
   const Effect* effect = nullptr;
   Eigen::VectorXd start;
-  double promised = 0.0, rank = 0.0;
+  double predicted_gain = 0.0, rank = 0.0;
   std::vector<Eigen::VectorXd> others;  ///< further peaks over the start grid, best first
 };
 
@@ -33,10 +33,10 @@ bool contains(const Model& model, const Effect* effect);
 /// The effects of a model by their ids.
 std::vector<std::string> ids_of(const Model& model);
 
-/// The catalogue's entries ordered by what their projected scores promise, best grid point of each.
+/// The catalogue's entries ordered by the gain that their projected scores predict, best grid point of each.
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model);
 
-/// A start of a grid, and the nats that its score promises.
+/// A start of a grid, and the gain that its score predicts [nats].
 using Height = std::pair<double, Eigen::VectorXd>;
 /// The local maxima of heights in the order of their grid, highest first.
 std::vector<Height> peaks_of(const std::vector<Height>& heights);

@@ -9,8 +9,8 @@
 #include "calibrate/scale_choice.hpp"
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
-#include "diagnosis/forced.hpp"
-#include "diagnosis/prepared.hpp"
+#include "diagnosis/fit_given.hpp"
+#include "diagnosis/preprocess.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reporting.hpp"
 #include "diagnosis/search.hpp"
@@ -19,7 +19,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 
 namespace rangecal {
@@ -97,10 +97,10 @@ diagnosis::SeedCurve seed_curve(std::span<const Recording> recordings, const Dia
 void require_testable(const diagnosis::Rows& rows, std::span<const Recording> recordings) {
   constexpr int highest = 4;
   if (rows.size() < 8) {
-    const std::string doubt = limit_doubt(recordings);
+    const std::string warning = range_limit_warning(recordings);
     throw InputError(recordings[0].path + ": " + to_string(Outcome::too_few_data) +
                      ": fewer than 8 usable readings: nothing can be diagnosed" +
-                     (doubt.empty() ? "" : "; " + doubt));
+                     (warning.empty() ? "" : "; " + warning));
   }
   if (!rows.pairs)
     if (const auto why = why_too_few(rows.problem, 1))
@@ -115,7 +115,7 @@ diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis:
   if (!options.force) return diagnosis::search_by_sets(rows, known, options);
   diagnosis::RefitOptions refit_options;
   diagnosis::SearchResult result = diagnosis::scan_seed_model(rows, known, options, refit_options);
-  diagnosis::fit_forced(rows, *options.force, refit_options, result);
+  diagnosis::fit_given(rows, *options.force, refit_options, result);
   return result;
 }
 
@@ -123,9 +123,9 @@ diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis:
 
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
-  if (std::optional<Prepared> ready = prepared(recordings)) {
-    Diagnosis result = diagnose(ready->recordings, options);
-    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+  if (std::optional<Preprocessed> preprocessed = preprocess(recordings)) {
+    Diagnosis result = diagnose(preprocessed->recordings, options);
+    result.notes.insert(result.notes.end(), preprocessed->notes.begin(), preprocessed->notes.end());
     return result;
   }
   if (options.simulation && !options.simulation->effects.empty()) {
@@ -153,9 +153,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   if (options.simulation && !options.force && found.verdict != Verdict::no_mismatch) {
     const std::vector<std::string> curve_alone = curve_mismatch(rows, known, found, options);
     if (!curve_alone.empty()) {
-      DiagnoseOptions forced = options;
-      forced.force = curve_alone;
-      found = looked_for(rows, known, forced);
+      DiagnoseOptions with_given = options;
+      with_given.force = curve_alone;
+      found = looked_for(rows, known, with_given);
     }
   }
   if (found.named()) {

@@ -235,12 +235,12 @@ std::string trace_to_json(const std::vector<TriedSet>& sets) {
     Json proposals = Json::array();
     for (const TriedSet::Proposal& p : set.proposals)
       proposals.push_back({{"members", p.members},
-                           {"promised", number(p.promised)},
+                           {"promised", number(p.predicted_gain)},
                            {"log_posterior", number(p.log_posterior)},
                            {"fitted", p.fitted}});
     written.push_back({{"members", set.members},
                        {"parent", set.parent},
-                       {"promised", number(set.promised)},
+                       {"promised", number(set.predicted_gain)},
                        {"gain", number(set.gain)},
                        {"parameter_volume", number(set.parameter_volume)},
                        {"prior_mass", number(set.prior_mass)},

@@ -2,6 +2,8 @@
 // Held-out predictive density: fitted on four fifths of the blocks, asked about the last fifth,
 //   sum over folds of  l_s(all readings; theta of the rest) - l_s(the rest; theta of the rest),
 // stops integrated by Laplace's method in both. Where several recordings are given: held_recordings.hpp.
+#include "diagnosis/held_out.hpp"
+
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -10,12 +12,11 @@
 #include <set>
 #include <string>
 
-#include "diagnosis/chosen_anew.hpp"
 #include "diagnosis/effect_estimates.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/held_recordings.hpp"
-#include "diagnosis/outlook.hpp"
 #include "diagnosis/profile_limits.hpp"
+#include "diagnosis/reselection.hpp"
 #include "diagnosis/subset.hpp"
 #include "diagnosis/training_part.hpp"
 #include "in_parallel.hpp"
@@ -64,7 +65,7 @@ HeldOut predict(const Rows& rows, const std::vector<int>& blocks, const std::vec
         const Rows rest = without_cells(rows, out);
         Fit fit = fit_part(rest, full, options, steps_of_fold);
         OwnedCurves curves;
-        if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options, curves);
+        if (fit.ok) fit = reselect(rest, std::move(fit), rates, options, curves);
         if (!fit.ok) {
           held.ok = false;
           return;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "calibrate/too_few.hpp"
-#include "diagnosis/chosen_anew.hpp"
+#include "diagnosis/reselection.hpp"
 #include "in_parallel.hpp"
 #include "rangecal/core/quantiles.hpp"
 
@@ -112,7 +112,7 @@ Fit fit_to_others(const Rows& rows, const std::vector<int>& fold, int left_out, 
   fit.ok = false;
   if (rest.size() < fewest_readings || (!rest.pairs && why_too_few(rest.problem, 1))) return fit;
   fit = fit_part(rest, fit, options, steps_of_part);
-  if (fit.ok) fit = chosen_anew(rest, std::move(fit), rates, options, curves);
+  if (fit.ok) fit = reselect(rest, std::move(fit), rates, options, curves);
   fit.ok = fit.ok && fit.outcome != Outcome::unobservable;
   return fit;
 }

@@ -172,8 +172,8 @@ class SerialProblem {
     if (power_of_d_ > 0) point.log_spreads += power_of_d_ * u_.array().log().sum();
     const Eigen::ArrayXd extra = root.square() * mean_square;
     Eigen::ArrayXd z = root * (mean - f);
-    for (Eigen::Index i = 0; !cells_.bend.empty() && i < n_; ++i)
-      z[i] -= root[i] * cells_.bent(static_cast<std::size_t>(i), u_[i]);
+    for (Eigen::Index i = 0; !cells_.effect_slope.empty() && i < n_; ++i)
+      z[i] -= root[i] * cells_.effect_change(static_cast<std::size_t>(i), u_[i]);
     SerialErrors::Columns columns(n_, powers_.cols() + 1);  // of the coefficients, and the residuals
     columns.leftCols(powers_.cols()) = root.matrix().asDiagonal() * powers_;
     columns.rightCols(1) = z.matrix();

@@ -27,8 +27,8 @@ namespace diagnosis {
 namespace {
 
 bool changes_mean(const Question& q) { return q.channel == "range" || q.channel == "bearing"; }
-/// What a change of a mean may feign.
-bool may_be_feigned(const Finding& f) {
+/// True of what is confounded with a change of a mean.
+bool is_confounded_with_mean(const Finding& f) {
   return f.channel.find("_dependence") != std::string::npos || f.channel.find("_tail") != std::string::npos ||
          f.channel == "stop";
 }
@@ -222,11 +222,11 @@ void add_named_curves(const Rows& rows, const SearchResult& found, Diagnosis& re
 
 /// True if the completed model leaves something of the finding's channel and covariate.
 bool is_left(const SearchResult& found, const Question& q) {
-  constexpr double beyond_doubt = 1e-5;
+  constexpr double significance_level = 1e-5;
   return found.last &&
          std::any_of(found.last->questions.begin(), found.last->questions.end(), [&](const Question& after) {
            return !after.effect && after.channel == q.channel && after.covariate == q.covariate &&
-                  !on_grid(found.known, after) && found.last->corrected(after) < beyond_doubt;
+                  !on_grid(found.known, after) && found.last->corrected(after) < significance_level;
          });
 }
 
@@ -251,7 +251,7 @@ void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel*
     if (found.verdict == Verdict::explained && is_left(found, q)) {
       // Of effects that were asked for: none of them accounts for it.
     } else if (found.verdict == Verdict::explained) {
-      double worth = 0.0;  // ln p of what casts this shadow
+      double worth = 0.0;  // ln p of the causes that it is confounded with
       for (std::size_t i = 0; i < named; ++i) {
         const Finding& cause = result.location[i];
         if (cause.channel != f.channel) continue;
@@ -269,7 +269,7 @@ void add_shapes(const Rows& rows, const SearchResult& found, const GenericModel*
       }
     } else {
       f.effects = {"generic"};
-      if (may_be_feigned(f)) f.set_log_p(std::max(f.log_p, strongest_mean));
+      if (is_confounded_with_mean(f)) f.set_log_p(std::max(f.log_p, strongest_mean));
     }
     const bool corrected = generic && generic->effect && generic->effect->info().channel == f.channel &&
                            generic->effect->info().covariate == f.covariate;

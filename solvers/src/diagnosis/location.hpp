@@ -26,9 +26,9 @@ std::vector<LocatedCurve> located_curves(const Model& model);
 ///          where X - n < 2 sqrt(2 n), or where it changes no mean;
 ///   place  where its fitted curve, less what the calibration takes of it, is half as large as it gets, or larger.
 /// What else the scan of the seed model saw has p by what a fit of its shape would gain. In an explained recording that
-/// is the names' shadow along other covariates: it belongs to them, and is worth no more than they are (what effects that were asked
-/// for leave at p < 1e-5 belongs to none). Where no name
-/// was given, dependence, tails and errors of stops are worth no more than the change of a mean that feigns them.
+/// is confounded with the names along other covariates: it belongs to them, and is worth no more than they are (what effects
+/// that were asked for leave at p < 1e-5 belongs to none). Where no name was given, dependence, tails and errors of stops are
+/// worth no more than the change of a mean that they are confounded with.
 /// `generic`: the curve without a name, or null. There is at least one finding wherever there is a mismatch.
 void add_location(const Rows& rows, const SearchResult& found, const GenericModel* generic,
                   Diagnosis& result);

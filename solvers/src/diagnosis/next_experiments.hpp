@@ -13,9 +13,9 @@ namespace rangecal::diagnosis {
 /// extended design, and B free to refit, lambda = |x_A|^2 after taking out the calibration and B's
 /// parameters. Twice the log likelihood ratio of A to B is N(lambda, 4 lambda); `power` is the probability
 /// that it exceeds twice `gap_nats` for the closest pair. Pairs that no change separates are exact twins and
-/// count as one. Otherwise: the unseen effects that become visible, weighted by their harm; `power` is their
-/// harm-weighted probability of detection. Effects that this recording cannot hold for want of times, targets or
-/// repeats count as unseen, with the harm that they do in the extended recording.
+/// count as one. Otherwise: the unseen effects that become visible, weighted by the range errors that they cause; `power` is
+/// their probability of detection weighted by the range errors. Effects that this recording cannot hold for want of
+/// times, targets or repeats count as unseen, with the range error that they cause in the extended recording.
 ///
 /// Sets explanations[0].separated_by where it names a set.
 void add_next_experiments(const Space& space, const SearchResult& found, const DiagnoseOptions& options,

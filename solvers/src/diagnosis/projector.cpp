@@ -73,9 +73,9 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   slope_.resize(cells);
   const double bearing_weight = rows.pairs ? 0.0 : 1.0 / (state.sigma_theta_rad * state.sigma_theta_rad);
   for (int i = 0; i < cells; ++i) {
-    slope_[i] = geometry_.slope[i] + (c.bend.empty() ? 0.0 : c.bend[i]);
+    slope_[i] = geometry_.slope[i] + (c.effect_slope.empty() ? 0.0 : c.effect_slope[i]);
     range_residual[i] =
-        c.range_mean[i] - geometry_.f[i] - c.bent(static_cast<std::size_t>(i), geometry_.d[i]);
+        c.range_mean[i] - geometry_.f[i] - c.effect_change(static_cast<std::size_t>(i), geometry_.d[i]);
     bearing_residual[i] = rows.pairs ? 0.0 : wrap_angle(c.bearing_mean[i] - geometry_.bearing[i]);
     range_information[i] = c.range_weight[i] / (geometry_.spread[i] * geometry_.spread[i]);
     bearing_information[i] = c.bearing_weight[i] * bearing_weight;
@@ -137,7 +137,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   plain_range_ = range_residual;
   plain_bearing_ = bearing_residual;
   settle(plain_range_, plain_bearing_);
-  if (!rows.pairs && c.bend.empty())
+  if (!rows.pairs && c.effect_slope.empty())
     pull -= expect_scores();  // a fast bend has no second derivative to go by
   settle(range_residual, bearing_residual);
   if (!serial_.independent()) weighted_residual_ = weighted(range_residual);

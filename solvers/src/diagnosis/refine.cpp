@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/rounds.hpp"
+#include "diagnosis/alternation.hpp"
 #include "in_parallel.hpp"
 
 namespace rangecal::diagnosis {
@@ -103,7 +103,7 @@ bool try_sides(const Rows& rows, const RefitOptions& options, Fit& fit) {
   return any;
 }
 
-/// Tries the period of an effect that bends around the fit, by a quarter of a peak's width: the likelihood
+/// Tries the period of an effect that oscillates with distance around the fit, by a quarter of a peak's width: the likelihood
 /// has many peaks beside the highest. Each trial starts from the given geometry, not from one that lies on a wrong peak.
 void try_periods(const Rows& rows, const JointState& geometry, std::size_t member,
                  const RefitOptions& options, Fit& fit) {
@@ -134,8 +134,8 @@ void try_periods(const Rows& rows, const JointState& geometry, std::size_t membe
 }
 
 /// True if some effect of the fit changes fast with distance: its likelihood has many peaks.
-bool bends(const Rows& rows, const Fit& fit) {
-  return !working_problem(rows, fit.model, fit.state).problem.cells.bend.empty();
+bool has_effect_slope(const Rows& rows, const Fit& fit) {
+  return !working_problem(rows, fit.model, fit.state).problem.cells.effect_slope.empty();
 }
 
 }  // namespace
@@ -152,7 +152,7 @@ void refine_member(const Rows& rows, const JointState& geometry, std::size_t mem
   scan_steps(rows, member, options, fit);
   if (Sides::matter({fit.model[member]}) && try_sides(rows, options, fit))
     scan_steps(rows, member, options, fit);
-  if (fit.model[member].effect->info().kind == EffectKind::mean && bends(rows, fit))
+  if (fit.model[member].effect->info().kind == EffectKind::mean && has_effect_slope(rows, fit))
     try_periods(rows, geometry, member, options, fit);
 }
 

@@ -61,13 +61,14 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
   for (int iteration = 0; iteration < options.max_iterations && !fit.free.empty(); ++iteration) {
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
     Eigen::VectorXd step;
-    double promised = 0.0;
-    if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance, promised))
+    double predicted_gain = 0.0;
+    if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance,
+                           predicted_gain))
       break;
-    if (promised < 1e-3) break;
+    if (predicted_gain < 1e-3) break;
     bool accepted = false;
     for (int attempt = 0; attempt < 5; ++attempt, damping *= 0.4) {
-      if (attempt > 0 && damping * promised < next_to_nothing) break;
+      if (attempt > 0 && damping * predicted_gain < next_to_nothing) break;
       Model trial = fit.model;
       move_parameters(rows, fit.free, step, damping, trial);
       JointState state = fit.state;

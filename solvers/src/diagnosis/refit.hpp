@@ -47,7 +47,7 @@ struct RefitOptions {
   /// Effects at the front of the model whose dependence, tails and errors of stops stay as they are: line
   /// searches cost most.
   int settled = 0;
-  /// Places stay on the side of a switching distance, and on the swing of a fast effect, on which the state
+  /// Places stay on the side of a switching distance, and in the mode of an oscillating effect, in which the state
   /// has them.
   bool places_stay = false;
 };

@@ -141,7 +141,7 @@ TailScore tail_score(const Rows& rows, const Fit& fit, const std::vector<FreePar
 
 bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
                        const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
-                       Eigen::MatrixXd& covariance, double& promised) {
+                       Eigen::MatrixXd& covariance, double& predicted_gain) {
   const Projector projector(rows, working, state);
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   const ParameterSlopes slopes = parameter_slopes(rows, working, projector, model, free);
@@ -154,14 +154,14 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
   if (factor.info() != Eigen::Success) return false;
   step = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
   covariance = diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
-  promised = 0.5 * score.dot(step);
+  predicted_gain = 0.5 * score.dot(step);
   return step.allFinite();
 }
 
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit) {
   constexpr int most_hops = 6, most_refinements = 4;
-  constexpr double next_to_nothing = 2e-3;  // nats that a parabola promises
+  constexpr double next_to_nothing = 2e-3;  // gain that a parabola predicts [nats]
   RefitOptions staying = options;           // tails and dependence move no place by much
   staying.places_stay = true;
   const EffectParameter& info = info_of(fit.model, p);
@@ -256,8 +256,8 @@ void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
     if (factor.info() != Eigen::Success) return;
     Eigen::VectorXd step = factor.solve(slopes.score).head(static_cast<Eigen::Index>(tails.size()));
     if (!step.allFinite()) return;
-    const double promised = 0.5 * slopes.score.head(step.size()).dot(step);
-    if (!(promised > settled)) return;
+    const double predicted_gain = 0.5 * slopes.score.head(step.size()).dot(step);
+    if (!(predicted_gain > settled)) return;
     const double most = longest / step.cwiseAbs().maxCoeff();
     const Model before = fit.model;
     const auto accept = [&](double length) {

@@ -6,10 +6,10 @@
 namespace rangecal::diagnosis {
 
 /// One Gauss-Newton step for all mean and variance parameters at the fit's model and state; fills the covariance, and the
-/// nats that the step promises. False if nothing can move.
+/// gain that the step predicts [nats]. False if nothing can move.
 bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
                        const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
-                       Eigen::MatrixXd& covariance, double& promised);
+                       Eigen::MatrixXd& covariance, double& predicted_gain);
 
 /// Searches one parameter that only the value of the likelihood knows, in its logarithm where it is positive: outwards by
 /// hops that double, a factor `reach` first (else `reach` - 1 typical sizes), then to the vertex of a parabola.

@@ -8,16 +8,17 @@
 #include <string_view>
 #include <utility>
 
+#include "diagnosis/held_out.hpp"
+#include "diagnosis/identifiability.hpp"
 #include "diagnosis/laws/law_search.hpp"
 #include "diagnosis/location.hpp"
-#include "diagnosis/outlook.hpp"
 #include "diagnosis/places.hpp"
 #include "diagnosis/report.hpp"
 #include "diagnosis/residual_bins.hpp"
 #include "diagnosis/simulation_compare.hpp"
 #include "diagnosis/undetermined.hpp"
 #include "diagnosis/withdrawal.hpp"
-#include "rangecal/solvers/calibrate/doubts.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -93,9 +94,10 @@ class Reporting {
     add_residual_bins(rows_, found_, completed_, result_);
     place_by_residuals(rows_, result_.location);
     say("looking for what could be hidden", 0.9);
-    DiagnoseOptions outlook = options_;
-    if (unobservable()) outlook.unseen = outlook.next_experiments = false;  // of a curve that is none
-    add_outlook(rows_, found_, outlook, result_);
+    DiagnoseOptions identifiability = options_;
+    if (unobservable())
+      identifiability.unseen = identifiability.next_experiments = false;  // of a curve that is none
+    add_identifiability(rows_, found_, identifiability, result_);
     add_simulation_model(rows_, recordings_, corrected, found_, curve(), result_);
     write_sentence(against);
     if (curve()) take_noise_of(*curve());
@@ -133,8 +135,8 @@ class Reporting {
           "the residuals differ from those of the seed model, but no cause is named beside a curve that is open");
     for (Explanation& e : result_.explanations)
       e.probability = std::min(e.probability, 1.0);  // of the effects asked for alone
-    for (std::string& doubt : doubts(recordings_, result_.corrected))
-      result_.notes.push_back(std::move(doubt));
+    for (std::string& warning : plausibility_warnings(recordings_, result_.corrected))
+      result_.notes.push_back(std::move(warning));
     generic_ = add_generic(rows_, found_, result_);
     add_location(rows_, found_, generic_ ? &*generic_ : nullptr, result_);
     // Where no curve stands for what a partial name leaves, the name's own.

@@ -46,7 +46,7 @@ void reveal_unseen(const std::vector<PossibleChange>& menu, const SearchResult& 
                    const std::vector<TypicalEffect>& effects, Diagnosis& result) {
   struct Hidden {
     const TypicalEffect* typical;
-    double harm, power;
+    double range_error, power;
   };
   std::vector<Hidden> hidden;
   const auto power_of = [&](const TypicalEffect& typical, double noncentrality) {
@@ -72,7 +72,7 @@ void reveal_unseen(const std::vector<PossibleChange>& menu, const SearchResult& 
       if (power < 0.1 || power < 2.0 * h.power + 0.05 ||
           std::find(settles.begin(), settles.end(), id) != settles.end())
         return;
-      const double weight = std::max(h.harm, 1e-6);
+      const double weight = std::max(h.range_error, 1e-6);
       settles.push_back(id);
       scored.next.power += weight * power;
       scored.score += weight * (power - h.power);
@@ -98,9 +98,9 @@ void reveal_unseen(const std::vector<PossibleChange>& menu, const SearchResult& 
                         std::any_of(effects.begin(), effects.end(), [&](const TypicalEffect& other) {
                           return other.active.effect->info().id == id;
                         });
-      const double harm = harm_of(space, typical);
-      if (seen || !std::isfinite(harm)) continue;
-      opened.push_back({&typical, harm, known == hidden.end() ? 0.0 : known->power});
+      const double range_error = range_error_of(space, typical);
+      if (seen || !std::isfinite(range_error)) continue;
+      opened.push_back({&typical, range_error, known == hidden.end() ? 0.0 : known->power});
     }
     judge(change.entry, opened, [&](const TypicalEffect& typical) {
       const Model model = in_design(change.design, {typical.active});

@@ -87,6 +87,6 @@ ActiveEffect scaled(const TypicalEffect& typical, double factor);
 /// RMS over the calibrated distances of the error in the corrected distance [m] that the change costs if
 /// ignored: the change of the curve that absorbs it, less the change of the curve that is real (effects of
 /// the range alone), divided by f'.
-double harm_of(const Space& space, const TypicalEffect& typical);
+double range_error_of(const Space& space, const TypicalEffect& typical);
 
 }  // namespace rangecal::diagnosis

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <set>
 
-#include "diagnosis/prepared.hpp"
+#include "diagnosis/preprocess.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
@@ -87,13 +87,13 @@ void compare_noise_levels(std::span<const Recording> recordings, const Calibrati
 /// fitted.
 std::optional<double> log_p_of(std::span<const Recording> recordings, const std::vector<std::string>& effects,
                                const DiagnoseOptions& options, std::size_t parameters) {
-  DiagnoseOptions forced = options;
-  forced.force = effects;
-  forced.held_out = forced.unseen = forced.next_experiments = false;
-  forced.progress = nullptr;
-  forced.null_draws = 20;
+  DiagnoseOptions with_given = options;
+  with_given.force = effects;
+  with_given.held_out = with_given.unseen = with_given.next_experiments = false;
+  with_given.progress = nullptr;
+  with_given.null_draws = 20;
   try {
-    const Diagnosis d = diagnose(recordings, forced);
+    const Diagnosis d = diagnose(recordings, with_given);
     if (d.explanations.empty()) return std::nullopt;
     return log_chi_sq_survival(2.0 * std::max(0.0, d.before.nll - d.explanations.at(0).nll),
                                static_cast<int>(std::max<std::size_t>(1, parameters)));
@@ -118,9 +118,9 @@ Diagnosis diagnose_difference(std::span<const Recording> recordings, std::span<c
     return effect && effect->info().kind == EffectKind::mean;
   };
   const std::string channel = result.location.empty() ? "" : result.location[0].channel;
-  const bool nameless = std::find(result.final_effects.begin(), result.final_effects.end(), "generic") !=
-                        result.final_effects.end();
-  if ((nameless && (channel == "range" || channel == "bearing")) ||
+  const bool generic = std::find(result.final_effects.begin(), result.final_effects.end(), "generic") !=
+                       result.final_effects.end();
+  if ((generic && (channel == "range" || channel == "bearing")) ||
       std::any_of(result.final_effects.begin(), result.final_effects.end(), cancels))
     return result;
   DiagnoseOptions alone = options;
@@ -224,17 +224,17 @@ void add_notes_of_simulation(std::span<const Recording> simulation, Diagnosis& r
 Diagnosis diagnose_against(std::span<const Recording> recordings, std::span<const Recording> simulation,
                            const DiagnoseOptions& options) {
   using namespace diagnosis;
-  if (std::optional<Prepared> ready = prepared(recordings)) {
-    Diagnosis result = diagnose_against(ready->recordings, simulation, options);
-    result.notes.insert(result.notes.end(), ready->notes.begin(), ready->notes.end());
+  if (std::optional<Preprocessed> preprocessed = preprocess(recordings)) {
+    Diagnosis result = diagnose_against(preprocessed->recordings, simulation, options);
+    result.notes.insert(result.notes.end(), preprocessed->notes.begin(), preprocessed->notes.end());
     return result;
   }
-  const std::optional<Prepared> ready = prepared(simulation);
-  if (ready) simulation = ready->recordings;
+  const std::optional<Preprocessed> preprocessed = preprocess(simulation);
+  if (preprocessed) simulation = preprocessed->recordings;
   Diagnosis result = compared(recordings, simulation, options);
   add_notes_of_simulation(simulation, result);
-  if (ready)
-    for (const std::string& note : ready->notes) add_note_of_simulation(note, result);
+  if (preprocessed)
+    for (const std::string& note : preprocessed->notes) add_note_of_simulation(note, result);
   return result;
 }
 

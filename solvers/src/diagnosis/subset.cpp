@@ -6,7 +6,7 @@
 #include <map>
 #include <numeric>
 
-#include "diagnosis/rounds.hpp"
+#include "diagnosis/alternation.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
@@ -149,11 +149,11 @@ Rows of_recordings(const Rows& rows, const std::vector<char>& kept, JointState& 
 
 double laplace_value(const Rows& rows, const Model& model, JointState& state) {
   double value = std::numeric_limits<double>::quiet_NaN();
-  Rounds rounds(model);
+  Alternation alternation(model);
   do {
-    WorkingProblem working = rounds.begin(rows, model, state);
+    WorkingProblem working = alternation.begin(rows, model, state);
     // A stop predicted from others is off by more than the stretch on which a fast effect is straight.
-    working.problem.cells.bend.clear();
+    working.problem.cells.effect_slope.clear();
     JointState start = state;
     for (std::size_t k = 0; k < start.stops.size(); ++k) {
       const StopPrior& prior = working.problem.stops[k];
@@ -167,7 +167,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state) {
     if (!laplace.ok) return std::numeric_limits<double>::quiet_NaN();
     state = laplace.state;
     value = laplace.marginal_nll + working.constant + serial_nll(rows, working, state);
-  } while (rounds.another(rows, model, state, value));
+  } while (alternation.another(rows, model, state, value));
   return value;
 }
 

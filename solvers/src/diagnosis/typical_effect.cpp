@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Effects at their typical size, and the harm that they do if ignored.
+// Effects at their typical size, and the range error that they cause if ignored.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -79,7 +79,7 @@ ActiveEffect scaled(const TypicalEffect& typical, double factor) {
   return active;
 }
 
-double harm_of(const Space& space, const TypicalEffect& typical) {
+double range_error_of(const Space& space, const TypicalEffect& typical) {
   const EffectInfo& info = typical.active.effect->info();
   const Projector& projector = space.projector();
   const CellGeometry& g = space.geometry();

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "calibrate/landmarks_job.hpp"
-#include "calibrate/what_is_open.hpp"
+#include "calibrate/observability.hpp"
 #include "diagnosis/report.hpp"
 #include "rangecal/problems/pairs/pairs_problem.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
@@ -39,7 +39,7 @@ std::optional<Undetermined> undetermined(const Rows& rows, std::span<const Recor
   if (rows.pairs) return undetermined_pairs(recordings, fit);
   const std::vector<std::string> labels = landmark_labels(recordings);
   const std::string direction = in_user_words(fit.weakest_direction, labels, fit.state.noise.law);
-  if (const auto what = what_is_open(rows.problem, with_a_slope(rows, fit.state)))
+  if (const auto what = unobservable_reason(rows.problem, with_a_slope(rows, fit.state)))
     return Undetermined{*what, fit.state.alpha.size() > 1 ? direction : std::string()};
   if (fit.outcome != Outcome::unobservable || fit.alpha_covariance.size() > 0) return std::nullopt;
   return Undetermined{in_user_words(fit.reason, labels, fit.state.noise.law), direction};
@@ -47,7 +47,7 @@ std::optional<Undetermined> undetermined(const Rows& rows, std::span<const Recor
 
 void mark_undetermined(const Rows& rows, const Undetermined& open, const Fit& fit, Calibration& calibration) {
   calibration.weakest_direction = open.weakest_direction;
-  mark_open(rows.problem, open.what, fit.state, calibration);
+  mark_unobservable(rows.problem, open.what, fit.state, calibration);
 }
 
 }  // namespace rangecal::diagnosis

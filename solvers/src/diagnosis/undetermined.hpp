@@ -10,13 +10,13 @@
 
 namespace rangecal::diagnosis {
 
-/// What of the calibration a recording leaves open, and the direction along which it may move unseen.
+/// Why a recording does not determine the calibration, and the direction that is unobservable.
 struct Undetermined {
   std::string what, weakest_direction;
 };
 
-/// As `calibrate` decides it, by its own functions, at a fit: of landmarks a singular covariance or what_is_open
-/// (calibrate/what_is_open.hpp); of pairs the outcome of the marginal fit of the curve's order, a line at least.
+/// As `calibrate` decides it, by its own functions, at a fit: of landmarks a singular covariance or unobservable_reason
+/// (calibrate/observability.hpp); of pairs the outcome of the marginal fit of the curve's order, a line at least.
 /// A curve without a slope is asked as a line through its value. None where the curve is determined.
 /// Cost: linear in the readings.
 std::optional<Undetermined> undetermined(const Rows& rows, std::span<const Recording> recordings,

@@ -112,7 +112,7 @@ std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEff
     entry.typical[name] = value;
     if (const auto factor = factor_to(space, typical, threshold))
       entry.detectable = size_of(space, typical, *factor).second;
-    entry.harm_m = harm_of(space, typical);
+    entry.harm_m = range_error_of(space, typical);
     if (!std::isfinite(entry.harm_m)) continue;
     entry.settled_by = settled_by(space.rows(), *typical.active.effect);
     unseen.push_back(std::move(entry));

@@ -11,7 +11,7 @@ namespace rangecal::diagnosis {
 std::vector<TypicalEffect> catalogue_of(const Space& space);
 
 /// Those of `effects` that this recording would not show with probability 0.8 at the alarm rate of the whole
-/// battery, most harmful first, with the size that would show and the harm.
+/// battery, largest range error first, with the size that would show.
 std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEffect>& effects,
                                 double alarm_rate, const Rates& rates);
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "diagnosis/outlook.hpp"
+#include "diagnosis/held_out.hpp"
 
 namespace rangecal::diagnosis {
 

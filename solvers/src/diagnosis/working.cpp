@@ -28,26 +28,26 @@ void add(const Signature& part, Signature& x) {
 }
 
 /// Slope in d of what the model's effects add to the range of a cell, read at its first row.
-double bend_of_cell(const Rows& rows, const CellGeometry& geometry, const Model& model, int cell) {
+double effect_slope_of_cell(const Rows& rows, const CellGeometry& geometry, const Model& model, int cell) {
   const ReadingView<double> here = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
-  double bend = 0.0;
-  for (const ActiveEffect& active : model) bend += bend_of(active, here);
-  return bend;
+  double effect_slope = 0.0;
+  for (const ActiveEffect& active : model) effect_slope += effect_slope_of(active, here);
+  return effect_slope;
 }
 
 /// Lets the fit follow effects that change fast with distance, as it moves cells: their slope goes along.
 /// Slow ones (below a fiftieth of a metre per metre) need none: evaluating them anew at the fit is enough.
-void bend_cells(const Rows& rows, const CellGeometry& geometry, const Model& model, Cells& cells) {
+void set_effect_slopes(const Rows& rows, const CellGeometry& geometry, const Model& model, Cells& cells) {
   constexpr double slow = 0.02;
-  std::vector<double> bend(static_cast<std::size_t>(rows.cell_count));
+  std::vector<double> effect_slope(static_cast<std::size_t>(rows.cell_count));
   double steepest = 0.0;
   for (int c = 0; c < rows.cell_count; ++c) {
-    bend[c] = bend_of_cell(rows, geometry, model, c);
-    steepest = std::max(steepest, std::abs(bend[c]));
+    effect_slope[c] = effect_slope_of_cell(rows, geometry, model, c);
+    steepest = std::max(steepest, std::abs(effect_slope[c]));
   }
   if (!(steepest > slow)) return;
-  cells.bend = std::move(bend);
-  cells.bend_at_m = geometry.d;
+  cells.effect_slope = std::move(effect_slope);
+  cells.effect_slope_at_m = geometry.d;
 }
 
 /// Weight and mean square of a cell whose readings share a variance of s^2 `ratio`, such that
@@ -80,7 +80,7 @@ double shared_variance(double sigma, const std::vector<RoundingVariance>& grid, 
 
 }  // namespace
 
-double bend_of(const ActiveEffect& active, const ReadingView<double>& at) {
+double effect_slope_of(const ActiveEffect& active, const ReadingView<double>& at) {
   if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) return 0.0;
   const double step = distance_step(at.d), jump = active.effect->switching_distance(active.parameters.data());
   const bool beside = std::abs(jump - at.d) <= 2.0 * step;
@@ -145,7 +145,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
       active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
   }
   Cells& c = working.problem.cells;
-  if (!rows.pairs) bend_cells(rows, geometry, model, c);
+  if (!rows.pairs) set_effect_slopes(rows, geometry, model, c);
   // m of every row: what the effects do to its variance, and the weight of a tail at its residual.
   Eigen::ArrayXd range_m = changes.range_log_variance.array().exp(),
                  bearing_m = changes.bearing_log_variance.array().exp();
@@ -223,7 +223,7 @@ Eigen::VectorXd sequence_residuals(const WorkingProblem& working, const CellGeom
   Eigen::VectorXd e(static_cast<Eigen::Index>(c.size()));
   for (std::size_t i = 0; i < c.size(); ++i)
     e[static_cast<Eigen::Index>(i)] = std::sqrt(c.range_weight[i]) *
-                                      (c.range_mean[i] - geometry.f[i] - c.bent(i, geometry.d[i])) /
+                                      (c.range_mean[i] - geometry.f[i] - c.effect_change(i, geometry.d[i])) /
                                       geometry.spread[i];
   return e;
 }

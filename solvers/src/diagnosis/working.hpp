@@ -19,7 +19,7 @@ struct ActiveEffect {
 using Model = std::vector<ActiveEffect>;
 
 /// Slope in d of what an effect adds to the mean range of a reading; beside a jump on the reading's own side.
-double bend_of(const ActiveEffect& active, const ReadingView<double>& at);
+double effect_slope_of(const ActiveEffect& active, const ReadingView<double>& at);
 
 /// True if some effect of the model is a grid that the values sit on.
 bool has_grid(const Model& model);

@@ -243,9 +243,11 @@ std::vector<RadiusEstimate> radii_of(const std::vector<Cluster>& clusters, const
   return radii;
 }
 
-std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, const Association& association,
-                                      const std::vector<RadiusEstimate>& radii, const Cylinders& found,
-                                      const ScanNoise& noise, const CylinderOptions& options) {
+std::vector<const char*> reasons_for_rejection(const std::vector<Cluster>& clusters,
+                                               const Association& association,
+                                               const std::vector<RadiusEstimate>& radii,
+                                               const Cylinders& found, const ScanNoise& noise,
+                                               const CylinderOptions& options) {
   std::vector<Roundness> shapes(association.landmarks.size());
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     if (association.landmark[c] < 0) continue;
@@ -256,21 +258,21 @@ std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, cons
         shapes[j].add(segment.beams, *fit, noise.spread(fit->range_m), options.edge_cut);
     }
   }
-  std::vector<const char*> doubts;
+  std::vector<const char*> reasons;
   for (const Roundness& each : shapes) {
     const Roundness::Shape shape = each.shape();
     const double slack = options.round_slack, sigmas = options.round_sigmas;
     if (each.most_hits() < options.hits_min)
-      doubts.push_back("too few hits inside its edges, in all scans");
+      reasons.push_back("too few hits inside its edges, in all scans");
     else if (shape.bow < sigmas * shape.bow_sd)
-      doubts.push_back("no curvature shows, all scans together");
+      reasons.push_back("no curvature shows, all scans together");
     else if (std::abs(shape.bow - 1.0) > slack + sigmas * shape.bow_sd ||
              std::abs(shape.lean) > slack + sigmas * shape.lean_sd)
-      doubts.push_back("not round, all scans together");
+      reasons.push_back("not round, all scans together");
     else
-      doubts.push_back("");
+      reasons.push_back("");
   }
-  return doubts;
+  return reasons;
 }
 
 }  // namespace rangecal::extract

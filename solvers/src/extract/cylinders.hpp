@@ -49,8 +49,10 @@ std::vector<RadiusEstimate> radii_of(const std::vector<Cluster>& clusters, const
 
 /// Why a landmark, by all its sightings together, is no cylinder of its radius: one text each, empty for a cylinder.
 /// Asks for five hits inside the edges, and a shape (Roundness) that is not flat and not far from round.
-std::vector<const char*> doubts_about(const std::vector<Cluster>& clusters, const Association& association,
-                                      const std::vector<RadiusEstimate>& radii, const Cylinders& found,
-                                      const ScanNoise& noise, const CylinderOptions& options);
+std::vector<const char*> reasons_for_rejection(const std::vector<Cluster>& clusters,
+                                               const Association& association,
+                                               const std::vector<RadiusEstimate>& radii,
+                                               const Cylinders& found, const ScanNoise& noise,
+                                               const CylinderOptions& options);
 
 }  // namespace rangecal::extract

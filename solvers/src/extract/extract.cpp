@@ -108,19 +108,19 @@ std::vector<Sighting> sightings_of(const std::vector<Cluster>& clusters) {
 }
 
 /// Takes out the clusters of landmarks that are no cylinders; true if there were any.
-bool leave_out_doubtful(std::vector<Cluster>& clusters, const Association& association,
+bool leave_out_rejected(std::vector<Cluster>& clusters, const Association& association,
                         const Cylinders& found, const ScanNoise& noise, const ExtractOptions& options,
                         Tally& tally) {
   const std::vector<RadiusEstimate> radii = radii_of(clusters, association, found, noise, options);
-  const auto doubts = doubts_about(clusters, association, radii, found, noise, options.cylinder);
+  const auto reasons = reasons_for_rejection(clusters, association, radii, found, noise, options.cylinder);
   std::vector<Cluster> kept;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const int j = association.landmark[c];
-    const std::string doubt = j < 0 ? "" : doubts[static_cast<std::size_t>(j)];
-    if (doubt.empty())
+    const std::string reason = j < 0 ? "" : reasons[static_cast<std::size_t>(j)];
+    if (reason.empty())
       kept.push_back(clusters[c]);
     else
-      tally[doubt] += static_cast<long>(clusters[c].members.size());
+      tally[reason] += static_cast<long>(clusters[c].members.size());
   }
   const bool any = kept.size() < clusters.size();
   clusters = std::move(kept);
@@ -189,7 +189,7 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   const AssociationOptions matching = association_options(options);
   Association association = associate(poses, sightings_of(clusters), matching);
   if (options.map.empty() &&
-      leave_out_doubtful(clusters, association, found, out.noise, options, out.cylinders))
+      leave_out_rejected(clusters, association, found, out.noise, options, out.cylinders))
     association = associate(poses, sightings_of(clusters), matching);
   out.corrected_stops = association.stops;
   out.runs_clockwise =

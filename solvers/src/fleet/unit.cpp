@@ -134,10 +134,11 @@ Calibration calibrate_in_population(const PairsProblem& problem, const Populatio
   PairsProblem readings = problem;
   pairs_ml::DenseNewton joint;
   joint.x = population.mean;
-  constexpr int rounds = 8;
+  constexpr int iterations = 8;
   const bool outliers = population.shape.shape != NoiseShape::gaussian;
-  for (int round = 0; round < (outliers ? rounds : 0) && joint.outcome != Outcome::failed; ++round) {
-    const MatrixXd curve = round == 0 ? MatrixXd(prior.topLeftCorner(n, n)) : MatrixXd::Zero(n, n);
+  for (int iteration = 0; iteration < (outliers ? iterations : 0) && joint.outcome != Outcome::failed;
+       ++iteration) {
+    const MatrixXd curve = iteration == 0 ? MatrixXd(prior.topLeftCorner(n, n)) : MatrixXd::Zero(n, n);
     readings = pairs_as_rows(problem, weights_at(problem, joint.x, curve, population));
     joint = minimum(readings, joint.x);
   }

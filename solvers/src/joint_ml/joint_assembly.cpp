@@ -91,7 +91,7 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
   double nll = assemble_priors(state, exact, node, sum);
 
   const NoiseLaw law = state.noise.law;
-  const bool power_law = is_power_of_f(law), bent = !c.bend.empty();
+  const bool power_law = is_power_of_f(law), has_slope = !c.effect_slope.empty();
   const double sigma = state.noise.parameters[0], tau = power_law ? std::log(sigma) : 0.0;
   if (power_law && !(sigma > 0.0)) return infinity;
   const PowerLaw power{state.noise.power_of_f(), 1.0 / (sigma * sigma)};
@@ -114,7 +114,7 @@ double JointSystem::assemble_node(const JointState& state, HessianKind kind, int
       const double D = std::sqrt(vx * vx + vy * vy), inverse = 1.0 / D, nx = vx * inverse, ny = vy * inverse;
       const double d = D - c.radius_m[i];
       if (power_law) {
-        const auto add_share = bent ? power_law_share<NA, true> : power_law_share<NA, false>;
+        const auto add_share = has_slope ? power_law_share<NA, true> : power_law_share<NA, false>;
         if (!add_share(power, state.alpha.data(), na, tau, d, c, static_cast<std::size_t>(i), exact, product,
                        share, sum.curve_gradient.data(), sum.curve_hessian.data()))
           return infinity;

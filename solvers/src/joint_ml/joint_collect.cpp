@@ -72,7 +72,7 @@ void JointSystem::profile_spreads(JointState& state) const {
           s = state.noise.spread(d, f);
         const double cb = bearing_direction_[2 * i], sb = bearing_direction_[2 * i + 1];
         const double turn = bearing_error(cb * ch - sb * sh, sb * ch + cb * sh, vx, vy),
-                     e = c.range_mean[i] - f - c.bent(i, d);
+                     e = c.range_mean[i] - f - c.effect_change(i, d);
         range += c.range_weight[i] * (e * e + c.range_mean_square[i]) / (s * s);
         bearing += c.bearing_weight[i] * (turn * turn + c.bearing_mean_square[i]);
       }

@@ -58,7 +58,7 @@ double expected_information(const JointState& state, double d, const Cells& c, s
   const double s = state.noise.spread(d, f);
   const Noise::LogSlopes log_s = state.noise.log_slopes(d, f);
   const double log_slope = log_s.by_f * slope + log_s.by_d;
-  if (!c.bend.empty()) slope += c.bend[i];
+  if (!c.effect_slope.empty()) slope += c.effect_slope[i];
   return c.range_weight[i] * slope * slope / (s * s) + 2.0 * c.count[i] * log_slope * log_slope;
 }
 

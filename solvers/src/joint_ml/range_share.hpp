@@ -19,7 +19,7 @@ struct RangeShare {
 
 /// Adds the cell's share for a power law of f to gradient and Hessian (m = alpha_count + 1 square, upper triangle) of the
 /// curve. The logarithm of f of single readings goes into `product`. False outside of the domain. Bent: the cells have
-/// slopes of their own (Cells::bend).
+/// slopes of their own (Cells::effect_slope).
 template <int NA, bool Bent>
 bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, double tau, double d,
                      const Cells& c, std::size_t i, bool exact, double& product, RangeShare& share,
@@ -34,7 +34,8 @@ bool power_law_share(const PowerLaw& law, const double* alpha, int alpha_count, 
   bend *= 2.0;
   if (!(d > 0.0) || (law.power > 0 && !(f > 0.0))) return false;
   const double R = c.count[i];
-  const double mean = Bent ? c.range_mean[i] - c.bent(i, d) : c.range_mean[i], own = Bent ? c.bend[i] : 0.0;
+  const double mean = Bent ? c.range_mean[i] - c.effect_change(i, d) : c.range_mean[i],
+               own = Bent ? c.effect_slope[i] : 0.0;
   const PowerLawTerm term(law, f, R, c.range_weight[i], mean, c.range_mean_square[i]);
   share.value = R * tau + 0.5 * term.chi_sq;
   if (R == 1.0)

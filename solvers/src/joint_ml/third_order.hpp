@@ -17,7 +17,7 @@ struct ThirdOrder {
         moved(at),
         na(static_cast<int>(at.alpha.size())),
         is_power(is_power_of_f(at.noise.law)),
-        bent(!cells.bend.empty()),
+        has_slope(!cells.effect_slope.empty()),
         law{at.noise.power_of_f(), 1.0 / (at.noise.parameters[0] * at.noise.parameters[0])} {}
 
   void evaluate(double d, const Cells& c, std::size_t i) {
@@ -48,7 +48,7 @@ struct ThirdOrder {
     }
     f2 *= 2.0;
     f3 *= 6.0;
-    const double mean = bent ? c.range_mean[i] - c.bent(i, d) : c.range_mean[i];
+    const double mean = has_slope ? c.range_mean[i] - c.effect_change(i, d) : c.range_mean[i];
     const PowerLawTerm term(law, f, c.count[i], c.range_weight[i], mean, c.range_mean_square[i]);
     g1 = term.by_f;
     g2 = term.by_f_f;
@@ -63,8 +63,8 @@ struct ThirdOrder {
     q2 = g2 * f1 * f1 + g1 * f2;
     q3 = g3 * f1 * f1 * f1 + 3.0 * g2 * f1 * f2 + g1 * f3;
     double by_tau_slope = g1_tau * f1, by_tau_bend = g2_tau * f1 * f1 + g1_tau * f2;
-    if (bent) {  // d/dd = f1 d/df + b d/dg
-      const double b = c.bend[i], fg = term.by_f_g(), ffg = term.by_f_f_g(), fgg = term.by_f_g_g();
+    if (has_slope) {  // d/dd = f1 d/df + b d/dg
+      const double b = c.effect_slope[i], fg = term.by_f_g(), ffg = term.by_f_f_g(), fgg = term.by_f_g_g();
       q1 += term.by_g() * b;
       q2 += (2.0 * fg * f1 + term.by_g_g() * b) * b;
       q3 += 3.0 * (ffg * f1 * f1 + fgg * f1 * b + fg * f2) * b;
@@ -163,7 +163,7 @@ struct ThirdOrder {
   const JointState& state;
   JointState moved;
   int na;
-  bool is_power, bent;
+  bool is_power, has_slope;
   PowerLaw law;
   RangeTerm<3> general;
   RangeTerm<2> near;

@@ -51,8 +51,8 @@ void JointSystem::add_taped_trace(const JointState& state, const Covariance& cov
                   covariance.landmarks(a + i, b + j) - covariance.landmarks(b + i, a + j);
     const double length = v.norm(), information = 1.0 / (taped.sigma_m * taped.sigma_m);
     const Eigen::Vector2d n = v / length, t(-n.y(), n.x());
-    const double bend = information * (1.0 - (length - taped.distance_m) / length) / length;
-    const Eigen::Vector2d slope = bend * (t.dot(M * t) * n + 2.0 * n.dot(M * t) * t);
+    const double effect_slope = information * (1.0 - (length - taped.distance_m) / length) / length;
+    const Eigen::Vector2d slope = effect_slope * (t.dot(M * t) * n + 2.0 * n.dot(M * t) * t);
     by_global.segment<2>(a) -= slope;
     by_global.segment<2>(b) += slope;
   }
@@ -96,8 +96,8 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
         const double mixed = (of.yy - of.xx) * nx * ny + of.xy * (nx * nx - ny * ny);
         const double n_h = nx * of.xh + ny * of.yh, t_h = nx * of.yh - ny * of.xh;
         // Range: trace = q2 nn + q1/D tt; n turns by 1/D per metre across.
-        const double bend = (range.q2 - range.q1 * inverse) * inverse;
-        double along = range.q3 * nn + bend * tt, across = 2.0 * bend * mixed;
+        const double effect_slope = (range.q2 - range.q1 * inverse) * inverse;
+        double along = range.q3 * nn + effect_slope * tt, across = 2.0 * effect_slope * mixed;
         // Bearing: trace = w tt/D^2 + 2 w r mixed/D^2 + w hh + 2 w t_h/D, r the bearing error.
         const double w = c.bearing_weight[i] * bearing_information;
         const double cb = bearing_direction_[2 * i], sb = bearing_direction_[2 * i + 1];

@@ -100,7 +100,7 @@ std::vector<ShapeFit::Start> ShapeFit::starts(const Vector& gaussian, const Nest
   return starts;
 }
 
-/// Expectation-maximisation from a start, the shape's parameters held: eight rounds of the Gaussian solver with
+/// Expectation-maximisation from a start, the shape's parameters held: eight iterations of the Gaussian solver with
 /// the rows' robust weights.
 Eigen::VectorXd ShapeFit::reweighted(const Start& start) const {
   const auto& [begin, at] = start;
@@ -139,17 +139,18 @@ Eigen::MatrixXd inverse_curvature(const Eigen::MatrixXd& hessian, const Eigen::V
   return root * root.transpose();
 }
 
-/// Up to three rounds of BFGS, each from the observed information (by differences of the exact gradient) of where the one
+/// Up to three iterations of BFGS, each from the observed information (by differences of the exact gradient) of where the one
 /// before ended.
 ShapeEnd ShapeFit::descend(Eigen::VectorXd from, bool near) const {
-  constexpr int rounds = 3, most = 100;
+  constexpr int iterations = 3, most = 100;
   constexpr double close = 1e-7, rounding = 1e-14;
   ShapeEnd end;
   end.x = std::move(from);
   Eigen::VectorXd gradient;
   double nll = pairs_.evaluate(end.x, &gradient);
   const Eigen::VectorXd scale = scale_at(end.x);
-  for (int round = 0; round < rounds && end.gradient_norm > close && std::isfinite(nll); ++round) {
+  for (int iteration = 0; iteration < iterations && end.gradient_norm > close && std::isfinite(nll);
+       ++iteration) {
     end.hessian = difference_hessian(pairs_, end.x, scale, near ? &gradient : nullptr);
     Eigen::MatrixXd B = inverse_curvature(end.hessian, scale);
     for (int iteration = 0; iteration < most; ++iteration, ++end.iterations) {
@@ -176,7 +177,7 @@ ShapeEnd ShapeFit::descend(Eigen::VectorXd from, bool near) const {
       }
       if (!moved) break;
     }
-    if (near && round == 0) {
+    if (near && iteration == 0) {
       end.gradient_norm =
           std::sqrt(std::max(0.0, gradient.dot(inverse_curvature(end.hessian, scale) * gradient)));
       constexpr double close_enough = 1e-4;

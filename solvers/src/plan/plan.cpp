@@ -274,7 +274,7 @@ PlanDesign evaluate_design(const PlanRequest& request, PlanDesign design) {
     const auto typical = diagnosis::typical_effect(space, *find_effect(id));
     if (!typical) continue;
     PlanEffect effect{id, typical->noncentrality >= limit, typical->noncentrality,
-                      diagnosis::harm_of(space, *typical)};
+                      diagnosis::range_error_of(space, *typical)};
     design.effects.push_back(effect);
   }
   return design;

@@ -12,8 +12,8 @@
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 #include "recursive/count_up.hpp"
-#include "recursive/foretold_reading.hpp"
 #include "recursive/landmark_sums.hpp"
+#include "recursive/predicted_reading.hpp"
 #include "recursive/residual_sketch.hpp"
 
 namespace rangecal {
@@ -293,12 +293,12 @@ std::optional<double> RecursiveLandmarks::outlier_probability(const LandmarkRead
   if (known >= last_->landmarks.size()) return std::nullopt;
   if (!shapes_) return 0.0;
   const StopPrior prior = prior_of(reading.stop);
-  const auto foretold = foretold_reading(*last_, prior.commanded, {covariance_of(prior, prior.sigma_xy_m)},
-                                         last_->landmarks[known], held_.landmark_radius_m[known],
-                                         reading.range_m, reading.bearing_rad);
-  if (!foretold) return std::nullopt;
-  return 1.0 - (1.0 - foretold->range.outlier_probability(shapes_->range)) *
-                   (1.0 - foretold->bearing.outlier_probability(shapes_->bearing));
+  const auto predicted = predicted_reading(*last_, prior.commanded, {covariance_of(prior, prior.sigma_xy_m)},
+                                           last_->landmarks[known], held_.landmark_radius_m[known],
+                                           reading.range_m, reading.bearing_rad);
+  if (!predicted) return std::nullopt;
+  return 1.0 - (1.0 - predicted->range.outlier_probability(shapes_->range)) *
+                   (1.0 - predicted->bearing.outlier_probability(shapes_->bearing));
 }
 
 double RecursiveLandmarks::effective_stops() const {

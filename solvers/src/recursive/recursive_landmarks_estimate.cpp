@@ -10,7 +10,6 @@
 
 #include "calibrate/landmarks_job.hpp"
 #include "joint_ml/newton_step.hpp"
-#include "joint_ml/robust_covariance.hpp"
 #include "marginal/laplace.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
@@ -19,6 +18,7 @@
 #include "recursive/landmark_answer.hpp"
 #include "recursive/pose_leverage.hpp"
 #include "recursive/residual_sketch.hpp"
+#include "robust/robust_covariance.hpp"
 
 namespace rangecal {
 namespace {

@@ -16,8 +16,8 @@
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
-#include "recursive/foretold_reading.hpp"
 #include "recursive/landmark_answer.hpp"
+#include "recursive/predicted_reading.hpp"
 
 namespace rangecal {
 namespace {
@@ -70,9 +70,9 @@ std::vector<char> agreeing(const JointProblem& rows, const JointState& state) {
   for (std::size_t i = 0; i < c.size(); ++i) {
     const auto k = static_cast<std::size_t>(c.stop[i]), l = static_cast<std::size_t>(c.landmark[i]);
     if (l >= state.landmarks.size()) continue;
-    const auto foretold = foretold_reading(state, state.stops[k], variances[k], state.landmarks[l],
-                                           c.radius_m[i], c.range_mean[i], c.bearing_mean[i]);
-    kept[i] = foretold && std::abs(foretold->range.z()) < far && std::abs(foretold->bearing.z()) < far;
+    const auto predicted = predicted_reading(state, state.stops[k], variances[k], state.landmarks[l],
+                                             c.radius_m[i], c.range_mean[i], c.bearing_mean[i]);
+    kept[i] = predicted && std::abs(predicted->range.z()) < far && std::abs(predicted->bearing.z()) < far;
   }
   return kept;
 }

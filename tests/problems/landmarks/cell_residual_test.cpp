@@ -54,8 +54,8 @@ class CellResidualTest : public ::testing::TestWithParam<NoiseLaw> {
     if (GetParam() != NoiseLaw::constant) return;
     Cells& cells = scene.problem.cells;  // one of the laws with an effect's slope in every cell
     for (std::size_t i = 0; i < cells.size(); ++i) {
-      cells.bend.push_back(0.7 * std::cos(3.0 * static_cast<double>(i)));
-      cells.bend_at_m.push_back(cells.range_mean[i]);
+      cells.effect_slope.push_back(0.7 * std::cos(3.0 * static_cast<double>(i)));
+      cells.effect_slope_at_m.push_back(cells.range_mean[i]);
     }
   }
   testing::JointScene scene;

@@ -65,8 +65,8 @@ TEST_F(JointNllTest, HandWorkedReadings) {
       4.0 * std::numbers::pi;  // a mean that was unwrapped about its first reading
   EXPECT_NEAR(joint_nll_parts(problem, state).bearing, bearing, 1e-9);
   // An effect of slope 0.3 about 4 m: 0.3 (4.5 - 4) = 0.15 less in stop 0's error, -0.05 in place of 0.1.
-  problem.cells.bend = {0.3, 0.0};
-  problem.cells.bend_at_m = {4.0, 0.0};
+  problem.cells.effect_slope = {0.3, 0.0};
+  problem.cells.effect_slope_at_m = {4.0, 0.0};
   EXPECT_NEAR(joint_nll_parts(problem, state).range, range + 2.0 * (0.0025 - 0.01) / (0.47 * 0.47), 1e-12);
 }
 

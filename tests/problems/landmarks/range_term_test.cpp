@@ -49,8 +49,8 @@ class RangeTermTest : public ::testing::TestWithParam<NoiseLaw> {
     cells.range_weight = {7.0, 4.5};
     cells.range_mean = {9.0, 1.75};
     cells.range_mean_square = {9.0, 0.03};
-    cells.bend = {9.0, 0.2};
-    cells.bend_at_m = {9.0, 1.1};
+    cells.effect_slope = {9.0, 0.2};
+    cells.effect_slope_at_m = {9.0, 1.1};
     noise.law = GetParam();
     noise.parameters = GetParam() == NoiseLaw::polynomial ? Eigen::VectorXd(Eigen::Vector3d(0.1, 0.15, 0.02))
                                                           : Eigen::VectorXd::Constant(1, 0.3);

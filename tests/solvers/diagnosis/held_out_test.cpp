@@ -30,7 +30,7 @@ Recording pairs_with_wobble(double pull_per_m, const std::string& name, std::uin
   return recording;
 }
 
-/// Change of the held-out NLL by a forced `pixel_locking`, whose period is chosen among hundreds.
+/// Change of the held-out NLL by `pixel_locking`, fitted as asked, whose period is chosen among hundreds.
 double change_by_pixel_locking(const Recording& recording) {
   DiagnoseOptions options;
   options.force = {{"pixel_locking"}};

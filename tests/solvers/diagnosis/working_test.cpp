@@ -75,12 +75,13 @@ TEST(Working, TheSlopeInDistanceIsThatOfTheFastestSwing) {
   const NearScene scene;
   const Cells cells = working_problem(scene.rows, {near_locking()}, scene.truth).problem.cells;
   const CellGeometry geometry = cell_geometry(scene.rows, scene.truth);
-  ASSERT_EQ(cells.bend.size(), static_cast<std::size_t>(scene.rows.cell_count));
-  for (std::size_t c = 0; c < cells.bend.size(); ++c) {
+  ASSERT_EQ(cells.effect_slope.size(), static_cast<std::size_t>(scene.rows.cell_count));
+  for (std::size_t c = 0; c < cells.effect_slope.size(); ++c) {
     const double d = geometry.d[c], phase = near_wavenumber / d;
     const double expected = 2.0 * d * (near_cosine * std::cos(phase) + near_sine * std::sin(phase)) +
                             near_wavenumber * (near_cosine * std::sin(phase) - near_sine * std::cos(phase));
-    EXPECT_NEAR(cells.bend[c], expected, 5e-5 * near_wavenumber * std::hypot(near_cosine, near_sine)) << d;
+    EXPECT_NEAR(cells.effect_slope[c], expected, 5e-5 * near_wavenumber * std::hypot(near_cosine, near_sine))
+        << d;
   }
 }
 
@@ -91,7 +92,7 @@ TEST(Working, BesideAJumpTheSlopeIsThatOfTheOwnSide) {
   at.slope = 1.0;
   for (const double off : {-1e-3, -1e-6, -1e-7, -1e-12, 1e-12, 1e-7, 1e-6, 1e-3}) {
     at.d = at.f = 0.8 + off;
-    EXPECT_NEAR(bend_of(active, at), off < 0.0 ? 0.1 : 0.0, 1e-6) << off;
+    EXPECT_NEAR(effect_slope_of(active, at), off < 0.0 ? 0.1 : 0.0, 1e-6) << off;
   }
 }
 

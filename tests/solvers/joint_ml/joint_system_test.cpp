@@ -55,8 +55,8 @@ class JointSystemTest : public ::testing::TestWithParam<SystemCase> {
         const Pose2& pose = state.stops[cells.stop[i]];
         const double d = (state.landmarks[cells.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm() -
                          cells.radius_m[i];
-        cells.bend.push_back(0.8 * std::sin(7.0 * d));
-        cells.bend_at_m.push_back(d + 0.01 * std::cos(3.0 * d));
+        cells.effect_slope.push_back(0.8 * std::sin(7.0 * d));
+        cells.effect_slope_at_m.push_back(d + 0.01 * std::cos(3.0 * d));
       }
     }
   }
@@ -148,7 +148,7 @@ TEST_P(JointSystemTest, FisherInformationIsTheExpectationOfTheHessian) {
     const Pose2& pose = truth.stops[c.stop[i]];
     const Eigen::Vector2d v = truth.landmarks[c.landmark[i]] - Eigen::Vector2d(pose.x_m, pose.y_m);
     const double d = v.norm() - c.radius_m[i], f = evaluate_polynomial(truth.alpha, d);
-    c.range_mean[i] = f + c.bent(i, d);
+    c.range_mean[i] = f + c.effect_change(i, d);
     c.range_mean_square[i] = std::pow(truth.noise.spread(d, f), 2);
     c.bearing_mean[i] = wrap_angle(std::atan2(v.y(), v.x()) - pose.heading_rad);
     c.bearing_mean_square[i] = truth.sigma_theta_rad * truth.sigma_theta_rad;

@@ -731,7 +731,7 @@ TEST(RecursiveLandmarks, TellsOutliersBeforeItTakesThem) {
     tracked.add(reading_of(recording, i));
   }
   EXPECT_GT(gross, 8);
-  EXPECT_GE(told, 0.85 * gross);  // some lie near what is foretold
+  EXPECT_GE(told, 0.85 * gross);  // some lie near what is predicted
   EXPECT_GT(good, 400);
   EXPECT_LT(wrong, 0.02 * good);
 }

@@ -22,7 +22,8 @@ double ambient_ratio(const AmbientLight& ambient, double beam_rad) {
                                                                                           : 0.0;
 }
 
-double odd_range_m(const Oddities& odd, double distance_m, double beam_rad, double time_s, double intensity) {
+double odd_range_m(const UncataloguedEffects& odd, double distance_m, double beam_rad, double time_s,
+                   double intensity) {
   double error = 0.0;
   if (odd.guard_m != 0.0) {
     const double off = std::abs(wrap_angle(beam_rad - odd.guard_direction_rad)) / odd.guard_half_width_rad;
@@ -41,7 +42,7 @@ double odd_range_m(const Oddities& odd, double distance_m, double beam_rad, doub
   return error;
 }
 
-double odd_bearing_rad(const Oddities& odd, double beam_rad, double rise_k) {
+double odd_bearing_rad(const UncataloguedEffects& odd, double beam_rad, double rise_k) {
   double error = 0.0;
   if (odd.detent_rad != 0.0)
     error += odd.detent_rad * (std::abs(std::sin(4.0 * beam_rad)) - 2.0 / std::numbers::pi);
@@ -59,8 +60,8 @@ Exposure expose_one(const World& world, const Pose2& robot_stop, int stop, int l
   // The beam's moment in the sweep depends on its direction, and its direction on the pose at that moment.
   Sight sight;
   double in_sweep = 0.0;
-  const int rounds = world.robot.creep_mps != 0.0 || world.robot.creep_radps != 0.0 ? 4 : 2;
-  for (int i = 0; i < rounds; ++i) {
+  const int iterations = world.robot.creep_mps != 0.0 || world.robot.creep_radps != 0.0 ? 4 : 2;
+  for (int i = 0; i < iterations; ++i) {
     out.time_s = start + middle + in_sweep;
     const Pose2 pose = sensor_pose(world, robot_stop, out.time_s, middle + in_sweep, in_sweep);
     sight = look_at(world.head, cylinder, pose, out.time_s);
@@ -80,14 +81,14 @@ Exposure expose_one(const World& world, const Pose2& robot_stop, int stop, int l
       centroid_mm(world.sensor, world.ambient, base, with_crosstalk_m(world.sensor, out.distance_m), ambient,
                   cylinder.spot_skew_px);
   out.thermal_zero_m = base.zero_m;
-  out.offset_m = odd_range_m(world.oddities, out.distance_m, beam, out.time_s, out.intensity);
+  out.offset_m = odd_range_m(world.uncatalogued, out.distance_m, beam, out.time_s, out.intensity);
   OpticalSensor fine = world.sensor;
   fine.centroid_step_px = fine.output_lsb_m = 0.0;
   out.range_m = firmware_range_m(fine, out.centroid_mm, out.distance_m, out.thermal_zero_m) + out.offset_m;
   out.range_sd_m = range_sd_m(world, cylinder, out.distance_m, out.range_m, ambient, out.time_s);
   out.bearing_rad =
       wrap_angle(encoder_reading_rad(world.head, beam, out.time_s) +
-                 odd_bearing_rad(world.oddities, beam, base.temperature_c - world.thermal.start_c));
+                 odd_bearing_rad(world.uncatalogued, beam, base.temperature_c - world.thermal.start_c));
   return out;
 }
 

@@ -27,7 +27,7 @@ double range_sd_m(const World& world, const Cylinder& landmark, double distance_
     variance *= 1.0 + ambient_ratio * widths * widths / 12.0;
   }
   if (landmark.dark_reflectance > 0.0) variance *= landmark.reflectance / landmark.dark_reflectance;
-  const Oddities& odd = world.oddities;
+  const UncataloguedEffects& odd = world.uncatalogued;
   double sd = std::sqrt(variance);
   if (time_s >= odd.burst_from_s && time_s < odd.burst_to_s) sd *= 1.0 + odd.burst_factor;
   return sd;

@@ -10,7 +10,7 @@ namespace {
 using enum EffectClass;
 
 void cable_guard(World& world, double size, Random& random) {
-  Oddities& odd = world.oddities;
+  UncataloguedEffects& odd = world.uncatalogued;
   odd.guard_m = size;
   odd.guard_half_width_rad = random.uniform(0.3, 0.5);
   odd.guard_direction_rad = sector_direction(world, odd.guard_half_width_rad, 0.1, 0.4, random);
@@ -20,62 +20,62 @@ void cable_guard(World& world, double size, Random& random) {
 }
 
 void mains_flicker(World& world, double size, Random& random) {
-  world.oddities.flicker_m = size;
-  world.oddities.flicker_period_s = run_length_s(world) * random.uniform(0.2, 0.4);
-  world.oddities.flicker_phase_rad = any_angle(random);
+  world.uncatalogued.flicker_m = size;
+  world.uncatalogued.flicker_period_s = run_length_s(world) * random.uniform(0.2, 0.4);
+  world.uncatalogued.flicker_phase_rad = any_angle(random);
   world.truth["mains_flicker.amplitude_m"] = size;
-  world.truth["mains_flicker.period_s"] = world.oddities.flicker_period_s;
+  world.truth["mains_flicker.period_s"] = world.uncatalogued.flicker_period_s;
 }
 
 void stick_slip_mount(World& world, double size, Random& random) {
-  world.oddities.stick_rad = size;
-  world.oddities.stick_step_k = world.thermal.rise_k * random.uniform(0.25, 0.4);
+  world.uncatalogued.stick_rad = size;
+  world.uncatalogued.stick_step_k = world.thermal.rise_k * random.uniform(0.25, 0.4);
   world.truth["stick_slip_mount.step_rad"] = size;
-  world.truth["stick_slip_mount.step_k"] = world.oddities.stick_step_k;
+  world.truth["stick_slip_mount.step_k"] = world.uncatalogued.stick_step_k;
 }
 
 void dim_return(World& world, double size, Random& random) {
-  world.oddities.dim_m = size;
-  world.oddities.dim_threshold = quantile(overview(world).intensity, random.uniform(0.4, 0.6));
+  world.uncatalogued.dim_m = size;
+  world.uncatalogued.dim_threshold = quantile(overview(world).intensity, random.uniform(0.4, 0.6));
   world.truth["dim_return.amplitude_m"] = size;
-  world.truth["dim_return.threshold"] = world.oddities.dim_threshold;
+  world.truth["dim_return.threshold"] = world.uncatalogued.dim_threshold;
 }
 
 void second_reflection(World& world, double size, Random& random) {
-  world.oddities.ghost_m = size;
-  world.oddities.ghost_at_m = quantile(overview(world).distance_m, random.uniform(0.25, 0.75));
-  world.oddities.ghost_width_m = random.uniform(0.12, 0.25);
+  world.uncatalogued.ghost_m = size;
+  world.uncatalogued.ghost_at_m = quantile(overview(world).distance_m, random.uniform(0.25, 0.75));
+  world.uncatalogued.ghost_width_m = random.uniform(0.12, 0.25);
   world.truth["second_reflection.height_m"] = size;
-  world.truth["second_reflection.distance_m"] = world.oddities.ghost_at_m;
-  world.truth["second_reflection.width_m"] = world.oddities.ghost_width_m;
+  world.truth["second_reflection.distance_m"] = world.uncatalogued.ghost_at_m;
+  world.truth["second_reflection.width_m"] = world.uncatalogued.ghost_width_m;
 }
 
 void motor_detents(World& world, double size, Random&) {
-  world.oddities.detent_rad = size;
+  world.uncatalogued.detent_rad = size;
   world.truth["motor_detents.amplitude_rad"] = size;
 }
 
 void trefoil(World& world, double size, Random& random) {
-  world.oddities.trefoil_m = size;
-  world.oddities.trefoil_phase_rad = any_angle(random);
+  world.uncatalogued.trefoil_m = size;
+  world.uncatalogued.trefoil_phase_rad = any_angle(random);
   world.truth["trefoil.amplitude_m"] = std::abs(size);
 }
 
 void knock(World& world, double size, Random& random) {
-  world.oddities.knock_m = size;
-  world.oddities.knock_time_s = run_length_s(world) * random.uniform(0.3, 0.7);
+  world.uncatalogued.knock_m = size;
+  world.uncatalogued.knock_time_s = run_length_s(world) * random.uniform(0.3, 0.7);
   world.truth["knock.step_m"] = size;
-  world.truth["knock.time_s"] = world.oddities.knock_time_s;
+  world.truth["knock.time_s"] = world.uncatalogued.knock_time_s;
 }
 
 void noise_burst(World& world, double size, Random& random) {
   const double run = run_length_s(world), length = random.uniform(0.15, 0.3);
-  world.oddities.burst_factor = size;
-  world.oddities.burst_from_s = run * random.uniform(0.1, 0.9 - length);
-  world.oddities.burst_to_s = world.oddities.burst_from_s + run * length;
+  world.uncatalogued.burst_factor = size;
+  world.uncatalogued.burst_from_s = run * random.uniform(0.1, 0.9 - length);
+  world.uncatalogued.burst_to_s = world.uncatalogued.burst_from_s + run * length;
   world.truth["noise_burst.spread_factor"] = 1.0 + size;
-  world.truth["noise_burst.from_s"] = world.oddities.burst_from_s;
-  world.truth["noise_burst.to_s"] = world.oddities.burst_to_s;
+  world.truth["noise_burst.from_s"] = world.uncatalogued.burst_from_s;
+  world.truth["noise_burst.to_s"] = world.uncatalogued.burst_to_s;
 }
 
 }  // namespace

@@ -40,8 +40,8 @@ struct Growing {
   double log_evidence = 0.0;
 };
 
-/// Terms, and how many nats each promises beside a fit.
-struct Promising {
+/// A term that a law may grow by, and its predicted gain beside a fit [nats].
+struct CandidateTerm {
   std::size_t piece = 0;
   std::shared_ptr<Effect> effect;
   std::vector<Height> peaks;
@@ -85,13 +85,13 @@ class LawSearch {
   std::vector<Growing> grown(const Growing& law, int number) const {
     const std::vector<LawPiece> pieces = law_pieces(rows_, channel_, number);
     const double choice = std::log(static_cast<double>(std::max<std::size_t>(1, pieces.size())));
-    std::vector<Promising> terms(pieces.size());
+    std::vector<CandidateTerm> terms(pieces.size());
     in_parallel(
-        pieces.size(), [&](std::size_t i) { terms[i] = promise_of(law, pieces[i], number, i); },
+        pieces.size(), [&](std::size_t i) { terms[i] = candidate_term(law, pieces[i], number, i); },
         jobs_at_once(rows_.size()));
     std::stable_sort(terms.begin(), terms.end(),
-                     [](const Promising& a, const Promising& b) { return a.worth > b.worth; });
-    std::erase_if(terms, [](const Promising& t) { return !(t.worth > 0.0); });
+                     [](const CandidateTerm& a, const CandidateTerm& b) { return a.worth > b.worth; });
+    std::erase_if(terms, [](const CandidateTerm& t) { return !(t.worth > 0.0); });
     if (terms.size() > fitted_of_terms) terms.resize(fitted_of_terms);
     std::vector<std::optional<Growing>> made(terms.size());
     in_parallel(
@@ -103,8 +103,9 @@ class LawSearch {
     return larger;
   }
 
-  Promising promise_of(const Growing& law, const LawPiece& piece, int number, std::size_t index) const {
-    Promising term;
+  CandidateTerm candidate_term(const Growing& law, const LawPiece& piece, int number,
+                               std::size_t index) const {
+    CandidateTerm term;
     term.piece = index;
     const std::string id = "law_" + std::to_string(number) + "_" + std::to_string(index);
     term.effect = effect_from_formula(law_text({piece}, id, channel_), id);
@@ -118,7 +119,7 @@ class LawSearch {
     return term;
   }
 
-  std::optional<Growing> fitted(const Growing& law, const LawPiece& piece, const Promising& term,
+  std::optional<Growing> fitted(const Growing& law, const LawPiece& piece, const CandidateTerm& term,
                                 double choice) const {
     std::optional<Growing> best;
     for (const Height& peak : term.peaks) {

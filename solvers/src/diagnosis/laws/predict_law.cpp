@@ -7,7 +7,7 @@
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/generic.hpp"
-#include "diagnosis/outlook.hpp"
+#include "diagnosis/held_out.hpp"
 #include "diagnosis/search.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"

@@ -97,7 +97,7 @@ double curve_along(const Effect& name, const Hypotheses& table, std::size_t know
   const EffectInfo& own = name.info();
   for (const ActiveEffect& a : table.front()->fit.model)
     if (const EffectInfo& info = a.effect->info();
-        is_nameless(*a.effect) && info.channel == own.channel && along(info) == along(own))
+        is_generic(*a.effect) && info.channel == own.channel && along(info) == along(own))
       return worth_of(a, table, known);
   return 0.0;
 }
@@ -124,10 +124,10 @@ double omitted_probability(const Hypotheses& table, std::size_t known) {
 /// describe the formula's own error. Not to one that chooses a landmark or a time: it takes the shape of much that it is not. The
 /// likeliest comes first again.
 void allow_for_one_formula(Hypotheses& table, std::size_t known, const SelectionPriors& priors) {
-  if (!has_nameless(table.front()->fit.model)) return;
+  if (!has_generic(table.front()->fit.model)) return;
   for (auto& h : table) {
     const Model& model = h->fit.model;
-    if (model.size() != known + 1 || has_nameless(model)) continue;
+    if (model.size() != known + 1 || has_generic(model)) continue;
     const EffectInfo& info = model.back().effect->info();
     const bool chooses = std::any_of(info.parameters.begin(), info.parameters.end(),
                                      [](const EffectParameter& parameter) { return parameter.discrete; });
@@ -152,7 +152,7 @@ bool is_material(const Rows& rows, double spread_m, double sigma_theta_rad, doub
 TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
   return {member_names(h.fit.model, known),
           h.parent,
-          h.promised,
+          h.predicted_gain,
           h.gain,
           h.parameter_volume,
           h.prior_mass,
@@ -192,8 +192,8 @@ struct Named {
   std::vector<Member> members;  ///< what speaks for each
 };
 
-/// Those whose class has half of the probability, less what may be a curve's shadow, or a formula for another shape; the one
-/// that costs most in a corrected range first.
+/// Those whose class has half of the probability, less what may be confounded with a curve, or a formula for another shape; the
+/// one that costs most in a corrected range first.
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
@@ -202,27 +202,28 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
   for (const ActiveEffect& member : fit.model) {
     const double worth = worths.emplace_back(worth_of(member, table, known));
     if (!std::isfinite(worth)) continue;
-    if (is_nameless(*member.effect))
+    if (is_generic(*member.effect))
       of_curves = std::max(of_curves, worth);
     else if (worths.size() > known && member.effect->info().kind == EffectKind::mean)
       strongest = std::max(strongest, worth);
   }
   const bool beside_others = fit.model.size() > known + 1;
   double least = beside_others ? std::max(priors.beside_names, priors.formula_error * strongest) : 0.0;
-  if (has_nameless(fit.model)) least = std::max({least, priors.shadow * of_curves, options.naming_gap_nats});
+  if (has_generic(fit.model))
+    least = std::max({least, priors.beside_curve * of_curves, options.naming_gap_nats});
   std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
   Model model;
   const Space seed(rows, {}, fit.state);
   for (std::size_t i = known; i < fit.model.size(); ++i) {
     const ActiveEffect& member = fit.model[i];
-    if (is_nameless(*member.effect)) continue;
+    if (is_generic(*member.effect)) continue;
     const double worth = worths[i];
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
     if (worth < least || probability < 0.5 ||
         curve_along(*member.effect, table, known) > priors.discrepancy * worth)
       continue;
-    const double harm = harm_of(seed, {member, -1, seed.change({member})});
-    costs.emplace_back(std::isfinite(harm) ? harm : 0.0,
+    const double range_error = range_error_of(seed, {member, -1, seed.change({member})});
+    costs.emplace_back(std::isfinite(range_error) ? range_error : 0.0,
                        Member{member.effect->info().id, std::min(1.0, probability),
                               std::isfinite(worth) ? std::optional(-worth) : std::nullopt, std::nullopt});
     model.push_back(member);
@@ -289,7 +290,7 @@ std::vector<Candidate> others_of_its_size(const Hypotheses& table, const std::ve
   std::vector<Candidate> others;
   for (std::size_t i = 1; i < table.size(); ++i) {
     const Model& model = table[i]->fit.model;
-    if (model.size() != answer.fit.model.size() || has_nameless(model)) continue;
+    if (model.size() != answer.fit.model.size() || has_generic(model)) continue;
     Candidate c = candidate_of(*table[i], p[i], baseline_nll);
     c.evidence = answer.evidence - gap_to(answer, c);
     others.push_back(std::move(c));
@@ -325,7 +326,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
       if (again.ok && !(alone.ok && alone.nll <= again.nll)) alone = std::move(again);
     }
     if (!alone.ok) return;
-    while (has_nameless(best.fit.model)) {
+    while (has_generic(best.fit.model)) {
       std::optional<Idle> idle = least_idle(rows, alone, known, refit_options, options.naming_gap_nats);
       if (!idle) break;
       const auto at = static_cast<std::ptrdiff_t>(idle->member - known);
@@ -337,7 +338,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     answer.gain = result.baseline.nll - answer.fit.nll;
   }
   auto battery = std::make_unique<Battery>(rows, answer.fit.model, answer.fit.state, result.rates);
-  const bool has_curve = has_nameless(best.fit.model);
+  const bool has_curve = has_generic(best.fit.model);
   const bool rest = has_curve || leaves_something(rows, *battery, answer, result.known, priors) ||
                     misses_the_cells(rows, *battery, priors);
   if (named.model.empty() && (known == 0 || rest)) return;

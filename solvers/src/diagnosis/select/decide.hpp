@@ -9,8 +9,9 @@ namespace rangecal::diagnosis {
 /// bookkeeping found.
 ///
 ///   names     of the likeliest set, each of probability 0.5 or more over all sets (its class's: exact twins, and what stands
-///             in its place at nearly the same probability), no shadow of a curve without a name, and no formula that a curve along
-///             its own covariate improves by much; the one that costs most in a corrected range first
+///             in its place at nearly the same probability), none that a curve without a name is confounded with, and
+///             no formula that a curve along its own covariate improves by much; the one that
+///             costs most in a corrected range first
 ///   rest      what its curves without a name carry, and what its residuals hold at a corrected p below the rate at which
 ///             residuals count as clean; material where its RMS size over the readings exceeds the tolerance
 ///   verdict   explained: names, no material rest; partly_explained: names, and one; unexplained: no name

@@ -169,15 +169,15 @@ double log_prior_mass(const Model& model, std::size_t known, const MemberCounts&
                       const SelectionPriors& priors) {
   double mass = 0.0;
   for (std::size_t i = known; i < model.size(); ++i) {
-    mass += is_nameless(*model[i].effect) ? std::log(priors.further_member * priors.nameless / counts.places)
-                                          : log_prior_of_one_more_name(counts, priors);
+    mass += is_generic(*model[i].effect) ? std::log(priors.further_member * priors.generic / counts.places)
+                                         : log_prior_of_one_more_name(counts, priors);
     if (i == known) mass -= std::log(priors.further_member);
   }
   return mass;
 }
 
 double log_prior_of_one_more_name(const MemberCounts& counts, const SelectionPriors& priors) {
-  return std::log(priors.further_member * (1.0 - priors.nameless) / counts.names);
+  return std::log(priors.further_member * (1.0 - priors.generic) / counts.names);
 }
 
 double log_calibration_volume(const Rows& rows, const Fit& fit) {
@@ -198,7 +198,7 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
       continue;
     }
     joint.push_back(static_cast<Eigen::Index>(a));
-    if (is_nameless(*fit.model[static_cast<std::size_t>(p.effect)].effect))
+    if (is_generic(*fit.model[static_cast<std::size_t>(p.effect)].effect))
       curve.push_back(static_cast<Eigen::Index>(a));
     else {
       const auto [low, high] = bounds_of(rows, fit.model, p);
@@ -224,7 +224,7 @@ double log_parameter_volume(const Rows& rows, const Fit& fit, std::size_t known,
     const auto [low, high] = bounds_of(rows, fit.model, p);
     const double value = fit.model[p.effect].parameters[p.index];
     // The prior of a curve's parameters comes below.
-    wide[i] = is_nameless(*fit.model[p.effect].effect) ? high - low : prior_width(info, low, high, value);
+    wide[i] = is_generic(*fit.model[p.effect].effect) ? high - low : prior_width(info, low, high, value);
     for (Eigen::Index j = 0; j < k; ++j) C(i, j) = fit.covariance(joint[i], joint[j]);
   }
   // (C^-1 + wide^-2)^-1 = C - C (C + wide^2)^-1 C

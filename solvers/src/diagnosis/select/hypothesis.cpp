@@ -5,11 +5,10 @@
 
 namespace rangecal::diagnosis {
 
-bool is_nameless(const Effect& effect) { return dynamic_cast<const GenericEffect*>(&effect) != nullptr; }
+bool is_generic(const Effect& effect) { return dynamic_cast<const GenericEffect*>(&effect) != nullptr; }
 
-bool has_nameless(const Model& model) {
-  return std::any_of(model.begin(), model.end(),
-                     [](const ActiveEffect& a) { return is_nameless(*a.effect); });
+bool has_generic(const Model& model) {
+  return std::any_of(model.begin(), model.end(), [](const ActiveEffect& a) { return is_generic(*a.effect); });
 }
 
 Model without(Model model, std::size_t index) {
@@ -23,7 +22,7 @@ std::string curve_name(const std::string& channel, const std::string& covariate)
 
 std::string member_name(const Effect& effect) {
   const EffectInfo& info = effect.info();
-  return is_nameless(effect) ? curve_name(info.channel, info.covariate) : info.id;
+  return is_generic(effect) ? curve_name(info.channel, info.covariate) : info.id;
 }
 
 std::vector<std::string> member_names(const Model& model, std::size_t known) {

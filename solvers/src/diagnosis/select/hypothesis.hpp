@@ -19,7 +19,7 @@ struct Hypothesis {
   double prior_mass = 0.0;                      ///< by `log_prior_mass` [nats]
   /// ln of its probability over that of the root [nats]: the sum of the three above.
   double log_posterior = 0.0;
-  double promised = 0.0;            ///< gain by the linearised problem or by a score [nats]; 0: neither
+  double predicted_gain = 0.0;      ///< gain by the linearised problem or by a score [nats]; 0: neither
   std::vector<std::string> parent;  ///< members of the set from which it was reached
   std::vector<TriedSet::Proposal> proposals;  ///< likely sets of the problem linearised here
   int fits = 1;                               ///< how often it was fitted, from several starts
@@ -28,10 +28,10 @@ struct Hypothesis {
 };
 
 /// True if the effect is a curve without a name.
-bool is_nameless(const Effect& effect);
+bool is_generic(const Effect& effect);
 
 /// True if one of the effects is.
-bool has_nameless(const Model& model);
+bool has_generic(const Model& model);
 
 /// The model less the effect at `index`.
 Model without(Model model, std::size_t index);

@@ -70,7 +70,7 @@ class LinearSearch {
   }
 
   /// Precision of the prior of every column: 1 / tau^2 of curves; of names that of a value far beyond the typical, so that a direction
-  /// of which the calibration leaves next to nothing promises nothing.
+  /// of which the calibration leaves next to nothing predicts no gain.
   Eigen::VectorXd ridge_of(const std::vector<int>& blocks) const {
     std::vector<double> ridge;
     for (const int b : blocks)

@@ -6,7 +6,7 @@ namespace rangecal::diagnosis {
 /// Everything about the posterior and the verdict of a search by sets that was chosen and not computed.
 struct SelectionPriors {
   /// Prior probability of a member being a curve without a name; the names of the catalogue share the rest equally.
-  double nameless = 0.02;
+  double generic = 0.02;
   /// Odds of one member more, after the first.
   double further_member = 0.5;
   /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may
@@ -14,7 +14,7 @@ struct SelectionPriors {
   double size_dof = 2.0;
   /// Of what a curve without a name explains [nats]: a name beside it that explains less may be what its shape leaves of an
   /// unknown cause, and is not given.
-  double shadow = 0.25;
+  double beside_curve = 0.25;
   /// The same where the curve lies along the covariate of the name itself, in its channel: a formula leaves of its own shape a
   /// share of its worth [nats] of this or less, or it is another cause's.
   double discrepancy = 0.1;

@@ -83,7 +83,7 @@ class SetSearch {
   /// A set to be fitted from its parameters.
   struct Wanted {
     Model model;
-    double promised = 0.0;                    ///< gain [nats]
+    double predicted_gain = 0.0;              ///< gain [nats]
     std::shared_ptr<Effect> curve = nullptr;  ///< asked for by residuals, in the model
     bool refine = false;                      ///< other optima are looked for
     std::optional<Fit> fit = std::nullopt;    ///< where it is fitted already
@@ -102,7 +102,7 @@ class SetSearch {
   /// True if the other members may have been fitted about a wrong start of this one: what moves no mean takes up what means
   /// leave, and periods, time constants, stops and landmarks have many optima.
   static bool may_hold_fast(const Effect& effect) {
-    return !is_nameless(effect) && (effect.info().kind != EffectKind::mean || has_many_optima(effect));
+    return !is_generic(effect) && (effect.info().kind != EffectKind::mean || has_many_optima(effect));
   }
 
   /// The likeliest set; then, for the best may not be seen from there, the next likeliest, and the likeliest without each
@@ -133,7 +133,7 @@ class SetSearch {
   }
 
   /// Fits what may be likelier than a set: spreads, tails and dependence beside it first, which set the scale of all else;
-  /// then sets of the problem linearised there that promise to come near the likeliest by then, and the set without each of
+  /// then sets of the problem linearised there that are predicted to come near the likeliest by then, and the set without each of
   /// its members.
   void look_around(Hypothesis& here) {
     here.scanned = true;
@@ -192,7 +192,7 @@ class SetSearch {
         const Effect* effect = w.model[i].effect;
         if (!has_many_optima(*effect) || contains(here.fit.model, effect) || refined_with(effect)) continue;
         Wanted*& first = most[effect];
-        if (!first || w.promised > first->promised) first = &w;
+        if (!first || w.predicted_gain > first->predicted_gain) first = &w;
       }
     for (const auto& [effect, w] : most) w->refine = true;
   }
@@ -261,11 +261,12 @@ class SetSearch {
     for (const LinearSet& set : sets) {
       // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
       const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
-      const double promised = here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
+      const double predicted_gain =
+          here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
       const double gain = here.gain + rescaled;
       const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
                            sizes.insert(set.model.size()).second) &&
-                          promised + refining_adds + refining_share * gain > top;
+                          predicted_gain + refining_adds + refining_share * gain > top;
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
@@ -276,13 +277,13 @@ class SetSearch {
       const bool idle = std::includes(names.begin(), names.end(), mine.begin(), mine.end()) &&
                         set.log_posterior < own.log_posterior;
       const bool fit = likely && wanted.size() < most_of_sets && !again && !idle;
-      if (likely) here.proposals.push_back({names, gain, promised, fit || known});
+      if (likely) here.proposals.push_back({names, gain, predicted_gain, fit || known});
       if (fit) wanted.push_back({std::move(model), gain});
     }
     return wanted;
   }
 
-  /// The curves of the channels' means and spreads that promise most for their parameters, of what cannot be chance.
+  /// The curves of the channels' means and spreads of the largest predicted gain for their parameters, of what cannot be chance.
   void add_curves(const Hypothesis& here, const Battery& battery, std::vector<Wanted>& wanted) const {
     constexpr double chance = 0.05;  // corrected p
     const double per_parameter = price_of_curve_parameter(rows_);
@@ -313,7 +314,7 @@ class SetSearch {
   std::optional<CurveFit> curve_for(const Hypothesis& here, const Battery& battery, const Question& q) const {
     Model rest = here.fit.model;
     std::erase_if(rest, [&](const ActiveEffect& a) {
-      return is_nameless(*a.effect) && member_name(*a.effect) == curve_name(q.channel, q.covariate);
+      return is_generic(*a.effect) && member_name(*a.effect) == curve_name(q.channel, q.covariate);
     });
     if (rest.size() == here.fit.model.size())
       return fit_curve(rows_, battery.projector(), here.fit, q, options_);
@@ -334,11 +335,11 @@ class SetSearch {
       if (info.kind == EffectKind::mean) continue;
       if (channel_is_on_grid(known_, info.channel)) continue;  // it is judged by its means alone
       const bool by_value = info.kind != EffectKind::noise;    // then it may gain more than its test says
-      if ((by_value ? credible_gain(p) : p.promised) < -price) continue;
+      if ((by_value ? credible_gain(p) : p.predicted_gain) < -price) continue;
       if (taken[info.kind]++ >= most_of_a_kind) continue;
       Model larger = here.fit.model;
       larger.push_back({p.effect, p.start});
-      wanted.push_back({std::move(larger), here.gain + p.promised});
+      wanted.push_back({std::move(larger), here.gain + p.predicted_gain});
     }
     add_curves(here, battery, wanted);
     return wanted;
@@ -355,7 +356,7 @@ class SetSearch {
             !contains(here.fit.model, wanted.model[i].effect))
           start_tail_where_likeliest(rows_, i, options_, wanted.model, start);
       made->fit = refit(rows_, wanted.model, start, options_);
-      if (made->fit.ok && root_nll_ - made->fit.nll < wanted.promised - fell_short)
+      if (made->fit.ok && root_nll_ - made->fit.nll < wanted.predicted_gain - fell_short)
         start_elsewhere(wanted.model, made->fit);
     }
     const double gain = root_nll_ - made->fit.nll;
@@ -363,7 +364,7 @@ class SetSearch {
       refine(made->fit);
       made->refined = true;
     }
-    made->promised = wanted.promised;
+    made->predicted_gain = wanted.predicted_gain;
     made->parent = names_of(here);
     made->curves = here.curves;
     if (wanted.curve) made->curves.push_back(wanted.curve);

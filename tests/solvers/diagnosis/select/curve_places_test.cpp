@@ -22,7 +22,7 @@ TEST(CurvePlaces, CoverEveryChannelAlongEveryCovariate) {
   for (const CurvePlace& place : places) {
     members.insert(member_name(*place.effect));
     mass[member_name(*place.effect)] += static_cast<double>(place.sizes.size()) / place.effect->choices;
-    EXPECT_TRUE(is_nameless(*place.effect));
+    EXPECT_TRUE(is_generic(*place.effect));
     for (std::size_t i = 1; i < place.sizes.size(); ++i) EXPECT_GT(place.sizes[i], place.sizes[i - 1]);
   }
   for (const char* covariate : {"range", "sensor_bearing", "time", "repeat", "landmark", "stop", "radius"})

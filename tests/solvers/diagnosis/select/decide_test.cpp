@@ -33,7 +33,7 @@ class Decide : public ::testing::Test {
     return {effect, effect->start_grid(seed().rows.context).front()};
   }
 
-  /// A nameless curve of two knots.
+  /// A generic curve of two knots.
   ActiveEffect curve(CurveChannel channel, const char* channel_name, const char* along) {
     curves_.push_back(std::make_shared<GenericEffect>(
         channel, channel_name, along, covariate_of(seed().rows, along), CurveBasis{{0.0, 6.0}, false, 0.0},

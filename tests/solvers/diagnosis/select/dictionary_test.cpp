@@ -25,7 +25,7 @@ Eigen::VectorXd scores_of(const Dictionary& dictionary, int block) {
   return dictionary.scores().segment(b.first, b.size);
 }
 
-TEST(Dictionary, PromisesWhatTheBatteryDoes) {
+TEST(Dictionary, PredictsWhatTheBatteryDoes) {
   const testing::SeedFit seed(testing::recording_with(two, "Dictionary.Promises"));
   const Dictionary dictionary(seed.rows, seed.fit, {});
   for (const char* id : {"encoder_ellipticity", "encoder_eccentricity", "path_curvature", "bearing_offset"}) {

@@ -39,7 +39,7 @@ TEST_F(Evidence, PriorMassesOfSetsAreThoseWorkedByHand) {
   const Effect *tilt = find_effect("tilt"), *offset = find_effect("bearing_offset");
   const MemberCounts counts{40.0, 20.0};
   SelectionPriors half;
-  half.nameless = 0.5;
+  half.generic = 0.5;
   half.further_member = 0.25;
   EXPECT_NEAR(log_prior_mass({}, 0, counts, half), 0.0, 1e-15);
   EXPECT_NEAR(log_prior_mass({{tilt, {}}}, 0, counts, half), std::log(0.5 / 40.0), 1e-12);

@@ -27,11 +27,13 @@ struct Cells {
   std::vector<double> radius_m;  ///< of the cell's landmark
   std::vector<int> stop_begin;   ///< K + 1 entries: cells of stop k are stop_begin[k] .. stop_begin[k+1]-1
   /// Effects that change with distance leave b (d - d_0) on top of f(d): b [-] and d_0 [m]; both empty for none.
-  std::vector<double> bend, bend_at_m;
+  std::vector<double> effect_slope, effect_slope_at_m;
 
   std::size_t size() const { return stop.size(); }
   /// b (d - d_0) of cell i [m].
-  double bent(std::size_t i, double d) const { return bend.empty() ? 0.0 : bend[i] * (d - bend_at_m[i]); }
+  double effect_change(std::size_t i, double d) const {
+    return effect_slope.empty() ? 0.0 : effect_slope[i] * (d - effect_slope_at_m[i]);
+  }
 };
 
 /// The 2021 problem as the estimators see it: one sensor, all recordings of the job laid end to end.

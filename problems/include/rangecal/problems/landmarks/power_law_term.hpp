@@ -10,7 +10,7 @@ namespace rangecal {
 ///
 /// Cost:     q = R (tau + p log f) + chi_sq / 2,  chi_sq = P (e^2 + S^2),  P = W / (sigma^2 f^(2p)),  e = y_bar - f [nats]
 /// With B = dq/dtau = R - chi_sq:   dq/df = -P e + p B / f,   dP/df = -2 p P / f,   dB/df = 2 p chi_sq / f + 2 P e.
-/// A cell with a bend reads y = f + g + s e, g = b (d - d_0) its own: the cost is one of f and g, with e = y_bar - f - g.
+/// A cell with an effect slope reads y = f + g + s e, g = b (d - d_0) its own: the cost is one of f and g, with e = y_bar - f - g.
 /// Source:   Alhashimi 2016 eq. 17, 18, for cells; see range_term.hpp.
 struct PowerLaw {
   int power = 0;           ///< p

@@ -15,7 +15,7 @@ namespace rangecal {
 ///
 /// Measured: R readings y of one distance d [m], as mean y_bar [m] and mean square deviation S^2 [m^2].
 /// Equation: y = f(d) + b (d - d_0) + s(d) e, e ~ N(0, 1), f(d) = sum alpha_i d^i, log s = lambda(f, d; tau).
-///           b and d_0 are constants of the cell (Cells::bend): an effect's own slope there, 0 for the seed model.
+///           b and d_0 are constants of the cell (Cells::effect_slope): an effect's own slope there, 0 for the seed model.
 /// Cost:     q(d, alpha, tau) = R lambda + W ((y_bar - f - b (d - d_0))^2 + S^2) / (2 s^2)
 ///           [nats, without log(2 pi)/2 per reading]
 ///           W = R, or the sum of robust weights. The log-determinant is the term R lambda.
@@ -34,7 +34,7 @@ class RangeTerm {
   bool evaluate(double d, const Cells& cells, std::size_t cell, const Eigen::VectorXd& alpha,
                 const Noise& noise) {
     const double count = cells.count[cell], weight = cells.range_weight[cell];
-    const double bend = cells.bend.empty() ? 0.0 : cells.bend[cell];
+    const double effect_slope = cells.effect_slope.empty() ? 0.0 : cells.effect_slope[cell];
     coefficients_ = static_cast<int>(alpha.size());
     noise_parameters_ = static_cast<int>(noise.parameters.size());
     if (!(d > 0.0)) return false;
@@ -76,8 +76,8 @@ class RangeTerm {
     }
     polynomial_law_ = !has_sigma(noise.law);
 
-    Taylor<N> e = Taylor<N>::constant(cells.range_mean[cell] - cells.bent(cell, d)) - f;
-    e.c[1] -= bend;
+    Taylor<N> e = Taylor<N>::constant(cells.range_mean[cell] - cells.effect_change(cell, d)) - f;
+    e.c[1] -= effect_slope;
     Taylor<N> square = e * e;
     square.c[0] += cells.range_mean_square[cell];
     const Taylor<N> chi_sq = weight * (square * precision);
@@ -96,7 +96,7 @@ class RangeTerm {
     tau_tau = by_lambda_lambda - (polynomial_law_ ? by_lambda.value() : 0.0);
 
     // Expected information of the same.
-    const double slope = f.first() + bend, lambda_slope = lambda.first();
+    const double slope = f.first() + effect_slope, lambda_slope = lambda.first();
     fisher_d_d = weight * precision.value() * slope * slope + 2.0 * count * lambda_slope * lambda_slope;
     fisher_d_alpha = weight * precision.value() * slope + 2.0 * count * lambda_slope * p * inverse;
     fisher_d_tau = 2.0 * count * lambda_slope;

@@ -150,8 +150,8 @@ struct Diagnosis {
 struct TriedSet {
   std::vector<std::string> members;  ///< ids of effects; "curve of C along X" for a curve without a name
   std::vector<std::string> parent;   ///< the set from which it was reached
-  double promised =
-      0.0;            ///< gain [nats] by the linearised problem, or by a score; 0 where neither promised any
+  double predicted_gain =
+      0.0;            ///< gain [nats] by the linearised problem, or by a score; 0 where neither predicted any
   double gain = 0.0;  ///< NLL of the seed model, with what bookkeeping found, less that of the set [nats]
   double parameter_volume = 0.0;  ///< what choosing its parameters costs [nats]
   double prior_mass = 0.0;        ///< ln of the prior probability of the set over that of none [nats]
@@ -160,8 +160,8 @@ struct TriedSet {
   bool scanned = false;           ///< likelier sets were looked for from there
   struct Proposal {
     std::vector<std::string> members;
-    double promised = 0.0;       ///< gain [nats] on the problem linearised at this set
-    double log_posterior = 0.0;  ///< the same of the posterior
+    double predicted_gain = 0.0;  ///< gain [nats] on the problem linearised at this set
+    double log_posterior = 0.0;   ///< the same of the posterior
     bool fitted = false;
   };
   std::vector<Proposal> proposals;  ///< likely sets of the linearised problem, the likeliest first

@@ -12,8 +12,8 @@
 
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
-#include "rangecal/solvers/joint_ml/robust.hpp"
 #include "rangecal/solvers/recursive/recursive_bearings.hpp"
+#include "rangecal/solvers/robust/robust.hpp"
 
 namespace rangecal {
 

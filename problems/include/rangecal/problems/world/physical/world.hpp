@@ -121,11 +121,11 @@ struct NoiseBudget {
   double interference_share = 0.0;    ///< readings with another lidar's spot in the window
   double interference_window = 10.0;  ///< half-width of that window, in units of the sd
   double dust_share = 0.0;            ///< readings of dust, anywhere between sensor and landmark
-  double grazing_share = 0.0;         ///< readings whose beam is cut by the edge: a mixture with the wall behind
-  double wall_behind_m = 1.0;         ///< distance of that wall from the landmarks
-  double spot_radius_m = 0.0;         ///< w on the target, for clipping at the landmark's edge; 0: a point
-  double cell_sd_m = 0.0;             ///< texture: shared by all repeats of (stop, landmark)
-  double smoothing = 0.0;             ///< rho of the AR(1) filter over the repeats of a cell
+  double grazing_share = 0.0;  ///< readings whose beam is cut by the edge: a mixture with the wall behind
+  double wall_behind_m = 1.0;  ///< distance of that wall from the landmarks
+  double spot_radius_m = 0.0;  ///< w on the target, for clipping at the landmark's edge; 0: a point
+  double cell_sd_m = 0.0;      ///< texture: shared by all repeats of (stop, landmark)
+  double smoothing = 0.0;      ///< rho of the AR(1) filter over the repeats of a cell
   double sigma_theta_rad = 0.00872664626;  ///< 0.5 degrees
 };
 
@@ -146,8 +146,8 @@ struct Tape {
   double sigma_m = 0.002;
 };
 
-/// Departures that no catalogue names.
-struct Oddities {
+/// Effects of the simulated world that are not in the catalogue of the diagnosis.
+struct UncataloguedEffects {
   double guard_m = 0.0, guard_direction_rad = 0.0,
          guard_half_width_rad = 0.4;  ///< cable guard in front of the window
   double flicker_m = 0.0, flicker_period_s = 200.0, flicker_phase_rad = 0.0;  ///< beat with the mains
@@ -179,7 +179,7 @@ struct World {
   Thermal thermal;
   NoiseBudget noise;
   Driver driver;
-  Oddities oddities;
+  UncataloguedEffects uncatalogued;
   std::vector<Plant> planted;
   std::map<std::string, double> truth;  ///< "effect.parameter_unit" -> value, of what was planted
 };

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/reselection.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include "diagnosis/battery.hpp"
+#include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/candidates.hpp"
+#include "diagnosis/generic.hpp"
+#include "diagnosis/working_problem.hpp"
+
+namespace rangecal::diagnosis {
+namespace {
+
+constexpr std::size_t most_peaks = 4;  ///< as many as the search refits of a proposal
+
+/// True if scores over a grid found some parameter of the effect.
+bool was_chosen(const Rows& rows, const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  return !is_bookkeeping(info.kind) &&
+         std::any_of(info.parameters.begin(), info.parameters.end(),
+                     [](const EffectParameter& p) { return p.discrete || !p.linear; }) &&
+         effect.start_grid(rows.context).size() > 1;
+}
+
+/// Without the curve, and with one along its covariate as the part asks for it. `held`: as `options`, names settled.
+Fit with_reselected_curve(const Rows& part, Fit fitted, const GenericEffect& curve, const RefitOptions& held,
+                          const RefitOptions& options, OwnedCurves& curves) {
+  Model others = fitted.model;
+  std::erase_if(others, [&](const ActiveEffect& active) { return active.effect == &curve; });
+  Fit without = refit(part, others, fitted.state, held);
+  if (!without.ok) return fitted;
+  Question question;
+  question.channel = curve.info().channel;
+  question.covariate = curve.info().covariate;
+  if (curve.basis().wavenumber > 0.0) question.shape = "periodic";
+  const WorkingProblem working = working_problem(part, without.model, without.state);
+  const Projector projector(part, working, without.state);
+  std::optional<CurveFit> anew = fit_curve(part, projector, without, question, options);
+  if (!anew) return without;
+  curves.push_back(anew->effect);
+  return std::move(anew->fit);
+}
+
+}  // namespace
+
+Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOptions& options,
+             OwnedCurves& curves) {
+  RefitOptions held = options;
+  held.settled = static_cast<int>(fitted.model.size());
+  for (std::size_t e = 0; e < fitted.model.size(); ++e) {
+    const Effect& effect = *fitted.model[e].effect;
+    if (!was_chosen(part, effect)) continue;
+    Model others = fitted.model;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
+    const Fit without = refit(part, others, fitted.state, held);
+    if (!without.ok) continue;
+    const Battery battery(part, without.model, without.state, rates, effect);
+    std::vector<Height> heights;
+    for (const Question& q : battery.questions) heights.emplace_back(q.gain, q.start);
+    heights = peaks_of(heights);
+    heights.resize(std::min(heights.size(), most_peaks));
+    for (auto& [height, start] : heights) {
+      Model model = without.model;
+      model.insert(model.begin() + static_cast<std::ptrdiff_t>(e), {&effect, std::move(start)});
+      Fit trial = refit(part, model, without.state, held);
+      if (trial.ok && trial.nll < fitted.nll) fitted = std::move(trial);
+    }
+  }
+  const Model chosen = fitted.model;
+  for (const ActiveEffect& active : chosen)
+    if (const auto* curve = dynamic_cast<const GenericEffect*>(active.effect))
+      fitted = with_reselected_curve(part, std::move(fitted), *curve, held, options, curves);
+  return fitted;
+}
+
+}  // namespace rangecal::diagnosis
