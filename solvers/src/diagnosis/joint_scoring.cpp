@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnosis/free_parameters.hpp"
+#include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/tail_slopes.hpp"
 
 namespace rangecal::diagnosis {
@@ -32,6 +33,8 @@ Point point_at(const Rows& rows, Model model, JointState state) {
   return point;
 }
 
+bool is_tail(const ActiveEffect& active) { return active.effect->info().kind == EffectKind::tail; }
+
 /// What is fitted: alpha, ln sigma, then parameters of effects, those of tails in their logarithms.
 class Scoring {
  public:
@@ -39,9 +42,7 @@ class Scoring {
       : rows_(rows), options_(options), alphas_(fit.state.alpha.size()) {
     for (const FreeParameter& p : fit.free)
       if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p)) own_.push_back(p);
-    tails_ = std::any_of(fit.model.begin(), fit.model.end(), [](const ActiveEffect& active) {
-      return active.effect->info().kind == EffectKind::tail;
-    });
+    tails_ = std::any_of(fit.model.begin(), fit.model.end(), is_tail);
   }
 
   struct Slopes {
@@ -202,62 +203,79 @@ Point Scoring::moved(const Point& from, const Eigen::VectorXd& step) const {
 
 }  // namespace
 
-bool can_be_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
-                           const RefitOptions& options) {
+bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
+                       const RefitOptions& options) {
   const Dependence dependence = dependence_of(model);
+  const bool has_tails = std::any_of(model.begin(), model.end(), is_tail), along = !rows.sequence.empty();
   const bool exact = std::all_of(rows.problem.stops.begin(), rows.problem.stops.end(),
                                  [](const StopPrior& stop) { return stop.sigma_xy_m == 0.0; });
-  return rows.pairs && exact && !rows.alpha_prior && has_sigma(state.noise.law) && !has_grid(model) &&
-         dependence.range_cell_sigma_m == 0.0 &&
-         (!rows.sequence.empty() || dependence.range_correlation == 0.0) &&
-         !(options.held.alpha && options.held.sigmas);
+  const bool dependent = dependence.range_correlation != 0.0;
+  return (has_tails || (along && dependent)) && rows.pairs && exact && !rows.alpha_prior &&
+         has_sigma(state.noise.law) && !has_grid(model) && dependence.range_cell_sigma_m == 0.0 &&
+         (along || !dependent) && !(options.held.alpha && options.held.sigmas);
 }
 
-void score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit) {
+namespace {
+
+/// Scoring from `here` until a step promises nothing.
+Point scored(const Scoring& scoring, Point here) {
   constexpr int most_steps = 40, most_failures = 6;
   constexpr double settled = 2e-3;                                           // nats
   constexpr double first_damping = 1e-2, more = 10.0, least_damping = 1e-3;  // lambda
-  const Scoring scoring(rows, fit, options);
-  Point here = point_at(rows, fit.model, fit.state);
-  if (!std::isfinite(here.nll)) return;
-  const double began = here.nll;
   double damping = 0.0;
   for (int iteration = 0; iteration < most_steps; ++iteration) {
     const auto [score, information] = scoring.at(here);
     const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-    bool gained = false;
     double gain = 0.0;
-    for (int failure = 0; failure < most_failures && !gained; ++failure) {
+    for (int failure = 0; failure < most_failures && !(gain > 0.0); ++failure) {
       Eigen::MatrixXd damped = scaled;
       damped.diagonal().array() += damping + 1e-9;
       const Eigen::LDLT<Eigen::MatrixXd> factor(damped);
       const Eigen::VectorXd step = scale.cwiseProduct(factor.solve(scale.cwiseProduct(score)));
-      if (factor.info() != Eigen::Success || !step.allFinite()) {
-        damping = std::max(first_damping, more * damping);
-        continue;
-      }
-      if (!(0.5 * score.dot(step) > settled)) break;
-      Point next = scoring.moved(here, step);
-      gained = next.nll < here.nll;
-      if (gained) {
-        gain = here.nll - next.nll;
+      const bool solved = factor.info() == Eigen::Success && step.allFinite();
+      if (solved && !(0.5 * score.dot(step) > settled)) return here;
+      Point next = solved ? scoring.moved(here, step) : Point{};
+      gain = here.nll - next.nll;
+      if (gain > 0.0) {
         here = std::move(next);
         damping = damping > least_damping ? damping / more : 0.0;
       } else {
         damping = std::max(first_damping, more * damping);
       }
     }
-    if (!(gain > settled)) break;
+    if (!(gain > settled)) return here;
   }
-  if (!(here.nll < began)) return;
+  return here;
+}
+
+}  // namespace
+
+bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
+  constexpr int most_alternations = 6;  // of the sequence's parameters and the others
+  constexpr double settled = 0.01;      // nats
+  const Scoring scoring(rows, fit, options);
+  Point here = point_at(rows, fit.model, fit.state);
+  if (!std::isfinite(here.nll)) return false;
+  for (int alternation = 0; alternation < most_alternations; ++alternation) {
+    const double before = here.nll;
+    auto likeliest = likeliest_sequence(rows, fit.free, here.model, here.working, here.state);
+    if (likeliest) {
+      Point next = point_at(rows, std::move(likeliest->first), std::move(likeliest->second));
+      if (next.nll < here.nll) here = std::move(next);
+      if (alternation > 0 && !(before - here.nll > settled)) break;
+    }
+    here = scored(scoring, std::move(here));
+    if (!likeliest || !(before - here.nll > settled)) break;
+  }
   RefitOptions staying = options;
   staying.places_stay = true;
-  const double value = calibrate_under(rows, here.model, here.state, staying);
-  if (!(value < fit.nll)) return;
+  const double value = calibrate_under(rows, here.model, here.state, staying, &detail);
+  if (!std::isfinite(value)) return false;
   fit.nll = value;
   fit.model = std::move(here.model);
   fit.state = std::move(here.state);
+  return true;
 }
 
 }  // namespace rangecal::diagnosis

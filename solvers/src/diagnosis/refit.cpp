@@ -7,6 +7,7 @@
 
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/joint_scoring.hpp"
+#include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/refit_step.hpp"
 #include "diagnosis/tail_slopes.hpp"
 
@@ -41,12 +42,8 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
     else if (p.acts == FreeParameter::Acts::numeric)
       lines.push_back(p);
   const std::size_t kinds = lines.size() + (tails ? 1 : 0) + (sequence ? 1 : 0);
-  const bool jointly = (tails || sequence) && can_be_scored_jointly(rows, fit.model, fit.state, options);
   for (int sweep = 0; sweep < (kinds > 1 ? 2 : 1); ++sweep) {
-    if (jointly)
-      score_jointly(rows, options, fit);
-    else if (tails)
-      fit_tails(rows, options, fit);
+    if (tails) fit_tails(rows, options, fit);
     if (sequence) fit_sequence(rows, options, fit);
     for (const FreeParameter& p : lines) search_line(rows, p, options, sweep == 0 ? 2.0 : 1.2, fit);
   }
@@ -91,6 +88,15 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
   return moved;
 }
 
+/// Of the parameters that move means and variances, where the fit ended.
+void set_covariance(const Rows& rows, Fit& fit) {
+  Eigen::VectorXd step;
+  double predicted_gain = 0.0;
+  if (!fit.free.empty())
+    newton_parameters(rows, working_problem(rows, fit.model, fit.state), fit.state, fit.model, fit.free, step,
+                      fit.covariance, predicted_gain);
+}
+
 /// Of alpha and the sigmas.
 void set_calibration_spread(const Rows& rows, const MarginalFit& detail, Fit& fit) {
   const int alphas = static_cast<int>(fit.state.alpha.size());
@@ -128,15 +134,21 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     fit.free = free_parameters(rows, projector, start_model, options.settled);
   }
   MarginalFit detail;
-  fit.nll = calibrate_under(rows, fit.model, fit.state, options, &detail);
+  const bool scored =
+      is_scored_jointly(rows, fit.model, fit.state, options) && score_jointly(rows, options, fit, detail);
+  if (!scored) fit.nll = calibrate_under(rows, fit.model, fit.state, options, &detail);
   if (!std::isfinite(fit.nll)) return fit;
   const Eigen::Index n = static_cast<Eigen::Index>(fit.free.size());
   fit.covariance = Eigen::MatrixXd::Zero(n, n);
-  const bool searched = search_lines(rows, options, fit);  // first: they set the scale of everything else
-  const bool stepped = step_parameters(rows, options, fit, detail);
-  if (searched && !stepped) {  // since `detail` was told
-    JointState state = fit.state;
-    calibrate_under(rows, fit.model, state, options, &detail);
+  if (scored) {
+    set_covariance(rows, fit);
+  } else {
+    const bool searched = search_lines(rows, options, fit);  // first: they set the scale of everything else
+    const bool stepped = step_parameters(rows, options, fit, detail);
+    if (searched && !stepped) {  // since `detail` was told
+      JointState state = fit.state;
+      calibrate_under(rows, fit.model, state, options, &detail);
+    }
   }
   fit.outcome = detail.outcome;
   fit.reason = detail.reason;

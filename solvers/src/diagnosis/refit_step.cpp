@@ -4,10 +4,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <nlopt.hpp>
 #include <utility>
 
 #include "diagnosis/free_parameters.hpp"
+#include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/tail_slopes.hpp"
 
 namespace rangecal::diagnosis {
@@ -288,74 +288,16 @@ void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
   }
 }
 
-bool is_of_sequence(const Rows& rows, const Model& model, const FreeParameter& p) {
-  return p.acts == FreeParameter::Acts::numeric && !rows.sequence.empty() &&
-         model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::dependence;
-}
-
-namespace {
-
-/// The parameters of the sequence at which the residuals of `fit` are most likely.
-Model likeliest_sequence(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& own) {
-  constexpr double first_step = 0.5, narrow = 1e-3;  // in logits of a parameter between its bounds
-  constexpr int most_values = 200;
-  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
-  const CellGeometry geometry = cell_geometry(rows, fit.state);
-  const Eigen::VectorXd z = sequence_residuals(working, geometry);
-  const double extra = working.tail_square.size() > 0 ? working.tail_square.sum() : 0.0;
-  const double count = static_cast<double>(rows.size());
-  Model trial = fit.model;
-  const auto set = [&](const std::vector<double>& logits) {
-    for (std::size_t a = 0; a < own.size(); ++a) {
-      const auto [low, high] = bounds_of(rows, trial, own[a]);
-      value_of(trial, own[a]) = low + (high - low) / (1.0 + std::exp(-logits[a]));
-    }
-  };
-  const auto nll = [&](const std::vector<double>& logits) {
-    set(logits);
-    const Dependence dependence = dependence_of(trial);
-    const SerialErrors serial(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
-    return 0.5 * (serial.log_determinant() + count * std::log(serial.whitened(z).squaredNorm() + extra));
-  };
-  std::vector<double> logits;
-  for (const FreeParameter& p : own) {
-    const auto [low, high] = bounds_of(rows, trial, p);
-    const double share = std::clamp((value_of(trial, p) - low) / (high - low), 1e-3, 1.0 - 1e-3);
-    logits.push_back(std::log(share / (1.0 - share)));
-  }
-  nlopt::opt search(nlopt::LN_BOBYQA, static_cast<unsigned>(own.size()));
-  search.set_lower_bounds(-8.0);
-  search.set_upper_bounds(8.0);
-  search.set_initial_step(first_step);
-  search.set_xtol_abs(narrow);
-  search.set_maxeval(most_values);
-  search.set_min_objective(
-      [](unsigned n, const double* x, double*, void* value) {
-        return (*static_cast<const decltype(nll)*>(value))(std::vector<double>(x, x + n));
-      },
-      const_cast<void*>(static_cast<const void*>(&nll)));
-  double least = 0.0;
-  try {
-    search.optimize(logits, least);
-  } catch (const nlopt::roundoff_limited&) {  // `logits` is the best found
-  }
-  set(logits);
-  return trial;
-}
-
-}  // namespace
-
 void fit_sequence(const Rows& rows, const RefitOptions& options, Fit& fit) {
-  constexpr int most_rounds = 6;
+  constexpr int most_iterations = 6;
   constexpr double settled = 0.01;  // nats
   RefitOptions staying = options;
   staying.places_stay = true;
-  std::vector<FreeParameter> own;
-  for (const FreeParameter& p : fit.free)
-    if (is_of_sequence(rows, fit.model, p)) own.push_back(p);
-  for (int round = 0; round < most_rounds; ++round) {
-    Model trial = likeliest_sequence(rows, fit, own);
-    JointState state = fit.state;
+  for (int iteration = 0; iteration < most_iterations; ++iteration) {
+    auto likeliest =
+        likeliest_sequence(rows, fit.free, fit.model, working_problem(rows, fit.model, fit.state), fit.state);
+    if (!likeliest) return;
+    auto& [trial, state] = *likeliest;
     const double value = calibrate_under(rows, trial, state, staying);
     if (!(value < fit.nll)) return;
     const double gain = fit.nll - value;

@@ -24,9 +24,6 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
 /// the optimum the few outliers' products make steps too short.
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit);
 
-/// True if the parameter is of errors that wander along a sequence.
-bool is_of_sequence(const Rows& rows, const Model& model, const FreeParameter& p);
-
 /// Fits the parameters of errors that wander along a sequence: those that make the residuals of the fit, their common scale
 /// free, most likely, and the rest by calibrate_under, in turn.
 void fit_sequence(const Rows& rows, const RefitOptions& options, Fit& fit);

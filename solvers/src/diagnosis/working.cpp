@@ -101,15 +101,21 @@ const TailLaw& TailLaws::of(std::size_t row) {
   if (tails_.empty()) return law_;
   const bool first = parts_.empty();
   parts_.resize(tails_.size());
-  bool same = !first;
+  bool same = !first, same_shares = !first;
   const ReadingView<double> view = view_of(rows_, geometry_, row);
   for (std::size_t k = 0; k < tails_.size(); ++k) {
     const ActiveEffect& active = model_[static_cast<std::size_t>(tails_[k])];
     const Contamination part = active.effect->contamination(view, active.parameters.data());
     same = same && is_same(part, parts_[k]);
+    same_shares = same_shares && part.share == parts_[k].share;
     parts_[k] = part;
   }
   if (same) return law_;
+  if (same_shares) {
+    for (std::size_t k = 0, share = 0; k < tails_.size() && share < effect_of_share_.size(); ++k)
+      if (parts_[k].share > 0.0) law_.resize(share++, parts_[k]);
+    return law_;
+  }
   law_ = TailLaw();
   effect_of_share_.clear();
   for (std::size_t k = 0; k < tails_.size(); ++k)

@@ -69,7 +69,7 @@ TEST(JointScoring, EndsWhereTheScoreIsZero) {
   const Model start{{warm, warm->start_grid(rows.context).front()}, {late, Eigen::Vector2d(0.04, 0.5)}};
   const JointState near =
       testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
-  ASSERT_TRUE(can_be_scored_jointly(rows, start, near, {}));
+  ASSERT_TRUE(is_scored_jointly(rows, start, near, {}));
   const Fit fit = refit(rows, start, near, {});
   ASSERT_TRUE(fit.ok);
   const Eigen::VectorXd &of_warm = fit.model[0].parameters, &of_late = fit.model[1].parameters;
@@ -98,10 +98,10 @@ TEST(JointScoring, IsNotForErrorsSharedByCells) {
   const JointState near =
       testing::state_of_pairs(rows, Eigen::Vector3d(0.06, 0.94, 0.021), NoiseLaw::f_squared, 0.01);
   const Model shared{{find_effect("autocorrelated_noise"), Eigen::Vector3d(0.5, 0.0, 1.0)}};
-  EXPECT_FALSE(can_be_scored_jointly(rows, shared, near, {}));
+  EXPECT_FALSE(is_scored_jointly(rows, shared, near, {}));
   RefitOptions held;
   held.held.alpha = held.held.sigmas = true;
-  EXPECT_FALSE(can_be_scored_jointly(rows, {}, near, held));
+  EXPECT_FALSE(is_scored_jointly(rows, {}, near, held));
 }
 
 }  // namespace

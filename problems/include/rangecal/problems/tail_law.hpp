@@ -36,6 +36,8 @@ class TailLaw {
 
   /// False if it adds nothing: a share of 0, or one too many.
   bool add(const Contamination& part);
+  /// Another size of share k, which stays as large.
+  void resize(std::size_t k, const Contamination& part) { parts_[k].law = part; }
   bool empty() const { return count_ == 0; }
   /// log density of z = e / s, and the Gaussian that stands for it (expectation and maximisation), as in log_density().
   LogDensity density(double e_m, double s_m, Slopes* slopes = nullptr) const;

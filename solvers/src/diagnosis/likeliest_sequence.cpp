@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "diagnosis/likeliest_sequence.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <nlopt.hpp>
+
+#include "diagnosis/free_parameters.hpp"
+
+namespace rangecal::diagnosis {
+
+bool is_of_sequence(const Rows& rows, const Model& model, const FreeParameter& p) {
+  return p.acts == FreeParameter::Acts::numeric && !rows.sequence.empty() &&
+         model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::dependence;
+}
+
+std::optional<std::pair<Model, JointState>> likeliest_sequence(const Rows& rows,
+                                                               const std::vector<FreeParameter>& free,
+                                                               const Model& model,
+                                                               const WorkingProblem& working,
+                                                               const JointState& state) {
+  constexpr double first_step = 0.5, narrow = 1e-3;  // in logits of a parameter between its bounds
+  constexpr int most_values = 200;
+  std::vector<FreeParameter> own;
+  for (const FreeParameter& p : free)
+    if (is_of_sequence(rows, model, p)) own.push_back(p);
+  if (own.empty()) return std::nullopt;
+  std::pair<Model, JointState> found{model, state};
+  const Eigen::VectorXd z = sequence_residuals(working, cell_geometry(rows, state));
+  const double extra = working.tail_square.size() > 0 ? working.tail_square.sum() : 0.0;
+  const double count = static_cast<double>(rows.size());
+  Model& trial = found.first;
+  const auto set = [&](const std::vector<double>& logits) {
+    for (std::size_t a = 0; a < own.size(); ++a) {
+      const auto [low, high] = bounds_of(rows, trial, own[a]);
+      value_of(trial, own[a]) = low + (high - low) / (1.0 + std::exp(-logits[a]));
+    }
+  };
+  const auto serial = [&] {
+    const Dependence dependence = dependence_of(trial);
+    return SerialErrors(rows.sequence, dependence.range_correlated_share, dependence.range_correlation);
+  };
+  const auto squares = [&](const SerialErrors& errors) { return errors.whitened(z).squaredNorm() + extra; };
+  const auto nll = [&](const std::vector<double>& logits) {
+    set(logits);
+    const SerialErrors errors = serial();
+    return 0.5 * (errors.log_determinant() + count * std::log(squares(errors)));
+  };
+  std::vector<double> logits;
+  for (const FreeParameter& p : own) {
+    const auto [low, high] = bounds_of(rows, trial, p);
+    const double share = std::clamp((value_of(trial, p) - low) / (high - low), 1e-3, 1.0 - 1e-3);
+    logits.push_back(std::log(share / (1.0 - share)));
+  }
+  nlopt::opt search(nlopt::LN_BOBYQA, static_cast<unsigned>(own.size()));
+  search.set_lower_bounds(-8.0);
+  search.set_upper_bounds(8.0);
+  search.set_initial_step(first_step);
+  search.set_xtol_abs(narrow);
+  search.set_maxeval(most_values);
+  search.set_min_objective(
+      [](unsigned n, const double* x, double*, void* value) {
+        return (*static_cast<const decltype(nll)*>(value))(std::vector<double>(x, x + n));
+      },
+      const_cast<void*>(static_cast<const void*>(&nll)));
+  double least = 0.0;
+  try {
+    search.optimize(logits, least);
+  } catch (const nlopt::roundoff_limited&) {  // `logits` is the best found
+  }
+  set(logits);
+  found.second.noise.parameters[0] *= std::sqrt(squares(serial()) / count);
+  return found;
+}
+
+}  // namespace rangecal::diagnosis
