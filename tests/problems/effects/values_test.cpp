@@ -218,6 +218,7 @@ TEST(EffectValues, OffsetsAreOfDevicesOfKnownDistances) {
 
 TEST(EffectValues, AntennaPatternIsOfDirectionsOrOfAColumn) {
   EffectContext context = effects_testing::example_of_pairs();
+  context.largest_bearing_rad = 3.0;
   ReadingView<double> at = example_reading(context);  // b = 60 degrees
   const Effect &own = *find_effect("antenna_pattern"),
                &column = *find_effect("antenna_pattern:elevation_rad");
@@ -230,8 +231,10 @@ TEST(EffectValues, AntennaPatternIsOfDirectionsOrOfAColumn) {
   const std::vector<const Effect*> both = effects_of(context);
   EXPECT_EQ(std::count(both.begin(), both.end(), &own), 1);
   EXPECT_EQ(std::count(both.begin(), both.end(), &column), 1);
-  context.largest_bearing_rad = 0.0;
-  EXPECT_NE(own.missing(context), "");
+  for (const double narrow : {0.0, 1.5}) {
+    context.largest_bearing_rad = narrow;
+    EXPECT_NE(own.missing(context), "") << narrow;
+  }
   // A column in degrees says the same as one in radians; an empty field nothing.
   const double angles[] = {60.0, std::numeric_limits<double>::quiet_NaN()};
   context.covariates = {"azimuth_deg", "elevation_rad"};

@@ -54,17 +54,12 @@ double nll_of(const Recording& recording, double reference_c, const Parameters& 
   return sum;
 }
 
-const Effect* effect_of(const Rows& rows, const std::string& id) {
-  for (const Effect* effect : effects_of(rows.context))
-    if (effect->info().id == id) return effect;
-  return nullptr;
-}
-
 TEST(JointScoring, EndsWhereTheScoreIsZero) {
   const Recording recording = late_and_warm(0.15, "JointScoring.Ends");
   const Rows rows = make_rows({&recording, 1}, {CurveScale{}, 2});
   ASSERT_TRUE(rows.sequence.empty());
-  const Effect *warm = effect_of(rows, "temperature_coefficient"), *late = effect_of(rows, "late_return");
+  const Effect *warm = find_effect("temperature_coefficient:temperature_c"),
+               *late = find_effect("late_return");
   ASSERT_TRUE(warm && late);
   const Model start{{warm, warm->start_grid(rows.context).front()}, {late, Eigen::Vector2d(0.04, 0.5)}};
   const JointState near =
