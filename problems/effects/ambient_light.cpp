@@ -23,6 +23,7 @@ class AmbientLight final : public Effect {
         .id = "ambient_light",
         .number = "R10",
         .kind = EffectKind::noise,
+        .carrier = Carrier::light,
         .channel = "range_noise",
         .covariate = "sensor_bearing",
         .physics =

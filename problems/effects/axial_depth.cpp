@@ -24,6 +24,7 @@ class AxialDepth final : public Effect {
         .id = "axial_depth",
         .number = "C1",
         .kind = EffectKind::mean,
+        .carrier = Carrier::light,
         .channel = "range",
         .covariate = "sensor_bearing",
         .physics =

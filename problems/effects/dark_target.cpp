@@ -20,6 +20,7 @@ class DarkTarget final : public Effect {
         .id = "dark_target",
         .number = "R9",
         .kind = EffectKind::noise,
+        .carrier = Carrier::light,
         .channel = "range_noise",
         .covariate = "landmark",
         .physics =

@@ -18,6 +18,7 @@ class LaserPointing final : public Effect {
         .id = "laser_pointing",
         .number = "R4",
         .kind = EffectKind::mean,
+        .carrier = Carrier::light,
         .channel = "range",
         .covariate = "range",
         .physics =

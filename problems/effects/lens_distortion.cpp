@@ -17,6 +17,7 @@ class LensDistortion final : public Effect {
         .id = "lens_distortion",
         .number = "R5",
         .kind = EffectKind::mean,
+        .carrier = Carrier::light,
         .channel = "range",
         .covariate = "disparity",
         .physics =

@@ -24,6 +24,7 @@ class MixedPixels final : public Effect {
         .id = "mixed_pixels",
         .number = "R11",
         .kind = EffectKind::tail,
+        .carrier = Carrier::light,
         .channel = "range_tail",
         .covariate = "radius",
         .physics =

@@ -26,6 +26,7 @@ class PixelLocking final : public Effect {
         .id = "pixel_locking",
         .number = "R6",
         .kind = EffectKind::mean,
+        .carrier = Carrier::light,
         .channel = "range",
         .covariate = "disparity",
         .physics =

@@ -19,6 +19,7 @@ class ReciprocalNoise final : public Effect {
         .id = "reciprocal_noise",
         .number = "N6",
         .kind = EffectKind::tail,
+        .carrier = Carrier::light,
         .channel = "range_tail",
         .covariate = "range",
         .physics =

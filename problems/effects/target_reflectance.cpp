@@ -19,6 +19,7 @@ class TargetReflectance final : public Effect {
         .id = "target_reflectance",
         .number = "R9",
         .kind = EffectKind::mean,
+        .carrier = Carrier::light,
         .channel = "range",
         .covariate = "landmark",
         .physics =

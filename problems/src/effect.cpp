@@ -2,7 +2,9 @@
 #include "rangecal/problems/effects/effect.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 #include <map>
 #include <mutex>
@@ -140,9 +142,26 @@ const Effect* find_effect(const std::string& id) {
   return along_columns.find(id);
 }
 
+Carrier carrier_of(const std::string& principle) {
+  std::string words = principle;
+  std::transform(words.begin(), words.end(), words.begin(), [](unsigned char c) { return std::tolower(c); });
+  const auto says = [&](std::initializer_list<const char*> any) {
+    return std::any_of(any.begin(), any.end(),
+                       [&](const char* word) { return words.find(word) != std::string::npos; });
+  };
+  if (says({"sonar", "sound", "sonic", "acoustic"})) return Carrier::sound;
+  if (says({"radio", "uwb", "ultra-wideband", "radar", "bluetooth"})) return Carrier::radio;
+  if (says({"camera", "triangulation", "lidar", "laser", "stereo", "infrared", "light"}))
+    return Carrier::light;
+  return Carrier::not_known;
+}
+
 std::vector<const Effect*> effects_of(const EffectContext& context) {
   std::vector<const Effect*> effects;
   for (const Effect* effect : known_effects()) {
+    const Carrier needs = effect->info().carrier;
+    if (needs != Carrier::not_known && context.carrier != Carrier::not_known && needs != context.carrier)
+      continue;
     const std::size_t before = effects.size();
     for (std::size_t c = 0; c < context.columns.size(); ++c)
       if (const ColumnSummary& column = context.columns[c];

@@ -11,7 +11,6 @@
 #include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
 #include "rangecal/core/quantiles.hpp"
-#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -94,23 +93,6 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
 // Effects that change fast with distance let the fit choose, stop by stop, among many modes to lie in: gain
 // far beyond what the score predicted is that choice, and no evidence.
 double credible_gain(const Proposal& proposal) { return 1.5 * proposal.predicted_gain + 3.0; }
-
-namespace {
-
-/// The state with the level of the noise at which half of the readings lie within 0.6745 spreads: that of a fit that knew
-/// no outliers is theirs.
-JointState with_robust_noise(const Rows& rows, const Model& model, JointState state) {
-  const WorkingProblem working = working_problem(rows, model, state);
-  const CellGeometry geometry = cell_geometry(rows, state);
-  std::vector<double> sizes(rows.size());
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    sizes[i] = std::abs(working.range[static_cast<Eigen::Index>(i)] - geometry.f[rows.cell[i]]) /
-               geometry.spread[rows.cell[i]];
-  state.noise.parameters[0] *= std::clamp(upper_median(std::move(sizes)) / median_of_normal_size, 1e-3, 1.0);
-  return state;
-}
-
-}  // namespace
 
 void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options,
                                 Model& model, JointState& state) {

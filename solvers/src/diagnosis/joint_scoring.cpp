@@ -249,13 +249,29 @@ Point scored(const Scoring& scoring, Point here) {
   return here;
 }
 
+/// Where scoring starts: at the state of `fit`, or, where most readings are outliers there (a member was taken out that had moved
+/// them all), where the calibration is without tails, if that is likelier.
+Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
+  constexpr double far = 2.0;
+  Point start = point_at(rows, fit.model, fit.state);
+  if (std::isfinite(start.nll) && level_of_errors(rows, start.working, start.state) < far) return start;
+  Model others = fit.model;
+  std::erase_if(others, is_tail);
+  JointState state = fit.state;
+  if (!std::isfinite(calibrate_under(rows, others, state, options))) return start;
+  Point calibrated = point_at(rows, fit.model, with_robust_noise(rows, others, state));
+  return calibrated.nll < start.nll ? calibrated : start;
+}
+
 }  // namespace
 
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
   constexpr int most_alternations = 6;  // of the sequence's parameters and the others
   constexpr double settled = 0.01;      // nats
+  RefitOptions staying = options;
+  staying.places_stay = true;
   const Scoring scoring(rows, fit, options);
-  Point here = point_at(rows, fit.model, fit.state);
+  Point here = start_of(rows, staying, fit);
   if (!std::isfinite(here.nll)) return false;
   for (int alternation = 0; alternation < most_alternations; ++alternation) {
     const double before = here.nll;
@@ -268,8 +284,6 @@ bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, Marg
     here = scored(scoring, std::move(here));
     if (!likeliest || !(before - here.nll > settled)) break;
   }
-  RefitOptions staying = options;
-  staying.places_stay = true;
   const double value = calibrate_under(rows, here.model, here.state, staying, &detail);
   if (!std::isfinite(value)) return false;
   fit.nll = value;

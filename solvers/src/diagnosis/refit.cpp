@@ -160,4 +160,19 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   return fit;
 }
 
+JointState start_beside(const Rows& rows, const Fit& fit, const Model& model) {
+  JointState start = fit.state;
+  if (!rows.pairs || rows.alpha_prior) return start;
+  const CellGeometry geometry = cell_geometry(rows, fit.state);
+  const Eigen::VectorXd lacking =
+      row_changes(rows, geometry, fit.model).range - row_changes(rows, geometry, model).range;
+  if (lacking.isZero(0.0)) return start;
+  const Projector projector(rows, working_problem(rows, fit.model, fit.state), fit.state);
+  Eigen::VectorXd phi, stops;
+  projector.absorbed(projector.of_rows(lacking, Eigen::VectorXd::Zero(lacking.size())), phi, stops);
+  const Eigen::VectorXd moved = start.alpha + phi.head(start.alpha.size());
+  if (moved.allFinite()) start.alpha = moved;
+  return start;
+}
+
 }  // namespace rangecal::diagnosis

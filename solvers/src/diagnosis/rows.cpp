@@ -230,6 +230,9 @@ void append_pair_rows(const Recording& recording, int index, int first_landmark,
 void fill_context(std::span<const Recording> recordings, Rows& rows) {
   EffectContext& context = rows.context;
   context.kind = rows.pairs ? RecordingKind::pairs : RecordingKind::landmarks;
+  context.carrier = carrier_of(recordings.front().sensor.principle);
+  for (const Recording& recording : recordings)
+    if (carrier_of(recording.sensor.principle) != context.carrier) context.carrier = Carrier::not_known;
   context.stop_count = rows.problem.stop_count();
   for (const Recording& recording : recordings)
     for (const Landmark& landmark : recording.landmarks) {

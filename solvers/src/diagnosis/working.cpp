@@ -7,6 +7,7 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -242,6 +243,23 @@ double serial_nll(const Rows& rows, const WorkingProblem& working, const JointSt
 
 double nll_at(const Rows& rows, const WorkingProblem& working, const JointState& state) {
   return joint_nll(working.problem, state) + working.constant + serial_nll(rows, working, state);
+}
+
+double level_of_errors(const Rows& rows, const WorkingProblem& working, const JointState& state) {
+  const CellGeometry geometry = cell_geometry(rows, state);
+  std::vector<double> sizes(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto cell = static_cast<std::size_t>(rows.cell[i]);
+    sizes[i] = std::abs(working.range_with_tail(static_cast<Eigen::Index>(i)) - geometry.f[cell]) /
+               geometry.spread[cell];
+  }
+  return upper_median(std::move(sizes)) / median_of_normal_size;
+}
+
+JointState with_robust_noise(const Rows& rows, const Model& model, JointState state) {
+  const double level = level_of_errors(rows, working_problem(rows, model, state), state);
+  state.noise.parameters[0] *= std::clamp(level, 1e-3, 1.0);
+  return state;
 }
 
 Signature effect_signature(const Rows& rows, const Projector& projector, const ActiveEffect& active,

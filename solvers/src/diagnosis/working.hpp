@@ -45,6 +45,13 @@ double serial_nll(const Rows& rows, const WorkingProblem& working, const JointSt
 /// NLL of the readings themselves [nats] with the state's own stops, by the working problem at that state.
 double nll_at(const Rows& rows, const WorkingProblem& working, const JointState& state);
 
+/// Median size of the ranges' errors under the working problem, over that of a normal law: 1 where the spreads are right.
+double level_of_errors(const Rows& rows, const WorkingProblem& working, const JointState& state);
+
+/// The state with the level of the noise, where it is too high, at which half of the readings lie within 0.6745 spreads: that of
+/// a fit that knew no outliers is theirs.
+JointState with_robust_noise(const Rows& rows, const Model& model, JointState state);
+
 /// Per-row change of all of the model's effects, and what its grids add to the cells, their repeats' own part
 /// in the rows' variance already.
 struct RowChanges {

@@ -320,5 +320,28 @@ TEST(Effects, PhaseBetweenNeighbouringWavenumbersIsSmall) {
   EXPECT_LE((cyclic[1][2] - cyclic[0][2]) * (4.5 - 0.5), 1.0 + 0.3);  // 491 points wanted, 400 given
 }
 
+TEST(Effects, ASensorHasThoseOfWhatItMeasuresWith) {
+  EXPECT_EQ(carrier_of("HC-SR04 Sonar"), Carrier::sound);
+  EXPECT_EQ(carrier_of("ultrasonic"), Carrier::sound);
+  EXPECT_EQ(carrier_of("UWB, two-way ranging"), Carrier::radio);
+  EXPECT_EQ(carrier_of("triangulation"), Carrier::light);
+  EXPECT_EQ(carrier_of("lidar, phase shift"), Carrier::light);
+  EXPECT_EQ(carrier_of("phase"), Carrier::not_known);
+  EXPECT_EQ(carrier_of(""), Carrier::not_known);
+  EffectContext context = effects_testing::example_context();
+  const auto has = [&](Carrier carrier, const char* id) {
+    context.carrier = carrier;
+    const std::vector<const Effect*> effects = effects_of(context);
+    return std::count(effects.begin(), effects.end(), find_effect(id)) > 0;
+  };
+  for (const Carrier carrier : {Carrier::not_known, Carrier::light, Carrier::sound, Carrier::radio}) {
+    const bool light = carrier == Carrier::light || carrier == Carrier::not_known;
+    EXPECT_EQ(has(carrier, "lens_distortion"), light);
+    EXPECT_EQ(has(carrier, "axial_depth"), light);
+    EXPECT_TRUE(has(carrier, "near_regime"));
+    EXPECT_TRUE(has(carrier, "late_return"));
+  }
+}
+
 }  // namespace
 }  // namespace rangecal

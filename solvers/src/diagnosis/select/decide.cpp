@@ -254,7 +254,8 @@ std::optional<Idle> least_idle(const Rows& rows, const Fit& fit, std::size_t kno
   in_parallel(
       each.size(),
       [&](std::size_t i) {
-        each[i] = {known + i, refit(rows, without(fit.model, known + i), fit.state, options)};
+        const Model rest = without(fit.model, known + i);
+        each[i] = {known + i, refit(rows, rest, start_beside(rows, fit, rest), options)};
       },
       jobs_at_once(rows.size()));
   std::erase_if(each,
@@ -318,7 +319,7 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   names.insert(names.end(), named.model.begin(), named.model.end());
   Candidate answer = candidate_of(best, p.front(), result.baseline.nll);
   if (ids_of(names) != ids_of(best.fit.model)) {  // the names alone, and in their order
-    Fit alone = refit(rows, names, best.fit.state, refit_options);
+    Fit alone = refit(rows, names, start_beside(rows, best.fit, names), refit_options);
     if (const Hypothesis* smaller = likeliest_of_these(table, names, known)) {
       // What was left out may have held the fit where it was: a curve of the spread, say, the level of the noise.
       Fit again =

@@ -318,7 +318,7 @@ class SetSearch {
     });
     if (rest.size() == here.fit.model.size())
       return fit_curve(rows_, battery.projector(), here.fit, q, options_);
-    const Fit base = refit(rows_, rest, here.fit.state, options_);
+    const Fit base = refit(rows_, rest, start_beside(rows_, here.fit, rest), options_);
     if (!base.ok) return std::nullopt;
     const Projector projector(rows_, working_problem(rows_, base.model, base.state), base.state);
     return fit_curve(rows_, projector, base, q, options_);
@@ -350,7 +350,7 @@ class SetSearch {
     if (wanted.fit) {
       made->fit = std::move(*wanted.fit);
     } else {
-      JointState start = here.fit.state;
+      JointState start = start_beside(rows_, here.fit, wanted.model);
       for (std::size_t i = known_count(); i < wanted.model.size(); ++i)
         if (wanted.model[i].effect->info().kind == EffectKind::tail &&
             !contains(here.fit.model, wanted.model[i].effect))

@@ -44,14 +44,21 @@ struct EffectParameter {
 /// derivative. Rounding is some 1e-10 of it for parameters up to their typical size, 1e-8 for a hundred times that.
 double difference_step(const EffectParameter& parameter, double value);
 
+/// What a sensor measures with.
+enum class Carrier { not_known, light, sound, radio };
+/// By the words of a recording's `principle`: camera, triangulation, lidar, laser, ...; sonar, ultrasound, ...; radio, uwb, radar.
+Carrier carrier_of(const std::string& principle);
+
 struct EffectInfo {
   std::string id;           ///< "range_eccentricity"; of an effect along a column "covariate_drift:supply_v"
   std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
   EffectKind kind = EffectKind::mean;
-  std::string channel;    ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
-  std::string covariate;  ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
-  std::string physics;    ///< one sentence a person can act on
-  std::string formula;    ///< with symbols and units
+  Carrier carrier =
+      Carrier::not_known;  ///< light: it needs a lens or a beam; not_known: any sensor may have it
+  std::string channel;     ///< words of docs/formats.md: range, bearing, stop, range_noise, ...
+  std::string covariate;   ///< where its mismatch shows: range, disparity, sensor_bearing, time, ...
+  std::string physics;     ///< one sentence a person can act on
+  std::string formula;     ///< with symbols and units
   /// The change as a formula of docs/effects-by-formula.md, of one reading's d, f, b, ... and the parameters less their units
   /// ("cosine*cos(b) + sine*sin(b)"); empty where it is none.
   std::string expression = {};
@@ -72,6 +79,7 @@ struct ColumnSummary {
 /// What all readings of a job have in common.
 struct EffectContext {
   RecordingKind kind = RecordingKind::landmarks;
+  Carrier carrier = Carrier::not_known;  ///< of the sensor, where its principle is stated and known
   int stop_count = 0, landmark_count = 0;
   std::vector<std::string> landmark_labels;
   std::vector<double> landmark_radius_m;
