@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/joint_scoring.hpp"
 #include "diagnosis/refine.hpp"
 #include "diagnosis/select/hypothesis.hpp"
 #include "in_parallel.hpp"
@@ -97,7 +98,7 @@ double credible_gain(const Proposal& proposal) { return 1.5 * proposal.predicted
 void start_tail_where_likeliest(const Rows& rows, std::size_t member, const RefitOptions& options,
                                 Model& model, JointState& state) {
   constexpr std::size_t most_followed = 3;
-  constexpr int most_solves = 3;  // the weights and the level of the noise follow each other
+  constexpr int most_solves = 2;  // the weights and the level of the noise follow each other
   struct Start {
     Eigen::VectorXd parameters;
     JointState state;
@@ -108,11 +109,17 @@ void start_tail_where_likeliest(const Rows& rows, std::size_t member, const Refi
     model[member].parameters = start.parameters;
     start.nll = calibrate_under(rows, model, start.state, options);
   };
+  // Scoring comes from far; elsewhere every start is solved for.
+  const bool scored = is_scored_jointly(rows, model, state, options);
   for (const JointState& from : {state, with_robust_noise(rows, without(model, member), state)})
     for (const Eigen::VectorXd& parameters : model[member].effect->start_grid(rows.context)) {
+      Start& start = starts.emplace_back(Start{parameters, from});
       model[member].parameters = parameters;
-      const double nll = nll_at(rows, working_problem(rows, model, from), from);
-      if (std::isfinite(nll)) starts.push_back({parameters, from, nll});
+      if (scored)
+        start.nll = nll_at(rows, working_problem(rows, model, from), from);
+      else
+        solve(start);
+      if (!std::isfinite(start.nll)) starts.pop_back();
     }
   if (starts.empty()) return;
   std::stable_sort(starts.begin(), starts.end(),

@@ -162,7 +162,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
 
 JointState start_beside(const Rows& rows, const Fit& fit, const Model& model) {
   JointState start = fit.state;
-  if (!rows.pairs || rows.alpha_prior) return start;
+  if (!is_scored_jointly(rows, model, start, {})) return start;
   const CellGeometry geometry = cell_geometry(rows, fit.state);
   const Eigen::VectorXd lacking =
       row_changes(rows, geometry, fit.model).range - row_changes(rows, geometry, model).range;

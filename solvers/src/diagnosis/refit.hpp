@@ -57,7 +57,7 @@ struct RefitOptions {
 /// dependence and tails: line searches on the exact value), in alternation until neither gains.
 Fit refit(const Rows& rows, const Model& model, const JointState& start, const RefitOptions& options);
 
-/// Where a fit of `model` starts beside another fit: its state, and of known distances the curve moved to take up what the model
+/// Where a fit of `model` starts beside another fit: its state, and where all is scored together the curve moved to take up what the model
 /// lacks of the other's effects, as far as it can under that fit's weights: a drift that is over at once is an offset.
 JointState start_beside(const Rows& rows, const Fit& fit, const Model& model);
 
