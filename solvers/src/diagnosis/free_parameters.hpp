@@ -24,6 +24,13 @@ inline std::pair<double, double> bounds_of(const Rows& rows, const Model& model,
   return model[p.effect].effect->bounds(rows.context, static_cast<std::size_t>(p.index));
 }
 
+/// True if it is at one of them, and the slope of its likelihood leads beyond.
+inline bool is_stuck(const Rows& rows, const Model& model, const FreeParameter& p, double slope) {
+  const auto [low, high] = bounds_of(rows, model, p);
+  const double value = model[p.effect].parameters[p.index];
+  return slope > 0.0 ? value >= high : value <= low;
+}
+
 /// True if it ended at one of them, to a millionth of what lies between.
 inline bool ended_at_bound(const Rows& rows, const Model& model, const FreeParameter& p) {
   const auto [low, high] = bounds_of(rows, model, p);

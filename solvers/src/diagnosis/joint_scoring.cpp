@@ -126,8 +126,7 @@ Scoring::Slopes Scoring::at(const Point& point) const {
   Eigen::VectorXd z(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
-    const double root = (working.range_whitening.scale.size() > 0 ? working.range_whitening.scale[i] : 1.0) /
-                        geometry.spread[cell];
+    const double root = working.range_whitening.scale_of(i) / geometry.spread[cell];
     z[i] = root * (working.range[i] - geometry.f[cell]);
     means.row(i) *= root;
   }
@@ -171,12 +170,8 @@ void Scoring::hold(const Point& point, Slopes& slopes) const {
   };
   for (Eigen::Index a = 0; options_.held.alpha && a < alphas_; ++a) stays(a);
   if (options_.held.sigmas) stays(alphas_);
-  for (std::size_t a = 0; a < own_.size(); ++a) {
-    const auto [low, high] = bounds_of(rows_, point.model, own_[a]);
-    const double value = point.model[static_cast<std::size_t>(own_[a].effect)].parameters[own_[a].index];
-    const double slope = slopes.score[place_of(a)];
-    if (slope > 0.0 ? value >= high : value <= low) stays(place_of(a));
-  }
+  for (std::size_t a = 0; a < own_.size(); ++a)
+    if (is_stuck(rows_, point.model, own_[a], slopes.score[place_of(a)])) stays(place_of(a));
 }
 
 Point Scoring::moved(const Point& from, const Eigen::VectorXd& step) const {

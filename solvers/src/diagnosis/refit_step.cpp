@@ -34,15 +34,12 @@ ResidualSquares residual_squares(const Rows& rows, const WorkingProblem& working
                                  const Projector& projector) {
   const Eigen::Index count = static_cast<Eigen::Index>(rows.size());
   ResidualSquares squares{Eigen::VectorXd(count), Eigen::VectorXd(count)};
-  const auto scale_of = [](const Whitening& whitening, Eigen::Index i) {
-    return whitening.scale.size() > 0 ? whitening.scale[i] : 1.0;
-  };
   for (Eigen::Index i = 0; i < count; ++i) {
     const double range = working.range[i] - projector.geometry().f[rows.cell[i]];
     squares.range[i] =
-        std::pow(range * scale_of(working.range_whitening, i), 2) * projector.row_range_information[i];
+        std::pow(range * working.range_whitening.scale_of(i), 2) * projector.row_range_information[i];
     if (working.tail_square.size() > 0) squares.range[i] += working.tail_square[i];
-    squares.bearing[i] = std::pow(working.bearing[i] * scale_of(working.bearing_whitening, i), 2) *
+    squares.bearing[i] = std::pow(working.bearing[i] * working.bearing_whitening.scale_of(i), 2) *
                          projector.row_bearing_information[i];
   }
   return squares;
@@ -117,18 +114,16 @@ TailScore tail_score(const Rows& rows, const Fit& fit, const std::vector<FreePar
   slopes.leftCols(n) = tail_slopes(rows, fit.model, working, geometry, tails);
   for (Eigen::Index i = 0; i < count; ++i) {  // the squares that are expected of a reading, less 1
     const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)]);
-    const double scale = working.range_whitening.scale.size() > 0 ? working.range_whitening.scale[i] : 1.0;
-    slopes(i, n) = std::pow(scale * (working.range[i] - geometry.f[cell]) / geometry.spread[cell], 2) - 1.0;
+    slopes(i, n) = std::pow(working.range_whitening.scale_of(i) * (working.range[i] - geometry.f[cell]) /
+                                geometry.spread[cell],
+                            2) -
+                   1.0;
   }
   if (working.tail_square.size() > 0) slopes.col(n) += working.tail_square;
   TailScore out{slopes.colwise().sum().transpose(), slopes.transpose() * slopes};
   out.score[n] = 0.0;  // the calibration has fitted it
   for (Eigen::Index a = 0; a < n; ++a) {
-    const FreeParameter& p = tails[static_cast<std::size_t>(a)];
-    const auto [low, high] = bounds_of(rows, fit.model, p);
-    const double value = fit.model[static_cast<std::size_t>(p.effect)].parameters[p.index];
-    const bool stuck = out.score[a] > 0.0 ? value >= high : value <= low;
-    if (!stuck) continue;
+    if (!is_stuck(rows, fit.model, tails[static_cast<std::size_t>(a)], out.score[a])) continue;
     out.score[a] = 0.0;
     out.information.row(a).setZero();
     out.information.col(a).setZero();

@@ -36,7 +36,6 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
     probes.back().down.parameters[p.index] *= std::exp(-h);
   }
   if (probes.empty()) return slopes;
-  const RowChanges changes = row_changes(rows, geometry, model);
   TailLaws laws(rows, geometry, model);
   for (Eigen::Index i = 0; i < slopes.rows(); ++i) {
     const auto row = static_cast<std::size_t>(i);
@@ -45,7 +44,7 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
     if (law.empty()) continue;
     TailLaw::Slopes in;
     law.density(working.range_with_tail(i) - geometry.f[cell],
-                geometry.spread[cell] * std::exp(0.5 * changes.range_log_variance[i]), &in);
+                geometry.spread[cell] * std::exp(0.5 * working.range_log_variance[i]), &in);
     const ReadingView<double> view = view_of(rows, geometry, row);
     for (const Probe& probe : probes)
       for (std::size_t k = 0; k < laws.effects().size(); ++k) {

@@ -28,7 +28,7 @@ CellsAndRows split(const Rows& rows, const Eigen::VectorXd& values, const Whiten
   for (int c = 0; c < rows.cell_count; ++c) {
     const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
     if (count == 1) {
-      const double scale = whitening.scale.size() > 0 ? whitening.scale[begin] : 1.0;
+      const double scale = whitening.scale_of(begin);
       parts.weights[c] = scale * scale;
       parts.means[c] = values[begin];
       parts.deviations[begin] = 0.0;

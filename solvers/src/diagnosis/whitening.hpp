@@ -16,6 +16,7 @@ struct Whitening {
   Eigen::VectorXd scale;  ///< 1 / sqrt(m_i) of every row; empty: all are 1
   double rho = 0.0;
 
+  double scale_of(Eigen::Index row) const { return scale.size() > 0 ? scale[row] : 1.0; }
   bool is_identity() const { return scale.size() == 0 && rho == 0.0; }
   /// w of the rows of a cell from `begin` on.
   Eigen::VectorXd of_cell(Eigen::VectorXd values, int begin) const;

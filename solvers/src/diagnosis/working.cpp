@@ -64,11 +64,6 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, double extra_
   constant += 0.5 * std::log1p(shared);
 }
 
-bool is_same(const Contamination& a, const Contamination& b) {
-  return a.share == b.share && a.extra_sigma_m == b.extra_sigma_m && a.mean_m == b.mean_m &&
-         a.end_m == b.end_m;
-}
-
 /// Readings whose variances are m times the spread's squares.
 Whitening whitening_of(const Eigen::ArrayXd& m, double rho) {
   return {(m == 1.0).all() ? Eigen::VectorXd() : Eigen::VectorXd(m.rsqrt()), rho};
@@ -100,18 +95,15 @@ TailLaws::TailLaws(const Rows& rows, const CellGeometry& geometry, const Model& 
 
 const TailLaw& TailLaws::of(std::size_t row) {
   if (tails_.empty()) return law_;
-  const bool first = parts_.empty();
+  bool same_shares = !parts_.empty();
   parts_.resize(tails_.size());
-  bool same = !first, same_shares = !first;
   const ReadingView<double> view = view_of(rows_, geometry_, row);
   for (std::size_t k = 0; k < tails_.size(); ++k) {
     const ActiveEffect& active = model_[static_cast<std::size_t>(tails_[k])];
     const Contamination part = active.effect->contamination(view, active.parameters.data());
-    same = same && is_same(part, parts_[k]);
     same_shares = same_shares && part.share == parts_[k].share;
     parts_[k] = part;
   }
-  if (same) return law_;
   if (same_shares) {
     for (std::size_t k = 0, share = 0; k < tails_.size() && share < effect_of_share_.size(); ++k)
       if (parts_[k].share > 0.0) law_.resize(share++, parts_[k]);
@@ -181,6 +173,7 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     if (working.tail_shift.size() == 0) {
       working.tail_shift.setZero(n);
       working.tail_square.setZero(n);
+      working.range_log_variance = changes.range_log_variance;
     }
     working.tail_shift[i] = at.shift * spread;
     working.tail_square[i] = at.extra_square;

@@ -60,8 +60,8 @@ struct RowChanges {
 };
 RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
 
-/// The laws of rows' errors under the model's tail effects, empty without one. Of a row for which these are what they were of
-/// the row before, no law is made anew.
+/// The laws of rows' errors under the model's tail effects, empty without one. Of a row with the shares of the row before, the
+/// sizes alone are set anew.
 class TailLaws {
  public:
   TailLaws(const Rows& rows, const CellGeometry& geometry, const Model& model);

@@ -19,6 +19,8 @@ struct WorkingProblem {
   /// What a tail's law, given its residual, expects a row's extra error to be [m], which `range` is less, and its variance
   /// in units of the spread's square; empty without tails.
   Eigen::VectorXd tail_shift, tail_square;
+  /// What effects add to ln s^2 of the range of a row that has a tail; empty without tails.
+  Eigen::VectorXd range_log_variance;
   /// `range` of a row with what a tail added to it [m].
   double range_with_tail(Eigen::Index row) const {
     return tail_shift.size() > 0 ? range[row] + tail_shift[row] : range[row];
