@@ -23,19 +23,27 @@ std::string part_of(const std::string& output, int rank) {
   return fmt::format("{}.part-{}", output, rank + 1);
 }
 
-/// The files of all ranks, of those that died and of a run before too.
-std::vector<std::string> parts_of(const std::string& output) {
+/// What the ranks left, those that died and those of a run before too: their files, and what SQLite and locks put beside these (the
+/// empty journal of a rank that was killed as it began a transaction, say).
+struct Parts {
+  std::vector<std::string> databases, others;
+};
+
+Parts parts_of(const std::string& output) {
   const std::string begin = fs::path(output).filename().string() + ".part-";
   const fs::path folder = fs::path(output).parent_path();
-  std::vector<std::string> found;
+  Parts found;
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder.empty() ? fs::path(".") : folder, none)) {
     const std::string name = entry.path().filename().string();
-    const bool is_part = name.starts_with(begin) && name.size() > begin.size() &&
-                         name.find_first_not_of("0123456789", begin.size()) == std::string::npos;
-    if (is_part) found.push_back((folder / name).string());
+    if (!name.starts_with(begin)) continue;
+    const std::size_t end = name.find_first_not_of("0123456789", begin.size());
+    if (end == begin.size() || name.size() == begin.size()) continue;  // no rank's number
+    const std::string rest = end == std::string::npos ? "" : name.substr(end);
+    if (rest.empty()) found.databases.push_back((folder / name).string());
+    if (rest == ".lock" || rest == "-journal") found.others.push_back((folder / name).string());
   }
-  std::sort(found.begin(), found.end());
+  std::sort(found.databases.begin(), found.databases.end());
   return found;
 }
 
@@ -112,11 +120,15 @@ int run_on_ranks(const RankedWork& given, int rank, int size) {
     return done;
   }
   int code = done;
-  const std::vector<std::string> parts = alone ? std::vector<std::string>() : parts_of(given.output);
-  if (const auto complaint = complaint_of([&] { code = given.finish(parts); }))
-    return alone_failed(*complaint);
-  std::error_code ignored;
-  for (const std::string& part : parts) fs::remove(part, ignored), fs::remove(part + ".lock", ignored);
+  const auto complaint = complaint_of(
+      [&] { code = given.finish(alone ? std::vector<std::string>() : parts_of(given.output).databases); });
+  if (complaint) return alone_failed(*complaint);
+  if (!alone) {
+    const Parts parts = parts_of(given.output);
+    std::error_code ignored;
+    for (const auto* files : {&parts.databases, &parts.others})
+      for (const std::string& file : *files) fs::remove(file, ignored);
+  }
   if (queue) queue->finished();
   return code;
 }
