@@ -15,7 +15,7 @@ namespace rangecal::app {
 /// The options that `calibrate` and `compare` share, as texts of the command line.
 struct JobOptions {
   std::vector<std::string> recordings, group_by;
-  std::string order = "auto", curve = "auto", noise = "auto", solver = "ceres", shape = "auto",
+  std::string order = "auto", curve = "auto", noise = "auto", solver = "block", shape = "auto",
               weights = "consistent", criterion = "aic";
   bool check = false;
 

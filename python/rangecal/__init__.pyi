@@ -379,12 +379,12 @@ Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]
 
 def load(path: Path, *, group_by: Union[str, Sequence[str]] = (), **options: Any) -> Union[Recording, Calibration]: ...
 def calibrate(recordings: Recordings, method: Method = "marginal", *, order: Union[int, Literal["auto"]] = "auto",
-              curve: Literal["auto", "polynomial", "reciprocal"] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
+              curve: Literal["auto", "polynomial", "reciprocal"] = "auto", noise: str = "auto", noise_shape: str = "auto", solver: Literal["block", "ceres"] = "block",
               weights: str = "consistent", check: bool = False, start: Optional[Union[Calibration, Path]] = None,
               progress: Optional[Progress] = None) -> Calibration: ...
 def compare(recordings: Recordings, *, methods: Union[Method, Sequence[Method]] = ...,
             order: Union[int, Literal["auto"]] = "auto", curve: Literal["auto", "polynomial", "reciprocal"] = "auto",
-            noise: str = "auto", noise_shape: str = "auto", solver: Literal["ceres", "block"] = "ceres",
+            noise: str = "auto", noise_shape: str = "auto", solver: Literal["block", "ceres"] = "block",
             weights: str = "consistent", check: bool = False,
             progress: Optional[Progress] = None) -> Comparison: ...
 def compare_curves(before: Union[Calibration, Path], after: Union[Calibration, Path]) -> CurveChange: ...

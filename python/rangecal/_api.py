@@ -65,7 +65,7 @@ def _holds_scans(path):
 
 
 def calibrate(recordings, method="marginal", *, order="auto", curve="auto", noise="auto", noise_shape="auto",
-              solver="ceres", weights="consistent", check=False, start=None, progress=None):
+              solver="block", weights="consistent", check=False, start=None, progress=None):
     """Estimate the curve f, the noise law, stops and landmarks by one method.
 
     The sensor reports ``y = f(d) + s(d) e`` at the true distance ``d`` to a landmark's surface.
@@ -88,7 +88,7 @@ def calibrate(recordings, method="marginal", *, order="auto", curve="auto", nois
         Outliers: the density of the noise, for ``"full"`` and ``"marginal"``. ``"auto"`` chooses by AIC, of ranges and of
         bearings for themselves, and lets the closed forms see the readings that agree with most others; ``"gaussian"``
         takes all readings as they are.
-    solver : {"ceres", "block"}
+    solver : {"block", "ceres"}
         Program for the full likelihood; both reach the same optimum.
     weights : {"consistent", "paper", "printed"}
         Of the closed form's lines of sight.
@@ -115,7 +115,7 @@ def calibrate(recordings, method="marginal", *, order="auto", curve="auto", nois
 
 
 def compare(recordings, *, methods=("closed-form", "approximate", "full", "marginal"), order="auto", curve="auto", noise="auto",
-            noise_shape="auto", solver="ceres", weights="consistent", check=False, progress=None):
+            noise_shape="auto", solver="block", weights="consistent", check=False, progress=None):
     """Calibrate by several methods side by side, with errors against ground truth where there is any.
 
     Parameters are those of `calibrate`; `methods` are the methods wanted, in their order, or one alone. Order and noise

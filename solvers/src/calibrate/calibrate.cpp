@@ -18,7 +18,7 @@ namespace rangecal {
 namespace {
 
 constexpr auto solver_names =
-    names_of<JointSolver>("solver", {{JointSolver::ceres, "ceres"}, {JointSolver::block, "block"}});
+    names_of<JointSolver>("solver", {{JointSolver::block, "block"}, {JointSolver::ceres, "ceres"}});
 
 }  // namespace
 

@@ -70,12 +70,12 @@ struct SolverDifferences {
   int converged = 0, alike_otherwise = 0;
   std::map<std::pair<Outcome, Outcome>, int> outcomes_that_differ;
   double nll = 0.0, estimate = 0.0, covariance = 0.0;  ///< largest: nats; standard deviations; relative
-  double usual_s = 0.0, other_s = 0.0;                 ///< time of all solves
+  double block_s = 0.0, ceres_s = 0.0;                 ///< time of all solves
 };
 
 TEST(JointCeres, TheDefaultAndTheOtherSolverAgreeOnTenThousandProblems) {
   // Small ones of every shape: 6 to 11 stops, 3 to 5 landmarks, 1 to 3 repeats, fitted with order 1 (too low) or 2.
-  ASSERT_EQ(CalibrateOptions{}.solver, JointSolver::ceres);
+  ASSERT_EQ(CalibrateOptions{}.solver, JointSolver::block);
   SolverDifferences all;
   const auto timed = [](double& sum_s, const auto& solve, const auto&... arguments) {
     const auto begin = std::chrono::steady_clock::now();
@@ -92,25 +92,25 @@ TEST(JointCeres, TheDefaultAndTheOtherSolverAgreeOnTenThousandProblems) {
     const testing::JointScene scene = make_scene("ten thousand", shape.options, number);
     const int order = 1 + static_cast<int>(number / 810 % 2);
     const JointState seed = position_seed(scene.problem, order, shape.options.law);
-    const JointFit other = timed(all.other_s, solve_joint_block, scene.problem, seed);
-    const JointFit usual = timed(all.usual_s, solve_joint_ceres, scene.problem, seed);
-    if (usual.outcome != other.outcome) {
-      ++all.outcomes_that_differ[{usual.outcome, other.outcome}];
+    const JointFit block = timed(all.block_s, solve_joint_block, scene.problem, seed);
+    const JointFit ceres = timed(all.ceres_s, solve_joint_ceres, scene.problem, seed);
+    if (ceres.outcome != block.outcome) {
+      ++all.outcomes_that_differ[{ceres.outcome, block.outcome}];
       continue;
     }
-    if (usual.outcome != Outcome::converged) {
+    if (ceres.outcome != Outcome::converged) {
       ++all.alike_otherwise;
       continue;
     }
     ++all.converged;
-    all.nll = std::max(all.nll, std::abs(usual.joint_nll - other.joint_nll));
-    ASSERT_EQ(usual.covariance.has_value(), other.covariance.has_value()) << number;
-    if (!other.covariance) continue;
+    all.nll = std::max(all.nll, std::abs(ceres.joint_nll - block.joint_nll));
+    ASSERT_EQ(ceres.covariance.has_value(), block.covariance.has_value()) << number;
+    if (!block.covariance) continue;
     all.covariance =
-        std::max(all.covariance, (*usual.covariance - *other.covariance).norm() / other.covariance->norm());
-    for (Eigen::Index j = 0; j < other.state.alpha.size(); ++j)
-      all.estimate = std::max(all.estimate, std::abs(usual.state.alpha[j] - other.state.alpha[j]) /
-                                                std::sqrt((*other.covariance)(j, j)));
+        std::max(all.covariance, (*ceres.covariance - *block.covariance).norm() / block.covariance->norm());
+    for (Eigen::Index j = 0; j < block.state.alpha.size(); ++j)
+      all.estimate = std::max(all.estimate, std::abs(ceres.state.alpha[j] - block.state.alpha[j]) /
+                                                std::sqrt((*block.covariance)(j, j)));
   }
   fmt::print(
       "{} converged by both: they differ by at most {:.1e} nats in the NLL, {:.1e} standard deviations in alpha,\n"
@@ -123,7 +123,7 @@ TEST(JointCeres, TheDefaultAndTheOtherSolverAgreeOnTenThousandProblems) {
     EXPECT_EQ(outcomes, std::pair(Outcome::not_converged, Outcome::converged));
     EXPECT_LE(count, 100);  // one in a hundred
   }
-  fmt::print("a solve takes {:.3f} ms by Ceres, {:.3f} ms by blocks\n", 0.1 * all.usual_s, 0.1 * all.other_s);
+  fmt::print("a solve takes {:.3f} ms by Ceres, {:.3f} ms by blocks\n", 0.1 * all.ceres_s, 0.1 * all.block_s);
   EXPECT_LT(all.nll, 1e-8);       // as above
   EXPECT_LT(all.estimate, 1e-4);  // no digit that is printed
   EXPECT_LT(all.covariance, 1e-4);

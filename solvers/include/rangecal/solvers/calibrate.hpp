@@ -17,7 +17,7 @@ namespace rangecal {
 
 /// Which program finds the joint maximum (`full`, kind landmarks). Both reach the same optimum.
 enum class JointSolver { ceres, block };
-/// "ceres", "block"; the inverse throws InputError for another text.
+/// "block", "ceres"; the inverse throws InputError for another text.
 const char* to_string(JointSolver solver);
 JointSolver joint_solver_from_string(const std::string& text);
 
@@ -32,7 +32,7 @@ struct CalibrateOptions {
   /// In place of AIC, for pairs alone. Cross-validation and thirds (2021 section 3.2) choose the order: the mean square
   /// error of left-out readings, each weighed by its noise as the model of lowest AIC has it; the law goes by AIC.
   OrderCriterion criterion = OrderCriterion::aic;
-  JointSolver solver = JointSolver::ceres;
+  JointSolver solver = JointSolver::block;  ///< of `full`, of landmarks
   /// Of ranges and bearings, each for itself where `automatic`. The closed forms know the Gaussian only and see the
   /// readings that agree with most others (find_consensus); `gaussian`: all of them, for studies.
   NoiseShape noise_shape = NoiseShape::automatic;
