@@ -243,6 +243,7 @@ std::string trace_to_json(const std::vector<TriedSet>& sets) {
                        {"promised", number(set.predicted_gain)},
                        {"gain", number(set.gain)},
                        {"parameter_volume", number(set.parameter_volume)},
+                       {"formula_allowance", number(set.formula_allowance)},
                        {"prior_mass", number(set.prior_mass)},
                        {"log_posterior", number(set.log_posterior)},
                        {"probability", number(set.probability)},

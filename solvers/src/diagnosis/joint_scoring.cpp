@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/joint_scoring.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "diagnosis/damped_scoring.hpp"
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/tail_slopes.hpp"
@@ -45,11 +45,7 @@ class Scoring {
     tails_ = std::any_of(fit.model.begin(), fit.model.end(), is_tail);
   }
 
-  struct Slopes {
-    Eigen::VectorXd score;
-    Eigen::MatrixXd information;
-  };
-  Slopes at(const Point& point) const;
+  ScoringSlopes at(const Point& point) const;
   /// The point a step away, every parameter within its bounds.
   Point moved(const Point& from, const Eigen::VectorXd& step) const;
 
@@ -61,7 +57,7 @@ class Scoring {
   void add_slopes_of_effects(const Point& point, const CellGeometry& geometry, Columns& means,
                              Columns& spreads) const;
   /// What does not move: what is held, and what its slope leads beyond a bound.
-  void hold(const Point& point, Slopes& slopes) const;
+  void hold(const Point& point, ScoringSlopes& slopes) const;
 
   const Rows& rows_;
   const RefitOptions& options_;
@@ -107,7 +103,7 @@ void Scoring::add_slopes_of_effects(const Point& point, const CellGeometry& geom
   }
 }
 
-Scoring::Slopes Scoring::at(const Point& point) const {
+ScoringSlopes Scoring::at(const Point& point) const {
   const auto n = static_cast<Eigen::Index>(rows_.size());
   const CellGeometry geometry = cell_geometry(rows_, point.state);
   const WorkingProblem& working = point.working;
@@ -139,7 +135,7 @@ Scoring::Slopes Scoring::at(const Point& point) const {
   if (tails_)
     slopes.rightCols(static_cast<Eigen::Index>(own_.size())) +=
         tail_slopes(rows_, point.model, working, geometry, own_);
-  Slopes out{slopes.colwise().sum().transpose(), {}};
+  ScoringSlopes out{slopes.colwise().sum().transpose(), {}};
   const Columns white = working.serial.whitened_columns(means);
   if (!tails_) {
     out.information = white.transpose() * white;
@@ -161,7 +157,7 @@ Scoring::Slopes Scoring::at(const Point& point) const {
   return out;
 }
 
-void Scoring::hold(const Point& point, Slopes& slopes) const {
+void Scoring::hold(const Point& point, ScoringSlopes& slopes) const {
   const auto stays = [&](Eigen::Index a) {
     slopes.score[a] = 0.0;
     slopes.information.row(a).setZero();
@@ -212,38 +208,6 @@ bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& s
 
 namespace {
 
-/// Scoring from `here` until a step promises nothing.
-Point scored(const Scoring& scoring, Point here) {
-  constexpr int most_steps = 40, most_failures = 6;
-  constexpr double settled = 2e-3;                                           // nats
-  constexpr double first_damping = 1e-2, more = 10.0, least_damping = 1e-3;  // lambda
-  double damping = 0.0;
-  for (int iteration = 0; iteration < most_steps; ++iteration) {
-    const auto [score, information] = scoring.at(here);
-    const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-    double gain = 0.0;
-    for (int failure = 0; failure < most_failures && !(gain > 0.0); ++failure) {
-      Eigen::MatrixXd damped = scaled;
-      damped.diagonal().array() += damping + 1e-9;
-      const Eigen::LDLT<Eigen::MatrixXd> factor(damped);
-      const Eigen::VectorXd step = scale.cwiseProduct(factor.solve(scale.cwiseProduct(score)));
-      const bool solved = factor.info() == Eigen::Success && step.allFinite();
-      if (solved && !(0.5 * score.dot(step) > settled)) return here;
-      Point next = solved ? scoring.moved(here, step) : Point{};
-      gain = here.nll - next.nll;
-      if (gain > 0.0) {
-        here = std::move(next);
-        damping = damping > least_damping ? damping / more : 0.0;
-      } else {
-        damping = std::max(first_damping, more * damping);
-      }
-    }
-    if (!(gain > settled)) return here;
-  }
-  return here;
-}
-
 /// Where scoring starts: at the state of `fit`, or, where most readings are outliers there (a member was taken out that had moved
 /// them all), where the calibration is without tails, if that is likelier.
 Point start_of(const Rows& rows, const RefitOptions& options, const Fit& fit) {
@@ -276,7 +240,9 @@ bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, Marg
       if (next.nll < here.nll) here = std::move(next);
       if (alternation > 0 && !(before - here.nll > settled)) break;
     }
-    here = scored(scoring, std::move(here));
+    here = scored(
+        std::move(here), [&](const Point& point) { return scoring.at(point); },
+        [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
     if (!likeliest || !(before - here.nll > settled)) break;
   }
   const double value = calibrate_under(rows, here.model, here.state, staying, &detail);

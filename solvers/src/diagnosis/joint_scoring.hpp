@@ -16,11 +16,8 @@ bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& s
 ///   slope in a mean:         g_i = pull_i (df_i/da) / s_i
 ///   slope in a log spread:   g_i = (r_i - 1) d ln s_i / da          r_i = z_i pull_i + its tail's variance
 ///   slope in u = ln p of a tail:  g_i = d ln p(e_i) / du
-///   step = (I + lambda diag I)^-1 sum g_i
-///
-/// I is Fisher's information; beside tails sum g_i g_i^T (Berndt, Hall, Hall, Hausman 1974), along a sequence with the slopes in
-/// means rescaled to Fisher's own information on them, to which single readings do not add up. lambda is Levenberg's, 0 where steps gain. A step costs one pass over the readings, and is taken where the NLL at
-/// its end is lower. The calibration is solved for at the end: `detail`. False, and nothing done, where the start or that solve is
+/// with steps by the information I (damped_scoring.hpp). I is Fisher's information; beside tails sum g_i g_i^T (Berndt, Hall, Hall, Hausman 1974), along a sequence with the slopes in
+/// means rescaled to Fisher's own information on them, to which single readings do not add up. A step costs one pass over the readings. The calibration is solved for at the end: `detail`. False, and nothing done, where the start or that solve is
 /// outside of the model's domain.
 bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail);
 

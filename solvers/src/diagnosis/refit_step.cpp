@@ -99,39 +99,6 @@ Eigen::MatrixXd information_of(const Projector& projector, const Model& model,
   return information;
 }
 
-/// Sums over the readings of the slopes of their log densities in the tails' u = ln p and in ln s, which comes last, and of
-/// the slopes' products. A parameter at a bound that its slope leads beyond has none.
-struct TailScore {
-  Eigen::VectorXd score;
-  Eigen::MatrixXd information;
-};
-
-TailScore tail_score(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& tails) {
-  const auto n = static_cast<Eigen::Index>(tails.size()), count = static_cast<Eigen::Index>(rows.size());
-  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
-  const CellGeometry geometry = cell_geometry(rows, fit.state);
-  Eigen::MatrixXd slopes(count, n + 1);
-  slopes.leftCols(n) = tail_slopes(rows, fit.model, working, geometry, tails);
-  for (Eigen::Index i = 0; i < count; ++i) {  // the squares that are expected of a reading, less 1
-    const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)]);
-    slopes(i, n) = std::pow(working.range_whitening.scale_of(i) * (working.range[i] - geometry.f[cell]) /
-                                geometry.spread[cell],
-                            2) -
-                   1.0;
-  }
-  if (working.tail_square.size() > 0) slopes.col(n) += working.tail_square;
-  TailScore out{slopes.colwise().sum().transpose(), slopes.transpose() * slopes};
-  out.score[n] = 0.0;  // the calibration has fitted it
-  for (Eigen::Index a = 0; a < n; ++a) {
-    if (!is_stuck(rows, fit.model, tails[static_cast<std::size_t>(a)], out.score[a])) continue;
-    out.score[a] = 0.0;
-    out.information.row(a).setZero();
-    out.information.col(a).setZero();
-  }
-  out.information.diagonal().array() += 1e-6 * (1.0 + out.information.diagonal().array());
-  return out;
-}
-
 }  // namespace
 
 bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
@@ -227,59 +194,30 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
 }
 
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
-  constexpr int most_steps = 12, most_halvings = 5, most_rounds = 8, most_solves = 2;
-  constexpr double settled = 1e-3, rounds_settled = 0.05;  // nats
-  constexpr double longest = 1.5;                          // of a step in u: a factor of 4.5
-  RefitOptions staying = options;                          // tails move no place by much
+  constexpr int most_alternations = 12;
+  constexpr double settled = 0.01;  // nats
+  RefitOptions staying = options;   // tails move no place by much
   staying.places_stay = true;
   std::vector<FreeParameter> tails;
   for (const FreeParameter& p : fit.free)
     if (is_of_tail(fit.model, p)) tails.push_back(p);
-  for (int round = 0; round < most_rounds; ++round) {  // the spread follows the weights that the law gives
-    JointState state = fit.state;
-    const double value = calibrate_under(rows, fit.model, state, staying);
-    if (!(value < fit.nll)) break;
-    const double gain = fit.nll - value;
-    fit.nll = value;
-    fit.state = std::move(state);
-    if (gain < rounds_settled) break;
-  }
-  double stretch = 1.0;
-  for (int iteration = 0; iteration < most_steps; ++iteration) {
-    const TailScore slopes = tail_score(rows, fit, tails);
-    const Eigen::LDLT<Eigen::MatrixXd> factor(slopes.information);
-    if (factor.info() != Eigen::Success) return;
-    Eigen::VectorXd step = factor.solve(slopes.score).head(static_cast<Eigen::Index>(tails.size()));
-    if (!step.allFinite()) return;
-    const double predicted_gain = 0.5 * slopes.score.head(step.size()).dot(step);
-    if (!(predicted_gain > settled)) return;
-    const double most = longest / step.cwiseAbs().maxCoeff();
-    const Model before = fit.model;
-    const auto accept = [&](double length) {
-      Model trial = before;
-      for (std::size_t a = 0; a < tails.size(); ++a) {
-        const auto [low, high] = bounds_of(rows, trial, tails[a]);
-        double& value = value_of(trial, tails[a]);
-        value = std::clamp(value * std::exp(length * step[static_cast<Eigen::Index>(a)]), low, high);
-      }
+  for (int alternation = 0; alternation < most_alternations; ++alternation) {
+    const double before = fit.nll;
+    const Model from = fit.model, to = likeliest_tails(rows, fit, tails);
+    for (const double length : {1.0, 0.25, 0.0}) {  // the spread alone follows the weights at last
+      Model trial = from;
+      for (const FreeParameter& p : tails)
+        value_of(trial, p) = std::pow(value_of(trial, p), 1.0 - length) *
+                             std::pow(to[static_cast<std::size_t>(p.effect)].parameters[p.index], length);
       JointState state = fit.state;
-      double value = calibrate_under(rows, trial, state, staying);
-      // A solve under the weights of the state before is an upper bound, tight where it moved nothing.
-      for (int again = 0; again < most_solves && !(value < fit.nll - settled); ++again)
-        value = calibrate_under(rows, trial, state, staying);
-      if (!(value < fit.nll - settled)) return false;
+      const double value = calibrate_under(rows, trial, state, staying);
+      if (!(value < fit.nll)) continue;
       fit.nll = value;
       fit.state = std::move(state);
       fit.model = std::move(trial);
-      return true;
-    };
-    double length = std::min(stretch, most);
-    bool moved = accept(length);
-    if (moved)
-      while (2.0 * length <= most && accept(2.0 * length)) length *= 2.0;
-    for (int halving = 0; halving < most_halvings && !moved; ++halving) moved = accept(length *= 0.5);
-    if (!moved) return;
-    stretch = std::max(1.0, length);
+      break;
+    }
+    if (!(before - fit.nll > settled)) return;
   }
 }
 

@@ -16,12 +16,7 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,
                  Fit& fit);
 
-/// Fits the parameters u = ln p of the tails, and the rest by calibrate_under after each step, by scoring:
-///
-///   g_i = d ln p(e_i) / d(u, ln s),   step = (sum g_i g_i^T)^-1 sum g_i   (Berndt, Hall, Hall, Hausman 1974)
-///
-/// e_i the error of reading i at the fit. A step that is no gain is halved, one that is a gain doubled while it gains: far from
-/// the optimum the few outliers' products make steps too short.
+/// Fits the parameters of the tails at the errors that the readings have (likeliest_tails), and the rest by calibrate_under, in turn.
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit);
 
 /// Fits the parameters of errors that wander along a sequence: those that make the residuals of the fit, their common scale

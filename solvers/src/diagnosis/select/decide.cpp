@@ -86,6 +86,16 @@ double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t
   return std::numeric_limits<double>::infinity();
 }
 
+/// Nats by which the likeliest set is likelier than the likeliest that has a curve, whichever, in place of one of its names.
+double margin_over_curve(const ActiveEffect& name, const Hypotheses& table, std::size_t known) {
+  std::vector<std::string> rest = member_names(without_curves(table.front()->fit.model), known);
+  std::erase(rest, member_name(*name.effect));
+  for (const auto& h : table)  // the likeliest first
+    if (has_generic(h->fit.model) && member_names(without_curves(h->fit.model), known) == rest)
+      return table.front()->log_posterior - h->log_posterior;
+  return std::numeric_limits<double>::infinity();
+}
+
 /// The covariate of a curve; of those that are functions of one another, one for all.
 std::string along(const EffectInfo& info) {
   if (info.covariate == "disparity") return "range";
@@ -120,24 +130,6 @@ double omitted_probability(const Hypotheses& table, std::size_t known) {
   return of_omitted / (of_fitted + of_omitted);
 }
 
-/// Gives one name alone what its formula may be off by, a share of what it gains: curves that are likelier by no more than that
-/// describe the formula's own error. Not to one that chooses a landmark or a time: it takes the shape of much that it is not. The
-/// likeliest comes first again.
-void allow_for_one_formula(Hypotheses& table, std::size_t known, const SelectionPriors& priors) {
-  if (!has_generic(table.front()->fit.model)) return;
-  for (auto& h : table) {
-    const Model& model = h->fit.model;
-    if (model.size() != known + 1 || has_generic(model)) continue;
-    const EffectInfo& info = model.back().effect->info();
-    const bool chooses = std::any_of(info.parameters.begin(), info.parameters.end(),
-                                     [](const EffectParameter& parameter) { return parameter.discrete; });
-    if (info.kind == EffectKind::mean && !chooses)
-      h->log_posterior += priors.one_formula * std::max(0.0, h->gain);
-  }
-  std::stable_sort(table.begin(), table.end(),
-                   [](const auto& a, const auto& b) { return a->log_posterior > b->log_posterior; });
-}
-
 /// True if what a question found matters: its size exceeds the tolerance; of dependence, tails and errors of stops, which
 /// have no size in readings, its gain is no trace of all that was explained.
 /// `spread_m`, `sigma_theta_rad`: of one reading.
@@ -155,6 +147,7 @@ TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
           h.predicted_gain,
           h.gain,
           h.parameter_volume,
+          h.formula_allowance,
           h.prior_mass,
           h.log_posterior,
           probability,
@@ -197,30 +190,19 @@ struct Named {
 Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<double>& p, std::size_t known,
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
-  std::vector<double> worths;
-  double of_curves = 0.0, strongest = 0.0;  // the most that a curve is worth, and a formula for means
-  for (const ActiveEffect& member : fit.model) {
-    const double worth = worths.emplace_back(worth_of(member, table, known));
-    if (!std::isfinite(worth)) continue;
-    if (is_generic(*member.effect))
-      of_curves = std::max(of_curves, worth);
-    else if (worths.size() > known && member.effect->info().kind == EffectKind::mean)
-      strongest = std::max(strongest, worth);
-  }
   const bool beside_others = fit.model.size() > known + 1;
-  double least = beside_others ? std::max(priors.beside_names, priors.formula_error * strongest) : 0.0;
-  if (has_generic(fit.model))
-    least = std::max({least, priors.beside_curve * of_curves, options.naming_gap_nats});
+  double least = beside_others ? priors.beside_names : 0.0;
+  if (has_generic(fit.model)) least = std::max(least, options.naming_gap_nats);
   std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
   Model model;
   const Space seed(rows, {}, fit.state);
   for (std::size_t i = known; i < fit.model.size(); ++i) {
     const ActiveEffect& member = fit.model[i];
     if (is_generic(*member.effect)) continue;
-    const double worth = worths[i];
+    const double worth = worth_of(member, table, known);
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
-    if (worth < least || probability < 0.5 ||
-        curve_along(*member.effect, table, known) > priors.discrepancy * worth)
+    if (probability < 0.5 || margin_over_curve(member, table, known) < priors.over_curve ||
+        worth < std::max(least, priors.beside_curve * curve_along(*member.effect, table, known)))
       continue;
     const double range_error = range_error_of(seed, {member, -1, seed.change({member})});
     costs.emplace_back(std::isfinite(range_error) ? range_error : 0.0,
@@ -285,15 +267,34 @@ bool misses_the_cells(const Rows& rows, const Battery& battery, const SelectionP
              std::log(priors.misfit_rate);
 }
 
-/// The other sets of names of the size of the answer, the likeliest first, by how far the readings prefer it.
-std::vector<Candidate> others_of_its_size(const Hypotheses& table, const std::vector<double>& p,
-                                          const Candidate& answer, double baseline_nll) {
+/// The other sets of names of the size of the answer, beside the curves of the likeliest set, the likeliest first, by how far the
+/// readings prefer it. Where there are curves each is fitted without them, as the answer was.
+std::vector<Candidate> others_of_its_size(const Rows& rows, const Hypotheses& table,
+                                          const std::vector<double>& p, const Candidate& answer,
+                                          double baseline_nll, std::size_t known,
+                                          const DiagnoseOptions& options, const RefitOptions& refit_options) {
+  const Hypothesis& best = *table.front();
+  const auto curves = [&](const Model& model) {
+    std::vector<std::string> all = member_names(model, known);
+    for (const std::string& name : member_names(without_curves(model), known))
+      all.erase(std::find(all.begin(), all.end(), name));
+    return all;
+  };
+  const std::vector<std::string> of_best = curves(best.fit.model);
   std::vector<Candidate> others;
   for (std::size_t i = 1; i < table.size(); ++i) {
-    const Model& model = table[i]->fit.model;
-    if (model.size() != answer.fit.model.size() || has_generic(model)) continue;
+    const Fit& fit = table[i]->fit;
+    const Model names = without_curves(fit.model);
+    if (names.size() != answer.fit.model.size() || curves(fit.model) != of_best) continue;
     Candidate c = candidate_of(*table[i], p[i], baseline_nll);
-    c.evidence = answer.evidence - gap_to(answer, c);
+    const double gap = gap_to(candidate_of(best, p.front(), baseline_nll), c);
+    if (!of_best.empty()) {
+      if (gap > std::max(1.0, options.naming_gap_nats)) continue;
+      c.fit = refit(rows, names, start_beside(rows, fit, names), refit_options);
+      if (!c.fit.ok) continue;
+      c.gain = baseline_nll - c.fit.nll;
+    }
+    c.evidence = answer.evidence - gap;
     others.push_back(std::move(c));
   }
   return others;
@@ -309,7 +310,6 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
     for (std::size_t i = 0; i < table.size(); ++i) options.trace(tried_set(*table[i], p[i], known));
   }
   result.evidence_omitted = omitted_probability(table, known);
-  allow_for_one_formula(table, known, priors);
   const Hypothesis& best = *table.front();
   const std::vector<double> p = probabilities(table);
   result.verdict = Verdict::unexplained;
@@ -348,7 +348,10 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   result.members = std::move(named.members);
   if (rest) result.left = findings(rows, *result.last, options.alarm_rate);
   result.verdict = result.left.empty() ? Verdict::explained : Verdict::partly_explained;
-  add_rivals(rows, options, others_of_its_size(table, p, result.best, result.baseline.nll), result);
+  add_rivals(
+      rows, options,
+      others_of_its_size(rows, table, p, result.best, result.baseline.nll, known, options, refit_options),
+      result);
 }
 
 }  // namespace rangecal::diagnosis

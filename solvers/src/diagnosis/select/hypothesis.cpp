@@ -16,6 +16,11 @@ Model without(Model model, std::size_t index) {
   return model;
 }
 
+Model without_curves(Model model) {
+  std::erase_if(model, [](const ActiveEffect& a) { return is_generic(*a.effect); });
+  return model;
+}
+
 std::string curve_name(const std::string& channel, const std::string& covariate) {
   return "curve of " + channel + " along " + covariate;
 }

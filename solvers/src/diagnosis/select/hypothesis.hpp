@@ -17,7 +17,8 @@ struct Hypothesis {
   double gain = 0.0;                            ///< NLL of the root less its own [nats]
   double parameter_volume = 0.0;                ///< by `log_parameter_volume` [nats]
   double prior_mass = 0.0;                      ///< by `log_prior_mass` [nats]
-  /// ln of its probability over that of the root [nats]: the sum of the three above.
+  double formula_allowance = 0.0;               ///< by `log_formula_allowance` [nats]
+  /// ln of its probability over that of the root [nats]: the sum of the four above.
   double log_posterior = 0.0;
   double predicted_gain = 0.0;      ///< gain by the linearised problem or by a score [nats]; 0: neither
   std::vector<std::string> parent;  ///< members of the set from which it was reached
@@ -35,6 +36,9 @@ bool has_generic(const Model& model);
 
 /// The model less the effect at `index`.
 Model without(Model model, std::size_t index);
+
+/// The model less its curves without a name.
+Model without_curves(Model model);
 
 std::string curve_name(const std::string& channel, const std::string& covariate);
 

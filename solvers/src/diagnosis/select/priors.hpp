@@ -12,18 +12,14 @@ struct SelectionPriors {
   /// Degrees of freedom of the Student's t that sizes follow, of the catalogue's typical size: heavy tails, for a cause may
   /// be much larger than is usual.
   double size_dof = 2.0;
-  /// Of what a curve without a name explains [nats]: a name beside it that explains less may be what its shape leaves of an
-  /// unknown cause, and is not given.
+  /// Of what a curve without a name explains [nats]: a name in its channel and along its covariate that explains less may be what
+  /// its shape leaves of an unknown cause, and is not given.
   double beside_curve = 0.25;
-  /// The same where the curve lies along the covariate of the name itself, in its channel: a formula leaves of its own shape a
-  /// share of its worth [nats] of this or less, or it is another cause's.
-  double discrepancy = 0.1;
-  /// Nats that a name beside other names is worth at least, and of what the strongest of them is worth: a formula that is a tenth
-  /// off leaves a hundredth of its own worth to others.
-  double beside_names = 3.0, formula_error = 0.01;
-  /// Of what one name alone gains: a likelier set that holds a curve has to be likelier by more, or it describes what the formula
-  /// is off by.
-  double one_formula = 0.02;
+  /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve in its place.
+  double beside_names = 3.0, over_curve = 1.5;
+  /// Probability that the formulas of names are not exact, and by how much of the change that an effect makes its shape is off
+  /// then (RMS).
+  double formula_is_off = 0.2, formula_error = 0.1;
   /// Corrected p below which residuals are not clean; where readings sit on a grid, which no law describes well.
   double clean_rate = 0.005, clean_rate_on_grid = 1e-5;
   /// Chi-square of the cells' means per degree of freedom, and its p, beyond which nothing is explained.

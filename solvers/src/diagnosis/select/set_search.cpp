@@ -13,6 +13,7 @@
 #include "diagnosis/generic.hpp"
 #include "diagnosis/refine.hpp"
 #include "diagnosis/select/decide.hpp"
+#include "diagnosis/select/formula_error.hpp"
 #include "diagnosis/select/linear_search.hpp"
 #include "in_parallel.hpp"
 
@@ -139,9 +140,26 @@ class SetSearch {
     here.scanned = true;
     fit_all(here, asked_of_residuals(here));
     std::vector<Wanted> wanted = sets_linearised_at(here);
-    std::vector<Wanted> smaller = sets_without_one(here, most_fits);
-    wanted.insert(wanted.end(), smaller.begin(), smaller.end());
+    for (std::vector<Wanted> smaller : {sets_without_one(here, most_fits), names_alone(here)})
+      wanted.insert(wanted.end(), smaller.begin(), smaller.end());
     fit_all(here, std::move(wanted));
+  }
+
+  /// Of a set with several names on means, each of these alone beside all else: what its formula is off by may be what the
+  /// others describe.
+  std::vector<Wanted> names_alone(const Hypothesis& here) {
+    Model names, others;
+    for (const ActiveEffect& a : here.fit.model) {
+      const bool has_formula = a.effect->info().kind == EffectKind::mean && !is_generic(*a.effect);
+      (has_formula && !contains(known_.model, a.effect) ? names : others).push_back(a);
+    }
+    std::vector<Wanted> alone;
+    for (const ActiveEffect& name : names) {
+      Model model = others;
+      model.push_back(name);
+      if (names.size() > 2 && !find(member_names(model, known_count()))) alone.push_back({std::move(model)});
+    }
+    return alone;
   }
 
   /// The set without each of its members, but those that were fitted so often.
@@ -398,14 +416,16 @@ class SetSearch {
     return cells_of_parameter * of_means <= rows_.cell_count;
   }
 
-  /// The three terms of a fit's posterior; false if they are no numbers, or the set is none that these readings can tell.
+  /// The four terms of a fit's posterior; false if they are no numbers, or the set is none that these readings can tell.
   bool weigh(Hypothesis& h) const {
     if (!has_settings_for(h.fit)) return false;
     h.gain = root_nll_ - h.fit.nll;
+    const Projector projector(rows_, working_problem(rows_, h.fit.model, h.fit.state), h.fit.state);
     h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_) +
-                         log_calibration_volume(rows_, h.fit) - root_volume_;
+                         projector.log_phi_volume() - root_volume_;
+    h.formula_allowance = log_formula_allowance(rows_, projector, h.fit, known_count(), priors_);
     h.prior_mass = log_prior_mass(h.fit.model, known_count(), counts_, priors_);
-    h.log_posterior = h.gain + h.parameter_volume + h.prior_mass;
+    h.log_posterior = h.gain + h.parameter_volume + h.formula_allowance + h.prior_mass;
     return std::isfinite(h.log_posterior);
   }
 

@@ -153,11 +153,12 @@ struct TriedSet {
   double predicted_gain =
       0.0;            ///< gain [nats] by the linearised problem, or by a score; 0 where neither predicted any
   double gain = 0.0;  ///< NLL of the seed model, with what bookkeeping found, less that of the set [nats]
-  double parameter_volume = 0.0;  ///< what choosing its parameters costs [nats]
-  double prior_mass = 0.0;        ///< ln of the prior probability of the set over that of none [nats]
-  double log_posterior = 0.0;     ///< the sum of the three above
-  double probability = 0.0;       ///< over all sets that were fitted
-  bool scanned = false;           ///< likelier sets were looked for from there
+  double parameter_volume = 0.0;   ///< what choosing its parameters costs [nats]
+  double formula_allowance = 0.0;  ///< what is gained when formulas may be a little off in shape [nats]
+  double prior_mass = 0.0;         ///< ln of the prior probability of the set over that of none [nats]
+  double log_posterior = 0.0;      ///< the sum of the four above
+  double probability = 0.0;        ///< over all sets that were fitted
+  bool scanned = false;            ///< likelier sets were looked for from there
   struct Proposal {
     std::vector<std::string> members;
     double predicted_gain = 0.0;  ///< gain [nats] on the problem linearised at this set
