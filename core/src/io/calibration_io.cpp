@@ -138,11 +138,8 @@ static void fields(JsonFields& json, OutlierReading& outlier) {
 
 static void fields(JsonFields& json, EffectsCovariance& known) {
   json.required("parameters", known.parameters);
-  std::optional<Eigen::MatrixXd> matrix;
-  if (json.writing()) matrix = known.matrix;
-  json.square("matrix", matrix, 0, most_coefficients + static_cast<Eigen::Index>(known.parameters.size()));
-  json.check(matrix.has_value(), "matrix", "is missing");
-  known.matrix = std::move(*matrix);
+  json.square("matrix", known.matrix, 0,
+              most_coefficients + static_cast<Eigen::Index>(known.parameters.size()));
 }
 
 static void fields(JsonFields& json, LandmarkEstimate& landmark) {
@@ -203,7 +200,7 @@ static void check_fields(JsonFields& json, Calibration& c) {
 }
 
 static void fields(JsonFields& json, Calibration& c) {
-  json.format("rangecal-calibration/1");
+  json.format({"rangecal-calibration/1"});
   json.word("method", c.method, method_from_string);
   std::string kind = to_string(c.kind);
   json.optional("kind", kind);
@@ -271,7 +268,7 @@ static void fields(JsonFields& json, CalibrationFile& file) {
   if (file.calibrations.size() == 1) {
     fields(json, file.calibrations.front());
   } else {
-    json.format("rangecal-calibration/1");
+    json.format({"rangecal-calibration/1"});
     json.required("methods", file.calibrations);
     json.check(!file.calibrations.empty(), "methods", "holds no calibration");
   }

@@ -37,14 +37,20 @@ bool JsonFields::has(const std::string& name) const {
   return found != read_->end() && !found->is_null();
 }
 
-void JsonFields::format(const std::string& expected) {
-  std::string text = expected;
+std::size_t JsonFields::format(const std::vector<std::string>& versions) {
+  std::string text = versions.front();
   required("format", text);
-  check(text == expected, "format", "is not " + expected);
+  const auto found = std::find(versions.begin(), versions.end(), text);
+  check(found != versions.end(), "format", "is not " + versions.front());
+  return static_cast<std::size_t>(found - versions.begin());
 }
 
 void JsonFields::check(bool good, const std::string& name, const std::string& what) const {
   if (reading() && !good) JsonFields(*read_, path_of(name)).fail(what);
+}
+
+void JsonFields::check(bool good, const std::string& what) const {
+  if (reading() && !good) fail(what);
 }
 
 void JsonFields::fail(const std::string& what) const {

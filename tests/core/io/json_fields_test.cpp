@@ -42,7 +42,7 @@ struct Whole {
 };
 
 void fields(JsonFields& json, Whole& whole) {
-  json.format("whole/1");
+  json.format({"whole/1", "whole/0"});
   json.word("colour", whole.colour, colour_from_string);
   json.whole("count", whole.count, 0, 9);
   json.required("open", whole.open);
@@ -106,6 +106,7 @@ TEST(JsonFields, ErrorsNameThePath) {
     return "no error";
   };
   const Json missing = Json::value_t::discarded;
+  EXPECT_EQ(error("/format", "whole/0"), "no error");
   EXPECT_EQ(error("/limit", 4), "no error");
   EXPECT_EQ(error("/count", 4.0), "no error");
   EXPECT_EQ(error("/parts/0/size", missing), "no error");

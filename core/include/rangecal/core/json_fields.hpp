@@ -76,11 +76,14 @@ class JsonFields {
   template <std::integral Whole>
   void whole(const std::string& name, Whole& value, Whole low = 0,
              Whole high = std::numeric_limits<Whole>::max());
-  /// Rows of a square matrix, from `least` to `most` of them; missing or null: none.
+  /// Rows of a square matrix, from `least` to `most` of them. As with other values null is for an optional one, which may
+  /// also be missing.
   template <typename Matrix>
   void square(const std::string& name, std::optional<Matrix>& matrix, Eigen::Index least, Eigen::Index most);
   template <typename Matrix>
-  void square(const std::string& name, std::optional<Matrix>& matrix, Eigen::Index size) {
+  void square(const std::string& name, Matrix& matrix, Eigen::Index least, Eigen::Index most);
+  template <typename Matrix>
+  void square(const std::string& name, Matrix& matrix, Eigen::Index size) {
     square(name, matrix, size, size);
   }
   /// `rows` x `columns` finite numbers in one list, column by column.
@@ -95,14 +98,16 @@ class JsonFields {
   /// Every member that was not named so far.
   template <typename Value>
   void others(std::map<std::string, Value>& values);
-  /// The name and version of the file's format.
-  void format(const std::string& expected);
+  /// The name and version of the file's format, the current one first; those that are read, too, behind it. Returns which
+  /// it is: 0 for the current one.
+  std::size_t format(const std::vector<std::string>& versions);
 
   /// Is there, and not null; of what is written nothing is.
   bool has(const std::string& name) const;
   /// When reading: throws InputError for the field `name` (with dots and brackets of one further down) where it is not `good`.
   void check(bool good, const std::string& name, const std::string& what) const;
-  /// Throws InputError for this object, list or value.
+  /// The same for this object, list or value.
+  void check(bool good, const std::string& what) const;
   [[noreturn]] void fail(const std::string& what) const;
 
   /// The value that stands here.
@@ -238,6 +243,15 @@ void JsonFields::square(const std::string& name, std::optional<Matrix>& matrix, 
           "is not " + std::to_string(size) + " numbers");
   matrix.emplace(Matrix::Zero(size, size));
   for (Eigen::Index i = 0; i < size; ++i) matrix->row(i) = (*rows)[static_cast<std::size_t>(i)].transpose();
+}
+
+template <typename Matrix>
+void JsonFields::square(const std::string& name, Matrix& matrix, Eigen::Index least, Eigen::Index most) {
+  std::optional<Matrix> rows;
+  if (writing()) rows = matrix;
+  square(name, rows, least, most);
+  check(rows.has_value(), name, "is missing");
+  matrix = *rows;
 }
 
 template <typename Derived>

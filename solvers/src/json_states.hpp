@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rangecal/core/json_fields.hpp"
+#include "rangecal/core/recording.hpp"
+#include "rangecal/problems/noise_shape.hpp"
+
+namespace rangecal {
+
+/// What the states of what goes on later have in common.
+
+/// A number, or "auto".
+inline void order_field(JsonFields& json, std::optional<int>& order) {
+  JsonFields::Written value = order ? JsonFields::Written(*order) : JsonFields::Written("auto");
+  json.required("order", value);
+  if (json.reading()) order.reset();
+  if (json.reading() && value != "auto") order = whole_number(value, "order");
+}
+
+/// Null where nothing is forgotten.
+inline void forget_field(JsonFields& json, double& forget) {
+  std::optional<double> finite;
+  if (std::isfinite(forget)) finite = forget;
+  json.required("forget", finite);
+  forget = finite.value_or(std::numeric_limits<double>::infinity());
+}
+
+inline void counts_field(JsonFields& json, Counts& counts) {
+  json.object("counts", [&](JsonFields& of) {
+    of.whole("read", counts.read);
+    of.whole("used", counts.used);
+    of.required("dropped", counts.dropped);
+    for (const auto& [reason, count] : counts.dropped)
+      of.check(count >= 0, "dropped." + reason, "is negative");
+  });
+}
+
+/// A list of its family and all its parameters.
+inline void fields(JsonFields& json, NoiseShapeParameters& shape) {
+  std::string family = to_string(shape.shape);
+  json.row(family, shape.nu, shape.outlier_share, shape.outlier_scale, shape.outlier_mean);
+  shape.shape = noise_shape_from_string(family);
+}
+
+}  // namespace rangecal
