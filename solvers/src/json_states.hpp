@@ -28,7 +28,7 @@ inline void forget_field(JsonFields& json, double& forget) {
   std::optional<double> finite;
   if (std::isfinite(forget)) finite = forget;
   json.required("forget", finite);
-  forget = finite.value_or(std::numeric_limits<double>::infinity());
+  if (json.reading()) forget = finite.value_or(std::numeric_limits<double>::infinity());
 }
 
 inline void counts_field(JsonFields& json, Counts& counts) {
@@ -45,7 +45,31 @@ inline void counts_field(JsonFields& json, Counts& counts) {
 inline void fields(JsonFields& json, NoiseShapeParameters& shape) {
   std::string family = to_string(shape.shape);
   json.row(family, shape.nu, shape.outlier_share, shape.outlier_scale, shape.outlier_mean);
-  shape.shape = noise_shape_from_string(family);
+  if (json.reading()) shape.shape = noise_shape_from_string(family);
+}
+
+/// x, y, heading.
+inline void pose_field(JsonFields& json, const std::string& name, Pose2& pose) {
+  json.required(name, std::tie(pose.x_m, pose.y_m, pose.heading_rad));
+}
+
+/// `count` vectors or matrices, a list of `rows` x `columns` finite numbers for each, column by column.
+template <typename Several>
+void lists_field(JsonFields& json, const std::string& name, Several& several, std::size_t count,
+                 Eigen::Index rows, Eigen::Index columns = 1) {
+  std::vector<Eigen::VectorXd> lists;
+  for (const auto& one : several) lists.emplace_back(one.reshaped());
+  if (json.reading()) lists.clear();
+  json.required(name, lists);
+  if (json.writing()) return;
+  json.check(lists.size() == count, name, "has not " + std::to_string(count) + " lists");
+  if constexpr (requires { several.resize(count); }) several.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    json.check(lists[i].size() == rows * columns && lists[i].allFinite(),
+               name + "[" + std::to_string(i) + "]",
+               "is not " + std::to_string(rows * columns) + " finite numbers");
+    several[i] = lists[i].reshaped(rows, columns);
+  }
 }
 
 }  // namespace rangecal

@@ -31,6 +31,11 @@ std::size_t JsonFields::items() const {
   return read_->size();
 }
 
+void JsonFields::numbers(const std::string& name, Eigen::VectorXd& values) {
+  required(name, values);
+  check(values.allFinite(), name, "is not finite");
+}
+
 bool JsonFields::has(const std::string& name) const {
   if (writing() || !read_->is_object()) return false;
   const auto found = read_->find(name);

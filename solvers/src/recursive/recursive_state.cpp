@@ -65,10 +65,8 @@ static void fields(JsonFields& json, ResidualCells::Bin& bin) {
 
 /// The noise's law is that of the options.
 static void fields(JsonFields& json, ResidualCells& cells) {
-  json.required("alpha", cells.alpha);
-  json.required("noise", cells.noise.parameters);
-  json.check(cells.alpha.allFinite(), "alpha", "is not finite");
-  json.check(cells.noise.parameters.allFinite(), "noise", "is not finite");
+  json.numbers("alpha", cells.alpha);
+  json.numbers("noise", cells.noise.parameters);
   json.check(cells.alpha.size() == 0 || cells.noise.parameters.size() > 0, "has a curve without noise");
   bins_field(json, cells.bins, [](const auto& bin) { return !bin.first.empty() || !bin.cells.empty(); });
 }
@@ -89,12 +87,12 @@ void fields(JsonFields& json, RecursiveCalibrator& tracked) {
   json.required("now", tracked.now_);
   json.required("weights", std::tie(tracked.sum_w_, tracked.sum_w_sq_));
   json.required("distances_m", std::tie(tracked.low_m_, tracked.high_m_));
-  json.required("last_alpha", tracked.last_alpha_);
+  json.numbers("last_alpha", tracked.last_alpha_);
   if (json.has("last_sigma")) {  // of 0.1.0
     tracked.last_noise_.resize(1);
     json.required("last_sigma", tracked.last_noise_[0]);
   } else {
-    json.required("last_noise", tracked.last_noise_);
+    json.numbers("last_noise", tracked.last_noise_);
   }
   options.noise_shape = gaussian ? NoiseShape::gaussian : options.noise_shape;
   if (!gaussian) {
@@ -111,11 +109,9 @@ void fields(JsonFields& json, RecursiveCalibrator& tracked) {
     tracked.cells_.noise.law = options.law;
     tracked.triangle_ = empty.triangle_;
     json.check(tracked.last_alpha_.size() <= options.columns(), "last_alpha", "is too long");
-    json.check(tracked.last_alpha_.allFinite(), "last_alpha", "is not finite");
     json.check(tracked.last_noise_.size() <= options.noise_count(), "last_noise", "is too long");
     json.check(tracked.last_alpha_.size() == 0 || tracked.last_noise_.size() == options.noise_count(),
                "last_noise", "is not whole");
-    json.check(tracked.last_noise_.allFinite(), "last_noise", "is not finite");
   }
   if (!gaussian) json.required("residuals", tracked.cells_);
   counts_field(json, tracked.counts_);

@@ -8,6 +8,7 @@
 #include <concepts>
 #include <limits>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -34,10 +35,10 @@ namespace rangecal {
 /// `json_of(landmark)` writes the fields in this order; `read_json(json, landmark)` reads them back and throws InputError for
 /// a field that is missing, of another type or not in the list, by its path: "field 'landmarks[2].x_m': is not a number".
 /// What is kept in another form than it has in the file goes through a local variable, which the function sets before
-/// the field and takes over after it: when writing, both are the same.
+/// the field and takes over after it. JsonFields itself changes nothing that it writes.
 ///
-/// Values: bool, whole numbers, double, text, optional (null where there is none), vector, array, tuple of references, map by
-/// text, Eigen vectors, and every type that has `fields`. A double that is not finite is written as null.
+/// Values: bool, whole numbers, double, text, optional and unique_ptr (null where there is none), vector, array, tuple of
+/// references, map by text, Eigen vectors, and every type that has `fields`. A double that is not finite is written as null.
 class JsonFields {
  public:
   using Written = nlohmann::ordered_json;  ///< in the order of the list
@@ -86,7 +87,9 @@ class JsonFields {
   void square(const std::string& name, Matrix& matrix, Eigen::Index size) {
     square(name, matrix, size, size);
   }
-  /// `rows` x `columns` finite numbers in one list, column by column.
+  /// Finite numbers, any number of them.
+  void numbers(const std::string& name, Eigen::VectorXd& values);
+  /// `rows` x `columns` of them in one list, column by column.
   template <typename Derived>
   void numbers(const std::string& name, Eigen::PlainObjectBase<Derived>& values, Eigen::Index rows,
                Eigen::Index columns = 1);
@@ -119,6 +122,8 @@ class JsonFields {
   void convert(Whole& value);
   template <typename Value>
   void convert(std::optional<Value>& value);
+  template <typename Value>
+  void convert(std::unique_ptr<Value>& value);
   template <typename Value>
   void convert(std::vector<Value>& values);
   template <typename Value, std::size_t size>
@@ -183,7 +188,7 @@ void read_json(const std::string& text, const std::string& file, Value& value) {
 template <typename Value>
 void JsonFields::required(const std::string& name, Value&& value) {
   JsonFields field = at(name);
-  constexpr bool may_be_null = requires { value.has_value(); };
+  constexpr bool may_be_null = requires { value.reset(); };  // null is no value
   if (field.missing_ || (!may_be_null && field.is_null())) field.fail("is missing");
   field.convert(value);
 }
@@ -210,7 +215,7 @@ void JsonFields::word(const std::string& name, Enumeration& value, Parse parse) 
   std::string text = to_string(value);
   required(name, text);
   try {
-    value = parse(text);
+    if (reading()) value = parse(text);
   } catch (const InputError& error) {
     check(false, name, error.what());
   }
@@ -251,18 +256,16 @@ void JsonFields::square(const std::string& name, Matrix& matrix, Eigen::Index le
   if (writing()) rows = matrix;
   square(name, rows, least, most);
   check(rows.has_value(), name, "is missing");
-  matrix = *rows;
+  if (reading()) matrix = *rows;
 }
 
 template <typename Derived>
 void JsonFields::numbers(const std::string& name, Eigen::PlainObjectBase<Derived>& values, Eigen::Index rows,
                          Eigen::Index columns) {
   Eigen::VectorXd list = values.reshaped();
-  required(name, list);
-  if (writing()) return;
+  numbers(name, list);
   check(list.size() == rows * columns, name, "has not " + std::to_string(rows * columns) + " numbers");
-  check(list.allFinite(), name, "is not finite");
-  values = list.reshaped(rows, columns);
+  if (reading()) values = list.reshaped(rows, columns);
 }
 
 template <typename Value>
@@ -293,11 +296,17 @@ void JsonFields::convert(Whole& value) {
 
 template <typename Value>
 void JsonFields::convert(std::optional<Value>& value) {
-  if (is_null() || (writing() && !value)) {
-    value.reset();
-    return;
-  }
+  if (reading()) value.reset();
+  if (is_null() || (writing() && !value)) return;
   if (reading()) value.emplace();
+  convert(*value);
+}
+
+template <typename Value>
+void JsonFields::convert(std::unique_ptr<Value>& value) {
+  if (reading()) value.reset();
+  if (is_null() || (writing() && !value)) return;
+  if (reading()) value = std::make_unique<Value>();
   convert(*value);
 }
 
