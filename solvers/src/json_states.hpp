@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "rangecal/core/json_fields.hpp"
+#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/recording.hpp"
 #include "rangecal/problems/noise_shape.hpp"
 

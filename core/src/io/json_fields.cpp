@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rangecal/core/json_numbers.hpp"
+
 namespace rangecal {
 
 std::string JsonFields::path_of(const std::string& name) const {
@@ -73,6 +75,14 @@ void JsonFields::finish() {
     std::string known;
     for (const std::string& one : named_) known += (known.empty() ? "" : ", ") + one;
     JsonFields(value, path_of(name)).fail("is unknown; known here: " + known);
+  }
+}
+
+nlohmann::json parsed_json(const std::string& text) {
+  try {
+    return nlohmann::json::parse(text);
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError("is not JSON: " + json_complaint(error));
   }
 }
 

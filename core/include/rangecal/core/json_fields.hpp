@@ -18,7 +18,6 @@
 #include <vector>
 
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/json_numbers.hpp"
 
 namespace rangecal {
 
@@ -75,8 +74,8 @@ class JsonFields {
   void word(const std::string& name, Enumeration& value, Parse parse);
   /// A whole number from `low` to `high`.
   template <std::integral Whole>
-  void whole(const std::string& name, Whole& value, Whole low = 0,
-             Whole high = std::numeric_limits<Whole>::max());
+  void whole(const std::string& name, Whole& value, std::type_identity_t<Whole> low = 0,
+             std::type_identity_t<Whole> high = std::numeric_limits<Whole>::max());
   /// Rows of a square matrix, from `least` to `most` of them. As with other values null is for an optional one, which may
   /// also be missing.
   template <typename Matrix>
@@ -173,13 +172,14 @@ void read_json(const nlohmann::json& json, Value& value) {
   JsonFields(json).convert(value);
 }
 
+/// Throws InputError for a text that is no JSON.
+nlohmann::json parsed_json(const std::string& text);
+
 /// The same from text, which is `file` in errors.
 template <typename Value>
 void read_json(const std::string& text, const std::string& file, Value& value) {
   try {
-    read_json(nlohmann::json::parse(text), value);
-  } catch (const nlohmann::json::exception& error) {
-    throw InputError(file, 0, "", "is not JSON: " + json_complaint(error));
+    read_json(parsed_json(text), value);
   } catch (const InputError& error) {
     throw InputError(file, 0, "", error.what());
   }
@@ -222,7 +222,8 @@ void JsonFields::word(const std::string& name, Enumeration& value, Parse parse) 
 }
 
 template <std::integral Whole>
-void JsonFields::whole(const std::string& name, Whole& value, Whole low, Whole high) {
+void JsonFields::whole(const std::string& name, Whole& value, std::type_identity_t<Whole> low,
+                       std::type_identity_t<Whole> high) {
   required(name, value);
   check(low <= value && value <= high, name,
         "is not a whole number from " + std::to_string(low) + " to " + std::to_string(high));
