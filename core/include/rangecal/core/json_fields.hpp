@@ -33,6 +33,7 @@ namespace rangecal {
 ///
 /// `json_of(landmark)` writes the fields in this order; `read_json(json, landmark)` reads them back and throws InputError for
 /// a field that is missing, of another type or not in the list, by its path: "field 'landmarks[2].x_m': is not a number".
+/// A type has one list; what is written of it elsewhere in another form is a type of its own.
 /// What is kept in another form than it has in the file goes through a local variable, which the function sets before
 /// the field and takes over after it. JsonFields itself changes nothing that it writes.
 ///
@@ -188,7 +189,8 @@ void read_json(const std::string& text, const std::string& file, Value& value) {
 template <typename Value>
 void JsonFields::required(const std::string& name, Value&& value) {
   JsonFields field = at(name);
-  constexpr bool may_be_null = requires { value.reset(); };  // null is no value
+  constexpr bool may_be_null = requires { value.reset(); }
+  || std::is_same_v<Value, Written&>;
   if (field.missing_ || (!may_be_null && field.is_null())) field.fail("is missing");
   field.convert(value);
 }
