@@ -21,6 +21,12 @@
 
 namespace rangecal {
 
+class JsonFields;
+template <typename Object>
+concept HasFields = requires(JsonFields& json, Object& object) {
+  fields(json, object);
+};
+
 /// The fields of a JSON object, listed once for both directions. A type has a function `fields`, in its own namespace, that
 /// names each member with the variable behind it:
 ///
@@ -33,9 +39,9 @@ namespace rangecal {
 ///
 /// `json_of(landmark)` writes the fields in this order; `read_json(json, landmark)` reads them back and throws InputError for
 /// a field that is missing, of another type or not in the list, by its path: "field 'landmarks[2].x_m': is not a number".
-/// A type has one list; what is written of it elsewhere in another form is a type of its own.
 /// What is kept in another form than it has in the file goes through a local variable, which the function sets before
-/// the field and takes over after it. JsonFields itself changes nothing that it writes.
+/// the field and takes over after it. JsonFields itself changes nothing that it writes. A type has one list in the whole
+/// program, since the linker keeps one: where it is written in another form, too, that is a type of its own.
 ///
 /// Values: bool, whole numbers, double, text, optional and unique_ptr (null where there is none), vector, array, tuple of
 /// references, map by text, Eigen vectors, and every type that has `fields`. A double that is not finite is written as null.
@@ -134,11 +140,8 @@ class JsonFields {
   void convert(std::map<std::string, Value>& values);
   template <int size>
   void convert(Eigen::Matrix<double, size, 1>& values);
-  template <typename Object>
-  void convert(Object& object) requires requires(JsonFields& json) {
-    fields(json, object);
-  }
-  {
+  template <HasFields Object>
+  void convert(Object& object) {
     fields(*this, object);
     finish();
   }
@@ -176,7 +179,7 @@ void read_json(const nlohmann::json& json, Value& value) {
 /// Throws InputError for a text that is no JSON.
 nlohmann::json parsed_json(const std::string& text);
 
-/// The same from text, which is `file` in errors.
+/// read_json of a text, which is `file` in errors.
 template <typename Value>
 void read_json(const std::string& text, const std::string& file, Value& value) {
   try {
