@@ -8,7 +8,8 @@ set(package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/rangecal")
 install(TARGETS rangecal_core rangecal_problems rangecal_solvers EXPORT rangecalTargets
         ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT dev)
 foreach(module core problems solvers)
-  install(DIRECTORY ${module}/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" COMPONENT dev FILES_MATCHING PATTERN "*.hpp")
+  install(DIRECTORY ${module}/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" COMPONENT dev FILES_MATCHING PATTERN "*.hpp"
+          PATTERN "json_fields.hpp" EXCLUDE)  # needs nlohmann-json, which no other header does
 endforeach()
 install(EXPORT rangecalTargets NAMESPACE rangecal:: DESTINATION "${package_dir}" COMPONENT dev)
 

@@ -10,6 +10,7 @@
 #include <unordered_map>
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_fields.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/recording_io.hpp"
@@ -146,7 +147,7 @@ class LandmarksLearner : public Learner {
     const auto count = whole_number<std::int64_t>(saved.at("count"), "stops.count");
     if (!known_ || count > static_cast<std::int64_t>(known_->stops.size())) return false;
     use_stops(static_cast<std::size_t>(count));
-    return stops_used() == saved;
+    return JsonFields::Read(stops_used()) == JsonFields::Read(saved);  // in whatever order
   }
 
  private:

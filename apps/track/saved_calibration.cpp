@@ -14,46 +14,46 @@
 
 namespace rangecal::app {
 
-using Json = nlohmann::ordered_json;
+namespace {
 
-Json json_of(const Calibration& c) {
-  Json json{{"alpha", std::vector<double>(c.alpha.begin(), c.alpha.end())},
-            {"covariance", std::vector<double>(c.alpha_covariance->reshaped().begin(),
-                                               c.alpha_covariance->reshaped().end())},
-            {"law", to_string(c.noise.law)},
-            {"noise", std::vector<double>(c.noise.parameters.begin(), c.noise.parameters.end())},
-            {"range_m", {c.range_min_m, c.range_max_m}}};
-  for (const auto& [channel, shape] : c.noise_shapes)
-    json["noise_shapes"][channel] = {{"family", shape.family}, {"parameters", shape.parameters}};
-  return json;
+struct SavedShape {
+  std::string family;
+  std::map<std::string, double> parameters;
+};
+
+void fields(JsonFields& json, SavedShape& shape) {
+  json.required("family", shape.family);
+  json.required("parameters", shape.parameters);
 }
 
-Calibration calibration_in(const Json& json) {
-  Calibration c;
-  const auto alpha = json.at("alpha").get<std::vector<double>>(),
-             covariance = json.at("covariance").get<std::vector<double>>();
-  const auto size = static_cast<Eigen::Index>(alpha.size());
-  if (size == 0 || covariance.size() != alpha.size() * alpha.size())
-    throw InputError("the state's calibration is not whole");
-  // states of 0.1.0 have one sigma
-  const auto noise = json.contains("noise") ? json.at("noise").get<std::vector<double>>()
-                                            : std::vector<double>{json.at("sigma").get<double>()};
-  const NoiseLaw law = noise_law_from_string(json.at("law").get<std::string>());
-  if (noise.empty() || (has_sigma(law) && !(noise.size() == 1 && noise[0] > 0.0)))
-    throw InputError("the state's sigma is not positive");
+}  // namespace
+
+void fields(JsonFields& json, SavedCalibration& saved) {
+  Calibration& c = saved.calibration;
+  Eigen::MatrixXd covariance = c.alpha_covariance.value_or(Eigen::MatrixXd());
+  std::map<std::string, SavedShape> shapes;
+  for (const auto& [channel, shape] : c.noise_shapes) shapes[channel] = {shape.family, shape.parameters};
+  json.numbers("alpha", c.alpha);
+  json.check(c.alpha.size() > 0, "alpha", "is empty");
+  json.numbers("covariance", covariance, c.alpha.size(), c.alpha.size());
+  json.word("law", c.noise.law, noise_law_from_string);
+  if (json.has("sigma")) {  // states of 0.1.0 have one sigma
+    c.noise.parameters.resize(1);
+    json.required("sigma", c.noise.parameters[0]);
+  } else {
+    json.numbers("noise", c.noise.parameters);
+  }
+  const Eigen::VectorXd& noise = c.noise.parameters;
+  json.check(noise.size() > 0 && (!has_sigma(c.noise.law) || (noise.size() == 1 && noise[0] > 0.0)), "noise",
+             "is not one positive sigma");
+  json.required("range_m", std::tie(c.range_min_m, c.range_max_m));
+  json.if_any("noise_shapes", shapes);
+  if (json.writing()) return;
   c.outcome = Outcome::converged;
   c.kind = RecordingKind::pairs;
-  c.alpha = Eigen::VectorXd::Map(alpha.data(), size);
-  c.alpha_covariance = Eigen::MatrixXd::Map(covariance.data(), size, size);
-  c.noise = {law, Eigen::VectorXd::Map(noise.data(), static_cast<Eigen::Index>(noise.size()))};
-  c.range_min_m = json.at("range_m").at(0);
-  c.range_max_m = json.at("range_m").at(1);
-  if (json.contains("noise_shapes"))
-    for (const auto& [channel, shape] : json.at("noise_shapes").items())
-      c.noise_shapes[channel] = {
-          shape.at("family"), shape.at("parameters").get<std::map<std::string, double>>(), {}};
+  c.alpha_covariance = covariance;
+  for (const auto& [channel, shape] : shapes) c.noise_shapes[channel] = {shape.family, shape.parameters, {}};
   noise_shape_of(c, "range");  // throws for a family that is none
-  return c;
 }
 
 std::string fingerprint_of(const Calibration& c) {

@@ -2,6 +2,7 @@
 #include "track/state.hpp"
 
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/json_fields.hpp"
 #include "rangecal/core/json_numbers.hpp"
 #include "track/saved_calibration.hpp"
 
@@ -9,15 +10,23 @@ namespace rangecal::app {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr const char* format_name = "rangecal-track/1";
 
 /// The state as JSON. What is nested deeper than any state would overrun the stack when it is handed on.
-Json shallow_json(const std::string& text) {
+JsonFields::Read shallow_json(const std::string& text) {
   constexpr int deepest = 16;
-  return Json::parse(text, [](int depth, Json::parse_event_t, Json&) {
+  return JsonFields::Read::parse(text, [](int depth, JsonFields::Read::parse_event_t, JsonFields::Read&) {
     if (depth > deepest) throw InputError("is no state of 'rangecal track': it is nested too deeply");
     return true;
   });
+}
+
+Json json_of_alarm(const ChangeAlarm& c) {
+  Json alarm{c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev};
+  if (c.phase_rad) {
+    alarm.push_back(c.phase_rad->value);
+    alarm.push_back(c.phase_rad->std_dev.value_or(0.0));
+  }
+  return alarm;
 }
 
 ChangeAlarm alarm_in(const Json& c) {
@@ -31,60 +40,42 @@ ChangeAlarm alarm_in(const Json& c) {
 
 }  // namespace
 
-std::string to_json(const TrackState& s) {
-  Json json{{"format", format_name},
-            {"header", s.header},
-            {"offset", s.offset},
-            {"fingerprint", s.fingerprint},
-            {"line", s.line},
-            {"output_bytes", s.output_bytes},
-            {"rows", s.rows},
-            {"corrected", s.corrected},
-            {"out_of_range", s.out_of_range},
-            {"malformed", s.malformed},
-            {"next_estimate", s.next_estimate},
-            {"tells_outliers", s.tells_outliers},
-            {"asked", s.asked},
-            {"stops", s.stops},
-            {"calibration", s.calibration ? json_of(*s.calibration) : Json(nullptr)},
-            {"watch", s.watch},
-            {"changes", Json::array()},
-            {"calibrator", s.calibrator}};
-  for (const ChangeAlarm& c : s.changes) {
-    Json alarm{c.reading, c.since, c.named, static_cast<int>(c.kind), c.probability, c.size, c.std_dev};
-    if (c.phase_rad) {
-      alarm.push_back(c.phase_rad->value);
-      alarm.push_back(c.phase_rad->std_dev.value_or(0.0));
-    }
-    json["changes"].push_back(std::move(alarm));
-  }
-  return json.dump() + "\n";
+static void fields(JsonFields& json, TrackState& s) {
+  json.format({"rangecal-track/1"});
+  json.required("header", s.header);
+  json.whole("offset", s.offset);
+  json.optional("fingerprint", s.fingerprint);  // states of 0.1.0 lack it and what else is optional
+  json.whole("line", s.line);
+  json.whole("output_bytes", s.output_bytes);
+  json.whole("rows", s.rows);
+  json.whole("corrected", s.corrected);
+  json.optional("out_of_range", s.out_of_range);
+  json.check(s.out_of_range >= 0, "out_of_range", "is negative");
+  json.whole("malformed", s.malformed);
+  json.whole("next_estimate", s.next_estimate);
+  if (json.reading()) s.tells_outliers = false;
+  json.optional("tells_outliers", s.tells_outliers);
+  json.optional("asked", s.asked);
+  json.optional("stops", s.stops);
+  std::optional<SavedCalibration> saved;
+  if (s.calibration) saved = SavedCalibration{*s.calibration};
+  json.required("calibration", saved);
+  if (saved) s.calibration = saved->calibration;
+  json.required("watch", s.watch);
+  std::vector<Json> changes;
+  for (const ChangeAlarm& alarm : s.changes) changes.push_back(json_of_alarm(alarm));
+  json.required("changes", changes);
+  if (json.reading())
+    for (const Json& alarm : changes) s.changes.push_back(alarm_in(alarm));
+  json.required("calibrator", s.calibrator);
 }
 
+std::string to_json(const TrackState& state) { return json_of(state).dump() + "\n"; }
+
 TrackState state_in(const std::string& text) {
-  const Json json = shallow_json(text);
-  if (json.at("format") != format_name)
-    throw InputError(std::string("field 'format' is not '") + format_name + "'");
-  const auto count = [&](const char* key) { return whole_number<std::int64_t>(json.at(key), key); };
-  TrackState s;
-  s.header = json.at("header").get<std::string>();
-  s.fingerprint = json.value("fingerprint", "");
-  s.offset = count("offset");
-  s.line = count("line");
-  s.output_bytes = count("output_bytes");
-  s.rows = count("rows");
-  s.corrected = count("corrected");
-  if (json.contains("out_of_range")) s.out_of_range = count("out_of_range");  // 0.1.0: among `corrected`
-  s.malformed = count("malformed");
-  s.next_estimate = count("next_estimate");
-  s.tells_outliers = json.value("tells_outliers", false);
-  s.asked = json.value("asked", Json());
-  s.stops = json.value("stops", Json());
-  if (json.at("calibration").is_object()) s.calibration = calibration_in(json.at("calibration"));
-  s.watch = json.at("watch");
-  for (const Json& c : json.at("changes")) s.changes.push_back(alarm_in(c));
-  s.calibrator = json.at("calibrator");
-  return s;
+  TrackState state;
+  read_json(shallow_json(text), state);
+  return state;
 }
 
 }  // namespace rangecal::app

@@ -270,7 +270,7 @@ void LandmarkChangeDetector::pass(const Stop& stop) {
   if (watch_->random_walk && watch_->label != stop.label) watch_->start(stop);
 }
 std::int64_t LandmarkChangeDetector::readings() const { return watch_->readings; }
-std::string LandmarkChangeDetector::to_json() const { return json_of(*watch_); }
+std::string LandmarkChangeDetector::to_json() const { return state_of(*watch_); }
 void LandmarkChangeDetector::restore(const std::string& json) { restore_watch(json, *watch_); }
 
 }  // namespace rangecal

@@ -54,7 +54,7 @@ struct LandmarkWatch {
   ChangeAlarm open;
 };
 
-std::string json_of(const LandmarkWatch& watch);
+std::string state_of(const LandmarkWatch& watch);
 /// Throws InputError for a text that is no state of such a watch.
 void restore_watch(const std::string& text, LandmarkWatch& watch);
 

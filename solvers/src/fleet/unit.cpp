@@ -7,18 +7,16 @@
 #include <boost/math/special_functions/digamma.hpp>
 #include <boost/math/special_functions/trigamma.hpp>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "fleet/posterior_in_population.hpp"
+#include "json_states.hpp"
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/json_numbers.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/fleet/population.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
-#include "robust/shape_json.hpp"
 #include "statistics/kurtosis_law.hpp"
 
 namespace rangecal {
@@ -30,30 +28,6 @@ using Eigen::VectorXd;
 constexpr int highest_order = 8;  // of f in the test of its shape
 
 constexpr std::size_t fewest_for_tails = 30, fewest_for_all = 100;  // readings
-
-std::vector<std::vector<double>> rows_of(const MatrixXd& matrix) {
-  std::vector<std::vector<double>> rows;
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    const VectorXd row = matrix.row(i);
-    rows.emplace_back(row.begin(), row.end());
-  }
-  return rows;
-}
-
-/// The member `field`, p x p.
-MatrixXd matrix_of(const nlohmann::json& object, const char* field, Eigen::Index p) {
-  const auto rows = object.at(field).get<std::vector<std::vector<double>>>();
-  MatrixXd matrix(p, p);
-  if (static_cast<Eigen::Index>(rows.size()) != p)
-    throw InputError(fmt::format("field '{}' does not fit 'mean'", field));
-  for (Eigen::Index i = 0; i < p; ++i) {
-    const std::vector<double>& row = rows[static_cast<std::size_t>(i)];
-    if (static_cast<Eigen::Index>(row.size()) != p)
-      throw InputError(fmt::format("field '{}' does not fit 'mean'", field));
-    matrix.row(i) = VectorXd::Map(row.data(), p).transpose();
-  }
-  return matrix;
-}
 
 /// P of a larger likelihood ratio 2 (nll - wider nll), by `more` coefficients that N readings with
 /// `coefficients` in all do not need: sigma^2 of the wider fit over that of the other is Beta((N -
@@ -216,55 +190,32 @@ UnitMisfit unit_misfit(const Recording& recording, const Calibration& calibratio
   return misfit;
 }
 
-std::string population_to_json(const Population& population) {
-  nlohmann::ordered_json object{
-      {"format", "rangecal-population/1"},
-      {"outcome", to_string(population.outcome)},
-      {"reason", population.reason},
-      {"order", population.order},
-      {"law", to_string(population.law)},
-      {"range_m", {population.range_min_m, population.range_max_m}},
-      {"noise_shape", shape_list<nlohmann::ordered_json>(population.shape)},
-      {"units", population.units},
-      {"left_out", population.left_out},
-      {"log_likelihood", population.log_likelihood},
-      {"iterations", population.iterations},
-      {"mean", std::vector<double>(population.mean.begin(), population.mean.end())}};
-  object["covariance"] = rows_of(population.covariance);
-  if (population.mean_covariance.size() > 0) object["mean_covariance"] = rows_of(population.mean_covariance);
-  return object.dump(2) + "\n";
+static void fields(JsonFields& json, Population& population) {
+  json.format({"rangecal-population/1"});
+  json.word("outcome", population.outcome, outcome_from_string);
+  json.required("reason", population.reason);
+  json.whole("order", population.order);
+  json.word("law", population.law, noise_law_from_string);
+  json.required("range_m", std::tie(population.range_min_m, population.range_max_m));
+  json.optional("noise_shape", population.shape);  // files of earlier versions know Gaussian noise alone
+  json.whole("units", population.units);
+  json.whole("left_out", population.left_out);
+  json.required("log_likelihood", population.log_likelihood);
+  json.whole("iterations", population.iterations);
+  json.numbers("mean", population.mean);
+  json.square("covariance", population.covariance, population.mean.size());
+  if (json.has("mean_covariance") || population.mean_covariance.size() > 0)
+    json.square("mean_covariance", population.mean_covariance, population.mean.size());
+  json.check(population.covariance.allFinite(), "covariance", "is not finite");
+  json.check(population.mean_covariance.allFinite(), "mean_covariance", "is not finite");
 }
 
+std::string population_to_json(const Population& population) { return json_of(population).dump(2) + "\n"; }
+
 Population population_from_json(const std::string& text, const std::string& name) {
-  try {
-    const auto object = nlohmann::json::parse(text);
-    if (object.at("format") != "rangecal-population/1")
-      throw InputError("field 'format' is not 'rangecal-population/1'");
-    Population population;
-    population.outcome = outcome_from_string(object.at("outcome").get<std::string>());
-    population.reason = object.at("reason");
-    population.order = whole_number(object.at("order"), "order");
-    population.law = noise_law_from_string(object.at("law").get<std::string>());
-    // files of earlier versions know Gaussian noise alone
-    if (object.contains("noise_shape")) population.shape = shape_in_list(object.at("noise_shape"));
-    population.range_min_m = object.at("range_m").at(0);
-    population.range_max_m = object.at("range_m").at(1);
-    population.units = whole_number<decltype(population.units)>(object.at("units"), "units");
-    population.left_out = whole_number<decltype(population.left_out)>(object.at("left_out"), "left_out");
-    population.log_likelihood = object.at("log_likelihood");
-    population.iterations = whole_number(object.at("iterations"), "iterations");
-    const auto mean = object.at("mean").get<std::vector<double>>();
-    const auto p = static_cast<Eigen::Index>(mean.size());
-    population.mean = VectorXd::Map(mean.data(), p);
-    population.covariance = matrix_of(object, "covariance", p);
-    if (object.contains("mean_covariance"))
-      population.mean_covariance = matrix_of(object, "mean_covariance", p);
-    return population;
-  } catch (const nlohmann::json::exception& error) {
-    throw InputError(name, 0, "", "is no population: " + json_complaint(error));
-  } catch (const InputError& error) {
-    throw InputError(name, 0, "", error.what());
-  }
+  Population population;
+  read_json(text, name, population);
+  return population;
 }
 
 }  // namespace rangecal

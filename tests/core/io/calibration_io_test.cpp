@@ -15,6 +15,7 @@ namespace {
 
 using test::TemporaryFolder;
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 Calibration full_calibration() {
   Calibration c;
@@ -244,6 +245,10 @@ TEST(CalibrationIo, ErrorsNameFileAndField) {
             "c.json: field 'effects.range_offset.offset_m': is not finite");
   EXPECT_EQ(with("\"alpha\": [0, 1], \"counts\": {\"dropped\": {\"zero\": 0.5}}, " + noise),
             "c.json: field 'counts.dropped.zero': is not a whole number");
+  EXPECT_THAT(with("\"alpha\": [0, 1], \"covarience\": [[1, 0], [0, 1]], " + noise),
+              StartsWith("c.json: field 'covarience': is unknown; known here: format, method, kind, "));
+  EXPECT_EQ(with("\"alpha\": [0, 1], \"stops\": [{\"stop\": \"1\", \"x\": 0.5}], " + noise),
+            "c.json: field 'stops[0].x': is unknown; known here: recording, stop, x_m, y_m, heading_rad");
 }
 
 TEST(CalibrationIo, AFileThatCannotBeWrittenIsNamedAndNothingIsLeft) {

@@ -399,15 +399,18 @@ TEST(LandmarkChangeDetector, RefusesStatesThatNoReadingsMake) {
   EXPECT_EQ(refusal([](State&) {}), "none");
   // P is kept column by column: [1] is P(1, 0), [size of x] is P(0, 1)
   EXPECT_EQ(refusal([](State& s) { s["P"][1] = s["P"][1].get<double>() + 1e-3; }),
-            "field 'P' is no covariance: it is not symmetric");
+            "field 'P': is no covariance: it is not symmetric");
   EXPECT_EQ(refusal([](State& s) { s["P"][1] = s["P"][s["x"].size()] = 1.0; }),
-            "field 'P' is no covariance: it is not positive");
+            "field 'P': is no covariance: it is not positive");
   EXPECT_NE(refusal([](State& s) { s["P"][0] = -1e-9; }), "none");
   EXPECT_EQ(refusal([](State& s) { s["opened_at"] = s["tested"].get<int>() + 1; }),
-            "field 'opened_at' is beyond 'tested'");
+            "field 'opened_at': is beyond 'tested'");
   EXPECT_NE(refusal([](State& s) { s["naming_left"] = 301; }), "none");
   EXPECT_NE(refusal([](State& s) { s["naming_left"] = 10, s["onsets"] = State::array(); }), "none");
-  const std::string onsets = "field 'onsets' holds what no readings make";
+  EXPECT_EQ(refusal([](State& s) { s.erase("place"); }), "field 'place': is missing");
+  EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["sinse"] = 1; }),
+            "field 'onsets[0].sinse': is unknown; known here: since, until, numbers, beta");
+  const std::string onsets = "field 'onsets[0]': holds what no readings make";
   EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["numbers"][0] = 0.0; }), onsets);    // w
   EXPECT_EQ(refusal([](State& s) { s["onsets"][0]["numbers"][11] = -1.0; }), onsets);  // I
 }

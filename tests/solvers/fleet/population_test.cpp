@@ -2,6 +2,7 @@
 #include "rangecal/solvers/fleet/population.hpp"
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -376,6 +377,10 @@ TEST(Population, SaysWhenItCannot) {
   EXPECT_EQ(back.covariance, population.covariance);
   EXPECT_EQ(back.mean_covariance.size(), 0);
   EXPECT_THROW(population_from_json("{}", "p"), InputError);
+  std::string wider = population_to_json(population);
+  wider.replace(wider.find("\"mean\": ["), 9, "\"mean\": [0.0, ");
+  EXPECT_THAT([&] { population_from_json(wider, "p"); },
+              ::testing::ThrowsMessage<InputError>("p: field 'covariance': is not 5 rows"));
   Population torn = population;  // a correlation of two
   torn.covariance(0, 1) = torn.covariance(1, 0) =
       2.0 * std::sqrt(population.covariance(0, 0) * population.covariance(1, 1));

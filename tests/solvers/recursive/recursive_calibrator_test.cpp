@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
@@ -364,16 +366,50 @@ TEST(RecursiveCalibrator, TakesStatesOfGaussianNoise) {
   RecursiveOptions options;
   options.noise_shape = NoiseShape::gaussian;
   RecursiveCalibrator tracked = after(draw(5, 200), options);
-  std::string state = tracked.to_json();
-  state.replace(state.find("recursive/2"), 11, "recursive/1");
-  for (const char* field : {"\"noise_shape\"", "\"last_shape\"", "\"choose_at\"", "\"residuals\""}) {
-    const std::size_t at = state.find(field);
-    ASSERT_NE(at, std::string::npos);
-    state[at + 1] = 'x';
-  }
-  RecursiveCalibrator restored = RecursiveCalibrator::from_json(state, "state");
+  nlohmann::ordered_json state = nlohmann::ordered_json::parse(tracked.to_json());
+  state["format"] = "rangecal-recursive/1";
+  for (const char* field : {"noise_shape", "last_shape", "choose_at", "residuals"})
+    ASSERT_EQ(state.erase(field), 1u) << field;
+  RecursiveCalibrator restored = RecursiveCalibrator::from_json(state.dump(), "state");
   EXPECT_EQ(restored.options().noise_shape, NoiseShape::gaussian);
   EXPECT_EQ(restored.full().alpha, tracked.full().alpha);
+}
+
+TEST(RecursiveCalibrator, RefusesStatesByTheField) {
+  const Stream stream = with_outliers(3, 1500, 0.01, 0.05);
+  RecursiveCalibrator tracked;
+  for (std::size_t i = 0; i < stream.d.size(); ++i) {
+    tracked.add(stream.d[i], stream.y[i]);
+    if (i % 50 == 49) tracked.full();
+  }
+  using Json = nlohmann::ordered_json;
+  const auto error = [&](const std::function<void(Json&)>& breaks) -> std::string {
+    Json state = Json::parse(tracked.to_json());
+    breaks(state);
+    try {
+      RecursiveCalibrator::from_json(state.dump(), "state");
+    } catch (const InputError& caught) {
+      return caught.what();
+    }
+    return "none";
+  };
+  EXPECT_EQ(error([](Json&) {}), "none");
+  EXPECT_EQ(error([](Json& s) { s["last_sigma"] = 0.01, s.erase("last_noise"); }), "none");  // of 0.1.0
+  EXPECT_EQ(error([](Json& s) { s.erase("weights"); }), "state: field 'weights': is missing");
+  EXPECT_THAT(error([](Json& s) { s["wieghts"] = 1; }),
+              ::testing::StartsWith("state: field 'wieghts': is unknown; known here: format, range_m"));
+  EXPECT_EQ(error([](Json& s) { s["counts"]["used"] = -1; }),
+            "state: field 'counts.used': is not a whole number from 0 to 2147483647");
+  EXPECT_EQ(error([](Json& s) { s["bins"][1]["bin"] = 100000; }),
+            "state: field 'bins[1].bin': is outside the range");
+  EXPECT_EQ(error([](Json& s) { s["bins"][0]["sums"][3][7] = nullptr; }),
+            "state: field 'bins[0].sums[3][7]': is not finite");
+  EXPECT_EQ(error([](Json& s) {
+              s["residuals"]["bins"][0]["cells"] = {{3, {0, 0, 0, 0, 0, 0, 0}}};
+            }),
+            "state: field 'residuals.bins[0].cells[0]': holds a weight that is not positive");
+  EXPECT_EQ(error([](Json& s) { s["triangle"][1].push_back(0.0); }),
+            "state: field 'triangle[1]': is not 3 finite numbers");
 }
 
 TEST(RecursiveCalibrator, HostileInput) {

@@ -467,7 +467,10 @@ TEST(RecursiveLandmarks, TakesStatesThatKeepNoSquaredSums) {
   EXPECT_THROW(RecursiveLandmarks::from_json(broken.dump(), "state"), InputError);
   broken.erase("squared");
   EXPECT_THROW(RecursiveLandmarks::from_json(broken.dump(), "state"), InputError);
-  state.erase("squared");
+  for (const char* later :
+       {"squared", "past", "tried_at", "anew_stops", "stops_left_out", "noise_shape", "shapes",
+        "range_residuals", "bearing_residuals", "gap", "squared_gap", "outliers"})
+    ASSERT_EQ(state.erase(later), 1u) << later;
   state["format"] = "rangecal-recursive-landmarks/1";
   RecursiveLandmarks before = RecursiveLandmarks::from_json(state.dump(), "state");
   const Calibration ours = before.estimate(), truth = now.estimate();
@@ -510,6 +513,26 @@ TEST(RecursiveLandmarks, RefusesStatesWhoseKeptStopsAreBroken) {
   refused([](auto& s) { s["past"]["cells"]["landmark"].push_back(0); });
   refused([](auto& s) { s["tried_at"] = 2000000000; });
   refused([](auto& s) { s["anew_stops"] = 2000000000; });
+  const auto error = [&](const std::function<void(nlohmann::ordered_json&)>& breaks) -> std::string {
+    nlohmann::ordered_json broken = state;
+    breaks(broken);
+    try {
+      RecursiveLandmarks::from_json(broken.dump(), "state");
+    } catch (const InputError& caught) {
+      return caught.what();
+    }
+    return "none";
+  };
+  EXPECT_EQ(error([](auto& s) { s["past"].erase("cells"); }), "state: field 'past.cells': is missing");
+  EXPECT_EQ(
+      error([](auto& s) { s["past"]["stops"][1]["sgima"] = 0; }),
+      "state: field 'past.stops[1].sgima': is unknown; known here: pose, sigma, shape, opens_place, cells");
+  EXPECT_EQ(error([](auto& s) {
+              s["sums"]["hessian"][2][0] = nullptr;
+            }).rfind("state: field 'sums.hessian[2]': is not ", 0),
+            0u);
+  EXPECT_EQ(error([](auto& s) { s["held"][0]["pose"][2] = "north"; }),
+            "state: field 'held[0].pose[2]': is not a number");
 }
 
 TEST(RecursiveLandmarks, StateIsSavedWholeAndGoesOnBitByBit) {

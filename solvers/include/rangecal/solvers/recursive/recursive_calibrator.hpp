@@ -17,6 +17,8 @@
 
 namespace rangecal {
 
+class JsonFields;
+
 struct RecursiveOptions {
   double range_min_m = 0.05, range_max_m = 50.0;  ///< true distances taken; others are counted as dropped
   std::optional<int> order = 2;  ///< of f; nullopt: the lowest AIC of 1 .. max_order at each estimate
@@ -85,6 +87,7 @@ class RecursiveCalibrator {
   static RecursiveCalibrator from_json(const std::string& text, const std::string& name);
 
  private:
+  friend void fields(JsonFields& json, RecursiveCalibrator& tracked);  ///< of the state
   bool looks_for_outliers() const { return options_.noise_shape != NoiseShape::gaussian; }
   void rescale(double log_factor);
   Calibration full_gaussian();

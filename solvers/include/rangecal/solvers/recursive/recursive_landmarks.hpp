@@ -17,6 +17,7 @@
 
 namespace rangecal {
 
+class JsonFields;
 struct LandmarkSums;
 struct LastPose;
 struct SigmaGrid;
@@ -141,6 +142,10 @@ class RecursiveLandmarks {
 
  private:
   struct Answer;
+  struct Saved;
+  friend void fields(JsonFields& json, RecursiveLandmarks& tracked);  ///< of the state
+  void hold_again(const JsonFields& json, const Saved& saved);
+  void check_sums(const JsonFields& json) const;
   StopPrior prior_of(const Stop& stop) const;
   void open_stop(const Stop& stop);
   void hold(const std::string& label, StopPrior prior, const std::string* new_place);
