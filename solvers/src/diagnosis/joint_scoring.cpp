@@ -10,6 +10,7 @@
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/tail_slopes.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -217,6 +218,8 @@ Point scored(const Scoring& scoring, Point here) {
   constexpr int most_steps = 40, most_failures = 6;
   constexpr double settled = 2e-3;                                           // nats
   constexpr double first_damping = 1e-2, more = 10.0, least_damping = 1e-3;  // lambda
+  const SolverLog log("scoring");
+  const auto ended = [&](int iterations, const char* why) { log.end(iterations, here.nll, why); };
   double damping = 0.0;
   for (int iteration = 0; iteration < most_steps; ++iteration) {
     const auto [score, information] = scoring.at(here);
@@ -229,9 +232,15 @@ Point scored(const Scoring& scoring, Point here) {
       const Eigen::LDLT<Eigen::MatrixXd> factor(damped);
       const Eigen::VectorXd step = scale.cwiseProduct(factor.solve(scale.cwiseProduct(score)));
       const bool solved = factor.info() == Eigen::Success && step.allFinite();
-      if (solved && !(0.5 * score.dot(step) > settled)) return here;
+      if (solved && !(0.5 * score.dot(step) > settled)) {
+        ended(iteration, "the next step promises next to nothing");
+        return here;
+      }
       Point next = solved ? scoring.moved(here, step) : Point{};
       gain = here.nll - next.nll;
+      const double length = std::sqrt(score.dot(step));
+      log.iteration(iteration + 1, std::min(here.nll, next.nll), gain > 0.0 ? length : 0.0, length,
+                    {"lambda", damping});
       if (gain > 0.0) {
         here = std::move(next);
         damping = damping > least_damping ? damping / more : 0.0;
@@ -239,8 +248,13 @@ Point scored(const Scoring& scoring, Point here) {
         damping = std::max(first_damping, more * damping);
       }
     }
-    if (!(gain > settled)) return here;
+    if (!(gain > settled)) {
+      ended(iteration + 1,
+            gain > 0.0 ? "the last step gained next to nothing" : "no damped step lowers the cost");
+      return here;
+    }
   }
+  ended(most_steps, "no iterations are left");
   return here;
 }
 
