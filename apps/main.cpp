@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
-#include <glog/logging.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <csignal>
@@ -13,8 +11,8 @@
 #include <system_error>
 
 #include "commands.hpp"
+#include "logging.hpp"
 #include "rangecal/core/errors.hpp"
-#include "rangecal/core/files.hpp"
 #include "rangecal/core/version.hpp"
 
 namespace {
@@ -34,22 +32,6 @@ void complain(const std::string& what) { fmt::print(stderr, "rangecal: {}\n", on
 int stdout_failed(const std::string& reason) {
   complain("stdout: cannot be written: " + reason);
   return app::not_delivered;
-}
-
-/// Ceres logs through glog: to files in `log_dir` if one is given, else nowhere.
-void start_logging(const char* program, const std::string& log_dir) {
-  FLAGS_logtostderr = false;
-  FLAGS_stderrthreshold = google::GLOG_FATAL;
-  if (log_dir.empty()) {
-    FLAGS_minloglevel = google::GLOG_FATAL;
-  } else {
-    make_folder(log_dir);
-    if (::access(log_dir.c_str(), W_OK) != 0) throw InputError(log_dir + ": --log-dir cannot be written to");
-    FLAGS_log_dir = log_dir;
-    FLAGS_minloglevel = google::GLOG_INFO;
-  }
-  google::InitGoogleLogging(program);
-  LOG(INFO) << "rangecal " << version();
 }
 
 std::string version_text() {
@@ -82,8 +64,8 @@ int run(int argc, char** argv) {
       "\n"
       "'rangecal COMMAND --help' explains a command. A recording is a folder with recording.yaml and CSV tables.\n"
       "Exit codes: 0 done; 1 the work ran but could not deliver what was asked; 2 bad input or usage.");
-  std::string log_dir;
-  app.add_option("--log-dir", log_dir, "folder for the solver's log files (default: no logs)");
+  app::Logging logging;
+  logging.add_to(app);
   app.fallthrough();
   app::Action chosen;
   app::add_calibrate(app, chosen);
@@ -118,7 +100,7 @@ int run(int argc, char** argv) {
     complain(fmt::format("{}; see 'rangecal {}--help'", one_line(error.what()), of));
     return app::bad_input;
   }
-  start_logging(argv[0], log_dir);
+  logging.start(argv[0]);
   return flushed(chosen());
 }
 

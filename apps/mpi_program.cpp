@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "rangecal/core/errors.hpp"
+#include "logging.hpp"
 
 namespace rangecal::app {
 
@@ -21,6 +21,7 @@ bool started_by_mpirun() {
 void become_mpi_program(std::vector<std::string> words, const std::string& way_out) {
   const std::string program =
       (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "rangecal-mpi").string();
+  if (verbose_level > 0) words.insert(words.begin(), "--verbose=" + std::to_string(verbose_level));
   words.insert(words.begin(), program);
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());

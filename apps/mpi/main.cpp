@@ -3,7 +3,6 @@
 // Recordings are shared by a queue in a file (mpi/ranks.hpp). Of a study rank 0 owns the folder and hands units out, one per question, so that
 // slow ranks simply ask less often; it computes too. Results travel as the lines of the journal, which give back the same bits.
 #include <fmt/core.h>
-#include <glog/logging.h>
 #include <mpi.h>
 
 #include <algorithm>
@@ -20,6 +19,7 @@
 #include "commands.hpp"
 #include "each/each_job.hpp"
 #include "fleet/command.hpp"
+#include "logging.hpp"
 #include "mpi/ranks.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/problems/effects/formula_effect.hpp"
@@ -236,10 +236,12 @@ int main(int argc, char** argv) {
   const CLI::App* fleets = declare_fleet(app, fleet);
   EachJob each;
   const CLI::App* diagnoses = declare_each(app, each);
-  FLAGS_minloglevel = google::GLOG_FATAL;  // Ceres logs through glog: nowhere
+  Logging logging;
+  logging.add_to(app);
   int code = bad_input;
   try {
     app.parse(argc, argv);
+    logging.start(argv[0]);
     if (fleets->parsed())
       code = run_on_ranks(work_of(fleet), world.rank, world.size);
     else if (diagnoses->parsed())

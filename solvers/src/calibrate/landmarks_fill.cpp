@@ -10,6 +10,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -101,8 +102,15 @@ Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, i
   closed.noise_law = law;
   closed.bearings.weights = job.options.weights;
   if (job.problem.estimate_sigma_s) closed.bearings.sigma_s_m = job.default_sigma_s_m;
-  Calibration result = method == Method::closed_form ? closed_form_calibration(job.agreeing, closed)
-                                                     : approximate_joint_calibration(job.agreeing, closed);
+  Calibration result;
+  if (method == Method::closed_form) {
+    SolverLog log("closed-form");
+    if (log.on()) log.of(curve_in_words(order + 1, law));
+    result = closed_form_calibration(job.agreeing, closed);
+    log.end(-1, not_known, not_known, result.outcome, result.reason);
+  } else {
+    result = approximate_joint_calibration(job.agreeing, closed);
+  }
   result.method = method;
   result.counts = job.counts;
   result.reason = with_labels(result.reason, job.landmark_labels);

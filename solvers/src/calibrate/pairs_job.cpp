@@ -18,6 +18,7 @@
 #include "rangecal/solvers/closed_form/landmark_calibration.hpp"
 #include "rangecal/solvers/pairs_ml/pairs_ml.hpp"
 #include "robust/residual_shape.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -106,11 +107,17 @@ Calibration PairsRun::by_method(Method method, int order, NoiseLaw law) const {
   ClosedFormOptions closed;
   closed.order = order;
   closed.noise_law = law;
+  const auto in_closed_form = [&](const char* solver, Calibration answer) {
+    SolverLog log(solver);
+    if (log.on()) log.of(curve_in_words(order + 1, law));
+    log.end(-1, not_known, not_known, answer.outcome, answer.reason);
+    return answer;
+  };
   switch (method) {
     case Method::closed_form:
-      return closed_form_pairs(closed_forms_see, closed);
+      return in_closed_form("closed-form", closed_form_pairs(closed_forms_see, closed));
     case Method::approximate:
-      return approximate_pairs(closed_forms_see, closed);
+      return in_closed_form("approximate", approximate_pairs(closed_forms_see, closed));
     case Method::full:
       return with_shape(full_pairs(problem, pairs_options(options, shape, order, law)));
     case Method::marginal:

@@ -6,6 +6,7 @@
 #include "closed_form/curve_covariance.hpp"
 #include "closed_form/landmark_map.hpp"
 #include "rangecal/core/polynomial.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -110,7 +111,10 @@ class Extrapolation {
 
 }  // namespace
 
-Calibration approximate_joint_calibration(const JointProblem& problem, const ClosedFormOptions& options) {
+namespace {
+
+Calibration approximate_fit(const JointProblem& problem, const ClosedFormOptions& options,
+                            const SolverLog& log) {
   Calibration result = begun_calibration(problem, Method::approximate);
   if (result.outcome == Outcome::too_few_data) return result;
   const LandmarksFromBearings found = landmarks_from_bearings(problem, options.bearings);
@@ -135,6 +139,7 @@ Calibration approximate_joint_calibration(const JointProblem& problem, const Clo
     }
     ++result.iterations;
     move = sweep_landmarks(problem, stops, samples, {sigma_theta * sigma_theta, model}, map);
+    log.iteration(result.iterations, not_known, move, not_known);
     if (!std::isfinite(move)) break;
     if (move < options.sweep_tolerance) {
       result.outcome = Outcome::converged;
@@ -167,6 +172,16 @@ Calibration approximate_joint_calibration(const JointProblem& problem, const Clo
     append_reason(result.reason, "landmarks still move by " + std::to_string(move) +
                                      " standard deviations after " + std::to_string(result.iterations) +
                                      " sweeps");
+  return result;
+}
+
+}  // namespace
+
+Calibration approximate_joint_calibration(const JointProblem& problem, const ClosedFormOptions& options) {
+  SolverLog log("approximate");
+  if (log.on() && options.order) log.of(curve_in_words(*options.order + 1, options.noise_law));
+  Calibration result = approximate_fit(problem, options, log);
+  log.end(result.iterations, not_known, not_known, result.outcome, result.reason);
   return result;
 }
 

@@ -241,7 +241,7 @@ bool score_jointly(const Rows& rows, const RefitOptions& options, Fit& fit, Marg
       if (alternation > 0 && !(before - here.nll > settled)) break;
     }
     here = scored(
-        std::move(here), [&](const Point& point) { return scoring.at(point); },
+        "scoring", std::move(here), [&](const Point& point) { return scoring.at(point); },
         [&](const Point& point, const Eigen::VectorXd& step) { return scoring.moved(point, step); });
     if (!likeliest || !(before - here.nll > settled)) break;
   }

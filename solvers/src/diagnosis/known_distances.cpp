@@ -11,6 +11,7 @@
 #include "joint_ml/newton_step.hpp"
 #include "pairs_ml/pairs_reml.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -85,6 +86,8 @@ JointProblem of_one_stop(const JointProblem& problem) {
 std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem, const JointState& start) {
   constexpr int max_iterations = 60;
   constexpr double full_tolerance = 1e-3;  // REML starts there
+  SolverLog log("known distances");
+  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
   const int order = static_cast<int>(start.alpha.size()) - 1;
   if (!has_sigma(start.noise.law) || order + 2 > pairs_ml::max_unknowns || problem.cells.size() == 0)
     return std::nullopt;
@@ -97,6 +100,7 @@ std::optional<MarginalFit> solve_at_known_distances(const JointProblem& problem,
       pairs_ml::minimise(scaled, x, scaled.unknowns(), max_iterations, full_tolerance);
   if (full.outcome != Outcome::converged) full.x = x;
   const pairs_ml::NewtonResult found = pairs_ml::restricted(scaled, full, max_iterations);
+  log.end(found.iterations, found.at.nll, not_known, found.outcome);
   if (found.outcome != Outcome::converged) return std::nullopt;
   MarginalFit fit;
   fit.state = start;
@@ -234,6 +238,8 @@ MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialEr
                                      const JointState& start, const Held& held) {
   constexpr int most_steps = 60, most_halvings = 30;
   constexpr double settled = 1e-7;  // nats
+  SolverLog log("serial errors");
+  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
   MarginalFit fit;
   fit.state = start;
   if (!has_sigma(start.noise.law) || problem.cells.size() == 0) {
@@ -267,7 +273,10 @@ MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialEr
     SerialProblem::Point next = pairs.at(here.x + step);
     for (int halving = 0; halving < most_halvings && !(pairs.nll(next, tau) <= value); ++halving)
       next = pairs.at(here.x + (length *= 0.5) * step);
-    if (!(pairs.nll(next, tau) <= value)) break;
+    const double norm = std::sqrt(-gradient.dot(step)), reached = pairs.nll(next, tau);
+    log.iteration(fit.iterations, std::fmin(reached, value), reached <= value ? length * norm : 0.0, norm,
+                  {"length", length});
+    if (!(reached <= value)) break;
     here = std::move(next);
   }
   fit.state.alpha = pairs.alpha_of(here.x);
@@ -289,6 +298,7 @@ MarginalFit solve_with_serial_errors(const JointProblem& problem, const SerialEr
   Held given = held;
   given.landmarks = true;
   describe_covariance(hessian, layout, free_globals(layout, given), fit);
+  log.end(fit.iterations, fit.marginal_nll, not_known, fit.outcome, fit.reason);
   return fit;
 }
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "diagnosis/free_parameters.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -229,6 +230,7 @@ double restricted_nll(const Rows& rows, const Model& model, const RefitOptions& 
 }
 
 void add_profile_limits(const Rows& rows, const RefitOptions& options, Fit& fit) {
+  const SolverLog solves_are_parts("profile limits");
   Profile(rows, options, fit).run();
 }
 

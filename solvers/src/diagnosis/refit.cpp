@@ -9,7 +9,9 @@
 #include "diagnosis/joint_scoring.hpp"
 #include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/refit_step.hpp"
+#include "diagnosis/select/hypothesis.hpp"
 #include "diagnosis/tail_slopes.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -51,7 +53,8 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
 }
 
 /// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.
-bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail) {
+bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail,
+                     const SolverLog& log) {
   constexpr double next_to_nothing = 5e-3;  // nats: a shorter step is not worth a solve
   bool moved = false;
   double damping = 1.0;
@@ -62,7 +65,11 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
     if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance,
                            predicted_gain))
       break;
-    if (predicted_gain < 1e-3) break;
+    const double gradient_norm = std::sqrt(2.0 * std::max(0.0, predicted_gain));
+    if (predicted_gain < 1e-3) {
+      log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});
+      break;
+    }
     bool accepted = false;
     for (int attempt = 0; attempt < 5; ++attempt, damping *= 0.4) {
       if (attempt > 0 && damping * predicted_gain < next_to_nothing) break;
@@ -79,11 +86,15 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
         fit.nll = value;
         detail = trial_detail;
         moved = true;
+        log.iteration(iteration + 1, fit.nll, damping * gradient_norm, gradient_norm, {"length", damping});
         damping = std::min(1.0, 2.5 * damping);
         break;
       }
     }
-    if (!accepted) break;
+    if (!accepted) {
+      log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});
+      break;
+    }
   }
   return moved;
 }
@@ -122,9 +133,8 @@ void set_calibration_spread(const Rows& rows, const MarginalFit& detail, Fit& fi
   }
 }
 
-}  // namespace
-
-Fit refit(const Rows& rows, const Model& start_model, const JointState& start, const RefitOptions& options) {
+Fit fit_beside(const Rows& rows, const Model& start_model, const JointState& start,
+               const RefitOptions& options, const SolverLog& log) {
   Fit fit;
   fit.model = start_model;
   fit.state = start;
@@ -144,7 +154,7 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
     set_covariance(rows, fit);
   } else {
     const bool searched = search_lines(rows, options, fit);  // first: they set the scale of everything else
-    const bool stepped = step_parameters(rows, options, fit, detail);
+    const bool stepped = step_parameters(rows, options, fit, detail, log);
     if (searched && !stepped) {  // since `detail` was told
       JointState state = fit.state;
       calibrate_under(rows, fit.model, state, options, &detail);
@@ -157,6 +167,16 @@ Fit refit(const Rows& rows, const Model& start_model, const JointState& start, c
   set_calibration_spread(rows, detail, fit);
   fit.ok = std::all_of(fit.model.begin(), fit.model.end(),
                        [](const ActiveEffect& active) { return active.parameters.allFinite(); });
+  return fit;
+}
+
+}  // namespace
+
+Fit refit(const Rows& rows, const Model& start_model, const JointState& start, const RefitOptions& options) {
+  SolverLog log("refit");
+  if (log.on()) log.of(set_in_words(member_names(start_model, 0)));
+  Fit fit = fit_beside(rows, start_model, start, options, log);
+  log.end(-1, fit.nll, not_known, fit.outcome, fit.reason);
   return fit;
 }
 

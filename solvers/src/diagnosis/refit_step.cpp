@@ -9,6 +9,7 @@
 #include "diagnosis/free_parameters.hpp"
 #include "diagnosis/likeliest_sequence.hpp"
 #include "diagnosis/tail_slopes.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -135,11 +136,16 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
   struct Point {
     double u, nll;
   };
+  SolverLog log("line search");
+  if (log.on()) log.of(info.name);
+  int tried = 0;
   const auto at = [&](double u) -> Point {
     JointState state = fit.state;
     Model trial = fit.model;
+    ++tried;
     value_of(trial, p) = unit * (positive ? std::exp(u) : u);
     const double nll = calibrate_under(rows, trial, state, staying);
+    log.iteration(tried, nll, not_known, not_known);
     if (nll < fit.nll - 1e-6) {
       fit.nll = nll;
       fit.state = std::move(state);
@@ -191,6 +197,7 @@ void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& o
       (move > 0.0 ? above : below) = moved;
     }
   }
+  log.end(tried, fit.nll, "the rest is next to nothing, or too far");
 }
 
 void fit_tails(const Rows& rows, const RefitOptions& options, Fit& fit) {
@@ -226,12 +233,14 @@ void fit_sequence(const Rows& rows, const RefitOptions& options, Fit& fit) {
   constexpr double settled = 0.01;  // nats
   RefitOptions staying = options;
   staying.places_stay = true;
+  const SolverLog log("sequence");
   for (int iteration = 0; iteration < most_iterations; ++iteration) {
     auto likeliest =
         likeliest_sequence(rows, fit.free, fit.model, working_problem(rows, fit.model, fit.state), fit.state);
     if (!likeliest) return;
     auto& [trial, state] = *likeliest;
     const double value = calibrate_under(rows, trial, state, staying);
+    log.iteration(iteration + 1, std::min(value, fit.nll), not_known, not_known);
     if (!(value < fit.nll)) return;
     const double gain = fit.nll - value;
     fit.nll = value;

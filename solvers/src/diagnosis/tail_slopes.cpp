@@ -156,7 +156,7 @@ class TailsAtErrors {
 Model likeliest_tails(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& tails) {
   const TailsAtErrors at(rows, fit, tails);
   return scored(
-             at.point_at(fit.model, 0.0), [&](const TailPoint& point) { return at.slopes(point); },
+             "tails", at.point_at(fit.model, 0.0), [&](const TailPoint& point) { return at.slopes(point); },
              [&](const TailPoint& point, const Eigen::VectorXd& step) { return at.moved(point, step); })
       .model;
 }

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 
+#include "solver_log.hpp"
+
 namespace rangecal::diagnosis {
 namespace {
 
@@ -39,6 +41,10 @@ std::string withdraw_names(const Rows& rows, SearchResult& found, Diagnosis& res
   if (searched.empty() || !change) return {};
   if (found.partly() && speaks_against(*change))  // by the name, or by the curve beside it
     change = held_out_change(rows, found, found.best.fit);
+  if (change && tells_outcomes())
+    tell(fmt::format("names {}: {}, they change the held-out NLL by {:.2f} +- {:.2f} nats",
+                     fmt::join(searched, " + "), speaks_against(*change) ? "withdrawn" : "kept", change->nll,
+                     change->std_dev.value_or(not_known)));
   if (change && speaks_against(*change)) {
     found.verdict = Verdict::unexplained;
     found.best = {};

@@ -14,6 +14,7 @@
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/core/scaled_inverse.hpp"
 #include "rangecal/solvers/fleet/judgement.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -177,8 +178,9 @@ void PopulationOptions::check() const {
     throw InputError(fmt::format("PopulationOptions: outlier_rate = {} is not in [0, 1)", outlier_rate));
 }
 
-Population fit_population(const UnitStream& stream, const PopulationOptions& options) {
-  options.check();
+namespace {
+
+Population population_of(const UnitStream& stream, const PopulationOptions& options, const SolverLog& log) {
   Population result;
   std::int64_t count = 0;
   VectorXd low, high;
@@ -251,6 +253,7 @@ Population fit_population(const UnitStream& stream, const PopulationOptions& opt
       quiet = 0;
       continue;
     }
+    log.iteration(result.iterations, -restricted, not_known, not_known);
     before = restricted;
     kept_before = pass.kept;
     const VectorXd shift = pass.first / static_cast<double>(pass.kept);
@@ -259,6 +262,16 @@ Population fit_population(const UnitStream& stream, const PopulationOptions& opt
   }
   result.reason = fmt::format("stopped after {} passes", options.max_iterations);
   keep();
+  return result;
+}
+
+}  // namespace
+
+Population fit_population(const UnitStream& stream, const PopulationOptions& options) {
+  options.check();
+  const SolverLog log("population");
+  Population result = population_of(stream, options, log);
+  log.end(result.iterations, -result.log_likelihood, not_known, result.outcome, result.reason);
   return result;
 }
 

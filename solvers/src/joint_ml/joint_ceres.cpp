@@ -18,9 +18,9 @@
 #include "joint_ml/ceres_costs.hpp"
 #include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
-#include "quiet_ceres.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -47,11 +47,13 @@ Eigen::MatrixXd whitened_basis(const JointProblem& problem, const JointState& st
 /// The problem as Ceres sees it, with the unknowns it moves.
 class Program : public ceres::IterationCallback {
  public:
-  Program(const JointProblem& problem, const JointState& start, const JointLayout& layout, const Held& held)
+  Program(const JointProblem& problem, const JointState& start, const JointLayout& layout, const Held& held,
+          const SolverLog& log)
       : problem_(problem),
         start_(start),
         layout_(layout),
         held_(held),
+        log_(log),
         curve_block_(start, whitened_basis(problem, start)),
         coordinates_(layout.coordinates, 0.0),
         curve_(start.alpha.size(), 0.0),
@@ -91,8 +93,10 @@ class Program : public ceres::IterationCallback {
                                                         static_cast<Eigen::Index>(coordinates_.size())));
   }
 
-  /// One run of Ceres's trust region.
-  ceres::Solver::Summary run(int iterations) {
+  /// One run of Ceres's trust region, from where the joint NLL is `nll`, after `before` iterations of others.
+  ceres::Solver::Summary run(int iterations, double nll, int before) {
+    nll_start_ = nll;
+    before_ = before;
     ceres::Solver::Options options;
     options.max_num_iterations = iterations;
     options.max_num_consecutive_invalid_steps = 100;
@@ -136,6 +140,10 @@ class Program : public ceres::IterationCallback {
   }
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
+    if (step.iteration == 0) offset_ = nll_start_ - step.cost;
+    log_.iteration(before_ + step.iteration + 1, offset_ + step.cost,
+                   step.step_is_successful ? step.step_norm : 0.0, step.gradient_norm,
+                   {"radius", step.trust_region_radius});
     // A gain of 1e-11 nats, of which the next step may find a twentieth, leaves a gradient norm of 1e-6.
     const double rounding = 1e-15 * step.cost;
     if (step.iteration > 0 && step.step_is_successful &&
@@ -221,6 +229,10 @@ class Program : public ceres::IterationCallback {
   const JointState& start_;
   const JointLayout& layout_;
   const Held held_;
+  const SolverLog& log_;
+  int before_ = 0;        ///< iterations of the runs before
+  double offset_ = 0.0;   ///< joint NLL less the cost of this run, whose floors differ from the last one's
+  double nll_start_ = 0;  ///< joint NLL where this run starts
   const CurveBlock curve_block_;
   std::vector<double> coordinates_, curve_, landmarks_;
   std::deque<CellCost> cell_costs_;  ///< one per cell, in their order
@@ -232,10 +244,8 @@ class Program : public ceres::IterationCallback {
   ceres::Problem program_;
 };
 
-}  // namespace
-
-JointFit solve_joint_ceres(const JointProblem& problem, const JointState& given,
-                           const JointOptions& options) {
+JointFit ceres_fit(const JointProblem& problem, const JointState& given, const JointOptions& options,
+                   const SolverLog& log) {
   JointState start = given;
   share_places(problem.stops, start.stops);
   JointFit fit;
@@ -245,11 +255,12 @@ JointFit solve_joint_ceres(const JointProblem& problem, const JointState& given,
   const std::vector<int> free = free_globals(system.layout(), options.held);
   fit.start_nll = fit.joint_nll = system.assemble(start, HessianKind::fisher);
   if (cannot_start(problem, options.held, fit)) return fit;
-  Program program(problem, start, system.layout(), options.held);
+  Program program(problem, start, system.layout(), options.held, log);
   double last_norm = std::numeric_limits<double>::infinity();
   for (int run = 0; run < 20 && fit.iterations < options.max_iterations; ++run) {
     if (run > 0 && !program.set_reference()) break;
-    const ceres::Solver::Summary summary = program.run(options.max_iterations - fit.iterations);
+    const ceres::Solver::Summary summary =
+        program.run(options.max_iterations - fit.iterations, fit.joint_nll, fit.iterations);
     fit.iterations += static_cast<int>(summary.iterations.size());
     fit.evaluations += summary.num_residual_evaluations + summary.num_jacobian_evaluations;
     fit.state = program.state();
@@ -284,6 +295,17 @@ JointFit solve_joint_ceres(const JointProblem& problem, const JointState& given,
                              fit.gradient_norm);
   }
   if (system.eliminate()) describe_covariance(system.schur(), system.layout(), free, fit);
+  return fit;
+}
+
+}  // namespace
+
+JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
+                           const JointOptions& options) {
+  SolverLog log("full ceres");
+  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
+  JointFit fit = ceres_fit(problem, start, options, log);
+  log.end(fit.iterations, fit.joint_nll, fit.gradient_norm, fit.outcome, fit.reason);
   return fit;
 }
 

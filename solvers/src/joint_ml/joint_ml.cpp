@@ -8,6 +8,7 @@
 #include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -16,10 +17,8 @@ namespace {
 // spreads are refitted in closed form after steps above the second, and a step below the third is the last.
 constexpr double exact_below = 30.0, profile_from = 0.5, last_above = 1e-6;
 
-}  // namespace
-
-JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
-                           const JointOptions& options) {
+JointFit block_fit(const JointProblem& problem, const JointState& start, const JointOptions& options,
+                   const SolverLog& log) {
   JointFit fit;
   fit.state = start;
   share_places(problem.stops, fit.state.stops);
@@ -33,6 +32,9 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
   if (cannot_start(problem, options.held, fit)) return fit;
   double damping = 0.0;
   bool converged = false;
+  const auto tell_step = [&](double step) {
+    log.iteration(fit.iterations + 1, nll, step, fit.gradient_norm, {"lambda", damping});
+  };
   const auto reassemble = [&](HessianKind wanted) {
     kind = wanted;
     system.assemble(fit.state, kind);
@@ -42,6 +44,7 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
     std::optional<Eigen::VectorXd> globals;
     if (system.eliminate(damping)) globals = newton_step(system.schur(), system.reduced_gradient(), free);
     if (!globals) {
+      tell_step(0.0);
       if (kind == HessianKind::exact)
         reassemble(HessianKind::fisher);
       else
@@ -53,6 +56,7 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
     const double decrement_sq = -(system.global_gradient().dot(*globals) + system.stop_gradient().dot(stops));
     fit.gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
     if (fit.gradient_norm < options.gradient_tolerance && damping == 0.0) {
+      tell_step(0.0);
       converged = true;
       break;
     }
@@ -71,6 +75,7 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
       std::swap(fit.state, trial);
       nll = std::min(nll, trial_nll);
       kind = next_kind;
+      tell_step(factor * fit.gradient_norm);
       damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
       const std::string collapsed = options.held.sigmas ? std::string() : collapsed_sigma(start, fit.state);
       if (!collapsed.empty()) {
@@ -80,6 +85,7 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
         return fit;
       }
     } else {
+      tell_step(0.0);
       if (decrement_sq < rounding) {  // nothing left to gain but rounding, if that is not the damping's doing
         reassemble(HessianKind::fisher);
         if (damping > 0.0) {
@@ -108,6 +114,17 @@ JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
                              fit.gradient_norm);
   if (kind != HessianKind::fisher) reassemble(HessianKind::fisher);
   if (system.eliminate()) describe_covariance(system.schur(), system.layout(), free, fit);
+  return fit;
+}
+
+}  // namespace
+
+JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
+                           const JointOptions& options) {
+  SolverLog log("full block");
+  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
+  JointFit fit = block_fit(problem, start, options, log);
+  log.end(fit.iterations, fit.joint_nll, fit.gradient_norm, fit.outcome, fit.reason);
   return fit;
 }
 

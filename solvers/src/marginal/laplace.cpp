@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "marginal/laplace.hpp"
 
+#include <fmt/core.h>
+
 #include <cmath>
 #include <limits>
 
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 
-double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
+namespace {
+
+double settled_stops(JointSystem& system, JointState& state, int& evaluations, const SolverLog& log) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   constexpr int max_iterations = 100;
   const Eigen::VectorXd still = Eigen::VectorXd::Zero(system.layout().global_count);
@@ -23,6 +28,7 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
         kind = HessianKind::fisher;
       else
         damping = std::max(10.0 * damping, 1e-10);
+      log.iteration(iteration + 1, nll, 0.0, not_known, {"lambda", damping});
       if (damping > 1e8) return infinity;
       system.assemble(state, kind);
       ++evaluations;
@@ -40,6 +46,8 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
       state = trial;
       nll = trial_nll;
       kind = next_kind;
+      log.iteration(iteration + 1, nll, std::sqrt(decrement_sq), std::sqrt(decrement_sq),
+                    {"lambda", damping});
       damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
       if (decrement_sq < 1e-11 &&
           kind == HessianKind::exact) {  // Newton's last step: its square is below rounding
@@ -47,6 +55,7 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
         return nll;
       }
     } else {
+      log.iteration(iteration + 1, nll, 0.0, std::sqrt(decrement_sq), {"lambda", damping});
       damping = std::max(10.0 * damping, 1e-4);
       kind = HessianKind::fisher;
       if (damping > 1e8) return infinity;
@@ -55,6 +64,18 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
     }
   }
   return infinity;
+}
+
+}  // namespace
+
+double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
+  const SolverLog log("stops");
+  const int before = evaluations;
+  const double nll = settled_stops(system, state, evaluations, log);
+  if (log.iterations_on())  // a part of a solve, also where none is told of around it
+    log.end(-1, nll, not_known, std::isfinite(nll) ? Outcome::converged : Outcome::failed,
+            fmt::format("{} evaluations", evaluations - before));
+  return nll;
 }
 
 double laplace_nll(const JointSystem& system, double joint_nll) {

@@ -50,10 +50,8 @@ double search_sigma_s(RemlProfile& profile, double none) {
   return profile(none) <= value + 1e-7 ? none : std::exp(log_sigma);
 }
 
-}  // namespace
-
-MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
-                           const MarginalOptions& options) {
+MarginalFit marginal_fit(const JointProblem& problem, const JointState& start, const MarginalOptions& options,
+                         const SolverLog& log) {
   MarginalFit fit;
   fit.state = start;
   share_places(problem.stops, fit.state.stops);
@@ -74,15 +72,15 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     fit.state.sigma_s_m = sigma_s;
     marginal.value(fit.state);
     if (sigma_s == none) {
-      fit = solve_marginal(problem, JointState(fit.state), without);
+      fit = marginal_fit(problem, JointState(fit.state), without, log);
       fit.start_nll = nll;
       fit.sigma_s_upper95_m = upper_limit(profile, none);
       fit.state.sigma_s_m = 0.0;
       return fit;
     }
   }
-  const bool converged =
-      marginal.minimise(fit.state, options.held, options.gradient_tolerance, Marginal::renewal_for(options));
+  const bool converged = marginal.minimise(fit.state, options.held, options.gradient_tolerance,
+                                           Marginal::renewal_for(options), log);
   if (!converged) marginal.value(fit.state, 1e-12);
   fit.joint_nll = marginal.joint_nll;
   fit.marginal_nll = marginal.marginal_nll;
@@ -99,6 +97,17 @@ MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
     fit.reason = fmt::format("no fixed point after {} iterations; gradient norm {:.1e}", fit.iterations,
                              fit.gradient_norm);
   describe_covariance(marginal.hessian(fit.state), marginal.layout(), marginal.free_of(options.held), fit);
+  return fit;
+}
+
+}  // namespace
+
+MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
+                           const MarginalOptions& options) {
+  SolverLog log("marginal");
+  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
+  MarginalFit fit = marginal_fit(problem, start, options, log);
+  log.end(fit.iterations, fit.marginal_nll, fit.gradient_norm, fit.outcome, fit.reason);
   return fit;
 }
 

@@ -11,6 +11,7 @@
 #include "joint_ml/newton_step.hpp"
 #include "marginal/laplace.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 
@@ -100,8 +101,8 @@ class Marginal {
   /// After value(state): Newton's method over the globals not held, the stops moving along. With `renewal` the slopes are
   /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
   /// below the tolerance and the slopes had settled.
-  bool minimise(JointState& state, const Held& held, double tolerance,
-                const std::optional<Renewal>& renewal) {
+  bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal,
+                const SolverLog& log) {
     std::vector<int> free = free_of(held);
     vanished_.clear();
     bool settled = !renewal || held.sigmas;
@@ -137,8 +138,11 @@ class Marginal {
       if (!step) return false;
       const double decrement_sq = -gradient.dot(*step);
       gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
-      if (settled && gradient_norm < tolerance && stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance))
+      if (settled && gradient_norm < tolerance &&
+          stop_decrement_sq_ < std::max(1e-13, tolerance * tolerance)) {
+        log.iteration(iterations + 1, marginal_nll, 0.0, gradient_norm, {"length", 1.0});
         return true;
+      }
       // A step back of nearly the same length: the curvature, which lacks what moves with the slopes and with the
       // log-determinant, is too small that way, by as much as the step went too far.
       const double before = last_step.size() > 0 ? last_norm : 0.0,
@@ -158,10 +162,14 @@ class Marginal {
           accepted = true;
           last_step = factor * *step;
           last_norm = std::sqrt(std::max(0.0, last_step.dot(curvature * last_step)));
+          log.iteration(iterations + 1, marginal_nll, last_norm, gradient_norm, {"length", factor});
           break;
         }
       }
-      if (!accepted) break;
+      if (!accepted) {
+        log.iteration(iterations + 1, marginal_nll, 0.0, gradient_norm, {"length", 0.0});
+        break;
+      }
     }
     // Rounding, or the slow end that A without the log-determinant's own part has where the stops explain nearly all.
     value(state);

@@ -26,10 +26,14 @@ class RemlProfile {
                               : at.noise.parameters[0]) = sigma;
     Marginal marginal(problem_, at, options_);
     const Held& held = options_.held;
+    const SolverLog log("reml profile");
     if (!std::isfinite(marginal.value(at)) ||
-        !marginal.minimise(at, held, 1e-5, Marginal::renewal_for(options_)))
+        !marginal.minimise(at, held, 1e-5, Marginal::renewal_for(options_), log)) {
+      log.end(marginal.iterations, not_known, marginal.gradient_norm, Outcome::not_converged);
       return std::numeric_limits<double>::infinity();
+    }
     const double value = marginal.marginal_nll + marginal.half_log_det_phi(held);
+    log.end(marginal.iterations, value, marginal.gradient_norm, Outcome::converged);
     if (std::isfinite(value)) state_ = at;
     return value;
   }

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "rangecal/core/errors.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -89,7 +90,9 @@ double run_local(const NloptProblem& problem, const Algorithm& algorithm, int bu
 /// Algorithms in turn until none of them gains.
 double polish(const NloptProblem& problem, const NloptOptions& options, Eigen::VectorXd& x, int& evaluations,
               std::string& name) {
+  const SolverLog log("nlopt");
   double nll = problem.objective(x, nullptr);
+  int runs = 0;
   for (int round = 0; round < 6; ++round) {
     const double before = nll;
     for (const Algorithm& algorithm : algorithms) {
@@ -100,9 +103,11 @@ double polish(const NloptProblem& problem, const NloptOptions& options, Eigen::V
         nll = reached;
         x = trial;
       }
+      log.iteration(++runs, nll, not_known, not_known);
     }
     if (before - nll < 1e-10 * (1.0 + 1e-3 * std::abs(nll))) break;
   }
+  log.end(runs, nll, "an iteration is a run of one algorithm");
   return nll;
 }
 

@@ -4,10 +4,13 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "solver_log.hpp"
+
 namespace rangecal::pairs_ml {
 
 DenseNewton minimise(const std::function<PairsDerivatives(const Eigen::VectorXd&)>& evaluate,
                      Eigen::VectorXd x) {
+  const SolverLog log("dense newton");
   DenseNewton result{std::move(x), {}};
   result.at = evaluate(result.x);
   if (!std::isfinite(result.at.nll)) result.outcome = Outcome::failed;
@@ -29,8 +32,11 @@ DenseNewton minimise(const std::function<PairsDerivatives(const Eigen::VectorXd&
     if (!(next.nll <= now.nll + 1e3 * slack)) break;
     result.x += length * step;
     result.at = std::move(next);
+    log.iteration(result.iterations, result.at.nll, length * std::sqrt(decrement_sq), std::sqrt(decrement_sq),
+                  {"length", length});
     if (decrement_sq < 1e-10) result.outcome = Outcome::converged;
   }
+  log.end(result.iterations, result.at.nll, not_known, result.outcome);
   return result;
 }
 

@@ -2,6 +2,7 @@
 #include "rangecal/solvers/pairs_ml/pairs_ceres.hpp"
 
 #include <ceres/cost_function.h>
+#include <ceres/iteration_callback.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 #include <fmt/format.h>
@@ -14,8 +15,8 @@
 #include <vector>
 
 #include "pairs_newton.hpp"
-#include "quiet_ceres.hpp"
 #include "rangecal/problems/pairs/pairs_residual.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -87,9 +88,27 @@ class CellsCost : public ceres::CostFunction {
   bool repeats_ = true;
 };
 
-}  // namespace
+/// Tells of the iterations of one run; the unknowns are in standard deviations.
+class TellIterations : public ceres::IterationCallback {
+ public:
+  explicit TellIterations(const SolverLog& log) : log_(log) {}
+  int before = 0;           ///< iterations of the runs before
+  double nll_at_start = 0;  ///< of this run
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
+    if (step.iteration == 0) offset_ = nll_at_start - step.cost;
+    log_.iteration(before + step.iteration + 1, offset_ + step.cost,
+                   step.step_is_successful ? step.step_norm : 0.0, step.gradient_norm,
+                   {"radius", step.trust_region_radius});
+    return ceres::SOLVER_CONTINUE;
+  }
 
-PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseLaw law, int noise_order) {
+ private:
+  const SolverLog& log_;
+  double offset_ = 0.0;
+};
+
+PairsCeresResult pairs_ceres_fit(const PairsProblem& problem, int order, NoiseLaw law, int noise_order,
+                                 const SolverLog& log) {
   PairsCeresResult result;
   const int noise_count = parameter_count(law, noise_order);
   if (problem.readings() < order + 1 + noise_count || static_cast<int>(problem.size()) < order + 1) {
@@ -130,6 +149,10 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
   options.initial_trust_region_radius = 1e8;
   options.logging_type = ceres::SILENT;
 
+  TellIterations tell_iterations(log);
+  tell_iterations.nll_at_start = start.nll;
+  if (log.iterations_on()) options.callbacks.push_back(&tell_iterations);
+
   double last_norm = std::numeric_limits<double>::infinity();
   result.outcome = Outcome::not_converged;
   for (result.anchorings = 1; result.anchorings <= 200; ++result.anchorings) {
@@ -156,7 +179,8 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
       break;
     }
     result.gradient_norm = factor.matrixL().solve(Eigen::VectorXd(at.gradient)).norm();
-    result.nll = at.nll;
+    result.nll = tell_iterations.nll_at_start = at.nll;
+    tell_iterations.before = result.iterations;
     // Ceres takes no step whose gain drowns in the rounding of the cost, 1e-16 N: a norm that no longer falls is there.
     const double floor = std::fmax(1e-6, std::sqrt(1e-14 * problem.readings()));
     if (result.gradient_norm < 1e-8 ||
@@ -169,6 +193,16 @@ PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseL
   if (result.outcome != Outcome::converged) {
     result.reason = fmt::format("stopped at a scaled gradient norm of {:.3g}", result.gradient_norm);
   }
+  return result;
+}
+
+}  // namespace
+
+PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseLaw law, int noise_order) {
+  SolverLog log("pairs ceres");
+  if (log.on()) log.of(curve_in_words(order + 1, law));
+  PairsCeresResult result = pairs_ceres_fit(problem, order, law, noise_order, log);
+  log.end(result.iterations, result.nll, result.gradient_norm, result.outcome, result.reason);
   return result;
 }
 

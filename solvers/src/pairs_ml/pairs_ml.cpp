@@ -14,6 +14,7 @@
 #include "pairs_report.hpp"
 #include "pairs_shape.hpp"
 #include "rangecal/core/errors.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -123,9 +124,12 @@ void set_unbounded(Calibration& calibration) {
   calibration.covariance_reason = "the likelihood has no maximum";
 }
 
-/// One order, one shape. `method` full or marginal.
 PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method,
-                   const pairs_ml::NestedFit* nested = nullptr) {
+                   const pairs_ml::NestedFit* nested = nullptr);
+
+/// One order, one shape. `method` full or marginal.
+PairsFit fit_one_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method,
+                       const pairs_ml::NestedFit* nested) {
   PairsFit fit = empty_fit(problem, method);
   Calibration& calibration = fit.calibration;
   const int unknowns = order + 1 + noise_count(options) + shape_parameter_count(options.shape);
@@ -212,6 +216,16 @@ PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& o
     covariance = root.transpose() * root;
   }
   pairs_ml::set_covariance(calibration, covariance, calibration.range_max_m);
+  return fit;
+}
+
+PairsFit fit_order(const PairsProblem& problem, int order, const PairsOptions& options, Method method,
+                   const pairs_ml::NestedFit* nested) {
+  SolverLog log(method == Method::marginal ? "pairs marginal" : "pairs full");
+  if (log.on()) log.of(curve_in_words(order + 1, options.law) + ", " + to_string(options.shape));
+  PairsFit fit = fit_one_order(problem, order, options, method, nested);
+  log.end(fit.calibration.iterations, fit.nll, fit.gradient_norm, fit.calibration.outcome,
+          fit.calibration.reason);
   return fit;
 }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "solver_log.hpp"
+
 namespace rangecal::pairs_ml {
 namespace {
 
@@ -18,9 +20,8 @@ double norm_in(const Matrix& metric, const Vector& gradient, int free) {
   return white.norm();
 }
 
-}  // namespace
-
-NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iterations, double tolerance) {
+NewtonResult newton_minimum(const ScaledPairs& pairs, Vector x, int free, int max_iterations,
+                            double tolerance, const SolverLog& log) {
   NewtonResult result;
   Evaluation first, second;  // swapped by address: they are kilobytes
   Evaluation *at = &first, *trial = &second;
@@ -86,6 +87,8 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
         moved = true;
       }
     }
+    log.iteration(iteration, at->nll, moved ? 4.0 * scale * decrement : 0.0, decrement,
+                  {"length", moved ? 4.0 * scale : 0.0});
     if (!moved) {
       if (!has_information) pairs.evaluate(x, true, *at);
       result.gradient_norm = norm_in(at->information, at->gradient, free);
@@ -101,6 +104,15 @@ NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iter
   }
   result.x = x;
   result.at = std::move(*at);
+  return result;
+}
+
+}  // namespace
+
+NewtonResult minimise(const ScaledPairs& pairs, Vector x, int free, int max_iterations, double tolerance) {
+  const SolverLog log("pairs newton");
+  NewtonResult result = newton_minimum(pairs, std::move(x), free, max_iterations, tolerance, log);
+  log.end(result.iterations, result.at.nll, result.gradient_norm, result.outcome);
   return result;
 }
 

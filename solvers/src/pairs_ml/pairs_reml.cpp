@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "solver_log.hpp"
+
 namespace rangecal::pairs_ml {
 namespace {
 
@@ -31,9 +33,8 @@ Conditional conditional(const ScaledPairs& pairs, const Vector& x) {
   return out;
 }
 
-}  // namespace
-
-NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int max_iterations) {
+NewtonResult reml_minimum(const ScaledPairs& pairs, const NewtonResult& full, int max_iterations,
+                          const SolverLog& log) {
   const int n = pairs.mean_unknowns(), size = pairs.unknowns(), m = size - n;
   NewtonResult result = full;
   Conditional at = conditional(pairs, full.x);
@@ -86,6 +87,8 @@ NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int 
         moved = true;
       }
     }
+    log.iteration(iteration, at.value, moved ? 2.0 * scale * norm : 0.0, norm,
+                  {"length", moved ? 2.0 * scale : 0.0});
     if (!moved) {
       result.outcome = norm < 1e-4 ? Outcome::converged : Outcome::not_converged;
       break;
@@ -93,6 +96,15 @@ NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int 
   }
   result.x = at.x;
   result.at = at.at;
+  return result;
+}
+
+}  // namespace
+
+NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int max_iterations) {
+  const SolverLog log("pairs reml");
+  NewtonResult result = reml_minimum(pairs, full, max_iterations, log);
+  log.end(result.iterations - full.iterations, result.at.nll, not_known, result.outcome);
   return result;
 }
 

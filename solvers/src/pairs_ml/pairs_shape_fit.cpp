@@ -10,6 +10,7 @@
 
 #include "least_absolute.hpp"
 #include "pairs_shape.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::pairs_ml {
 namespace {
@@ -144,6 +145,7 @@ Eigen::MatrixXd inverse_curvature(const Eigen::MatrixXd& hessian, const Eigen::V
 ShapeEnd ShapeFit::descend(Eigen::VectorXd from, bool near) const {
   constexpr int iterations = 3, most = 100;
   constexpr double close = 1e-7, rounding = 1e-14;
+  const SolverLog log("pairs shape");
   ShapeEnd end;
   end.x = std::move(from);
   Eigen::VectorXd gradient;
@@ -174,8 +176,13 @@ ShapeEnd ShapeFit::descend(Eigen::VectorXd from, bool near) const {
         end.x = trial;
         nll = value;
         gradient = std::move(at_trial);
+        log.iteration(end.iterations + 1, nll, factor * std::sqrt(-slope), std::sqrt(-slope),
+                      {"length", factor});
       }
-      if (!moved) break;
+      if (!moved) {
+        log.iteration(end.iterations + 1, nll, 0.0, std::sqrt(-slope), {"length", 0.0});
+        break;
+      }
     }
     if (near && iteration == 0) {
       end.gradient_norm =
@@ -187,6 +194,8 @@ ShapeEnd ShapeFit::descend(Eigen::VectorXd from, bool near) const {
     end.gradient_norm =
         std::sqrt(std::max(0.0, gradient.dot(inverse_curvature(end.hessian, scale) * gradient)));
   }
+  log.end(end.iterations, nll, end.gradient_norm,
+          end.gradient_norm < 1e-3 ? Outcome::converged : Outcome::not_converged);
   return end;
 }
 

@@ -6,6 +6,7 @@
 
 #include "rangecal/core/symmetric_eigen.hpp"
 #include "recursive/landmark_sums.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -111,6 +112,7 @@ Newton newton_of(const Slopes& at, double here, double width) {
 SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vector2d& start) {
   constexpr int max_iterations = 60;
   constexpr double h = 1e-3;
+  const SolverLog log("sums");
   SumsFit fit;
   Profile profile(sums, alphas, order);
   const double reach = sums.grid.half_width;
@@ -147,6 +149,8 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vec
         x = trial;
         here = there;
         moved = true;
+        log.iteration(iteration + 1, here, not_known, std::sqrt(2.0 * std::max(0.0, newton.to_gain)),
+                      {"length", factor_of_step});
       }
     }
     if (!moved) break;
@@ -158,6 +162,8 @@ SumsFit minimise_sums(const LandmarkSums& sums, int alphas, int order, const Vec
   fit.nll = profile.nll;
   fit.phi = sums.reference + profile.delta;
   fit.hessian = information_at(sums, profile.delta, x);
+  log.end(-1, fit.nll, std::sqrt(2.0 * std::max(0.0, fit.to_gain)),
+          fit.settled ? Outcome::converged : Outcome::not_converged);
   return fit;
 }
 

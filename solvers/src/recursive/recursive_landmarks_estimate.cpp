@@ -19,6 +19,7 @@
 #include "recursive/pose_leverage.hpp"
 #include "recursive/residual_sketch.hpp"
 #include "robust/robust_covariance.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -156,7 +157,10 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
                 most_shaped = 60;  // expectation and maximisation goes slower than Newton's steps
   // standard deviations; the step is of third order, so that what is left is far smaller
   constexpr double still = 3e-3;
+  SolverLog log("recursive landmarks");
+  if (log.on()) log.of(fmt::format("order {}", order));
   Answer answer;
+  const auto end = [&] { log.end(answer.iterations, answer.nll, not_known, answer.outcome, answer.reason); };
   answer.order = order;
   answer.state = start_of_held();
   const int alphas = options_.columns();
@@ -185,6 +189,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
         answer.reason =
             "the latest stops have no optimum inside the model's domain beside what was summed up before; calibrate the "
             "recording as a whole";
+        end();
         return answer;
       }
       total.add(*latest);
@@ -204,11 +209,13 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
       if (options_.random_walk)
         answer.reason =
             "what was summed up of the walk says too little where it has gone since; calibrate it as a whole";
+      end();
       return answer;
     }
     const VectorXd step = fit.phi - phi_of(answer.state);
     const double moved =
         std::sqrt(std::max(0.0, step.dot(fit.hessian.topLeftCorner(step.size(), step.size()) * step)));
+    log.iteration(answer.iterations, fit.nll, moved, not_known);
     last = answer.state;
     put(answer.state, fit.phi, fit.log_sigmas);
     answer.log_sigmas = fit.log_sigmas;
@@ -220,6 +227,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
       answer.reason = fmt::format(
           "the answer still moves by {:.1g} standard deviations after {} updates; calibrate the recording as a whole",
           moved, answer.iterations);
+      end();
       return answer;
     }
   }
@@ -228,6 +236,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     answer.reason =
         fmt::format("the search for sigma_e and sigma_theta stopped where up to {:.1g} nats are left to gain",
                     fit.to_gain);
+    end();
     return answer;
   }
   answer.nll = fit.nll;
@@ -256,6 +265,7 @@ RecursiveLandmarks::Answer RecursiveLandmarks::from_sums(int order) const {
     const std::vector<int> free = free_entries(sandwich.rows(), alphas, order);
     if (Eigen::LLT<MatrixXd>(sandwich(free, free)).info() == Eigen::Success) answer.covariance = sandwich;
   }
+  end();
   return answer;
 }
 

@@ -12,6 +12,7 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -188,11 +189,16 @@ ResidualShape fit_residual_shape(const ChannelResiduals& residuals, const Residu
                                  const ResidualShapeOptions& options) {
   constexpr int max_iterations = 60;
   if (start.shape.shape == NoiseShape::gaussian) return gaussian_shape(residuals, options);
+  SolverLog log("noise shape");
+  if (log.on()) log.of(to_string(start.shape.shape));
   const Coordinates coordinates{options.free_location, start.shape.shape, residuals.typical_spread(),
                                 start.shape.outlier_mean < 0.0 ? -1.0 : 1.0};
   Vector q = coordinates.from(start);
   Value at = value_at(residuals, coordinates, q, options.fitted, true);
-  for (int iteration = 0; iteration < max_iterations && std::isfinite(at.nll); ++iteration) {
+  const char* why =
+      std::isfinite(at.nll) ? "no iterations are left" : "the start is outside of the model's domain";
+  int iteration = 0;
+  for (; iteration < max_iterations && std::isfinite(at.nll); ++iteration) {
     Matrix curvature = curvature_at(residuals, coordinates, q, options.fitted, at);
     Vector downhill = -at.gradient;
     for (int j = 0; j < q.size(); ++j) {
@@ -207,7 +213,10 @@ ResidualShape fit_residual_shape(const ChannelResiduals& residuals, const Residu
     }
     Vector step = curvature.ldlt().solve(downhill);
     const double gain = 0.5 * downhill.dot(step);
-    if (!(gain > options.tolerance)) break;
+    if (!(gain > options.tolerance)) {
+      why = "the next step promises next to nothing";
+      break;
+    }
     step *= std::min(1.0, 1.5 / step.cwiseAbs().maxCoeff());
     bool moved = false;
     for (double factor = 1.0; factor > 1e-3 && !moved; factor *= 0.4) {
@@ -217,9 +226,16 @@ ResidualShape fit_residual_shape(const ChannelResiduals& residuals, const Residu
       moved = true;
       q = trial;
       at = std::move(next);
+      log.iteration(iteration + 1, at.nll, factor * std::sqrt(2.0 * gain), std::sqrt(2.0 * gain),
+                    {"length", factor});
     }
-    if (!moved) break;
+    if (!moved) {
+      log.iteration(iteration + 1, at.nll, 0.0, std::sqrt(2.0 * gain), {"length", 0.0});
+      why = "no step along the gradient lowers the cost";
+      break;
+    }
   }
+  log.end(iteration, at.nll, why);
   ResidualShape result = coordinates.at(q);
   result.nll = at.nll;
   return result;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/robust/robust.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,6 +19,7 @@
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "robust/residual_shape.hpp"
 #include "robust/robust_covariance.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal {
 namespace {
@@ -335,6 +338,10 @@ class RobustSolver {
 template <typename Robust, typename Options, typename Solve>
 Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, const ShapeStart& from,
                                                     const IterationLimits& until) {
+  SolverLog log("robust");
+  if (log.on())
+    log.of(fmt::format("{}, {} ranges, {} bearings", curve_in_words(start.alpha.size(), start.noise.law),
+                       to_string(from.range.shape.shape), to_string(from.bearing.shape.shape)));
   Robust best, at;
   at.fit.state = start;
   at.shapes.range = from.range.shape;
@@ -381,6 +388,7 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
     if (change > 1e-2) options.gradient_tolerance = std::max(options.gradient_tolerance, 1e-3);
     at.fit = solve_(weighted, state, options);
     const double now = value(at);
+    log.iteration(iterations + 1, now, not_known, at.fit.gradient_norm);
     if (extrapolated && !(now < last + 1e-3)) {  // too far: back to where the iterations stood
       at = best;
       squarem.restart();
@@ -398,13 +406,17 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
     last = now;
   }
   best.shapes.iterations = std::min(iterations + 1, until.most);
-  if (best.fit.state.alpha.size() == 0) return outside_domain(best);
+  if (best.fit.state.alpha.size() == 0) {
+    log.end(best.shapes.iterations, not_known, "the start lies outside the model's domain");
+    return outside_domain(best);
+  }
   fill_deviations(best);
   finish(start, from.parameters(), best);
   if (iterations == max_iterations && best.fit.outcome == Outcome::converged) {
     best.fit.outcome = Outcome::not_converged;
     best.fit.reason = "the weights of the noise shape did not settle";
   }
+  log.end(best.shapes.iterations, best.shapes.nll, best.fit.gradient_norm, best.fit.outcome, best.fit.reason);
   return best;
 }
 

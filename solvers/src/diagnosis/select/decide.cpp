@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/select/decide.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,6 +20,7 @@
 #include "diagnosis/twins.hpp"
 #include "in_parallel.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -141,20 +144,6 @@ bool is_material(const Rows& rows, double spread_m, double sigma_theta_rad, doub
   return gain_of(rows, q) > priors.trace * explained;
 }
 
-TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
-  return {member_names(h.fit.model, known),
-          h.parent,
-          h.predicted_gain,
-          h.gain,
-          h.parameter_volume,
-          h.formula_allowance,
-          h.prior_mass,
-          h.log_posterior,
-          probability,
-          h.scanned,
-          h.proposals};
-}
-
 Candidate candidate_of(const Hypothesis& h, double probability, double baseline_nll) {
   Candidate c;
   c.fit = h.fit;
@@ -193,6 +182,11 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
   const bool beside_others = fit.model.size() > known + 1;
   double least = beside_others ? priors.beside_names : 0.0;
   if (has_generic(fit.model)) least = std::max(least, options.naming_gap_nats);
+  const auto tell_of = [](const ActiveEffect& member, double worth, double probability, const char* how) {
+    if (tells_outcomes())
+      tell(fmt::format("name {}: {} (worth {:.2f} nats, probability {:.2f})", member.effect->info().id, how,
+                       worth, probability));
+  };
   std::vector<std::pair<double, Member>> costs;  // by what each costs [m]
   Model model;
   const Space seed(rows, {}, fit.state);
@@ -201,9 +195,16 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
     if (is_generic(*member.effect)) continue;
     const double worth = worth_of(member, table, known);
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
-    if (probability < 0.5 || margin_over_curve(member, table, known) < priors.over_curve ||
-        worth < std::max(least, priors.beside_curve * curve_along(*member.effect, table, known)))
-      continue;
+    const char* const against =
+        probability < 0.5 ? "refused, another name is as probable"
+        : margin_over_curve(member, table, known) < priors.over_curve
+            ? "refused, a curve without a name is hardly less likely in its place"
+        : worth < least ? "refused, worth too little beside the others"
+        : worth < priors.beside_curve * curve_along(*member.effect, table, known)
+            ? "refused, worth too little beside a curve of its own channel and covariate"
+            : nullptr;
+    tell_of(member, worth, probability, against ? against : "kept");
+    if (against) continue;
     const double range_error = range_error_of(seed, {member, -1, seed.change({member})});
     costs.emplace_back(std::isfinite(range_error) ? range_error : 0.0,
                        Member{member.effect->info().id, std::min(1.0, probability),
@@ -312,6 +313,9 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   result.evidence_omitted = omitted_probability(table, known);
   const Hypothesis& best = *table.front();
   const std::vector<double> p = probabilities(table);
+  if (tells_outcomes())
+    tell(fmt::format("search: {} sets were fitted, the likeliest is {} (probability {:.2f})", table.size(),
+                     set_in_words(member_names(best.fit.model, known)), p.front()));
   result.verdict = Verdict::unexplained;
 
   Named named = named_of(rows, table, p, known, options, priors);
@@ -331,6 +335,10 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
       std::optional<Idle> idle = least_idle(rows, alone, known, refit_options, options.naming_gap_nats);
       if (!idle) break;
       const auto at = static_cast<std::ptrdiff_t>(idle->member - known);
+      if (tells_outcomes())
+        tell(fmt::format("name {}: refused, without it {:.2f} nats are lost once the curve is taken out",
+                         named.model[static_cast<std::size_t>(at)].effect->info().id,
+                         idle->without.nll - alone.nll));
       named.model.erase(named.model.begin() + at);
       named.members.erase(named.members.begin() + at);
       alone = std::move(idle->without);

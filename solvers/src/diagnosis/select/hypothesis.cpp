@@ -1,9 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/select/hypothesis.hpp"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
 namespace rangecal::diagnosis {
+
+TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known) {
+  return {member_names(h.fit.model, known),
+          h.parent,
+          h.predicted_gain,
+          h.gain,
+          h.parameter_volume,
+          h.formula_allowance,
+          h.prior_mass,
+          h.log_posterior,
+          probability,
+          h.scanned,
+          h.proposals};
+}
 
 bool is_generic(const Effect& effect) { return dynamic_cast<const GenericEffect*>(&effect) != nullptr; }
 
@@ -28,6 +44,10 @@ std::string curve_name(const std::string& channel, const std::string& covariate)
 std::string member_name(const Effect& effect) {
   const EffectInfo& info = effect.info();
   return is_generic(effect) ? curve_name(info.channel, info.covariate) : info.id;
+}
+
+std::string set_in_words(const std::vector<std::string>& members) {
+  return members.empty() ? "no cause" : fmt::format("{}", fmt::join(members, " + "));
 }
 
 std::vector<std::string> member_names(const Model& model, std::size_t known) {

@@ -28,6 +28,9 @@ struct Hypothesis {
   bool scanned = false;                       ///< what may be likelier was looked for from here
 };
 
+/// What `diagnose --trace` and a followed search say of a hypothesis.
+TriedSet tried_set(const Hypothesis& h, double probability, std::size_t known);
+
 /// True if the effect is a curve without a name.
 bool is_generic(const Effect& effect);
 
@@ -44,6 +47,9 @@ std::string curve_name(const std::string& channel, const std::string& covariate)
 
 /// A member by its id; a curve by its channel and covariate.
 std::string member_name(const Effect& effect);
+
+/// "dust + tilt"; "no cause" for none.
+std::string set_in_words(const std::vector<std::string>& members);
 
 /// The names of the members after the first `known`, sorted.
 std::vector<std::string> member_names(const Model& model, std::size_t known);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/select/set_search.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -16,6 +18,7 @@
 #include "diagnosis/select/formula_error.hpp"
 #include "diagnosis/select/linear_search.hpp"
 #include "in_parallel.hpp"
+#include "solver_log.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
@@ -42,6 +45,32 @@ constexpr double near_the_top = 15.0;
 constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
 
 using Names = std::vector<std::string>;
+
+/// "dust + tilt (+dust)": a set, and its step from another one.
+std::string step_in_words(const Names& set, const Names& from) {
+  Names steps;
+  for (const std::string& name : set)
+    if (std::find(from.begin(), from.end(), name) == from.end()) steps.push_back("+" + name);
+  for (const std::string& name : from)
+    if (std::find(set.begin(), set.end(), name) == set.end()) steps.push_back("-" + name);
+  std::string text = set_in_words(set) + " (";
+  for (const std::string& step : steps) text += (&step == &steps.front() ? "" : ", ") + step;
+  return text + (steps.empty() ? "other optima)" : ")");
+}
+
+/// A line of a set that was fitted. `before`: the log posterior of what it is compared with.
+void tell_of_fitted(const TriedSet& set, double before, const std::string& what_became_of_it) {
+  tell(fmt::format(
+      "hypothesis {}: log posterior {:.2f} -> {:.2f} (gain {:.2f}{}, volume {:.2f}, prior {:.2f}): {}",
+      step_in_words(set.members, set.parent), before, set.log_posterior, set.gain,
+      set.predicted_gain == 0.0 ? "" : fmt::format(" of {:.2f} predicted", set.predicted_gain),
+      set.parameter_volume, set.prior_mass, what_became_of_it));
+}
+
+/// A line of a set that was refused without a comparison.
+void tell_of_refused(const Names& set, const Names& from, const std::string& why) {
+  tell(fmt::format("hypothesis {}: refused, {}", step_in_words(set, from), why));
+}
 
 class SetSearch {
  public:
@@ -232,10 +261,11 @@ class SetSearch {
     in_parallel(
         open.size(),
         [&](std::size_t i) {
+          const SolverLog solves_are_parts("hypothesis");
           auto better = std::make_unique<Hypothesis>(*open[i]);
           refine(better->fit);
           better->refined = true;
-          if (weigh(*better)) made[i] = std::move(better);
+          if (!reason_against(*better)) made[i] = std::move(better);
         },
         jobs_at_once(rows_.size()));
     bool any = false;
@@ -296,6 +326,11 @@ class SetSearch {
                         set.log_posterior < own.log_posterior;
       const bool fit = likely && wanted.size() < most_of_sets && !again && !idle;
       if (likely) here.proposals.push_back({names, gain, predicted_gain, fit || known});
+      if (likely && !fit && !again && tells_outcomes())
+        tell_of_refused(
+            names, mine,
+            fmt::format("not fitted: predicted log posterior {:.2f}, {}", predicted_gain,
+                        idle ? "what it has more is not worth its prior" : "and enough sets are likelier"));
       if (fit) wanted.push_back({std::move(model), gain});
     }
     return wanted;
@@ -364,6 +399,7 @@ class SetSearch {
   }
 
   std::unique_ptr<Hypothesis> fitted(const Hypothesis& here, Wanted wanted) const {
+    const SolverLog solves_are_parts("hypothesis");
     auto made = std::make_unique<Hypothesis>();
     if (wanted.fit) {
       made->fit = std::move(*wanted.fit);
@@ -386,7 +422,11 @@ class SetSearch {
     made->parent = names_of(here);
     made->curves = here.curves;
     if (wanted.curve) made->curves.push_back(wanted.curve);
-    return made->fit.ok && weigh(*made) ? std::move(made) : nullptr;
+    const char* against = made->fit.ok ? reason_against(*made) : "its fit has no end";
+    if (against && tells_outcomes())
+      tell_of_refused(names_of(*made), made->parent,
+                      against + (made->fit.reason.empty() ? "" : ": " + made->fit.reason));
+    return against ? nullptr : std::move(made);
   }
 
   /// From where the seed model has the stops and landmarks, and likelier sets have the places and periods.
@@ -416,9 +456,9 @@ class SetSearch {
     return cells_of_parameter * of_means <= rows_.cell_count;
   }
 
-  /// The four terms of a fit's posterior; false if they are no numbers, or the set is none that these readings can tell.
-  bool weigh(Hypothesis& h) const {
-    if (!has_settings_for(h.fit)) return false;
+  /// Works out the four terms of a fit's posterior. Why the set is not compared, if it is not; else null.
+  const char* reason_against(Hypothesis& h) const {
+    if (!has_settings_for(h.fit)) return "too few settings for its parameters";
     h.gain = root_nll_ - h.fit.nll;
     const Projector projector(rows_, working_problem(rows_, h.fit.model, h.fit.state), h.fit.state);
     h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_) +
@@ -426,7 +466,27 @@ class SetSearch {
     h.formula_allowance = log_formula_allowance(rows_, projector, h.fit, known_count(), priors_);
     h.prior_mass = log_prior_mass(h.fit.model, known_count(), counts_, priors_);
     h.log_posterior = h.gain + h.parameter_volume + h.formula_allowance + h.prior_mass;
-    return std::isfinite(h.log_posterior);
+    return std::isfinite(h.log_posterior) ? nullptr : "its posterior is no number";
+  }
+
+  /// True if a fit of the set `known` is to stand in its place.
+  bool replaces(const Hypothesis& h, const Hypothesis& known) const {
+    return h.log_posterior > known.log_posterior + likelier && &known != table_.front().get();
+  }
+
+  void tell_of_kept(const Hypothesis& h, const Hypothesis* known) {
+    const TriedSet set = tried_set(h, not_known, known_count());
+    if (known) {
+      tell_of_fitted(set, known->log_posterior,
+                     replaces(h, *known) ? "kept, likelier than its last fit"
+                                         : "refused, no likelier than its last fit");
+      return;
+    }
+    const Hypothesis* parent = find(h.parent);
+    tell_of_fitted(set, parent ? parent->log_posterior : 0.0,
+                   h.log_posterior > likeliest().log_posterior
+                       ? "kept, the likeliest so far"
+                       : fmt::format("kept, below {}", set_in_words(names_of(likeliest()))));
   }
 
   /// Enters sets into the table; of one that was fitted before, the likelier fit stands.
@@ -434,12 +494,13 @@ class SetSearch {
     for (auto& h : made) {
       if (!h) continue;
       Hypothesis* known = find(names_of(*h));
+      if (tells_outcomes()) tell_of_kept(*h, known);
       if (!known) {
         table_.push_back(std::move(h));
         continue;
       }
       h->fits = ++known->fits;
-      if (h->log_posterior > known->log_posterior + likelier && known != table_.front().get()) {
+      if (replaces(*h, *known)) {
         h->proposals = std::move(known->proposals);
         *known = std::move(*h);
       }
@@ -475,7 +536,12 @@ SearchedSets searched(const Rows& rows, const Bookkeeping& known, const Diagnose
                       const Hypothesis& start = {}) {
   SearchedSets all;
   all.result = scan_seed_model(rows, known, options, all.refit_options, law);
-  if (all.result.alarm_p >= options.alarm_rate && known.model.empty()) return all;
+  if (all.result.alarm_p >= options.alarm_rate && known.model.empty()) {
+    if (tells_outcomes())
+      tell(fmt::format("search: p = {:.2g} raises no alarm at a rate of {:g}, so no cause is looked for",
+                       all.result.alarm_p, options.alarm_rate));
+    return all;
+  }
   all.root = fit_root(rows, known, all.result.baseline, all.refit_options);
   all.refit_options.settled = static_cast<int>(known.model.size());
   if (options.progress) options.progress("searching for causes", 0.3);
@@ -493,6 +559,9 @@ SearchResult search_by_sets(const Rows& rows, const Bookkeeping& known, const Di
   // The law of the noise was chosen beside no cause: another may be due beside those that were found.
   const Hypothesis& likeliest = *found.table.front();
   if (const auto law = law_beside(rows, likeliest.fit, options, found.refit_options)) {
+    if (tells_outcomes())
+      tell(fmt::format("search: once more, noise {} beside {}", to_string(*law),
+                       set_in_words(member_names(likeliest.fit.model, known.model.size()))));
     SearchedSets again = searched(rows, known, options, priors, law, likeliest);
     if (again.table.empty()) return std::move(again.result);
     if (again.log_evidence() > found.log_evidence() - law_margin) found = std::move(again);
