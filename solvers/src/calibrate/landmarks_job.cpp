@@ -102,11 +102,15 @@ std::optional<JointState> LandmarksJob::seed(int order, NoiseLaw law) const {
 }
 
 JointFit LandmarksJob::full(const JointState& start) const {
-  if (options.solver == JointSolver::block) return solve_joint_block(agreeing, start);
-  JointFit fit = solve_joint_ceres(agreeing, start);
+  const bool by_blocks = options.solver == JointSolver::block;
+  const auto solved = [&](bool blocks) {
+    return blocks ? solve_joint_block(agreeing, start) : solve_joint_ceres(agreeing, start);
+  };
+  JointFit fit = solved(by_blocks);
   if (fit.outcome != Outcome::not_converged) return fit;
-  // Sums of squares that round away what is left to gain, or a sigma that creeps to 0: exact second derivatives see both.
-  JointFit other = solve_joint_block(agreeing, start);
+  // Ceres's sums of squares may round away what is left to gain, or miss a sigma that creeps to 0; the gradient of the blocks is
+  // rounded where coordinates are far from the origin.
+  JointFit other = solved(!by_blocks);
   return other.outcome == Outcome::not_converged && !(other.joint_nll < fit.joint_nll) ? fit : other;
 }
 

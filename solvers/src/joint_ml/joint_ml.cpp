@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <cmath>
+#include <limits>
 
 #include "joint_ml/collapse.hpp"
 #include "joint_ml/newton_step.hpp"
@@ -16,6 +17,9 @@ namespace {
 // Squares of Newton's decrement [nats]: the exact Hessian serves below the first where it is positive definite, the
 // spreads are refitted in closed form after steps above the second, and a step below the third is the last.
 constexpr double exact_below = 30.0, profile_from = 0.5, last_above = 1e-6;
+/// Newton's decrement, in standard deviations, below which one that does not halve any more is rounding, as it is of coordinates far
+/// from the origin.
+constexpr double rounded_below = 1e-6;
 
 JointFit block_fit(const JointProblem& problem, const JointState& start, const JointOptions& options,
                    const SolverLog& log) {
@@ -30,7 +34,7 @@ JointFit block_fit(const JointProblem& problem, const JointState& start, const J
   fit.start_nll = fit.joint_nll = nll;
   fit.evaluations = 1;
   if (cannot_start(problem, options.held, fit)) return fit;
-  double damping = 0.0;
+  double damping = 0.0, last_norm = std::numeric_limits<double>::infinity();
   bool converged = false;
   const auto tell_step = [&](double step) {
     log.iteration(fit.iterations + 1, nll, step, fit.gradient_norm, {"lambda", damping});
@@ -55,11 +59,13 @@ JointFit block_fit(const JointProblem& problem, const JointState& start, const J
     Eigen::VectorXd stops = system.back_substitute(*globals, true);
     const double decrement_sq = -(system.global_gradient().dot(*globals) + system.stop_gradient().dot(stops));
     fit.gradient_norm = std::sqrt(std::max(0.0, decrement_sq));
-    if (fit.gradient_norm < options.gradient_tolerance && damping == 0.0) {
+    const bool rounded = fit.gradient_norm < rounded_below && fit.gradient_norm > 0.5 * last_norm;
+    if ((fit.gradient_norm < options.gradient_tolerance || rounded) && damping == 0.0) {
       tell_step(0.0);
       converged = true;
       break;
     }
+    last_norm = fit.gradient_norm;
     const double factor = limit_step(system.layout(), fit.state.noise.law, *globals);
     if (factor < 1.0) stops *= factor;
     JointState trial = step_state(problem, system.layout(), fit.state, *globals, stops);

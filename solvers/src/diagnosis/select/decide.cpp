@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "diagnosis/findings.hpp"
+#include "diagnosis/refine.hpp"
 #include "diagnosis/select/rivals.hpp"
 #include "diagnosis/signatures.hpp"
 #include "diagnosis/twins.hpp"
@@ -180,7 +181,14 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
   const bool beside_others = fit.model.size() > known + 1;
-  double least = beside_others ? priors.beside_names : 0.0;
+  double strongest = 0.0;  // the most that a formula for means is worth
+  for (std::size_t i = known; i < fit.model.size(); ++i) {
+    const Effect& effect = *fit.model[i].effect;
+    const double worth = worth_of(fit.model[i], table, known);
+    if (effect.info().kind == EffectKind::mean && !is_generic(effect) && std::isfinite(worth))
+      strongest = std::max(strongest, worth);
+  }
+  double least = beside_others ? std::max(priors.beside_names, priors.formula_leaves * strongest) : 0.0;
   if (has_generic(fit.model)) least = std::max(least, options.naming_gap_nats);
   const auto tell_of = [](const ActiveEffect& member, double worth, double probability, const char* how) {
     if (tells_outcomes())
@@ -195,12 +203,13 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
     if (is_generic(*member.effect)) continue;
     const double worth = worth_of(member, table, known);
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
+    const double share = has_many_optima(*member.effect) ? priors.beside_curve_chosen : priors.beside_curve;
     const char* const against =
         probability < 0.5 ? "refused, another name is as probable"
         : margin_over_curve(member, table, known) < priors.over_curve
             ? "refused, a curve without a name is hardly less likely in its place"
         : worth < least ? "refused, worth too little beside the others"
-        : worth < priors.beside_curve * curve_along(*member.effect, table, known)
+        : worth < share * curve_along(*member.effect, table, known)
             ? "refused, worth too little beside a curve of its own channel and covariate"
             : nullptr;
     tell_of(member, worth, probability, against ? against : "kept");

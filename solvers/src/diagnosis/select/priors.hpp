@@ -13,10 +13,14 @@ struct SelectionPriors {
   /// be much larger than is usual.
   double size_dof = 2.0;
   /// Of what a curve without a name explains [nats]: a name in its channel and along its covariate that explains less may be what
-  /// its shape leaves of an unknown cause, and is not given.
-  double beside_curve = 0.25;
+  /// its shape leaves of an unknown cause, and is not given. One that chooses its shape (a place, a period) fits edges of
+  /// whatever is unknown.
+  double beside_curve = 0.25, beside_curve_chosen = 10.0;
   /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve in its place.
   double beside_names = 3.0, over_curve = 1.5;
+  /// The same of what the strongest of them is worth: a formula that is a tenth off leaves a hundredth of its own worth to others,
+  /// whatever the shape.
+  double formula_leaves = 0.01;
   /// Probability that the formulas of names are not exact, and by how much of the change that an effect makes its shape is off
   /// then (RMS).
   double formula_is_off = 0.2, formula_error = 0.1;

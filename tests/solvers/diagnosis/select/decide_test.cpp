@@ -111,19 +111,47 @@ TEST_F(Decide, WhatIsWorthLittleBesideACurveHasNoName) {
   EXPECT_EQ(decided().verdict, Verdict::unexplained);
 }
 
-TEST_F(Decide, ANameStaysBesideACurveOfAnotherPlaceIfItIsWorthAQuarterOfIt) {
+TEST_F(Decide, ANameStaysBesideACurveOfAnotherPlaceIfItIsWorthThreeNats) {
   look_at(with_causes());
   const ActiveEffect along_range = curve(CurveChannel::range, "range", "range");
-  for (const double worth : {20.0, 30.0}) {
+  for (const double worth : {2.0, 4.0}) {
     add({name("settling"), along_range}, 100.0);
     add({along_range}, 100.0 - worth);
     add({name("settling")}, 0.0);  // the curve is worth 100 nats
     const SearchResult result = decided();
-    if (worth < 25.0)
+    if (worth < 3.0)
       EXPECT_EQ(result.verdict, Verdict::unexplained);
     else
       EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
   }
+}
+
+TEST_F(Decide, ANameThatACurveMayReplaceIsNotGiven) {
+  look_at(with_causes());
+  const ActiveEffect along_repeat = curve(CurveChannel::range, "range", "repeat");
+  for (const double margin : {1.0, 2.0}) {
+    add({name("beam_offset"), name("settling")}, 100.0);
+    add({name("beam_offset"), along_repeat}, 100.0 - margin);
+    add({name("beam_offset")}, 50.0);
+    add({name("settling")}, 50.0);
+    const std::vector<std::string> names = names_of(decided());
+    EXPECT_EQ(names.size(), margin < 1.5 ? 1u : 2u);
+    EXPECT_EQ(std::count(names.begin(), names.end(), "beam_offset"), 1);
+  }
+}
+
+TEST_F(Decide, NamesThatFitAsWellBesideTheSameCurveAreRivals) {
+  look_at(with_causes());
+  const ActiveEffect along_time = curve(CurveChannel::range, "range", "time"),
+                     along_stop = curve(CurveChannel::range, "range", "stop");
+  add({name("settling"), along_time}, 100.0);
+  add({name("beam_offset"), along_time}, 99.8);
+  add({name("lever_arm"), along_stop}, 99.7);  // beside another curve: another answer
+  add({along_time}, 50.0);
+  const SearchResult result = decided();
+  EXPECT_EQ(names_of(result), std::vector<std::string>{"settling"});
+  ASSERT_EQ(result.rivals.size(), 1u);
+  EXPECT_EQ(ids_of(result.rivals[0].fit.model), std::vector<std::string>{"beam_offset"});
 }
 
 TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
@@ -135,35 +163,23 @@ TEST_F(Decide, ANameThatIsWorthNothingWithoutTheCurveBesideItIsNotGiven) {
   EXPECT_EQ(decided().verdict, Verdict::unexplained);
 }
 
-TEST_F(Decide, AFormulaThatItsOwnCurveImprovesByMoreThanATenthIsAnotherCauses) {
+TEST_F(Decide, ANameIsWorthAQuarterOfACurveInItsPlaceAndTenTimesAsMuchIfItChoosesItsShape) {
   look_at(with_causes());
-  const ActiveEffect along_range = curve(CurveChannel::bearing, "bearing", "range");
-  for (const double improved : {5.0, 20.0}) {
-    add({name("beam_offset"), along_range}, 100.0);  // of the bearing along 1/d, a function of the distance
-    add({along_range}, 0.0);
-    add({name("beam_offset")}, 100.0 - improved);
-    const SearchResult result = decided();
-    if (improved > 10.0)
-      EXPECT_EQ(result.verdict, Verdict::unexplained);
-    else
-      EXPECT_EQ(names_of(result), std::vector<std::string>{"beam_offset"});
-  }
-}
-
-TEST_F(Decide, CurvesThatAreLikelierByAFiftiethDescribeTheFormulasError) {
-  look_at(with_causes());
-  const ActiveEffect along_range = curve(CurveChannel::bearing, "bearing", "range");
-  for (const double gain : {300.0, 500.0}) {  // a fiftieth of which is 6 and 10: 8 are between
-    add({along_range}, 100.0);
-    add({name("beam_offset")}, 92.0);
-    table_.back()->gain = gain;
-    add({}, 0.0);
-    const SearchResult result = decided();
-    if (gain > 400.0)
-      EXPECT_EQ(names_of(result), std::vector<std::string>{"beam_offset"});
-    else
-      EXPECT_EQ(result.verdict, Verdict::unexplained);
-  }
+  const auto decided_for = [&](const ActiveEffect& given, const ActiveEffect& along, double worth,
+                               double of_curve) {
+    add({given, along}, 200.0);
+    add({along}, 200.0 - worth);
+    add({given}, 200.0 - of_curve);
+    return decided();
+  };
+  // beam_offset acts on the bearing along 1/d, a function of the distance; settling on it along the repeat, by a time constant.
+  const ActiveEffect bearing = curve(CurveChannel::bearing, "bearing", "range"),
+                     repeat = curve(CurveChannel::bearing, "bearing", "repeat");
+  EXPECT_EQ(names_of(decided_for(name("beam_offset"), bearing, 30.0, 100.0)),
+            std::vector<std::string>{"beam_offset"});
+  EXPECT_EQ(decided_for(name("beam_offset"), bearing, 20.0, 100.0).verdict, Verdict::unexplained);
+  EXPECT_EQ(names_of(decided_for(name("settling"), repeat, 60.0, 5.0)), std::vector<std::string>{"settling"});
+  EXPECT_EQ(decided_for(name("settling"), repeat, 40.0, 5.0).verdict, Verdict::unexplained);
 }
 
 TEST_F(Decide, ANameBesideAStrongOneIsWorthAHundredthOfItOrNotGiven) {

@@ -14,14 +14,22 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Readings of a camera that ranges by depth, d cos b, in which that change is `off` of itself too large or small along b.
+/// Readings with a normal error of 5 mm of a camera that ranges by depth, d cos b, in which that change is `off` of itself too
+/// large or small along b.
 testing::SeedFit camera(double off, const std::string& name) {
   Recording recording = testing::depth_camera(400, 0.0, 0.0, name);
+  Random random(seed_from(name, {2}));
   for (std::size_t i = 0; i < recording.pairs.true_m.size(); ++i) {
     const double d = recording.pairs.true_m[i], b = recording.pairs.bearing_rad[i];
-    recording.pairs.reading_m[i] -= off * std::sin(6.0 * b) * d * (1.0 - std::cos(b));
+    recording.pairs.reading_m[i] =
+        d - d * (1.0 - std::cos(b)) * (1.0 + off * std::sin(3.0 * b)) + random.normal(0.0, 0.005);
   }
-  return testing::SeedFit(recording);
+  testing::SeedFit seed(recording);
+  // Spreads that do not depend on the curve tell nothing of it.
+  const double f = 3.0,
+               spread = seed.fit.state.noise.parameters[0] * std::pow(f, seed.fit.state.noise.power_of_f());
+  seed.fit.state.noise = {NoiseLaw::constant, Eigen::VectorXd::Constant(1, spread)};
+  return seed;
 }
 
 struct Fitted {

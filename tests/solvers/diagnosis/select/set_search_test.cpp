@@ -45,7 +45,8 @@ TEST(SetSearch, NamesThreeCausesAndTracesHow) {
   for (std::size_t i = 0; i < answer.tried.size(); ++i) {
     const TriedSet& set = answer.tried[i];
     total += set.probability;
-    EXPECT_NEAR(set.log_posterior, set.gain + set.parameter_volume + set.formula_allowance + set.prior_mass, 1e-9);
+    EXPECT_NEAR(set.log_posterior, set.gain + set.parameter_volume + set.formula_allowance + set.prior_mass,
+                1e-9);
     if (i > 0) {
       EXPECT_LE(set.log_posterior, answer.tried[i - 1].log_posterior);
       EXPECT_NE(set.members, answer.tried[i - 1].members) << "no set twice";
