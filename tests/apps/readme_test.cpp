@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Runs what the README shows: every line "$ COMMAND" of a fenced `console` block, in order, in one folder that has the
+// Runs what the README and docs/first-steps.md show: every line "$ COMMAND" of a fenced `console` block, in order, in one folder that has the
 // shipped data beside it. What stands below a command is what it prints; every block ends in a command that holds something
 // against what was printed or written.
 #include <gtest/gtest.h>
@@ -86,17 +86,18 @@ TEST(Readme, FindsCommandsOfConsoleBlocksOnly) {
   EXPECT_FALSE(same_output("500 read\n", "500 used\n"));
 }
 
-TEST(Readme, CommandsRun) {
+/// Runs what a page shows, in one folder.
+void run_what_is_shown(const std::string& page, std::size_t least) {
   const TemporaryFolder folder;
   const std::filesystem::path root = RANGECAL_SOURCE_DIR;
   std::filesystem::create_directory_symlink(root / "notebooks_data", folder.file("notebooks_data"));
-  const auto blocks = blocks_of(slurp((root / "README.md").string()));
-  EXPECT_GE(blocks.size(), 4u) << "README.md shows hardly a command";
+  const auto blocks = blocks_of(slurp((root / page).string()));
+  EXPECT_GE(blocks.size(), least) << page << " shows hardly a command";
   const std::string directory = std::filesystem::path(RANGECAL_BINARY).parent_path().string();
   for (const std::vector<Shown>& block : blocks) {
     ASSERT_FALSE(block.empty());
     EXPECT_TRUE(asserts(block.back().command))
-        << "README.md:" << block.back().line << ": the block asserts nothing";
+        << page << ":" << block.back().line << ": the block asserts nothing";
     for (const Shown& example : block) {
       // the exit code of a pipeline is that of rangecal; a reader that stops early ends it by SIGPIPE, 141
       folder.write("script", "set -o pipefail\ncd '" + folder.path() + "' || exit 99\nPATH='" + directory +
@@ -106,18 +107,22 @@ TEST(Readme, CommandsRun) {
                                          .c_str());
       const int code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
       EXPECT_TRUE(code == 0 || (code == 141 && example.command.find(" | ") != std::string::npos))
-          << "README.md:" << example.line << ": " << example.command << "\nexit code " << code << "\n"
+          << page << ":" << example.line << ": " << example.command << "\nexit code " << code << "\n"
           << slurp(folder.file("shown.err"));
       const bool silent = asserts(example.command) || example.command.find(" > ") != std::string::npos;
       EXPECT_FALSE(!silent && slurp(folder.file("shown.out")).empty())
-          << "README.md:" << example.line << ": " << example.command << " prints nothing";
+          << page << ":" << example.line << ": " << example.command << " prints nothing";
       const std::string out = slurp(folder.file("shown.out"));
       EXPECT_TRUE(example.output.empty() || same_output(out, example.output))
-          << "README.md:" << example.line << ": " << example.command << " prints\n"
+          << page << ":" << example.line << ": " << example.command << " prints\n"
           << out;
     }
   }
 }
+
+TEST(Readme, CommandsRun) { run_what_is_shown("README.md", 2); }
+
+TEST(Readme, CommandsOfTheFirstStepsRun) { run_what_is_shown("docs/first-steps.md", 4); }
 
 }  // namespace
 }  // namespace rangecal::test
