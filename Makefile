@@ -147,6 +147,17 @@ gallery: build
 	$(BUILD)/report/rangecal_gallery build/gallery
 	node docs/make_gallery.mjs build/gallery $(BUILD)/report/web/node_modules report/page/page.css docs
 
+# The picture of README.md: residuals of one recording with several causes in it, before and after.
+.PHONY: picture release-check
+picture: build
+	$(BUILD)/apps/rangecal simulate notebooks_data/scenes/several-causes.yaml -o build/several --seed 5
+	$(BUILD)/apps/rangecal diagnose build/several --report build/several.html
+	node docs/make_picture.mjs build/several.html $(BUILD)/report/web/node_modules report/page/page.css 1 2 > docs/images/diagnosis.svg
+
+# Before a release: no printed table may be older than the sources that it depends on.
+release-check:
+	python3 benchmarks/stale.py --check
+
 # docs/reliability.md: ten thousand hard problems (a run that was stopped goes on), ten thousand worlds of the intervals, and
 # the diagnosis's p-values on clean worlds.
 .PHONY: hard-problems coverage-study p-value-study

@@ -5,22 +5,12 @@
 import fs from "node:fs";
 import path from "node:path";
 import { createHash } from "node:crypto";
-import { createRequire } from "node:module";
-import { pathToFileURL } from "node:url";
+import { painter } from "./vega.mjs";
 
 const [specimens, modules, css, folder] = process.argv.slice(2);
-const resolve = createRequire(pathToFileURL(path.join(path.resolve(modules), "index.js"))).resolve;
-const load = async (name) => {
-  const own = JSON.parse(fs.readFileSync(path.join(modules, name, "package.json")));
-  const entry = typeof own.exports?.["."] === "string" ? own.exports["."] : own.exports?.["."]?.default ?? own.module ?? own.main;
-  return import(pathToFileURL(typeof entry === "string" ? path.join(path.resolve(modules), name, entry) : resolve(name)).href);
-};
-const vega = await load("vega");
-const lite = await load("vega-lite");
+const draw = await painter(modules, css);
 
 const mostPoints = 150;
-const palette = Object.fromEntries([...fs.readFileSync(css, "utf8").split("}")[0].matchAll(/--([a-z]+):\s*(#[0-9a-f]+)/g)].map((m) => [m[1], m[2]]));
-const coloured = (text) => text.replaceAll(/var\(--([a-z]+)\)/g, (_, name) => palette[name]);
 /// One reading of each (stop, landmark), another repeat each time; of more than can be drawn, an even choice.
 const thinned = (name, rows) => {
   if (!name.includes("-points") || rows.length <= mostPoints || "moved" in rows[0] || "normal" in rows[0]) return rows;
@@ -34,25 +24,17 @@ const thinned = (name, rows) => {
   return Array.from({ length: mostPoints }, (_, i) => chosen[Math.floor((i + 0.5) * chosen.length / mostPoints)]);
 };
 
-/// Numbers of geometry to a tenth of a pixel; texts stay as they are.
-const rounded = (svg) => svg.replaceAll(/ (d|transform|x|y|x1|x2|y1|y2|width|height)="([^"]*)"/g,
-  (_, name, value) => ` ${name}="${value.replaceAll(/(\d+\.\d)\d+/g, "$1")}"`);
-
 async function drawn(page, id) {
   const chart = page.charts[id];
   const datasets = Object.fromEntries(chart.datasets.map((name) => [name, thinned(name, page.datasets[name])]));
   const spec = { ...chart.spec, width: 420, height: 200, autosize: { type: "fit", contains: "padding" }, datasets };
-  const config = { ...page.config, background: "#ffffff", aria: false, font: "sans-serif" };
-  vega.resetSVGDefIds();  // names of clipping paths do not depend on what was drawn before
-  const view = new vega.View(vega.parse(lite.compile(spec, { config }).spec), { renderer: "none" });
-  const svg = await view.toSVG();
-  return rounded(coloured(svg)).replaceAll(/ aria-[a-z]+="[^"]*"| role="[^"]*"| pointer-events="[^"]*"| class="[^"]*"/g, "") + "\n";
+  return await draw(spec, page.config) + "\n";
 }
 
 /// What the pictures are drawn by: this script and the report's specifications and colours.
 const digest = createHash("sha256");
 const specs = path.join(path.dirname(css), "..", "specs");
-for (const file of [process.argv[1], css, path.join(path.dirname(css), "config.json"),
+for (const file of [process.argv[1], path.join(path.dirname(process.argv[1]), "vega.mjs"), css, path.join(path.dirname(css), "config.json"),
   ...fs.readdirSync(specs).sort().map((f) => path.join(specs, f))]) digest.update(fs.readFileSync(file));
 const inputs = digest.digest("hex").slice(0, 16);
 

@@ -4,22 +4,12 @@
 //   node docs/make_picture.mjs PAGE.html build/release/report/web/node_modules report/page/page.css FINDING... > docs/images/diagnosis.svg
 // by the page's own specifications, in its light colours, on white; FINDING: their numbers on the page.
 import fs from "node:fs";
-import path from "node:path";
-import { createRequire } from "node:module";
-import { pathToFileURL } from "node:url";
+import { painter } from "./vega.mjs";
 
 const [html, modules, css, ...findings] = process.argv.slice(2);
-const resolve = createRequire(pathToFileURL(path.join(path.resolve(modules), "index.js"))).resolve;
-const load = async (name) => {
-  const own = JSON.parse(fs.readFileSync(path.join(modules, name, "package.json")));
-  const entry = typeof own.exports?.["."] === "string" ? own.exports["."] : own.exports?.["."]?.default ?? own.module ?? own.main;
-  return import(pathToFileURL(typeof entry === "string" ? path.join(path.resolve(modules), name, entry) : resolve(name)).href);
-};
-const vega = await load("vega");
-const lite = await load("vega-lite");
+const draw = await painter(modules, css);
 
 const width = 380, height = 150, head = 22, mostPoints = 300;
-const palette = Object.fromEntries([...fs.readFileSync(css, "utf8").split("}")[0].matchAll(/--([a-z]+):\s*(#[0-9a-f]+)/g)].map((m) => [m[1], m[2]]));
 const text = fs.readFileSync(html, "utf8").match(/<script type="application\/json" id="report-data">([\s\S]*?)<\/script>/)[1];
 const page = JSON.parse(text);
 
@@ -29,13 +19,7 @@ async function drawn(id) {
     : Array.from({ length: mostPoints }, (_, i) => rows[Math.floor((i + 0.5) * rows.length / mostPoints)]);
   const datasets = Object.fromEntries(chart.datasets.map((name) => [name, name.includes("points") ? thinned(page.datasets[name]) : page.datasets[name]]));
   const spec = { ...chart.spec, width, height, datasets };
-  const config = { ...page.config, background: "#ffffff", aria: false, font: "sans-serif" };
-  vega.resetSVGDefIds();
-  const view = new vega.View(vega.parse(lite.compile(spec, { config }).spec), { renderer: "none" });
-  return (await view.toSVG())
-    .replaceAll(/var\(--([a-z]+)\)/g, (_, name) => palette[name])
-    .replaceAll(/ aria-[a-z]+="[^"]*"| role="[^"]*"| pointer-events="[^"]*"| class="[^"]*"/g, "")
-    .replaceAll(/ (d|transform|x|y|x1|x2|y1|y2)="([^"]*)"/g, (_, name, value) => ` ${name}="${value.replaceAll(/(\d+\.\d)\d+/g, "$1")}"`);
+  return draw(spec, page.config);
 }
 
 const panels = [];
