@@ -16,6 +16,14 @@
 namespace rangecal {
 namespace {
 
+/// "a", "a and b", "a, b and c".
+std::string listed(std::vector<std::string> ids) {
+  if (ids.size() < 3) return ids_in_words(ids, " and ");
+  const std::string last = id_in_words(ids.back());
+  ids.pop_back();
+  return ids_in_words(ids, ", ") + " and " + last;
+}
+
 bool ends_with(const std::string& text, const char* end) {
   return text.size() >= std::strlen(end) &&
          text.compare(text.size() - std::strlen(end), std::string::npos, end) == 0;
@@ -103,7 +111,7 @@ std::string partly_explained(const Diagnosis& d) {
   std::vector<std::string> named;
   for (const std::string& id : d.final_effects)
     if (id != "generic") named.push_back(id);
-  std::string text = "In part explained by " + ids_in_words(named, " and ");
+  std::string text = "In part explained by " + listed(named);
   const std::vector<const Finding*> findings = named_findings(d);
   if (named.size() == 1 && findings.size() == 1) text += ", " + size_in_words(*findings[0]);
   const auto left = std::find_if(d.location.begin(), d.location.end(), [](const Finding& f) {
@@ -126,7 +134,7 @@ std::string verdict_sentence(const Diagnosis& d) {
                                 1e3 * worst.harm_m, worst.harm_m < 0.01 ? 1 : 0);
     }
     case Verdict::explained: {
-      std::string text = "Explained by " + ids_in_words(d.final_effects, " and ");
+      std::string text = "Explained by " + listed(d.final_effects);
       if (const auto findings = named_findings(d); !findings.empty())
         text += ", " + size_in_words(*findings[0]);
       if (d.final_effects.size() == 1) {
@@ -135,8 +143,7 @@ std::string verdict_sentence(const Diagnosis& d) {
       }
       if (!d.explanations.empty() && !d.explanations[0].indistinguishable_from.empty()) {
         std::vector<std::string> others;
-        for (const auto& set : d.explanations[0].indistinguishable_from)
-          others.push_back(ids_in_words(set, " and "));
+        for (const auto& set : d.explanations[0].indistinguishable_from) others.push_back(listed(set));
         text += fmt::format(" (or {}: this recording cannot tell)", fmt::join(others, ", or "));
       }
       return text + ".";
