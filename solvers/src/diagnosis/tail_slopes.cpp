@@ -49,7 +49,7 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
     const TailLaw& law = laws.of(row);
     if (law.empty()) continue;
     TailLaw::Slopes in;
-    const double error = working.range_with_tail(i) - geometry.f[cell],
+    const double error = working.range_of_tail(i) - geometry.f[cell],
                  spread = geometry.spread[cell] * std::exp(0.5 * working.range_log_variance[i] + log_level);
     const LogDensity at = law.density(error, spread, &in);
     if (of_log_spread) {
@@ -140,7 +140,7 @@ class TailsAtErrors {
   std::pair<double, double> error_of(Eigen::Index i, double log_level) const {
     const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
     const double level = working_.range_log_variance.size() > 0 ? 0.5 * working_.range_log_variance[i] : 0.0;
-    return {working_.range_with_tail(i) - geometry_.f[cell],
+    return {working_.range_of_tail(i) - geometry_.f[cell],
             geometry_.spread[cell] * std::exp(level + log_level)};
   }
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -62,6 +64,76 @@ void set_weight(const CellsAndRows& parts, int cell, double ratio, double extra_
   weight = parts.weights[cell] / (1.0 + shared);
   mean_square = (parts.deviations.segment(begin, count).squaredNorm() + extra_square) / weight;
   constant += 0.5 * std::log1p(shared);
+}
+
+/// The likeliest shared error c of a cell [m] whose readings' other errors e_i - c follow laws with tails, c ~ N(0, sigma^2):
+///
+///   c = sum_i w_i (e_i - a_i s_i) / s_i^2  /  (sum_i w_i / s_i^2 + 1 / sigma^2)
+///
+/// w_i, a_i weight and shift of the Gaussian that stands for the law at e_i - c, again until c stays; from the median.
+double likeliest_shared_error(std::vector<double> errors, const std::vector<double>& spreads, double sigma,
+                              const std::function<LogDensity(std::size_t, double)>& law) {
+  constexpr int most = 30;
+  double c = upper_median(errors);
+  for (int iteration = 0; iteration < most; ++iteration) {
+    double pull = 0.0, information = 1.0 / (sigma * sigma);
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+      const LogDensity at = law(i, errors[i] - c);
+      const double precision = at.weight / (spreads[i] * spreads[i]);
+      pull += precision * (errors[i] - at.shift * spreads[i]);
+      information += precision;
+    }
+    const double before = std::exchange(c, pull / information);
+    if (!(std::abs(c - before) > 1e-6 * spreads[0])) break;
+  }
+  return c;
+}
+
+/// The Gaussian that stands for the law of every row's error at its residual (expectation and maximisation): shifts `range` and divides the
+/// variance by its weight.
+void add_tails(const Rows& rows, const CellGeometry& geometry, const Model& model, const RowChanges& changes,
+               double cell_sigma_m, Eigen::ArrayXd& range_m, WorkingProblem& working) {
+  TailLaws laws(rows, geometry, model);
+  const Eigen::Index n = working.range.size();
+  if (cell_sigma_m > 0.0) {
+    working.tail_centre.setZero(n);
+    for (int c = 0; c < rows.cell_count; ++c) {
+      const auto cell = static_cast<std::size_t>(c);
+      const int begin = rows.cell_begin[cell], count = rows.cell_begin[cell + 1] - begin;
+      std::vector<double> errors, spreads;
+      std::vector<TailLaw> of_rows;
+      for (int i = begin; i < begin + count; ++i) {
+        errors.push_back(working.range[i] - geometry.f[cell]);
+        spreads.push_back(geometry.spread[cell] * std::sqrt(range_m[i]));
+        of_rows.push_back(laws.of(static_cast<std::size_t>(i)));
+      }
+      const auto law = [&](std::size_t i, double error) {
+        return of_rows[i].empty() ? LogDensity{} : of_rows[i].density(error, spreads[i]);
+      };
+      working.tail_centre.segment(begin, count)
+          .setConstant(likeliest_shared_error(errors, spreads, cell_sigma_m, law));
+    }
+  }
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const TailLaw& tails = laws.of(static_cast<std::size_t>(i));
+    if (tails.empty()) continue;
+    const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(i)]);
+    const double spread = geometry.spread[cell] * std::sqrt(range_m[i]),
+                 error = working.range_of_tail(i) - geometry.f[cell];
+    const LogDensity at = tails.density(error, spread);
+    const double off = error / spread - at.shift;
+    working.constant += 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
+                        0.5 * (at.weight * off * off + at.extra_square);
+    if (working.tail_shift.size() == 0) {
+      working.tail_shift.setZero(n);
+      working.tail_square.setZero(n);
+      working.range_log_variance = changes.range_log_variance;
+    }
+    working.range[i] -= at.shift * spread;
+    range_m[i] /= at.weight;
+    working.tail_shift[i] = at.shift * spread;
+    working.tail_square[i] = at.extra_square;
+  }
 }
 
 /// Readings whose variances are m times the spread's squares.
@@ -148,10 +220,9 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
   // m of every row: what the effects do to its variance, and the weight of a tail at its residual.
   Eigen::ArrayXd range_m = changes.range_log_variance.array().exp(),
                  bearing_m = changes.bearing_log_variance.array().exp();
-  TailLaws laws(rows, geometry, model);
   for (Eigen::Index i = 0; i < n; ++i) {
     const int cell = rows.cell[i];
-    const double f = geometry.f[cell], s = geometry.spread[cell];
+    const double f = geometry.f[cell];
     double& range = working.range[i];
     range -= changes.range[i];
     if (reciprocal && range > 0.0) {  // 1/y ~ N(1/f, (s/f^2)^2): f^2 (1/f - 1/y) has spread s, dx = dy / y^2
@@ -160,24 +231,11 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     }
     if (!rows.pairs)
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
-    const TailLaw& tails = laws.of(static_cast<std::size_t>(i));
-    if (tails.empty()) continue;
-    const double spread = s * std::sqrt(range_m[i]);
-    // The Gaussian that stands for the law at this residual (expectation and maximisation).
-    const LogDensity at = tails.density(range - f, spread);
-    const double off = (range - f) / spread - at.shift;
-    working.constant += 0.5 * std::log(at.weight) - half_log_two_pi - at.value -
-                        0.5 * (at.weight * off * off + at.extra_square);
-    range -= at.shift * spread;
-    range_m[i] /= at.weight;
-    if (working.tail_shift.size() == 0) {
-      working.tail_shift.setZero(n);
-      working.tail_square.setZero(n);
-      working.range_log_variance = changes.range_log_variance;
-    }
-    working.tail_shift[i] = at.shift * spread;
-    working.tail_square[i] = at.extra_square;
   }
+  const bool has_tails = std::any_of(model.begin(), model.end(), [](const ActiveEffect& active) {
+    return active.effect->info().kind == EffectKind::tail;
+  });
+  if (has_tails) add_tails(rows, geometry, model, changes, dependence.range_cell_sigma_m, range_m, working);
   if (rows.sequence.empty()) {
     working.range_whitening = whitening_of(range_m, dependence.range_correlation);
   } else {

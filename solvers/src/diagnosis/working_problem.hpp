@@ -21,9 +21,15 @@ struct WorkingProblem {
   Eigen::VectorXd tail_shift, tail_square;
   /// What effects add to ln s^2 of the range of a row that has a tail; empty without tails.
   Eigen::VectorXd range_log_variance;
+  /// The likeliest error that a row's cell shares, beside tails [m]; empty: repeats share none.
+  Eigen::VectorXd tail_centre;
   /// `range` of a row with what a tail added to it [m].
   double range_with_tail(Eigen::Index row) const {
     return tail_shift.size() > 0 ? range[row] + tail_shift[row] : range[row];
+  }
+  /// That less what its cell shares [m], whose error the law of the tail is of.
+  double range_of_tail(Eigen::Index row) const {
+    return range_with_tail(row) - (tail_centre.size() > 0 ? tail_centre[row] : 0.0);
   }
   Whitening range_whitening, bearing_whitening;
   SerialErrors serial;  ///< of readings in a sequence: how their errors, as weighted, depend on one another

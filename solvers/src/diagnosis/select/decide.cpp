@@ -90,30 +90,39 @@ double worth_of(const ActiveEffect& member, const Hypotheses& table, std::size_t
   return std::numeric_limits<double>::infinity();
 }
 
-/// Nats by which the likeliest set is likelier than the likeliest that has a curve, whichever, in place of one of its names.
-double margin_over_curve(const ActiveEffect& name, const Hypotheses& table, std::size_t known) {
-  std::vector<std::string> rest = member_names(without_curves(table.front()->fit.model), known);
-  std::erase(rest, member_name(*name.effect));
-  for (const auto& h : table)  // the likeliest first
-    if (has_generic(h->fit.model) && member_names(without_curves(h->fit.model), known) == rest)
-      return table.front()->log_posterior - h->log_posterior;
-  return std::numeric_limits<double>::infinity();
-}
-
 /// The covariate of a curve; of those that are functions of one another, one for all.
 std::string along(const EffectInfo& info) {
   if (info.covariate == "disparity") return "range";
   return info.covariate == "stop" ? "time" : info.covariate;
 }
 
-/// What a curve in a name's own channel and along its covariate is worth [nats], in the likeliest set; 0 without one.
+/// True if a member is a curve in a name's own channel and along its covariate.
+bool is_curve_along(const ActiveEffect& member, const EffectInfo& name) {
+  const EffectInfo& info = member.effect->info();
+  return is_generic(*member.effect) && info.channel == name.channel && along(info) == along(name);
+}
+
+/// What such a curve is worth [nats], in the likeliest set; 0 without one.
 double curve_along(const Effect& name, const Hypotheses& table, std::size_t known) {
-  const EffectInfo& own = name.info();
   for (const ActiveEffect& a : table.front()->fit.model)
-    if (const EffectInfo& info = a.effect->info();
-        is_generic(*a.effect) && info.channel == own.channel && along(info) == along(own))
-      return worth_of(a, table, known);
+    if (is_curve_along(a, name.info())) return worth_of(a, table, known);
   return 0.0;
+}
+
+/// Nats by which the likeliest set is likelier than the likeliest that has a curve of another place where it has one of its names: one
+/// of the same place says the same of it, and the priors decide.
+double margin_over_curve(const ActiveEffect& name, const Hypotheses& table, std::size_t known) {
+  std::vector<std::string> rest = member_names(without_curves(table.front()->fit.model), known);
+  std::erase(rest, member_name(*name.effect));
+  for (const auto& h : table) {  // the likeliest first
+    const Model& model = h->fit.model;
+    const bool of_its_place = std::any_of(model.begin(), model.end(), [&](const ActiveEffect& member) {
+      return is_curve_along(member, name.effect->info());
+    });
+    if (has_generic(model) && !of_its_place && member_names(without_curves(model), known) == rest)
+      return table.front()->log_posterior - h->log_posterior;
+  }
+  return std::numeric_limits<double>::infinity();
 }
 
 /// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.

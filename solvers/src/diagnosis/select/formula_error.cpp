@@ -17,6 +17,15 @@ namespace {
 
 constexpr int orders = 3;  ///< of Legendre polynomials, and harmonics of an angle
 
+/// True of a name that changes means by a formula of one shape. One that chooses a landmark, a stop or a distance takes the shape of much
+/// that it is not, and one that is free in its shape has no error of it.
+bool has_a_formula(const Effect& effect) {
+  const EffectInfo& info = effect.info();
+  return info.kind == EffectKind::mean && !is_generic(effect) &&
+         std::none_of(info.parameters.begin(), info.parameters.end(),
+                      [](const EffectParameter& parameter) { return parameter.discrete; });
+}
+
 /// g_j at every reading, by columns; none where the covariate is the same for all.
 Eigen::MatrixXd shapes_along_covariate(const Rows& rows, const CellGeometry& geometry,
                                        const EffectInfo& info) {
@@ -94,7 +103,7 @@ double log_formula_allowance(const Rows& rows, const Projector& projector, const
   const auto k = static_cast<Eigen::Index>(signatures.size());
   std::vector<double> variances;
   for (std::size_t e = known; e < fit.model.size(); ++e)
-    if (fit.model[e].effect->info().kind == EffectKind::mean && !is_generic(*fit.model[e].effect))
+    if (has_a_formula(*fit.model[e].effect))
       add_changes_of_shape(rows, projector, fit.model[e], signatures, variances, priors.formula_error);
   const auto m = static_cast<Eigen::Index>(variances.size());
   if (m == 0) return 0.0;

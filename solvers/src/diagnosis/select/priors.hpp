@@ -16,7 +16,8 @@ struct SelectionPriors {
   /// its shape leaves of an unknown cause, and is not given. One that chooses its shape (a place, a period) fits edges of
   /// whatever is unknown.
   double beside_curve = 0.25, beside_curve_chosen = 10.0;
-  /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve in its place.
+  /// Nats that a name beside other names is worth at least, and by which it is likelier than a curve
+  /// of another place instead.
   double beside_names = 3.0, over_curve = 1.5;
   /// The same of what the strongest of them is worth: a formula that is a tenth off leaves a hundredth of its own worth to others,
   /// whatever the shape.

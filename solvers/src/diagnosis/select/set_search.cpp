@@ -456,9 +456,20 @@ class SetSearch {
     return cells_of_parameter * of_means <= rows_.cell_count;
   }
 
+  /// True of tails beside a correlation of the repeats: weighted by a tail, residuals are no normal errors any more, and the correlation
+  /// gains the more the less the outliers weigh.
+  bool mixes_tails_and_repeats(const Model& model) const {
+    return rows_.sequence.empty() && dependence_of(model).range_correlation != 0.0 &&
+           std::any_of(model.begin(), model.end(), [](const ActiveEffect& active) {
+             return active.effect->info().kind == EffectKind::tail;
+           });
+  }
+
   /// Works out the four terms of a fit's posterior. Why the set is not compared, if it is not; else null.
   const char* reason_against(Hypothesis& h) const {
     if (!has_settings_for(h.fit)) return "too few settings for its parameters";
+    if (mixes_tails_and_repeats(h.fit.model))
+      return "tails beside repeats that hang together have no likelihood";
     h.gain = root_nll_ - h.fit.nll;
     const Projector projector(rows_, working_problem(rows_, h.fit.model, h.fit.state), h.fit.state);
     h.parameter_volume = log_parameter_volume(rows_, h.fit, known_count(), options_, priors_) +
