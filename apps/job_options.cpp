@@ -64,7 +64,9 @@ void JobOptions::add_to(CLI::App& command) {
                   "polynomial, or auto (constant, f, f2, f3 by AIC)")
       ->capture_default_str();
   command
-      .add_option("--solver", solver, "of the full likelihood: block, or ceres, which takes some ten times as long to the same optimum")
+      .add_option(
+          "--solver", solver,
+          "of the full likelihood: block, or ceres, which takes some ten times as long to the same optimum")
       ->capture_default_str();
   command
       .add_option(

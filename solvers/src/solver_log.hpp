@@ -75,6 +75,17 @@ class SolverLog {
 /// "order 2, noise f2".
 std::string curve_in_words(std::ptrdiff_t coefficients, NoiseLaw law);
 
+/// What a solver of a curve of so many coefficients ends with, its end told: solve(log). `cost`: its NLL [nats].
+template <typename Fit, typename Solve>
+Fit followed(const char* solver, std::ptrdiff_t coefficients, NoiseLaw law, double Fit::*cost,
+             const Solve& solve, const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
+  SolverLog log(solver);
+  if (log.on()) log.of(curve_in_words(coefficients, law));
+  Fit fit = solve(log);
+  log.end(fit.iterations, fit.*cost, fit.gradient_norm, fit.outcome, fit.reason, file, line);
+  return fit;
+}
+
 /// True where level 1 is asked for.
 inline bool tells_outcomes() { return VLOG_IS_ON(1) && google::IsGoogleLoggingInitialized(); }
 /// A line of level 1 that is no solver's; to be called where tells_outcomes().

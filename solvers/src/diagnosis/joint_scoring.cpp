@@ -33,8 +33,6 @@ Point point_at(const Rows& rows, Model model, JointState state) {
   return point;
 }
 
-bool is_tail(const ActiveEffect& active) { return active.effect->info().kind == EffectKind::tail; }
-
 /// What is fitted: alpha, ln sigma, then parameters of effects, those of tails in their logarithms.
 class Scoring {
  public:
@@ -42,7 +40,7 @@ class Scoring {
       : rows_(rows), options_(options), alphas_(fit.state.alpha.size()) {
     for (const FreeParameter& p : fit.free)
       if (p.acts != FreeParameter::Acts::numeric || is_of_tail(fit.model, p)) own_.push_back(p);
-    tails_ = std::any_of(fit.model.begin(), fit.model.end(), is_tail);
+    tails_ = has_tails(fit.model);
   }
 
   ScoringSlopes at(const Point& point) const;
@@ -197,11 +195,11 @@ Point Scoring::moved(const Point& from, const Eigen::VectorXd& step) const {
 bool is_scored_jointly(const Rows& rows, const Model& model, const JointState& state,
                        const RefitOptions& options) {
   const Dependence dependence = dependence_of(model);
-  const bool has_tails = std::any_of(model.begin(), model.end(), is_tail), along = !rows.sequence.empty();
+  const bool along = !rows.sequence.empty();
   const bool exact = std::all_of(rows.problem.stops.begin(), rows.problem.stops.end(),
                                  [](const StopPrior& stop) { return stop.sigma_xy_m == 0.0; });
   const bool dependent = dependence.range_correlation != 0.0;
-  return (has_tails || (along && dependent)) && rows.pairs && exact && !rows.alpha_prior &&
+  return (has_tails(model) || (along && dependent)) && rows.pairs && exact && !rows.alpha_prior &&
          has_sigma(state.noise.law) && !has_grid(model) && dependence.range_cell_sigma_m == 0.0 &&
          (along || !dependent) && !(options.held.alpha && options.held.sigmas);
 }

@@ -11,6 +11,15 @@
 namespace rangecal::diagnosis {
 namespace {
 
+/// Error and spread of a row, which the law of its tail is of, at so much more than the spreads' level.
+std::pair<double, double> error_and_spread(const Rows& rows, const WorkingProblem& working,
+                                           const CellGeometry& geometry, Eigen::Index row, double log_level) {
+  const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(row)]);
+  const double change = working.range_log_variance.size() > 0 ? 0.5 * working.range_log_variance[row] : 0.0;
+  return {working.range_of_tail(row) - geometry.f[cell],
+          geometry.spread[cell] * std::exp(change + log_level)};
+}
+
 /// A parameter of a tail, and the tail with that parameter a little larger and smaller.
 struct Probe {
   Eigen::Index column;
@@ -21,8 +30,7 @@ struct Probe {
 }  // namespace
 
 bool is_of_tail(const Model& model, const FreeParameter& p) {
-  return p.acts == FreeParameter::Acts::numeric &&
-         model[static_cast<std::size_t>(p.effect)].effect->info().kind == EffectKind::tail;
+  return p.acts == FreeParameter::Acts::numeric && is_tail(model[static_cast<std::size_t>(p.effect)]);
 }
 
 SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
@@ -45,12 +53,10 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
   TailLaws laws(rows, geometry, model);
   for (Eigen::Index i = 0; i < slopes.rows(); ++i) {
     const auto row = static_cast<std::size_t>(i);
-    const auto cell = static_cast<std::size_t>(rows.cell[row]);
     const TailLaw& law = laws.of(row);
     if (law.empty()) continue;
     TailLaw::Slopes in;
-    const double error = working.range_of_tail(i) - geometry.f[cell],
-                 spread = geometry.spread[cell] * std::exp(0.5 * working.range_log_variance[i] + log_level);
+    const auto [error, spread] = error_and_spread(rows, working, geometry, i, log_level);
     const LogDensity at = law.density(error, spread, &in);
     if (of_log_spread) {
       const double off = error / spread - at.shift;
@@ -98,7 +104,7 @@ class TailsAtErrors {
     TailLaws laws(rows_, geometry_, point.model);
     for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(rows_.size()); ++i) {
       const TailLaw& law = laws.of(static_cast<std::size_t>(i));
-      const auto [error, spread] = error_of(i, log_level);
+      const auto [error, spread] = error_and_spread(rows_, working_, geometry_, i, log_level);
       point.nll += std::log(spread) -
                    (law.empty() ? -0.5 * std::pow(error / spread, 2) : law.density(error, spread).value);
     }
@@ -137,13 +143,6 @@ class TailsAtErrors {
   }
 
  private:
-  std::pair<double, double> error_of(Eigen::Index i, double log_level) const {
-    const auto cell = static_cast<std::size_t>(rows_.cell[static_cast<std::size_t>(i)]);
-    const double level = working_.range_log_variance.size() > 0 ? 0.5 * working_.range_log_variance[i] : 0.0;
-    return {working_.range_of_tail(i) - geometry_.f[cell],
-            geometry_.spread[cell] * std::exp(level + log_level)};
-  }
-
   const Rows& rows_;
   const std::vector<FreeParameter>& tails_;
   WorkingProblem working_;

@@ -159,10 +159,14 @@ double effect_slope_of(const ActiveEffect& active, const ReadingView<double>& at
   return (change_at(above) - change_at(-below)) / (above + below);
 }
 
+bool is_tail(const ActiveEffect& active) { return active.effect->info().kind == EffectKind::tail; }
+
+bool has_tails(const Model& model) { return std::any_of(model.begin(), model.end(), is_tail); }
+
 TailLaws::TailLaws(const Rows& rows, const CellGeometry& geometry, const Model& model)
     : rows_(rows), geometry_(geometry), model_(model) {
   for (std::size_t e = 0; e < model.size(); ++e)
-    if (model[e].effect->info().kind == EffectKind::tail) tails_.push_back(static_cast<int>(e));
+    if (is_tail(model[e])) tails_.push_back(static_cast<int>(e));
 }
 
 const TailLaw& TailLaws::of(std::size_t row) {
@@ -232,10 +236,8 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     if (!rows.pairs)
       working.bearing[i] = wrap_angle(rows.bearing_rad[i] - changes.bearing[i] - geometry.bearing[cell]);
   }
-  const bool has_tails = std::any_of(model.begin(), model.end(), [](const ActiveEffect& active) {
-    return active.effect->info().kind == EffectKind::tail;
-  });
-  if (has_tails) add_tails(rows, geometry, model, changes, dependence.range_cell_sigma_m, range_m, working);
+  if (has_tails(model))
+    add_tails(rows, geometry, model, changes, dependence.range_cell_sigma_m, range_m, working);
   if (rows.sequence.empty()) {
     working.range_whitening = whitening_of(range_m, dependence.range_correlation);
   } else {

@@ -21,6 +21,9 @@ using Model = std::vector<ActiveEffect>;
 /// Slope in d of what an effect adds to the mean range of a reading; beside a jump on the reading's own side.
 double effect_slope_of(const ActiveEffect& active, const ReadingView<double>& at);
 
+/// True if an effect gives a share of the readings an extra error.
+bool is_tail(const ActiveEffect& active);
+bool has_tails(const Model& model);
 /// True if some effect of the model is a grid that the values sit on.
 bool has_grid(const Model& model);
 /// True if some effect makes 1/y normal about 1/f.

@@ -302,11 +302,8 @@ JointFit ceres_fit(const JointProblem& problem, const JointState& given, const J
 
 JointFit solve_joint_ceres(const JointProblem& problem, const JointState& start,
                            const JointOptions& options) {
-  SolverLog log("full ceres");
-  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
-  JointFit fit = ceres_fit(problem, start, options, log);
-  log.end(fit.iterations, fit.joint_nll, fit.gradient_norm, fit.outcome, fit.reason);
-  return fit;
+  return followed("full ceres", start.alpha.size(), start.noise.law, &JointFit::joint_nll,
+                  [&](const SolverLog& log) { return ceres_fit(problem, start, options, log); });
 }
 
 }  // namespace rangecal

@@ -127,11 +127,8 @@ JointFit block_fit(const JointProblem& problem, const JointState& start, const J
 
 JointFit solve_joint_block(const JointProblem& problem, const JointState& start,
                            const JointOptions& options) {
-  SolverLog log("full block");
-  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
-  JointFit fit = block_fit(problem, start, options, log);
-  log.end(fit.iterations, fit.joint_nll, fit.gradient_norm, fit.outcome, fit.reason);
-  return fit;
+  return followed("full block", start.alpha.size(), start.noise.law, &JointFit::joint_nll,
+                  [&](const SolverLog& log) { return block_fit(problem, start, options, log); });
 }
 
 }  // namespace rangecal

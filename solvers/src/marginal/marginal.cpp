@@ -104,11 +104,8 @@ MarginalFit marginal_fit(const JointProblem& problem, const JointState& start, c
 
 MarginalFit solve_marginal(const JointProblem& problem, const JointState& start,
                            const MarginalOptions& options) {
-  SolverLog log("marginal");
-  if (log.on()) log.of(curve_in_words(start.alpha.size(), start.noise.law));
-  MarginalFit fit = marginal_fit(problem, start, options, log);
-  log.end(fit.iterations, fit.marginal_nll, fit.gradient_norm, fit.outcome, fit.reason);
-  return fit;
+  return followed("marginal", start.alpha.size(), start.noise.law, &MarginalFit::marginal_nll,
+                  [&](const SolverLog& log) { return marginal_fit(problem, start, options, log); });
 }
 
 }  // namespace rangecal

@@ -199,11 +199,9 @@ PairsCeresResult pairs_ceres_fit(const PairsProblem& problem, int order, NoiseLa
 }  // namespace
 
 PairsCeresResult full_pairs_ceres(const PairsProblem& problem, int order, NoiseLaw law, int noise_order) {
-  SolverLog log("pairs ceres");
-  if (log.on()) log.of(curve_in_words(order + 1, law));
-  PairsCeresResult result = pairs_ceres_fit(problem, order, law, noise_order, log);
-  log.end(result.iterations, result.nll, result.gradient_norm, result.outcome, result.reason);
-  return result;
+  return followed("pairs ceres", order + 1, law, &PairsCeresResult::nll, [&](const SolverLog& log) {
+    return pairs_ceres_fit(problem, order, law, noise_order, log);
+  });
 }
 
 }  // namespace rangecal

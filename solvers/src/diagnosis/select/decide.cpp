@@ -190,12 +190,14 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
                const DiagnoseOptions& options, const SelectionPriors& priors) {
   const Fit& fit = table.front()->fit;
   const bool beside_others = fit.model.size() > known + 1;
+  std::vector<double> worths(fit.model.size());
   double strongest = 0.0;  // the most that a formula for means is worth
   for (std::size_t i = known; i < fit.model.size(); ++i) {
     const Effect& effect = *fit.model[i].effect;
-    const double worth = worth_of(fit.model[i], table, known);
-    if (effect.info().kind == EffectKind::mean && !is_generic(effect) && std::isfinite(worth))
-      strongest = std::max(strongest, worth);
+    if (is_generic(effect)) continue;
+    worths[i] = worth_of(fit.model[i], table, known);
+    if (effect.info().kind == EffectKind::mean && std::isfinite(worths[i]))
+      strongest = std::max(strongest, worths[i]);
   }
   double least = beside_others ? std::max(priors.beside_names, priors.formula_leaves * strongest) : 0.0;
   if (has_generic(fit.model)) least = std::max(least, options.naming_gap_nats);
@@ -210,7 +212,7 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
   for (std::size_t i = known; i < fit.model.size(); ++i) {
     const ActiveEffect& member = fit.model[i];
     if (is_generic(*member.effect)) continue;
-    const double worth = worth_of(member, table, known);
+    const double worth = worths[i];
     const double probability = probability_of(member, table, p, known, options.naming_gap_nats);
     const double share = has_many_optima(*member.effect) ? priors.beside_curve_chosen : priors.beside_curve;
     const char* const against =
@@ -290,24 +292,19 @@ bool misses_the_cells(const Rows& rows, const Battery& battery, const SelectionP
 /// readings prefer it. Where there are curves each is fitted without them, as the answer was.
 std::vector<Candidate> others_of_its_size(const Rows& rows, const Hypotheses& table,
                                           const std::vector<double>& p, const Candidate& answer,
-                                          double baseline_nll, std::size_t known,
-                                          const DiagnoseOptions& options, const RefitOptions& refit_options) {
+                                          double baseline_nll, const DiagnoseOptions& options,
+                                          const RefitOptions& refit_options) {
   const Hypothesis& best = *table.front();
-  const auto curves = [&](const Model& model) {
-    std::vector<std::string> all = member_names(model, known);
-    for (const std::string& name : member_names(without_curves(model), known))
-      all.erase(std::find(all.begin(), all.end(), name));
-    return all;
-  };
-  const std::vector<std::string> of_best = curves(best.fit.model);
+  const Candidate likeliest = candidate_of(best, p.front(), baseline_nll);
+  const std::vector<std::string> curves = curve_names(best.fit.model);
   std::vector<Candidate> others;
   for (std::size_t i = 1; i < table.size(); ++i) {
     const Fit& fit = table[i]->fit;
     const Model names = without_curves(fit.model);
-    if (names.size() != answer.fit.model.size() || curves(fit.model) != of_best) continue;
+    if (names.size() != answer.fit.model.size() || curve_names(fit.model) != curves) continue;
     Candidate c = candidate_of(*table[i], p[i], baseline_nll);
-    const double gap = gap_to(candidate_of(best, p.front(), baseline_nll), c);
-    if (!of_best.empty()) {
+    const double gap = gap_to(likeliest, c);
+    if (!curves.empty()) {
       if (gap > std::max(1.0, options.naming_gap_nats)) continue;
       c.fit = refit(rows, names, start_beside(rows, fit, names), refit_options);
       if (!c.fit.ok) continue;
@@ -374,10 +371,9 @@ void decide(const Rows& rows, const Fit& root, Hypotheses table, const DiagnoseO
   result.members = std::move(named.members);
   if (rest) result.left = findings(rows, *result.last, options.alarm_rate);
   result.verdict = result.left.empty() ? Verdict::explained : Verdict::partly_explained;
-  add_rivals(
-      rows, options,
-      others_of_its_size(rows, table, p, result.best, result.baseline.nll, known, options, refit_options),
-      result);
+  add_rivals(rows, options,
+             others_of_its_size(rows, table, p, result.best, result.baseline.nll, options, refit_options),
+             result);
 }
 
 }  // namespace rangecal::diagnosis

@@ -50,6 +50,14 @@ std::string set_in_words(const std::vector<std::string>& members) {
   return members.empty() ? "no cause" : fmt::format("{}", fmt::join(members, " + "));
 }
 
+std::vector<std::string> curve_names(const Model& model) {
+  std::vector<std::string> names;
+  for (const ActiveEffect& active : model)
+    if (is_generic(*active.effect)) names.push_back(member_name(*active.effect));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 std::vector<std::string> member_names(const Model& model, std::size_t known) {
   std::vector<std::string> names;
   for (std::size_t i = known; i < model.size(); ++i) names.push_back(member_name(*model[i].effect));

@@ -43,6 +43,9 @@ Model without(Model model, std::size_t index);
 /// The model less its curves without a name.
 Model without_curves(Model model);
 
+/// Of its curves without a name, sorted.
+std::vector<std::string> curve_names(const Model& model);
+
 std::string curve_name(const std::string& channel, const std::string& covariate);
 
 /// A member by its id; a curve by its channel and covariate.

@@ -406,8 +406,7 @@ class SetSearch {
     } else {
       JointState start = start_beside(rows_, here.fit, wanted.model);
       for (std::size_t i = known_count(); i < wanted.model.size(); ++i)
-        if (wanted.model[i].effect->info().kind == EffectKind::tail &&
-            !contains(here.fit.model, wanted.model[i].effect))
+        if (is_tail(wanted.model[i]) && !contains(here.fit.model, wanted.model[i].effect))
           start_tail_where_likeliest(rows_, i, options_, wanted.model, start);
       made->fit = refit(rows_, wanted.model, start, options_);
       if (made->fit.ok && root_nll_ - made->fit.nll < wanted.predicted_gain - fell_short)
@@ -459,10 +458,7 @@ class SetSearch {
   /// True of tails beside a correlation of the repeats: weighted by a tail, residuals are no normal errors any more, and the correlation
   /// gains the more the less the outliers weigh.
   bool mixes_tails_and_repeats(const Model& model) const {
-    return rows_.sequence.empty() && dependence_of(model).range_correlation != 0.0 &&
-           std::any_of(model.begin(), model.end(), [](const ActiveEffect& active) {
-             return active.effect->info().kind == EffectKind::tail;
-           });
+    return rows_.sequence.empty() && dependence_of(model).range_correlation != 0.0 && has_tails(model);
   }
 
   /// Works out the four terms of a fit's posterior. Why the set is not compared, if it is not; else null.
