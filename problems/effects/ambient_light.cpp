@@ -59,6 +59,8 @@ class AmbientLight final : public Effect {
                     {15.0 * degree, 30.0 * degree, 60.0 * degree}});
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (std::abs(std::remainder(at.bearing - p[2], 2.0 * std::numbers::pi)) > p[3]) return {};
     return {.range = p[1] * at.d * at.d, .range_log_variance = p[0]};

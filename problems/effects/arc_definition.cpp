@@ -36,6 +36,8 @@ class ArcDefinition final : public Effect {
     return value;
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.range = at.before_curve(p[0] * at.radius)};
   }

@@ -54,6 +54,8 @@ class AxialDepth final : public Effect {
     return grid_of({{0.0}, {-0.1, 0.0, 0.1}});
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double change = at.before_curve(-p[0] * at.d * (1.0 - std::cos(at.bearing - p[1])));
     return {.range = change, .range_log_variance = at.spread_along(change)};

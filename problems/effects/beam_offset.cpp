@@ -42,6 +42,8 @@ class BeamOffset final : public Effect {
 
   std::string missing(const EffectContext& context) const override { return lacks_stops(context, 1); }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.bearing = p[1] - std::asin(std::clamp(p[0] / at.axis_distance, -1.0, 1.0))};
   }

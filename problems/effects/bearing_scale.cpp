@@ -37,6 +37,8 @@ class BearingScale final : public Effect {
 
   std::string missing(const EffectContext& context) const override { return lacks_stops(context, 1); }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.bearing = p[0] * at.bearing};
   }

@@ -47,6 +47,8 @@ class CyclicError final : public Effect {
     return grid_of({{0.0}, {0.0}, wavenumbers(turn / 2.0, turn / 0.05, span, 1.0, 400)});
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.range = p[0] * std::cos(p[2] * at.d) + p[1] * std::sin(p[2] * at.d)};
   }

@@ -58,6 +58,7 @@ class DeviceOffset final : public Effect {
   }
 
   bool changes_with_distance() const override { return false; }
+  bool differs_between_repeats() const override { return false; }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext& context,
                                                        const double* p) const override {

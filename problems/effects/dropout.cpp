@@ -44,6 +44,8 @@ class Dropout final : public Effect {
     return grid_of({even_steps(0.4 * context.range_max_m, 1.2 * context.range_max_m, 33)});
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double z = (p[0] - at.f) / at.spread;
     if (z > 8.0) return {};

@@ -38,6 +38,8 @@ class EncoderEllipticity final : public Effect {
 
   std::string missing(const EffectContext& context) const override { return lacks_stops(context, 1); }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.bearing = p[0] * std::sin(2.0 * at.bearing) + p[1] * std::cos(2.0 * at.bearing)};
   }

@@ -38,6 +38,8 @@ class LandmarkRadius final : public Effect {
     return either(lacks_landmarks(context, 2), radii);
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[1])) return {};
     return {.range = at.before_curve(-p[0])};

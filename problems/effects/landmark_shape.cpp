@@ -46,6 +46,8 @@ class LandmarkShape final : public Effect {
     return either(lacks_stops(context, 3), lacks_landmarks(context, 1));
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[2])) return {};
     const double twice = 2.0 * (at.bearing + at.heading);

@@ -34,6 +34,8 @@ class LaserPointing final : public Effect {
     return value;
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.range = p[0] * at.d * at.d};
   }

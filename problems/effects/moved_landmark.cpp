@@ -49,6 +49,8 @@ class MovedLandmark final : public Effect {
     return either(lacks_stops(context, 3), lacks_landmarks(context, 2));
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[2]) || at.stop < index_of(p[3])) return {};
     const double direction = at.bearing + at.heading, c = std::cos(direction), s = std::sin(direction);

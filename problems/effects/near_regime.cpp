@@ -49,6 +49,8 @@ class NearRegime final : public Effect {
     return grid_of({{0.0}, {0.0}, even_steps(near + 0.03 * span, near + 0.6 * span, 80)});
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (!(at.d < p[2])) return {};
     return {.range = p[0] + p[1] * (at.d - p[2])};

@@ -38,6 +38,8 @@ class NoiseLaw final : public Effect {
     return value;
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double middle = at.context != nullptr && at.context->range_min_m > 0.0
                               ? std::sqrt(at.context->range_min_m * at.context->range_max_m)

@@ -51,6 +51,8 @@ class PixelLocking final : public Effect {
     return grid_of({{0.0}, {0.0}, wavenumbers(50.0, 950.0, 1.0 / near - 1.0 / far, 2.0, 1200)});
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double phase = p[2] / at.d;
     return {.range = at.d * at.d * (p[0] * std::cos(phase) + p[1] * std::sin(phase))};

@@ -33,6 +33,8 @@ class RangeEccentricity final : public Effect {
     return value;
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.range = p[0] * std::cos(at.bearing) + p[1] * std::sin(at.bearing)};
   }

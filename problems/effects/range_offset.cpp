@@ -33,6 +33,8 @@ class RangeOffset final : public Effect {
     return value;
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>&, const double* p) const override {
     return {.range = p[0]};
   }

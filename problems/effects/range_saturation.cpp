@@ -52,6 +52,8 @@ class RangeSaturation final : public Effect {
                : "distances over a long span: 10 m from the nearest to the farthest";
   }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     return {.range = p[0] * -std::expm1(-at.d / p[1])};
   }

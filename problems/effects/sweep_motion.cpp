@@ -43,6 +43,8 @@ class SweepMotion final : public Effect {
 
   std::string missing(const EffectContext& context) const override { return lacks_stops(context, 1); }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double way = p[0] * at.bearing / (2.0 * std::numbers::pi);
     return {.range = at.before_curve(-way * std::cos(at.bearing)),

@@ -46,6 +46,8 @@ class TargetReflectance final : public Effect {
 
   std::string missing(const EffectContext& context) const override { return lacks_landmarks(context, 2); }
 
+  bool differs_between_repeats() const override { return false; }
+
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[1])) return {};
     const int power = index_of(p[2]);

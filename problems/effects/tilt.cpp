@@ -35,9 +35,8 @@ class Tilt final : public Effect {
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees), or level the sensor with a spirit level",
-        .parameters = {
-            {.name = "cosine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false},
-            {.name = "sine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false}}};
+        .parameters = {{.name = "cosine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false},
+                       {.name = "sine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false}}};
     return value;
   }
 
@@ -50,6 +49,8 @@ class Tilt final : public Effect {
           point({start * start * std::cos(45.0 * degree * i), start * start * std::sin(45.0 * degree * i)}));
     return grid;
   }
+
+  bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double c = std::cos(2.0 * at.bearing), s = std::sin(2.0 * at.bearing);

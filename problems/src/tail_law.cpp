@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "rangecal/core/distributions.hpp"
 #include "rangecal/core/quantiles.hpp"
@@ -19,6 +20,44 @@ constexpr double largest_share = 0.999;
 
 /// Ratio of an even share's standard deviation to the spread.
 double wide(const Contamination& law, double s) { return std::hypot(1.0, law.extra_sigma_m / s); }
+
+/// Logarithms of odds beyond which their numbers are left.
+constexpr double largest_log_odds = 300.0;
+
+/// Of a one-sided error without end, of mean lambda in units of s, to the positive side: with x = z - 1 / lambda,
+///   odds = sqrt(2 pi) / lambda Phi(x) exp(x^2 / 2);   given z it is N(x, 1) above 0, of mean x + phi(x) / Phi(x).
+ExtraError one_sided_without_end(double lambda, double z) {
+  const double x = z - 1.0 / lambda;
+  const double mills_inverse = std::sqrt(2.0 * std::numbers::pi) * normal_below(x) * std::exp(0.5 * x * x);
+  ExtraError extra;
+  extra.odds = mills_inverse / lambda;
+  extra.mean = std::max(0.0, x + 1.0 / mills_inverse);
+  extra.variance = std::max(0.0, 1.0 - extra.mean / mills_inverse);
+  return extra;
+}
+
+/// None where the odds may leave the numbers.
+std::optional<ExtraError> extra_given(const Contamination& law, double z, double s) {
+  if (!one_sided(law)) {
+    const double ratio = wide(law, s), precision = 1.0 / (ratio * ratio);
+    const double exponent = 0.5 * z * z * (1.0 - precision);
+    if (!(exponent < largest_log_odds)) return std::nullopt;
+    return ExtraError{std::exp(exponent) / ratio, precision, 0.0, 0.0};
+  }
+  const double sign = sign_of(law), lambda = std::abs(law.mean_m) / s, x = sign * z - 1.0 / lambda;
+  if (!(0.5 * x * x < largest_log_odds)) return std::nullopt;
+  ExtraError extra;
+  if (std::isinf(law.end_m)) {
+    extra = one_sided_without_end(lambda, sign * z);
+  } else {
+    const OneSidedDensity at = one_sided_density(lambda, sign * z, law.end_m / s);
+    const double log_odds = at.log_density + half_log_two_pi + 0.5 * z * z;
+    if (!(log_odds < largest_log_odds)) return std::nullopt;
+    extra = {std::exp(log_odds), 1.0, at.mean, at.variance};
+  }
+  extra.mean *= sign;
+  return extra;
+}
 
 /// Slope of the log density of one share's readings in its size. `excess`: what their extra error is expected to be, given z, in
 /// units of s; that of an exponential one is all that its mean knows (Fisher's identity).
@@ -63,46 +102,68 @@ bool TailLaw::add(const Contamination& part) {
 }
 
 LogDensity TailLaw::density(double e, double s, Slopes* slopes) const {
-  const double z = e / s;
-  struct Term {
-    double log = 0.0, weight = 1.0, mean = 0.0, variance = 0.0;
-  };
-  std::array<Term, most + 1> terms;
-  terms[0].log = log_body_ - half_log_two_pi - 0.5 * z * z;
-  double high = terms[0].log;
+  const double z = e / s, log_normal = log_body_ - half_log_two_pi - 0.5 * z * z;
+  std::array<ExtraError, most> extras;
+  std::array<double, most> share{};  // of each, given z
+  double odds = 0.0;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const std::optional<ExtraError> extra = extra_given(parts_[k].law, z, s);
+    if (!extra) return density_far_out(z, s, slopes);
+    extras[k] = *extra;
+    share[k] = parts_[k].odds * extra->odds;
+    odds += share[k];
+  }
+  for (std::size_t k = 0; k < count_; ++k) share[k] /= 1.0 + odds;
+  return mixed(z, s, log_normal + std::log1p(odds), 1.0 / (1.0 + odds), extras, share, slopes);
+}
+
+LogDensity TailLaw::density_far_out(double z, double s, Slopes* slopes) const {
+  const double log_normal = log_body_ - half_log_two_pi - 0.5 * z * z;
+  std::array<ExtraError, most> extras;
+  std::array<double, most> logs{}, share{};
+  double high = log_normal;
   for (std::size_t k = 0; k < count_; ++k) {
     const Contamination& law = parts_[k].law;
     const double log_share = log_body_ + parts_[k].log_odds;
     if (one_sided(law)) {
       const double sign = sign_of(law);
       const OneSidedDensity at = one_sided_density(std::abs(law.mean_m) / s, sign * z, law.end_m / s);
-      terms[k + 1] = {log_share + at.log_density, 1.0, sign * at.mean, at.variance};
+      extras[k] = {1.0, 1.0, sign * at.mean, at.variance};
+      logs[k] = log_share + at.log_density;
     } else {
-      const double ratio = wide(law, s);
-      terms[k + 1] = {log_share - std::log(ratio) - half_log_two_pi - 0.5 * z * z / (ratio * ratio),
-                      1.0 / (ratio * ratio), 0.0, 0.0};
+      const double ratio = wide(law, s), precision = 1.0 / (ratio * ratio);
+      extras[k] = {1.0, precision, 0.0, 0.0};
+      logs[k] = log_share - std::log(ratio) - half_log_two_pi - 0.5 * z * z * precision;
     }
-    high = std::max(high, terms[k + 1].log);
+    high = std::max(high, logs[k]);
   }
-  double total = 0.0;
-  for (std::size_t k = 0; k <= count_; ++k) total += std::exp(terms[k].log - high);
+  double total = std::exp(log_normal - high);
+  for (std::size_t k = 0; k < count_; ++k) total += std::exp(logs[k] - high);
+  const double value = high + std::log(total);
+  for (std::size_t k = 0; k < count_; ++k) share[k] = std::exp(logs[k] - value);
+  return mixed(z, s, value, std::exp(log_normal - value), extras, share, slopes);
+}
+
+LogDensity TailLaw::mixed(double z, double s, double value, double body_given_z,
+                          const std::array<ExtraError, most>& extras, const std::array<double, most>& share,
+                          Slopes* slopes) const {
   LogDensity out;
-  out.value = high + std::log(total);
-  double weight = 0.0, first = 0.0, second = 0.0;
-  for (std::size_t k = 0; k <= count_; ++k) {
-    const Term& term = terms[k];
-    const double r = std::exp(term.log - out.value);
-    if (k > 0) out.outlier += r;
-    if (k > 0 && slopes) {
-      const Part& part = parts_[k - 1];
+  out.value = value;
+  double weight = body_given_z, first = 0.0, second = 0.0;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const ExtraError& extra = extras[k];
+    const double r = share[k];
+    out.outlier += r;
+    if (slopes) {
+      const Part& part = parts_[k];
       const double body_share =
           1.0 - std::min(part.law.share, largest_share);  // d odds / d p = 1 / body_share^2
-      slopes->in_share[k - 1] = (r / part.odds - body()) / (body_share * body_share);
-      slopes->in_size[k - 1] = r * in_size(part.law, z, s, term.mean);
+      slopes->in_share[k] = (r / part.odds - body()) / (body_share * body_share);
+      slopes->in_size[k] = r * in_size(part.law, z, s, extra.mean);
     }
-    weight += r * term.weight;
-    first += r * term.weight * term.mean;
-    second += r * term.weight * (term.mean * term.mean + term.variance);
+    weight += r * extra.weight;
+    first += r * extra.weight * extra.mean;
+    second += r * extra.weight * (extra.mean * extra.mean + extra.variance);
   }
   out.weight = weight;
   out.shift = first / weight;

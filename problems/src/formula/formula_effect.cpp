@@ -212,6 +212,13 @@ class FormulaEffect final : public Effect {
            });
   }
 
+  bool differs_between_repeats() const override {
+    return std::any_of(stated_.slots.begin(), stated_.slots.end(), [](const Slot& slot) {
+      return slot.from == Slot::From::column ||
+             (slot.from == Slot::From::variable && (slot.name == "t" || slot.name == "repeat"));
+    });
+  }
+
   Contamination contamination(const ReadingView<double>& at, const double* p) const override {
     if (stated_.channel.gives != Gives::outlier_share) return {};
     constexpr double most = 0.9;

@@ -88,11 +88,29 @@ bool Sides::matter(const Model& model) {
   });
 }
 
-void Sides::settle(const Rows& rows, const Model& model, JointState& state, bool as_they_are) {
+void Sides::take(const Rows& rows, const Model& model, const JointState& state) {
   near_.clear();
-  for (const ActiveEffect& active : model) {
+  of_cells_.assign(model.size(), {});
+  const CellGeometry geometry = cell_geometry(rows, state);
+  for (std::size_t e = 0; e < model.size(); ++e) {
+    const double limit = model[e].effect->switching_distance(model[e].parameters.data());
+    if (!std::isfinite(limit)) continue;
+    of_cells_[e] = {limit, std::vector<char>(static_cast<std::size_t>(rows.cell_count))};
+    for (const LineOfSight& line : lines_of_sight(rows.problem)) {
+      near_.push_back(geometry.d[line.front()] < limit);
+      for (int c : line) of_cells_[e].near[static_cast<std::size_t>(c)] = near_.back();
+    }
+  }
+}
+
+void Sides::settle(const Rows& rows, const Model& model, JointState& state) {
+  near_.clear();
+  of_cells_.assign(model.size(), {});
+  for (std::size_t e = 0; e < model.size(); ++e) {
+    const ActiveEffect& active = model[e];
     const double limit = active.effect->switching_distance(active.parameters.data());
     if (!std::isfinite(limit)) continue;
+    of_cells_[e] = {limit, std::vector<char>(static_cast<std::size_t>(rows.cell_count))};
     const WorkingProblem working = working_problem(rows, model, state);
     const CellGeometry geometry = cell_geometry(rows, state);
     const PlaceVariance variance(rows, geometry, working.problem);
@@ -103,7 +121,7 @@ void Sides::settle(const Rows& rows, const Model& model, JointState& state, bool
       const bool near = off < 0.0;
       const double over = limit + (near ? beyond_m : -beyond_m);
       bool crossed = false;
-      if (!as_they_are && off * off < side_reach * side_reach * v) {
+      if (off * off < side_reach * side_reach * v) {
         double gain = -off * off / v;
         for (int c : line) {
           const double weight = cells.range_weight[c] / (geometry.spread[c] * geometry.spread[c]);
@@ -116,8 +134,17 @@ void Sides::settle(const Rows& rows, const Model& model, JointState& state, bool
       }
       if (crossed) move_to(working.problem, geometry, first, over, state);
       near_.push_back(near != crossed);
+      for (int c : line) of_cells_[e].near[static_cast<std::size_t>(c)] = near_.back();
     }
   }
+}
+
+ReadingView<double> Sides::seen_by(std::size_t effect, int cell, ReadingView<double> view) const {
+  const OfCells& sides = of_cells_[effect];
+  if (sides.near.empty()) return view;
+  view.d = sides.near[static_cast<std::size_t>(cell)] ? std::min(view.d, sides.limit - beyond_m)
+                                                      : std::max(view.d, sides.limit + beyond_m);
+  return view;
 }
 
 double Sides::restore(const Rows& rows, const Model& model, JointState& state) const {
@@ -204,10 +231,10 @@ bool hardly_moved(const Rows& rows, const JointState& from, const JointState& to
 WorkingProblem Alternation::begin(const Rows& rows, const Model& model, JointState& state) {
   jumps_ = jumps_ && !rows.pairs;  // whose distances are known
   if (rows.pairs) begun_ = state;
-  if (jumps_) sides_.settle(rows, model, state, places_stay_);
+  if (jumps_) sides_.settle(rows, model, state);
   WorkingProblem working = working_problem(rows, model, state);
   has_effect_slope_ = !working.problem.cells.effect_slope.empty();
-  if (has_effect_slope_ && !places_stay_ &&
+  if (has_effect_slope_ &&
       move_places_to_modes(rows, model, working, done_ == 0 ? ModeSearch::all : ModeSearch::nearest, state))
     working = working_problem(rows, model, state);
   return working;

@@ -20,10 +20,11 @@ namespace rangecal::diagnosis {
 /// geometry.
 class Sides {
  public:
-  /// Moves the stops of `state` to where the readings say that cells near L lie, or takes the sides as they
-  /// are.
-  void settle(const Rows& rows, const Model& model, JointState& state, bool as_they_are);
-  /// After a solve that knew nothing of sides: moves stops back over L to the side that the solve took for
+  /// Moves the stops of `state` to where the readings say that cells near L lie.
+  void settle(const Rows& rows, const Model& model, JointState& state);
+  /// Takes the sides as they are.
+  void take(const Rows& rows, const Model& model, const JointState& state);
+  /// After a solve that knew nothing of L: moves stops back over it to the side that the solve took for
   /// granted. Returns what the moves cost in nats.
   double restore(const Rows& rows, const Model& model, JointState& state) const;
   /// Models and states that differ from these by one line of sight on the other side of L, those that the
@@ -31,39 +32,43 @@ class Sides {
   /// changing sides.
   static std::vector<std::pair<Model, JointState>> others(const Rows& rows, const Model& model,
                                                           const JointState& state);
+  /// The view of a reading as an effect of the model gets it, on the side on which its cell is taken to be: beyond that, where it
+  /// ends.
+  ReadingView<double> seen_by(std::size_t effect, int cell, ReadingView<double> view) const;
   /// True if some effect of the model jumps.
   static bool matter(const Model& model);
 
  private:
-  std::vector<char> near_;  ///< per effect and line of sight: d < L
+  struct OfCells {
+    double limit = 0.0;      ///< L [m]
+    std::vector<char> near;  ///< by cell: d < L; empty of an effect that does not jump
+  };
+  std::vector<char> near_;         ///< per effect that jumps and line of sight: d < L
+  std::vector<OfCells> of_cells_;  ///< by effect of the model
 };
 
-/// The alternation of taking effects out of the readings at a state and solving for the state: twice, the
-/// second time with the effects at the new geometry (and the tails' new weights); where they change fast with
-/// distance, hold a grid's part of the noise, or make it noise of 1/f, whose density has f in its Jacobian, until the value
-/// stays. Of pairs, whose distances stand, once is enough where curve and noise hardly moved.
+/// The alternation of taking effects out of the readings at a state and solving for what is free of it, all of it at known
+/// distances, the stops alone of what is held out: twice, the second time with the effects at the new geometry (and the tails' new
+/// weights); where they change fast with distance, hold a grid's part of the noise, or make it noise of 1/f, whose density has f in
+/// its Jacobian, until the value stays. At known distances once is enough where curve and noise hardly moved.
 ///
 ///   Alternation alternation(model);
 ///   do { working = alternation.begin(rows, model, state);  ... solve: state, value ... }
 ///   while (alternation.another(rows, model, state, value));
 class Alternation {
  public:
-  explicit Alternation(const Model& model, bool places_stay = false)
+  explicit Alternation(const Model& model)
       : left_(model.empty() ? 1 : 2),
         jumps_(Sides::matter(model)),
-        exact_(has_grid(model) || has_reciprocal_noise(model)),
-        places_stay_(places_stay) {}
+        exact_(has_grid(model) || has_reciprocal_noise(model)) {}
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
   /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True where another
   /// iteration is needed.
   bool another(const Rows& rows, const Model& model, JointState& state, double& value);
 
-  /// True if effects changed so fast with distance, in the last iteration, that cells need their slopes.
-  bool has_effect_slope() const { return has_effect_slope_; }
-
  private:
   int left_, done_ = 0;
-  bool jumps_, exact_, places_stay_, has_effect_slope_ = false;
+  bool jumps_, exact_, has_effect_slope_ = false;
   double before_ = 0.0;
   JointState begun_;  ///< of pairs: where the iteration began
   Sides sides_;

@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 
 namespace rangecal::diagnosis {
 
@@ -23,6 +24,17 @@ CovariateOf covariate_of(const Rows& rows, const std::string& name) {
   if (found == names.end()) return {};
   return [column = found - names.begin()](const auto& at) { return at.covariate[column]; };
 }
+
+namespace {
+
+/// True of covariates that are the same for all readings of a cell.
+bool is_of_cells(const std::string& covariate) {
+  constexpr std::array of_cells{"range", "disparity", "sensor_bearing", "heading",
+                                "stop",  "landmark",  "radius",         "constant"};
+  return std::find(of_cells.begin(), of_cells.end(), covariate) != of_cells.end();
+}
+
+}  // namespace
 
 Eigen::VectorXd values_along(const Rows& rows, const CellGeometry& geometry, const CovariateOf& covariate) {
   Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
@@ -61,6 +73,7 @@ GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_na
       covariate_(std::move(covariate)),
       basis_(std::move(basis)),
       directions_(std::move(directions)) {
+  differs_between_repeats_ = !is_of_cells(covariate_name);
   info_.id = "generic";
   info_.kind = is_mean(channel) ? EffectKind::mean : EffectKind::noise;
   info_.channel = channel_name;

@@ -78,6 +78,7 @@ class GenericEffect final : public Effect {
   bool changes_with_distance() const override {
     return info_.covariate == "range" || info_.covariate == "disparity";
   }
+  bool differs_between_repeats() const override { return differs_between_repeats_; }
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override;
   const CurveBasis& basis() const { return basis_; }
   const Eigen::MatrixXd& directions() const { return directions_; }
@@ -96,6 +97,7 @@ class GenericEffect final : public Effect {
   Eigen::MatrixXd directions_;
   EffectInfo info_;
   std::string unit_;
+  bool differs_between_repeats_;
 };
 
 }  // namespace rangecal::diagnosis

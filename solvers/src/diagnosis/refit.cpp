@@ -52,44 +52,92 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
   return kinds > 0;
 }
 
+/// Where the calibration is expected when the parameters move by `damping` of the step, to `to`.
+JointState follow_parameters(const Rows& rows, const Projector& projector, const Fit& fit,
+                             const ParameterStep& step, double damping, const Model& to) {
+  if (rows.pairs) return fit.state;
+  const JointSystem& system = projector.system();
+  JointState state =
+      step_state(system.problem(), system.layout(), fit.state, damping * step.globals, damping * step.stops);
+  const std::vector<StopPrior> before = commanded_under(rows, fit.model), after = commanded_under(rows, to);
+  for (std::size_t k = 0; k < state.stops.size(); ++k) {
+    const Pose2 &from = before[k].commanded, &there = after[k].commanded;
+    state.stops[k].x_m += there.x_m - from.x_m;
+    state.stops[k].y_m += there.y_m - from.y_m;
+    state.stops[k].heading_rad += there.heading_rad - from.heading_rad;
+  }
+  return state;
+}
+
+/// A length of a step, as a part of it, and by how much the value rose there [nats].
+struct TriedLength {
+  double length = 0.0, rise = 0.0;
+};
+
+/// Where a parabola through a rise of 0 at length 0 and two others is least, no farther than the shorter one to either side; 0
+/// where it has no least value.
+double vertex_of(const TriedLength& longer, const TriedLength& shorter) {
+  const double a = shorter.length, b = longer.length;
+  const double curvature = (longer.rise / b - shorter.rise / a) / (b - a),
+               slope = shorter.rise / a - curvature * a;
+  return curvature > 0.0 ? std::clamp(-0.5 * slope / curvature, -a, a) : 0.0;
+}
+
+/// What is tried after lengths that did not gain: a shorter one; then, for the predicted slope knows no log-determinant and may
+/// point the wrong way, where the values say that it is least; 0 where nothing is left.
+double next_length(const std::vector<TriedLength>& tried) {
+  constexpr std::size_t most = 5;
+  constexpr double shorter = 0.4;
+  const TriedLength& last = tried.back();
+  const bool by_values = tried.size() > 1 && last.length != shorter * tried[tried.size() - 2].length;
+  if (by_values || tried.size() == most) return 0.0;
+  if (tried.size() == 1 || !std::isfinite(tried[tried.size() - 2].rise)) return shorter * last.length;
+  return vertex_of(tried[tried.size() - 2], last);
+}
+
 /// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.
 bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, MarginalFit& detail,
                      const SolverLog& log) {
   constexpr double next_to_nothing = 5e-3;  // nats: a shorter step is not worth a solve
+  constexpr double worth_another = 0.02;    // nats, of a step that only a third length gained
+  constexpr double shortest = 0.15;         // of the first length tried
   bool moved = false;
   double damping = 1.0;
   for (int iteration = 0; iteration < options.max_iterations && !fit.free.empty(); ++iteration) {
     const WorkingProblem working = working_problem(rows, fit.model, fit.state);
-    Eigen::VectorXd step;
-    double predicted_gain = 0.0;
-    if (!newton_parameters(rows, working, fit.state, fit.model, fit.free, step, fit.covariance,
-                           predicted_gain))
-      break;
+    const Projector projector(rows, working, fit.state);
+    const std::optional<ParameterStep> step =
+        newton_parameters(rows, working, projector, fit.model, fit.free);
+    if (!step) break;
+    fit.covariance = step->covariance;
+    const double predicted_gain = step->predicted_gain;
     const double gradient_norm = std::sqrt(2.0 * std::max(0.0, predicted_gain));
     if (predicted_gain < 1e-3) {
       log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});
       break;
     }
     bool accepted = false;
-    for (int attempt = 0; attempt < 5; ++attempt, damping *= 0.4) {
-      if (attempt > 0 && damping * predicted_gain < next_to_nothing) break;
+    std::vector<TriedLength> tried;
+    for (double length = damping; tried.empty() || std::abs(length) * predicted_gain > next_to_nothing;
+         length = next_length(tried)) {
       Model trial = fit.model;
-      move_parameters(rows, fit.free, step, damping, trial);
-      JointState state = fit.state;
+      move_parameters(rows, fit.free, step->parameters, length, trial);
+      JointState state = follow_parameters(rows, projector, fit, *step, length, trial);
       MarginalFit trial_detail;
       trial_detail.reml = detail.reml;
       const double value = calibrate_under(rows, trial, state, options, &trial_detail);
       if (value < fit.nll + 1e-7) {
-        accepted = fit.nll - value > 1e-3;
+        accepted = fit.nll - value > (tried.size() < 2 ? 1e-3 : worth_another);
         fit.model = trial;
         fit.state = state;
         fit.nll = value;
         detail = trial_detail;
         moved = true;
-        log.iteration(iteration + 1, fit.nll, damping * gradient_norm, gradient_norm, {"length", damping});
-        damping = std::min(1.0, 2.5 * damping);
+        log.iteration(iteration + 1, fit.nll, length * gradient_norm, gradient_norm, {"length", length});
+        damping = std::clamp(2.5 * length, shortest, 1.0);
         break;
       }
+      tried.push_back({length, value - fit.nll});
     }
     if (!accepted) {
       log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});
@@ -101,11 +149,11 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
 
 /// Of the parameters that move means and variances, where the fit ended.
 void set_covariance(const Rows& rows, Fit& fit) {
-  Eigen::VectorXd step;
-  double predicted_gain = 0.0;
-  if (!fit.free.empty())
-    newton_parameters(rows, working_problem(rows, fit.model, fit.state), fit.state, fit.model, fit.free, step,
-                      fit.covariance, predicted_gain);
+  if (fit.free.empty()) return;
+  const WorkingProblem working = working_problem(rows, fit.model, fit.state);
+  const Projector projector(rows, working, fit.state);
+  if (const auto step = newton_parameters(rows, working, projector, fit.model, fit.free))
+    fit.covariance = step->covariance;
 }
 
 /// Of alpha and the sigmas.

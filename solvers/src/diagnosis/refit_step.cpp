@@ -102,10 +102,9 @@ Eigen::MatrixXd information_of(const Projector& projector, const Model& model,
 
 }  // namespace
 
-bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
-                       const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
-                       Eigen::MatrixXd& covariance, double& predicted_gain) {
-  const Projector projector(rows, working, state);
+std::optional<ParameterStep> newton_parameters(const Rows& rows, const WorkingProblem& working,
+                                               const Projector& projector, const Model& model,
+                                               const std::vector<FreeParameter>& free) {
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
   const ParameterSlopes slopes = parameter_slopes(rows, working, projector, model, free);
   const Eigen::VectorXd& score = slopes.score;
@@ -114,11 +113,24 @@ bool newton_parameters(const Rows& rows, const WorkingProblem& working, const Jo
   const Eigen::MatrixXd scaled =
       diagonal.asDiagonal() * information * diagonal.asDiagonal() + 1e-9 * Eigen::MatrixXd::Identity(n, n);
   const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
-  if (factor.info() != Eigen::Success) return false;
-  step = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
-  covariance = diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
-  predicted_gain = 0.5 * score.dot(step);
-  return step.allFinite();
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  ParameterStep step;
+  step.parameters = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
+  if (!step.parameters.allFinite()) return std::nullopt;
+  step.covariance =
+      diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
+  step.predicted_gain = 0.5 * score.dot(step.parameters);
+  const JointLayout& layout = projector.system().layout();
+  step.globals.setZero(layout.global_count);
+  step.stops.setZero(layout.coordinates);
+  for (Eigen::Index a = 0; a < n; ++a) {
+    if (free[a].acts != FreeParameter::Acts::mean) continue;
+    Eigen::VectorXd phi, stops;
+    projector.absorbed(slopes.signatures[a], phi, stops);
+    step.globals.head(phi.size()) -= step.parameters[a] * phi;
+    step.stops -= step.parameters[a] * stops;
+  }
+  return step;
 }
 
 void search_line(const Rows& rows, const FreeParameter& p, const RefitOptions& options, double reach,

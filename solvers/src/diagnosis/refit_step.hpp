@@ -5,11 +5,18 @@
 
 namespace rangecal::diagnosis {
 
-/// One Gauss-Newton step for all mean and variance parameters at the fit's model and state; fills the covariance, and the
-/// gain that the step predicts [nats]. False if nothing can move.
-bool newton_parameters(const Rows& rows, const WorkingProblem& working, const JointState& state,
-                       const Model& model, const std::vector<FreeParameter>& free, Eigen::VectorXd& step,
-                       Eigen::MatrixXd& covariance, double& predicted_gain);
+/// One Gauss-Newton step of all mean and variance parameters.
+struct ParameterStep {
+  Eigen::VectorXd parameters;
+  Eigen::MatrixXd covariance;
+  double predicted_gain = 0.0;     ///< [nats]
+  Eigen::VectorXd globals, stops;  ///< steps of the calibration that take up what the means lose by it
+};
+
+/// That at the state of `projector`; none where nothing can move.
+std::optional<ParameterStep> newton_parameters(const Rows& rows, const WorkingProblem& working,
+                                               const Projector& projector, const Model& model,
+                                               const std::vector<FreeParameter>& free);
 
 /// Searches one parameter that only the value of the likelihood knows, in its logarithm where it is positive: outwards by
 /// hops that double, a factor `reach` first (else `reach` - 1 typical sizes), then to the vertex of a parabola.

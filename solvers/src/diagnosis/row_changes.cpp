@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/alternation.hpp"
 #include "diagnosis/working.hpp"
 
 namespace rangecal::diagnosis {
@@ -32,6 +33,11 @@ void add_grid(const Rows& rows, const CellGeometry& geometry, const ActiveEffect
 
 bool is_grid(const ActiveEffect& active) { return active.effect->info().kind == EffectKind::grid; }
 
+/// True of what changes mean or variance of readings one by one.
+bool changes_readings(const Effect& effect) {
+  return effect.info().kind != EffectKind::grid && !effect.noise_before_reciprocal();
+}
+
 }  // namespace
 
 bool has_grid(const Model& model) { return std::any_of(model.begin(), model.end(), is_grid); }
@@ -61,23 +67,39 @@ Dependence dependence_of(const Model& model) {
   return sum;
 }
 
-RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model) {
+RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model,
+                       const Sides* sides) {
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
   RowChanges changes;
   for (auto* column :
        {&changes.range, &changes.bearing, &changes.range_log_variance, &changes.bearing_log_variance})
     *column = Eigen::VectorXd::Zero(n);
-  std::vector<const ActiveEffect*> of_readings;
-  for (const ActiveEffect& active : model)
-    if (!active.effect->noise_before_reciprocal() && !is_grid(active)) of_readings.push_back(&active);
-  for (Eigen::Index i = 0; i < n && !of_readings.empty(); ++i) {
-    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(i));
-    for (const ActiveEffect* active : of_readings) {
-      const auto change = active->effect->reading(view, active->parameters.data());
-      changes.range[i] += change.range;
-      changes.bearing[i] += change.bearing;
-      changes.range_log_variance[i] += change.range_log_variance;
-      changes.bearing_log_variance[i] += change.bearing_log_variance;
+  std::vector<std::size_t> of_cells, of_rows;
+  for (std::size_t e = 0; e < model.size(); ++e)
+    if (const Effect& effect = *model[e].effect; changes_readings(effect))
+      (effect.differs_between_repeats() ? of_rows : of_cells).push_back(e);
+  const auto change_at = [&](const std::vector<std::size_t>& effects, int cell, int row) {
+    const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(row));
+    ReadingChange<double> sum;
+    for (const std::size_t e : effects) {
+      const auto change =
+          model[e].effect->reading(sides ? sides->seen_by(e, cell, view) : view, model[e].parameters.data());
+      sum.range += change.range;
+      sum.bearing += change.bearing;
+      sum.range_log_variance += change.range_log_variance;
+      sum.bearing_log_variance += change.bearing_log_variance;
+    }
+    return sum;
+  };
+  for (int c = 0; c < rows.cell_count && of_cells.size() + of_rows.size() > 0; ++c) {
+    const int begin = rows.cell_begin[c], end = rows.cell_begin[c + 1];
+    const ReadingChange<double> shared = change_at(of_cells, c, begin);
+    for (int i = begin; i < end; ++i) {
+      const ReadingChange<double> own = of_rows.empty() ? ReadingChange<double>{} : change_at(of_rows, c, i);
+      changes.range[i] = shared.range + own.range;
+      changes.bearing[i] = shared.bearing + own.bearing;
+      changes.range_log_variance[i] = shared.range_log_variance + own.range_log_variance;
+      changes.bearing_log_variance[i] = shared.bearing_log_variance + own.bearing_log_variance;
     }
   }
   for (const ActiveEffect& active : model)

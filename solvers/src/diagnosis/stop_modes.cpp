@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "diagnosis/alternation.hpp"
 #include "rangecal/core/angles.hpp"
 
 namespace rangecal::diagnosis {
@@ -32,16 +33,27 @@ struct OscillatingEffects {
   std::vector<double> slope;  ///< of all others, by cell [m/m]
 };
 
+/// `sides`: those that jump are then straight lines on their side.
 OscillatingEffects oscillating_effects(const Rows& rows, const Model& model, const WorkingProblem& working,
-                                       const CellGeometry& geometry) {
+                                       const CellGeometry& geometry, const Sides* sides) {
   constexpr std::array places{-0.52, 0.33, 0.76};
   constexpr double straight = 0.1 * faint;  // of a cell's error
   OscillatingEffects oscillating;
   oscillating.slope.assign(static_cast<std::size_t>(rows.cell_count), 0.0);
   std::vector<double> slope(oscillating.slope.size());
-  for (const ActiveEffect& active : model) {
+  for (std::size_t e = 0; e < model.size(); ++e) {
+    const ActiveEffect& active = model[e];
     if (active.effect->info().kind != EffectKind::mean || !active.effect->changes_with_distance()) continue;
-    bool oscillates = std::isfinite(active.effect->switching_distance(active.parameters.data()));
+    const bool jumps = std::isfinite(active.effect->switching_distance(active.parameters.data()));
+    if (jumps && sides) {
+      for (int c = 0; c < rows.cell_count; ++c) {
+        const ReadingView<double> view =
+            view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
+        oscillating.slope[static_cast<std::size_t>(c)] += effect_slope_of(active, sides->seen_by(e, c, view));
+      }
+      continue;
+    }
+    bool oscillates = jumps;
     for (int c = 0; c < rows.cell_count && !oscillates; ++c) {
       const ReadingView<double> view = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[c]));
       const double reach_m = within_m(view.d);
@@ -189,13 +201,32 @@ double descend(const OscillatingPlace& place, double step, Eigen::Vector2d& u) {
   return least;
 }
 
+/// Phase of the fastest oscillation of its cells per metre [rad/m].
+double steepest_of(const OscillatingPlace& place) {
+  double steepest = 0.0;
+  for (const OscillatingCell& cell : place.cells) steepest = std::max(steepest, cell.wavenumber());
+  return steepest;
+}
+
+/// The likelier of the optima downhill from where it is and from a start; 0 where that gains next to nothing.
+Eigen::Vector2d nearest_optimum(OscillatingPlace& place, const Eigen::Vector2d& start) {
+  constexpr double next_to_nothing = 0.01;  // nats
+  const double steepest = steepest_of(place);
+  if (!(steepest > 0.0)) return Eigen::Vector2d::Zero();
+  const double step = 0.5 * grid_phase / steepest;
+  for (OscillatingCell& cell : place.cells) cell.tabulate(start.norm() + 6.0 * step);
+  Eigen::Vector2d home = Eigen::Vector2d::Zero(), other = start;
+  const double here = place.cost(home);
+  const double from_other = descend(place, step, other), from_home = descend(place, step, home);
+  if (!(std::min(from_home, from_other) < here - next_to_nothing)) return Eigen::Vector2d::Zero();
+  return from_other < from_home ? other : home;
+}
+
 /// Where the place is likeliest, from where it is; 0 where that gains next to nothing.
 Eigen::Vector2d best_move(OscillatingPlace& place, ModeSearch search) {
-  double steepest = 0.0, information = place.prior_information;
-  for (const OscillatingCell& cell : place.cells) {
-    steepest = std::max(steepest, cell.wavenumber());
-    information += 0.5 * cell.open_information();
-  }
+  const double steepest = steepest_of(place);
+  double information = place.prior_information;
+  for (const OscillatingCell& cell : place.cells) information += 0.5 * cell.open_information();
   if (!(steepest > 0.0)) return Eigen::Vector2d::Zero();
   const double step = grid_phase / steepest;
   const int points =
@@ -226,7 +257,7 @@ bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingPro
                           ModeSearch search, JointState& state) {
   const JointProblem& problem = working.problem;
   const CellGeometry geometry = cell_geometry(rows, state);
-  const OscillatingEffects oscillating = oscillating_effects(rows, model, working, geometry);
+  const OscillatingEffects oscillating = oscillating_effects(rows, model, working, geometry, nullptr);
   if (oscillating.effects.empty()) return false;
   std::vector<OscillatingPlace> places(static_cast<std::size_t>(problem.place_count));
   for (int cell = 0; cell < rows.cell_count; ++cell) {
@@ -248,6 +279,48 @@ bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingPro
   }
   return std::any_of(moves.begin(), moves.end(),
                      [](const Eigen::Vector2d& move) { return !move.isZero(0.0); });
+}
+
+bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProblem& working_before,
+                        const JointState& before, const WorkingProblem& working, const Sides* sides,
+                        JointState& state) {
+  constexpr double straight = 0.01;  // sum of the squares, in units of the cells' errors
+  const JointProblem& problem = working.problem;
+  const CellGeometry geometry = cell_geometry(rows, state);
+  std::vector<double> off(static_cast<std::size_t>(problem.place_count), 0.0);
+  std::vector<std::vector<int>> cells(off.size());
+  for (int c = 0; c < rows.cell_count; ++c) {
+    const auto cell = static_cast<std::size_t>(c);
+    const auto place =
+        static_cast<std::size_t>(problem.stops[static_cast<std::size_t>(problem.cells.stop[cell])].place);
+    cells[place].push_back(c);
+    const double line = working_before.problem.cells.range_mean[cell] -
+                        working_before.problem.cells.effect_change(cell, geometry.d[cell]);
+    off[place] +=
+        std::pow(problem.cells.range_mean[cell] - line, 2) * range_information(working, geometry, c);
+  }
+  if (std::all_of(off.begin(), off.end(), [&](double square) { return square < straight; })) return false;
+  const OscillatingEffects oscillating = oscillating_effects(rows, model, working, geometry, sides);
+  if (oscillating.effects.empty()) return false;
+  bool any = false;
+  std::vector<Eigen::Vector2d> moves(off.size(), Eigen::Vector2d::Zero());
+  for (std::size_t k = 0; k < problem.stops.size(); ++k) {
+    const StopPrior& prior = problem.stops[k];
+    const auto p = static_cast<std::size_t>(prior.place);
+    if (prior.opens_place && !prior.chained && prior.sigma_xy_m > 0.0 && !cells[p].empty() &&
+        !(off[p] < straight)) {
+      OscillatingPlace place;
+      for (int c : cells[p]) place.cells.emplace_back(rows, oscillating, working, geometry, state, c);
+      place.prior_information = 1.0 / (prior.sigma_xy_m * prior.sigma_xy_m);
+      place.error = {state.stops[k].x_m - prior.commanded.x_m, state.stops[k].y_m - prior.commanded.y_m};
+      moves[p] = nearest_optimum(
+          place, {before.stops[k].x_m - state.stops[k].x_m, before.stops[k].y_m - state.stops[k].y_m});
+      any = any || !moves[p].isZero(0.0);
+    }
+    state.stops[k].x_m += moves[p].x();
+    state.stops[k].y_m += moves[p].y();
+  }
+  return any;
 }
 
 }  // namespace rangecal::diagnosis

@@ -24,4 +24,11 @@ enum class ModeSearch {
 bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingProblem& working,
                           ModeSearch search, JointState& state);
 
+/// Puts places, after a solve from `before` that took effects for straight lines, into the optimum downhill from where it put
+/// them, or from where they were, whichever is likelier; those alone that the lines took elsewhere than the effects do. `sides`:
+/// on which readings stay. False: all stayed.
+bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProblem& working_before,
+                        const JointState& before, const WorkingProblem& working, const Sides* sides,
+                        JointState& state);
+
 }  // namespace rangecal::diagnosis

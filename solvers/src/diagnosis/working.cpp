@@ -6,6 +6,7 @@
 #include <functional>
 #include <utility>
 
+#include "diagnosis/alternation.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
@@ -31,21 +32,24 @@ void add(const Signature& part, Signature& x) {
 }
 
 /// Slope in d of what the model's effects add to the range of a cell, read at its first row.
-double effect_slope_of_cell(const Rows& rows, const CellGeometry& geometry, const Model& model, int cell) {
+double effect_slope_of_cell(const Rows& rows, const CellGeometry& geometry, const Model& model,
+                            const Sides* sides, int cell) {
   const ReadingView<double> here = view_of(rows, geometry, static_cast<std::size_t>(rows.cell_begin[cell]));
   double effect_slope = 0.0;
-  for (const ActiveEffect& active : model) effect_slope += effect_slope_of(active, here);
+  for (std::size_t e = 0; e < model.size(); ++e)
+    effect_slope += effect_slope_of(model[e], sides ? sides->seen_by(e, cell, here) : here);
   return effect_slope;
 }
 
 /// Lets the fit follow effects that change fast with distance, as it moves cells: their slope goes along.
 /// Slow ones (below a fiftieth of a metre per metre) need none: evaluating them anew at the fit is enough.
-void set_effect_slopes(const Rows& rows, const CellGeometry& geometry, const Model& model, Cells& cells) {
+void set_effect_slopes(const Rows& rows, const CellGeometry& geometry, const Model& model, const Sides* sides,
+                       Cells& cells) {
   constexpr double slow = 0.02;
   std::vector<double> effect_slope(static_cast<std::size_t>(rows.cell_count));
   double steepest = 0.0;
   for (int c = 0; c < rows.cell_count; ++c) {
-    effect_slope[c] = effect_slope_of_cell(rows, geometry, model, c);
+    effect_slope[c] = effect_slope_of_cell(rows, geometry, model, sides, c);
     steepest = std::max(steepest, std::abs(effect_slope[c]));
   }
   if (!(steepest > slow)) return;
@@ -196,7 +200,15 @@ TailLaw tail_law_of(const Rows& rows, const CellGeometry& geometry, const Model&
   return TailLaws(rows, geometry, model).of(row);
 }
 
-WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state) {
+std::vector<StopPrior> commanded_under(const Rows& rows, const Model& model) {
+  std::vector<StopPrior> stops = rows.problem.stops;
+  for (const ActiveEffect& active : model)
+    if (active.effect->acts_on_stops()) active.effect->stops(rows.context, active.parameters.data(), stops);
+  return stops;
+}
+
+WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state,
+                               const Sides* sides) {
   WorkingProblem working;
   working.problem = rows.problem;
   working.constant = rows.nll_offset;
@@ -212,15 +224,12 @@ WorkingProblem working_problem(const Rows& rows, const Model& model, const Joint
     working.bearing_deviation = split(rows, working.bearing, {}).deviations;
     return working;
   }
-  const RowChanges changes = row_changes(rows, geometry, model);
+  const RowChanges changes = row_changes(rows, geometry, model, sides);
   const Dependence dependence = dependence_of(model);
   const bool reciprocal = has_reciprocal_noise(model);
-  for (const ActiveEffect& active : model) {
-    if (active.effect->acts_on_stops())
-      active.effect->stops(rows.context, active.parameters.data(), working.problem.stops);
-  }
+  working.problem.stops = commanded_under(rows, model);
   Cells& c = working.problem.cells;
-  if (!rows.pairs) set_effect_slopes(rows, geometry, model, c);
+  if (!rows.pairs) set_effect_slopes(rows, geometry, model, sides, c);
   // m of every row: what the effects do to its variance, and the weight of a tail at its residual.
   Eigen::ArrayXd range_m = changes.range_log_variance.array().exp(),
                  bearing_m = changes.bearing_log_variance.array().exp();

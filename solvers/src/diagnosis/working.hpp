@@ -34,9 +34,15 @@ Model without_grids(const Model& model);
 /// How the readings of one cell hang together under all of the model's effects but its grids, which share by cell.
 Dependence dependence_of(const Model& model);
 
+class Sides;
+
+/// The stops with what the model's effects do to them.
+std::vector<StopPrior> commanded_under(const Rows& rows, const Model& model);
+
 /// Effects are evaluated at `state`; their dependence on the geometry is carried by repeating this at the new
-/// state.
-WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state);
+/// state. `sides`: those of switching distances on which readings are taken to lie; none: as the state has them.
+WorkingProblem working_problem(const Rows& rows, const Model& model, const JointState& state,
+                               const Sides* sides = nullptr);
 
 /// Residuals of the working problem's ranges in units of their standard deviations, sqrt(W) (y - f) / s, of the cells.
 Eigen::VectorXd sequence_residuals(const WorkingProblem& working, const CellGeometry& geometry);
@@ -61,7 +67,8 @@ struct RowChanges {
   Eigen::VectorXd range, bearing, range_log_variance, bearing_log_variance;
   CellRounding rounding;
 };
-RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model);
+RowChanges row_changes(const Rows& rows, const CellGeometry& geometry, const Model& model,
+                       const Sides* sides = nullptr);
 
 /// The laws of rows' errors under the model's tail effects, empty without one. Of a row with the shares of the row before, the
 /// sizes alone are set anew.

@@ -83,6 +83,18 @@ double laplace_nll(const JointSystem& system, double joint_nll) {
   return joint_nll + 0.5 * system.log_det_stops() - dimension * half_log_two_pi;
 }
 
+double laplace_nll_at(const JointProblem& problem, const JointState& state) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  JointSystem system(problem, static_cast<int>(state.alpha.size()),
+                     static_cast<int>(state.noise.parameters.size()));
+  for (const HessianKind kind : {HessianKind::exact, HessianKind::fisher}) {
+    const double joint_nll = system.assemble(state, kind);
+    if (!std::isfinite(joint_nll)) return infinity;
+    if (system.eliminate()) return laplace_nll(system, joint_nll);
+  }
+  return infinity;
+}
+
 LaplaceValue laplace_marginal(const JointProblem& problem, const JointState& state) {
   LaplaceValue value;
   value.state = state;

@@ -13,4 +13,7 @@ double settle_stops(JointSystem& system, JointState& state, int& evaluations);
 /// Laplace's marginal NLL from a settled system.
 double laplace_nll(const JointSystem& system, double joint_nll);
 
+/// The same of the stops where `state` has them, which should be near their conditional optimum; +infinity outside the model's domain.
+double laplace_nll_at(const JointProblem& problem, const JointState& state);
+
 }  // namespace rangecal

@@ -202,6 +202,37 @@ TEST(Effects, EveryEffectChangesSomethingButLabels) {
   }
 }
 
+TEST(Effects, ThoseThatAreTheSameForRepeatsSaySo) {
+  const EffectContext context = example_context();
+  const auto as_vector = [](const ReadingChange<double>& change) {
+    return Eigen::Vector4d(change.range, change.bearing, change.range_log_variance,
+                           change.bearing_log_variance);
+  };
+  for (const Effect* effect : example_effects()) {
+    const Eigen::VectorXd p = typical_point(*effect);
+    double size = 0.0, difference = 0.0;
+    for (int k = 0; k < context.stop_count; ++k) {
+      ReadingView<double> at = example_reading(context);
+      std::vector<double> columns(context.covariates.size(), 0.0);
+      at.covariate = columns.data();
+      at.stop = k;
+      at.d = 0.8 + 0.6 * k;
+      const Eigen::Vector4d first = as_vector(effect->reading(at, p.data()));
+      at.repeat += 3;
+      at.time_s += 7.0;
+      at.time += 0.05;
+      at.rate_mps += 0.3;
+      for (double& column : columns) column += 2.0;
+      const Eigen::Vector4d later = as_vector(effect->reading(at, p.data()));
+      size += first.lpNorm<1>() + later.lpNorm<1>();
+      difference += (later - first).lpNorm<1>();
+    }
+    if (size > 0.0 && effect->info().kind != EffectKind::grid && !effect->noise_before_reciprocal()) {
+      EXPECT_EQ(effect->differs_between_repeats(), difference > 0.0) << effect->info().id;
+    }
+  }
+}
+
 TEST(Effects, LinearParametersAreLinearAndVanishAtZero) {
   for (const Effect* effect : example_effects()) {
     const auto& parameters = effect->info().parameters;

@@ -109,6 +109,26 @@ TEST(Sides, StopsOfOnePlaceCrossTogether) {
   }
 }
 
+TEST(Sides, AReadingOnItsSideIsSeenNoFartherThanItsEnd) {
+  const double limit = 1.416;
+  const Recording recording = recording_with_step(limit, 0.02);
+  const Rows rows = make_rows(std::span<const Recording>(&recording, 1));
+  const Model model{{find_effect("range_offset"), Eigen::VectorXd::Constant(1, 0.01)},
+                    {find_effect("near_regime"), Eigen::Vector3d(0.02, 0.0, limit)}};
+  JointState state = truth();
+  Sides sides;
+  sides.take(rows, model, state);
+  state.stops[0].x_m -= 0.004;  // its distance to landmark a is 1.4171 m now, over L
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const ReadingView<double> view = view_of(rows, geometry, 0);
+  ASSERT_GT(view.d, limit);
+  EXPECT_NEAR(sides.seen_by(1, 0, view).d, limit, 1e-5);
+  EXPECT_LT(sides.seen_by(1, 0, view).d, limit);
+  EXPECT_EQ(sides.seen_by(0, 0, view).d, view.d);  // which jumps nowhere
+  EXPECT_NEAR(working_problem(rows, model, state, &sides).range[0],
+              working_problem(rows, model, state).range[0] - 0.02, 1e-12);
+}
+
 TEST(Sides, OthersAreThoseThatTheJumpCouldHaveMisplaced) {
   // Distances of landmark a: 1.4142, 1.118, 1.0 m; of b: 3.162, 2.693, 2.236 m. L = 1.41 m may be anywhere
   // between the two nearest, so both are in doubt; the third only where the jump is as large as its distance.

@@ -18,6 +18,13 @@ struct Contamination {
   double end_m = std::numeric_limits<double>::infinity();  ///< the largest size of a one-sided one
 };
 
+/// What is known of a share's extra error, given z.
+struct ExtraError {
+  double odds = 1.0;    ///< density of z with it over that without
+  double weight = 1.0;  ///< the precision that is left, in units of 1 / s^2
+  double mean = 0.0, variance = 0.0;
+};
+
 /// The law of a reading's error e with standard deviation s, when shares p_k of the readings have extra errors x_k:
 ///
 ///   p(e) = (1 - P) N(e; 0, s^2) + sum_k w_k p_k(e)
@@ -55,6 +62,12 @@ class TailLaw {
     Contamination law;
     double odds = 0.0, log_odds = 0.0;
   };
+  /// density() where the odds may leave the numbers: by their logarithms.
+  LogDensity density_far_out(double z, double s, Slopes* slopes) const;
+  /// From the log density, and the probabilities of the body and of each share given z.
+  LogDensity mixed(double z, double s, double value, double body_given_z,
+                   const std::array<ExtraError, most>& extras, const std::array<double, most>& share,
+                   Slopes* slopes) const;
   double body() const { return 1.0 / (1.0 + odds_); }
 
   std::array<Part, most> parts_{};

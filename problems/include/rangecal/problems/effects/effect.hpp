@@ -187,6 +187,8 @@ class Effect {
   }
   /// False if reading() is the same at every distance, all else the same.
   virtual bool changes_with_distance() const { return true; }
+  /// False if reading() is the same for all readings of one landmark from one stop, whenever they were taken.
+  virtual bool differs_between_repeats() const { return true; }
   /// Change of the stops: commanded poses, sigmas, chain. `true` from acts_on_stops() makes it be called.
   virtual bool acts_on_stops() const { return false; }
   virtual void stops(const EffectContext&, const double* /*p*/, std::vector<StopPrior>&) const {}
