@@ -19,6 +19,11 @@ CovariateOf covariate_of(const Rows& rows, const std::string& name) {
   if (name == "landmark") return [](const auto& at) { return static_cast<double>(at.landmark); };
   if (name == "radius") return [](const auto& at) { return at.radius; };
   if (name == "constant") return [](const auto&) { return 1.0; };
+  if (name == range_by_landmark)
+    return [low = rows.context.range_min_m, high = rows.context.range_max_m](const auto& at) {
+      const double share = std::clamp((at.d - low) / std::max(high - low, 1e-12), 0.0, 1.0);
+      return static_cast<double>(at.landmark) + 0.9 * share;
+    };
   const auto& names = rows.context.covariates;
   const auto found = std::find(names.begin(), names.end(), name);
   if (found == names.end()) return {};
@@ -29,8 +34,8 @@ namespace {
 
 /// True of covariates that are the same for all readings of a cell.
 bool is_of_cells(const std::string& covariate) {
-  constexpr std::array of_cells{"range", "disparity", "sensor_bearing", "heading",
-                                "stop",  "landmark",  "radius",         "constant"};
+  constexpr std::array of_cells{"range",    "disparity", "sensor_bearing", "heading",        "stop",
+                                "landmark", "radius",    "constant",       range_by_landmark};
   return std::find(of_cells.begin(), of_cells.end(), covariate) != of_cells.end();
 }
 

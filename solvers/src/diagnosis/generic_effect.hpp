@@ -12,6 +12,9 @@
 
 namespace rangecal::diagnosis {
 
+/// The distance of each landmark for itself: from the landmark's number to 0.9 above it, over the span of all distances.
+inline constexpr const char* range_by_landmark = "range by landmark";
+
 using CovariateOf = std::function<double(const ReadingView<double>&)>;
 
 /// The value of a covariate of docs/formats.md at a reading; empty if it is none.
@@ -76,7 +79,8 @@ class GenericEffect final : public Effect {
   std::optional<ReadingChange<double>> slope(const ReadingView<double>& at, const double* p,
                                              int parameter) const override;
   bool changes_with_distance() const override {
-    return info_.covariate == "range" || info_.covariate == "disparity";
+    return info_.covariate == "range" || info_.covariate == "disparity" ||
+           info_.covariate == range_by_landmark;
   }
   bool differs_between_repeats() const override { return differs_between_repeats_; }
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override;

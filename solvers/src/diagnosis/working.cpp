@@ -344,7 +344,7 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     range = (high.range - low.range) / (2.0 * step);
     bearing = (high.bearing - low.bearing) / (2.0 * step);
   };
-  // Most effects are the same for all repeats of a cell: its first, second and last row tell.
+  // Of an effect that may differ between the repeats of a cell its first, second and last row tell whether it does.
   x.range.resize(rows.cell_count);
   x.bearing.resize(rows.cell_count);
   bool varies = false;
@@ -353,7 +353,7 @@ Signature effect_signature(const Rows& rows, const Projector& projector, const A
     slope_at(first, x.range[c], x.bearing[c], projector.geometry());
     for (int i : {std::min(first + 1, last), last}) {
       double range = 0.0, bearing = 0.0;
-      if (i == first) continue;
+      if (i == first || !active.effect->differs_between_repeats()) continue;
       slope_at(i, range, bearing, projector.geometry());
       varies = varies || std::abs(range - x.range[c]) > 1e-12 * (1.0 + std::abs(range)) ||
                std::abs(bearing - x.bearing[c]) > 1e-12 * (1.0 + std::abs(bearing));

@@ -3,6 +3,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -14,7 +15,8 @@ namespace rangecal {
 
 namespace {
 
-double settled_stops(JointSystem& system, JointState& state, int& evaluations, const SolverLog& log) {
+double settled_stops(JointSystem& system, JointState& state, int& evaluations, double enough,
+                     const SolverLog& log) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   constexpr int max_iterations = 100;
   const Eigen::VectorXd still = Eigen::VectorXd::Zero(system.layout().global_count);
@@ -36,7 +38,8 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, c
     }
     const Eigen::VectorXd step = system.back_substitute(still, true);
     const double decrement_sq = -system.stop_gradient().dot(step);
-    if (decrement_sq < 1e-18 * (1.0 + step.size()) && kind == HessianKind::exact && damping == 0.0)
+    if (decrement_sq < std::max(enough, 1e-18 * (1.0 + step.size())) && kind == HessianKind::exact &&
+        damping == 0.0)
       return nll;
     const JointState trial = step_state(system.problem(), system.layout(), state, still, step);
     const HessianKind next_kind = decrement_sq < 1.0 + 0.1 * step.size() ? HessianKind::exact : kind;
@@ -68,10 +71,10 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, c
 
 }  // namespace
 
-double settle_stops(JointSystem& system, JointState& state, int& evaluations) {
+double settle_stops(JointSystem& system, JointState& state, int& evaluations, double enough) {
   const SolverLog log("stops");
   const int before = evaluations;
-  const double nll = settled_stops(system, state, evaluations, log);
+  const double nll = settled_stops(system, state, evaluations, enough, log);
   if (log.iterations_on())  // a part of a solve, also where none is told of around it
     log.end(-1, nll, not_known, std::isfinite(nll) ? Outcome::converged : Outcome::failed,
             fmt::format("{} evaluations", evaluations - before));

@@ -54,7 +54,7 @@ class Marginal {
     stop_decrement_sq_ =
         good ? system_.stop_gradient().dot(system_.solve_stops(system_.stop_gradient())) : infinity;
     if (!good || stop_decrement_sq_ > close) {
-      joint_nll = settle_stops(system_, state, evaluations);
+      joint_nll = settle_stops(system_, state, evaluations, close);
       if (!std::isfinite(joint_nll)) return infinity;
       stop_decrement_sq_ = system_.stop_gradient().dot(system_.solve_stops(system_.stop_gradient()));
     }

@@ -15,6 +15,19 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr std::size_t most_groups = 60;
+constexpr std::size_t most_knots_by_landmark = 40;  ///< each is a parameter of every fit that holds the curve
+
+/// So many knots at equal shares of each landmark's readings.
+CurveBasis basis_by_landmark(const std::vector<double>& sorted, int count) {
+  CurveBasis basis;
+  for (auto begin = sorted.begin(); begin != sorted.end();) {
+    const auto end = std::lower_bound(begin, sorted.end(), std::floor(*begin) + 1.0);
+    const std::vector<double> own = knots_at_equal_shares({begin, end}, count);
+    basis.knots.insert(basis.knots.end(), own.begin(), own.end());
+    begin = end;
+  }
+  return basis;
+}
 
 /// Knots at equal shares of the readings, or one value for each of few; none where there is nothing to vary along.
 std::vector<CurveBasis> bases_along(const std::string& covariate, const Eigen::VectorXd& x) {
@@ -33,6 +46,12 @@ std::vector<CurveBasis> bases_along(const std::string& covariate, const Eigen::V
     return {basis};
   }
   std::vector<CurveBasis> bases;
+  if (covariate == range_by_landmark) {
+    for (const int count : {3, 5})
+      if (CurveBasis basis = basis_by_landmark(sorted, count); basis.knots.size() <= most_knots_by_landmark)
+        bases.push_back(std::move(basis));
+    return bases;
+  }
   for (const int count : {4, 9}) {
     CurveBasis basis;
     basis.knots = knots_at_equal_shares(sorted, count);
@@ -89,6 +108,7 @@ std::vector<OneShape> shapes_along(const std::string& covariate, const Rows& row
 std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projector, double sigma_theta_rad) {
   std::vector<std::string> covariates{"range",  "sensor_bearing", "heading", "time",
                                       "repeat", "landmark",       "stop",    "radius"};
+  if (!rows.pairs && rows.context.landmark_count > 1) covariates.push_back(range_by_landmark);
   const auto& columns = rows.context.covariates;
   covariates.insert(covariates.end(), columns.begin(), columns.end());
   const double spread = upper_median(projector.geometry().spread);
@@ -111,7 +131,7 @@ std::vector<CurvePlace> curve_places(const Rows& rows, const Projector& projecto
     if (bases.empty()) continue;
     const std::vector<OneShape> shapes = shapes_along(covariate, rows, x);
     for (const char* channel : {"range", "bearing"}) {
-      if (rows.pairs && channel != std::string("range")) continue;
+      if ((rows.pairs || covariate == range_by_landmark) && channel != std::string("range")) continue;
       for (const CurveBasis& basis : bases)
         wanted.push_back({channel, covariate, basis, {}, bases.size(), &x});
       for (const OneShape& shape : shapes)

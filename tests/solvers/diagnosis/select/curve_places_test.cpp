@@ -33,6 +33,32 @@ TEST(CurvePlaces, CoverEveryChannelAlongEveryCovariate) {
     EXPECT_LE(sum, 1.0 + 1e-12) << member << ": masses sum to one at most";
 }
 
+TEST(CurvePlaces, AlongTheDistanceOfEachLandmarkOneSaysNothingOfTheOthers) {
+  const testing::SeedFit seed(testing::recording_with({}, "CurvePlaces.ByLandmark"));
+  const WorkingProblem working = working_problem(seed.rows, {}, seed.fit.state);
+  const Projector projector(seed.rows, working, seed.fit.state);
+  const Eigen::VectorXd x =
+      values_along(seed.rows, projector.geometry(), covariate_of(seed.rows, range_by_landmark));
+  constexpr int landmark = 2;
+  int bases = 0;
+  for (const CurvePlace& place : curve_places(seed.rows, projector, seed.fit.state.sigma_theta_rad)) {
+    if (place.effect->info().covariate != range_by_landmark) continue;
+    ++bases;
+    EXPECT_EQ(place.effect->info().channel, "range");
+    EXPECT_TRUE(place.effect->changes_with_distance());
+    EXPECT_FALSE(place.effect->differs_between_repeats());
+    const CurveBasis& basis = place.effect->basis();
+    Eigen::VectorXd own(basis.size());
+    for (Eigen::Index k = 0; k < own.size(); ++k)
+      own[k] = std::floor(basis.knots[static_cast<std::size_t>(k)]) == landmark ? 1.0 : 0.0;
+    EXPECT_GE(own.sum(), 3.0);
+    for (std::size_t i = 0; i < seed.rows.size(); ++i)
+      EXPECT_NEAR(basis.value(x[static_cast<Eigen::Index>(i)], own),
+                  seed.rows.landmark[i] == landmark ? 1.0 : 0.0, 1e-12);
+  }
+  EXPECT_GE(bases, 1);
+}
+
 TEST(CurvePlaces, AStepInTimeIsNothingBeforeIt) {
   const testing::SeedFit seed(testing::recording_with({}, "CurvePlaces.Step"));
   const WorkingProblem working = working_problem(seed.rows, {}, seed.fit.state);
