@@ -4,8 +4,8 @@
 //
 // Of landmarks the objective is that of the model itself,
 //   l(state) = Laplace's NLL at the state of the working problem there      [nats],
-// which nothing is linearised in: the way to the proposed state is shortened until it falls. Of known distances, which move no
-// effect, solves and effects alternate.
+// which nothing is linearised in: the way to the proposed state is shortened until it falls, with the slopes of REML in the spreads,
+// which the solves follow. Of known distances, which move no effect, solves and effects alternate.
 #include <cmath>
 #include <limits>
 #include <optional>

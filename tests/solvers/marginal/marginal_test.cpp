@@ -5,10 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "marginal/laplace.hpp"
 #include "rangecal/problems/landmarks/joint_nll.hpp"
 #include "support/joint_scenes.hpp"
 
@@ -90,6 +92,45 @@ TEST(LaplaceMarginal, IsCloseToTheIntegralOverTheStop) {
     // Laplace's error falls with the square of the posterior's width over the geometry's scale: 0.04 m over 1.5 m.
     EXPECT_NEAR(laplace.marginal_nll, integral, 0.01 * shrink) << shrink;
   }
+}
+
+TEST(LaplaceMarginal, WhereAStateHasItsStopsRisesBySquaresFromTheirOptimum) {
+  const testing::JointScene scene =
+      one_stop({{1.5, 0.4}, {-0.8, 1.7}, {0.3, -2.2}}, 0.05, {0.03, -0.06, 0.02}, {0.01, -0.02, 0.03});
+  const LaplaceValue settled = laplace_marginal(scene.problem, scene.truth);
+  ASSERT_TRUE(settled.ok);
+  const double least = laplace_nll_at(scene.problem, settled.state);
+  EXPECT_NEAR(least, settled.marginal_nll, 1e-9);
+  const auto rise_at = [&](double step) {
+    double sum = 0.0;  // of both sides: what is odd in the step goes
+    for (const double side : {-1.0, 1.0}) {
+      JointState moved = settled.state;
+      moved.stops[0].x_m += side * step;
+      sum += laplace_nll_at(scene.problem, moved) - least;
+    }
+    return sum;
+  };
+  EXPECT_GT(rise_at(0.002), 0.0);
+  EXPECT_NEAR(rise_at(0.004) / rise_at(0.002), 4.0, 0.05);
+  JointState outside = settled.state;
+  outside.noise.parameters[0] = -1.0;
+  EXPECT_FALSE(std::isfinite(laplace_nll_at(scene.problem, outside)));
+}
+
+TEST(LaplaceMarginal, StopsAreSettledNoFartherThanIsEnough) {
+  const testing::JointScene scene =
+      one_stop({{1.5, 0.4}, {-0.8, 1.7}, {0.3, -2.2}}, 0.05, {0.03, -0.06, 0.02}, {0.01, -0.02, 0.03});
+  const auto evaluations_to = [&](double enough) {
+    JointState state = scene.truth;
+    state.stops[0] = {0.1, -0.1, 0.0};
+    JointSystem system(scene.problem, 2, 1);
+    int evaluations = 0;
+    EXPECT_TRUE(std::isfinite(settle_stops(system, state, evaluations, enough)));
+    const double left = system.stop_gradient().dot(system.solve_stops(system.stop_gradient()));
+    EXPECT_LT(left, std::max(enough, 1e-12));
+    return evaluations;
+  };
+  EXPECT_LT(evaluations_to(1e-2), evaluations_to(0.0));
 }
 
 TEST(Marginal, VariancesLoseTheDegreesOfFreedomOfTheCurve) {
