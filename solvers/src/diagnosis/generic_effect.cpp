@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 namespace rangecal::diagnosis {
 
@@ -86,11 +87,12 @@ GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_na
   info_.physics =
       "A smooth correction of " + channel_name + " against " + covariate_name + ", of unknown cause.";
   unit_ = channel == CurveChannel::range ? "m" : channel == CurveChannel::bearing ? "rad" : "log_variance";
+  // A spread that is no twentieth of what it is elsewhere, nor twenty times as much: without a bound a curve with many knots leaves readings
+  // that happen to be alike no spread at all, and gains without end beside tails.
+  const double bound = is_mean(channel) ? 1e3 * typical : 2.0 * std::log(20.0);
   for (Eigen::Index j = 0; j < directions_.cols(); ++j)
-    info_.parameters.push_back({.name = fmt::format("c{}_{}", j + 1, unit_),
-                                .typical = typical,
-                                .low = -1e3 * typical,
-                                .high = 1e3 * typical});
+    info_.parameters.push_back(
+        {.name = fmt::format("c{}_{}", j + 1, unit_), .typical = typical, .low = -bound, .high = bound});
 }
 
 ReadingChange<double> GenericEffect::of_channel(double change) const {

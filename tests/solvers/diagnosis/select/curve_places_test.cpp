@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
 #include <set>
 
@@ -57,6 +58,22 @@ TEST(CurvePlaces, AlongTheDistanceOfEachLandmarkOneSaysNothingOfTheOthers) {
                   seed.rows.landmark[i] == landmark ? 1.0 : 0.0, 1e-12);
   }
   EXPECT_GE(bases, 1);
+}
+
+TEST(CurvePlaces, ACurveLeavesNoReadingsWithoutASpread) {
+  // 22 knots beside two tails gained 21 774 nats on 2807 readings, with log variances of -26 to 72.
+  CurveBasis basis;
+  for (int k = 0; k < 22; ++k) basis.knots.push_back(k);
+  const auto time = [](const ReadingView<double>& at) { return at.time_s; };
+  const GenericEffect of_spread(CurveChannel::range_noise, "range_noise", "time", time, basis,
+                                Eigen::MatrixXd::Identity(22, 22), 0.5);
+  for (const EffectParameter& p : of_spread.info().parameters) {
+    EXPECT_NEAR(std::exp(0.5 * p.high), 20.0, 1e-9);
+    EXPECT_NEAR(std::exp(0.5 * p.low), 1.0 / 20.0, 1e-9);
+  }
+  const GenericEffect of_mean(CurveChannel::range, "range", "time", time, basis,
+                              Eigen::MatrixXd::Identity(22, 22), 0.01);
+  for (const EffectParameter& p : of_mean.info().parameters) EXPECT_EQ(p.high, 10.0);
 }
 
 TEST(CurvePlaces, AStepInTimeIsNothingBeforeIt) {
