@@ -234,7 +234,7 @@ Json entry_of(const Effect& kind) {
 }
 
 int run(int argc, char** argv) {
-  if (argc < 2) throw InputError("usage: rangecal_gallery FOLDER [EFFECT...]");
+  if (argc < 2 || argv[1][0] == '-') throw InputError("usage: rangecal_gallery FOLDER [EFFECT...]");
   const std::string folder = argv[1];
   make_folder(folder);
   for (const auto& effect : effect_registry()) {
