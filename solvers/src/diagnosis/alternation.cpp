@@ -88,29 +88,34 @@ bool Sides::matter(const Model& model) {
   });
 }
 
-void Sides::take(const Rows& rows, const Model& model, const JointState& state) {
-  near_.clear();
+void Sides::begin(const Rows& rows, const Model& model) {
   of_cells_.assign(model.size(), {});
-  const CellGeometry geometry = cell_geometry(rows, state);
   for (std::size_t e = 0; e < model.size(); ++e) {
     const double limit = model[e].effect->switching_distance(model[e].parameters.data());
-    if (!std::isfinite(limit)) continue;
-    of_cells_[e] = {limit, std::vector<char>(static_cast<std::size_t>(rows.cell_count))};
-    for (const LineOfSight& line : lines_of_sight(rows.problem)) {
-      near_.push_back(geometry.d[line.front()] < limit);
-      for (int c : line) of_cells_[e].near[static_cast<std::size_t>(c)] = near_.back();
-    }
+    if (std::isfinite(limit))
+      of_cells_[e] = {limit, std::vector<char>(static_cast<std::size_t>(rows.cell_count))};
   }
 }
 
+void Sides::OfCells::put(const std::vector<int>& line, bool on_near_side) {
+  for (int c : line) near[static_cast<std::size_t>(c)] = on_near_side;
+}
+
+void Sides::take(const Rows& rows, const Model& model, const JointState& state) {
+  begin(rows, model);
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const std::vector<LineOfSight> lines = lines_of_sight(rows.problem);
+  for (OfCells& sides : of_cells_)
+    for (const LineOfSight& line : lines)
+      if (sides.jumps()) sides.put(line, geometry.d[line.front()] < sides.limit);
+}
+
 void Sides::settle(const Rows& rows, const Model& model, JointState& state) {
-  near_.clear();
-  of_cells_.assign(model.size(), {});
+  begin(rows, model);
   for (std::size_t e = 0; e < model.size(); ++e) {
     const ActiveEffect& active = model[e];
-    const double limit = active.effect->switching_distance(active.parameters.data());
-    if (!std::isfinite(limit)) continue;
-    of_cells_[e] = {limit, std::vector<char>(static_cast<std::size_t>(rows.cell_count))};
+    if (!of_cells_[e].jumps()) continue;
+    const double limit = of_cells_[e].limit;
     const WorkingProblem working = working_problem(rows, model, state);
     const CellGeometry geometry = cell_geometry(rows, state);
     const PlaceVariance variance(rows, geometry, working.problem);
@@ -133,35 +138,32 @@ void Sides::settle(const Rows& rows, const Model& model, JointState& state) {
         crossed = gain > 0.0;
       }
       if (crossed) move_to(working.problem, geometry, first, over, state);
-      near_.push_back(near != crossed);
-      for (int c : line) of_cells_[e].near[static_cast<std::size_t>(c)] = near_.back();
+      of_cells_[e].put(line, near != crossed);
     }
   }
 }
 
 ReadingView<double> Sides::seen_by(std::size_t effect, int cell, ReadingView<double> view) const {
   const OfCells& sides = of_cells_[effect];
-  if (sides.near.empty()) return view;
+  if (!sides.jumps()) return view;
   view.d = sides.near[static_cast<std::size_t>(cell)] ? std::min(view.d, sides.limit - beyond_m)
                                                       : std::max(view.d, sides.limit + beyond_m);
   return view;
 }
 
-double Sides::restore(const Rows& rows, const Model& model, JointState& state) const {
+double Sides::restore(const Rows& rows, JointState& state) const {
   double cost = 0.0;
-  std::size_t at = 0;
-  for (const ActiveEffect& active : model) {
-    const double limit = active.effect->switching_distance(active.parameters.data());
-    if (!std::isfinite(limit)) continue;
+  for (const OfCells& sides : of_cells_) {
+    if (!sides.jumps()) continue;
     const CellGeometry geometry = cell_geometry(rows, state);
     const PlaceVariance variance(rows, geometry, rows.problem);
     for (const LineOfSight& line : lines_of_sight(rows.problem)) {
       const int first = line.front();
-      const double off = geometry.d[first] - limit, v = variance.of(first);
+      const double off = geometry.d[first] - sides.limit, v = variance.of(first);
       const bool near = off < 0.0;
-      if (near == static_cast<bool>(near_[at++]) || !(v > 0.0)) continue;
+      if (near == static_cast<bool>(sides.near[static_cast<std::size_t>(first)]) || !(v > 0.0)) continue;
       cost += 0.5 * off * off / v;
-      move_to(rows.problem, geometry, first, limit + (near ? beyond_m : -beyond_m), state);
+      move_to(rows.problem, geometry, first, sides.limit + (near ? beyond_m : -beyond_m), state);
     }
   }
   return cost;
@@ -240,10 +242,10 @@ WorkingProblem Alternation::begin(const Rows& rows, const Model& model, JointSta
   return working;
 }
 
-bool Alternation::another(const Rows& rows, const Model& model, JointState& state, double& value) {
+bool Alternation::another(const Rows& rows, JointState& state, double& value) {
   constexpr int most = 5;
   constexpr double settled = 1e-2;  // nats
-  if (jumps_) value += sides_.restore(rows, model, state);
+  if (jumps_) value += sides_.restore(rows, state);
   ++done_;
   if (rows.pairs && left_ > 1 && !exact_ && !has_effect_slope_ && hardly_moved(rows, begun_, state))
     left_ = 1;

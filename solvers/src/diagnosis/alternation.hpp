@@ -26,7 +26,7 @@ class Sides {
   void take(const Rows& rows, const Model& model, const JointState& state);
   /// After a solve that knew nothing of L: moves stops back over it to the side that the solve took for
   /// granted. Returns what the moves cost in nats.
-  double restore(const Rows& rows, const Model& model, JointState& state) const;
+  double restore(const Rows& rows, JointState& state) const;
   /// Models and states that differ from these by one line of sight on the other side of L, those that the
   /// jump could have misplaced, nearest first, at most eight. L moves as far as it may without another
   /// changing sides.
@@ -40,10 +40,15 @@ class Sides {
 
  private:
   struct OfCells {
-    double limit = 0.0;      ///< L [m]
-    std::vector<char> near;  ///< by cell: d < L; empty of an effect that does not jump
+    double limit = 0.0;  ///< L [m]
+    std::vector<char>
+        near;  ///< by cell: d < L, alike along a line of sight; empty of an effect that does not jump
+    bool jumps() const { return !near.empty(); }
+    void put(const std::vector<int>& line, bool on_near_side);
   };
-  std::vector<char> near_;         ///< per effect that jumps and line of sight: d < L
+  /// Cells of every effect that jumps, their sides still open.
+  void begin(const Rows& rows, const Model& model);
+
   std::vector<OfCells> of_cells_;  ///< by effect of the model
 };
 
@@ -54,7 +59,7 @@ class Sides {
 ///
 ///   Alternation alternation(model);
 ///   do { working = alternation.begin(rows, model, state);  ... solve: state, value ... }
-///   while (alternation.another(rows, model, state, value));
+///   while (alternation.another(rows, state, value));
 class Alternation {
  public:
   explicit Alternation(const Model& model)
@@ -64,7 +69,7 @@ class Alternation {
   WorkingProblem begin(const Rows& rows, const Model& model, JointState& state);
   /// Puts cells that the solve moved over a switching distance back, at its cost in `value`. True where another
   /// iteration is needed.
-  bool another(const Rows& rows, const Model& model, JointState& state, double& value);
+  bool another(const Rows& rows, JointState& state, double& value);
 
  private:
   int left_, done_ = 0;

@@ -115,7 +115,7 @@ Point point_at(const Rows& rows, const Model& model, JointState state, const Sid
                  prior_nll(rows, point.state.alpha);
   if (sides) {
     JointState restored = point.state;
-    value += sides->restore(rows, model, restored);
+    value += sides->restore(rows, restored);
   }
   if (!std::isnan(value)) point.value = value;
   return point;
@@ -144,15 +144,7 @@ JointState between(const JointState& from, const JointState& to, double part) {
 
 /// What the slopes of REML add to the objective from one state to another.
 double reml_between(const MarginalFit& fit, const JointState& from, const JointState& to) {
-  if (!fit.reml) return 0.0;
-  const Eigen::VectorXd& slopes = fit.reml->slopes;
-  const Eigen::Index taus = to.noise.parameters.size();
-  double sum = slopes[taus] * std::log(to.sigma_theta_rad / from.sigma_theta_rad);
-  if (has_sigma(to.noise.law))
-    sum += slopes[0] * std::log(to.noise.parameters[0] / from.noise.parameters[0]);
-  else
-    sum += slopes.head(taus).dot(to.noise.parameters - from.noise.parameters);
-  return sum;
+  return fit.reml ? fit.reml->slopes.dot(sigma_coordinates(to) - sigma_coordinates(from)) : 0.0;
 }
 
 /// Descent of l from a state.
@@ -178,7 +170,7 @@ class Descent {
       if (!goes_on) break;
     }
     state = std::move(here_.state);
-    if (jumps_) sides_.restore(rows_, model_, state);
+    if (jumps_) sides_.restore(rows_, state);
     return here_.value;
   }
 
@@ -278,7 +270,7 @@ double solve_in_turn(const Rows& rows, const Model& model, JointState& state, Ma
     least = value;
     least_state = state;
     if (detail) *detail = std::move(solved.fit);
-  } while (alternation.another(rows, model, state, value));
+  } while (alternation.another(rows, state, value));
   if (!along_sequence) return value;
   state = std::move(least_state);
   return least;

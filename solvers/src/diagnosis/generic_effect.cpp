@@ -9,17 +9,43 @@
 
 namespace rangecal::diagnosis {
 
+namespace {
+
+/// A covariate of docs/formats.md that is no column.
+struct NamedCovariate {
+  const char* name;
+  double (*value)(const ReadingView<double>&);
+  bool of_cell = true;  ///< the same for all readings of a cell
+};
+
+constexpr std::array<NamedCovariate, 10> named_covariates{{
+    {"range", [](const ReadingView<double>& at) { return at.d; }},
+    {"disparity", [](const ReadingView<double>& at) { return 1.0 / at.d; }},
+    {"sensor_bearing", [](const ReadingView<double>& at) { return at.bearing; }},
+    {"heading", [](const ReadingView<double>& at) { return at.heading; }},
+    {"time", [](const ReadingView<double>& at) { return at.time_s; }, false},
+    {"stop", [](const ReadingView<double>& at) { return static_cast<double>(at.stop); }},
+    {"repeat", [](const ReadingView<double>& at) { return static_cast<double>(at.repeat); }, false},
+    {"landmark", [](const ReadingView<double>& at) { return static_cast<double>(at.landmark); }},
+    {"radius", [](const ReadingView<double>& at) { return at.radius; }},
+    {"constant", [](const ReadingView<double>&) { return 1.0; }},
+}};
+
+const NamedCovariate* named_covariate(const std::string& name) {
+  const auto found = std::find_if(named_covariates.begin(), named_covariates.end(),
+                                  [&](const NamedCovariate& covariate) { return name == covariate.name; });
+  return found == named_covariates.end() ? nullptr : &*found;
+}
+
+bool differs_within_cells(const std::string& covariate) {
+  const NamedCovariate* named = named_covariate(covariate);
+  return covariate != range_by_landmark && !(named && named->of_cell);
+}
+
+}  // namespace
+
 CovariateOf covariate_of(const Rows& rows, const std::string& name) {
-  if (name == "range") return [](const auto& at) { return at.d; };
-  if (name == "disparity") return [](const auto& at) { return 1.0 / at.d; };
-  if (name == "sensor_bearing") return [](const auto& at) { return at.bearing; };
-  if (name == "heading") return [](const auto& at) { return at.heading; };
-  if (name == "time") return [](const auto& at) { return at.time_s; };
-  if (name == "stop") return [](const auto& at) { return static_cast<double>(at.stop); };
-  if (name == "repeat") return [](const auto& at) { return static_cast<double>(at.repeat); };
-  if (name == "landmark") return [](const auto& at) { return static_cast<double>(at.landmark); };
-  if (name == "radius") return [](const auto& at) { return at.radius; };
-  if (name == "constant") return [](const auto&) { return 1.0; };
+  if (const NamedCovariate* named = named_covariate(name)) return named->value;
   if (name == range_by_landmark)
     return [low = rows.context.range_min_m, high = rows.context.range_max_m](const auto& at) {
       const double share = std::clamp((at.d - low) / std::max(high - low, 1e-12), 0.0, 1.0);
@@ -30,17 +56,6 @@ CovariateOf covariate_of(const Rows& rows, const std::string& name) {
   if (found == names.end()) return {};
   return [column = found - names.begin()](const auto& at) { return at.covariate[column]; };
 }
-
-namespace {
-
-/// True of covariates that are the same for all readings of a cell.
-bool is_of_cells(const std::string& covariate) {
-  constexpr std::array of_cells{"range",    "disparity", "sensor_bearing", "heading",        "stop",
-                                "landmark", "radius",    "constant",       range_by_landmark};
-  return std::find(of_cells.begin(), of_cells.end(), covariate) != of_cells.end();
-}
-
-}  // namespace
 
 Eigen::VectorXd values_along(const Rows& rows, const CellGeometry& geometry, const CovariateOf& covariate) {
   Eigen::VectorXd x(static_cast<Eigen::Index>(rows.size()));
@@ -79,7 +94,7 @@ GenericEffect::GenericEffect(CurveChannel channel, const std::string& channel_na
       covariate_(std::move(covariate)),
       basis_(std::move(basis)),
       directions_(std::move(directions)) {
-  differs_between_repeats_ = !is_of_cells(covariate_name);
+  differs_between_repeats_ = differs_within_cells(covariate_name);
   info_.id = "generic";
   info_.kind = is_mean(channel) ? EffectKind::mean : EffectKind::noise;
   info_.channel = channel_name;

@@ -57,8 +57,9 @@ JointState follow_parameters(const Rows& rows, const Projector& projector, const
                              const ParameterStep& step, double damping, const Model& to) {
   if (rows.pairs) return fit.state;
   const JointSystem& system = projector.system();
-  JointState state =
-      step_state(system.problem(), system.layout(), fit.state, damping * step.globals, damping * step.stops);
+  Eigen::VectorXd globals = Eigen::VectorXd::Zero(system.layout().global_count);
+  globals.head(step.phi.size()) = damping * step.phi;
+  JointState state = step_state(system.problem(), system.layout(), fit.state, globals, damping * step.stops);
   const std::vector<StopPrior> before = commanded_under(rows, fit.model), after = commanded_under(rows, to);
   for (std::size_t k = 0; k < state.stops.size(); ++k) {
     const Pose2 &from = before[k].commanded, &there = after[k].commanded;
@@ -72,6 +73,7 @@ JointState follow_parameters(const Rows& rows, const Projector& projector, const
 /// A length of a step, as a part of it, and by how much the value rose there [nats].
 struct TriedLength {
   double length = 0.0, rise = 0.0;
+  bool by_values = false;  ///< of those tried before, whose parabola is least there
 };
 
 /// Where a parabola through a rise of 0 at length 0 and two others is least, no farther than the shorter one to either side; 0
@@ -84,15 +86,14 @@ double vertex_of(const TriedLength& longer, const TriedLength& shorter) {
 }
 
 /// What is tried after lengths that did not gain: a shorter one; then, for the predicted slope knows no log-determinant and may
-/// point the wrong way, where the values say that it is least; 0 where nothing is left.
-double next_length(const std::vector<TriedLength>& tried) {
+/// point the wrong way, where the values say that it is least; of length 0 where nothing is left.
+TriedLength next_length(const std::vector<TriedLength>& tried) {
   constexpr std::size_t most = 5;
   constexpr double shorter = 0.4;
   const TriedLength& last = tried.back();
-  const bool by_values = tried.size() > 1 && last.length != shorter * tried[tried.size() - 2].length;
-  if (by_values || tried.size() == most) return 0.0;
-  if (tried.size() == 1 || !std::isfinite(tried[tried.size() - 2].rise)) return shorter * last.length;
-  return vertex_of(tried[tried.size() - 2], last);
+  if (last.by_values || tried.size() == most) return {};
+  if (tried.size() == 1 || !std::isfinite(tried[tried.size() - 2].rise)) return {shorter * last.length};
+  return {vertex_of(tried[tried.size() - 2], last), 0.0, true};
 }
 
 /// Damped Gauss-Newton steps of all others; true if the fit moved, and `detail` is of where it ended.
@@ -118,8 +119,9 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
     }
     bool accepted = false;
     std::vector<TriedLength> tried;
-    for (double length = damping; tried.empty() || std::abs(length) * predicted_gain > next_to_nothing;
-         length = next_length(tried)) {
+    for (TriedLength next{damping}; tried.empty() || std::abs(next.length) * predicted_gain > next_to_nothing;
+         next = next_length(tried)) {
+      const double length = next.length;
       Model trial = fit.model;
       move_parameters(rows, fit.free, step->parameters, length, trial);
       JointState state = follow_parameters(rows, projector, fit, *step, length, trial);
@@ -137,7 +139,8 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
         damping = std::clamp(2.5 * length, shortest, 1.0);
         break;
       }
-      tried.push_back({length, value - fit.nll});
+      next.rise = value - fit.nll;
+      tried.push_back(next);
     }
     if (!accepted) {
       log.iteration(iteration + 1, fit.nll, 0.0, gradient_norm, {"length", damping});

@@ -120,16 +120,13 @@ std::optional<ParameterStep> newton_parameters(const Rows& rows, const WorkingPr
   step.covariance =
       diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
   step.predicted_gain = 0.5 * score.dot(step.parameters);
-  const JointLayout& layout = projector.system().layout();
-  step.globals.setZero(layout.global_count);
-  step.stops.setZero(layout.coordinates);
-  for (Eigen::Index a = 0; a < n; ++a) {
-    if (free[a].acts != FreeParameter::Acts::mean) continue;
-    Eigen::VectorXd phi, stops;
-    projector.absorbed(slopes.signatures[a], phi, stops);
-    step.globals.head(phi.size()) -= step.parameters[a] * phi;
-    step.stops -= step.parameters[a] * stops;
-  }
+  if (rows.pairs) return step;
+  Signature lost;  // by the means
+  lost.range.setZero(projector.cells());
+  lost.bearing.setZero(projector.cells());
+  for (Eigen::Index a = 0; a < n; ++a)
+    if (free[a].acts == FreeParameter::Acts::mean) lost.take_out(step.parameters[a], slopes.signatures[a]);
+  projector.absorbed(lost, step.phi, step.stops);
   return step;
 }
 

@@ -9,8 +9,9 @@ namespace rangecal::diagnosis {
 struct ParameterStep {
   Eigen::VectorXd parameters;
   Eigen::MatrixXd covariance;
-  double predicted_gain = 0.0;     ///< [nats]
-  Eigen::VectorXd globals, stops;  ///< steps of the calibration that take up what the means lose by it
+  double predicted_gain = 0.0;  ///< [nats]
+  /// Of the calibration, (alpha, landmarks) and stop coordinates: they take up what the means lose by it. Empty of known distances.
+  Eigen::VectorXd phi, stops;
 };
 
 /// That at the state of `projector`; none where nothing can move.

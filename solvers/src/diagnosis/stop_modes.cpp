@@ -173,6 +173,12 @@ struct OscillatingPlace {
   Eigen::Vector2d error = Eigen::Vector2d::Zero();  ///< of the place, from where it was commanded [m]
   double prior_information = 0.0;
 
+  /// By the prior of the stop that opens it, which stands at `pose`.
+  void hold(const StopPrior& prior, const Pose2& pose) {
+    prior_information = 1.0 / (prior.sigma_xy_m * prior.sigma_xy_m);
+    error = {pose.x_m - prior.commanded.x_m, pose.y_m - prior.commanded.y_m};
+  }
+
   double cost(const Eigen::Vector2d& u) const {
     double sum = 0.5 * prior_information * (error + u).squaredNorm();
     for (const OscillatingCell& cell : cells) sum += cell.cost(u);
@@ -251,6 +257,21 @@ Eigen::Vector2d best_move(OscillatingPlace& place, ModeSearch search) {
   return go < descend(place, 0.5 * step, home) - worth ? best : home;
 }
 
+/// Moves every place that is free by itself, with all its stops, by move_of(place, the stop that opens it). False: all stayed.
+template <typename MoveOf>
+bool move_places(const JointProblem& problem, JointState& state, const MoveOf& move_of) {
+  std::vector<Eigen::Vector2d> moves(static_cast<std::size_t>(problem.place_count), Eigen::Vector2d::Zero());
+  for (std::size_t k = 0; k < problem.stops.size(); ++k) {
+    const StopPrior& prior = problem.stops[k];
+    const auto p = static_cast<std::size_t>(prior.place);
+    if (prior.opens_place && !prior.chained && prior.sigma_xy_m > 0.0) moves[p] = move_of(p, k);
+    state.stops[k].x_m += moves[p].x();
+    state.stops[k].y_m += moves[p].y();
+  }
+  return std::any_of(moves.begin(), moves.end(),
+                     [](const Eigen::Vector2d& move) { return !move.isZero(0.0); });
+}
+
 }  // namespace
 
 bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingProblem& working,
@@ -265,20 +286,11 @@ bool move_places_to_modes(const Rows& rows, const Model& model, const WorkingPro
     places[static_cast<std::size_t>(place)].cells.emplace_back(rows, oscillating, working, geometry, state,
                                                                cell);
   }
-  std::vector<Eigen::Vector2d> moves(places.size(), Eigen::Vector2d::Zero());
-  for (std::size_t k = 0; k < problem.stops.size(); ++k) {
-    const StopPrior& prior = problem.stops[k];
-    const auto p = static_cast<std::size_t>(prior.place);
-    if (prior.opens_place && !prior.chained && prior.sigma_xy_m > 0.0 && !places[p].cells.empty()) {
-      places[p].prior_information = 1.0 / (prior.sigma_xy_m * prior.sigma_xy_m);
-      places[p].error = {state.stops[k].x_m - prior.commanded.x_m, state.stops[k].y_m - prior.commanded.y_m};
-      moves[p] = best_move(places[p], search);
-    }
-    state.stops[k].x_m += moves[p].x();
-    state.stops[k].y_m += moves[p].y();
-  }
-  return std::any_of(moves.begin(), moves.end(),
-                     [](const Eigen::Vector2d& move) { return !move.isZero(0.0); });
+  return move_places(problem, state, [&](std::size_t p, std::size_t k) -> Eigen::Vector2d {
+    if (places[p].cells.empty()) return Eigen::Vector2d::Zero();
+    places[p].hold(problem.stops[k], state.stops[k]);
+    return best_move(places[p], search);
+  });
 }
 
 bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProblem& working_before,
@@ -302,25 +314,14 @@ bool follow_oscillation(const Rows& rows, const Model& model, const WorkingProbl
   if (std::all_of(off.begin(), off.end(), [&](double square) { return square < straight; })) return false;
   const OscillatingEffects oscillating = oscillating_effects(rows, model, working, geometry, sides);
   if (oscillating.effects.empty()) return false;
-  bool any = false;
-  std::vector<Eigen::Vector2d> moves(off.size(), Eigen::Vector2d::Zero());
-  for (std::size_t k = 0; k < problem.stops.size(); ++k) {
-    const StopPrior& prior = problem.stops[k];
-    const auto p = static_cast<std::size_t>(prior.place);
-    if (prior.opens_place && !prior.chained && prior.sigma_xy_m > 0.0 && !cells[p].empty() &&
-        !(off[p] < straight)) {
-      OscillatingPlace place;
-      for (int c : cells[p]) place.cells.emplace_back(rows, oscillating, working, geometry, state, c);
-      place.prior_information = 1.0 / (prior.sigma_xy_m * prior.sigma_xy_m);
-      place.error = {state.stops[k].x_m - prior.commanded.x_m, state.stops[k].y_m - prior.commanded.y_m};
-      moves[p] = nearest_optimum(
-          place, {before.stops[k].x_m - state.stops[k].x_m, before.stops[k].y_m - state.stops[k].y_m});
-      any = any || !moves[p].isZero(0.0);
-    }
-    state.stops[k].x_m += moves[p].x();
-    state.stops[k].y_m += moves[p].y();
-  }
-  return any;
+  return move_places(problem, state, [&](std::size_t p, std::size_t k) -> Eigen::Vector2d {
+    if (off[p] < straight) return Eigen::Vector2d::Zero();
+    OscillatingPlace place;
+    for (int c : cells[p]) place.cells.emplace_back(rows, oscillating, working, geometry, state, c);
+    place.hold(problem.stops[k], state.stops[k]);
+    return nearest_optimum(
+        place, {before.stops[k].x_m - state.stops[k].x_m, before.stops[k].y_m - state.stops[k].y_m});
+  });
 }
 
 }  // namespace rangecal::diagnosis

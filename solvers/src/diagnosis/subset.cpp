@@ -174,8 +174,7 @@ double laplace_value(const Rows& rows, const Model& model, JointState& state) {
     state = laplace.state;
     before = value;
     value = laplace.marginal_nll + working.constant + serial_nll(rows, working, state);
-    again =
-        alternation.another(rows, model, state, value) || (weighs && !(std::abs(value - before) < settled));
+    again = alternation.another(rows, state, value) || (weighs && !(std::abs(value - before) < settled));
   }
   return value;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <numeric>
 #include <vector>
@@ -108,6 +109,18 @@ JointState step_state(const JointProblem& problem, const JointLayout& layout, co
       if (node.heading[slot] >= 0) pose.heading_rad += stops[node.coordinate + node.heading[slot]];
     }
   return next;
+}
+
+Eigen::VectorXd sigma_coordinates(const JointState& state, bool with_sigma_s) {
+  const Eigen::Index taus = state.noise.parameters.size();
+  Eigen::VectorXd s(taus + (with_sigma_s ? 2 : 1));
+  if (has_sigma(state.noise.law))
+    s[0] = std::log(state.noise.parameters[0]);
+  else
+    s.head(taus) = state.noise.parameters;
+  s[taus] = std::log(state.sigma_theta_rad);
+  if (with_sigma_s) s[taus + 1] = std::log(*state.sigma_s_m);
+  return s;
 }
 
 }  // namespace rangecal

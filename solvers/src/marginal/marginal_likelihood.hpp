@@ -60,7 +60,7 @@ class Marginal {
     }
     joint_nll -= 0.5 * stop_decrement_sq_;
     marginal_nll = laplace_nll(system_, joint_nll);
-    return marginal_nll + slopes_.dot(sigma_coordinates(state));
+    return marginal_nll + slopes_.dot(sigma_coordinates(state, layout().sigma_s >= 0));
   }
 
   /// Hessian of l_s in the globals, as Newton's method uses it; after value().
@@ -124,7 +124,7 @@ class Marginal {
         change = renewed ? (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm()) : infinity;
         settled = near && polished_ && change < renewal->enough;
       }
-      const double current = marginal_nll + slopes_.dot(sigma_coordinates(state));
+      const double current = marginal_nll + slopes_.dot(sigma_coordinates(state, layout().sigma_s >= 0));
       gradient.tail(layout().sigma_count()) += slopes_;
       const Eigen::MatrixXd curvature = hessian(state);
       std::erase_if(free, [&](int i) {
@@ -235,17 +235,6 @@ class Marginal {
 
   bool is_logarithm(const JointState& state, int global) const {
     return has_sigma(state.noise.law) || global >= layout().sigma_theta;
-  }
-
-  Eigen::VectorXd sigma_coordinates(const JointState& state) const {
-    Eigen::VectorXd s(layout().sigma_count());
-    if (!has_sigma(state.noise.law))
-      s.head(layout().tau_count) = state.noise.parameters;
-    else
-      s[0] = std::log(state.noise.parameters[0]);
-    s[layout().tau_count] = std::log(state.sigma_theta_rad);
-    if (layout().sigma_s >= 0) s[layout().tau_count + 1] = std::log(*state.sigma_s_m);
-    return s;
   }
 
   std::optional<Eigen::VectorXd> fisher_step(JointState& state, const Eigen::VectorXd& gradient,

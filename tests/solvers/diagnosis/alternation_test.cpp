@@ -77,7 +77,7 @@ TEST(Sides, AMoveBackOverTheDistanceCostsItsSquare) {
   state.stops[0].x_m -= 0.004;  // what a solve that knows nothing of sides may do
   const double over = cell_geometry(rows, state).d[0] - limit;
   double value = 0.0;
-  alternation.another(rows, model, state, value);
+  alternation.another(rows, state, value);
   EXPECT_LT(cell_geometry(rows, state).d[0], limit);
   // Information of the stop along a line of sight: the prior's 1e4 and half of ten readings of 0.1 mm, 5e8.
   EXPECT_NEAR(value, 0.5 * over * over * (1e4 + 5e8), 1e-3 * value);

@@ -172,4 +172,8 @@ class JointSystem {
 JointState step_state(const JointProblem& problem, const JointLayout& layout, const JointState& state,
                       const Eigen::VectorXd& globals, const Eigen::VectorXd& stops);
 
+/// The sigmas of a state in the layout's coordinates: logarithms, or the betas of a polynomial; the log of sigma_s, which the state
+/// must have then, last where asked for.
+Eigen::VectorXd sigma_coordinates(const JointState& state, bool with_sigma_s = false);
+
 }  // namespace rangecal
