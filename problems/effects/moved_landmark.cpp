@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // W1. A landmark was moved or pushed during the recording, between two stops.
 //
-//   from stop j on, landmark l:   delta d = n . delta [m],   delta b = t . delta / D [rad]
+//   from stop j on, landmark l:   delta d = |D n + delta| - D [m],   delta b = atan(t . delta / (D + n . delta)) [rad]
 //   n = (cos g, sin g), t = (-sin g, cos g), g = b + heading direction of the landmark in the world,
 //       delta [m], D axis distance [m]
 //
-// The range part acts before the curve. First order in delta / D. Source: derived: a step of the landmark, first order
-// in it over the distance.
+// The range part acts before the curve, and the spread goes along. Linear in delta to first order in delta / D. Source:
+// derived: a step of the landmark.
 #include <algorithm>
 #include <cmath>
 
@@ -27,9 +27,9 @@ class MovedLandmark final : public Effect {
         .covariate = "landmark",
         .physics = "One landmark was moved during the recording: from one stop on it stands elsewhere.",
         .formula =
-            "from stop j on, landmark l: delta d = n . delta [m], delta b = t . delta / D [rad], n unit "
-            "vector to it, t across, delta [m]",
-        .source = "derived: a step of the landmark, first order in it over the distance",
+            "from stop j on, landmark l: delta d = |D n + delta| - D [m], delta b = atan(t . delta / (D + n . "
+            "delta)) [rad], D distance to its axis, n unit vector to it, t across, delta [m]",
+        .source = "derived: a step of the landmark",
         .visible_by = "each landmark seen before and after",
         .settled_by = "drive the same stops again in reverse order",
         .parameters = {
@@ -54,8 +54,11 @@ class MovedLandmark final : public Effect {
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[2]) || at.stop < index_of(p[3])) return {};
     const double direction = at.bearing + at.heading, c = std::cos(direction), s = std::sin(direction);
-    return {.range = at.before_curve(c * p[0] + s * p[1]),
-            .bearing = (c * p[1] - s * p[0]) / at.axis_distance};
+    const double along = at.axis_distance + c * p[0] + s * p[1], across = c * p[1] - s * p[0];
+    const double change = at.before_curve(std::hypot(along, across) - at.axis_distance);
+    return {.range = change,
+            .bearing = std::atan2(across, along),
+            .range_log_variance = at.spread_along(change)};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext& context,

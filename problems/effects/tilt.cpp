@@ -2,12 +2,13 @@
 // R12. The scan plane is tilted by tau about the level axis in direction b0: what it sees is stretched by
 // 1 / cos tau across it.
 //
-//   delta d = 1/4 d (tau^2 - a cos 2b - c sin 2b)     [m]   = 1/2 tau^2 d sin^2(b - b0)
-//   delta b = 1/4 (a sin 2b - c cos 2b)               [rad] = 1/4 tau^2 sin 2(b - b0)
-//   a = tau^2 cos 2 b0, c = tau^2 sin 2 b0 [rad^2], tau^2 = hypot(a, c), b sensor direction [rad]
+//   delta d = d (sqrt(1 + tan^2 tau sin^2 u) - 1)          [m]   = 1/2 tau^2 d sin^2 u + ...
+//   delta b = atan((k - 1) sin u cos u / (1 + (k - 1) sin^2 u)) [rad] = 1/4 tau^2 sin 2u + ...
+//   u = b - b0, b sensor direction [rad], k = 1 / cos tau
+//   a = tau^2 cos 2 b0, c = tau^2 sin 2 b0 [rad^2], tau^2 = hypot(a, c)
 //
 // The range part acts before the curve. Source: derived: a plane tilted by tau meets plumb landmarks stretched by 1 /
-// cos tau; an affine stretch of the measured plane.
+// cos tau; an affine stretch of the measured plane, (cos u, sin u) to (cos u, k sin u).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -29,8 +30,8 @@ class Tilt final : public Effect {
             "The scan plane is tilted: the picture is stretched across the tilt axis, in range and in "
             "bearing, twice per turn.",
         .formula =
-            "delta d = 1/2 tau^2 d sin^2(b - b0) [m], delta b = 1/4 tau^2 sin 2(b - b0) [rad]; tau tilt, b0 "
-            "its axis [rad]",
+            "delta d = d (sqrt(1 + tan^2 tau sin^2 u) - 1) [m], delta b = atan((k - 1) sin u cos u / (1 + (k - "
+            "1) sin^2 u)) [rad]; tau tilt, u direction from its axis [rad], k = 1 / cos tau",
         .source = "derived: a plane tilted by tau meets plumb landmarks stretched by 1 / cos tau",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
@@ -53,9 +54,15 @@ class Tilt final : public Effect {
   bool differs_between_repeats() const override { return false; }
 
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
+    const double tau_sq = std::hypot(p[0], p[1]);
+    if (!(tau_sq > 0.0)) return {};
+    const double cos_tau = std::cos(std::sqrt(tau_sq)), stretch = 1.0 / cos_tau - 1.0;
     const double c = std::cos(2.0 * at.bearing), s = std::sin(2.0 * at.bearing);
-    return {.range = at.before_curve(0.25 * at.d * (std::hypot(p[0], p[1]) - p[0] * c - p[1] * s)),
-            .bearing = 0.25 * (p[0] * s - p[1] * c)};
+    const double cos_2u = (p[0] * c + p[1] * s) / tau_sq, sin_2u = (p[0] * s - p[1] * c) / tau_sq;
+    const double sin_sq = 0.5 * (1.0 - cos_2u);
+    const double tan_tau_sq = 1.0 / (cos_tau * cos_tau) - 1.0;
+    return {.range = at.before_curve(at.d * (std::sqrt(1.0 + tan_tau_sq * sin_sq) - 1.0)),
+            .bearing = std::atan2(0.5 * stretch * sin_2u, 1.0 + stretch * sin_sq)};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {

@@ -280,9 +280,29 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
   }
 }
 
-/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. Shapes that
-/// were chosen, and not for a gross outlier, go where Gaussian noise predicts stops left out better: they bend the curve
-/// after an effect that the model lacks. `gaussian_fit`: gets that optimum.
+/// True where Gaussian noise predicts stops left out better than the shapes that were chosen for their AIC: these bend the curve
+/// after an effect that the model lacks. `fit`: Gaussian noise on the readings that agree. Where some do not, it has to take all of them,
+/// and to be better by more than the standard error.
+bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
+                              const RobustMarginalFit& shaped) {
+  const bool all_agree = job.consensus.left_out == 0;
+  MarginalFit of_all;
+  if (!all_agree) {
+    MarginalOptions options;
+    options.estimate_sigma_s = job.problem.estimate_sigma_s;
+    of_all = solve_marginal(job.problem, fit.state, options);
+  }
+  const Judged plain = judged(job, all_agree ? fit : of_all, nullptr),
+               other = judged(job, shaped.fit, &shaped.shapes);
+  if (!plain.influence || !other.influence) return false;
+  const std::optional<Gain> gain =
+      gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
+              left_out_errors(job.agreeing, other.fit.state, *other.influence, plain.fit.state));
+  return gain && gain->mean > (all_agree ? 0.0 : gain->std_dev);
+}
+
+/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `gaussian_fit`: gets
+/// that optimum.
 std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, NoiseLaw law,
                                            CalibrationReport& report, std::vector<TriedCurve>& curves,
                                            std::optional<MarginalFit>& gaussian_fit) {
@@ -295,20 +315,13 @@ std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, N
   std::vector<TriedCurve> shaped_curves = curves;
   std::optional<RobustMarginalFit> shaped =
       job.choose_shapes(gaussian.best_state ? *gaussian.best_state : *gaussian.seed(), models, shaped_curves);
-  if (shaped && job.options.noise_shape == NoiseShape::automatic && job.consensus.left_out == 0 && fit) {
-    const Judged plain = judged(job, *fit, nullptr), other = judged(job, shaped->fit, &shaped->shapes);
-    const std::optional<Gain> gain =
-        plain.influence && other.influence
-            ? gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
-                      left_out_errors(job.agreeing, other.fit.state, *other.influence, plain.fit.state))
-            : std::nullopt;
-    if (gain && gain->mean > 0.0) {
-      report.notes.push_back(fmt::format(
-          "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: it predicts the readings of "
-          "stops left out better, and no reading is a gross outlier",
-          to_string(shaped->shapes.range.shape), to_string(shaped->shapes.bearing.shape)));
-      return std::nullopt;
-    }
+  if (shaped && fit && job.options.noise_shape == NoiseShape::automatic &&
+      gaussian_predicts_better(job, *fit, *shaped)) {
+    report.notes.push_back(fmt::format(
+        "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: it predicts the readings of "
+        "stops left out better",
+        to_string(shaped->shapes.range.shape), to_string(shaped->shapes.bearing.shape)));
+    return std::nullopt;
   }
   if (shaped) {
     report.models = std::move(models);

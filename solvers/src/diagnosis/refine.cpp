@@ -142,7 +142,8 @@ bool has_effect_slope(const Rows& rows, const Fit& fit) {
 
 bool has_many_optima(const Effect& effect) {
   const auto& parameters = effect.info().parameters;
-  return effect.info().kind == EffectKind::mean &&
+  const EffectKind kind = effect.info().kind;
+  return (kind == EffectKind::mean || kind == EffectKind::noise) &&
          std::any_of(parameters.begin(), parameters.end(),
                      [](const EffectParameter& p) { return p.discrete || !p.linear; });
 }

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -65,9 +66,8 @@ std::vector<Case> cases() {
       {"ambient_light", {1.2, 0.0005, pi / 3 + 0.2, 0.5}, {.range = 0.002, .range_log_variance = 1.2}},
       {"ambient_light", {1.2, 0.0005, pi / 3 - 2 * pi - 0.6, 0.5}, {}},
       // error 2 / 0.05 * 0.001 = 0.04, share 0.002 / 0.12 = 1/60: 0.0016 / 60 / 0.0004 = 1/15
-      // cos 120 = -0.5, sin 120 = 0.8660254038: x = 0.5 * (0.0076 + 0.0038) = 0.0057; 0.00513 + 0.05 *
-      // 0.00003249
-      {"tilt", {0.0076, 0.0}, {.range = 0.0051316245, .bearing = 0.0019 * 0.8660254037844386}},
+      // k = 1 / cos 0.0871779789: x = 2 (hypot(cos 60, k sin 60) - 1) = 0.0057208229; atan(k tan 60) - 60 deg
+      {"tilt", {0.0076, 0.0}, {.range = 0.0051503770, .bearing = 0.0016459676}},
       // t / T = ln 2: (0.01 + 0.0025 * 4) / 2
       {"warmup_drift", {0.01, 0.0025, 100.0 / half}, {.range = 0.01}},
       {"range_eccentricity", {0.006, 0.004}, {.range = 0.003 + 0.004 * 0.8660254037844386}},
@@ -94,8 +94,8 @@ std::vector<Case> cases() {
       // u = log(2.1 / 1.5) = 0.3364722366: 2 * 0.3364722366 + 0.1132135660
       {"noise_law", {2.0, 1.0}, {.range_log_variance = 0.7861580392}},
       {"reciprocal_noise", {0.02}, {.range = 0.0037044}},  // cv = 0.02 * 2.1 = 0.042: 0.001764 * 2.1
-      // n = (0, 1), t = (-1, 0): x = 0.01, 0.009 + 0.05 * 0.0001; -0.02 / 2.12
-      {"moved_landmark", {0.02, 0.01, 1.0, 2.0}, {.range = 0.009005, .bearing = -0.02 / 2.12}},
+      // n = (0, 1), t = (-1, 0): x = hypot(2.13, 0.02) - 2.12 = 0.0100938946; atan(-0.02 / 2.13)
+      {"moved_landmark", {0.02, 0.01, 1.0, 2.0}, {.range = 0.0090895995, .bearing = -0.0093893954}},
       {"moved_landmark", {0.02, 0.01, 1.0, 4.0}, {}},  // before the move
       {"moved_landmark", {0.02, 0.01, 0.0, 2.0}, {}},
       // what these do lies elsewhere: in stops, dependence, tails, labels
@@ -134,6 +134,47 @@ TEST(EffectValues, ReadingsAgreeWithHandWorkedOnes) {
     EXPECT_NEAR(change.range_log_variance, one.expected.range_log_variance, tolerance);
     EXPECT_NEAR(change.bearing_log_variance, one.expected.bearing_log_variance, tolerance);
   }
+}
+
+TEST(EffectValues, TiltIsWhatAPlaneSeesOfPlumbLines) {
+  // The plane turned by tau about the axis at b0 meets the plumb line through D (cos b, sin b) at e_1, e_2 coordinates that are
+  // distance and direction as the tilted sensor has them.
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  at.slope = 1.0, at.curvature = 0.0;
+  const Effect* effect = find_effect("tilt");
+  for (const double tau : {0.02, 0.25, 0.6})
+    for (const double b0 : {-1.2, 0.3})
+      for (int i = 0; i < 12; ++i) {
+        at.bearing = -3.0 + 0.5 * i;
+        const Eigen::AngleAxisd tilt(tau, Eigen::Vector3d(std::cos(b0), std::sin(b0), 0.0));
+        const Eigen::Vector3d e1 = tilt * Eigen::Vector3d::UnitX(), e2 = tilt * Eigen::Vector3d::UnitY();
+        const Eigen::Vector3d normal = e1.cross(e2);
+        Eigen::Vector3d met(at.d * std::cos(at.bearing), at.d * std::sin(at.bearing), 0.0);
+        met.z() = -(normal.x() * met.x() + normal.y() * met.y()) / normal.z();
+        // A turn about b0 leaves directions from b0 as they are in the plane.
+        const double seen = std::atan2(e2.dot(met), e1.dot(met));
+        const double p[] = {tau * tau * std::cos(2.0 * b0), tau * tau * std::sin(2.0 * b0)};
+        const ReadingChange<double> change = effect->reading(at, p);
+        EXPECT_NEAR(change.range, met.norm() - at.d, 1e-12);
+        EXPECT_NEAR(std::remainder(at.bearing + change.bearing - seen, 2.0 * pi), 0.0, 1e-12);
+      }
+  const double none[] = {0.0, 0.0};
+  EXPECT_EQ(effect->reading(at, none).range, 0.0);
+}
+
+TEST(EffectValues, AMovedLandmarkIsSeenWhereItStands) {
+  const EffectContext context = example_context();
+  ReadingView<double> at = example_reading(context);
+  at.slope = 1.0, at.curvature = 0.0, at.f = at.d, at.spread_power = 2;
+  const double p[] = {0.3, -0.2, 1.0, 2.0};
+  const double direction = at.bearing + at.heading;
+  const Eigen::Vector2d there(at.axis_distance * std::cos(direction) + 0.3,
+                              at.axis_distance * std::sin(direction) - 0.2);
+  const ReadingChange<double> change = find_effect("moved_landmark")->reading(at, p);
+  EXPECT_NEAR(change.range, there.norm() - at.axis_distance, 1e-12);
+  EXPECT_NEAR(change.bearing, std::atan2(there.y(), there.x()) - direction, 1e-12);
+  EXPECT_NEAR(change.range_log_variance, 4.0 * std::log((at.d + change.range) / at.d), 1e-12);
 }
 
 TEST(EffectValues, AxialDepthTakesTheSpreadAlong) {
