@@ -16,7 +16,7 @@ namespace rangecal {
 /// The curve of one model of the search for order and noise law.
 struct TriedCurve {
   double aic =
-      0.0;  ///< or the criterion that the choice went by in its place [nats]; infinity: it did not converge
+      0.0;  ///< or the criterion used instead of AIC for the choice [nats]; infinity: the fit did not converge
   Eigen::VectorXd alpha;
   std::optional<Eigen::MatrixXd> covariance;  ///< of alpha, given this model
 };
@@ -24,17 +24,17 @@ struct TriedCurve {
 /// A model this far above the lowest AIC has a weight below a thousandth.
 constexpr double aic_that_matters = 14.0;
 
-/// Covariance of the curve's coefficients with the choice of the model in it:
+/// Covariance of the curve's coefficients, including the uncertainty of the choice of the model:
 ///
 ///   C = sum_i w_i [ C_i + delta_i delta_i^T ],   w_i ~ exp(-AIC_i / 2),   delta_i = alpha_i - alpha,
 ///
-/// alpha the curve delivered, all padded with zeros to the highest order that was tried and matters. The
-/// variance of f(d) is then sum_i w_i [ var f_i(d) + (f_i(d) - f(d))^2 ]: each model's own, and how far its
+/// with alpha the curve delivered, all padded with zeros to the highest order among the models that matter. The
+/// variance of f(d) is then sum_i w_i [ var f_i(d) + (f_i(d) - f(d))^2 ]: each model's own variance, and how far its
 /// curve lies from the one delivered. Source: Burnham, Anderson, Model Selection and Multimodel Inference,
 /// 2002, eq. 6.12: the variance form, not the sum of w sqrt(.) of Buckland, Burnham, Augustin 1997 (eq. 4.9
-/// of the book), about the curve delivered instead of the mean of the models. It can lie below the delivered
-/// model's own variance, where another that is about as likely has a smaller one and the curves agree. None where
-/// the curve has no covariance, or fewer than two models with one have a weight of a thousandth.
+/// of the book), about the curve delivered instead of the mean of the models. It can be smaller than the delivered
+/// model's own variance, if another model that is about as likely has a smaller variance and the curves agree. None if
+/// the curve has no covariance, or if fewer than two models with a covariance have a weight of a thousandth.
 std::optional<Eigen::MatrixXd> covariance_with_choice(const Calibration& delivered,
                                                       std::span<const TriedCurve> tried);
 
@@ -44,8 +44,8 @@ inline std::vector<NoiseLaw> laws_to_try(const CalibrateOptions& options) {
   return {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
 }
 
-/// The search for order and noise law: from the usual pair to the law of lowest value there, to the order of lowest value
-/// under it, and once more to the law. `value_of(order, law)` fits a model when first asked for it.
+/// The search for order and noise law, from `start`: the law of lowest value at that order, then the order of lowest value
+/// under that law, then the law once more if the order changed. `value_of(order, law)` fits a model when first asked for it.
 template <typename Value>
 std::pair<int, NoiseLaw> search_model(const CalibrateOptions& options, int highest,
                                       std::pair<int, NoiseLaw> start, const Value& value_of) {

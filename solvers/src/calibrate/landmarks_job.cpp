@@ -108,8 +108,8 @@ JointFit LandmarksJob::full(const JointState& start) const {
   };
   JointFit fit = solved(by_blocks);
   if (fit.outcome != Outcome::not_converged) return fit;
-  // Ceres's sums of squares may round away what is left to gain, or miss a sigma that creeps to 0; the gradient of the blocks is
-  // rounded where coordinates are far from the origin.
+  // If one solver fails the other may not: in Ceres's sums of squares rounding may hide what is left to gain, or a sigma that
+  // goes to 0; the block solver's gradient is rounded where coordinates are far from the origin.
   JointFit other = solved(!by_blocks);
   return other.outcome == Outcome::not_converged && !(other.joint_nll < fit.joint_nll) ? fit : other;
 }
@@ -118,7 +118,7 @@ MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full
   MarginalOptions marginal;
   marginal.estimate_sigma_s = problem.estimate_sigma_s;
   MarginalFit best = marginal_by_joint(start, full_fit, marginal);
-  // The joint likelihood may lead into another basin than that of the seed, and a higher one.
+  // The joint likelihood may lead into another basin than the seed's, with a higher marginal NLL.
   const LaplaceValue at_seed = laplace_marginal(agreeing, start);
   const auto stands = [&](const MarginalFit& fit) {
     return fit.outcome == Outcome::converged && fit.marginal_nll <= at_seed.marginal_nll;
@@ -127,7 +127,7 @@ MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full
   if (MarginalFit direct = solve_marginal(agreeing, start, marginal);
       stands(direct) && !(best.outcome == Outcome::converged && best.marginal_nll < direct.marginal_nll))
     return direct;
-  // REML's sigmas are not those of the lowest l_s: the criterion decides.
+  // REML's sigmas do not minimise l_s, so the REML criterion decides which is lower.
   if (best.outcome == Outcome::converged && reml_at(best.state) > reml_at(start)) {
     best.outcome = Outcome::not_converged;
     best.reason = fmt::format("ended {:.2g} nats above its start", best.marginal_nll - at_seed.marginal_nll);

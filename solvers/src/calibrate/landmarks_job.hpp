@@ -18,15 +18,15 @@
 
 namespace rangecal {
 
-/// The recordings of kind landmarks of one calibration job, laid end to end, with the labels that the joint
-/// problem's indices stand for.
+/// The recordings of kind landmarks of one calibration job, concatenated, with the labels that the indices of the joint
+/// problem stand for.
 struct LandmarksJob {
   LandmarksJob(std::span<const Recording> all, const CalibrateOptions& wanted, CalibrationReport& report);
 
   std::vector<Recording> recordings;  ///< without the landmarks that no reading sees
   CalibrateOptions options;
   JointProblem problem;
-  /// What closed forms, seeds and Gaussian solves see: `problem`, or where a noise shape is asked for the readings that
+  /// What closed forms, seeds and Gaussian solves use: `problem`; if a noise shape is asked for, only the readings that
   /// agree (find_consensus).
   JointProblem agreeing;
   std::optional<JointProblem> rows;  ///< each reading a cell of its own, where a noise shape is asked for
@@ -34,12 +34,12 @@ struct LandmarksJob {
   std::vector<std::string> landmark_labels, stop_labels;
   Counts counts;
   std::optional<std::string> too_few;  ///< why no method can work, in words
-  double default_sigma_s_m = 0.01;     ///< where sigma_s is estimated: its start
+  double default_sigma_s_m = 0.01;     ///< start of sigma_s where it is estimated
 
   std::optional<JointState> seed(int order, NoiseLaw law) const;  ///< the better of all seeds by joint NLL
   JointFit full(const JointState& start) const;
-  /// From `full` where it converged, else from the fit with sigmas held; and from the seed itself where that ends higher
-  /// than the seed, or nowhere.
+  /// Starts from `full` where it converged, else from the fit with sigmas held. If that ends higher than the seed, or does
+  /// not converge, starts from the seed itself too.
   MarginalFit marginal(const JointState& seed, const JointFit* full) const;
   /// The REML criterion l_s + 1/2 log det A at the sigmas of `state`, alpha and landmarks at their optimum from there.
   double reml_at(const JointState& state) const;
@@ -49,39 +49,39 @@ struct LandmarksJob {
   /// to `curves`.
   std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models,
                                         std::vector<TriedCurve>& curves) const;
-  /// The noise shapes asked for at (order, law), the optimum of Gaussian noise on the agreeing readings being `start`; none
-  /// where both channels are best Gaussian. Order and law are then chosen again under these families, and the families
-  /// at the model chosen; models and curves are those tried with them.
+  /// The noise shapes that were asked for, at the order and law of `start`, the optimum with Gaussian noise on the agreeing
+  /// readings. None if a Gaussian is best for both channels. Order and law are then chosen again under these families, and the
+  /// families again for the chosen model; `models` and `curves` get those tried with them.
   std::optional<RobustMarginalFit> choose_shapes(const JointState& start, std::vector<ModelScore>& models,
                                                  std::vector<TriedCurve>& curves) const;
-  /// All readings agree and no noise shape is needed.
+  /// For the case that all readings agree and no noise shape is needed.
   void take_all_readings();
 
-  /// `from` with a curve of another order and another noise law, as near to its own as they can be over the distances of the
-  /// cells: least squares between the curves, equal spreads on average. No reading is looked at, so no outlier.
+  /// `from` with another order and noise law, as near to its own curve and noise as they can be over the distances of the
+  /// cells: least squares between the curves, equal spreads on average. Uses no readings, so outliers have no influence.
   JointState restated(const JointState& from, int order, NoiseLaw law) const;
-  int highest_order() const;  ///< that the readings can bear, up to max_order
+  int highest_order() const;  ///< that the readings can determine, up to max_order
   void say_trying(int order, NoiseLaw law) const;
   double parameters(
       const JointState& state) const;  ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated
 };
 
-/// What AIC counts: alpha, the noise's parameters, of landmarks their coordinates and sigma_theta, sigma_s where the
-/// problem estimates it. Pairs laid out as a joint problem (`pairs`) have curve and noise alone.
+/// The number of parameters for AIC: alpha, the noise's, the landmarks' coordinates, sigma_theta, and sigma_s where the
+/// problem estimates it. For pairs laid out as a joint problem (`pairs`): curve and noise only.
 double parameter_count(const JointProblem& problem, const JointState& state, bool pairs = false);
 
-/// The job's answer by one method: estimates, covariances, labels, range and counts; not yet its scores.
+/// The job's answer by one method: estimates, covariances, labels, range and counts; `score` adds its likelihoods.
 Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit);
 Calibration calibration_by_closed_form(const LandmarksJob& job, Method method, int order, NoiseLaw law);
 
-/// joint_nll, marginal_nll and aic by the same two functions for every method, with the noise shapes of `shapes` (null:
-/// Gaussian). `sigma_s_m` where it was estimated; `sigma_theta_rad` stands in where the method has none.
+/// Sets joint_nll, marginal_nll and aic, by the same two functions for every method, with the noise shapes of `shapes`
+/// (null: Gaussian). `sigma_s_m`: if it was estimated; `sigma_theta_rad`: used if the method estimates none.
 void score(const LandmarksJob& job, std::optional<double> sigma_s_m, std::optional<double> sigma_theta_rad,
            const RobustShapes* shapes, Calibration& calibration);
 
 /// "landmark 3" -> "landmark T6" throughout.
 std::string with_labels(const std::string& text, const std::vector<std::string>& labels);
-/// The same, and "noise parameter 0" as the law's symbol.
+/// The same, and "noise parameter 0" is replaced by the law's symbol.
 std::string in_user_words(const std::string& direction, const std::vector<std::string>& labels, NoiseLaw law);
 
 void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateOptions& options,
@@ -89,7 +89,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
 void calibrate_pairs(std::span<const Recording> recordings, const CalibrateOptions& options,
                      CalibrationReport& report);
 
-/// What the second program found, in a report's words.
+/// What the check by a second program (NLopt) found, as part of a report.
 CheckReport check_report(const NloptCheck& check);
 
 /// The methods wanted; all where none is named.

@@ -34,7 +34,7 @@ std::optional<double> inverted(const Eigen::VectorXd& alpha, double y, double ne
   return std::nullopt;
 }
 
-/// Weighted lines of sight of one landmark, taken together.
+/// Normal equations A x = b of a landmark's position x from its weighted lines of sight.
 struct LineSums {
   Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
   Eigen::Vector2d b = Eigen::Vector2d::Zero();
@@ -114,7 +114,7 @@ namespace {
 /// Normal equations of the curve.
 struct Normal {
   Eigen::MatrixXd A;
-  Eigen::VectorXd b;  ///< of what the estimate leaves
+  Eigen::VectorXd b;  ///< right-hand side, of the residuals at the estimate
   explicit Normal(Eigen::Index size) : A(Eigen::MatrixXd::Zero(size, size)), b(Eigen::VectorXd::Zero(size)) {}
 };
 
@@ -222,7 +222,7 @@ std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const St
     raw += errors.raw_weighted[k];
     corrected += errors.corrected_weighted[k];
   }
-  // By chance alone a curve a little too steep shrinks the noise along with the readings, and surely so: that is no gain.
+  // A curve that is by chance a little too steep shrinks noise and readings together: significantly, but that is no gain.
   constexpr double matters = 0.9;  // of the squares: 5 % of the error
   check.usable =
       mean > needed * deviation && corrected < matters * raw && check.rms_corrected_m <= check.rms_raw_m;
@@ -260,7 +260,7 @@ std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, int 
     misfit.factor = factor;
     misfit.where = fmt::format("the curve at {:.2f} m", wide[i].distance_m);
   }
-  // One landmark alone is known to few degrees of freedom: their mean, and the one that is most off to point at.
+  // The ratio of a single landmark has few degrees of freedom: judge their mean, and name the one that is most off.
   double sum = 0.0, worst = 0.0;
   int counted = 0;
   std::string label;

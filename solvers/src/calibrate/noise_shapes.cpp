@@ -61,10 +61,10 @@ Calibration calibration_from_robust(const LandmarksJob& job, const RobustMargina
 namespace {
 
 constexpr std::size_t most_listed = 10;
-constexpr double rather_an_outlier = 0.5;  // probability; of Student's t 3/4 of the weight lost
+constexpr double rather_an_outlier = 0.5;  // probability; for Student's t: 3/4 of the weight is lost
 constexpr double lost_weight = 0.75;
 
-/// Sorted by how far off, the first ten kept.
+/// Counts the outliers and lists the ten that are farthest off.
 void keep_gravest(std::vector<OutlierReading> all, Calibration& calibration) {
   calibration.outlier_count = static_cast<int>(all.size());
   std::stable_sort(all.begin(), all.end(), [](const OutlierReading& a, const OutlierReading& b) {
@@ -155,7 +155,7 @@ std::string tried_in_words(NoiseShape kept, const std::vector<std::pair<NoiseSha
 }
 
 void report_shapes(CalibrationReport& report) {
-  for (const Calibration& calibration : report.calibrations) {  // the last one asked for speaks
+  for (const Calibration& calibration : report.calibrations) {  // the last one asked for decides
     if (calibration.noise_shapes.empty()) continue;
     report.noise_shape.clear();
     for (const char* channel : {"range", "bearing"}) {

@@ -6,29 +6,29 @@
 
 namespace rangecal {
 
-/// The job's answer by `full` or `marginal` with heavy tails: estimates, shapes, and both likelihoods of them at the
-/// estimate (robust_nll); AIC counts the shapes' parameters too.
+/// The job's answer by `full` or `marginal` with heavy tails: estimates, shapes, and the joint and marginal likelihood with
+/// these shapes at the estimate (robust_nll); AIC counts the shapes' parameters too.
 Calibration calibration_from_robust(const LandmarksJob& job, const RobustJointFit& fit);
 Calibration calibration_from_robust(const LandmarksJob& job, const RobustMarginalFit& fit);
 
-/// Counts the readings that the shapes take for outliers, and lists the gravest with what each most likely is:
-///   label     both readings agree within 4 spreads with another landmark of the recording;
+/// Counts the readings that are outliers under the shapes, and lists the largest with what each most likely is:
+///   label     range and bearing both agree within 4 spreads with another landmark of the recording;
 ///   late or early echo   the range alone is off;
-///   grazing   the bearing is off by the landmark's radius, as where a beam meets its edge;
+///   grazing   the bearing is off by the landmark's radius, as when a beam hits its edge;
 ///   bearing   anything else.
 void list_outliers(const LandmarksJob& job, const RobustMarginalFit& fit, Calibration& calibration);
 
-/// The same of pairs: residuals in the order of the recordings' readings, and where each stands.
+/// The same for pairs: residuals in the order of the recordings' readings, and the recording and row of each.
 struct PlacedReading {
   int recording = 0, row = 0;
 };
 void list_outliers(const std::vector<double>& z, const std::vector<double>& outlier,
                    const std::vector<PlacedReading>& places, Calibration& calibration);
 
-/// "contaminated (student-t +147.3, gaussian +250.3)": the shape kept, and the AIC of the others above the lowest.
+/// "contaminated (student-t +147.3, gaussian +250.3)": the shape kept, and how far the AIC of the others is above the lowest.
 std::string tried_in_words(NoiseShape kept, const std::vector<std::pair<NoiseShape, double>>& tried);
 
-/// Tells what noise the report's calibrations have, and what that does to the scores of the others.
+/// Adds notes on the noise shapes of the report's calibrations, and on what they mean for the scores of the others.
 void report_shapes(CalibrationReport& report);
 
 }  // namespace rangecal

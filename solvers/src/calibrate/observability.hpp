@@ -13,12 +13,12 @@ namespace rangecal {
 void fill_range(const JointProblem& problem, const JointState& state, Calibration& result);
 
 /// Why the recording does not determine the curve, in words: distances that do not differ, or a standard
-/// deviation of f (by the expected information at `state`) beyond a quarter of the distance. None where f is
-/// determined, and for a curve without a slope, which is not checked.
+/// deviation of f (by the expected information at `state`) above a quarter of the distance. None if f is determined, and
+/// for a curve of order 0, which is not checked.
 std::optional<std::string> unobservable_reason(const JointProblem& problem, const JointState& state);
 
-/// Turns a calibration into the outcome `unobservable`, standard deviations removed; where it had no curve it
-/// gets that of `state`, one of the many that explain the readings. `too_few_data` stays.
+/// Sets the outcome `unobservable` and removes the standard deviations. A calibration without a curve gets the curve of
+/// `state`, one of the many that explain the readings. The outcome `too_few_data` is left as it is.
 void mark_unobservable(const JointProblem& problem, const std::string& reason, const JointState& state,
                        Calibration& calibration);
 

@@ -41,7 +41,7 @@ struct OverOffset {
   }
 };
 
-/// ln(c + d_min) of the best of a grid, and its neighbours.
+/// ln(c + d_min) at the best point of the grid, and at its neighbours.
 struct Bracket {
   double low = 0.0, high = 0.0, at_best = infinity;
 };
@@ -132,7 +132,8 @@ std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m
 
 namespace {
 
-/// Numbers of stretches of distance, a twentieth of the readings each; readings of one distance are never parted.
+/// For every reading the number of its stretch of distance, a twentieth of the readings each; readings of one distance stay
+/// together.
 std::vector<int> stretches_of(std::span<const double> true_m) {
   constexpr std::size_t wanted = 20;
   std::vector<double> sorted(true_m.begin(), true_m.end());

@@ -11,12 +11,12 @@
 
 namespace rangecal {
 
-/// Where the readings of the farthest third of the distances lie below those of the nearest (medians): they are no
-/// distances then, but fall with it as the voltage of a triangulating sensor does.
+/// True if the median reading over the farthest third of the distances is below that over the nearest third. Such readings
+/// are not distances; they fall with distance, as the voltage of a triangulating sensor does.
 bool readings_fall(std::span<const double> true_m, std::span<const double> reading_m);
 
-/// The reciprocal curve of lowest criterion over orders and noise laws, each with its own offset c by maximum likelihood; of
-/// orders within 4 of it the lowest: the criterion alone takes one too many in one of six.
+/// The reciprocal curve of lowest criterion over orders and noise laws, each with its own offset c by maximum likelihood. If a
+/// lower order is within 4 of it, that order is taken: the criterion alone takes an order too high in one case of six.
 struct ReciprocalChoice {
   CurveScale scale;
   int order = 1;
@@ -26,24 +26,26 @@ struct ReciprocalChoice {
   std::vector<ModelScore> models;  ///< all that were tried
 };
 
-/// Readings [any unit] at known distances [m]. The likelihood of f = sum alpha_i u^i over u = 1 / (d + c) is that of the 2016
-/// problem at known "distances" u; over c it is minimised from the best of a grid, c + d_min from a hundredth of the
-/// width of the distances to twenty times it. Gaussian noise. None where no fit converges, or a distance is not positive.
+/// Readings [any unit] at known distances [m], Gaussian noise. The likelihood of f = sum alpha_i u^i over u = 1 / (d + c) is
+/// that of the 2016 problem with u in place of the known distances. Its negative logarithm is minimised over c from the best
+/// point of a grid, on which c + d_min goes from a hundredth of the range of the distances to twenty times that range. None if
+/// no fit converges, or a distance is not positive.
 /// Cost: some 60 fits for each order and law.
 std::optional<ReciprocalChoice> choose_reciprocal(std::span<const double> true_m,
                                                   std::span<const double> reading_m,
                                                   const CalibrateOptions& options);
 
-/// That curve where it was asked for (CalibrateOptions::curve), or where readings fall with the distance and its criterion is
-/// lower than that of every polynomial tried. Readings that agree with most others decide, but for Gaussian noise asked for.
+/// That curve if it was asked for (CalibrateOptions::curve), or if readings fall with the distance and its criterion is
+/// lower than that of every polynomial tried. Only readings that agree with most others count, unless Gaussian noise was
+/// asked for.
 std::optional<ReciprocalChoice> reciprocal_due(const Recording& all, const CalibrateOptions& options);
 
 /// The pairs of all recordings as one.
 Recording joined(std::span<const Recording> recordings);
 
-/// RMS [m] of readings about a curve of that order by least squares without them: stretches of distance inside the range, a
-/// twentieth of the readings each, are left out in turn. A reciprocal's offset is fitted anew each time, from `scale`'s. None
-/// where there are fewer than four stretches or a curve is not determined without one.
+/// RMS [m] of held-out readings about a curve of that order fitted to the others by least squares. Stretches of distance inside
+/// the range, a twentieth of the readings each, are left out in turn. A reciprocal's offset is fitted again each time, starting
+/// from that of `scale`. None if there are fewer than four stretches, or if a curve is not determined without one.
 std::optional<double> rms_of_stretches_left_out(std::span<const double> true_m,
                                                 std::span<const double> reading_m, const CurveScale& scale,
                                                 int order);
@@ -51,8 +53,8 @@ std::optional<double> rms_of_stretches_left_out(std::span<const double> true_m,
 /// The recording with the scale's u in place of the true distances.
 Recording on_scale(Recording recording, const CurveScale& scale);
 
-/// A calibration that was made over u, over distances: its range, its scale with the offset's standard deviation, and the
-/// offset's uncertainty in the covariance of the curve,
+/// Turns a calibration that was made over u into one over distances: sets its range, its scale with the offset's standard
+/// deviation, and adds the offset's uncertainty to the covariance of the curve,
 ///
 ///   C = V + var(c) t t^T,   1 / var(c) = sum w (f_c - b^T B)^2,   t = (coefficients in u of f_c) - B,
 ///

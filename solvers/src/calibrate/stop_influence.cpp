@@ -29,7 +29,7 @@ std::vector<std::vector<int>> groups_of(const JointProblem& problem) {
   return groups;
 }
 
-/// The problem of some stops alone, its landmarks all of them; taped distances are nobody's.
+/// The problem of some stops alone, with all landmarks; measured distances between landmarks belong to no group.
 JointProblem part_of(const JointProblem& problem, const std::vector<int>& stops) {
   JointProblem part;
   part.landmark_radius_m = problem.landmark_radius_m;
@@ -81,14 +81,14 @@ std::optional<Score> score_of(const JointProblem& problem, const JointState& sta
   return score;
 }
 
-/// The difference of the halves' alpha by a Newton step each.
+/// The difference between the alphas of the two halves, by one Newton step each.
 void compare_halves(const std::vector<Score>& scores, const Eigen::VectorXd& mean,
                     const Eigen::MatrixXd& inverse, const Eigen::MatrixXd& covariance, Eigen::Index alphas,
                     StopInfluence& result) {
   const Eigen::Index size = mean.size();
   std::vector<Eigen::VectorXd> ends;
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(alphas, alphas);
-  // What the noise shape makes of a covariance by weights.
+  // Factor by which the stated covariance differs from the inverse Hessian, because of the noise shape.
   const double stated =
       covariance.topLeftCorner(alphas, alphas).trace() / inverse.topLeftCorner(alphas, alphas).trace();
   for (const bool second : {false, true}) {

@@ -10,10 +10,10 @@
 
 namespace rangecal {
 
-/// Amplitude and phase of b_c cos + b_s sin = a cos(bearing - phi), with b = (b_c, b_s) [m] of covariance C [m^2], into
-/// an alarm: a = |b|, phi = atan2(b_s, b_c), var a = u^T C u, var phi = t^T C t / a^2, u = b / a, t across it. To first
-/// order in b, hence for an amplitude that is large against its error. A phase that is not known at all has the standard
-/// deviation of an even one, pi / sqrt(3).
+/// Writes amplitude and phase of b_c cos + b_s sin = a cos(bearing - phi), with b = (b_c, b_s) [m] of covariance C [m^2], into
+/// an alarm: a = |b|, phi = atan2(b_s, b_c), var a = u^T C u, var phi = t^T C t / a^2, with u = b / a and t perpendicular to
+/// it. To first order in b, so valid for an amplitude that is large against its error. A phase that is not known at all
+/// gets the standard deviation of the uniform distribution on a circle, pi / sqrt(3).
 inline void tell_wave(const Eigen::Vector2d& b, const Eigen::Matrix2d& C, ChangeAlarm& alarm) {
   const Eigen::Vector2d u = b.norm() > 0.0 ? b.normalized().eval() : Eigen::Vector2d(1.0, 0.0),
                         t(-u.y(), u.x());

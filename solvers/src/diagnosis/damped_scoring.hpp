@@ -10,17 +10,17 @@
 
 namespace rangecal::diagnosis {
 
-/// Slope of the log likelihood in what is fitted, and the information on it.
+/// Gradient of the log likelihood in the fitted parameters, and their information matrix.
 struct ScoringSlopes {
   Eigen::VectorXd score;
   Eigen::MatrixXd information;
 };
 
-/// Scoring from `here` until a step promises next to nothing:
+/// Fisher scoring from `here`, until the predicted gain of a step is negligible:
 ///
 ///   step = (I + lambda diag I)^-1 score
 ///
-/// lambda is Levenberg's, 0 where steps gain. A step is taken where the NLL at its end is lower. A Point has an `nll` [nats];
+/// lambda is Levenberg's damping, 0 as long as steps gain. A step is accepted if it lowers the NLL. A Point has an `nll` [nats];
 /// slopes(point) gives ScoringSlopes, moved(point, step) the point a step away; `name` is that of the solver in the log.
 template <typename Point, typename SlopesAt, typename Moved>
 Point scored(const char* name, Point here, const SlopesAt& slopes, const Moved& moved) {

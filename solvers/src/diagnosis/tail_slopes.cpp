@@ -11,7 +11,7 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Error and spread of a row, which the law of its tail is of, at so much more than the spreads' level.
+/// Error and spread of a row to which the law of a tail applies, the spread times exp(log_level).
 std::pair<double, double> error_and_spread(const Rows& rows, const WorkingProblem& working,
                                            const CellGeometry& geometry, Eigen::Index row, double log_level) {
   const auto cell = static_cast<std::size_t>(rows.cell[static_cast<std::size_t>(row)]);
@@ -36,7 +36,7 @@ bool is_of_tail(const Model& model, const FreeParameter& p) {
 SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const WorkingProblem& working,
                                   const CellGeometry& geometry, const std::vector<FreeParameter>& parameters,
                                   double log_level, Eigen::VectorXd* of_log_spread) {
-  constexpr double h = 1e-6;  // of the logarithm; what a parameter does to share and size is next to linear
+  constexpr double h = 1e-6;  // of the logarithm; share and size are nearly linear in a parameter
   SerialErrors::Columns slopes = SerialErrors::Columns::Zero(static_cast<Eigen::Index>(rows.size()),
                                                              static_cast<Eigen::Index>(parameters.size()));
   std::vector<Probe> probes;
@@ -79,14 +79,14 @@ SerialErrors::Columns tail_slopes(const Rows& rows, const Model& model, const Wo
 
 namespace {
 
-/// Tails, and the level of the spreads, at errors that stand.
+/// Tails, and the level of the spreads, with the errors held fixed.
 struct TailPoint {
   Model model;
   double log_level = 0.0;
   double nll = std::numeric_limits<double>::infinity();
 };
 
-/// The fit of tails at the errors of a fit.
+/// Fits the tails with the errors held at those of a fit.
 class TailsAtErrors {
  public:
   TailsAtErrors(const Rows& rows, const Fit& fit, const std::vector<FreeParameter>& tails)

@@ -11,14 +11,14 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Name and value that the user reads for what was set.
+/// Name and value of the size as the user reads them.
 std::pair<std::string, double> size_of(const Space& space, const TypicalEffect& typical, double factor) {
   const ActiveEffect active = scaled(typical, factor);
   if (typical.index >= 0)
     return {active.effect->info().parameters[static_cast<std::size_t>(typical.index)].name,
             active.parameters[typical.index]};
   const auto values = active.effect->reported(space.rows().context, active.parameters.data());
-  for (const auto& value : values)  // the first that says anything
+  for (const auto& value : values)  // the first that is not 0
     if (value.second != 0.0) return value;
   return values.front();
 }
@@ -33,7 +33,7 @@ bool within_bounds(const ActiveEffect& active) {
   return true;
 }
 
-/// The same of a limit beyond which readings are missing: the lower it is, the more it takes.
+/// As factor_to below, for a limit beyond which readings are missing: the lower the limit, the larger the effect.
 std::optional<double> factor_of_limit(const Space& space, const TypicalEffect& typical, double threshold) {
   const auto at = [&](double factor) {
     const ActiveEffect active = scaled(typical, factor);
@@ -61,7 +61,7 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
     return within_bounds(scaled(typical, factor)) ? std::optional(factor) : std::nullopt;
   }
   if (scaled(typical, 2.0).parameters == typical.active.parameters)
-    return std::nullopt;  // its size is not free
+    return std::nullopt;  // its size cannot be changed
   double low = 1.0, high = 1.0;
   const auto at = [&](double factor) {
     const ActiveEffect active = scaled(typical, factor);
@@ -71,7 +71,7 @@ std::optional<double> factor_to(const Space& space, const TypicalEffect& typical
     low = high;
     high *= 2.0;
     if (within_bounds(scaled(typical, high))) continue;
-    double beyond = high;  // the largest within bounds is the last that can be tried
+    double beyond = high;  // find the largest size within bounds by bisection
     high = low;
     for (int step = 0; step < 20; ++step)
       (within_bounds(scaled(typical, 0.5 * (high + beyond))) ? high : beyond) = 0.5 * (high + beyond);

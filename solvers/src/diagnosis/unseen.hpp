@@ -7,11 +7,11 @@
 
 namespace rangecal::diagnosis {
 
-/// The catalogue at typical size under a model; effects of the model are left out.
+/// The effects of the catalogue that the model does not have, at their typical sizes.
 std::vector<TypicalEffect> catalogue_of(const Space& space);
 
-/// Those of `effects` that this recording would not show with probability 0.8 at the alarm rate of the whole
-/// battery, largest range error first, with the size that would show.
+/// Those of `effects` whose typical size this recording would show with a probability below 0.8, at the alarm rate of the whole
+/// battery; largest range error first, with the size that would show with probability 0.8.
 std::vector<Unseen> find_unseen(const Space& space, const std::vector<TypicalEffect>& effects,
                                 double alarm_rate, const Rates& rates);
 

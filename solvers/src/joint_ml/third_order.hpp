@@ -9,8 +9,8 @@
 
 namespace rangecal {
 
-/// One cell's range share to third order in d: derivatives q1, q2, q3 of q, and per parameter of the curve (alpha, then
-/// tau) the first and second derivative in d of dq/dparameter.
+/// The range term q of one cell to third order in d: its derivatives q1, q2, q3 in d, and for each parameter of the curve
+/// (alpha, then tau) the first and second derivative in d of dq/dparameter.
 struct ThirdOrder {
   ThirdOrder(const JointState& at, const Cells& cells)
       : state(at),
@@ -87,9 +87,10 @@ struct ThirdOrder {
     second[na] = by_tau_bend;
   }
 
-  /// After evaluate: what the covariances with alpha add to tr(M H) of the cell,
+  /// After evaluate: derivatives in d, in the rotation of n and in the curve's parameters of what the covariances with alpha
+  /// add to tr(M H) of the cell,
   ///   E = 2 sum_a d2q/(dd dalpha_a) n_a + sum_ab d2q/(dalpha_a dalpha_b) M_ab,
-  /// n_a = n . cov(delta, alpha_a), t_a = t . cov(delta, alpha_a): its derivatives in d, in the turn of n, in the curve.
+  /// with n_a = n . cov(delta, alpha_a), t_a = t . cov(delta, alpha_a).
   struct AlphaTrace {
     double by_d = 0.0, by_turn = 0.0;
     std::array<double, 2 * RangeTerm<3>::max_coefficients> by_curve{};
@@ -123,8 +124,8 @@ struct ThirdOrder {
     out.by_curve[na] = 2.0 * (g1_tau_slope * m + g1_tau * m1) + g2_tau * w;
   }
 
-  /// The same by central differences of E, for the laws whose derivatives are not written out: smooth, error of order
-  /// 1e-10 in parts of it.
+  /// The same by central differences of E, for the laws whose derivatives are not written out. E is smooth; the relative
+  /// error is of order 1e-10.
   void differentiate_alpha_trace(double d, const Cells& c, std::size_t i, const double* n, const double* M,
                                  AlphaTrace& out) {
     constexpr double part = 1e-5;

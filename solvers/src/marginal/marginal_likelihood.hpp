@@ -43,9 +43,9 @@ class Marginal {
   int evaluations = 0, iterations = 0;
   double gradient_norm = 0.0, joint_nll = 0.0, marginal_nll = 0.0;
 
-  /// Value of l_s + slopes . (logs of) sigma at `state`, whose stops are close to their conditional optimum:
-  /// what is left is taken to first order from their decrement. Where they are not close they are settled
-  /// first.
+  /// Value of l_s + slopes . (logs of) sigma at `state`, whose stops should be close to their conditional optimum:
+  /// the rest of the way is accounted for by their Newton decrement. Stops that are not close are first moved to the
+  /// optimum.
   double value(JointState& state, double close = 1e-3) {
     joint_nll = system_.assemble(state, HessianKind::exact);
     ++evaluations;
@@ -71,12 +71,12 @@ class Marginal {
     return h;
   }
 
-  /// How closely minimise() renews the REML slopes.
+  /// How accurately minimise() recomputes the REML slopes.
   struct Renewal {
     double enough = 1e-4;        ///< relative change of the slopes below which they are kept
-    double polish_above = 1e-3;  ///< their change above which the turn of phi-hat is measured anew
+    double polish_above = 1e-3;  ///< their change above which d phi-hat / dsigma is measured again
   };
-  /// A free sigma_s may be weakly determined and needs the slopes closer.
+  /// A free sigma_s may be weakly determined and needs more accurate slopes.
   static Renewal renewal_for(const MarginalOptions& options) {
     return options.estimate_sigma_s ? Renewal{1e-5, 0.0} : Renewal{};
   }
@@ -92,15 +92,15 @@ class Marginal {
     return free;
   }
 
-  /// Step of the differences in sigma coordinate j: logs, or a small part of the largest beta.
+  /// Step of the differences in sigma coordinate j: in logarithms, or for a beta a small part of the largest one.
   double step_of(const JointState& state, Eigen::Index j) const {
     const bool beta = !has_sigma(state.noise.law) && j < layout().tau_count;
     return beta ? 1e-4 * state.noise.parameters.cwiseAbs().maxCoeff() : 1e-4;
   }
 
-  /// After value(state): Newton's method over the globals not held, the stops moving along. With `renewal` the slopes are
-  /// renewed at every step until they change no more; else they stay as they are. True if the gradient at `state` fell
-  /// below the tolerance and the slopes had settled.
+  /// After value(state): Newton's method over the globals not held; the stops move along. With `renewal` the slopes are
+  /// recomputed at every step until they no longer change; otherwise they are kept. True if the gradient at `state` fell
+  /// below the tolerance and the slopes had converged.
   bool minimise(JointState& state, const Held& held, double tolerance, const std::optional<Renewal>& renewal,
                 const SolverLog& log) {
     std::vector<int> free = free_of(held);
@@ -118,9 +118,9 @@ class Marginal {
                    polish = near && (!polished_ || change > renewal->polish_above);
         const Eigen::VectorXd before = slopes_;
         const bool renewed = renew_slopes(state, held, gradient, polish);
-        if (!renewed && near) return false;  // further off they stay as they were
-        // What is left is smaller by dc/dsigma over the information of sigma, about 1e-2. A slope error of 1e-6
-        // nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
+        if (!renewed && near) return false;  // far from the optimum the old slopes are kept
+        // The error that is left is smaller than this change by dc/dsigma over the information of sigma, about 1e-2. A slope
+        // error of 1e-6 nats moves a log sigma by 1e-6 / (2 N): far below its standard deviation.
         change = renewed ? (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm()) : infinity;
         settled = near && polished_ && change < renewal->enough;
       }
@@ -143,15 +143,15 @@ class Marginal {
         log.iteration(iterations + 1, marginal_nll, 0.0, gradient_norm, {"length", 1.0});
         return true;
       }
-      // A step back of nearly the same length: the curvature, which lacks what moves with the slopes and with the
-      // log-determinant, is too small that way, by as much as the step went too far.
+      // This step goes back by nearly the length of the last one. The curvature does not include the changes of the slopes
+      // and of the log-determinant, and is too small in this direction: by the factor by which the last step was too long.
       const double before = last_step.size() > 0 ? last_norm : 0.0,
                    ratio = before > 0.0 ? gradient_norm / before : 0.0;
       if (ratio > 0.3 && -gradient.dot(last_step) < -0.5 * gradient_norm * before) *step /= 1.0 + ratio;
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
-      // The log-determinant at stops short of their optimum is off by about a tenth of what they lack [nats].
+      // With stops short of their optimum the log-determinant is off by about a tenth of what they have left to gain [nats].
       const double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
       for (double factor = 1.0; factor > 1e-6; factor *= 0.5) {
         JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
@@ -171,7 +171,8 @@ class Marginal {
         break;
       }
     }
-    // Rounding, or the slow end that A without the log-determinant's own part has where the stops explain nearly all.
+    // Here because of rounding, or because of slow convergence: A lacks the log-determinant's own curvature, which matters
+    // where the stops explain nearly all of the readings.
     value(state);
     return settled && gradient_norm < 1e-4;
   }
@@ -189,15 +190,15 @@ class Marginal {
 
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
-  // A sigma that goes to 0 leaves slope and curvature in its logarithm that go to 0 alike: here a standard deviation of 10
-  // of the logarithm and a thousandth of a nat to gain. It is held where it is.
+  // If a sigma goes to 0, slope and curvature in its logarithm go to 0 too. At these limits the logarithm has a standard
+  // deviation of 10, and a thousandth of a nat is left to gain. The sigma is then held where it is.
   static constexpr double vanishing_gradient = 1e-3, vanishing_curvature = 1e-2;
   static constexpr double near_norm =
-      0.1;  ///< Newton's decrement from which on phi-hat turns as it will at the optimum
+      0.1;  ///< Newton decrement below which d phi-hat / dsigma is close to that at the optimum
 
-  /// c = d(1/2 log det A)/dsigma along phi-hat(sigma), after value(state); `gradient`: that of l_s. A without the
-  /// log-determinant's own part predicts the turn d phi-hat / dsigma only roughly: `polish` measures what it leaves of the
-  /// gradient and keeps the difference that this makes, which changes little with sigma, for the renewals after it.
+  /// The slopes c = d(1/2 log det A)/dsigma along phi-hat(sigma), after value(state); `gradient`: that of l_s. A lacks the
+  /// log-determinant's own curvature, so it predicts d phi-hat / dsigma only roughly. `polish` measures the gradient that is
+  /// left after such a move, and keeps the resulting correction, which changes little with sigma, for later calls.
   bool renew_slopes(JointState& state, const Held& held, const Eigen::VectorXd& gradient, bool polish) {
     Held phi_only = held;
     phi_only.sigmas = true;
@@ -251,7 +252,7 @@ class Marginal {
   const MarginalOptions& options_;
   JointSystem system_;
   Eigen::VectorXd slopes_;
-  Eigen::MatrixXd further_turn_;  ///< of phi-hat with sigma, beyond what A predicts
+  Eigen::MatrixXd further_turn_;  ///< d phi-hat / dsigma beyond what A predicts
   bool polished_ = false;
   std::vector<int> vanished_;
   double stop_decrement_sq_ = 0.0;

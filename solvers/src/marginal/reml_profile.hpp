@@ -7,8 +7,8 @@
 
 namespace rangecal {
 
-/// The REML criterion l_s + 1/2 log det A, minimised over all but one sigma, as a function of that one.
-/// `options` with the others free. Starts where the last value ended; +infinity where there is no optimum.
+/// The REML criterion l_s + 1/2 log det A as a function of one sigma, minimised over everything else. In `options` the other
+/// sigmas are free. Each minimisation starts where the last one ended; +infinity if it finds no optimum.
 class RemlProfile {
  public:
   RemlProfile(const JointProblem& problem, JointState state, MarginalOptions options, Sigma which)

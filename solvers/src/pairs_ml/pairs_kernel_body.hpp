@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The body of the streaming pass, included once per instruction set with KERNEL_NAMESPACE, KERNEL_WIDTH (doubles in a
-// register) and the target set. Eight lanes everywhere, so that the order of summation does not depend on the processor;
-// narrower registers take them in groups, one group after the other, so that one group's sums stay in registers.
+// register) and the target set. There are always eight lanes, so that the order of summation does not depend on the processor.
+// Narrower registers process them in groups, one group after the other, so that one group's sums stay in registers.
 
 namespace rangecal::pairs_ml::KERNEL_NAMESPACE {
 namespace {
@@ -28,7 +28,7 @@ RANGECAL_INLINE void powers_of(const Vector& t, Vector* power) {
   for (int k = 2; k <= m; ++k) power[k] = power[k - 1] * t;
 }
 
-/// A product of positive factors as mantissas in [1, 2) and binary exponents, so that one logarithm at the end does.
+/// A product of positive factors, kept as mantissas in [1, 2) and binary exponents, so that one logarithm at the end is enough.
 struct LongProduct {
   Vector mantissa = Vector{} + 1.0;
   Bits exponent = {};
@@ -151,7 +151,7 @@ void kernel(const KernelInput& in, KernelSums& sums) {
                                                   : 0.0;
   Lanes<law, n, information> lane[groups];
   std::size_t i = in.begin;
-  // 32 factors near 1 stay within the exponents of a product; a block stays in the first-level cache for all groups.
+  // A product of 32 factors near 1 cannot overflow; a block stays in the first-level cache for all groups.
   constexpr std::size_t block = 32;
   while (i + lanes <= in.end) {
     const std::size_t left = (in.end - i) / lanes, stop = i + lanes * (left < block ? left : block);
@@ -170,7 +170,7 @@ void kernel(const KernelInput& in, KernelSums& sums) {
     i = stop;
   }
   if (i < in.end) {
-    // The rest: cells of count and weight 0 fill the lanes.
+    // The last, incomplete vector: the free lanes are filled with cells of count and weight 0.
     double rest[5][lanes];
     for (std::size_t k = 0; k < lanes; ++k) {
       const bool taken = i + k < in.end;

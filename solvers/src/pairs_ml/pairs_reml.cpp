@@ -64,7 +64,7 @@ NewtonResult reml_minimum(const ScaledPairs& pairs, const NewtonResult& full, in
       gradient[j] +=
           (conditional(pairs, high).half_log_det - conditional(pairs, low).half_log_det) / (2.0 * step);
     }
-    if (!gradient.allFinite()) {  // beside it the coefficients have no optimum
+    if (!gradient.allFinite()) {  // next to x the coefficients have no optimum
       result.outcome = Outcome::not_converged;
       break;
     }

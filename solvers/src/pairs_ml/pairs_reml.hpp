@@ -5,9 +5,9 @@
 
 namespace rangecal::pairs_ml {
 
-/// REML: psi = argmin of [min over c of NLL(c, psi)] + 1/2 log det H_cc, H_cc the second derivatives in the
-/// coefficients at their conditional optimum (flat prior on them), from the joint optimum `full`. Fixed point on the
-/// gradient with the Schur complement of the expected information as metric.
+/// REML: the noise parameters psi = argmin of [min over c of NLL(c, psi)] + 1/2 log det H_cc, with H_cc the second derivatives
+/// in the coefficients c at their conditional optimum (flat prior on c). Starts from the joint optimum `full`; the iteration
+/// steps along the gradient, scaled by the inverse of the Schur complement of the expected information.
 NewtonResult restricted(const ScaledPairs& pairs, const NewtonResult& full, int max_iterations);
 
 }  // namespace rangecal::pairs_ml

@@ -10,18 +10,18 @@
 
 namespace rangecal {
 
-/// One number read, beside what was predicted of it: its error, the spread s of its noise and the variance of what predicted
-/// it, in its unit [m; rad].
+/// One number that was read, compared with its prediction: the error, the spread s of its noise and the variance of the
+/// prediction, in its unit [m; rad].
 struct PredictedNumber {
   double error = 0.0, s = 1.0, variance = 0.0;
 
   double z() const;  ///< error / sqrt(s^2 + variance)
-  /// That its noise, of this shape, is an outlier: both the body and the outliers are blurred by the variance.
+  /// Probability that it is an outlier under this noise shape. The variance is added to that of the body and of the outliers.
   double outlier_probability(const NoiseShapeParameters& shape) const;
 };
 
-/// Range and bearing of a landmark at a known place, seen from a stop that may be off its pose by `stop`; alpha, noise and
-/// sigma_theta those of `state`. None where the distance or the spread is not positive.
+/// Range and bearing of a landmark at a known place, seen from a stop whose pose has the variance `stop`; alpha, noise and
+/// sigma_theta are those of `state`. None if the distance or the spread is not positive.
 struct PredictedReading {
   PredictedNumber range, bearing;
 };

@@ -6,7 +6,7 @@
 
 namespace rangecal {
 
-/// Takes the last row of `rows`, of one row more than columns, into the upper triangle above it by Givens
+/// `rows` has one row more than columns: rotates its last row into the upper triangle above it by Givens
 /// rotations.
 template <typename Matrix>
 void take_last_row(Matrix& rows) {

@@ -67,7 +67,7 @@ constexpr std::array<Quantiles, 15> quantile_table = {{
 
 double score_of(std::size_t index) { return first_score + score_step * static_cast<double>(index); }
 
-/// The quantiles for n values, linear in 1 / sqrt(n); those of a normal law at n without end.
+/// The quantiles for n values, interpolated linearly in 1 / sqrt(n); for infinite n those of a normal distribution.
 std::array<double, score_count> quantiles_for(double n) {
   std::size_t above = 0;
   while (above < quantile_table.size() && quantile_table[above].n <= n) ++above;
@@ -95,7 +95,7 @@ double kurtosis_score(double kurtosis, double n) {
   if (x > at.back())
     return score_of(score_count - 1) + anscombe_glynn(kurtosis, n) -
            anscombe_glynn(mean + at.back() * deviation, n);
-  const auto next = std::upper_bound(at.begin() + 1, at.end() - 1, x);  // the lowest stretch goes on
+  const auto next = std::upper_bound(at.begin() + 1, at.end() - 1, x);  // the lowest interval is extended
   const auto i = static_cast<std::size_t>(next - at.begin()) - 1;
   return score_of(i) + score_step * (x - at[i]) / (at[i + 1] - at[i]);
 }

@@ -7,8 +7,8 @@ namespace rangecal {
 
 /// The tilted plane among leaning cylinders (leaning.hpp) as an effect of a job's own landmarks:
 ///
-///   parameters: a = tau^2 cos 2 b0, c = tau^2 sin 2 b0 [rad^2]; per landmark w = tan(tau) l towards x and y
-///   [rad]
+///   parameters: a = tau^2 cos 2 b0, c = tau^2 sin 2 b0 [rad^2]; for each landmark the x and y components of
+///   w = tan(tau) l [rad], with l the slope of its axis
 ///
 /// b0 = 1/2 atan2(c, a). Linear in w.
 class LeaningEffect final : public Effect {

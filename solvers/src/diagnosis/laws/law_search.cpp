@@ -22,17 +22,17 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr std::size_t kept_at_a_time = 3;   ///< laws that grow
-constexpr std::size_t fitted_of_terms = 8;  ///< of the terms that a law may grow by
-constexpr std::size_t peaks_of_term = 2;    ///< starts that each is fitted from
+constexpr std::size_t kept_at_a_time = 3;   ///< laws that are extended further
+constexpr std::size_t fitted_of_terms = 8;  ///< candidate terms of a law that are fitted
+constexpr std::size_t peaks_of_term = 2;    ///< starting points of each fit
 constexpr std::size_t listed = 5;
-constexpr int most_terms = 6;  ///< evidence stops long before
+constexpr int most_terms = 6;  ///< the evidence stops growing long before
 constexpr double per_parameter =
-    1.5;                        ///< nats by which terms of more parameters are judged before they are fitted
-constexpr double grows = 1.0;   ///< nats that one term more is worth at least
-constexpr double alike = 0.95;  ///< of the squares of one law's change, that another takes away
+    1.5;                        ///< nats that each parameter of a term costs in the ranking before the fit
+constexpr double grows = 1.0;   ///< nats of evidence that a further term must add
+constexpr double alike = 0.95;  ///< laws agree if one explains this part of the other's change, in squares
 
-/// A law on the way.
+/// A law that the search may still extend.
 struct Growing {
   std::vector<LawPiece> pieces;
   std::vector<std::shared_ptr<Effect>> effects;  ///< one a term, at the end of the fit's model
@@ -75,7 +75,7 @@ class LawSearch {
     return all;
   }
 
-  /// Of a fit beside the base, all but the price of its choice.
+  /// Evidence of a fit over the base, without the cost of choosing its terms.
   double log_evidence_of(const Fit& fit) const {
     return base_.nll - fit.nll + log_parameter_volume(rows_, fit, base_.model.size(), options_, priors_) +
            log_calibration_volume(rows_, fit) - base_volume_;
@@ -159,7 +159,7 @@ Eigen::VectorXd change_by(const Rows& rows, const Growing& law, const std::strin
   return change;
 }
 
-/// The law as its readers get it: parameters with their values in the text too.
+/// The law as it is written to a file; its text contains the values of the parameters.
 Law law_of(const Rows& rows, const Growing& growing, const std::string& channel, std::size_t number) {
   Law law;
   law.channel = channel;
@@ -215,7 +215,7 @@ std::vector<Law> find_laws(const Rows& rows, const SearchResult& found, const Ge
   Eigen::VectorXd best;
   for (const Growing& one : laws) {
     if (list.size() == listed) break;
-    // A likelier law with terms that are worth nothing is no other one.
+    // A law that only adds terms to a likelier one is not listed again.
     const std::set<std::string> terms = words_of(one);
     if (std::any_of(listed_terms.begin(), listed_terms.end(), [&](const std::set<std::string>& likelier) {
           return std::includes(terms.begin(), terms.end(), likelier.begin(), likelier.end());
