@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <utility>
@@ -44,25 +45,48 @@ inline std::vector<NoiseLaw> laws_to_try(const CalibrateOptions& options) {
   return {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::f_cubed};
 }
 
+using OrderAndLaw = std::pair<int, NoiseLaw>;
+
 /// The search for order and noise law, from `start`: the law of lowest value at that order, then the order of lowest value
-/// under that law, then the law once more if the order changed. `value_of(order, law)` fits a model when first asked for it.
-template <typename Value>
-std::pair<int, NoiseLaw> search_model(const CalibrateOptions& options, int highest,
-                                      std::pair<int, NoiseLaw> start, const Value& value_of) {
-  const std::vector<NoiseLaw> laws = laws_to_try(options);
+/// under that law, then once more, if the order changed, the laws that were not farther behind than ten times what the order
+/// gained. `value_of(order, law)` fits a model when first asked for it; `prepare(models)` is told before of those that are to be
+/// compared, and may fit them all at once.
+template <typename Value, typename Prepare>
+OrderAndLaw search_model(const CalibrateOptions& options, int highest, OrderAndLaw start,
+                         const Value& value_of, const Prepare& prepare) {
+  constexpr double times_the_gain = 10.0;
+  std::vector<NoiseLaw> laws = laws_to_try(options);
   int order = start.first;
   NoiseLaw law = start.second;  // no structured binding: clang-14, which builds the fuzzers, captures none
   const auto best_law = [&] {
+    std::vector<OrderAndLaw> models{{order, law}};
+    for (NoiseLaw candidate : laws)
+      if (candidate != law) models.emplace_back(order, candidate);
+    prepare(models);
     for (NoiseLaw candidate : laws)
       if (value_of(order, candidate) < value_of(order, law)) law = candidate;
   };
   best_law();
   const int first_order = order;
-  if (!options.order)
-    for (int n = 1; n <= std::max(1, highest); ++n)
-      if (value_of(n, law) < value_of(order, law)) order = n;
-  if (order != first_order) best_law();
+  std::vector<OrderAndLaw> orders;
+  for (int n = 1; !options.order && n <= std::max(1, highest); ++n) orders.emplace_back(n, law);
+  prepare(orders);
+  for (const auto& [n, its_law] : orders)
+    if (value_of(n, its_law) < value_of(order, law)) order = n;
+  if (order == first_order) return {order, law};
+  const double first_value = value_of(first_order, law);
+  const double reach = times_the_gain * (first_value - value_of(order, law)) + aic_that_matters;
+  std::erase_if(laws, [&](NoiseLaw one) {
+    const double value = value_of(first_order, one);
+    return std::isfinite(value) && value > first_value + reach;
+  });
+  best_law();
   return {order, law};
+}
+template <typename Value>
+OrderAndLaw search_model(const CalibrateOptions& options, int highest, OrderAndLaw start,
+                         const Value& value_of) {
+  return search_model(options, highest, start, value_of, [](const std::vector<OrderAndLaw>&) {});
 }
 
 }  // namespace rangecal

@@ -12,6 +12,7 @@
 
 #include "calibrate/too_few.hpp"
 #include "calibrate/walk_seed.hpp"
+#include "in_parallel.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/seen_landmarks.hpp"
@@ -223,29 +224,27 @@ int LandmarksJob::highest_order() const {
   return std::min(options.max_order, static_cast<int>(problem.cells.size()) - 3);
 }
 
-void LandmarksJob::say_trying(int order, NoiseLaw law) const {
+void LandmarksJob::say_trying(const OrderAndLaw& model) const {
   if (options.on_progress)
-    options.on_progress(fmt::format("trying order {} with noise law {}", order, to_string(law)));
+    options.on_progress(
+        fmt::format("trying order {} with noise law {}", model.first, to_string(model.second)));
 }
 
 std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models,
                                                     std::vector<TriedCurve>& curves) const {
   const int highest = highest_order();
-  const std::pair<int, NoiseLaw> start{options.order.value_or(std::clamp(highest, 1, 2)),
-                                       options.noise.value_or(NoiseLaw::f_squared)};
+  const OrderAndLaw start{options.order.value_or(std::clamp(highest, 1, 2)),
+                          options.noise.value_or(NoiseLaw::f_squared)};
   if (options.order && options.noise) return start;
 
-  std::map<std::pair<int, NoiseLaw>, double> known;
-  std::optional<JointState> warm;
-  const auto aic_of = [&](int n, NoiseLaw candidate) {
-    const auto found = known.find({n, candidate});
-    if (found != known.end()) return found->second;
-    say_trying(n, candidate);
-    ModelScore tried{n, candidate, infinity, infinity};
-    TriedCurve curve;
+  std::map<OrderAndLaw, double> known;
+  std::optional<JointState> warm;  // the likeliest so far
+  double warm_aic = infinity;
+  MarginalOptions marginal_options;
+  marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
+  const auto fit_of = [&](const OrderAndLaw& model) {
+    const auto [n, candidate] = model;
     MarginalFit fit;
-    MarginalOptions marginal_options;
-    marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
     if (warm) {
       JointState begin = *warm;
       begin.noise.law = candidate;
@@ -257,21 +256,44 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
         const JointFit joint = problem.estimate_sigma_s ? JointFit{} : solve_joint_block(agreeing, *begin);
         fit = marginal(*begin, &joint);
       }
+    return fit;
+  };
+  const auto keep = [&](const OrderAndLaw& model, const MarginalFit& fit) {
+    ModelScore tried{model.first, model.second, infinity, infinity};
+    TriedCurve curve;
     if (fit.outcome == Outcome::converged) {
       tried.nll = fit.marginal_nll;
       tried.aic = 2.0 * (fit.marginal_nll + parameters(fit.state));
       curve.alpha = fit.state.alpha;
-      if (fit.covariance) curve.covariance = fit.covariance->topLeftCorner(n + 1, n + 1);
-      warm = fit.state;
-      if (problem.estimate_sigma_s && warm->sigma_s_m && *warm->sigma_s_m < 10.0 * no_sigma_s(problem))
-        warm.reset();
+      if (fit.covariance) curve.covariance = fit.covariance->topLeftCorner(model.first + 1, model.first + 1);
+      const bool has_sigma_s = !problem.estimate_sigma_s || !fit.state.sigma_s_m ||
+                               *fit.state.sigma_s_m >= 10.0 * no_sigma_s(problem);
+      if (has_sigma_s && tried.aic < warm_aic) warm = fit.state, warm_aic = tried.aic;
     }
     curve.aic = tried.aic;
     curves.push_back(curve);
     models.push_back(tried);
-    return known[{n, candidate}] = tried.aic;
+    known[model] = tried.aic;
   };
-  auto [order, law] = search_model(options, highest, start, aic_of);
+  const auto prepare = [&](const std::vector<OrderAndLaw>& wanted) {
+    std::vector<OrderAndLaw> open;
+    for (const OrderAndLaw& model : wanted)
+      if (!known.count(model)) open.push_back(model);
+    if (!warm && !open.empty()) {  // the others start where it ends
+      say_trying(open.front());
+      keep(open.front(), fit_of(open.front()));
+      open.erase(open.begin());
+    }
+    for (const OrderAndLaw& model : open) say_trying(model);
+    std::vector<MarginalFit> fits(open.size());
+    in_parallel(open.size(), [&](std::size_t i) { fits[i] = fit_of(open[i]); });
+    for (std::size_t i = 0; i < open.size(); ++i) keep(open[i], fits[i]);
+  };
+  const auto aic_of = [&](int n, NoiseLaw candidate) {
+    prepare({{n, candidate}});
+    return known.at({n, candidate});
+  };
+  auto [order, law] = search_model(options, highest, start, aic_of, prepare);
   if (!options.order && !std::isfinite(known[{order, law}])) order = 1;
   return {order, law};
 }
@@ -283,18 +305,21 @@ std::optional<RobustMarginalFit> LandmarksJob::choose_shapes(const JointState& s
   marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
   const bool automatic = options.noise_shape == NoiseShape::automatic;
   if (options.on_progress) options.on_progress("choosing the noise shapes");
-  RobustMarginalFit best = solve_marginal_robust(*rows, start, options.noise_shape, marginal_options);
+  const bool is_given = options.order && options.noise;
+  const RobustMarginalFit best =
+      solve_marginal_robust(*rows, start, options.noise_shape, marginal_options, !is_given);
   if (best.shapes.range.shape == NoiseShape::gaussian && best.shapes.bearing.shape == NoiseShape::gaussian)
     return std::nullopt;
-  if (options.order && options.noise) return best;
+  if (is_given) return best;
 
   std::vector<ModelScore> tried_models;
   std::vector<TriedCurve> tried_curves;
-  std::map<std::pair<int, NoiseLaw>, RobustMarginalFit> known;
+  std::map<OrderAndLaw, RobustMarginalFit> known;
   const auto key_of = [](const JointState& state) {
-    return std::pair(static_cast<int>(state.alpha.size()) - 1, state.noise.law);
+    return OrderAndLaw(static_cast<int>(state.alpha.size()) - 1, state.noise.law);
   };
-  const auto keep = [&](std::pair<int, NoiseLaw> model, RobustMarginalFit fit) {
+  RobustMarginalFit nearest = best;  // the likeliest so far
+  const auto keep = [&](const OrderAndLaw& model, RobustMarginalFit fit) {
     const bool usable = is_usable(fit.fit.outcome);
     TriedCurve curve;
     curve.aic = usable ? fit.shapes.aic : infinity;
@@ -303,49 +328,60 @@ std::optional<RobustMarginalFit> LandmarksJob::choose_shapes(const JointState& s
       curve.covariance = fit.fit.covariance->topLeftCorner(model.first + 1, model.first + 1);
     tried_models.push_back({model.first, model.second, fit.shapes.nll, curve.aic});
     tried_curves.push_back(curve);
+    if (usable && fit.shapes.aic < nearest.shapes.aic) nearest = fit;
     known.insert_or_assign(model, std::move(fit));
   };
-  const std::pair<int, NoiseLaw> first = key_of(best.fit.state);
+  const OrderAndLaw first = key_of(best.fit.state);
   keep(first, best);
-  RobustMarginalFit nearest = best;
-  const auto aic_of = [&](int n, NoiseLaw candidate) {
-    const std::pair<int, NoiseLaw> model{n, candidate};
-    if (const auto found = known.find(model); found == known.end()) {
-      say_trying(n, candidate);
-      const JointState begin = restated(nearest.fit.state, n, candidate);
-      keep(model, solve_marginal_robust(*rows, begin, nearest.shapes, marginal_options, true));
-    }
-    const RobustMarginalFit& fit = known.at(model);
-    if (!is_usable(fit.fit.outcome)) return infinity;
-    if (fit.shapes.aic < nearest.shapes.aic) nearest = fit;
-    return fit.shapes.aic;
+  const auto prepare = [&](const std::vector<OrderAndLaw>& wanted) {
+    std::vector<OrderAndLaw> open;
+    for (const OrderAndLaw& model : wanted)
+      if (!known.count(model)) open.push_back(model);
+    for (const OrderAndLaw& model : open) say_trying(model);
+    std::vector<RobustMarginalFit> fits(open.size());
+    in_parallel(open.size(), [&](std::size_t i) {
+      const JointState begin = restated(nearest.fit.state, open[i].first, open[i].second);
+      fits[i] = solve_marginal_robust(*rows, begin, nearest.shapes, marginal_options, true);
+    });
+    for (std::size_t i = 0; i < open.size(); ++i) keep(open[i], std::move(fits[i]));
   };
-  const std::pair<int, NoiseLaw> chosen = search_model(options, highest_order(), first, aic_of);
-  if (chosen != first && is_usable(known.at(chosen).fit.outcome)) {
-    RobustMarginalFit at =
-        solve_marginal_robust(*rows, known.at(chosen).fit.state, known.at(chosen).shapes, marginal_options);
-    at.shapes.range_tried = best.shapes.range_tried;
-    at.shapes.bearing_tried = best.shapes.bearing_tried;
-    // Heavy tails have several maxima: the one that the search carried along, and the one next to the Gaussian fit.
-    RobustMarginalFit fresh = solve_marginal_robust(
-        *rows, restated(start, chosen.first, chosen.second),
-        ChannelShapes(at.shapes.range.shape, at.shapes.bearing.shape), marginal_options);
-    if (is_usable(fresh.fit.outcome) && fresh.shapes.aic < at.shapes.aic) {
-      fresh.shapes.range_tried = at.shapes.range_tried;
-      fresh.shapes.bearing_tried = at.shapes.bearing_tried;
-      at = std::move(fresh);
-    }
-    if (automatic) {  // a law chosen under the wrong family, or a family under the wrong law
-      if (const auto other = better_shapes(*rows, at.fit.state, at.shapes)) {
-        RobustMarginalFit again = solve_marginal_robust(*rows, at.fit.state, *other, marginal_options);
-        if (is_usable(again.fit.outcome) && again.shapes.aic < at.shapes.aic) at = std::move(again);
-      }
-    }
-    best = std::move(at);
-  }
+  const auto aic_of = [&](int n, NoiseLaw candidate) {
+    prepare({{n, candidate}});
+    const RobustMarginalFit& fit = known.at({n, candidate});
+    return is_usable(fit.fit.outcome) ? fit.shapes.aic : infinity;
+  };
+  const OrderAndLaw chosen = search_model(options, highest_order(), first, aic_of, prepare);
   models = std::move(tried_models);
   curves = std::move(tried_curves);
-  return best;
+  const RobustMarginalFit& rough = is_usable(known.at(chosen).fit.outcome) ? known.at(chosen) : best;
+  // Heavy tails have several maxima: the one that the search carried along, and the one next to the Gaussian fit.
+  constexpr double may_be_likelier = 10.0;  // AIC, of a fit that is settled roughly
+  const bool as_begun = &rough == &best || chosen == first;
+  RobustMarginalFit at, fresh;
+  in_parallel(as_begun ? 1 : 2, [&](std::size_t i) {
+    if (i == 0)
+      at = solve_marginal_robust(*rows, rough.fit.state, rough.shapes, marginal_options);
+    else
+      fresh = solve_marginal_robust(*rows, restated(start, chosen.first, chosen.second),
+                                    ChannelShapes(rough.shapes.range.shape, rough.shapes.bearing.shape),
+                                    marginal_options, true);
+  });
+  const auto take_if_likelier = [&](RobustMarginalFit& other) {
+    if (is_usable(other.fit.outcome) && other.shapes.aic < at.shapes.aic) at = std::move(other);
+  };
+  if (!as_begun && is_usable(fresh.fit.outcome) && fresh.shapes.aic < at.shapes.aic + may_be_likelier) {
+    fresh = solve_marginal_robust(*rows, fresh.fit.state, fresh.shapes, marginal_options);
+    take_if_likelier(fresh);
+  }
+  if (!as_begun && automatic) {  // a law chosen under the wrong family, or a family under the wrong law
+    if (const auto other = better_shapes(*rows, at.fit.state, at.shapes)) {
+      RobustMarginalFit again = solve_marginal_robust(*rows, at.fit.state, *other, marginal_options);
+      take_if_likelier(again);
+    }
+  }
+  at.shapes.range_tried = best.shapes.range_tried;
+  at.shapes.bearing_tried = best.shapes.bearing_tried;
+  return at;
 }
 
 }  // namespace rangecal

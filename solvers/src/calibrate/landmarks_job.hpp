@@ -61,7 +61,7 @@ struct LandmarksJob {
   /// cells: least squares between the curves, equal spreads on average. Uses no readings, so outliers have no influence.
   JointState restated(const JointState& from, int order, NoiseLaw law) const;
   int highest_order() const;  ///< that the readings can determine, up to max_order
-  void say_trying(int order, NoiseLaw law) const;
+  void say_trying(const OrderAndLaw& model) const;
   double parameters(
       const JointState& state) const;  ///< alpha, noise, sigma_theta, landmarks, sigma_s if estimated
 };

@@ -10,6 +10,7 @@
 #include "calibrate/noise_shapes.hpp"
 #include "calibrate/observability.hpp"
 #include "calibrate/walk_seed.hpp"
+#include "in_parallel.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/nlopt/joint_check.hpp"
@@ -176,66 +177,76 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
                                   const std::optional<MarginalFit>& gaussian,
                                   std::optional<RobustMarginalFit>& shaped, CalibrationReport& report) {
   if (job.options.order || order < 2 || is_walk(job.problem)) return std::nullopt;
-  const auto fit_at = [&](int n, std::optional<RobustMarginalFit>& with_shapes) -> MarginalFit {
-    if (!shaped) {
-      if (n == order && gaussian) return *gaussian;
-      Run run(job, n, law, std::nullopt);
-      const MarginalFit* fit = run.marginal();
-      return fit ? *fit : MarginalFit{};
-    }
-    if (n == order) {
-      with_shapes = shaped;
-    } else {
-      const JointState start = job.restated(shaped->fit.state, n, law);
-      MarginalOptions options;
-      options.estimate_sigma_s = job.problem.estimate_sigma_s;
-      with_shapes = solve_marginal_robust(*job.rows, start, shaped->shapes, options);
-    }
-    return with_shapes->fit;
+  MarginalOptions marginal_options;
+  marginal_options.estimate_sigma_s = job.problem.estimate_sigma_s;
+  const RobustShapes* shapes = shaped ? &shaped->shapes : nullptr;
+  struct AtOrder {
+    std::optional<RobustMarginalFit> shaped;
+    Judged judged;
   };
-  std::optional<RobustMarginalFit> highest_shaped;
-  const Judged highest = judged(job, fit_at(order, highest_shaped), shaped ? &shaped->shapes : nullptr);
+  std::vector<AtOrder> at(static_cast<std::size_t>(order));  // orders 1 to `order`
+  in_parallel(at.size(), [&](std::size_t i) {
+    const int n = static_cast<int>(i) + 1;
+    if (shaped && n < order) {
+      const JointState start = job.restated(shaped->fit.state, n, law);
+      at[i].shaped = solve_marginal_robust(*job.rows, start, *shapes, marginal_options, true);
+      at[i].judged = judged(job, at[i].shaped->fit, &at[i].shaped->shapes);
+    } else if (shaped) {
+      at[i].judged = judged(job, shaped->fit, shapes);
+    } else if (n == order && gaussian) {
+      at[i].judged = judged(job, *gaussian, nullptr);
+    } else {
+      Run run(job, n, law, std::nullopt);
+      if (const MarginalFit* fit = run.marginal()) at[i].judged = judged(job, *fit, nullptr);
+    }
+  });
+  const Judged& highest = at.back().judged;
   if (!highest.influence) return std::nullopt;
-  const LeftOutErrors of_highest =
+  LeftOutErrors of_best =
       left_out_errors(job.agreeing, highest.fit.state, *highest.influence, highest.fit.state);
   std::optional<int> best;
-  LeftOutErrors of_best = of_highest;
   for (int n = order - 1; n >= 1; --n) {
-    std::optional<RobustMarginalFit> lower_shaped;
-    const MarginalFit fit = fit_at(n, lower_shaped);
-    const Judged lower = judged(job, fit, lower_shaped ? &lower_shaped->shapes : nullptr);
+    const Judged& lower = at[static_cast<std::size_t>(n) - 1].judged;
     if (!lower.influence) continue;
     const LeftOutErrors errors =
         left_out_errors(job.agreeing, lower.fit.state, *lower.influence, highest.fit.state);
     if (!predicts_better(errors, of_best)) continue;
     best = n;
     of_best = errors;
-    if (lower_shaped) {
-      lower_shaped->shapes.range_tried = shaped->shapes.range_tried;
-      lower_shaped->shapes.bearing_tried = shaped->shapes.bearing_tried;
-      highest_shaped = std::move(lower_shaped);
-    }
   }
   if (!best) return std::nullopt;
   report.notes.push_back(fmt::format(
       "order {} rather than {}, which has the lowest AIC: it predicts the readings of stops left out better",
       *best, order));
-  if (shaped) shaped = std::move(highest_shaped);
+  if (shaped) {
+    const RobustMarginalFit& rough = *at[static_cast<std::size_t>(*best) - 1].shaped;
+    RobustMarginalFit settled =
+        solve_marginal_robust(*job.rows, rough.fit.state, rough.shapes, marginal_options);
+    settled.shapes.range_tried = shaped->shapes.range_tried;
+    settled.shapes.bearing_tried = shaped->shapes.bearing_tried;
+    shaped = std::move(settled);
+  }
   return best;
 }
 
-/// Standard deviations by stops, and whether the curve is better than none.
+/// Standard deviations by stops, and how much larger than the model's they are.
+void add_deviations_by_stops(const StopInfluence& influence, Calibration& calibration) {
+  const Eigen::Index alphas = calibration.alpha.size();
+  calibration.alpha_covariance_by_stops = influence.covariance.topLeftCorner(alphas, alphas);
+  for (std::size_t l = 0; l < calibration.landmarks.size(); ++l) {
+    const Eigen::Index at = alphas + 2 * static_cast<Eigen::Index>(l);
+    calibration.landmarks[l].covariance_by_stops = influence.covariance.block<2, 2>(at, at);
+  }
+  calibration.misfit = misfit_of(calibration, influence.groups());
+}
+
+/// Those, and whether the curve is better than none.
 void add_checks(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes,
                 Calibration& calibration) {
   if (calibration.outcome != Outcome::converged) return;
   const Judged at = judged(job, fit, shapes);
   if (!at.influence) return;
-  const int alphas = static_cast<int>(fit.state.alpha.size());
-  calibration.alpha_covariance_by_stops = at.influence->covariance.topLeftCorner(alphas, alphas);
-  for (std::size_t l = 0; l < calibration.landmarks.size(); ++l)
-    calibration.landmarks[l].covariance_by_stops = at.influence->covariance.block<2, 2>(
-        alphas + 2 * static_cast<Eigen::Index>(l), alphas + 2 * static_cast<Eigen::Index>(l));
-  calibration.misfit = misfit_of(calibration, at.influence->groups());
+  add_deviations_by_stops(*at.influence, calibration);
   calibration.left_out =
       left_out_check(left_out_errors(job.agreeing, at.fit.state, *at.influence, at.fit.state), &*at.influence,
                      "stops left out");
@@ -281,8 +292,9 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
 }
 
 /// True where Gaussian noise predicts stops left out better than the shapes that were chosen for their AIC: these bend the curve
-/// after an effect that the model lacks. `fit`: Gaussian noise on the readings that agree. Where some do not, it has to take all of them,
-/// and to be better by more than the standard error.
+/// after an effect that the model lacks. Where standard deviations by stops say that the model does not hold, AIC is no reason for a
+/// shape, and Gaussian noise may be worse by the standard error. `fit`: Gaussian noise on the readings that agree; where some do not, it
+/// has to take all of them, and to be better by the standard error.
 bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
                               const RobustMarginalFit& shaped) {
   const bool all_agree = job.consensus.left_out == 0;
@@ -298,7 +310,12 @@ bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
   const std::optional<Gain> gain =
       gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
               left_out_errors(job.agreeing, other.fit.state, *other.influence, plain.fit.state));
-  return gain && gain->mean > (all_agree ? 0.0 : gain->std_dev);
+  if (!gain) return false;
+  if (!all_agree) return gain->mean > gain->std_dev;
+  Calibration with_shapes = calibration_from_robust(job, shaped);
+  add_deviations_by_stops(*other.influence, with_shapes);
+  const bool holds = !with_shapes.misfit || with_shapes.misfit->factor <= with_shapes.misfit->threshold;
+  return gain->mean > (holds ? 0.0 : -gain->std_dev);
 }
 
 /// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `gaussian_fit`: gets

@@ -271,7 +271,8 @@ class RobustSolver {
   }
 
   Robust shaped(const JointState& start, const ShapeStart& from, const IterationLimits& until = {});
-  Robust automatic(const JointState& start, ChannelShapes asked);
+  /// `until`: of the families chosen in the end.
+  Robust automatic(const JointState& start, ChannelShapes asked, const IterationLimits& until);
 
  private:
   static Robust& outside_domain(Robust& fit) {
@@ -427,7 +428,8 @@ std::vector<std::pair<NoiseShape, double>> above_best(const RankedShapes& ranked
 }
 
 template <typename Robust, typename Options, typename Solve>
-Robust RobustSolver<Robust, Options, Solve>::automatic(const JointState& start, ChannelShapes asked) {
+Robust RobustSolver<Robust, Options, Solve>::automatic(const JointState& start, ChannelShapes asked,
+                                                       const IterationLimits& until) {
   Robust best = gaussian(start);
   const bool usable = is_usable(best.fit.outcome);
   const JointState& gaussian_end = usable ? best.fit.state : start;
@@ -475,17 +477,18 @@ Robust RobustSolver<Robust, Options, Solve>::automatic(const JointState& start, 
     std::tie(of_range, of_bearing) = rank();
   }
   if (!ChannelShapes(best.shapes.range.shape, best.shapes.bearing.shape).gaussian())
-    best = shaped(JointState(best.fit.state), start_of(best.shapes, false));
+    best = shaped(JointState(best.fit.state), start_of(best.shapes, false), until);
   best.shapes.range_tried = above_best(of_range);
   best.shapes.bearing_tried = above_best(of_bearing);
   return best;
 }
 
 template <typename Robust, typename Options, typename Solve>
-Robust robust(RobustSolver<Robust, Options, Solve> solver, const JointState& start, ChannelShapes shapes) {
+Robust robust(RobustSolver<Robust, Options, Solve> solver, const JointState& start, ChannelShapes shapes,
+              const IterationLimits& until = {}) {
   if (shapes.gaussian()) return solver.gaussian(start);
-  if (shapes.automatic()) return solver.automatic(start, shapes);
-  return solver.shaped(start, solver.first(start, shapes));
+  if (shapes.automatic()) return solver.automatic(start, shapes, until);
+  return solver.shaped(start, solver.first(start, shapes), until);
 }
 
 auto joint_solver(const JointProblem& rows, const JointState& start, const JointOptions& options) {
@@ -512,8 +515,9 @@ RobustJointFit solve_joint_robust(const JointProblem& rows, const JointState& st
 }
 
 RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start,
-                                        ChannelShapes shapes, const MarginalOptions& options) {
-  return robust(marginal_solver(rows, start, options), start, shapes);
+                                        ChannelShapes shapes, const MarginalOptions& options, bool rough) {
+  return robust(marginal_solver(rows, start, options), start, shapes,
+                rough ? rough_limits : IterationLimits());
 }
 
 RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start,

@@ -92,8 +92,8 @@ std::string in_words(const ShapeEstimate& shape);
 /// these. `marginal` is then fitted to all readings with the shapes asked for, or with those of lowest AIC for each channel
 /// (solve_marginal_robust); order and law, where free, are chosen again under them. `full` has the same shapes, held, and
 /// ends as `unbounded` where a sigma falls below 0.4 of marginal's. All methods are scored by the same two functions with
-/// the shapes in them (robust_nll). `automatic` keeps the Gaussian where no reading is an outlier, and where no gross one is
-/// and Gaussian noise predicts stops left out better. Pairs likewise, with agreeing_pairs.
+/// the shapes in them (robust_nll). `automatic` keeps the Gaussian where no reading is an outlier, and where it
+/// predicts stops left out better. Pairs likewise, with agreeing_pairs.
 ///
 /// `marginal` is checked: standard deviations by stops, and whether the curve is better than none (Calibration::left_out).
 /// Where an order was to be chosen, one below AIC's that predicts stops left out better, by more than a standard error,

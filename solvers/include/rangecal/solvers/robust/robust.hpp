@@ -77,12 +77,13 @@ RobustJointFit solve_joint_robust(const JointProblem& rows, const JointState& st
                                   const JointOptions& options = {});
 
 /// The same around solve_marginal: the weights are taken at the stops' conditional optimum, nll is l_s of the weighted fit
-/// with its Gaussian share replaced by that of the shapes, and nu allows for the parameters fitted as sigma does.
-RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start,
-                                        ChannelShapes shapes, const MarginalOptions& options = {});
-
-/// From a fit of other curve or noise law: its shapes are where the search begins, and its families are kept. `rough`: to
+/// with its Gaussian share replaced by that of the shapes, and nu allows for the parameters fitted as sigma does. `rough`: to
 /// about a hundredth of a nat, or a dozen iterations, as models are told apart by.
+RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start,
+                                        ChannelShapes shapes, const MarginalOptions& options = {},
+                                        bool rough = false);
+
+/// From a fit of other curve or noise law: its shapes are where the search begins, and its families are kept.
 RobustMarginalFit solve_marginal_robust(const JointProblem& rows, const JointState& start,
                                         const RobustShapes& shapes, const MarginalOptions& options = {},
                                         bool rough = false);
