@@ -12,7 +12,8 @@ demo: configure
 	$(BUILD)/apps/rangecal compare notebooks_data/field-layout
 
 test: build
-	ctest --test-dir $(BUILD) --output-on-failure -j $(JOBS)
+	RANGECAL_MUTANTS=$${RANGECAL_MUTANTS-$$(git rev-parse HEAD 2>/dev/null)} \
+	  ctest --test-dir $(BUILD) --output-on-failure -j $(JOBS)
 
 configure: packages
 	@if [ -f $(BUILD)/CMakeCache.txt ]; then cmake --preset $(PRESET); \

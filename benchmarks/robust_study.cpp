@@ -8,9 +8,12 @@
 // intervals by stops of the curve that endless recordings of such stops would give. Worlds in which a curve cannot help, and in
 // which it halves the error: whether `usable` is false.
 //
-//   robust_study WORLDS SCENE.yaml [THREADS]      notebooks_data/scenes/field-layout.yaml
+//   robust_study WORLDS SCENE.yaml [THREADS [PART...]]      notebooks_data/scenes/field-layout.yaml
+//
+// THREADS 0: as many as there are cores. PART: echoes, missing, usable, designs; without any, all of them.
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -397,16 +400,22 @@ void study_usable(int worlds) {
 
 int main(int argc, char** argv) {
   if (argc < 3) {
-    std::fprintf(stderr, "usage: robust_study WORLDS SCENE.yaml [THREADS]\n");
+    std::fprintf(stderr, "usage: robust_study WORLDS SCENE.yaml [THREADS [PART...]]\n");
     return 2;
   }
   const int worlds = std::atoi(argv[1]);
   const auto limit = at_most(argc > 3 ? std::atoi(argv[3]) : 0);
   const Scene field = load_scene(argv[2]);
-  study_echoes(worlds);
-  study_missing_effect("range_eccentricity", "cosine_m", worlds);
-  study_missing_effect("cyclic_error", "sine_m", worlds);
-  study_usable(worlds);
-  for (int i = 0; i < design_count; ++i) study_design(i, worlds, field);
+  const std::vector<std::string> parts(argv + std::min(argc, 4), argv + argc);
+  const auto wanted = [&](const char* part) {
+    return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end();
+  };
+  if (wanted("echoes")) study_echoes(worlds);
+  if (wanted("missing")) {
+    study_missing_effect("range_eccentricity", "cosine_m", worlds);
+    study_missing_effect("cyclic_error", "sine_m", worlds);
+  }
+  if (wanted("usable")) study_usable(worlds);
+  for (int i = 0; wanted("designs") && i < design_count; ++i) study_design(i, worlds, field);
   return 0;
 }

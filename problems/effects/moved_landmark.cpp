@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // W1. A landmark was moved or pushed during the recording, between two stops.
 //
-//   from stop j on, landmark l:   delta d = |D n + delta| - D [m],   delta b = atan(t . delta / (D + n . delta)) [rad]
+//   from stop j on, landmark l:   delta d = |d n + delta| - d [m],   delta b = atan(t . delta / (D + n . delta)) [rad]
 //   n = (cos g, sin g), t = (-sin g, cos g), g = b + heading direction of the landmark in the world,
 //       delta [m], D axis distance [m]
 //
-// The range part acts before the curve, and the spread goes along. Linear in delta to first order in delta / D. Source:
-// derived: a step of the landmark.
+// The range part acts before the curve, and the spread goes along. Linear in delta to first order in delta / D; of the second
+// order of the range the part R / D is left out, R radius [m], so that `correct` needs no radius. Source: derived: a step of the
+// landmark.
 #include <algorithm>
 #include <cmath>
 
@@ -27,7 +28,7 @@ class MovedLandmark final : public Effect {
         .covariate = "landmark",
         .physics = "One landmark was moved during the recording: from one stop on it stands elsewhere.",
         .formula =
-            "from stop j on, landmark l: delta d = |D n + delta| - D [m], delta b = atan(t . delta / (D + n . "
+            "from stop j on, landmark l: delta d = |d n + delta| - d [m], delta b = atan(t . delta / (D + n . "
             "delta)) [rad], D distance to its axis, n unit vector to it, t across, delta [m]",
         .source = "derived: a step of the landmark",
         .visible_by = "each landmark seen before and after",
@@ -54,10 +55,10 @@ class MovedLandmark final : public Effect {
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     if (at.landmark != index_of(p[2]) || at.stop < index_of(p[3])) return {};
     const double direction = at.bearing + at.heading, c = std::cos(direction), s = std::sin(direction);
-    const double along = at.axis_distance + c * p[0] + s * p[1], across = c * p[1] - s * p[0];
-    const double change = at.before_curve(std::hypot(along, across) - at.axis_distance);
+    const double along = c * p[0] + s * p[1], across = c * p[1] - s * p[0];
+    const double change = at.before_curve(std::hypot(at.d + along, across) - at.d);
     return {.range = change,
-            .bearing = std::atan2(across, along),
+            .bearing = std::atan2(across, at.axis_distance + along),
             .range_log_variance = at.spread_along(change)};
   }
 

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
+#include <set>
 #include <vector>
 
 #include "rangecal/core/polynomial.hpp"
@@ -143,6 +145,50 @@ TEST(CovarianceWithChoice, HoldsMoreOfTheCurveOfTwentyPairs) {
   for (int i = 0; i < places_each; ++i) EXPECT_GE(held.with_choice[i], limits[i] * recordings_each) << i;
   EXPECT_GE(held.with_choice[0], held.given_order[0] + 4);
   EXPECT_GE(held.with_choice[places_each - 1], held.given_order[places_each - 1] + 4);
+}
+
+/// A search over a table of values; what was fitted, in this order.
+struct Searched {
+  OrderAndLaw best;
+  std::vector<OrderAndLaw> fitted;
+};
+
+Searched search(const std::map<OrderAndLaw, double>& values, OrderAndLaw start) {
+  Searched result;
+  std::set<OrderAndLaw> known;
+  const auto prepare = [&](const std::vector<OrderAndLaw>& models) {
+    for (const OrderAndLaw& model : models)
+      if (known.insert(model).second) result.fitted.push_back(model);
+  };
+  const auto value_of = [&](int order, NoiseLaw law) {
+    EXPECT_EQ(known.count({order, law}), 1u)
+        << "asked for before it was prepared: " << order << to_string(law);
+    return values.at({order, law});
+  };
+  result.best = search_model({}, 3, start, value_of, prepare);
+  return result;
+}
+
+constexpr NoiseLaw flat = NoiseLaw::constant, f = NoiseLaw::f, f2 = NoiseLaw::f_squared,
+                   f3 = NoiseLaw::f_cubed;
+
+TEST(SearchModel, TriesLawsThenOrdersThenTheLawsThatMayStillWin) {
+  // Order 3 gains 20 on order 2 under f: at order 3 laws are tried again that were behind by up to 10 * 20 + 14 at order 2.
+  std::map<OrderAndLaw, double> values{{{2, flat}, 300.0}, {{2, f}, 100.0},   {{2, f2}, 120.0},
+                                       {{2, f3}, 320.0},   {{1, f}, 150.0},   {{3, f}, 80.0},
+                                       {{3, f2}, 60.0},    {{3, flat}, 290.0}};
+  const Searched found = search(values, {2, f2});
+  EXPECT_EQ(found.best, OrderAndLaw(3, f2));
+  const std::vector<OrderAndLaw> expected{{2, f2}, {2, flat}, {2, f},    {2, f3},
+                                          {1, f},  {3, f},    {3, flat}, {3, f2}};
+  EXPECT_EQ(found.fitted, expected);
+}
+
+TEST(SearchModel, ALawThatDidNotConvergeIsTriedAgain) {
+  constexpr double none = std::numeric_limits<double>::infinity();
+  std::map<OrderAndLaw, double> values{{{2, flat}, 900.0}, {{2, f}, 900.0}, {{2, f2}, 100.0}, {{2, f3}, none},
+                                       {{1, f2}, 90.0},    {{3, f2}, 95.0}, {{1, f3}, 80.0}};
+  EXPECT_EQ(search(values, {2, f2}).best, OrderAndLaw(1, f3));
 }
 
 }  // namespace
