@@ -3,9 +3,9 @@
 """docs/proof-table.md of what `rangecal prove` printed, row by row, the figures that are not met first.
 
     for row in ROW...; do rangecal prove --fresh 24 --seed S --no-oracle --row $row --csv proof/$row.csv > proof/$row.log; done
-    benchmarks/proof_page.py --seed S proof=COMMIT > docs/proof-table.md
+    benchmarks/proof_page.py proof=COMMIT@S > docs/proof-table.md
 
-COMMIT is that of the program that drew them; rows of several programs are given as several folders. The answers of all worlds go to
+COMMIT is that of the program that drew them, S their seed; rows of several programs or seeds are given as several folders. The answers of all worlds go to
 docs/proof-answers.csv.
 """
 import argparse
@@ -37,28 +37,29 @@ def rows_of(folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="+", metavar="FOLDER=COMMIT", help="logs and tables of rows, and what drew them")
-    parser.add_argument("--seed", required=True)
+    parser.add_argument("folders", nargs="+", metavar="FOLDER=COMMIT@SEED", help="logs and tables of rows, and what drew them")
     options = parser.parse_args()
     print("""# What came out of every row that was drawn?
 
 Worlds of `docs/proof.md`, each row drawn once, beside other work on two cores; the rows with most figures that are not met first.
-`docs/proof-answers.csv` has every answer. With 24 worlds a figure is known to some ten points: the intervals are 95 %. "Right name" and
-"all, and nothing else" count sets that the recording cannot tell apart; "by single names" counts answers of one set. The noncentrality
-lambda is that of the likelihood-ratio test of whoever knows the effect.""")
+`docs/proof-answers.csv` has every answer. Seconds of different sections are not to be compared: the machines were busy. With 24 worlds
+a figure is known to some ten points: the intervals are 95 %. "Right name" and "all, and nothing else" count sets that the recording cannot
+tell apart; "by single names" counts answers of one set. The noncentrality lambda is that of the likelihood-ratio test of whoever knows the
+effect.""")
     everything = []
     for given in options.folders:
-        folder, commit = given.split("=")
+        folder, drawn_by = given.split("=")
+        commit, seed = drawn_by.split("@")
         rows, answers = rows_of(Path(folder))
         everything += answers
         digest = subprocess.run([ROOT / "benchmarks" / "stale.py", "--hash", *SOURCES.split(), "--at", commit],
                                 check=True, capture_output=True, text=True).stdout.strip()
         print(f"""
-## By commit {commit[:9]}
+## By commit {commit[:9]}, seed {seed}
 
 ```
 for row in {' '.join(sorted(row[0] for row in rows))}; do
-  rangecal prove --fresh N --seed {options.seed} --no-oracle --row $row --csv $row.csv
+  rangecal prove --fresh N --seed {seed} --no-oracle --row $row --csv $row.csv
 done
 ```
 
@@ -70,7 +71,7 @@ what                                                worlds    figure  95 % inter
                 print(f"  {line}")
         print(f"""```
 
-<!-- table: rangecal prove --seed {options.seed} of commit {commit[:9]}; sources: {SOURCES}; hash: {digest} -->""")
+<!-- table: rangecal prove --seed {seed} of commit {commit[:9]}; sources: {SOURCES}; hash: {digest} -->""")
     with open(ROOT / "docs" / "proof-answers.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, everything[0].keys(), lineterminator="\n")
         writer.writeheader()
