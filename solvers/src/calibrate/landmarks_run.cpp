@@ -291,27 +291,18 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
   }
 }
 
-/// True where Gaussian noise predicts stops left out better than the shapes that were chosen for their AIC: these bend the curve
-/// after an effect that the model lacks. Where standard deviations by stops say that the model does not hold, AIC is no reason for a
-/// shape, and Gaussian noise may be worse by the standard error. `fit`: Gaussian noise on the readings that agree; where some do not, it
-/// has to take all of them, and to be better by the standard error.
+/// True where no reading is a gross outlier and Gaussian noise predicts stops left out better than the shapes that were chosen for their
+/// AIC: these bend the curve after an effect that the model lacks. Where standard deviations by stops say that the model does not
+/// hold, AIC is no reason for a shape, and Gaussian noise may be worse by the standard error. `fit`: that of Gaussian noise.
 bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
                               const RobustMarginalFit& shaped) {
-  const bool all_agree = job.consensus.left_out == 0;
-  MarginalFit of_all;
-  if (!all_agree) {
-    MarginalOptions options;
-    options.estimate_sigma_s = job.problem.estimate_sigma_s;
-    of_all = solve_marginal(job.problem, fit.state, options);
-  }
-  const Judged plain = judged(job, all_agree ? fit : of_all, nullptr),
-               other = judged(job, shaped.fit, &shaped.shapes);
+  if (job.consensus.left_out > 0) return false;
+  const Judged plain = judged(job, fit, nullptr), other = judged(job, shaped.fit, &shaped.shapes);
   if (!plain.influence || !other.influence) return false;
   const std::optional<Gain> gain =
       gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
               left_out_errors(job.agreeing, other.fit.state, *other.influence, plain.fit.state));
   if (!gain) return false;
-  if (!all_agree) return gain->mean > gain->std_dev;
   Calibration with_shapes = calibration_from_robust(job, shaped);
   add_deviations_by_stops(*other.influence, with_shapes);
   const bool holds = !with_shapes.misfit || with_shapes.misfit->factor <= with_shapes.misfit->threshold;
@@ -335,8 +326,8 @@ std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, N
   if (shaped && fit && job.options.noise_shape == NoiseShape::automatic &&
       gaussian_predicts_better(job, *fit, *shaped)) {
     report.notes.push_back(fmt::format(
-        "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: it predicts the readings of "
-        "stops left out better",
+        "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: they predict the readings of "
+        "stops left out no better, and no reading is a gross outlier",
         to_string(shaped->shapes.range.shape), to_string(shaped->shapes.bearing.shape)));
     return std::nullopt;
   }
