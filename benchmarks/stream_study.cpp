@@ -102,7 +102,7 @@ Calibration batch_of(const Recording& recording, Method method) {
   return calibrate({&recording, 1}, options).front();
 }
 
-void study_pairs(const char* name, const Outliers& outliers, int worlds, int count) {
+void study_pairs(const Outliers& outliers, int worlds, int count) {
   Errors errors;
   for (int world = 0; world < worlds; ++world) {
     Random random(seed_from("stream study pairs", {static_cast<std::uint64_t>(world)}));
@@ -137,7 +137,7 @@ void study_pairs(const char* name, const Outliers& outliers, int worlds, int cou
     track(NoiseShape::gaussian, errors.gaussian_s);
     errors.take(ours, batch_of(recording, Method::full), {});
   }
-  errors.print(name, outliers, worlds);
+  errors.print("pairs", outliers, worlds);
 }
 
 void study_landmarks(const Outliers& outliers, int worlds, int stops) {
@@ -216,7 +216,6 @@ int main(int argc, char** argv) {
     return 2;
   }
   std::printf("stream     outliers share  worlds  failed    curve landmarks  held 95 %%  readings/s\n");
-  for (const Outliers& outliers : kinds) study_pairs("pairs", outliers, worlds, 5000);
-  for (const Outliers& outliers : kinds) study_pairs("200 000", outliers, std::max(1, worlds / 10), 200000);
+  for (const Outliers& outliers : kinds) study_pairs(outliers, worlds, 5000);
   for (const Outliers& outliers : kinds) study_landmarks(outliers, std::max(1, worlds / 2), 400);
 }
