@@ -67,13 +67,19 @@ const char* name_of(Wrong wrong) {
 
 double log_uniform(Random& r, double low, double high) { return low * std::pow(high / low, r.uniform()); }
 
-Scene draw_scene(const Design& design, Random& r) {
+/// Curve, noise and stops' spread of a sensor and robot.
+Scene draw_sensor(Random& r) {
   Scene scene;
   scene.alpha = Eigen::Vector3d(r.uniform(-0.05, 0.1), r.uniform(0.8, 1.1), r.uniform(0.0, 0.08));
   const double f = evaluate_polynomial(scene.alpha, 2.0), spread = log_uniform(r, 0.005, 0.03) * f;
   scene.noise.parameters = Eigen::VectorXd::Constant(1, spread / (f * f));
   scene.sigma_theta_rad = log_uniform(r, 0.005, 0.02);
   scene.sigma_xy_m = log_uniform(r, 0.005, 0.02);
+  return scene;
+}
+
+Scene draw_scene(const Design& design, Random& r) {
+  Scene scene = draw_sensor(r);
   add_bent_path(scene, design.stops, design.landmarks, 0.5, false, r);
   scene.repeats = design.repeats;
   return scene;
@@ -111,10 +117,15 @@ struct Answer {
   long intervals = 0, held = 0;
 };
 
-Answer judge(const Recording& recording, const Scene& scene, NoiseShape shape) {
-  Answer answer;
+CalibrateOptions of_marginal() {
   CalibrateOptions options;
   options.methods = {Method::marginal};
+  return options;
+}
+
+Answer judge(const Recording& recording, const Scene& scene, NoiseShape shape) {
+  Answer answer;
+  CalibrateOptions options = of_marginal();
   options.noise_shape = shape;
   const auto begin = std::chrono::steady_clock::now();
   const Calibration c = calibrate({&recording, 1}, options)[0];
@@ -227,9 +238,7 @@ void study_echoes(int tables) {
       recording.pairs.reading_m.push_back(y);
     }
     recording.counts.read = recording.counts.used = 800;
-    CalibrateOptions options;
-    options.methods = {Method::marginal};
-    const Calibration c = calibrate({&recording, 1}, options)[0];
+    const Calibration c = calibrate({&recording, 1}, of_marginal())[0];
     const std::lock_guard lock(mutex);
     if (c.outcome != Outcome::converged || !c.alpha_covariance) {
       ++failed;
@@ -253,12 +262,7 @@ void study_echoes(int tables) {
 
 /// Stops anywhere in a room of 4 by 4 m, headings at random, among landmarks around it.
 Scene draw_room(int landmarks, Random& r) {
-  Scene scene;
-  scene.alpha = Eigen::Vector3d(r.uniform(-0.05, 0.1), r.uniform(0.8, 1.1), r.uniform(0.0, 0.08));
-  const double f = evaluate_polynomial(scene.alpha, 2.0);
-  scene.noise.parameters = Eigen::VectorXd::Constant(1, log_uniform(r, 0.005, 0.03) / f);
-  scene.sigma_theta_rad = log_uniform(r, 0.005, 0.02);
-  scene.sigma_xy_m = log_uniform(r, 0.005, 0.02);
+  Scene scene = draw_sensor(r);
   scene.repeats = 3;
   for (int l = 0; l < landmarks; ++l) {
     const double direction = 2.0 * pi * (l + r.uniform(0.2, 0.8)) / landmarks, away = r.uniform(3.0, 4.5);
@@ -280,22 +284,16 @@ void place_stops(Scene& scene, int stops, Random& r) {
 
 /// The effect at the size at which the squares of what it adds to readings, in their spreads, sum to 400 over a recording of so
 /// many stops: the noncentrality before the calibration takes up its part.
-void add_effect(Scene& scene, const char* effect, const char* amplitude, const Recording& clean) {
+void add_effect(Scene& scene, const char* effect, const char* amplitude) {
+  const Recording without = simulate(scene, 1);
   scene.effects = {{effect, scene_effect(scene, effect, {{amplitude, 1e-3}})}};
+  const Recording with = simulate_scene(scene, 1);
   double sum = 0.0;
-  const Recording with = simulate_scene(scene, 1), without = clean;
   for (std::size_t i = 0; i < with.readings.size(); ++i) {
-    const double change = with.readings.range_m[i] - without.readings.range_m[i],
-                 y = without.readings.range_m[i];
+    const double y = without.readings.range_m[i], change = with.readings.range_m[i] - y;
     sum += std::pow(change / scene.noise.spread(y, y), 2);
   }
   scene.effects.at(effect).at(amplitude) *= std::sqrt(400.0 / sum);
-}
-
-CalibrateOptions of_marginal() {
-  CalibrateOptions options;
-  options.methods = {Method::marginal};
-  return options;
 }
 
 /// Intervals by stops of the curve that a recording of 1500 stops has, in the presence of an effect.
@@ -308,7 +306,7 @@ void study_missing_effect(const char* effect, const char* amplitude, int worlds)
     Random r(seed_from(std::string("robust study, missing ") + effect, {static_cast<std::uint64_t>(number)}));
     Scene scene = draw_room(5, r);
     place_stops(scene, stops, r);
-    add_effect(scene, effect, amplitude, simulate(scene, 1));
+    add_effect(scene, effect, amplitude);
     CalibrateOptions options = of_marginal();
     options.order = 2;
     Scene endless = scene;
@@ -325,7 +323,7 @@ void study_missing_effect(const char* effect, const char* amplitude, int worlds)
         ++failed;
         continue;
       }
-      told += c.misfit && c.misfit->factor > c.misfit->threshold;
+      told += c.misfit && !c.misfit->holds();
       for (int i = 0; i < points; ++i) {
         const double d = 1.2 + 4.0 * i / (points - 1.0);
         const double off = evaluate_polynomial(c.alpha, d) - evaluate_polynomial(limit.alpha, d);

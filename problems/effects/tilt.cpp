@@ -56,13 +56,12 @@ class Tilt final : public Effect {
   ReadingChange<double> reading(const ReadingView<double>& at, const double* p) const override {
     const double tau_sq = std::hypot(p[0], p[1]);
     if (!(tau_sq > 0.0)) return {};
-    const double cos_tau = std::cos(std::sqrt(tau_sq)), stretch = 1.0 / cos_tau - 1.0;
+    const double k = 1.0 / std::cos(std::sqrt(tau_sq));
     const double c = std::cos(2.0 * at.bearing), s = std::sin(2.0 * at.bearing);
     const double cos_2u = (p[0] * c + p[1] * s) / tau_sq, sin_2u = (p[0] * s - p[1] * c) / tau_sq;
-    const double sin_sq = 0.5 * (1.0 - cos_2u);
-    const double tan_tau_sq = 1.0 / (cos_tau * cos_tau) - 1.0;
-    return {.range = at.before_curve(at.d * (std::sqrt(1.0 + tan_tau_sq * sin_sq) - 1.0)),
-            .bearing = std::atan2(0.5 * stretch * sin_2u, 1.0 + stretch * sin_sq)};
+    const double sin_sq = 0.5 * (1.0 - cos_2u);  // tan^2 tau = k^2 - 1
+    return {.range = at.before_curve(at.d * (std::sqrt(1.0 + (k * k - 1.0) * sin_sq) - 1.0)),
+            .bearing = std::atan2(0.5 * (k - 1.0) * sin_2u, 1.0 + (k - 1.0) * sin_sq)};
   }
 
   std::vector<std::pair<std::string, double>> reported(const EffectContext&, const double* p) const override {

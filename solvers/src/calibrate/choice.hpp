@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <span>
 #include <utility>
@@ -49,44 +50,44 @@ using OrderAndLaw = std::pair<int, NoiseLaw>;
 
 /// The search for order and noise law, from `start`: the law of lowest value at that order, then the order of lowest value
 /// under that law, then once more, if the order changed, the laws that were not farther behind than ten times what the order
-/// gained. `value_of(order, law)` fits a model when first asked for it; `prepare(models)` is told before of those that are to be
-/// compared, and may fit them all at once.
-template <typename Value, typename Prepare>
+/// gained. `values_of(models)` fits those that are not in `known`, all at once if it likes; their values go there.
+template <typename Values>
 OrderAndLaw search_model(const CalibrateOptions& options, int highest, OrderAndLaw start,
-                         const Value& value_of, const Prepare& prepare) {
+                         std::map<OrderAndLaw, double>& known, const Values& values_of) {
   constexpr double times_the_gain = 10.0;
-  std::vector<NoiseLaw> laws = laws_to_try(options);
-  int order = start.first;
-  NoiseLaw law = start.second;  // no structured binding: clang-14, which builds the fuzzers, captures none
-  const auto best_law = [&] {
-    std::vector<OrderAndLaw> models{{order, law}};
-    for (NoiseLaw candidate : laws)
-      if (candidate != law) models.emplace_back(order, candidate);
-    prepare(models);
-    for (NoiseLaw candidate : laws)
-      if (value_of(order, candidate) < value_of(order, law)) law = candidate;
+  OrderAndLaw best = start;
+  const auto take_lowest = [&](const std::vector<OrderAndLaw>& models) {
+    std::vector<OrderAndLaw> open;
+    for (const OrderAndLaw& model : models)
+      if (!known.count(model)) open.push_back(model);
+    if (!open.empty()) {
+      const std::vector<double> values = values_of(open);
+      for (std::size_t i = 0; i < open.size(); ++i) known[open[i]] = values[i];
+    }
+    for (const OrderAndLaw& model : models)
+      if (known.at(model) < known.at(best)) best = model;
   };
-  best_law();
-  const int first_order = order;
+  std::vector<NoiseLaw> laws = laws_to_try(options);
+  const auto take_best_law = [&] {
+    std::vector<OrderAndLaw> models{best};
+    for (const NoiseLaw law : laws)
+      if (law != best.second) models.emplace_back(best.first, law);
+    take_lowest(models);
+  };
+  take_best_law();
+  if (options.order) return best;
+  const OrderAndLaw first = best;
   std::vector<OrderAndLaw> orders;
-  for (int n = 1; !options.order && n <= std::max(1, highest); ++n) orders.emplace_back(n, law);
-  prepare(orders);
-  for (const auto& [n, its_law] : orders)
-    if (value_of(n, its_law) < value_of(order, law)) order = n;
-  if (order == first_order) return {order, law};
-  const double first_value = value_of(first_order, law);
-  const double reach = times_the_gain * (first_value - value_of(order, law)) + aic_that_matters;
-  std::erase_if(laws, [&](NoiseLaw one) {
-    const double value = value_of(first_order, one);
-    return std::isfinite(value) && value > first_value + reach;
+  for (int n = 1; n <= std::max(1, highest); ++n) orders.emplace_back(n, first.second);
+  take_lowest(orders);
+  if (best == first) return best;
+  const double reach = times_the_gain * (known.at(first) - known.at(best)) + aic_that_matters;
+  std::erase_if(laws, [&](NoiseLaw law) {
+    const double value = known.at({first.first, law});
+    return std::isfinite(value) && value > known.at(first) + reach;
   });
-  best_law();
-  return {order, law};
-}
-template <typename Value>
-OrderAndLaw search_model(const CalibrateOptions& options, int highest, OrderAndLaw start,
-                         const Value& value_of) {
-  return search_model(options, highest, start, value_of, [](const std::vector<OrderAndLaw>&) {});
+  take_best_law();
+  return best;
 }
 
 }  // namespace rangecal

@@ -115,9 +115,14 @@ JointFit LandmarksJob::full(const JointState& start) const {
   return other.outcome == Outcome::not_converged && !(other.joint_nll < fit.joint_nll) ? fit : other;
 }
 
-MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit) const {
+MarginalOptions LandmarksJob::marginal_options() const {
   MarginalOptions marginal;
   marginal.estimate_sigma_s = problem.estimate_sigma_s;
+  return marginal;
+}
+
+MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit) const {
+  const MarginalOptions marginal = marginal_options();
   MarginalFit best = marginal_by_joint(start, full_fit, marginal);
   // The joint likelihood may lead into another basin than the seed's, with a higher marginal NLL.
   const LaplaceValue at_seed = laplace_marginal(agreeing, start);
@@ -230,18 +235,15 @@ void LandmarksJob::say_trying(const OrderAndLaw& model) const {
         fmt::format("trying order {} with noise law {}", model.first, to_string(model.second)));
 }
 
-std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& models,
-                                                    std::vector<TriedCurve>& curves) const {
+OrderAndLaw LandmarksJob::choose_model(std::vector<ModelScore>& models,
+                                       std::vector<TriedCurve>& curves) const {
   const int highest = highest_order();
   const OrderAndLaw start{options.order.value_or(std::clamp(highest, 1, 2)),
                           options.noise.value_or(NoiseLaw::f_squared)};
   if (options.order && options.noise) return start;
 
-  std::map<OrderAndLaw, double> known;
   std::optional<JointState> warm;  // the likeliest so far
   double warm_aic = infinity;
-  MarginalOptions marginal_options;
-  marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
   const auto fit_of = [&](const OrderAndLaw& model) {
     const auto [n, candidate] = model;
     MarginalFit fit;
@@ -249,7 +251,7 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
       JointState begin = *warm;
       begin.noise.law = candidate;
       seed_curve_and_noise(agreeing, n, begin);
-      fit = solve_marginal(agreeing, begin, marginal_options);
+      fit = solve_marginal(agreeing, begin, marginal_options());
     }
     if (fit.outcome != Outcome::converged)
       if (const auto begin = seed(n, candidate)) {
@@ -273,51 +275,43 @@ std::pair<int, NoiseLaw> LandmarksJob::choose_model(std::vector<ModelScore>& mod
     curve.aic = tried.aic;
     curves.push_back(curve);
     models.push_back(tried);
-    known[model] = tried.aic;
+    return tried.aic;
   };
-  const auto prepare = [&](const std::vector<OrderAndLaw>& wanted) {
-    std::vector<OrderAndLaw> open;
-    for (const OrderAndLaw& model : wanted)
-      if (!known.count(model)) open.push_back(model);
-    if (!warm && !open.empty()) {  // the others start where it ends
-      say_trying(open.front());
-      keep(open.front(), fit_of(open.front()));
-      open.erase(open.begin());
+  const auto values_of = [&](std::vector<OrderAndLaw> wanted) {
+    std::vector<double> values;
+    if (!warm) {  // the others start where it ends
+      say_trying(wanted.front());
+      values.push_back(keep(wanted.front(), fit_of(wanted.front())));
+      wanted.erase(wanted.begin());
     }
-    for (const OrderAndLaw& model : open) say_trying(model);
-    std::vector<MarginalFit> fits(open.size());
-    in_parallel(open.size(), [&](std::size_t i) { fits[i] = fit_of(open[i]); });
-    for (std::size_t i = 0; i < open.size(); ++i) keep(open[i], fits[i]);
+    for (const OrderAndLaw& model : wanted) say_trying(model);
+    std::vector<MarginalFit> fits(wanted.size());
+    in_parallel(wanted.size(), [&](std::size_t i) { fits[i] = fit_of(wanted[i]); });
+    for (std::size_t i = 0; i < wanted.size(); ++i) values.push_back(keep(wanted[i], fits[i]));
+    return values;
   };
-  const auto aic_of = [&](int n, NoiseLaw candidate) {
-    prepare({{n, candidate}});
-    return known.at({n, candidate});
-  };
-  auto [order, law] = search_model(options, highest, start, aic_of, prepare);
-  if (!options.order && !std::isfinite(known[{order, law}])) order = 1;
+  std::map<OrderAndLaw, double> known;
+  auto [order, law] = search_model(options, highest, start, known, values_of);
+  if (!options.order && !std::isfinite(known.at({order, law}))) order = 1;
   return {order, law};
 }
 
 std::optional<RobustMarginalFit> LandmarksJob::choose_shapes(const JointState& start,
                                                              std::vector<ModelScore>& models,
                                                              std::vector<TriedCurve>& curves) const {
-  MarginalOptions marginal_options;
-  marginal_options.estimate_sigma_s = problem.estimate_sigma_s;
+  const MarginalOptions marginal = marginal_options();
   const bool automatic = options.noise_shape == NoiseShape::automatic;
   if (options.on_progress) options.on_progress("choosing the noise shapes");
   const bool is_given = options.order && options.noise;
   const RobustMarginalFit best =
-      solve_marginal_robust(*rows, start, options.noise_shape, marginal_options, !is_given);
+      solve_marginal_robust(*rows, start, options.noise_shape, marginal, !is_given);
   if (best.shapes.range.shape == NoiseShape::gaussian && best.shapes.bearing.shape == NoiseShape::gaussian)
     return std::nullopt;
   if (is_given) return best;
 
   std::vector<ModelScore> tried_models;
   std::vector<TriedCurve> tried_curves;
-  std::map<OrderAndLaw, RobustMarginalFit> known;
-  const auto key_of = [](const JointState& state) {
-    return OrderAndLaw(static_cast<int>(state.alpha.size()) - 1, state.noise.law);
-  };
+  std::map<OrderAndLaw, RobustMarginalFit> fitted;
   RobustMarginalFit nearest = best;  // the likeliest so far
   const auto keep = [&](const OrderAndLaw& model, RobustMarginalFit fit) {
     const bool usable = is_usable(fit.fit.outcome);
@@ -329,53 +323,48 @@ std::optional<RobustMarginalFit> LandmarksJob::choose_shapes(const JointState& s
     tried_models.push_back({model.first, model.second, fit.shapes.nll, curve.aic});
     tried_curves.push_back(curve);
     if (usable && fit.shapes.aic < nearest.shapes.aic) nearest = fit;
-    known.insert_or_assign(model, std::move(fit));
+    fitted.insert_or_assign(model, std::move(fit));
+    return curve.aic;
   };
-  const OrderAndLaw first = key_of(best.fit.state);
-  keep(first, best);
-  const auto prepare = [&](const std::vector<OrderAndLaw>& wanted) {
-    std::vector<OrderAndLaw> open;
-    for (const OrderAndLaw& model : wanted)
-      if (!known.count(model)) open.push_back(model);
-    for (const OrderAndLaw& model : open) say_trying(model);
-    std::vector<RobustMarginalFit> fits(open.size());
-    in_parallel(open.size(), [&](std::size_t i) {
-      const JointState begin = restated(nearest.fit.state, open[i].first, open[i].second);
-      fits[i] = solve_marginal_robust(*rows, begin, nearest.shapes, marginal_options, true);
+  const OrderAndLaw first(static_cast<int>(best.fit.state.alpha.size()) - 1, best.fit.state.noise.law);
+  std::map<OrderAndLaw, double> known{{first, keep(first, best)}};
+  const auto values_of = [&](const std::vector<OrderAndLaw>& wanted) {
+    for (const OrderAndLaw& model : wanted) say_trying(model);
+    std::vector<RobustMarginalFit> fits(wanted.size());
+    in_parallel(wanted.size(), [&](std::size_t i) {
+      const JointState begin = restated(nearest.fit.state, wanted[i].first, wanted[i].second);
+      fits[i] = solve_marginal_robust(*rows, begin, nearest.shapes, marginal, true);
     });
-    for (std::size_t i = 0; i < open.size(); ++i) keep(open[i], std::move(fits[i]));
+    std::vector<double> values;
+    for (std::size_t i = 0; i < wanted.size(); ++i) values.push_back(keep(wanted[i], std::move(fits[i])));
+    return values;
   };
-  const auto aic_of = [&](int n, NoiseLaw candidate) {
-    prepare({{n, candidate}});
-    const RobustMarginalFit& fit = known.at({n, candidate});
-    return is_usable(fit.fit.outcome) ? fit.shapes.aic : infinity;
-  };
-  const OrderAndLaw chosen = search_model(options, highest_order(), first, aic_of, prepare);
+  const OrderAndLaw chosen = search_model(options, highest_order(), first, known, values_of);
   models = std::move(tried_models);
   curves = std::move(tried_curves);
-  const RobustMarginalFit& rough = is_usable(known.at(chosen).fit.outcome) ? known.at(chosen) : best;
+  const RobustMarginalFit& rough = is_usable(fitted.at(chosen).fit.outcome) ? fitted.at(chosen) : best;
   // Heavy tails have several maxima: the one that the search carried along, and the one next to the Gaussian fit.
   constexpr double may_be_likelier = 10.0;  // AIC, of a fit that is settled roughly
   const bool as_begun = &rough == &best || chosen == first;
   RobustMarginalFit at, fresh;
   in_parallel(as_begun ? 1 : 2, [&](std::size_t i) {
     if (i == 0)
-      at = solve_marginal_robust(*rows, rough.fit.state, rough.shapes, marginal_options);
+      at = solve_marginal_robust(*rows, rough.fit.state, rough.shapes, marginal);
     else
       fresh = solve_marginal_robust(*rows, restated(start, chosen.first, chosen.second),
                                     ChannelShapes(rough.shapes.range.shape, rough.shapes.bearing.shape),
-                                    marginal_options, true);
+                                    marginal, true);
   });
   const auto take_if_likelier = [&](RobustMarginalFit& other) {
     if (is_usable(other.fit.outcome) && other.shapes.aic < at.shapes.aic) at = std::move(other);
   };
   if (!as_begun && is_usable(fresh.fit.outcome) && fresh.shapes.aic < at.shapes.aic + may_be_likelier) {
-    fresh = solve_marginal_robust(*rows, fresh.fit.state, fresh.shapes, marginal_options);
+    fresh = solve_marginal_robust(*rows, fresh.fit.state, fresh.shapes, marginal);
     take_if_likelier(fresh);
   }
   if (!as_begun && automatic) {  // a law chosen under the wrong family, or a family under the wrong law
     if (const auto other = better_shapes(*rows, at.fit.state, at.shapes)) {
-      RobustMarginalFit again = solve_marginal_robust(*rows, at.fit.state, *other, marginal_options);
+      RobustMarginalFit again = solve_marginal_robust(*rows, at.fit.state, *other, marginal);
       take_if_likelier(again);
     }
   }

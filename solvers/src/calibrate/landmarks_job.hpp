@@ -38,6 +38,7 @@ struct LandmarksJob {
 
   std::optional<JointState> seed(int order, NoiseLaw law) const;  ///< the better of all seeds by joint NLL
   JointFit full(const JointState& start) const;
+  MarginalOptions marginal_options() const;  ///< with sigma_s free where it is to be estimated
   /// Starts from `full` where it converged, else from the fit with sigmas held. If that ends higher than the seed, or does
   /// not converge, starts from the seed itself too.
   MarginalFit marginal(const JointState& seed, const JointFit* full) const;
@@ -47,8 +48,7 @@ struct LandmarksJob {
                                 const MarginalOptions& options) const;
   /// Order and noise law of Gaussian noise, by the AIC of the marginal NLL; every model tried goes to `models`, its curve
   /// to `curves`.
-  std::pair<int, NoiseLaw> choose_model(std::vector<ModelScore>& models,
-                                        std::vector<TriedCurve>& curves) const;
+  OrderAndLaw choose_model(std::vector<ModelScore>& models, std::vector<TriedCurve>& curves) const;
   /// The noise shapes that were asked for, at the order and law of `start`, the optimum with Gaussian noise on the agreeing
   /// readings. None if a Gaussian is best for both channels. Order and law are then chosen again under these families, and the
   /// families again for the chosen model; `models` and `curves` get those tried with them.

@@ -177,8 +177,7 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
                                   const std::optional<MarginalFit>& gaussian,
                                   std::optional<RobustMarginalFit>& shaped, CalibrationReport& report) {
   if (job.options.order || order < 2 || is_walk(job.problem)) return std::nullopt;
-  MarginalOptions marginal_options;
-  marginal_options.estimate_sigma_s = job.problem.estimate_sigma_s;
+  const MarginalOptions marginal = job.marginal_options();
   const RobustShapes* shapes = shaped ? &shaped->shapes : nullptr;
   struct AtOrder {
     std::optional<RobustMarginalFit> shaped;
@@ -189,7 +188,7 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
     const int n = static_cast<int>(i) + 1;
     if (shaped && n < order) {
       const JointState start = job.restated(shaped->fit.state, n, law);
-      at[i].shaped = solve_marginal_robust(*job.rows, start, *shapes, marginal_options, true);
+      at[i].shaped = solve_marginal_robust(*job.rows, start, *shapes, marginal, true);
       at[i].judged = judged(job, at[i].shaped->fit, &at[i].shaped->shapes);
     } else if (shaped) {
       at[i].judged = judged(job, shaped->fit, shapes);
@@ -220,8 +219,7 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
       *best, order));
   if (shaped) {
     const RobustMarginalFit& rough = *at[static_cast<std::size_t>(*best) - 1].shaped;
-    RobustMarginalFit settled =
-        solve_marginal_robust(*job.rows, rough.fit.state, rough.shapes, marginal_options);
+    RobustMarginalFit settled = solve_marginal_robust(*job.rows, rough.fit.state, rough.shapes, marginal);
     settled.shapes.range_tried = shaped->shapes.range_tried;
     settled.shapes.bearing_tried = shaped->shapes.bearing_tried;
     shaped = std::move(settled);
@@ -305,7 +303,7 @@ bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
   if (!gain) return false;
   Calibration with_shapes = calibration_from_robust(job, shaped);
   add_deviations_by_stops(*other.influence, with_shapes);
-  const bool holds = !with_shapes.misfit || with_shapes.misfit->factor <= with_shapes.misfit->threshold;
+  const bool holds = !with_shapes.misfit || with_shapes.misfit->holds();
   return gain->mean > (holds ? 0.0 : -gain->std_dev);
 }
 

@@ -181,15 +181,19 @@ double criterion_at(PairsRun& run, int order, NoiseLaw law, std::vector<ModelSco
 }
 
 /// Order and law by the criterion of the plain NLL. The fit of each law's order of lowest AIC is kept.
-std::pair<int, NoiseLaw> choose_pairs_model(PairsRun& run, std::pair<int, NoiseLaw> start,
-                                            CalibrationReport& report) {
+OrderAndLaw choose_pairs_model(PairsRun& run, OrderAndLaw start, CalibrationReport& report) {
   std::vector<ModelScore>& models = report.models;
   const CalibrateOptions& options = run.options;
-  std::pair<int, NoiseLaw> best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
+  OrderAndLaw best{options.order.value_or(1), options.noise.value_or(NoiseLaw::f_squared)};
   if (options.order && options.noise) return best;
   if (run.shape != NoiseShape::gaussian) {  // each fit costs many times the Gaussian's: not all of them
-    best = search_model(options, options.max_order, start,
-                        [&](int order, NoiseLaw law) { return criterion_at(run, order, law, models); });
+    std::map<OrderAndLaw, double> known;
+    best =
+        search_model(options, options.max_order, start, known, [&](const std::vector<OrderAndLaw>& wanted) {
+          std::vector<double> values;
+          for (const auto& [order, law] : wanted) values.push_back(criterion_at(run, order, law, models));
+          return values;
+        });
     if (leaves_out(options.criterion)) best.first = order_by_left_out(run, best, report).value_or(best.first);
     return best;
   }

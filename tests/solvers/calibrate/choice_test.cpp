@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <set>
 #include <vector>
 
 #include "rangecal/core/polynomial.hpp"
@@ -155,17 +154,17 @@ struct Searched {
 
 Searched search(const std::map<OrderAndLaw, double>& values, OrderAndLaw start) {
   Searched result;
-  std::set<OrderAndLaw> known;
-  const auto prepare = [&](const std::vector<OrderAndLaw>& models) {
-    for (const OrderAndLaw& model : models)
-      if (known.insert(model).second) result.fitted.push_back(model);
+  std::map<OrderAndLaw, double> known;
+  const auto values_of = [&](const std::vector<OrderAndLaw>& wanted) {
+    std::vector<double> found;
+    for (const OrderAndLaw& model : wanted) {
+      EXPECT_EQ(known.count(model), 0u) << "asked for twice: " << model.first << to_string(model.second);
+      result.fitted.push_back(model);
+      found.push_back(values.at(model));
+    }
+    return found;
   };
-  const auto value_of = [&](int order, NoiseLaw law) {
-    EXPECT_EQ(known.count({order, law}), 1u)
-        << "asked for before it was prepared: " << order << to_string(law);
-    return values.at({order, law});
-  };
-  result.best = search_model({}, 3, start, value_of, prepare);
+  result.best = search_model({}, 3, start, known, values_of);
   return result;
 }
 
