@@ -10,7 +10,8 @@
 //
 //   robust_study WORLDS SCENE.yaml [THREADS [PART...]]      notebooks_data/scenes/field-layout.yaml
 //
-// THREADS 0: as many as there are cores. PART: echoes, missing, usable, designs; without any, all of them.
+// THREADS 0: as many as there are cores. PART: echoes, missing, usable, speed, clean (designs without outliers), designs, or one of these:
+// design-0 to design-5; without any, all but `clean`.
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -30,6 +31,7 @@
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/diagnosis/scene_simulation.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 #include "threads.hpp"
 
 namespace {
@@ -182,14 +184,15 @@ void print(const char* what, double share, const Tally& tally, const Tally& clea
               100.0 * tally.order_right / done, 1e3 * tally.seconds / tally.worlds);
 }
 
-void study_design(int index, int worlds, const Scene& given) {
+void study_design(int index, int worlds, const Scene& given, bool with_outliers) {
   struct Case {
     Wrong wrong;
     double share;
   };
   std::vector<Case> cases;
   for (const Wrong wrong : {Wrong::ranges, Wrong::bearings, Wrong::both, Wrong::labels})
-    for (const double share : {0.002, 0.01, 0.05}) cases.push_back({wrong, share});
+    for (const double share : {0.002, 0.01, 0.05})
+      if (with_outliers) cases.push_back({wrong, share});
   std::vector<Tally> tallies(cases.size());
   Tally clean, gaussian;
   std::mutex mutex;
@@ -394,6 +397,40 @@ void study_usable(int worlds) {
   }
 }
 
+/// Time of all four methods, order and noise law free, with the noise shapes chosen and with Gaussian noise. One calibration at a
+/// time, on the cores there are.
+void study_speed(int worlds, const Scene& field) {
+  struct Row {
+    Design design;
+    int share;  ///< one in so many of the worlds asked for
+  };
+  std::printf("%-24s  worlds   chosen ms   gaussian ms   chosen / gaussian   (medians)\n",
+              "all methods, clean");
+  for (const Row& row :
+       {Row{designs[0], 1}, Row{designs[1], 1}, Row{{"200 stops, 8 landmarks", 200, 8, 1}, 10}}) {
+    std::vector<double> chosen, gaussian, ratio;
+    for (int number = 0; number < std::max(1, worlds / row.share); ++number) {
+      Random r(seed_from(std::string("robust study, speed, ") + row.design.name,
+                         {static_cast<std::uint64_t>(number)}));
+      const Recording recording =
+          simulate(row.design.stops == 0 ? field : draw_scene(row.design, r), r.bits());
+      const auto milliseconds = [&](NoiseShape shape) {
+        CalibrateOptions options;
+        options.noise_shape = shape;
+        const auto begin = std::chrono::steady_clock::now();
+        calibrate({&recording, 1}, options);
+        return 1e3 * std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      };
+      gaussian.push_back(milliseconds(NoiseShape::gaussian));
+      chosen.push_back(milliseconds(NoiseShape::automatic));
+      ratio.push_back(chosen.back() / gaussian.back());
+    }
+    std::printf("%-24s  %6zu   %9.2f   %11.2f   %17.2f\n", row.design.name, ratio.size(),
+                upper_median(chosen), upper_median(gaussian), upper_median(ratio));
+    std::fflush(stdout);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -414,6 +451,11 @@ int main(int argc, char** argv) {
     study_missing_effect("cyclic_error", "sine_m", worlds);
   }
   if (wanted("usable")) study_usable(worlds);
-  for (int i = 0; wanted("designs") && i < design_count; ++i) study_design(i, worlds, field);
+  if (wanted("speed")) study_speed(worlds, field);
+  for (int i = 0; i < design_count; ++i)
+    if (wanted("designs") || wanted(("design-" + std::to_string(i)).c_str()))
+      study_design(i, worlds, field, true);
+  for (int i = 0; !parts.empty() && wanted("clean") && i < design_count; ++i)
+    study_design(i, worlds, field, false);
   return 0;
 }

@@ -121,9 +121,16 @@ MarginalOptions LandmarksJob::marginal_options() const {
   return marginal;
 }
 
-MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit) const {
+MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full_fit,
+                                   const MarginalFit* near) const {
   const MarginalOptions marginal = marginal_options();
-  MarginalFit best = marginal_by_joint(start, full_fit, marginal);
+  MarginalFit best;
+  if (near) {
+    MarginalOptions begun = marginal;
+    begun.begin = near->reml;
+    best = solve_marginal(agreeing, near->state, begun);
+  }
+  if (best.outcome != Outcome::converged) best = marginal_by_joint(start, full_fit, marginal);
   // The joint likelihood may lead into another basin than the seed's, with a higher marginal NLL.
   const LaplaceValue at_seed = laplace_marginal(agreeing, start);
   const auto stands = [&](const MarginalFit& fit) {
@@ -235,14 +242,16 @@ void LandmarksJob::say_trying(const OrderAndLaw& model) const {
         fmt::format("trying order {} with noise law {}", model.first, to_string(model.second)));
 }
 
-OrderAndLaw LandmarksJob::choose_model(std::vector<ModelScore>& models,
-                                       std::vector<TriedCurve>& curves) const {
+SearchedModels LandmarksJob::choose_model(std::vector<ModelScore>& models,
+                                          std::vector<TriedCurve>& curves) const {
   const int highest = highest_order();
   const OrderAndLaw start{options.order.value_or(std::clamp(highest, 1, 2)),
                           options.noise.value_or(NoiseLaw::f_squared)};
-  if (options.order && options.noise) return start;
+  SearchedModels searched{start.first, start.second, {}};
+  if (options.order && options.noise) return searched;
 
   std::optional<JointState> warm;  // the likeliest so far
+  std::optional<RemlSlopes> warm_reml;
   double warm_aic = infinity;
   const auto fit_of = [&](const OrderAndLaw& model) {
     const auto [n, candidate] = model;
@@ -251,7 +260,10 @@ OrderAndLaw LandmarksJob::choose_model(std::vector<ModelScore>& models,
       JointState begin = *warm;
       begin.noise.law = candidate;
       seed_curve_and_noise(agreeing, n, begin);
-      fit = solve_marginal(agreeing, begin, marginal_options());
+      MarginalOptions enough = marginal_options();
+      enough.gradient_tolerance = 1e-3;  // l_s to 1e-6 nats
+      enough.begin = warm_reml;
+      fit = solve_marginal(agreeing, begin, enough);
     }
     if (fit.outcome != Outcome::converged)
       if (const auto begin = seed(n, candidate)) {
@@ -260,7 +272,7 @@ OrderAndLaw LandmarksJob::choose_model(std::vector<ModelScore>& models,
       }
     return fit;
   };
-  const auto keep = [&](const OrderAndLaw& model, const MarginalFit& fit) {
+  const auto keep = [&](const OrderAndLaw& model, MarginalFit fit) {
     ModelScore tried{model.first, model.second, infinity, infinity};
     TriedCurve curve;
     if (fit.outcome == Outcome::converged) {
@@ -270,11 +282,12 @@ OrderAndLaw LandmarksJob::choose_model(std::vector<ModelScore>& models,
       if (fit.covariance) curve.covariance = fit.covariance->topLeftCorner(model.first + 1, model.first + 1);
       const bool has_sigma_s = !problem.estimate_sigma_s || !fit.state.sigma_s_m ||
                                *fit.state.sigma_s_m >= 10.0 * no_sigma_s(problem);
-      if (has_sigma_s && tried.aic < warm_aic) warm = fit.state, warm_aic = tried.aic;
+      if (has_sigma_s && tried.aic < warm_aic) warm = fit.state, warm_reml = fit.reml, warm_aic = tried.aic;
     }
     curve.aic = tried.aic;
     curves.push_back(curve);
     models.push_back(tried);
+    searched.fits.insert_or_assign(model, std::move(fit));
     return tried.aic;
   };
   const auto values_of = [&](std::vector<OrderAndLaw> wanted) {
@@ -287,24 +300,27 @@ OrderAndLaw LandmarksJob::choose_model(std::vector<ModelScore>& models,
     for (const OrderAndLaw& model : wanted) say_trying(model);
     std::vector<MarginalFit> fits(wanted.size());
     in_parallel(wanted.size(), [&](std::size_t i) { fits[i] = fit_of(wanted[i]); });
-    for (std::size_t i = 0; i < wanted.size(); ++i) values.push_back(keep(wanted[i], fits[i]));
+    for (std::size_t i = 0; i < wanted.size(); ++i) values.push_back(keep(wanted[i], std::move(fits[i])));
     return values;
   };
   std::map<OrderAndLaw, double> known;
-  auto [order, law] = search_model(options, highest, start, known, values_of);
-  if (!options.order && !std::isfinite(known.at({order, law}))) order = 1;
-  return {order, law};
+  const OrderAndLaw best = search_model(options, highest, start, known, values_of);
+  searched.order = options.order || std::isfinite(known.at(best)) ? best.first : 1;
+  searched.law = best.second;
+  return searched;
 }
 
 std::optional<RobustMarginalFit> LandmarksJob::choose_shapes(const JointState& start,
+                                                             const std::optional<RemlSlopes>& reml,
                                                              std::vector<ModelScore>& models,
                                                              std::vector<TriedCurve>& curves) const {
   const MarginalOptions marginal = marginal_options();
   const bool automatic = options.noise_shape == NoiseShape::automatic;
   if (options.on_progress) options.on_progress("choosing the noise shapes");
   const bool is_given = options.order && options.noise;
-  const RobustMarginalFit best =
-      solve_marginal_robust(*rows, start, options.noise_shape, marginal, !is_given);
+  MarginalOptions begun = marginal;
+  begun.begin = reml;
+  const RobustMarginalFit best = solve_marginal_robust(*rows, start, options.noise_shape, begun, !is_given);
   if (best.shapes.range.shape == NoiseShape::gaussian && best.shapes.bearing.shape == NoiseShape::gaussian)
     return std::nullopt;
   if (is_given) return best;

@@ -18,6 +18,20 @@
 
 namespace rangecal {
 
+/// What a search for order and noise law chose, and the fits of Gaussian noise that it made, to a thousandth of a standard
+/// deviation.
+struct SearchedModels {
+  int order;
+  NoiseLaw law;
+  std::map<OrderAndLaw, MarginalFit> fits;
+
+  /// The fit of a model, where there is one that converged.
+  const MarginalFit* at(int of_order, NoiseLaw of_law) const {
+    const auto found = fits.find({of_order, of_law});
+    return found != fits.end() && found->second.outcome == Outcome::converged ? &found->second : nullptr;
+  }
+};
+
 /// The recordings of kind landmarks of one calibration job, concatenated, with the labels that the indices of the joint
 /// problem stand for.
 struct LandmarksJob {
@@ -39,20 +53,22 @@ struct LandmarksJob {
   std::optional<JointState> seed(int order, NoiseLaw law) const;  ///< the better of all seeds by joint NLL
   JointFit full(const JointState& start) const;
   MarginalOptions marginal_options() const;  ///< with sigma_s free where it is to be estimated
-  /// Starts from `full` where it converged, else from the fit with sigmas held. If that ends higher than the seed, or does
-  /// not converge, starts from the seed itself too.
-  MarginalFit marginal(const JointState& seed, const JointFit* full) const;
+  /// Starts from `near` if given, a fit of the same model; else from `full` where it converged, else from the fit with sigmas
+  /// held. If that ends higher than the seed, or does not converge, starts from the seed itself too.
+  MarginalFit marginal(const JointState& seed, const JointFit* full, const MarginalFit* near = nullptr) const;
   /// The REML criterion l_s + 1/2 log det A at the sigmas of `state`, alpha and landmarks at their optimum from there.
   double reml_at(const JointState& state) const;
   MarginalFit marginal_by_joint(const JointState& seed, const JointFit* full,
                                 const MarginalOptions& options) const;
   /// Order and noise law of Gaussian noise, by the AIC of the marginal NLL; every model tried goes to `models`, its curve
   /// to `curves`.
-  OrderAndLaw choose_model(std::vector<ModelScore>& models, std::vector<TriedCurve>& curves) const;
+  SearchedModels choose_model(std::vector<ModelScore>& models, std::vector<TriedCurve>& curves) const;
   /// The noise shapes that were asked for, at the order and law of `start`, the optimum with Gaussian noise on the agreeing
-  /// readings. None if a Gaussian is best for both channels. Order and law are then chosen again under these families, and the
+  /// readings; `reml`: its slopes, if known. None if a Gaussian is best for both channels. Order and law are then chosen again under these families, and the
   /// families again for the chosen model; `models` and `curves` get those tried with them.
-  std::optional<RobustMarginalFit> choose_shapes(const JointState& start, std::vector<ModelScore>& models,
+  std::optional<RobustMarginalFit> choose_shapes(const JointState& start,
+                                                 const std::optional<RemlSlopes>& reml,
+                                                 std::vector<ModelScore>& models,
                                                  std::vector<TriedCurve>& curves) const;
   /// For the case that all readings agree and no noise shape is needed.
   void take_all_readings();

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 #include <utility>
 
 #include "calibrate/left_out_check.hpp"
@@ -21,9 +20,11 @@ namespace {
 /// The parts of a job that several methods share, each solved when first asked for.
 class Run {
  public:
-  /// `shaped`: the marginal fit with the noise shapes that all methods share; none: Gaussian noise.
-  Run(const LandmarksJob& job, int order, NoiseLaw law, std::optional<RobustMarginalFit> shaped)
-      : job_(job), shaped_(std::move(shaped)), seed_(job.seed(order, law)) {
+  /// `shaped`: the marginal fit with the noise shapes that all methods share; none: Gaussian noise. `searched`: may hold a fit of
+  /// the model, to start from.
+  Run(const LandmarksJob& job, int order, NoiseLaw law, std::optional<RobustMarginalFit> shaped,
+      const SearchedModels& searched)
+      : job_(job), shaped_(std::move(shaped)), near_(searched.at(order, law)), seed_(job.seed(order, law)) {
     if (shaped_) keep(shaped_->fit);
   }
 
@@ -43,7 +44,7 @@ class Run {
 
   const MarginalFit* marginal() {
     if (!marginal_ && seed_) {
-      marginal_ = job_.marginal(*seed_, full());
+      marginal_ = job_.marginal(*seed_, near_ ? nullptr : full(), near_);
       keep(*marginal_);
     }
     return marginal_ ? &*marginal_ : nullptr;
@@ -59,6 +60,7 @@ class Run {
 
   const LandmarksJob& job_;
   std::optional<RobustMarginalFit> shaped_;
+  const MarginalFit* near_;
   std::optional<JointState> seed_;
   std::optional<JointFit> full_;
   std::optional<MarginalFit> marginal_;
@@ -172,10 +174,9 @@ Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShape
 
 /// The order below AIC's, if any, that predicts stops left out better than AIC's does; its fit where a noise shape is
 /// asked for. A curve bends after an effect of another variable, and AIC, which takes readings for independent, lets it.
-/// `gaussian`: the fit at `order` where the noise is Gaussian, if it is known.
 std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw law,
-                                  const std::optional<MarginalFit>& gaussian,
-                                  std::optional<RobustMarginalFit>& shaped, CalibrationReport& report) {
+                                  const SearchedModels& searched, std::optional<RobustMarginalFit>& shaped,
+                                  CalibrationReport& report) {
   if (job.options.order || order < 2 || is_walk(job.problem)) return std::nullopt;
   const MarginalOptions marginal = job.marginal_options();
   const RobustShapes* shapes = shaped ? &shaped->shapes : nullptr;
@@ -192,10 +193,10 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
       at[i].judged = judged(job, at[i].shaped->fit, &at[i].shaped->shapes);
     } else if (shaped) {
       at[i].judged = judged(job, shaped->fit, shapes);
-    } else if (n == order && gaussian) {
-      at[i].judged = judged(job, *gaussian, nullptr);
+    } else if (const MarginalFit* fitted = searched.at(n, law)) {
+      at[i].judged = judged(job, *fitted, nullptr);
     } else {
-      Run run(job, n, law, std::nullopt);
+      Run run(job, n, law, std::nullopt, searched);
       if (const MarginalFit* fit = run.marginal()) at[i].judged = judged(job, *fit, nullptr);
     }
   });
@@ -307,32 +308,32 @@ bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
   return gain->mean > (holds ? 0.0 : -gain->std_dev);
 }
 
-/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `gaussian_fit`: gets
+/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `searched` gets
 /// that optimum.
-std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, int order, NoiseLaw law,
-                                           CalibrationReport& report, std::vector<TriedCurve>& curves,
-                                           std::optional<MarginalFit>& gaussian_fit) {
+std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationReport& report,
+                                           std::vector<TriedCurve>& curves, SearchedModels& searched) {
   if (!job.rows) return std::nullopt;
-  Run gaussian(job, order, law, std::nullopt);
+  Run gaussian(job, searched.order, searched.law, std::nullopt, searched);
   if (!gaussian.seed()) return std::nullopt;
   const MarginalFit* fit = gaussian.marginal();
-  if (fit) gaussian_fit = *fit;
   std::vector<ModelScore> models = report.models;
   std::vector<TriedCurve> shaped_curves = curves;
   std::optional<RobustMarginalFit> shaped =
-      job.choose_shapes(gaussian.best_state ? *gaussian.best_state : *gaussian.seed(), models, shaped_curves);
+      job.choose_shapes(gaussian.best_state ? *gaussian.best_state : *gaussian.seed(),
+                        fit ? fit->reml : std::nullopt, models, shaped_curves);
   if (shaped && fit && job.options.noise_shape == NoiseShape::automatic &&
       gaussian_predicts_better(job, *fit, *shaped)) {
     report.notes.push_back(fmt::format(
         "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: they predict the readings of "
         "stops left out no better, and no reading is a gross outlier",
         to_string(shaped->shapes.range.shape), to_string(shaped->shapes.bearing.shape)));
-    return std::nullopt;
+    shaped.reset();
   }
   if (shaped) {
     report.models = std::move(models);
     curves = std::move(shaped_curves);
   }
+  if (fit) searched.fits.insert_or_assign({searched.order, searched.law}, *fit);
   return shaped;
 }
 
@@ -358,21 +359,23 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     return;
   }
   std::vector<TriedCurve> curves;
-  auto [order, law] = job.choose_model(report.models, curves);
-  std::optional<MarginalFit> gaussian;  // at (order, law)
-  std::optional<RobustMarginalFit> shaped = shapes_at(job, order, law, report, curves, gaussian);
+  SearchedModels searched = job.choose_model(report.models, curves);
+  std::optional<RobustMarginalFit> shaped = shapes_at(job, report, curves, searched);
+  int order = searched.order;
+  NoiseLaw law = searched.law;
   if (shaped) {
     order = static_cast<int>(shaped->fit.state.alpha.size()) - 1;
     law = shaped->fit.state.noise.law;
   } else if (job.consensus.left_out > 0) {  // Gaussian noise holds them all
     job.take_all_readings();
-    gaussian.reset();
     report.models.clear();
     curves.clear();
-    std::tie(order, law) = job.choose_model(report.models, curves);
+    searched = job.choose_model(report.models, curves);
+    order = searched.order;
+    law = searched.law;
   }
-  if (const auto lower = order_by_stops(job, order, law, gaussian, shaped, report)) order = *lower;
-  Run run(job, order, law, std::move(shaped));
+  if (const auto lower = order_by_stops(job, order, law, searched, shaped, report)) order = *lower;
+  Run run(job, order, law, std::move(shaped), searched);
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);

@@ -19,14 +19,7 @@ struct Sums {
 };
 
 void add_reading(const Calibration& calibration, double d, double y, Sums& sums) {
-  const Correction correction = correct(calibration, y);
-  double corrected = y;
-  if (correction.best_least_squares >= 0)
-    corrected = correction.least_squares[correction.best_least_squares].distance_m;
-  else if (correction.nearest)
-    corrected = correction.nearest->distance_m;
-  else
-    return;
+  const double corrected = least_squares_distance(calibration, y);
   sums.raw += (y - d) * (y - d);
   sums.corrected += (corrected - d) * (corrected - d);
   ++sums.readings;

@@ -168,6 +168,17 @@ std::vector<CorrectionRoot> roots_at(const Curve& curve, double y, std::vector<d
   return roots;
 }
 
+/// argmin |f(d) - y|, where no root is in range.
+double nearest_to(const Curve& curve, double y) {
+  double nearest = curve.low;
+  std::vector<double> candidates(curve.turning_points);
+  candidates.push_back(curve.high);
+  for (const double d : candidates) {
+    if (is_nearer(curve.f(d), curve.f(nearest), y)) nearest = d;
+  }
+  return nearest;
+}
+
 Curve curve_of(const Calibration& c, const SearchedRange& range) {
   return {c, range.low, range.high, turning_points_of(c, range.low, range.high)};
 }
@@ -237,17 +248,21 @@ Correction correct(const Calibration& calibration, double reading_m, const Corre
     result.outcome = Outcome::converged;
     return result;
   }
-  double nearest = curve.low;
-  std::vector<double> candidates(curve.turning_points);
-  candidates.push_back(curve.high);
-  for (const double d : candidates) {
-    if (is_nearer(curve.f(d), curve.f(nearest), y)) nearest = d;
-  }
-  result.nearest = root_at(curve, y, nearest);
+  result.nearest = root_at(curve, y, nearest_to(curve, y));
   result.reason = "f(d) = reading has no root between " + std::to_string(curve.low) + " m and " +
                   std::to_string(curve.high) + " m; the nearest is given";
   result.outcome = result.maximum_likelihood.empty() ? Outcome::failed : Outcome::converged;
   return result;
+}
+
+double least_squares_distance(const Calibration& calibration, double reading_m,
+                              const CorrectionOptions& options) {
+  const Curve curve = curve_of(calibration, searched_range(calibration, reading_m, options));
+  const std::vector<double> distances = distances_at(calibration, reading_m, curve.low, curve.high);
+  if (distances.empty()) return nearest_to(curve, reading_m);
+  return *std::min_element(distances.begin(), distances.end(), [&](double a, double b) {
+    return curve.nll(reading_m, a) < curve.nll(reading_m, b);
+  });
 }
 
 }  // namespace rangecal

@@ -46,7 +46,7 @@ class Marginal {
   /// Value of l_s + slopes . (logs of) sigma at `state`, whose stops should be close to their conditional optimum:
   /// the rest of the way is accounted for by their Newton decrement. Stops that are not close are first moved to the
   /// optimum.
-  double value(JointState& state, double close = 1e-3) {
+  double value(JointState& state, double close = near_optimum) {
     joint_nll = system_.assemble(state, HessianKind::exact);
     ++evaluations;
     if (!std::isfinite(joint_nll)) return infinity;
@@ -60,7 +60,7 @@ class Marginal {
     }
     joint_nll -= 0.5 * stop_decrement_sq_;
     marginal_nll = laplace_nll(system_, joint_nll);
-    return marginal_nll + slopes_.dot(sigma_coordinates(state, layout().sigma_s >= 0));
+    return objective(state);
   }
 
   /// Hessian of l_s in the globals, as Newton's method uses it; after value().
@@ -110,6 +110,7 @@ class Marginal {
     int renewals = 0;
     Eigen::VectorXd last_step;
     double last_norm = 0.0;
+    double close = near_optimum;  // how close to their optimum the stops are where values are compared
     for (int iteration = 0; iteration < options_.max_iterations; ++iteration, ++iterations) {
       Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
       if (!settled) {
@@ -124,7 +125,7 @@ class Marginal {
         change = renewed ? (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm()) : infinity;
         settled = near && polished_ && change < renewal->enough;
       }
-      const double current = marginal_nll + slopes_.dot(sigma_coordinates(state, layout().sigma_s >= 0));
+      double current = objective(state);
       gradient.tail(layout().sigma_count()) += slopes_;
       const Eigen::MatrixXd curvature = hessian(state);
       std::erase_if(free, [&](int i) {
@@ -152,10 +153,10 @@ class Marginal {
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
       // With stops short of their optimum the log-determinant is off by about a tenth of what they have left to gain [nats].
-      const double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
-      for (double factor = 1.0; factor > 1e-6; factor *= 0.5) {
+      double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
+      for (double factor = 1.0; factor > 1e-6 && !accepted;) {
         JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
-        const double trial_value = value(trial);
+        const double trial_value = value(trial, close);
         if (std::isfinite(trial_value) &&
             trial_value <= current + slack + 0.3 * std::sqrt(stop_decrement_sq_)) {
           std::swap(state, trial);
@@ -163,7 +164,13 @@ class Marginal {
           last_step = factor * *step;
           last_norm = std::sqrt(std::max(0.0, last_step.dot(curvature * last_step)));
           log.iteration(iterations + 1, marginal_nll, last_norm, gradient_norm, {"length", factor});
-          break;
+        } else if (gradient_norm < near_norm && close > at_optimum) {  // in a poor model it is off by more
+          close = at_optimum;
+          current = value(state, close);
+          if (!std::isfinite(current)) break;
+          slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
+        } else {
+          factor *= 0.5;
         }
       }
       if (!accepted) {
@@ -195,6 +202,8 @@ class Marginal {
   static constexpr double vanishing_gradient = 1e-3, vanishing_curvature = 1e-2;
   static constexpr double near_norm =
       0.1;  ///< Newton decrement below which d phi-hat / dsigma is close to that at the optimum
+  // Square of the stops' Newton decrement where they count as close to their optimum, and as at it.
+  static constexpr double near_optimum = 1e-3, at_optimum = 1e-14;
 
   /// The slopes c = d(1/2 log det A)/dsigma along phi-hat(sigma), after value(state); `gradient`: that of l_s. A lacks the
   /// log-determinant's own curvature, so it predicts d phi-hat / dsigma only roughly. `polish` measures the gradient that is
@@ -232,6 +241,11 @@ class Marginal {
     if (!renewed.allFinite()) return false;
     slopes_ = renewed;
     return true;
+  }
+
+  /// l_s + slopes . (logs of) sigma, after value(state).
+  double objective(const JointState& state) const {
+    return marginal_nll + slopes_.dot(sigma_coordinates(state, layout().sigma_s >= 0));
   }
 
   bool is_logarithm(const JointState& state, int global) const {

@@ -112,7 +112,7 @@ int LandmarkEstimates::selected_order(const RepeatModel& model) {
   job_.options.noise = model.law;
   std::vector<ModelScore> tried;
   std::vector<TriedCurve> curves;
-  return job_.choose_model(tried, curves).first;
+  return job_.choose_model(tried, curves).order;
 }
 
 RepeatEstimate LandmarkEstimates::closed(const StudyEstimator& estimator, const RepeatModel& model) const {
