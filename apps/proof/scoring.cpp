@@ -24,10 +24,21 @@ bool contains(const std::vector<std::string>& all, const std::string& one) {
   return std::find(all.begin(), all.end(), one) != all.end();
 }
 
-/// Twins by the world: mean effects by their signatures, noise effects by their log variances.
+bool changes_stops_spread(const std::string& id) {
+  const world::EffectInfo& info = world::effect_info(id);
+  return info.effect_class == world::EffectClass::dependence && contains(info.channels, "stop");
+}
+
+/// Twins by the world: mean effects by their signatures, noise effects by their log variances, a spread of the stops by their
+/// variances.
 bool twin_in_world(const Case& c, const std::vector<std::string>& names) {
   const SeedModel model(c.clean);
   const Signatures signatures(model, c.seed);
+  std::vector<std::string> own = sorted(c.truth), others;  // what the two do not share
+  for (const std::string& name : names)
+    if (std::erase(own, name) == 0) others.push_back(name);
+  if (own.size() == 1 && changes_stops_spread(own.front()))
+    return signatures.stops_left(c.planted, others) < told_apart;
   const bool mean = std::all_of(c.truth.begin(), c.truth.end(), [](const std::string& id) {
     const world::EffectClass kind = world::effect_info(id).effect_class;
     return kind == world::EffectClass::mean || kind == world::EffectClass::absorbed;

@@ -3,6 +3,7 @@
 
 #include <Eigen/QR>
 #include <algorithm>
+#include <boost/math/tools/minima.hpp>
 #include <cmath>
 #include <limits>
 
@@ -110,6 +111,16 @@ std::vector<Signatures::Point> Signatures::grid(const std::string& id) const {
   return effect->start_grid(context_);
 }
 
+std::vector<StopPrior> Signatures::stated_stops() const {
+  std::vector<StopPrior> priors(context_.commanded.size());
+  for (size_t k = 0; k < priors.size(); ++k) {
+    priors[k].commanded = context_.commanded[k];
+    priors[k].sigma_xy_m = model_.sigma_xy_m(), priors[k].sigma_heading_rad = model_.sigma_heading_rad();
+    priors[k].place = model_.place(static_cast<int>(k));
+  }
+  return priors;
+}
+
 Signatures::Columns Signatures::columns(const std::string& id, const Point& point) const {
   const Effect& effect = *find_effect(id);
   const std::vector<EffectParameter>& parameters = effect.info().parameters;
@@ -156,12 +167,7 @@ Signatures::Columns Signatures::columns(const std::string& id, const Point& poin
     means.head(2 * n) *= root;
     if (!effect.acts_on_stops()) continue;
     // Where the stops are led: by the priors' rows.
-    std::vector<StopPrior> priors(context_.commanded.size());
-    for (size_t k = 0; k < priors.size(); ++k) {
-      priors[k].commanded = context_.commanded[k];
-      priors[k].sigma_xy_m = model_.sigma_xy_m(), priors[k].sigma_heading_rad = model_.sigma_heading_rad();
-      priors[k].place = model_.place(static_cast<int>(k));
-    }
+    std::vector<StopPrior> priors = stated_stops();
     // Stops of one place share a position error, so what moves them apart acts on the readings themselves: all of
     // the move is carried through the derivative by position of each stop.
     effect.stops(context_, p.data(), priors);
@@ -283,6 +289,35 @@ double Signatures::variance_left(const world::World& planted, std::span<const st
       all.rightCols(mine.cols()) = mine;
       least = std::min(least, left_by(all, Eigen::VectorXd::Constant(all.cols(), 1e6), x));
     }
+  return least;
+}
+
+double Signatures::stops_left(const world::World& planted, std::span<const std::string> effects) const {
+  const std::vector<StopPrior> stated = stated_stops();
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::string& id : effects) {
+    const Effect* effect = find_effect(id);
+    if (!effect || !effect->acts_on_stops()) continue;
+    const std::vector<EffectParameter>& parameters = effect->info().parameters;
+    for (size_t j = 0; j < parameters.size(); ++j) {
+      if (parameters[j].discrete) continue;
+      const auto [low, high] = effect->bounds(context_, j);
+      const auto left = [&, j](double value) {
+        Point point = Point::Zero(static_cast<Index>(parameters.size()));
+        point[static_cast<Index>(j)] = value;
+        std::vector<StopPrior> stops = stated;
+        effect->stops(context_, point.data(), stops);
+        double sum = 0.0;
+        for (size_t k = 0; k < stops.size(); ++k) {
+          if (stops[k].chained || stops[k].sigma_heading_rad != stated[k].sigma_heading_rad) return 1e100;
+          const double q = std::pow(stops[k].sigma_xy_m / planted.robot.placing_sigma_m, 2);
+          sum += q > 0.0 ? 2.0 * (q - 1.0 - std::log(q)) : 1e100;
+        }
+        return sum;
+      };
+      least = std::min(least, boost::math::tools::brent_find_minima(left, low, high, 30).second);
+    }
+  }
   return least;
 }
 

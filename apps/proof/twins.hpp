@@ -24,6 +24,9 @@ class Signatures {
   /// The same for the change of the log variance of range that `planted` makes (noise effects), the fitted sigma projected
   /// out: sum over readings of 1/2 (difference)^2.
   double variance_left(const world::World& planted, std::span<const std::string> effects) const;
+  /// The same for the spread of the stops' places, independent from stop to stop: the least over one parameter of one of the
+  /// effects of 2 (q - 1 - ln q) summed over the stops, q the ratio of the two variances.
+  double stops_left(const world::World& planted, std::span<const std::string> effects) const;
 
  private:
   using Point = Eigen::VectorXd;
@@ -35,6 +38,7 @@ class Signatures {
   Columns columns(const std::string& id, const Point& point) const;
   Eigen::MatrixXd variance_columns(const std::string& id, const Point& point) const;
   std::vector<Point> grid(const std::string& id) const;
+  std::vector<StopPrior> stated_stops() const;
   ReadingView<double> view(std::size_t i) const;
 
   const SeedModel& model_;

@@ -31,7 +31,7 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
 
 /// "range noise is student-t with nu = 4, bearing noise is ..."; empty where all noise is Gaussian.
 std::string shapes_in_words(const Calibration& calibration);
-/// "do not use this curve: corrected readings are no better than raw ones (0.18 against 0.19 m RMS at stops left out); ...",
+/// "do not use this curve: corrected readings are no better than raw ones (0.19 +- 0.01 against 0.18 +- 0.01 m RMS at stops left out); ...",
 /// with the command that looks for the cause; empty where the curve is of use or that was not judged.
 std::string not_usable_in_words(const Calibration& calibration, std::span<const Recording> recordings);
 /// "readings of 10 stops left out: raw 311 +- 20 mm RMS, corrected 77 +- 5 mm; both halves ... agree (p = 0.41)"; empty where

@@ -261,7 +261,7 @@ SearchedModels LandmarksJob::choose_model(std::vector<ModelScore>& models,
       begin.noise.law = candidate;
       seed_curve_and_noise(agreeing, n, begin);
       MarginalOptions enough = marginal_options();
-      enough.gradient_tolerance = 1e-3;  // l_s to 1e-6 nats
+      enough.gradient_tolerance = 1e-3;  // AIC to a thousandth
       enough.begin = warm_reml;
       fit = solve_marginal(agreeing, begin, enough);
     }

@@ -224,12 +224,17 @@ std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const St
   }
   // A curve that is by chance a little too steep shrinks noise and readings together: significantly, but that is no gain.
   constexpr double matters = 0.9;  // of the squares: 5 % of the error
-  check.usable =
-      mean > needed * deviation && corrected < matters * raw && check.rms_corrected_m <= check.rms_raw_m;
+  const bool beyond_chance = mean > needed * deviation, enough = corrected < matters * raw,
+             smaller = check.rms_corrected_m <= check.rms_raw_m;
+  check.usable = beyond_chance && enough && smaller;
   if (!check.usable)
     check.reason =
-        fmt::format("corrected readings are no better than raw ones ({:.2g} against {:.2g} m RMS at {})",
-                    check.rms_corrected_m, check.rms_raw_m, what_was_left_out);
+        fmt::format("corrected readings are {} ({:.3g} +- {:.1g} against {:.3g} +- {:.1g} m RMS at {})",
+                    !smaller         ? "no better than raw ones"
+                    : !beyond_chance ? "not better than raw ones by more than chance"
+                                     : "hardly better than raw ones",
+                    check.rms_corrected_m, check.rms_corrected_std_m, check.rms_raw_m, check.rms_raw_std_m,
+                    what_was_left_out);
   if (influence && influence->halves_difference.size() > 0) {
     const Eigen::LLT<Eigen::MatrixXd> factor(influence->halves_covariance);
     if (factor.info() == Eigen::Success) {

@@ -7,11 +7,31 @@
 #include <vector>
 
 #include "diagnosis/projector.hpp"
+#include "diagnosis/signatures.hpp"
 
 namespace rangecal::diagnosis {
+namespace {
+
+bool spread_the_stops(const Model& model) {
+  return std::all_of(model.begin(), model.end(), [](const ActiveEffect& active) {
+    return active.effect->acts_on_stops() && active.effect->info().kind == EffectKind::dependence;
+  });
+}
+
+std::vector<StopPrior> priors_under(const Rows& rows, const Model& model) {
+  std::vector<StopPrior> stops = rows.problem.stops;
+  for (const ActiveEffect& active : model)
+    if (active.effect->acts_on_stops()) active.effect->stops(rows.context, active.parameters.data(), stops);
+  return stops;
+}
+
+}  // namespace
 
 double separation(const Rows& rows, const JointState& state, const Model& causes, const Model& rivals,
                   const Model& share) {
+  if (!rows.pairs && spread_the_stops(causes) && spread_the_stops(rivals))
+    return stops_noncentrality(Space(rows, {}, state), priors_under(rows, causes),
+                               priors_under(rows, rivals));
   const WorkingProblem working = working_problem(rows, {}, state);
   const Projector projector(rows, working, state);
   Signature x;

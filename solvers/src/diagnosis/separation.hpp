@@ -7,8 +7,8 @@ namespace rangecal::diagnosis {
 
 /// Noncentrality left between two explanations: what `causes` do to the readings at their fitted sizes, after
 /// the calibration and every direction of `rivals`, and of what both explanations `share`, were projected
-/// out. Small: this design cannot tell them apart, whatever the noise. Negative if a cause or a rival does
-/// not act on the mean.
+/// out. Between explanations that change the spread of the stops alone: twice the divergence of the two, as fitted. Small:
+/// this design cannot tell them apart, whatever the noise. Negative if neither is so.
 double separation(const Rows& rows, const JointState& state, const Model& causes, const Model& rivals,
                   const Model& share);
 

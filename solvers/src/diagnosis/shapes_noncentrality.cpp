@@ -63,7 +63,10 @@ double divergence(const Eigen::MatrixXd& with, const Eigen::MatrixXd& without) {
   return sum;
 }
 
-double stops_noncentrality(const Space& space, const std::vector<StopPrior>& after) {
+}  // namespace
+
+double stops_noncentrality(const Space& space, const std::vector<StopPrior>& before,
+                           const std::vector<StopPrior>& after) {
   const Rows& rows = space.rows();
   const Projector& p = space.projector();
   // The first 200 stops of a longer path: what they tell is the least that all do.
@@ -87,23 +90,21 @@ double stops_noncentrality(const Space& space, const std::vector<StopPrior>& aft
   const Eigen::MatrixXd contrasts = stop_contrasts(rows, n);
   double sum = 0.0;
   for (int axis = 0; axis < 2; ++axis) {
-    const Eigen::MatrixXd prior = covariance_along(first_of(rows.problem.stops), axis),
+    const Eigen::MatrixXd prior = covariance_along(first_of(before), axis),
                           planted = covariance_along(first_of(after), axis);
     const Eigen::MatrixXd noise = (axis == 0 ? x : y).cwiseInverse().asDiagonal();
     sum += divergence(contrasts.transpose() * (planted + noise) * contrasts,
                       contrasts.transpose() * (prior + noise) * contrasts);
   }
   for (Eigen::Index k = 0; k < n; ++k) {
-    const double before =
-        std::pow(rows.problem.stops[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k];
-    const double q =
-        (std::pow(after[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k]) / before;
+    const auto variance = [&](const std::vector<StopPrior>& stops) {
+      return std::pow(stops[static_cast<std::size_t>(k)].sigma_heading_rad, 2) + 1.0 / heading[k];
+    };
+    const double q = variance(after) / variance(before);
     sum += q - 1.0 - std::log(q);
   }
   return sum;
 }
-
-}  // namespace
 
 double shape_noncentrality(const Space& space, const ActiveEffect& active) {
   const Rows& rows = space.rows();
@@ -150,7 +151,7 @@ double shape_noncentrality(const Space& space, const ActiveEffect& active) {
       changed = after[k].sigma_xy_m != rows.problem.stops[k].sigma_xy_m ||
                 after[k].chained != rows.problem.stops[k].chained ||
                 after[k].sigma_heading_rad != rows.problem.stops[k].sigma_heading_rad;
-    if (changed) sum += stops_noncentrality(space, after);
+    if (changed) sum += stops_noncentrality(space, rows.problem.stops, after);
   }
   return sum;
 }

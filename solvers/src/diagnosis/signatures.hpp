@@ -69,6 +69,10 @@ class Space {
 /// skew and the spread of the stops, all of which leave the means alone: the noncentrality of their test.
 double shape_noncentrality(const Space& space, const ActiveEffect& active);
 
+/// Twice the divergence between what the readings tell of the stops' errors under two sets of priors.
+double stops_noncentrality(const Space& space, const std::vector<StopPrior>& before,
+                           const std::vector<StopPrior>& after);
+
 /// An effect at its typical size: one linear parameter at its typical value, at the point of the start grid
 /// where it shows most.
 struct TypicalEffect {

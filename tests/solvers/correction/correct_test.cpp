@@ -46,6 +46,28 @@ TEST(Correct, LeastSquaresRoundTrip) {
   }
 }
 
+TEST(Correct, TheLeastSquaresDistanceIsThatOfTheWholeAnswer) {
+  // One root, three of which one is the likeliest, and beyond either end, where the nearest counts.
+  const Eigen::VectorXd bent{{0.3, 2.4, -1.5, 0.26}};
+  Random random(seed_from("least-squares distance"));
+  int several = 0, none = 0;
+  for (const NoiseLaw law : {NoiseLaw::constant, NoiseLaw::f, NoiseLaw::f_squared, NoiseLaw::d_squared})
+    for (const Eigen::VectorXd& alpha : {paper_alpha, bent})
+      for (int i = 0; i < 200; ++i) {
+        const Calibration c = calibration_of(alpha, law, 0.01);
+        const double y = random.uniform(0.01, 9.0);
+        const Correction whole = correct(c, y);
+        const double expected = whole.best_least_squares >= 0
+                                    ? whole.least_squares[whole.best_least_squares].distance_m
+                                    : whole.nearest->distance_m;
+        several += whole.least_squares.size() > 1;
+        none += whole.least_squares.empty();
+        EXPECT_EQ(least_squares_distance(c, y), expected) << to_string(law) << ' ' << y;
+      }
+  EXPECT_GT(several, 20);
+  EXPECT_GT(none, 20);
+}
+
 TEST(Correct, MaximumLikelihoodHandWorked) {
   // f(d) = d, s = sigma f^2, sigma^2 = 0.1, y = 1: (1 - f)(2 - f) = 0.2 f^4.
   // f = 0.888: 0.112*1.112 = 0.124544 against 0.2*0.621801 = 0.124360; f = 0.889: 0.111*1.111 = 0.123321
