@@ -54,8 +54,9 @@ std::string markdown_section(const Effect& effect) {
   for (const auto& [title, words] : {std::pair{"shows in", where_it_shows(info)},
                                      {"visible by", info.visible_by},
                                      {"settled by", info.settled_by},
+                                     {"twins in every design", ids_in_words(info.exact_twins, ", ")},
                                      {"source", info.source}})
-    text += fmt::format("- {}\n", wrapped(fmt::format("{}: {}", title, words), 2, 120));
+    if (!words.empty()) text += fmt::format("- {}\n", wrapped(fmt::format("{}: {}", title, words), 2, 120));
   return text;
 }
 
@@ -95,6 +96,7 @@ int list_effects(const std::string& id) {
     field("shows in", where_it_shows(info));
     field("visible by", info.visible_by);
     field("settled by", info.settled_by);
+    field("twins", ids_in_words(info.exact_twins, ", "));  // in every design
     for (const EffectParameter& p : info.parameters)
       field("parameter", p.discrete ? fmt::format("{}: {}", p.name, where_from(*effect))
                                     : fmt::format("{}: typically {:g}, from {:g} to {:g}", p.name, p.typical,

@@ -141,11 +141,9 @@ bool is_said_large(const Diagnosis& diagnosis) {
 /// out, holds one of the planted effects or an exact twin of it alone.
 bool is_partly_right(const Case& c, const std::vector<std::vector<std::string>>& sets) {
   const auto right = [&](const std::string& id) {
-    const auto twin_of = [&](const char* a, const char* b) {
-      return (id == a && contains(c.truth, b)) || (id == b && contains(c.truth, a));
-    };
-    return contains(c.truth, id) || twin_of("bearing_drift", "heading_drift") ||
-           twin_of("radius_scale", "arc_definition") || twin_of("bearing_offset", "heading_zero");
+    return contains(c.truth, id) ||
+           std::any_of(c.truth.begin(), c.truth.end(),
+                       [&](const std::string& planted) { return contains(exact_twins_of(planted), id); });
   };
   bool any = false;
   for (const std::vector<std::string>& set : sets)

@@ -35,6 +35,8 @@ class AmbientLight final : public Effect {
         .source = "derived: centroid of signal and background in one window",
         .visible_by = "landmarks all around the sensor",
         .settled_by = "switch the lights off, or cover the window, and repeat",
+        .settled_of_pairs = {.changes = {"E10"}},
+        .switched_off_by = {"E10"},
         .parameters = {{.name = "log_variance", .typical = 1.2, .low = 0.0, .high = 12.0},
                        {.name = "curvature_per_m", .typical = 0.0005, .low = -1.0, .high = 1.0},
                        {.name = "direction_rad",

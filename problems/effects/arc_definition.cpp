@@ -32,6 +32,9 @@ class ArcDefinition final : public Effect {
         .source = "derived: mean depth R (1 - pi/4) of parallel beams on a circle",
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by = "read the extraction code, and use landmarks of two or more radii (4 and 12 cm)",
+        .settled_of_pairs =
+            {.otherwise = "read the extraction code, and use targets of two or more radii (4 and 12 cm)"},
+        .exact_twins = {"radius_scale"},
         .parameters = {{.name = "kappa", .typical = 0.2, .low = -0.3, .high = 0.3}}};
     return value;
   }

@@ -40,6 +40,7 @@ class AutocorrelatedNoise final : public Effect {
         .source = "derived: first-order autoregression from reading to reading",
         .visible_by = "many sweeps at each stop",
         .settled_by = "200 sweeps at one stop: autocorrelation and distinct values",
+        .settled_of_pairs = {.changes = {"E7"}},
         .parameters = {{.name = "rho", .typical = 0.6, .low = 0.0, .high = 0.98, .linear = false},
                        {.name = "bearing_rho", .typical = 0.6, .low = 0.0, .high = 0.98, .linear = false},
                        {.name = "share", .typical = 0.5, .low = 0.0, .high = 1.0, .linear = false}}};

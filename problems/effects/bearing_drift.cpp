@@ -28,6 +28,8 @@ class BearingDrift final : public Effect {
         .visible_by = "drive the same stops again in reverse order",
         .settled_by =
             "only an outside heading reference tells it from heading_drift; harmless for the range curve",
+        .over_the_recording = true,
+        .exact_twins = {"heading_drift"},
         .parameters = {{.name = "angle_rad", .typical = 0.01745, .low = -1.5, .high = 1.5}}};
     return value;
   }

@@ -30,6 +30,7 @@ class BearingOffset final : public Effect {
         .settled_by =
             "only an outside heading reference tells it from a constant heading error; harmless for the "
             "range curve",
+        .exact_twins = {"heading_zero"},
         .parameters = {{.name = "angle_rad", .typical = 0.01745, .low = -3.2, .high = 3.2}}};
     return value;
   }

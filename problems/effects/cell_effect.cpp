@@ -26,6 +26,7 @@ class CellEffect final : public Effect {
         .source = "derived: one error shared by all repeats of a cell",
         .visible_by = "several sweeps at each stop",
         .settled_by = "move one stop by 5 mm, five times",
+        .settled_of_pairs = {.changes = {"E8"}},
         .parameters = {{.name = "sigma_m", .typical = 0.005, .low = 0.0, .high = 1.0, .linear = false}}};
     return value;
   }

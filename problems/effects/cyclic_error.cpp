@@ -34,6 +34,7 @@ class CyclicError final : public Effect {
         .source = "Lichti and Licht 2006 (cyclic terms of surveying scanners)",
         .visible_by = "ranges in steps under a quarter of the wavelength",
         .settled_by = "move one stop by small steps along the line of sight",
+        .settled_of_pairs = {.otherwise = "move the target by small steps along the line of sight"},
         .parameters = {
             {.name = "cosine_m", .typical = 0.005, .low = -10.0, .high = 10.0},
             {.name = "sine_m", .typical = 0.005, .low = -10.0, .high = 10.0},

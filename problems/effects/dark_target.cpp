@@ -31,6 +31,7 @@ class DarkTarget final : public Effect {
         .source = "derived: shot noise on a signal S ~ rho / d^2",
         .visible_by = "repeats at every stop, several landmarks",
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
+        .settled_of_pairs = {.changes = {"E6"}},
         .parameters = {{.name = "log_variance", .typical = 1.4, .low = 0.0, .high = 12.0}, which_landmark()}};
     return value;
   }

@@ -36,6 +36,8 @@ class Dropout final : public Effect {
         .source = "derived: moments of the truncated normal, inverse Mills ratio",
         .visible_by = "landmarks at the far end of the range",
         .settled_by = "count missing readings against distance and landmark; place landmarks at the far end",
+        .settled_of_pairs = {.changes = {"farther"},
+                             .otherwise = "count missing readings against distance and target"},
         .parameters = {{.name = "limit_m", .typical = 4.0, .low = 0.0, .high = 100.0, .linear = false}}};
     return value;
   }

@@ -26,6 +26,8 @@ class HeadingDrift final : public Effect {
         .visible_by = "drive the same stops again in reverse order",
         .settled_by =
             "only an outside heading reference tells it from bearing_drift; harmless for the range curve",
+        .over_the_recording = true,
+        .exact_twins = {"bearing_drift"},
         .parameters = {{.name = "angle_rad", .typical = 0.01745, .low = -3.2, .high = 3.2}}};
     return value;
   }

@@ -30,6 +30,9 @@ class HeavyTails final : public Effect {
         .visible_by = "several hundred readings",
         .settled_by =
             "look where the outliers are: at edges, at one landmark, towards one device, everywhere",
+        .settled_of_pairs =
+            {.otherwise =
+                 "look where the outliers are: at one distance, on one target, at one time, everywhere"},
         .parameters = {{.name = "share", .typical = 0.03, .low = 1e-4, .high = 0.4, .linear = false},
                        {.name = "ratio", .typical = 5.0, .low = 1.5, .high = 100.0, .linear = false}}};
     return value;

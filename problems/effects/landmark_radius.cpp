@@ -24,6 +24,7 @@ class LandmarkRadius final : public Effect {
         .source = "derived: d = D - R",
         .visible_by = "one landmark seen from several sides",
         .settled_by = "measure the landmark with a calliper",
+        .settled_of_pairs = {.otherwise = "measure the targets with a calliper"},
         .parameters = {{.name = "error_m", .typical = 0.005, .low = -1.0, .high = 1.0}, which_landmark()}};
     return value;
   }

@@ -29,6 +29,7 @@ class LensDistortion final : public Effect {
         .source = "derived: x (1 + k1 x^2) with x = f s / d",
         .visible_by = "ranges under 0.5 m together with far ones",
         .settled_by = "place landmarks at 0.3-0.6 m and at the far end",
+        .settled_of_pairs = {.changes = {"E9", "farther"}, .otherwise = "read more often near the sensor"},
         .parameters = {{.name = "inverse_m2", .typical = 0.002, .low = -0.5, .high = 0.5}}};
     return value;
   }

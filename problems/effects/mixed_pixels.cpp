@@ -37,6 +37,7 @@ class MixedPixels final : public Effect {
         .settled_by =
             "drop the outermost hit on each side and extract again; use larger landmarks before an empty "
             "background",
+        .settled_of_pairs = {.otherwise = "use larger targets before an empty background"},
         .parameters = {
             {.name = "spot_radius_m", .typical = 0.002, .low = 0.0, .high = 0.02, .linear = false}}};
     return value;

@@ -33,6 +33,8 @@ class NearRegime final : public Effect {
             "array end: iliasam/OpenSimpleLidar",
         .visible_by = "dense ranges across the switching distance",
         .settled_by = "place landmarks at 0.3-0.6 m and at the far end; record the device's flag as a column",
+        .settled_of_pairs = {.changes = {"E9", "denser"},
+                             .otherwise = "record the device's flag as a column"},
         .parameters = {{.name = "offset_m", .typical = 0.005, .low = -1.0, .high = 1.0},
                        {.name = "slope", .typical = 0.01, .low = -0.9, .high = 0.9},
                        {.name = "limit_m",

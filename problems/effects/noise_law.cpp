@@ -33,6 +33,7 @@ class NoiseLaw final : public Effect {
         .source = "derived: speckle d^2, shot d^3, background d^4; Dorsch, Haeusler and Herrmann 1994",
         .visible_by = "repeats at four or more well-spread ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop; record intensity as a column",
+        .settled_of_pairs = {.changes = {"E7"}},
         .parameters = {{.name = "slope", .typical = 2.0, .low = -8.0, .high = 8.0},
                        {.name = "bend", .typical = 1.0, .low = -4.0, .high = 4.0}}};
     return value;

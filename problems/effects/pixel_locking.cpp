@@ -39,6 +39,7 @@ class PixelLocking final : public Effect {
         .source = "derived: an error periodic in d = f s / x; the effect: Shimizu and Okutomi 2002",
         .visible_by = "ranges in steps under half a period (8 mm at 1 m, 75 mm at 3 m), seen against 1/d",
         .settled_by = "move one stop by 5 mm, five times",
+        .settled_of_pairs = {.changes = {"E8"}},
         .parameters = {
             {.name = "cosine_per_m", .typical = 0.001, .low = -0.5, .high = 0.5},
             {.name = "sine_per_m", .typical = 0.001, .low = -0.5, .high = 0.5},

@@ -33,6 +33,8 @@ class Quantisation final : public Effect {
         .source = "derived: uniform rounding error",
         .visible_by = "200 sweeps at one near, one middle and one far stop",
         .settled_by = "count the distinct values of 200 sweeps at one stop",
+        .settled_of_pairs = {.changes = {"E7"}},
+        .switched_off_by = {"finer readings"},
         .parameters = {
             {.name = "disparity_step_per_m", .typical = 0.001, .low = 0.0, .high = 0.05, .linear = false},
             {.name = "output_step_m", .typical = 0.001, .low = 0.0, .high = 0.05, .linear = false}}};

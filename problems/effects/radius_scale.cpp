@@ -29,6 +29,10 @@ class RadiusScale final : public Effect {
         .visible_by = "use landmarks of two or more radii (4 and 12 cm)",
         .settled_by =
             "measure the landmarks with a calliper, and use landmarks of two or more radii (4 and 12 cm)",
+        .settled_of_pairs =
+            {.otherwise =
+                 "measure the targets with a calliper, and use targets of two or more radii (4 and 12 cm)"},
+        .exact_twins = {"arc_definition"},
         .parameters = {{.name = "scale", .typical = 0.05, .low = -0.9, .high = 0.9}}};
     return value;
   }

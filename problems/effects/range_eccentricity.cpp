@@ -28,6 +28,7 @@ class RangeEccentricity final : public Effect {
         .source = "derived: first harmonic of the optical path over the direction",
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by = "record near and far landmarks in the same direction, at several headings",
+        .settled_of_pairs = {.changes = {"E1"}},
         .parameters = {{.name = "cosine_m", .typical = 0.0075, .low = -10.0, .high = 10.0},
                        {.name = "sine_m", .typical = 0.0075, .low = -10.0, .high = 10.0}}};
     return value;

@@ -29,6 +29,9 @@ class RangeOffset final : public Effect {
         .source = "derived: f(d) plus a constant",
         .visible_by = "nothing in the recording itself: alpha_0 takes it up exactly, in every design",
         .settled_by = "measure the landmarks with a calliper, or read a flat board at a taped distance",
+        .settled_of_pairs =
+            {.otherwise =
+                 "measure the known distances anew, from the sensor's zero to the target's face: alpha_0 takes an offset up in every design"},
         .parameters = {{.name = "offset_m", .typical = 0.005, .low = -10.0, .high = 10.0}}};
     return value;
   }

@@ -30,6 +30,9 @@ class RangeScale final : public Effect {
         .source = "derived from d = f s / x",
         .visible_by = "tape one distance between two landmarks",
         .settled_by = "tape one distance between two landmarks, or the length of the path",
+        .settled_of_pairs =
+            {.otherwise =
+                 "check the known distances against another tape; where the temperature changes, record it as a column temperature_c"},
         .parameters = {
             {.name = "scale", .typical = 0.0015, .low = -0.9, .high = 0.9},
             {.name = "form", .typical = 1.0, .low = 0.0, .high = 1.0, .linear = false, .discrete = true}}};

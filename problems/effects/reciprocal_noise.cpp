@@ -30,6 +30,7 @@ class ReciprocalNoise final : public Effect {
         .source = "derived: second moment of 1 / (1 + e)",
         .visible_by = "many repeats at far ranges",
         .settled_by = "200 sweeps at one near, one middle and one far stop: skewness grows with distance",
+        .settled_of_pairs = {.changes = {"E7"}},
         .parameters = {{.name = "cv_per_m",
                         .typical = 0.02,
                         .low = 0.0,

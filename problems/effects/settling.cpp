@@ -41,6 +41,7 @@ class Settling final : public Effect {
         .source = "derived: decay of an overdamped mount",
         .visible_by = "many sweeps at each stop",
         .settled_by = "wait longer before the first reading",
+        .switched_off_by = {"E11"},
         .parameters = {{.name = "amplitude_rad", .typical = 0.01745, .low = -1.5, .high = 1.5},
                        {.name = "time_s", .typical = 1.0, .low = 1e-2, .high = 1e3, .linear = false}}};
     return value;

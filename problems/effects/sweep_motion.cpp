@@ -37,6 +37,7 @@ class SweepMotion final : public Effect {
         .source = "derived: delta r = -v cos b (t_i - t_0)",
         .visible_by = "landmarks all around the sensor",
         .settled_by = "stand still longer before reading, or drive at a second speed",
+        .switched_off_by = {"E11"},
         .parameters = {{.name = "travel_m", .typical = 0.06, .low = -5.0, .high = 5.0}}};
     return value;
   }

@@ -33,6 +33,7 @@ class TargetReflectance final : public Effect {
             "Campos et al. 2015",
         .visible_by = "landmarks of the same make, one differing",
         .settled_by = "exchange two landmarks, or wrap all in the same paper; record intensity as a column",
+        .settled_of_pairs = {.changes = {"E6"}},
         .parameters = {
             {.name = "amplitude_m", .typical = 0.015, .low = -10.0, .high = 10.0},
             which_landmark(),

@@ -36,6 +36,7 @@ class Tilt final : public Effect {
         .visible_by = "turn the sensor at each stop (0, 90, 180, 270 degrees)",
         .settled_by =
             "turn the sensor at each stop (0, 90, 180, 270 degrees), or level the sensor with a spirit level",
+        .settled_of_pairs = {.changes = {"E1"}},
         .parameters = {{.name = "cosine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false},
                        {.name = "sine_rad2", .typical = 0.0076, .low = -0.5, .high = 0.5, .linear = false}}};
     return value;

@@ -32,6 +32,7 @@ class WarmupDrift final : public Effect {
             "derived: range_offset and laser_pointing relaxing exponentially; warm-up advice: Toelgyessy et al. 2021",
         .visible_by = "drive the same stops again in reverse order",
         .settled_by = "leave the sensor on for 45 minutes, then repeat the first stop",
+        .settled_of_pairs = {.changes = {"cold start", "E12"}},
         .parameters = {{.name = "offset_m", .typical = 0.01, .low = -10.0, .high = 10.0},
                        {.name = "curvature_per_m", .typical = 0.0025, .low = -1.0, .high = 1.0},
                        {.name = "time_s", .typical = 600.0, .low = 1e-3, .high = 1e6, .linear = false}}};

@@ -142,6 +142,11 @@ const Effect* find_effect(const std::string& id) {
   return along_columns.find(id);
 }
 
+std::vector<std::string> exact_twins_of(const std::string& id) {
+  const Effect* effect = find_effect(id);
+  return effect ? effect->info().exact_twins : std::vector<std::string>();
+}
+
 Carrier carrier_of(const std::string& principle) {
   std::string words = principle;
   std::transform(words.begin(), words.end(), words.begin(), [](unsigned char c) { return std::tolower(c); });

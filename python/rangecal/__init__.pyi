@@ -373,6 +373,7 @@ class Effect:
     source: str
     visible_by: str
     settled_by: str
+    exact_twins: list[str]
     parameters: list[EffectParameter]
 
 Recordings = Union[Recording, Path, Sequence[Union[Recording, Path]]]

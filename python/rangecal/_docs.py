@@ -420,6 +420,8 @@ _DOCS = {
         One sentence; symbols and units; where the formula is from.
     visible_by, settled_by : str
         The design that shows it; what to record to tell it from its twins.
+    exact_twins : list of str
+        Effects that no recording of this sensor and robot can tell from it.
     parameters : list of EffectParameter
     """,
 }

@@ -98,6 +98,7 @@ void bind_simulate(py::module_& module) {
       .def_readonly("source", &EffectInfo::source)
       .def_readonly("visible_by", &EffectInfo::visible_by)
       .def_readonly("settled_by", &EffectInfo::settled_by)
+      .def_readonly("exact_twins", &EffectInfo::exact_twins)
       .def_readonly("parameters", &EffectInfo::parameters);
   module.def("effects", [] {
     std::vector<EffectInfo> all;

@@ -173,8 +173,7 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
   } else if (code == "E9") {
     near_and_far(draft, rows);
   } else if (code == "E10" || code == "E11") {
-    design.switched_off = code == "E10" ? std::set<std::string>{"ambient_light"}
-                                        : std::set<std::string>{"settling", "sweep_motion"};
+    design.switched_off = switched_off_by(code);
     design.first_new_stop = repeat_all(draft, rows, forward, 0.0, same);
   } else if (code == "E12") {
     repeat_all(draft, rows, {0}, soaked_s, same);
@@ -182,6 +181,15 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
     throw std::invalid_argument("no experiment is called '" + code + "'");
   }
   return finished(std::move(draft), rows, std::move(design));
+}
+
+std::set<std::string> switched_off_by(const std::string& code) {
+  std::set<std::string> ids;
+  for (const Effect* effect : known_effects()) {
+    const std::vector<std::string>& codes = effect->info().switched_off_by;
+    if (std::find(codes.begin(), codes.end(), code) != codes.end()) ids.insert(effect->info().id);
+  }
+  return ids;
 }
 
 Model in_design(const ExtendedDesign& design, const Model& model) {
@@ -197,7 +205,7 @@ Model in_design(const ExtendedDesign& design, const Model& model) {
         active.parameters[j] *= design.stop_factor;
       if (parameter.discrete && parameter.name == "landmark") landmark = j;
     }
-    if (info.id == "bearing_drift" || info.id == "heading_drift") active.parameters *= design.drift_factor;
+    if (info.over_the_recording) active.parameters *= design.drift_factor;
     if (landmark >= 0) {
       const auto l = static_cast<std::size_t>(std::lround(active.parameters[landmark]));
       if (l < design.copies.size()) indices = design.copies[l];

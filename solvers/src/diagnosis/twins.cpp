@@ -71,15 +71,6 @@ std::vector<std::string> takers(const Space& space, const Signature& x) {
 
 }  // namespace
 
-std::vector<std::string> exact_twins_of(const std::string& id) {
-  if (id == "bearing_offset") return {"heading_zero"};
-  if (id == "bearing_drift") return {"heading_drift"};
-  if (id == "heading_drift") return {"bearing_drift"};
-  if (id == "radius_scale") return {"arc_definition"};
-  if (id == "arc_definition") return {"radius_scale"};
-  return {};
-}
-
 double detection_threshold(double rate, double questions) {
   return std::pow(two_sided_limit(rate, questions) + normal_quantile(0.8), 2);
 }

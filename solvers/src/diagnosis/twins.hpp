@@ -18,8 +18,4 @@ double detection_power(double noncentrality, double rate, double questions);
 std::vector<std::vector<std::string>> find_twins(const Space& space,
                                                  const std::vector<TypicalEffect>& effects);
 
-/// Names that no reading of this sensor and robot can tell from an effect, in any design: what turns the robot and what
-/// turns the bearings; a radius and the point of the arc that is read.
-std::vector<std::string> exact_twins_of(const std::string& id);
-
 }  // namespace rangecal::diagnosis

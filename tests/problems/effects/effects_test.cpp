@@ -148,6 +148,17 @@ TEST(Effects, TextsAreThereAndChannelsAreThoseOfTheFormat) {
   }
 }
 
+TEST(Effects, ExactTwinsAreMutual) {
+  for (const Effect* effect : example_effects())
+    for (const std::string& twin : effect->info().exact_twins) {
+      SCOPED_TRACE(effect->info().id + " = " + twin);
+      if (twin == "heading_zero") continue;  // the robot's, no effect
+      EXPECT_THAT(exact_twins_of(twin), ::testing::Contains(effect->info().id));
+    }
+  EXPECT_THAT(exact_twins_of("bearing_offset"), ::testing::ElementsAre("heading_zero"));
+  EXPECT_TRUE(exact_twins_of("no_such_effect").empty());
+}
+
 TEST(Effects, ParametersAreNamedAndTypicalOnesWithinBounds) {
   for (const Effect* effect : example_effects()) {
     SCOPED_TRACE(effect->info().id);

@@ -49,6 +49,13 @@ enum class Carrier { not_known, light, sound, radio };
 /// By the words of a recording's `principle`: camera, triangulation, lidar, laser, ...; sonar, ultrasound, ...; radio, uwb, radar.
 Carrier carrier_of(const std::string& principle);
 
+/// What settles, of readings at known distances, whether an effect is there.
+struct SettledOfPairs {
+  std::vector<std::string> changes =
+      {};                      ///< codes of the menu of next experiments: the first that it offers counts
+  std::string otherwise = {};  ///< what to say where it offers none of them; empty: what is said of landmarks
+};
+
 struct EffectInfo {
   std::string id;           ///< "range_eccentricity"; of an effect along a column "covariate_drift:supply_v"
   std::string number = {};  ///< by which code cites docs/effects.md, "R14"; may be empty
@@ -66,6 +73,11 @@ struct EffectInfo {
   std::string source;         ///< where the formula comes from
   std::string visible_by;     ///< the design that makes it visible (a change of the experiment)
   std::string settled_by;     ///< what to record next to tell it from its twins
+  SettledOfPairs settled_of_pairs = {};
+  std::vector<std::string> switched_off_by = {};  ///< codes of experiments without it: lights off, say
+  bool over_the_recording = false;  ///< its size is the change from the first reading to the last
+  /// Effects, and `heading_zero` of the robot, that no reading of this sensor and robot can tell from it in any design.
+  std::vector<std::string> exact_twins = {};
   std::vector<EffectParameter> parameters;
 };
 
@@ -218,6 +230,8 @@ const std::vector<std::unique_ptr<Effect>>& effect_registry();
 std::vector<const Effect*> known_effects();
 /// The effect of that id, of the catalogue or added, or nullptr. "ID:COLUMN" is that effect along a column; the pointer stays valid.
 const Effect* find_effect(const std::string& id);
+/// The exact twins of the effect of that id; none of an id that is not known.
+std::vector<std::string> exact_twins_of(const std::string& id);
 /// The effects that a recording may hold: all that are known, with one for each column that such an effect may lie along.
 std::vector<const Effect*> effects_of(const EffectContext& context);
 

@@ -58,9 +58,9 @@ struct LandmarkReading {
 ///
 /// estimate() is the answer of `marginal` (solve_marginal). The latest `block` stops are held as cells. When
 /// they are full they are summed up (LandmarkSums): l_s, the likelihood with the stops' poses integrated out,
-/// of second order in alpha and landmarks about the estimate with these stops in it, interpolated over the
+/// of third order in alpha and landmarks about the estimate with these stops in it, interpolated over the
 /// sigmas. Each estimate expands the stops held at the last answer, adds the sums, solves, and does so again
-/// until nothing moves (iterated updates). What the second order leaves out falls with the readings faster
+/// until nothing moves (iterated updates). What the third order leaves out falls with the readings faster
 /// than the standard deviations: the batch's answer within 1 % of its standard deviation.
 ///
 /// Expansions are good near the answer about which they were made. Where the readings have an error that the model
@@ -77,7 +77,7 @@ struct LandmarkReading {
 /// Q C_1 Q^T added to the covariance.
 ///
 /// With forgetting a stop counts by its weight w. The covariance is H^-1 J H^-1, H = sum w I and J = sum w^2 I, I the
-/// information of a stop: a second LandmarkSums has the weights squared. Where sums of second order make no J of H's
+/// information of a stop: a second LandmarkSums has the weights squared. Where the sums make no J of H's
 /// kind, it is H^-1, which is never less, since w <= 1.
 ///
 /// Noise shapes. Readings are held as rows, those of one stop that are alike within a quarter of their spread as one. A block
