@@ -10,7 +10,8 @@
 //
 //   robust_study WORLDS SCENE.yaml [THREADS [PART...]]      notebooks_data/scenes/field-layout.yaml
 //
-// PART journal=FILE: worlds of designs with outliers are written to FILE as they are done, and are not done again.
+// PART journal=FILE: worlds of designs with outliers are written to FILE as they are done, and are not done again; of one
+// scene and one build.
 //
 // THREADS 0: as many as there are cores. PART: echoes, missing, usable, speed, clean (designs without outliers), designs, or one of these:
 // design-0 to design-5; without any, all but `clean`.
@@ -219,11 +220,11 @@ class Journal {
     if (path_.empty()) return;
     std::ofstream file(path_, std::ios::app);
     file.precision(17);
-    file << design << ' ' << world;
+    file << '\n' << design << ' ' << world;
     for (const Answer& a : answers)
       file << ' ' << a.ok << ' ' << a.curve_sq << ' ' << a.landmark_sq << ' ' << a.seconds << ' ' << a.order
            << ' ' << a.intervals << ' ' << a.held;
-    file << '\n';
+    file << std::flush;
   }
 
   static constexpr std::size_t answers_of_a_world = 14;
@@ -496,10 +497,11 @@ int main(int argc, char** argv) {
   const int worlds = std::atoi(argv[1]);
   const auto limit = at_most(argc > 3 ? std::atoi(argv[3]) : 0);
   const Scene field = load_scene(argv[2]);
-  const std::vector<std::string> parts(argv + std::min(argc, 4), argv + argc);
+  std::vector<std::string> parts(argv + std::min(argc, 4), argv + argc);
   std::string journal_path;
   for (const std::string& part : parts)
     if (part.starts_with("journal=")) journal_path = part.substr(8);
+  std::erase_if(parts, [](const std::string& part) { return part.starts_with("journal="); });
   const Journal journal(journal_path);
   const auto wanted = [&](const char* part) {
     return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end();

@@ -105,8 +105,8 @@ Answer class_beside_unknown(const Diagnosis& diagnosis, const Score& scored) {
   return scored.names.found == scored.causes && scored.located ? Answer::right_name : Answer::unexplained;
 }
 
-/// Right is the name alone, or no mismatch where the answer says that a factor of two would not show in this design: an answer
-/// may say so of `stop_effect`, an error of the stops too.
+/// Right is the name, alone or with `stop_effect` as a rival, or no mismatch where the answer says that a factor of two would not
+/// show in this design: an answer may say so of `stop_effect`, an error of the stops too.
 void score_stated_sigma(Score& out, const Diagnosis& diagnosis) {
   const std::vector<std::vector<std::string>> sets = answer_sets(diagnosis);
   out.causes = 1;

@@ -295,28 +295,28 @@ double Signatures::variance_left(const world::World& planted, std::span<const st
 double Signatures::stops_left(const world::World& planted, std::span<const std::string> effects) const {
   const std::vector<StopPrior> stated = stated_stops();
   double least = std::numeric_limits<double>::infinity();
-  for (const std::string& id : effects) {
-    const Effect* effect = find_effect(id);
-    if (!effect || !effect->acts_on_stops()) continue;
-    const std::vector<EffectParameter>& parameters = effect->info().parameters;
-    for (size_t j = 0; j < parameters.size(); ++j) {
-      if (parameters[j].discrete) continue;
-      const auto [low, high] = effect->bounds(context_, j);
-      const auto left = [&, j](double value) {
-        Point point = Point::Zero(static_cast<Index>(parameters.size()));
-        point[static_cast<Index>(j)] = value;
-        std::vector<StopPrior> stops = stated;
-        effect->stops(context_, point.data(), stops);
-        double sum = 0.0;
-        for (size_t k = 0; k < stops.size(); ++k) {
-          if (stops[k].chained || stops[k].sigma_heading_rad != stated[k].sigma_heading_rad) return 1e100;
-          const double q = std::pow(stops[k].sigma_xy_m / planted.robot.placing_sigma_m, 2);
-          sum += q > 0.0 ? 2.0 * (q - 1.0 - std::log(q)) : 1e100;
-        }
-        return sum;
-      };
-      least = std::min(least, boost::math::tools::brent_find_minima(left, low, high, 30).second);
-    }
+  const Effect* effect = effects.size() == 1 ? find_effect(effects.front()) : nullptr;
+  if (!effect || !effect->acts_on_stops() || effect->info().kind != EffectKind::dependence ||
+      planted.robot.walk_sigma_m > 0.0)
+    return least;
+  const std::vector<EffectParameter>& parameters = effect->info().parameters;
+  for (size_t j = 0; j < parameters.size(); ++j) {
+    if (parameters[j].discrete) continue;
+    const auto [low, high] = effect->bounds(context_, j);
+    const auto left = [&, j](double value) {
+      Point point = Point::Zero(static_cast<Index>(parameters.size()));
+      point[static_cast<Index>(j)] = value;
+      std::vector<StopPrior> stops = stated;
+      effect->stops(context_, point.data(), stops);
+      double sum = 0.0;
+      for (size_t k = 0; k < stops.size(); ++k) {
+        if (stops[k].chained || stops[k].sigma_heading_rad != stated[k].sigma_heading_rad) return 1e100;
+        const double q = std::pow(stops[k].sigma_xy_m / planted.robot.placing_sigma_m, 2);
+        sum += q > 0.0 ? 2.0 * (q - 1.0 - std::log(q)) : 1e100;
+      }
+      return sum;
+    };
+    least = std::min(least, boost::math::tools::brent_find_minima(left, low, high, 30).second);
   }
   return least;
 }

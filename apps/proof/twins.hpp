@@ -24,8 +24,9 @@ class Signatures {
   /// The same for the change of the log variance of range that `planted` makes (noise effects), the fitted sigma projected
   /// out: sum over readings of 1/2 (difference)^2.
   double variance_left(const world::World& planted, std::span<const std::string> effects) const;
-  /// The same for the spread of the stops' places, independent from stop to stop: the least over one parameter of one of the
-  /// effects of 2 (q - 1 - ln q) summed over the stops, q the ratio of the two variances.
+  /// The same for the spread of the stops' places where it is independent from stop to stop and one effect spreads them instead:
+  /// the least over one of its parameters of 2 (q - 1 - ln q) summed over the stops, q the ratio of the two variances. The noise of
+  /// the readings, which would make it less, is left out. Infinity for other plants and effects.
   double stops_left(const world::World& planted, std::span<const std::string> effects) const;
 
  private:

@@ -126,9 +126,9 @@ MarginalFit LandmarksJob::marginal(const JointState& start, const JointFit* full
   const MarginalOptions marginal = marginal_options();
   MarginalFit best;
   if (near) {
-    MarginalOptions begun = marginal;
-    begun.begin = near->reml;
-    best = solve_marginal(agreeing, near->state, begun);
+    JointState from = near->state;
+    if (from.sigma_s_m) from.sigma_s_m = std::max(*from.sigma_s_m, no_sigma_s(problem));
+    best = solve_marginal(agreeing, from, marginal);
   }
   if (best.outcome != Outcome::converged) best = marginal_by_joint(start, full_fit, marginal);
   // The joint likelihood may lead into another basin than the seed's, with a higher marginal NLL.
@@ -261,7 +261,7 @@ SearchedModels LandmarksJob::choose_model(std::vector<ModelScore>& models,
       begin.noise.law = candidate;
       seed_curve_and_noise(agreeing, n, begin);
       MarginalOptions enough = marginal_options();
-      enough.gradient_tolerance = 1e-3;  // AIC to a thousandth
+      enough.gradient_tolerance = 1e-3;  // the stops are as far from their optimum: AIC to a thousandth
       enough.begin = warm_reml;
       fit = solve_marginal(agreeing, begin, enough);
     }

@@ -64,8 +64,9 @@ struct LandmarksJob {
   /// to `curves`.
   SearchedModels choose_model(std::vector<ModelScore>& models, std::vector<TriedCurve>& curves) const;
   /// The noise shapes that were asked for, at the order and law of `start`, the optimum with Gaussian noise on the agreeing
-  /// readings; `reml`: its slopes, if known. None if a Gaussian is best for both channels. Order and law are then chosen again under these families, and the
-  /// families again for the chosen model; `models` and `curves` get those tried with them.
+  /// readings; `reml`: the slopes there, if they are known. None if a Gaussian is best for both channels. Order and
+  /// law are then chosen again under these families, and the families again for the chosen model; `models` and `curves` get
+  /// those tried with them.
   std::optional<RobustMarginalFit> choose_shapes(const JointState& start,
                                                  const std::optional<RemlSlopes>& reml,
                                                  std::vector<ModelScore>& models,

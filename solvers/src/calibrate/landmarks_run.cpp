@@ -20,11 +20,11 @@ namespace {
 /// The parts of a job that several methods share, each solved when first asked for.
 class Run {
  public:
-  /// `shaped`: the marginal fit with the noise shapes that all methods share; none: Gaussian noise. `searched`: may hold a fit of
-  /// the model, to start from.
+  /// `shaped`: the marginal fit with the noise shapes that all methods share; none: Gaussian noise. `near`: a fit of the model to
+  /// start from, which must outlive this; or null.
   Run(const LandmarksJob& job, int order, NoiseLaw law, std::optional<RobustMarginalFit> shaped,
-      const SearchedModels& searched)
-      : job_(job), shaped_(std::move(shaped)), near_(searched.at(order, law)), seed_(job.seed(order, law)) {
+      const MarginalFit* near)
+      : job_(job), shaped_(std::move(shaped)), near_(near), seed_(job.seed(order, law)) {
     if (shaped_) keep(shaped_->fit);
   }
 
@@ -44,7 +44,8 @@ class Run {
 
   const MarginalFit* marginal() {
     if (!marginal_ && seed_) {
-      marginal_ = job_.marginal(*seed_, near_ ? nullptr : full(), near_);
+      if (near_) marginal_ = job_.marginal(*seed_, nullptr, near_);
+      if (!near_ || marginal_->outcome != Outcome::converged) marginal_ = job_.marginal(*seed_, full());
       keep(*marginal_);
     }
     return marginal_ ? &*marginal_ : nullptr;
@@ -196,7 +197,7 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
     } else if (const MarginalFit* fitted = searched.at(n, law)) {
       at[i].judged = judged(job, *fitted, nullptr);
     } else {
-      Run run(job, n, law, std::nullopt, searched);
+      Run run(job, n, law, std::nullopt, nullptr);
       if (const MarginalFit* fit = run.marginal()) at[i].judged = judged(job, *fit, nullptr);
     }
   });
@@ -313,7 +314,7 @@ bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
 std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationReport& report,
                                            std::vector<TriedCurve>& curves, SearchedModels& searched) {
   if (!job.rows) return std::nullopt;
-  Run gaussian(job, searched.order, searched.law, std::nullopt, searched);
+  Run gaussian(job, searched.order, searched.law, std::nullopt, searched.at(searched.order, searched.law));
   if (!gaussian.seed()) return std::nullopt;
   const MarginalFit* fit = gaussian.marginal();
   std::vector<ModelScore> models = report.models;
@@ -333,7 +334,8 @@ std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationR
     report.models = std::move(models);
     curves = std::move(shaped_curves);
   }
-  if (fit) searched.fits.insert_or_assign({searched.order, searched.law}, *fit);
+  if (fit && fit->outcome == Outcome::converged)
+    searched.fits.insert_or_assign({searched.order, searched.law}, *fit);
   return shaped;
 }
 
@@ -375,7 +377,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     law = searched.law;
   }
   if (const auto lower = order_by_stops(job, order, law, searched, shaped, report)) order = *lower;
-  Run run(job, order, law, std::move(shaped), searched);
+  Run run(job, order, law, std::move(shaped), searched.at(order, law));
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);

@@ -12,9 +12,11 @@ namespace rangecal {
 /// The distances of the problem's cells at `state`, as the range of a calibration.
 void fill_range(const JointProblem& problem, const JointState& state, Calibration& result);
 
-/// Why the recording does not determine the curve, in words: distances that do not differ, or by less than eight times the
-/// largest sigma_xy of a stop (of the first alone along a random walk), or a standard deviation of f (by the expected information at `state`) above a quarter of the distance. None if f is determined, and
-/// for a curve of order 0, which is not checked.
+/// Why the recording does not determine the curve, in words:
+///   distances that do not differ;
+///   distances that differ by less than eight times sigma_xy, the largest of the stops (along a random walk the first stop's);
+///   a standard deviation of f, by the expected information at `state`, above a quarter of the distance.
+/// None if f is determined, and for a curve of order 0, which is not checked.
 std::optional<std::string> unobservable_reason(const JointProblem& problem, const JointState& state);
 
 /// Sets the outcome `unobservable` and removes the standard deviations. A calibration without a curve gets the curve of

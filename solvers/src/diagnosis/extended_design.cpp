@@ -173,7 +173,7 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
   } else if (code == "E9") {
     near_and_far(draft, rows);
   } else if (code == "E10" || code == "E11") {
-    design.switched_off = switched_off_by(code);
+    design.switched_off = effects_without(code);
     design.first_new_stop = repeat_all(draft, rows, forward, 0.0, same);
   } else if (code == "E12") {
     repeat_all(draft, rows, {0}, soaked_s, same);
@@ -183,7 +183,7 @@ ExtendedDesign extend(const Rows& rows, const JointState& state, const std::stri
   return finished(std::move(draft), rows, std::move(design));
 }
 
-std::set<std::string> switched_off_by(const std::string& code) {
+std::set<std::string> effects_without(const std::string& code) {
   std::set<std::string> ids;
   for (const Effect* effect : known_effects()) {
     const std::vector<std::string>& codes = effect->info().switched_off_by;

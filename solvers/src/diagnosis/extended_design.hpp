@@ -35,8 +35,8 @@ std::vector<MenuEntry> menu_for(const Rows& rows);
 /// Throws std::invalid_argument for a code that is not on the menu.
 ExtendedDesign extend(const Rows& rows, const JointState& state, const std::string& code);
 
-/// The effects that a change of the experiment takes away.
-std::set<std::string> switched_off_by(const std::string& code);
+/// Ids of the effects that a change of the experiment takes away.
+std::set<std::string> effects_without(const std::string& code);
 
 /// A model's effects with discrete parameters (stops) and drifts as the extended design counts them. Effects
 /// of a landmark that stands under two indices appear once for each. A grid that is switched off is so everywhere: the

@@ -218,11 +218,11 @@ void extend_pairs(const Rows& rows, const std::string& code, DraftDesign& draft,
   } else if (code == "E8") {
     for (int step = 1; step <= 5; ++step) more.visit(middle, at(middle) + 0.005 * step);
   } else if (code == "E10") {
-    design.switched_off = switched_off_by(code);
+    design.switched_off = effects_without(code);
     design.first_new_stop = rows.cell_count;
     more.all_again();
   } else if (code == "finer readings") {
-    design.switched_off = switched_off_by(code);
+    design.switched_off = effects_without(code);
   } else if (code == "E12") {
     const auto first = std::min_element(rows.time_s.begin(), rows.time_s.end());
     more.clock = rows.context.duration_s + warm_s;

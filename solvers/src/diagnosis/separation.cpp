@@ -18,10 +18,11 @@ bool spread_the_stops(const Model& model) {
   });
 }
 
-std::vector<StopPrior> priors_under(const Rows& rows, const Model& model) {
+std::vector<StopPrior> priors_under(const Rows& rows, const Model& shared, const Model& model) {
   std::vector<StopPrior> stops = rows.problem.stops;
-  for (const ActiveEffect& active : model)
-    if (active.effect->acts_on_stops()) active.effect->stops(rows.context, active.parameters.data(), stops);
+  for (const Model* part : {&shared, &model})
+    for (const ActiveEffect& active : *part)
+      if (active.effect->acts_on_stops()) active.effect->stops(rows.context, active.parameters.data(), stops);
   return stops;
 }
 
@@ -30,8 +31,8 @@ std::vector<StopPrior> priors_under(const Rows& rows, const Model& model) {
 double separation(const Rows& rows, const JointState& state, const Model& causes, const Model& rivals,
                   const Model& share) {
   if (!rows.pairs && spread_the_stops(causes) && spread_the_stops(rivals))
-    return stops_noncentrality(Space(rows, {}, state), priors_under(rows, causes),
-                               priors_under(rows, rivals));
+    return stops_noncentrality(Space(rows, {}, state), priors_under(rows, share, rivals),
+                               priors_under(rows, share, causes));
   const WorkingProblem working = working_problem(rows, {}, state);
   const Projector projector(rows, working, state);
   Signature x;

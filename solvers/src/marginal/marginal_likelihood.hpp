@@ -125,7 +125,7 @@ class Marginal {
         change = renewed ? (slopes_ - before).lpNorm<Eigen::Infinity>() / (1.0 + before.norm()) : infinity;
         settled = near && polished_ && change < renewal->enough;
       }
-      double current = objective(state);
+      const double current = objective(state);
       gradient.tail(layout().sigma_count()) += slopes_;
       const Eigen::MatrixXd curvature = hessian(state);
       std::erase_if(free, [&](int i) {
@@ -152,8 +152,9 @@ class Marginal {
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
+      const double close_before = close;
       // With stops short of their optimum the log-determinant is off by about a tenth of what they have left to gain [nats].
-      double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
+      const double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
       for (double factor = 1.0; factor > 1e-6 && !accepted;) {
         JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
         const double trial_value = value(trial, close);
@@ -164,14 +165,16 @@ class Marginal {
           last_step = factor * *step;
           last_norm = std::sqrt(std::max(0.0, last_step.dot(curvature * last_step)));
           log.iteration(iterations + 1, marginal_nll, last_norm, gradient_norm, {"length", factor});
-        } else if (gradient_norm < near_norm && close > at_optimum) {  // in a poor model it is off by more
-          close = at_optimum;
-          current = value(state, close);
-          if (!std::isfinite(current)) break;
-          slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
+        } else if (gradient_norm < near_norm && close > at_optimum) {
+          close = at_optimum;  // in a poor model the log-determinant is off by more
+          break;
         } else {
           factor *= 0.5;
         }
+      }
+      if (!accepted && close != close_before) {  // another step, from stops at their optimum
+        if (!std::isfinite(value(state, close))) return false;
+        continue;
       }
       if (!accepted) {
         log.iteration(iterations + 1, marginal_nll, 0.0, gradient_norm, {"length", 0.0});
@@ -180,8 +183,7 @@ class Marginal {
     }
     // Here because of rounding, or because of slow convergence: A lacks the log-determinant's own curvature, which matters
     // where the stops explain nearly all of the readings.
-    value(state);
-    return settled && gradient_norm < 1e-4;
+    return std::isfinite(value(state)) && settled && gradient_norm < 1e-4;
   }
 
   /// 1/2 log det of the Hessian of l_s in the free part of phi, after value().

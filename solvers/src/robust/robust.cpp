@@ -219,10 +219,11 @@ double laplace_part(const MarginalFit& fit) { return fit.marginal_nll - fit.join
 /// Its sigmas and nu are not those of the lowest likelihood but REML's.
 constexpr bool is_restricted(const JointFit&) { return false; }
 constexpr bool is_restricted(const MarginalFit&) { return true; }
-/// What a solve of nearly the same problem begins with.
-void begin_with(const JointFit&, JointOptions&) {}
-void begin_with(const MarginalFit& fit, MarginalOptions& options) {
-  if (fit.reml) options.begin = fit.reml;
+/// What a solve of nearly the same problem begins with, if it need not be exact: how phi-hat turns with sigma would stay what it was
+/// at the first weights.
+void begin_with(const JointFit&, bool, JointOptions&) {}
+void begin_with(const MarginalFit& fit, bool rough, MarginalOptions& options) {
+  options.begin = rough ? fit.reml : std::nullopt;
 }
 
 int free_count(const JointProblem& problem, const JointState& state, const Held& held, bool sigma_s) {
@@ -391,8 +392,9 @@ Robust RobustSolver<Robust, Options, Solve>::shaped(const JointState& start, con
     }
     const JointProblem& weighted = rows_.weighted(range_, at.shapes.range, bearing_, at.shapes.bearing);
     Options options = options_;
-    if (change > 1e-2) options.gradient_tolerance = std::max(options.gradient_tolerance, 1e-3);
-    begin_with(at.fit, options);
+    const bool rough = change > 1e-2;
+    if (rough) options.gradient_tolerance = std::max(options.gradient_tolerance, 1e-3);
+    begin_with(at.fit, rough, options);
     at.fit = solve_(weighted, state, options);
     const double now = value(at);
     log.iteration(iterations + 1, now, not_known, at.fit.gradient_norm);

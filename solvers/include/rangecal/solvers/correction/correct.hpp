@@ -60,7 +60,7 @@ struct CorrectionOptions {
 /// positive, an empty alpha, or a fitted range that is not 0 <= min < max. Cost: constant.
 Correction correct(const Calibration& calibration, double reading_m, const CorrectionOptions& options = {});
 
-/// The distance [m] of its most likely least-squares root, of `nearest` where there is none; a tenth of the cost.
+/// The most likely least-squares distance [m] of correct()'s answer, `nearest` where there is none, at a tenth of its cost.
 double least_squares_distance(const Calibration& calibration, double reading_m,
                               const CorrectionOptions& options = {});
 
