@@ -293,12 +293,12 @@ double Signatures::variance_left(const world::World& planted, std::span<const st
 }
 
 double Signatures::stops_left(const world::World& planted, std::span<const std::string> effects) const {
-  const std::vector<StopPrior> stated = stated_stops();
   double least = std::numeric_limits<double>::infinity();
   const Effect* effect = effects.size() == 1 ? find_effect(effects.front()) : nullptr;
   if (!effect || !effect->acts_on_stops() || effect->info().kind != EffectKind::dependence ||
       planted.robot.walk_sigma_m > 0.0)
     return least;
+  const std::vector<StopPrior> stated = stated_stops();
   const std::vector<EffectParameter>& parameters = effect->info().parameters;
   for (size_t j = 0; j < parameters.size(); ++j) {
     if (parameters[j].discrete) continue;

@@ -250,19 +250,18 @@ SearchedModels LandmarksJob::choose_model(std::vector<ModelScore>& models,
   SearchedModels searched{start.first, start.second, {}};
   if (options.order && options.noise) return searched;
 
-  std::optional<JointState> warm;  // the likeliest so far
-  std::optional<RemlSlopes> warm_reml;
+  const MarginalFit* warm = nullptr;  // the likeliest so far
   double warm_aic = infinity;
   const auto fit_of = [&](const OrderAndLaw& model) {
     const auto [n, candidate] = model;
     MarginalFit fit;
     if (warm) {
-      JointState begin = *warm;
+      JointState begin = warm->state;
       begin.noise.law = candidate;
       seed_curve_and_noise(agreeing, n, begin);
       MarginalOptions enough = marginal_options();
       enough.gradient_tolerance = 1e-3;  // the stops are as far from their optimum: AIC to a thousandth
-      enough.begin = warm_reml;
+      enough.begin = warm->reml;
       fit = solve_marginal(agreeing, begin, enough);
     }
     if (fit.outcome != Outcome::converged)
@@ -272,7 +271,8 @@ SearchedModels LandmarksJob::choose_model(std::vector<ModelScore>& models,
       }
     return fit;
   };
-  const auto keep = [&](const OrderAndLaw& model, MarginalFit fit) {
+  const auto keep = [&](const OrderAndLaw& model, MarginalFit ended) {
+    const MarginalFit& fit = searched.fits.insert_or_assign(model, std::move(ended)).first->second;
     ModelScore tried{model.first, model.second, infinity, infinity};
     TriedCurve curve;
     if (fit.outcome == Outcome::converged) {
@@ -282,12 +282,11 @@ SearchedModels LandmarksJob::choose_model(std::vector<ModelScore>& models,
       if (fit.covariance) curve.covariance = fit.covariance->topLeftCorner(model.first + 1, model.first + 1);
       const bool has_sigma_s = !problem.estimate_sigma_s || !fit.state.sigma_s_m ||
                                *fit.state.sigma_s_m >= 10.0 * no_sigma_s(problem);
-      if (has_sigma_s && tried.aic < warm_aic) warm = fit.state, warm_reml = fit.reml, warm_aic = tried.aic;
+      if (has_sigma_s && tried.aic < warm_aic) warm = &fit, warm_aic = tried.aic;
     }
     curve.aic = tried.aic;
     curves.push_back(curve);
     models.push_back(tried);
-    searched.fits.insert_or_assign(model, std::move(fit));
     return tried.aic;
   };
   const auto values_of = [&](std::vector<OrderAndLaw> wanted) {

@@ -18,12 +18,9 @@ bool spread_the_stops(const Model& model) {
   });
 }
 
-std::vector<StopPrior> priors_under(const Rows& rows, const Model& shared, const Model& model) {
-  std::vector<StopPrior> stops = rows.problem.stops;
-  for (const Model* part : {&shared, &model})
-    for (const ActiveEffect& active : *part)
-      if (active.effect->acts_on_stops()) active.effect->stops(rows.context, active.parameters.data(), stops);
-  return stops;
+Model joined(Model a, const Model& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
 }
 
 }  // namespace
@@ -31,8 +28,8 @@ std::vector<StopPrior> priors_under(const Rows& rows, const Model& shared, const
 double separation(const Rows& rows, const JointState& state, const Model& causes, const Model& rivals,
                   const Model& share) {
   if (!rows.pairs && spread_the_stops(causes) && spread_the_stops(rivals))
-    return stops_noncentrality(Space(rows, {}, state), priors_under(rows, share, rivals),
-                               priors_under(rows, share, causes));
+    return stops_noncentrality(Space(rows, {}, state), commanded_under(rows, joined(share, rivals)),
+                               commanded_under(rows, joined(share, causes)));
   const WorkingProblem working = working_problem(rows, {}, state);
   const Projector projector(rows, working, state);
   Signature x;

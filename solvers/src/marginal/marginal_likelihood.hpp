@@ -152,10 +152,11 @@ class Marginal {
       limit_step(layout(), state.noise.law, *step);
       const Eigen::VectorXd stops = system_.back_substitute(*step, true);
       bool accepted = false;
-      const double close_before = close;
-      // With stops short of their optimum the log-determinant is off by about a tenth of what they have left to gain [nats].
+      // With stops short of their optimum the log-determinant is off by about a tenth of what they have left to gain [nats]; in a
+      // poor model by more. Where the whole step fails near the optimum, another is taken from stops at theirs.
       const double slack = 1e-11 * (1.0 + std::abs(current)) + 0.3 * std::sqrt(stop_decrement_sq_);
-      for (double factor = 1.0; factor > 1e-6 && !accepted;) {
+      const bool may_settle = gradient_norm < near_norm && close > at_optimum;
+      for (double factor = 1.0; factor > (may_settle ? 0.5 : 1e-6); factor *= 0.5) {
         JointState trial = step_state(problem_, layout(), state, factor * *step, factor * stops);
         const double trial_value = value(trial, close);
         if (std::isfinite(trial_value) &&
@@ -165,14 +166,11 @@ class Marginal {
           last_step = factor * *step;
           last_norm = std::sqrt(std::max(0.0, last_step.dot(curvature * last_step)));
           log.iteration(iterations + 1, marginal_nll, last_norm, gradient_norm, {"length", factor});
-        } else if (gradient_norm < near_norm && close > at_optimum) {
-          close = at_optimum;  // in a poor model the log-determinant is off by more
           break;
-        } else {
-          factor *= 0.5;
         }
       }
-      if (!accepted && close != close_before) {  // another step, from stops at their optimum
+      if (!accepted && may_settle) {
+        close = at_optimum;
         if (!std::isfinite(value(state, close))) return false;
         continue;
       }
