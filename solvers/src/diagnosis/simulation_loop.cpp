@@ -128,9 +128,7 @@ std::vector<Recording> diagnosis::drawn_recordings(const SimulationModel& model,
   const Calibration& c = model.calibration;
   const std::vector<Recording> layout = layout_of(model);
   auto [rows, state, effects] = calibrated(layout, c);
-  for (const ActiveEffect& active : effects)
-    if (active.effect->acts_on_stops())
-      active.effect->stops(rows.context, active.parameters.data(), rows.problem.stops);
+  rows.problem.stops = commanded_under(rows, effects);
   if (!rows.pairs) state.stops = draw_stops(rows.problem, state, seed_from("simulated stops", {seed}));
 
   const CellGeometry geometry = cell_geometry(rows, state);
