@@ -24,6 +24,22 @@ constexpr auto shape_names = names_of<NoiseShape>("noise shape", {{NoiseShape::g
                                                                   {NoiseShape::one_sided, "one-sided"},
                                                                   {NoiseShape::automatic, "auto"}});
 
+/// log(e^a + e^b), and the part of e^b in the sum.
+struct SumOfTwo {
+  double log_sum, part;
+};
+SumOfTwo sum_of_two(double a, double b) {
+  constexpr double far = 700.0;  // e^-far is next to nothing, and slow to find where it underflows
+  const double apart = std::abs(a - b), smaller = apart < far ? std::exp(-apart) : 0.0;  // over the larger
+  return {std::fmax(a, b) + std::log(1.0 + smaller), (b > a ? 1.0 : smaller) / (1.0 + smaller)};
+}
+
+/// The contaminated normal from log(1 - p) and log(p / k).
+ContaminatedDensity contaminated_at(double log_body, double log_wide, double k, double z) {
+  const SumOfTwo sum = sum_of_two(log_body - 0.5 * z * z, log_wide - 0.5 * z * z / (k * k));
+  return {sum.log_sum, sum.part, 1.0 - sum.part + sum.part / (k * k)};
+}
+
 }  // namespace
 
 const char* to_string(NoiseShape shape) { return shape_names.name_of(shape); }
@@ -45,11 +61,7 @@ int shape_parameter_count(NoiseShape shape) {
 }
 
 ContaminatedDensity contaminated_density(double p, double k, double z) {
-  const double body = std::log1p(-p) - 0.5 * z * z, wide = std::log(p / k) - 0.5 * z * z / (k * k);
-  const double high = std::fmax(body, wide);
-  const double total = high + std::log(std::exp(body - high) + std::exp(wide - high));
-  const double outlier = std::exp(wide - total);
-  return {total, outlier, 1.0 - outlier + outlier / (k * k)};
+  return contaminated_at(std::log1p(-p), std::log(p / k), k, z);
 }
 
 namespace {
@@ -129,9 +141,12 @@ ShapeDensity::ShapeDensity(const NoiseShapeParameters& shape) : shape_(shape) {
       in_nu_ = boost::math::digamma(0.5 * (nu + 1.0)) - boost::math::digamma(0.5 * nu) - 1.0 / nu;
       break;
     case NoiseShape::contaminated:
+      log_body_ = std::log1p(-shape.outlier_share);
+      log_wide_ = std::log(shape.outlier_share / shape.outlier_scale);
+      break;
     case NoiseShape::one_sided:
       log_body_ = std::log1p(-shape.outlier_share);
-      log_share_ = std::log(shape.outlier_share);
+      log_wide_ = std::log(shape.outlier_share);
       break;
   }
 }
@@ -141,11 +156,11 @@ LogDensity ShapeDensity::mixture(double z, double s) const {
   const double p = shape_.outlier_share, sign = shape_.outlier_mean < 0.0 ? -1.0 : 1.0;
   const double lambda = std::abs(shape_.outlier_mean) / s;
   const OneSidedDensity echo = one_sided_density(lambda, sign * z);
-  const double body = log_body_ - half_log_two_pi - 0.5 * z * z, wide = log_share_ + echo.log_density;
-  const double high = std::fmax(body, wide);
+  const double body = log_body_ - half_log_two_pi - 0.5 * z * z, wide = log_wide_ + echo.log_density;
+  const SumOfTwo sum = sum_of_two(body, wide);
+  const double r = sum.part;
   LogDensity out;
-  out.value = high + std::log(std::exp(body - high) + std::exp(wide - high));
-  const double r = std::exp(wide - out.value);
+  out.value = sum.log_sum;
   out.outlier = r;
   out.shift = r * sign * echo.mean;
   out.extra_square = r * echo.variance + r * (1.0 - r) * echo.mean * echo.mean;
@@ -161,7 +176,7 @@ LogDensity ShapeDensity::operator()(double z, double s) const {
   LogDensity out;
   switch (shape_.shape) {
     case NoiseShape::student_t: {
-      const double nu = shape_.nu, bend = std::log1p(z * z / nu);
+      const double nu = shape_.nu, bend = std::log(1.0 + z * z / nu);
       out.value = constant_ - 0.5 * (nu + 1.0) * bend;
       out.weight = (nu + 1.0) / (nu + z * z);
       out.outlier = std::max(0.0, 1.0 - out.weight);
@@ -170,7 +185,7 @@ LogDensity ShapeDensity::operator()(double z, double s) const {
     }
     case NoiseShape::contaminated: {
       const double p = shape_.outlier_share, k = shape_.outlier_scale;
-      const ContaminatedDensity at = contaminated_density(p, k, z);
+      const ContaminatedDensity at = contaminated_at(log_body_, log_wide_, k, z);
       out.outlier = at.outlier;
       out.value = at.log_density + constant_;
       out.weight = at.weight;

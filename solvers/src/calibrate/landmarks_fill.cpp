@@ -62,8 +62,8 @@ std::string with_labels(const std::string& text, const std::vector<std::string>&
 std::string in_user_words(const std::string& direction, const std::vector<std::string>& labels,
                           NoiseLaw law) {
   const bool beta = !has_sigma(law);
-  return std::regex_replace(with_labels(direction, labels), std::regex("noise parameter ([0-9]+)"),
-                            beta ? "beta_$1" : "log sigma_e");
+  static const std::regex pattern("noise parameter ([0-9]+)");
+  return std::regex_replace(with_labels(direction, labels), pattern, beta ? "beta_$1" : "log sigma_e");
 }
 
 Calibration calibration_from_fit(const LandmarksJob& job, Method method, const JointFit& fit) {

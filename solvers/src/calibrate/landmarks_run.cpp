@@ -17,6 +17,25 @@
 namespace rangecal {
 namespace {
 
+/// A marginal fit, Gaussian or not, and what its stops say of it.
+struct Judged {
+  MarginalFit fit;
+  std::optional<StopInfluence> influence;
+};
+
+Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes) {
+  Judged result{fit, std::nullopt};
+  JointState& state = result.fit.state;
+  if (fit.outcome != Outcome::converged || !fit.covariance) return result;
+  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(job.problem));
+  if (shapes)
+    result.influence = stop_influence(weighted_problem(*job.rows, state, shapes->range, shapes->bearing),
+                                      state, *fit.covariance);
+  else
+    result.influence = stop_influence(job.problem, state, *fit.covariance);
+  return result;
+}
+
 /// The parts of a job that several methods share, each solved when first asked for.
 class Run {
  public:
@@ -24,10 +43,17 @@ class Run {
   /// start from, which must outlive this; or null.
   Run(const LandmarksJob& job, int order, NoiseLaw law, std::optional<RobustMarginalFit> shaped,
       const MarginalFit* near)
-      : job_(job), shaped_(std::move(shaped)), near_(near), seed_(job.seed(order, law)) {
+      : order(order),
+        law(law),
+        job_(job),
+        shaped_(std::move(shaped)),
+        near_(near),
+        seed_(job.seed(order, law)) {
     if (shaped_) keep(shaped_->fit);
   }
 
+  const int order;
+  const NoiseLaw law;
   const std::optional<JointState>& seed() const { return seed_; }
   const RobustMarginalFit* shaped() const { return shaped_ ? &*shaped_ : nullptr; }
   const RobustShapes* shapes() const { return shaped_ ? &shaped_->shapes : nullptr; }
@@ -51,6 +77,18 @@ class Run {
     return marginal_ ? &*marginal_ : nullptr;
   }
 
+  /// The marginal fit, with the noise shapes where there are any.
+  const MarginalFit* best_marginal() { return shaped_ ? &shaped_->fit : marginal(); }
+
+  /// That fit, judged; without an influence where there is none.
+  const Judged& judgement() {
+    if (!judged_) {
+      const MarginalFit* fit = best_marginal();
+      judged_ = fit ? judged(job_, *fit, shapes()) : Judged{};
+    }
+    return *judged_;
+  }
+
  private:
   void keep(const MarginalFit& fit) {
     if (fit.state.alpha.size() == 0 || !std::isfinite(fit.joint_nll)) return;
@@ -65,6 +103,7 @@ class Run {
   std::optional<JointState> seed_;
   std::optional<JointFit> full_;
   std::optional<MarginalFit> marginal_;
+  std::optional<Judged> judged_;
 };
 
 Calibration named(const LandmarksJob& job, Method method, Outcome outcome, const std::string& reason) {
@@ -123,11 +162,11 @@ Calibration by_marginal(const LandmarksJob& job, Run& run) {
   return result;
 }
 
-Calibration by_method(const LandmarksJob& job, Method method, int order, NoiseLaw law, Run& run) {
+Calibration by_method(const LandmarksJob& job, Method method, Run& run) {
   switch (method) {
     case Method::closed_form:
     case Method::approximate:
-      return calibration_by_closed_form(job, method, order, law);
+      return calibration_by_closed_form(job, method, run.order, run.law);
     case Method::full:
       return by_full(job, run);
     case Method::marginal:
@@ -154,51 +193,30 @@ CheckReport checked(const LandmarksJob& job, const JointState& seed, const Joint
   return report;
 }
 
-/// A marginal fit, Gaussian or not, and what its stops say of it.
-struct Judged {
-  MarginalFit fit;
-  std::optional<StopInfluence> influence;
-};
-
-Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes) {
-  Judged result{fit, std::nullopt};
-  JointState& state = result.fit.state;
-  if (fit.outcome != Outcome::converged || !fit.covariance) return result;
-  if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(job.problem));
-  if (shapes)
-    result.influence = stop_influence(weighted_problem(*job.rows, state, shapes->range, shapes->bearing),
-                                      state, *fit.covariance);
-  else
-    result.influence = stop_influence(job.problem, state, *fit.covariance);
-  return result;
-}
-
-/// The order below AIC's, if any, that predicts stops left out better than AIC's does; its fit where a noise shape is
-/// asked for. A curve bends after an effect of another variable, and AIC, which takes readings for independent, lets it.
-std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw law,
-                                  const SearchedModels& searched, std::optional<RobustMarginalFit>& shaped,
-                                  CalibrationReport& report) {
-  if (job.options.order || order < 2 || is_walk(job.problem)) return std::nullopt;
+/// The fit of an order below that of `run`, AIC's, if one predicts stops left out better. A curve bends after an effect of another
+/// variable, and AIC, which takes readings for independent, lets it.
+std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const SearchedModels& searched,
+                                      CalibrationReport& report) {
+  if (job.options.order || run.order < 2 || is_walk(job.problem)) return std::nullopt;
   const MarginalOptions marginal = job.marginal_options();
-  const RobustShapes* shapes = shaped ? &shaped->shapes : nullptr;
+  const RobustMarginalFit* shaped = run.shaped();
   struct AtOrder {
     std::optional<RobustMarginalFit> shaped;
     Judged judged;
   };
-  std::vector<AtOrder> at(static_cast<std::size_t>(order));  // orders 1 to `order`
+  std::vector<AtOrder> at(static_cast<std::size_t>(run.order));  // orders 1 to run.order
   in_parallel(at.size(), [&](std::size_t i) {
     const int n = static_cast<int>(i) + 1;
-    if (shaped && n < order) {
-      const JointState start = job.restated(shaped->fit.state, n, law);
-      at[i].shaped = solve_marginal_robust(*job.rows, start, *shapes, marginal, true);
-      at[i].judged = judged(job, at[i].shaped->fit, &at[i].shaped->shapes);
+    if (n == run.order) {
+      at[i].judged = run.judgement();
     } else if (shaped) {
-      at[i].judged = judged(job, shaped->fit, shapes);
-    } else if (const MarginalFit* fitted = searched.at(n, law)) {
+      const JointState start = job.restated(shaped->fit.state, n, run.law);
+      at[i].shaped = solve_marginal_robust(*job.rows, start, shaped->shapes, marginal, true);
+      at[i].judged = judged(job, at[i].shaped->fit, &at[i].shaped->shapes);
+    } else if (const MarginalFit* fitted = searched.at(n, run.law)) {
       at[i].judged = judged(job, *fitted, nullptr);
     } else {
-      Run run(job, n, law, std::nullopt, nullptr);
-      if (const MarginalFit* fit = run.marginal()) at[i].judged = judged(job, *fit, nullptr);
+      at[i].judged = Run(job, n, run.law, std::nullopt, nullptr).judgement();
     }
   });
   const Judged& highest = at.back().judged;
@@ -206,7 +224,7 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
   LeftOutErrors of_best =
       left_out_errors(job.agreeing, highest.fit.state, *highest.influence, highest.fit.state);
   std::optional<int> best;
-  for (int n = order - 1; n >= 1; --n) {
+  for (int n = run.order - 1; n >= 1; --n) {
     const Judged& lower = at[static_cast<std::size_t>(n) - 1].judged;
     if (!lower.influence) continue;
     const LeftOutErrors errors =
@@ -218,15 +236,16 @@ std::optional<int> order_by_stops(const LandmarksJob& job, int order, NoiseLaw l
   if (!best) return std::nullopt;
   report.notes.push_back(fmt::format(
       "order {} rather than {}, which has the lowest AIC: it predicts the readings of stops left out better",
-      *best, order));
+      *best, run.order));
+  std::optional<RobustMarginalFit> settled;
   if (shaped) {
     const RobustMarginalFit& rough = *at[static_cast<std::size_t>(*best) - 1].shaped;
-    RobustMarginalFit settled = solve_marginal_robust(*job.rows, rough.fit.state, rough.shapes, marginal);
-    settled.shapes.range_tried = shaped->shapes.range_tried;
-    settled.shapes.bearing_tried = shaped->shapes.bearing_tried;
-    shaped = std::move(settled);
+    settled = solve_marginal_robust(*job.rows, rough.fit.state, rough.shapes, marginal);
+    settled->shapes.range_tried = shaped->shapes.range_tried;
+    settled->shapes.bearing_tried = shaped->shapes.bearing_tried;
   }
-  return best;
+  return std::optional<Run>(std::in_place, job, *best, run.law, std::move(settled),
+                            searched.at(*best, run.law));
 }
 
 /// Standard deviations by stops, and how much larger than the model's they are.
@@ -241,11 +260,8 @@ void add_deviations_by_stops(const StopInfluence& influence, Calibration& calibr
 }
 
 /// Those, and whether the curve is better than none.
-void add_checks(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes,
-                Calibration& calibration) {
-  if (calibration.outcome != Outcome::converged) return;
-  const Judged at = judged(job, fit, shapes);
-  if (!at.influence) return;
+void add_checks(const LandmarksJob& job, const Judged& at, Calibration& calibration) {
+  if (calibration.outcome != Outcome::converged || !at.influence) return;
   add_deviations_by_stops(*at.influence, calibration);
   calibration.left_out =
       left_out_check(left_out_errors(job.agreeing, at.fit.state, *at.influence, at.fit.state), &*at.influence,
@@ -310,11 +326,13 @@ bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
 }
 
 /// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `searched` gets
-/// that optimum.
+/// that optimum, and `run` what was solved on the way to it.
 std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationReport& report,
-                                           std::vector<TriedCurve>& curves, SearchedModels& searched) {
+                                           std::vector<TriedCurve>& curves, SearchedModels& searched,
+                                           std::optional<Run>& run) {
   if (!job.rows) return std::nullopt;
-  Run gaussian(job, searched.order, searched.law, std::nullopt, searched.at(searched.order, searched.law));
+  Run& gaussian =
+      run.emplace(job, searched.order, searched.law, std::nullopt, searched.at(searched.order, searched.law));
   if (!gaussian.seed()) return std::nullopt;
   const MarginalFit* fit = gaussian.marginal();
   std::vector<ModelScore> models = report.models;
@@ -362,26 +380,27 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   }
   std::vector<TriedCurve> curves;
   SearchedModels searched = job.choose_model(report.models, curves);
-  std::optional<RobustMarginalFit> shaped = shapes_at(job, report, curves, searched);
-  int order = searched.order;
-  NoiseLaw law = searched.law;
+  std::optional<Run> run;  // of the model chosen
+  std::optional<RobustMarginalFit> shaped = shapes_at(job, report, curves, searched, run);
   if (shaped) {
-    order = static_cast<int>(shaped->fit.state.alpha.size()) - 1;
-    law = shaped->fit.state.noise.law;
+    const int order = static_cast<int>(shaped->fit.state.alpha.size()) - 1;
+    const NoiseLaw law = shaped->fit.state.noise.law;
+    run.emplace(job, order, law, std::move(shaped), nullptr);
   } else if (job.consensus.left_out > 0) {  // Gaussian noise holds them all
     job.take_all_readings();
     report.models.clear();
     curves.clear();
     searched = job.choose_model(report.models, curves);
-    order = searched.order;
-    law = searched.law;
+    run.reset();
   }
-  if (const auto lower = order_by_stops(job, order, law, searched, shaped, report)) order = *lower;
-  Run run(job, order, law, std::move(shaped), searched.at(order, law));
+  if (!run)
+    run.emplace(job, searched.order, searched.law, std::nullopt, searched.at(searched.order, searched.law));
+  if (std::optional<Run> lower = run_of_lower_order(job, *run, searched, report))
+    run.emplace(std::move(*lower));
   for (Method method : methods) {
     if (options.on_progress) options.on_progress(fmt::format("solving {}", to_string(method)));
     if (options.on_method) options.on_method(method, true);
-    report.calibrations.push_back(by_method(job, method, order, law, run));
+    report.calibrations.push_back(by_method(job, method, *run));
     if (options.on_method) options.on_method(method, false);
   }
   std::optional<double> sigma_s, sigma_theta;
@@ -390,22 +409,21 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     if (calibration.sigma_theta_rad) sigma_theta = calibration.sigma_theta_rad->value;
   }
   for (Calibration& calibration : report.calibrations)
-    score(job, sigma_s, sigma_theta, run.shapes(), calibration);
+    score(job, sigma_s, sigma_theta, run->shapes(), calibration);
   for (Calibration& calibration : report.calibrations)
     if (calibration.method == Method::marginal)  // the others' curves at other orders are not known
       calibration.covariance_with_choice = covariance_with_choice(calibration, curves);
   for (Calibration& calibration : report.calibrations) {
     if (calibration.method != Method::marginal) continue;
-    if (run.shaped()) list_outliers(job, *run.shaped(), calibration);
-    if (const MarginalFit* fit = run.shaped() ? &run.shaped()->fit : run.marginal())
-      add_checks(job, *fit, run.shapes(), calibration);
+    if (run->shaped()) list_outliers(job, *run->shaped(), calibration);
+    add_checks(job, run->judgement(), calibration);
   }
   report_shapes(report);
-  if (run.shapes()) note_tried(*run.shapes(), report);
-  mark_unobservable_curves(job, run.best_state ? run.best_state : run.seed(), report);
-  if (options.check && !run.shapes() && !job.problem.estimate_sigma_s && run.seed()) {
+  if (run->shapes()) note_tried(*run->shapes(), report);
+  mark_unobservable_curves(job, run->best_state ? run->best_state : run->seed(), report);
+  if (options.check && !run->shapes() && !job.problem.estimate_sigma_s && run->seed()) {
     if (options.on_progress) options.on_progress("checking the joint optimum with NLopt");
-    report.check = checked(job, *run.seed(), *run.full());
+    report.check = checked(job, *run->seed(), *run->full());
   }
 }
 

@@ -106,14 +106,15 @@ std::optional<int> order_without_noise(const JointProblem& problem, int lowest, 
       return std::nullopt;
     }
     bool exact = true;
-    for (std::size_t i = 0; i < c.size() && exact; ++i) {
+    for (std::size_t i = 0; i < c.size(); ++i) {
       const Pose2& pose = state.stops[static_cast<std::size_t>(c.stop[i])];
       const Eigen::Vector2d away =
           state.landmarks[static_cast<std::size_t>(c.landmark[i])] - Eigen::Vector2d(pose.x_m, pose.y_m);
-      const double f = evaluate_polynomial(state.alpha, away.norm() - c.radius_m[i]);
       const double bearing = std::atan2(away.y(), away.x()) - pose.heading_rad;
-      exact = std::abs(f - c.range_mean[i]) < rounding * c.range_mean[i] &&
-              std::abs(wrap_angle(c.bearing_mean[i] - bearing)) < rounding;
+      if (!(std::abs(wrap_angle(c.bearing_mean[i] - bearing)) < rounding))
+        return std::nullopt;  // landmarks are where the bearings put them, at any order
+      const double f = evaluate_polynomial(state.alpha, away.norm() - c.radius_m[i]);
+      exact = exact && std::abs(f - c.range_mean[i]) < rounding * c.range_mean[i];
     }
     if (exact) return order;
   }

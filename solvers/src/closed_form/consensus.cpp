@@ -18,6 +18,7 @@ namespace {
 
 constexpr double cutoff = 6.0;                  // robust spreads
 constexpr double median_of_chi_sq = 0.4549364;  // of one degree of freedom
+constexpr int highest_order = 4;                // of a robust curve
 
 /// Tukey's biweight.
 double biweight(double z) {
@@ -60,7 +61,7 @@ struct RobustCurve {
   Eigen::VectorXd alpha;
   double tau_sq = 0.0, score = std::numeric_limits<double>::infinity();
   int power = 0;
-  double g(double d) const { return std::pow(d, 2 * power); }
+  double g(double d) const { return power == 0 ? 1.0 : power == 1 ? d * d : d * d * d * d; }
   double z(double d, double y, double v) const {
     return (y - evaluate_polynomial(alpha, d)) /
            std::sqrt(std::max(v + tau_sq * g(d), std::numeric_limits<double>::min()));
@@ -78,25 +79,40 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
     g[i] = std::max(curve.g(d[i]), 1e-12 * curve.g(longest));
     weight[i] = 1.0 / g[i];
   }
-  Eigen::VectorXd row(order + 1), unit = Eigen::VectorXd::Ones(order + 1);  // powers of d / longest
+  using Row = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, highest_order + 1, 1>;  // powers of d / longest
+  using Square =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, highest_order + 1, highest_order + 1>;
+  Row unit = Row::Ones(order + 1);
   for (int j = 1; j <= order; ++j) unit[j] = unit[j - 1] / longest;
-  constexpr int absolute = 5, iterations = 12;  // least absolute deviations first, then the biweight
+  // Least absolute deviations first, then the biweight; each until the curve moves by less than `close` spreads.
+  constexpr int absolute = 5, iterations = 12;
+  constexpr double close = 0.01;
+  std::vector<double> f(n, std::numeric_limits<double>::infinity()), before(n);
+  bool deviations = true;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(order + 1, order + 1);
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(order + 1);
+    Square A = Square::Zero(order + 1, order + 1);
+    Row b = Row::Zero(order + 1), row = Row::Ones(order + 1);
     for (std::size_t i = 0; i < n; ++i) {
-      row[0] = 1.0;
       for (int j = 1; j <= order; ++j) row[j] = row[j - 1] * d[i] / longest;
-      A.noalias() += weight[i] * row * row.transpose();
       b += weight[i] * y[i] * row;
+      for (int j = 0; j <= order; ++j)
+        for (int k = 0; k <= j; ++k) A(j, k) += weight[i] * row[j] * row[k];
     }
     curve.alpha = A.ldlt().solve(b).cwiseProduct(unit);
-    for (std::size_t i = 0; i < n; ++i)
-      square[i] = std::pow(y[i] - evaluate_polynomial(curve.alpha, d[i]), 2);
+    before.swap(f);
+    for (std::size_t i = 0; i < n; ++i) {
+      f[i] = evaluate_polynomial(curve.alpha, d[i]);
+      square[i] = (y[i] - f[i]) * (y[i] - f[i]);
+    }
     curve.tau_sq = common_variance(square, own, g, curve.tau_sq);
+    double moved = 0.0;
+    for (std::size_t i = 0; i < n; ++i)
+      moved = std::max(moved, std::abs(f[i] - before[i]) / std::sqrt(v[i] + curve.tau_sq * g[i] + rounding));
+    if (!deviations && moved < close) break;
+    deviations = deviations && moved >= close && iteration < absolute;
     for (std::size_t i = 0; i < n; ++i) {
       const double variance = v[i] + curve.tau_sq * g[i] + rounding, z = std::sqrt(square[i] / variance);
-      weight[i] = iteration < absolute ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
+      weight[i] = deviations ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
     }
   }
   curve.score = 0.0;
@@ -300,7 +316,7 @@ std::vector<char> agreeing_pairs(std::span<const double> true_m, std::span<const
   std::vector<double> distinct(true_m.begin(), true_m.end());
   std::sort(distinct.begin(), distinct.end());
   distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
-  const int order = std::min(4, static_cast<int>(distinct.size()) - 1);
+  const int order = std::min(highest_order, static_cast<int>(distinct.size()) - 1);
   if (n < 12 || order < 1 || !(distinct.front() > 0.0)) return kept;
   const std::vector<double> exact(n, 0.0);
   const RobustCurve curve = likeliest_curve(true_m, reading_m, exact, order);

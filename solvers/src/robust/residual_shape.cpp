@@ -83,7 +83,7 @@ struct Coordinates {
   }
 };
 
-/// The objective with its gradient and the outer product of the scores.
+/// The objective with its gradient and, where asked, the outer product of the scores.
 struct Value {
   double nll = infinity;
   Vector gradient;
@@ -91,7 +91,7 @@ struct Value {
 };
 
 Value value_at(const ChannelResiduals& residuals, const Coordinates& coordinates, const Vector& q,
-               double fitted, bool derivatives) {
+               double fitted, bool with_outer) {
   const ResidualShape at = coordinates.at(q);
   const ShapeDensity density_at(at.shape);
   const int size = coordinates.size(), first = coordinates.first_of_shape();
@@ -113,13 +113,15 @@ Value value_at(const ChannelResiduals& residuals, const Coordinates& coordinates
     const LogDensity density = density_at(z, c * residuals.s[i]);
     const double w = residuals.weight_of(i);
     sum -= w * density.value;
-    if (!derivatives) continue;
     score[0] = -per_reading - density.derivative * z + density.in_log_s;
     if (coordinates.location) score[1] = -density.derivative / c;
     for (int j = first; j < size; ++j) score[j] = density.in_shape[j - first] * slopes[j - first];
     value.gradient -= w * score;
-    value.outer.noalias() += w * score * score.transpose();
+    if (!with_outer) continue;
+    for (int j = 0; j < size; ++j)
+      for (int k = 0; k <= j; ++k) value.outer(j, k) += w * score[j] * score[k];
   }
+  value.outer.triangularView<Eigen::StrictlyUpper>() = value.outer.transpose();
   if (at.shape.shape == NoiseShape::student_t) {
     const double nu = at.shape.nu;
     sum += 0.5 * fitted * std::log((nu + 1.0) / (nu + 3.0));
@@ -139,7 +141,7 @@ Matrix curvature_at(const ChannelResiduals& residuals, const Coordinates& coordi
     Vector moved = q;
     const bool down = q[j] + step > coordinates.limits(j).second;
     moved[j] += down ? -step : step;
-    H.col(j) = (value_at(residuals, coordinates, moved, fitted, true).gradient - at.gradient) /
+    H.col(j) = (value_at(residuals, coordinates, moved, fitted, false).gradient - at.gradient) /
                (down ? -step : step);
   }
   H = Matrix(0.5 * (H + H.transpose()));

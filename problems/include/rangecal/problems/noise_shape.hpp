@@ -108,7 +108,7 @@ class ShapeDensity {
 
   NoiseShapeParameters shape_;
   double constant_ = 0.0, in_nu_ = 0.0;
-  double log_body_ = 0.0, log_share_ = 0.0;  ///< log(1 - p), log p
+  double log_body_ = 0.0, log_wide_ = 0.0;  ///< log(1 - p); log(p / k), of a one-sided shape log p
 };
 
 /// Standard deviation of z: 1, sqrt(nu / (nu - 2)) (infinite for nu <= 2), sqrt(1 - p + p k^2),
