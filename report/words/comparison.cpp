@@ -194,6 +194,9 @@ std::vector<std::string> footnotes(const CalibrationReport& report, const std::v
   }
   for (const auto& [reason, methods] : reasons)
     if (!reason.empty()) line(methods + ": " + shortened(reason));
+  if (report.models.size() > 1)
+    line(
+        "time: after order, noise law and noise shapes were chosen; by then marginal is solved for the most part");
   bool truth = false, estimated = false;
   for (const TruthScore& score : scores) {
     truth = truth || score.mse_ratio;

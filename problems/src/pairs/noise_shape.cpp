@@ -30,7 +30,7 @@ struct SumOfTwo {
 };
 SumOfTwo sum_of_two(double a, double b) {
   constexpr double far = 700.0;  // e^-far is next to nothing, and slow to find where it underflows
-  const double apart = std::abs(a - b), smaller = apart < far ? std::exp(-apart) : 0.0;  // over the larger
+  const double apart = std::abs(a - b), smaller = apart > far ? 0.0 : std::exp(-apart);  // over the larger
   return {std::fmax(a, b) + std::log(1.0 + smaller), (b > a ? 1.0 : smaller) / (1.0 + smaller)};
 }
 

@@ -41,14 +41,14 @@ class Run {
  public:
   /// `shaped`: the marginal fit with the noise shapes that all methods share; none: Gaussian noise. `near`: a fit of the model to
   /// start from, which must outlive this; or null.
-  Run(const LandmarksJob& job, int order, NoiseLaw law, std::optional<RobustMarginalFit> shaped,
+  Run(const LandmarksJob& job, int of_order, NoiseLaw of_law, std::optional<RobustMarginalFit> shaped,
       const MarginalFit* near)
-      : order(order),
-        law(law),
+      : order(of_order),
+        law(of_law),
         job_(job),
         shaped_(std::move(shaped)),
         near_(near),
-        seed_(job.seed(order, law)) {
+        seed_(job.seed(of_order, of_law)) {
     if (shaped_) keep(shaped_->fit);
   }
 
@@ -77,17 +77,16 @@ class Run {
     return marginal_ ? &*marginal_ : nullptr;
   }
 
-  /// The marginal fit, with the noise shapes where there are any.
-  const MarginalFit* best_marginal() { return shaped_ ? &shaped_->fit : marginal(); }
-
-  /// That fit, judged; without an influence where there is none.
+  /// The marginal fit, with the noise shapes where there are any, judged; it has no influence where there is no fit.
   const Judged& judgement() {
     if (!judged_) {
-      const MarginalFit* fit = best_marginal();
+      const MarginalFit* fit = shaped_ ? &shaped_->fit : marginal();
       judged_ = fit ? judged(job_, *fit, shapes()) : Judged{};
     }
     return *judged_;
   }
+  /// The marginal fit is solved already.
+  bool has_marginal() const { return shaped_ || marginal_; }
 
  private:
   void keep(const MarginalFit& fit) {
@@ -146,10 +145,10 @@ Calibration by_full(const LandmarksJob& job, Run& run) {
   if (const RobustMarginalFit* shaped = run.shaped()) return full_with_shapes(job, *shaped);
   const JointFit* fit = run.full();
   if (!fit) return named(job, Method::full, Outcome::failed, "no start inside the model's domain was found");
-  JointFit judged = *fit;
+  JointFit refused = *fit;
   if (const MarginalFit* marginal = run.marginal(); marginal && marginal->outcome == Outcome::converged)
-    refuse_spurious(marginal->state, judged);
-  return calibration_from_fit(job, Method::full, judged);
+    refuse_spurious(marginal->state, refused);
+  return calibration_from_fit(job, Method::full, refused);
 }
 
 Calibration by_marginal(const LandmarksJob& job, Run& run) {
@@ -193,8 +192,8 @@ CheckReport checked(const LandmarksJob& job, const JointState& seed, const Joint
   return report;
 }
 
-/// The fit of an order below that of `run`, AIC's, if one predicts stops left out better. A curve bends after an effect of another
-/// variable, and AIC, which takes readings for independent, lets it.
+/// A run of a lower order than that of `run`, AIC's, if one predicts the readings of stops left out better. A curve bends after an
+/// effect of another variable, and AIC, which takes readings for independent, lets it.
 std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const SearchedModels& searched,
                                       CalibrationReport& report) {
   if (job.options.order || run.order < 2 || is_walk(job.problem)) return std::nullopt;
@@ -207,7 +206,7 @@ std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const S
   std::vector<AtOrder> at(static_cast<std::size_t>(run.order));  // orders 1 to run.order
   in_parallel(at.size(), [&](std::size_t i) {
     const int n = static_cast<int>(i) + 1;
-    if (n == run.order) {
+    if (n == run.order && (run.has_marginal() || !searched.at(n, run.law))) {
       at[i].judged = run.judgement();
     } else if (shaped) {
       const JointState start = job.restated(shaped->fit.state, n, run.law);
@@ -309,11 +308,11 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
 
 /// True where no reading is a gross outlier and Gaussian noise predicts stops left out better than the shapes that were chosen for their
 /// AIC: these bend the curve after an effect that the model lacks. Where standard deviations by stops say that the model does not
-/// hold, AIC is no reason for a shape, and Gaussian noise may be worse by the standard error. `fit`: that of Gaussian noise.
-bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
-                              const RobustMarginalFit& shaped) {
+/// hold, AIC is no reason for a shape, and Gaussian noise may be worse by the standard error.
+bool gaussian_predicts_better(const LandmarksJob& job, Run& gaussian, const RobustMarginalFit& shaped) {
   if (job.consensus.left_out > 0) return false;
-  const Judged plain = judged(job, fit, nullptr), other = judged(job, shaped.fit, &shaped.shapes);
+  const Judged& plain = gaussian.judgement();
+  const Judged other = judged(job, shaped.fit, &shaped.shapes);
   if (!plain.influence || !other.influence) return false;
   const std::optional<Gain> gain =
       gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
@@ -325,10 +324,10 @@ bool gaussian_predicts_better(const LandmarksJob& job, const MarginalFit& fit,
   return gain->mean > (holds ? 0.0 : -gain->std_dev);
 }
 
-/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `searched` gets
-/// that optimum, and `run` what was solved on the way to it.
+/// The noise shapes asked for, from the optimum of Gaussian noise on the readings that agree; none: Gaussian. `run` gets what was
+/// solved on the way to that optimum.
 std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationReport& report,
-                                           std::vector<TriedCurve>& curves, SearchedModels& searched,
+                                           std::vector<TriedCurve>& curves, const SearchedModels& searched,
                                            std::optional<Run>& run) {
   if (!job.rows) return std::nullopt;
   Run& gaussian =
@@ -341,7 +340,7 @@ std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationR
       job.choose_shapes(gaussian.best_state ? *gaussian.best_state : *gaussian.seed(),
                         fit ? fit->reml : std::nullopt, models, shaped_curves);
   if (shaped && fit && job.options.noise_shape == NoiseShape::automatic &&
-      gaussian_predicts_better(job, *fit, *shaped)) {
+      gaussian_predicts_better(job, gaussian, *shaped)) {
     report.notes.push_back(fmt::format(
         "gaussian noise rather than {} of ranges and {} of bearings, which have the lower AIC: they predict the readings of "
         "stops left out no better, and no reading is a gross outlier",
@@ -352,8 +351,6 @@ std::optional<RobustMarginalFit> shapes_at(const LandmarksJob& job, CalibrationR
     report.models = std::move(models);
     curves = std::move(shaped_curves);
   }
-  if (fit && fit->outcome == Outcome::converged)
-    searched.fits.insert_or_assign({searched.order, searched.law}, *fit);
   return shaped;
 }
 
@@ -387,11 +384,11 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     const NoiseLaw law = shaped->fit.state.noise.law;
     run.emplace(job, order, law, std::move(shaped), nullptr);
   } else if (job.consensus.left_out > 0) {  // Gaussian noise holds them all
+    run.reset();
     job.take_all_readings();
     report.models.clear();
     curves.clear();
     searched = job.choose_model(report.models, curves);
-    run.reset();
   }
   if (!run)
     run.emplace(job, searched.order, searched.law, std::nullopt, searched.at(searched.order, searched.law));

@@ -84,13 +84,14 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, highest_order + 1, highest_order + 1>;
   Row unit = Row::Ones(order + 1);
   for (int j = 1; j <= order; ++j) unit[j] = unit[j - 1] / longest;
-  // Least absolute deviations first, then the biweight; each until the curve moves by less than `close` spreads.
+  // Least squares, then up to five fits of least absolute deviations, then the biweight, up to twelve in all; each kind until the curve
+  // moves by less than `close` spreads.
   constexpr int absolute = 5, iterations = 12;
   constexpr double close = 0.01;
   std::vector<double> f(n, std::numeric_limits<double>::infinity()), before(n);
-  bool deviations = true;
+  bool by_deviations = true;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    Square A = Square::Zero(order + 1, order + 1);
+    Square A = Square::Zero(order + 1, order + 1);  // its lower half, which is all that LDLT reads
     Row b = Row::Zero(order + 1), row = Row::Ones(order + 1);
     for (std::size_t i = 0; i < n; ++i) {
       for (int j = 1; j <= order; ++j) row[j] = row[j - 1] * d[i] / longest;
@@ -108,11 +109,11 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
     double moved = 0.0;
     for (std::size_t i = 0; i < n; ++i)
       moved = std::max(moved, std::abs(f[i] - before[i]) / std::sqrt(v[i] + curve.tau_sq * g[i] + rounding));
-    if (!deviations && moved < close) break;
-    deviations = deviations && moved >= close && iteration < absolute;
+    if (!by_deviations && moved < close) break;
+    by_deviations = by_deviations && moved >= close && iteration < absolute;
     for (std::size_t i = 0; i < n; ++i) {
       const double variance = v[i] + curve.tau_sq * g[i] + rounding, z = std::sqrt(square[i] / variance);
-      weight[i] = deviations ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
+      weight[i] = by_deviations ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
     }
   }
   curve.score = 0.0;

@@ -121,7 +121,7 @@ Value value_at(const ChannelResiduals& residuals, const Coordinates& coordinates
     for (int j = 0; j < size; ++j)
       for (int k = 0; k <= j; ++k) value.outer(j, k) += w * score[j] * score[k];
   }
-  value.outer.triangularView<Eigen::StrictlyUpper>() = value.outer.transpose();
+  if (with_outer) value.outer.triangularView<Eigen::StrictlyUpper>() = value.outer.transpose();
   if (at.shape.shape == NoiseShape::student_t) {
     const double nu = at.shape.nu;
     sum += 0.5 * fitted * std::log((nu + 1.0) / (nu + 3.0));

@@ -43,6 +43,21 @@ TEST(ContaminatedDensity, OfGrossOutliersIsTheWideLaws) {
     }
 }
 
+TEST(ShapeDensity, OfEchoesIsOneOfItsTermsFarOut) {
+  // Far above, the echo alone; far below, the body and the echo's phi(z) / (1 - lambda z), lambda = 2 (see below).
+  const NoiseShapeParameters late{NoiseShape::one_sided, 4.0, 0.1, 10.0, 2.0};
+  for (const double z : {60.0, 500.0}) {
+    const LogDensity at = log_density(late, z);
+    const double expected = std::log(0.1) + one_sided_density(2.0, z).log_density;
+    EXPECT_NEAR(at.value, expected, 1e-14 * std::abs(expected)) << z;
+    EXPECT_EQ(at.outlier, 1.0) << z;
+  }
+  const double z = -100.0, body = std::log(0.9) - 0.5 * std::log(2.0 * std::numbers::pi) - 0.5 * z * z;
+  const LogDensity below = log_density(late, z);
+  EXPECT_NEAR(below.value, body + 0.1 / 0.9 / (1.0 - 2.0 * z), 1e-6);
+  EXPECT_NEAR(below.outlier, 0.1 / 0.9 / (1.0 - 2.0 * z), 1e-6);
+}
+
 TEST(OneSidedDensity, IsThePlainFormulaWhereThatHasNumbers) {
   // lambda = 2, z = 1: x = 1/2, log h = -log 2 + 1/8 - 1/2 + log Phi(1/2), Phi(1/2) = 0.6914624612740131.
   const OneSidedDensity at = one_sided_density(2.0, 1.0);

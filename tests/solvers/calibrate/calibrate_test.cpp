@@ -10,6 +10,7 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
+#include "rangecal/solvers/calibrate/plausibility.hpp"
 #include "rangecal/solvers/calibrate/residual_check.hpp"
 #include "rangecal/solvers/calibrate/truth_score.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
@@ -102,6 +103,14 @@ TEST(Calibrate, ReadingsWithoutNoiseAreCalledThat) {
   ASSERT_EQ(report.notes.size(), 2u);  // ranges, bearings
   EXPECT_THAT(report.notes[1], HasSubstr("every bearing"));
   EXPECT_THROW(diagnose(std::span(&recording, 1)), NoAnswerError);
+  EXPECT_EQ(order_without_noise(make_joint_problem(std::span(&recording, 1)), 1, 4), 2);
+  for (auto values :
+       {&Readings::bearing_rad, &Readings::range_m}) {  // all of a landmark at a stop are off: that is noise
+    Recording noisy = recording;
+    for (std::size_t i = 0; i < noisy.readings.size(); ++i)
+      if (noisy.readings.stop[i] == 4 && noisy.readings.landmark[i] == 2) (noisy.readings.*values)[i] += 1e-6;
+    EXPECT_EQ(order_without_noise(make_joint_problem(std::span(&noisy, 1)), 1, 4), std::nullopt);
+  }
 }
 
 TEST(Calibrate, OrderAndLawAreChosenByAic) {
