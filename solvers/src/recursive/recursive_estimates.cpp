@@ -76,6 +76,17 @@ bool may_have_outliers_about(const Calibration& curve, const PairsProblem& point
   return std::any_of(residuals.s.begin(), residuals.s.end(), outside) || may_have_outliers(residuals);
 }
 
+/// Whether a point is next to impossible under a shape about a curve, as a late reading is under early echoes: the shape is of
+/// another family then.
+bool is_beyond(const NoiseShapeParameters& shape, const Calibration& curve, const PairsProblem& points) {
+  constexpr double impossible = -28.0;  // log density of the error in its spreads: 1e-12
+  const ShapeDensity density_at(shape);
+  const ChannelResiduals residuals = residuals_about(curve, points.true_m, points.mean_m);
+  for (std::size_t i = 0; i < residuals.z.size(); ++i)
+    if (!(density_at(residuals.z[i], residuals.s[i]).value > impossible)) return true;
+  return false;
+}
+
 }  // namespace
 
 Calibration RecursiveCalibrator::approximate() const {
@@ -247,11 +258,16 @@ std::optional<Calibration> RecursiveCalibrator::maximise(int order, const Calibr
 }
 
 std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
-  const bool choose = moments_.used >= choose_at_;
+  bool choose = moments_.used >= choose_at_;
   if (!choose && last_shape_.shape == NoiseShape::gaussian) return std::nullopt;
   const double factor = std::isfinite(options_.forget) ? std::exp((origin_ - now_) / options_.forget) : 1.0;
   const double worth = sum_w_ / (factor * sum_w_sq_);  // 1 / sum w^2 over sum w: weights then count readings
   const PairsProblem points = cells_.points(factor * worth, std::isfinite(options_.forget));
+  PairsFit last;
+  last.calibration.alpha = last_alpha_;
+  last.calibration.noise = {options_.law, last_noise_};
+  last.shape = last_shape_;
+  choose = choose || is_beyond(last_shape_, last.calibration, points);
   PairsOptions wanted;
   wanted.order = options_.order;
   wanted.max_order = options_.max_order;
@@ -274,10 +290,6 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
         moments_.used + std::max<std::int64_t>(1, static_cast<std::int64_t>(growth * effective_readings()));
     if (wanted.shape != NoiseShape::gaussian) fit = full_pairs(points, wanted);
   } else {
-    PairsFit last;
-    last.calibration.alpha = last_alpha_;
-    last.calibration.noise = {options_.law, last_noise_};
-    last.shape = last_shape_;
     fit = full_pairs_from(points, last, wanted);
     if (!converged()) fit = full_pairs(points, wanted);
   }

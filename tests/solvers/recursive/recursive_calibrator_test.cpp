@@ -316,6 +316,24 @@ TEST(RecursiveCalibrator, IsTheBatchAnswerUnderOutliers) {
   }
 }
 
+TEST(RecursiveCalibrator, AReadingOfTheOtherSideChoosesTheFamilyAnew) {
+  // Reading 1250 is early by 8 spreads, 1480 late by 505. The optimum of early echoes alone with the latter has 13 times the sigma.
+  const Stream stream = with_outliers(0, 1521, 0.002, 0.0);
+  RecursiveCalibrator tracked;
+  for (std::size_t i = 0; i < stream.d.size(); ++i) {
+    tracked.add(stream.d[i], stream.y[i]);
+    if (i % 100 == 20) tracked.full();
+    if (i == 1420) {
+      const NoiseShapeParameters early = noise_shape_of(tracked.full(), "range");
+      EXPECT_EQ(early.shape, NoiseShape::one_sided);
+      EXPECT_LT(early.outlier_mean, 0.0);
+    }
+  }
+  const Calibration answer = tracked.full();
+  EXPECT_EQ(noise_shape_of(answer, "range").shape, NoiseShape::contaminated);
+  EXPECT_NEAR(answer.noise.parameters[0], 0.02, 5.0 * 0.02 / std::sqrt(2.0 * 1521));
+}
+
 TEST(RecursiveCalibrator, IntervalsHoldUnderOutliers) {
   // z^2 = e^T C^-1 e / 3 of alpha over 60 streams: mean 1, variance 2 / 3 / 60, +- 4 of its deviations = 0.42; with
   // forgetting and without.
