@@ -3,7 +3,9 @@
 // and landmarks over that of `calibrate` on the whole recording with its noise shapes, 95 % intervals, and readings per
 // second over those of a stream of Gaussian noise on the same readings, estimates as `track` makes them included.
 //
-//   stream_study WORLDS
+//   stream_study WORLDS [PAIRS]
+//
+// PAIRS: readings of a stream of pairs, 5000 unless given; streams of landmarks are left out where it is given.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -210,12 +212,13 @@ void study_landmarks(const Outliers& outliers, int worlds, int stops) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int worlds = argc > 1 ? std::atoi(argv[1]) : 0;
-  if (worlds < 1) {
-    std::fprintf(stderr, "usage: stream_study WORLDS\n");
+  const int worlds = argc > 1 ? std::atoi(argv[1]) : 0, pairs = argc > 2 ? std::atoi(argv[2]) : 5000;
+  if (worlds < 1 || pairs < 1) {
+    std::fprintf(stderr, "usage: stream_study WORLDS [PAIRS]\n");
     return 2;
   }
   std::printf("stream     outliers share  worlds  failed    curve landmarks  held 95 %%  readings/s\n");
-  for (const Outliers& outliers : kinds) study_pairs(outliers, worlds, 5000);
-  for (const Outliers& outliers : kinds) study_landmarks(outliers, std::max(1, worlds / 2), 400);
+  for (const Outliers& outliers : kinds) study_pairs(outliers, worlds, pairs);
+  for (const Outliers& outliers : kinds)
+    if (argc <= 2) study_landmarks(outliers, std::max(1, worlds / 2), 400);
 }

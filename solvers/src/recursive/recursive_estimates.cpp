@@ -76,14 +76,16 @@ bool may_have_outliers_about(const Calibration& curve, const PairsProblem& point
   return std::any_of(residuals.s.begin(), residuals.s.end(), outside) || may_have_outliers(residuals);
 }
 
-/// Whether a point is next to impossible under a shape about a curve, as a late reading is under early echoes: the shape is of
-/// another family then.
+/// Whether a shape takes a point for no outlier that is next to impossible without being one, as a late reading is under early
+/// echoes: the shape is of another family then.
 bool is_beyond(const NoiseShapeParameters& shape, const Calibration& curve, const PairsProblem& points) {
-  constexpr double impossible = -28.0;  // log density of the error in its spreads: 1e-12
+  constexpr double impossible = 7.0;  // spreads: 3e-12 of normal errors
   const ShapeDensity density_at(shape);
   const ChannelResiduals residuals = residuals_about(curve, points.true_m, points.mean_m);
   for (std::size_t i = 0; i < residuals.z.size(); ++i)
-    if (!(density_at(residuals.z[i], residuals.s[i]).value > impossible)) return true;
+    if (!(std::abs(residuals.z[i]) < impossible) &&
+        !(density_at(residuals.z[i], residuals.s[i]).outlier > 0.5))
+      return true;
   return false;
 }
 
