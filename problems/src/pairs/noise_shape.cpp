@@ -13,6 +13,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/core/sum_of_logs.hpp"
 
 namespace rangecal {
 
@@ -24,19 +25,9 @@ constexpr auto shape_names = names_of<NoiseShape>("noise shape", {{NoiseShape::g
                                                                   {NoiseShape::one_sided, "one-sided"},
                                                                   {NoiseShape::automatic, "auto"}});
 
-/// log(e^a + e^b), and the part of e^b in the sum.
-struct SumOfTwo {
-  double log_sum, part;
-};
-SumOfTwo sum_of_two(double a, double b) {
-  constexpr double far = 700.0;  // e^-far is next to nothing, and slow to find where it underflows
-  const double apart = std::abs(a - b), smaller = apart > far ? 0.0 : std::exp(-apart);  // over the larger
-  return {std::fmax(a, b) + std::log(1.0 + smaller), (b > a ? 1.0 : smaller) / (1.0 + smaller)};
-}
-
 /// The contaminated normal from log(1 - p) and log(p / k).
 ContaminatedDensity contaminated_at(double log_body, double log_wide, double k, double z) {
-  const SumOfTwo sum = sum_of_two(log_body - 0.5 * z * z, log_wide - 0.5 * z * z / (k * k));
+  const SumOfLogs sum = sum_of_logs(log_body - 0.5 * z * z, log_wide - 0.5 * z * z / (k * k));
   return {sum.log_sum, sum.part, 1.0 - sum.part + sum.part / (k * k)};
 }
 
@@ -157,7 +148,7 @@ LogDensity ShapeDensity::mixture(double z, double s) const {
   const double lambda = std::abs(shape_.outlier_mean) / s;
   const OneSidedDensity echo = one_sided_density(lambda, sign * z);
   const double body = log_body_ - half_log_two_pi - 0.5 * z * z, wide = log_wide_ + echo.log_density;
-  const SumOfTwo sum = sum_of_two(body, wide);
+  const SumOfLogs sum = sum_of_logs(body, wide);
   const double r = sum.part;
   LogDensity out;
   out.value = sum.log_sum;

@@ -16,6 +16,7 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/core/sum_of_logs.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
@@ -59,9 +60,8 @@ double log_with_share(const NoiseShapeParameters& shape, double share, double z,
   }
   const double body = std::log1p(-share) + log_density(shape, z, s).value,
                wide = std::log(share / outlier_scale) - half_log_two_pi -
-                      0.5 * z * z / (outlier_scale * outlier_scale),
-               high = std::max(body, wide);
-  return high + std::log(std::exp(body - high) + std::exp(wide - high));
+                      0.5 * z * z / (outlier_scale * outlier_scale);
+  return sum_of_logs(body, wide).log_sum;
 }
 
 /// log density of z where the spread is e^log_rho times what it was.

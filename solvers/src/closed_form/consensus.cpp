@@ -89,6 +89,7 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
   constexpr int absolute = 5, iterations = 12;
   constexpr double close = 0.01;
   std::vector<double> f(n, std::numeric_limits<double>::infinity()), before(n);
+  const auto variance_at = [&](std::size_t i) { return v[i] + curve.tau_sq * g[i] + rounding; };
   bool by_deviations = true;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Square A = Square::Zero(order + 1, order + 1);  // its lower half, which is all that LDLT reads
@@ -108,17 +109,17 @@ RobustCurve robust_curve(std::span<const double> d, std::span<const double> y, s
     curve.tau_sq = common_variance(square, own, g, curve.tau_sq);
     double moved = 0.0;
     for (std::size_t i = 0; i < n; ++i)
-      moved = std::max(moved, std::abs(f[i] - before[i]) / std::sqrt(v[i] + curve.tau_sq * g[i] + rounding));
+      moved = std::max(moved, std::abs(f[i] - before[i]) / std::sqrt(variance_at(i)));
     if (!by_deviations && moved < close) break;
     by_deviations = by_deviations && moved >= close && iteration < absolute;
     for (std::size_t i = 0; i < n; ++i) {
-      const double variance = v[i] + curve.tau_sq * g[i] + rounding, z = std::sqrt(square[i] / variance);
+      const double variance = variance_at(i), z = std::sqrt(square[i] / variance);
       weight[i] = by_deviations ? 1.0 / (variance * std::max(z, 0.1)) : biweight(z) / variance;
     }
   }
   curve.score = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
-    const double variance = v[i] + curve.tau_sq * g[i] + rounding, z = std::sqrt(square[i] / variance);
+    const double variance = variance_at(i), z = std::sqrt(square[i] / variance);
     curve.score += 0.5 * std::log(variance) + 0.5 * std::pow(std::min(z, 3.0), 2);
   }
   return curve;

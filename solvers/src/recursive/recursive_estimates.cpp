@@ -269,7 +269,8 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
   last.calibration.alpha = last_alpha_;
   last.calibration.noise = {options_.law, last_noise_};
   last.shape = last_shape_;
-  choose = choose || is_beyond(last_shape_, last.calibration, points);
+  const bool by_choice = options_.noise_shape == NoiseShape::automatic;
+  choose = choose || (by_choice && is_beyond(last_shape_, last.calibration, points));
   PairsOptions wanted;
   wanted.order = options_.order;
   wanted.max_order = options_.max_order;
@@ -279,7 +280,6 @@ std::optional<Calibration> RecursiveCalibrator::full_with_shape() {
   std::optional<PairsFit> fit;
   std::optional<Calibration> plain;  // of Gaussian noise
   const auto converged = [&] { return fit && fit->calibration.outcome == Outcome::converged; };
-  const bool by_choice = options_.noise_shape == NoiseShape::automatic;
   if (choose) {
     // Outliers of a stream that had none are to be seen soon; a shape that holds is chosen anew where readings have doubled.
     if (by_choice && last_shape_.shape == NoiseShape::gaussian) plain = full_gaussian();

@@ -41,6 +41,15 @@ RecursiveCalibrator after(const Stream& stream, const RecursiveOptions& options)
   return tracked;
 }
 
+/// Adds readings begin to end - 1; an estimate after each whose number leaves `rest` when divided by `every`.
+void take(RecursiveCalibrator& tracked, const Stream& stream, std::size_t begin, std::size_t end,
+          std::size_t every, std::size_t rest) {
+  for (std::size_t i = begin; i < end; ++i) {
+    tracked.add(stream.d[i], stream.y[i]);
+    if (i % every == rest) tracked.full();
+  }
+}
+
 Recording recording_of(const Stream& stream) {
   Recording recording;
   recording.kind = RecordingKind::pairs;
@@ -91,10 +100,7 @@ TEST(RecursiveCalibrator, FullIsTheBatchAnswerWithinOneHundredthOfItsStandardDev
       options.noise_shape = NoiseShape::gaussian;
       RecursiveCalibrator tracked(options);
       Calibration ours;
-      for (std::size_t i = 0; i < stream.d.size(); ++i) {
-        tracked.add(stream.d[i], stream.y[i]);
-        if (i % 1000 == 20) tracked.full();  // estimates on the way change nothing
-      }
+      take(tracked, stream, 0, stream.d.size(), 1000, 20);  // estimates on the way change nothing
       ours = tracked.full();
       PairsOptions pairs;
       pairs.law = law;
@@ -289,10 +295,7 @@ TEST(RecursiveCalibrator, IsTheBatchAnswerUnderOutliers) {
     for (std::uint64_t repeat = 0; repeat < 3; ++repeat) {
       const Stream stream = with_outliers(repeat, 3000, gross, late);
       RecursiveCalibrator tracked;
-      for (std::size_t i = 0; i < stream.d.size(); ++i) {
-        tracked.add(stream.d[i], stream.y[i]);
-        if (i % 100 == 20) tracked.full();
-      }
+      take(tracked, stream, 0, stream.d.size(), 100, 20);
       const Calibration ours = tracked.full();
       ASSERT_EQ(ours.outcome, Outcome::converged) << ours.reason;
       ASSERT_EQ(ours.noise_shapes.count("range"), 1u) << gross << ' ' << late << ' ' << repeat;
@@ -320,15 +323,11 @@ TEST(RecursiveCalibrator, AReadingOfTheOtherSideChoosesTheFamilyAnew) {
   // Reading 1250 is early by 8 spreads, 1480 late by 505. The optimum of early echoes alone with the latter has 13 times the sigma.
   const Stream stream = with_outliers(0, 1521, 0.002, 0.0);
   RecursiveCalibrator tracked;
-  for (std::size_t i = 0; i < stream.d.size(); ++i) {
-    tracked.add(stream.d[i], stream.y[i]);
-    if (i % 100 == 20) tracked.full();
-    if (i == 1420) {
-      const NoiseShapeParameters early = noise_shape_of(tracked.full(), "range");
-      EXPECT_EQ(early.shape, NoiseShape::one_sided);
-      EXPECT_LT(early.outlier_mean, 0.0);
-    }
-  }
+  take(tracked, stream, 0, 1421, 100, 20);
+  const NoiseShapeParameters early = noise_shape_of(tracked.full(), "range");
+  EXPECT_EQ(early.shape, NoiseShape::one_sided);
+  EXPECT_LT(early.outlier_mean, 0.0);
+  take(tracked, stream, 1421, stream.d.size(), 100, 20);
   const Calibration answer = tracked.full();
   EXPECT_EQ(noise_shape_of(answer, "range").shape, NoiseShape::contaminated);
   EXPECT_NEAR(answer.noise.parameters[0], 0.02, 5.0 * 0.02 / std::sqrt(2.0 * 1521));
@@ -356,17 +355,11 @@ TEST(RecursiveCalibrator, IntervalsHoldUnderOutliers) {
 TEST(RecursiveCalibrator, StateWithOutliersGoesOnBitByBit) {
   const Stream stream = with_outliers(3, 1500, 0.01, 0.05);
   RecursiveCalibrator whole, first;
-  const auto take = [&](RecursiveCalibrator& tracked, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      tracked.add(stream.d[i], stream.y[i]);
-      if (i % 50 == 49) tracked.full();
-    }
-  };
-  take(whole, 0, 1500);
-  take(first, 0, 700);
+  take(whole, stream, 0, 1500, 50, 49);
+  take(first, stream, 0, 700, 50, 49);
   RecursiveCalibrator second = RecursiveCalibrator::from_json(first.to_json(), "state");
   EXPECT_EQ(second.to_json(), first.to_json());
-  take(second, 700, 1500);
+  take(second, stream, 700, 1500, 50, 49);
   EXPECT_EQ(second.to_json(), whole.to_json());
   EXPECT_EQ(second.full().alpha, whole.full().alpha);
   for (const auto& [field, with] : {std::pair<std::string, std::string>{"\"first\":[", "\"first\":[7,"},
@@ -396,10 +389,7 @@ TEST(RecursiveCalibrator, TakesStatesOfGaussianNoise) {
 TEST(RecursiveCalibrator, RefusesStatesByTheField) {
   const Stream stream = with_outliers(3, 1500, 0.01, 0.05);
   RecursiveCalibrator tracked;
-  for (std::size_t i = 0; i < stream.d.size(); ++i) {
-    tracked.add(stream.d[i], stream.y[i]);
-    if (i % 50 == 49) tracked.full();
-  }
+  take(tracked, stream, 0, stream.d.size(), 50, 49);
   using Json = nlohmann::ordered_json;
   const auto error = [&](const std::function<void(Json&)>& breaks) -> std::string {
     Json state = Json::parse(tracked.to_json());
