@@ -414,6 +414,10 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     if (calibration.method != Method::marginal) continue;
     if (run->shaped()) list_outliers(job, *run->shaped(), calibration);
     add_checks(job, run->judgement(), calibration);
+    if (calibration.outcome == Outcome::converged && is_walk(job.problem))
+      report.notes.push_back(
+          "stops along a random walk depend on each other: there are no standard deviations by stops, and whether "
+          "correcting helps is not judged");
   }
   report_shapes(report);
   if (run->shapes()) note_tried(*run->shapes(), report);

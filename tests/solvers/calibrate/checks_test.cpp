@@ -153,15 +153,16 @@ TEST(LeftOut, OfPairsComparesWithTheKnownDistances) {
   EXPECT_GT(*c.left_out->halves_p_value, 1e-3);
 }
 
-TEST(LeftOut, IsNotJudgedAlongARandomWalk) {
+TEST(LeftOut, IsNotJudgedAlongARandomWalkAndTheReportSaysSo) {
   Scene scene = field();
   scene.stop_error = StopErrorModel::random_walk;
   const Recording recording = simulate(scene, seed_from("walk"));
   CalibrateOptions options;
   options.methods = {Method::marginal};
-  const Calibration c = calibrate({&recording, 1}, options)[0];
-  EXPECT_FALSE(c.left_out);
-  EXPECT_FALSE(c.alpha_covariance_by_stops);
+  const CalibrationReport report = calibrate_report({&recording, 1}, options);
+  EXPECT_FALSE(report.calibrations.at(0).left_out);
+  EXPECT_FALSE(report.calibrations.at(0).alpha_covariance_by_stops);
+  EXPECT_THAT(report.notes, ::testing::Contains(HasSubstr("along a random walk")));
 }
 
 TEST(Outliers, AreListedWithWhatTheyAre) {
