@@ -95,7 +95,8 @@ _DOCS = {
         Where order, noise law or c were chosen: with that choice in it, n - 1 the highest order that may hold.
     covariance_by_stops : ndarray (order + 1, order + 1) or None
         Of alpha, from how the answer changes when each stop is left out: holds where the noise law is wrong or readings of
-        a stop depend on each other. None along a random walk, for pairs, and of other methods than ``"marginal"``.
+        a stop depend on each other; along a random walk from stretches of stops. None for pairs and of other methods than
+        ``"marginal"``.
     misfit : dict or None
         ``factor``: the largest of standard deviations by stops over those stated, ``where``; above ``threshold`` the model
         does not hold.

@@ -310,7 +310,7 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
 /// AIC: these bend the curve after an effect that the model lacks. Where standard deviations by stops say that the model does not
 /// hold, AIC is no reason for a shape, and Gaussian noise may be worse by the standard error.
 bool gaussian_predicts_better(const LandmarksJob& job, Run& gaussian, const RobustMarginalFit& shaped) {
-  if (job.consensus.left_out > 0) return false;
+  if (job.consensus.left_out > 0 || is_walk(job.problem)) return false;
   const Judged& plain = gaussian.judgement();
   const Judged other = judged(job, shaped.fit, &shaped.shapes);
   if (!plain.influence || !other.influence) return false;
@@ -416,8 +416,8 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     add_checks(job, run->judgement(), calibration);
     if (calibration.outcome == Outcome::converged && is_walk(job.problem))
       report.notes.push_back(
-          "stops along a random walk depend on each other: there are no standard deviations by stops, and whether "
-          "correcting helps is not judged");
+          "whether correcting helps is not judged along a random walk: without its own ranges the place of a stop "
+          "is not known well enough");
   }
   report_shapes(report);
   if (run->shapes()) note_tried(*run->shapes(), report);

@@ -10,6 +10,7 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 
+#include "calibrate/walk_seed.hpp"
 #include "closed_form/stop_variance.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
@@ -49,6 +50,7 @@ struct LineSums {
 
 LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& state,
                               const StopInfluence& influence, const JointState& weighed_by) {
+  if (is_walk(agreeing)) return {};
   const Cells& c = agreeing.cells;
   BearingOptions options;
   if (state.sigma_s_m && *state.sigma_s_m > 0.0) options.sigma_s_m = state.sigma_s_m;

@@ -27,7 +27,8 @@ struct LeftOutErrors {
 };
 
 /// `agreeing`: cells of readings that are no gross outliers; their weights use the curve and noise of `weighed_by`. Cells of
-/// landmarks whose position bearings do not determine without the group count in neither sum.
+/// landmarks whose position bearings do not determine without the group count in neither sum. Empty along a random walk, whose
+/// stops have no known places.
 LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& state,
                               const StopInfluence& influence, const JointState& weighed_by);
 

@@ -6,27 +6,36 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibrate/walk_seed.hpp"
+#include "marginal/laplace.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
 namespace {
 
-constexpr int most_groups = 500, fewest_groups = 4;
+constexpr int most_groups = 500, most_stretches = 20, fewest_groups = 4;
 
-/// The stops of consecutive places.
-std::vector<std::vector<int>> groups_of(const JointProblem& problem) {
+/// The stops of consecutive places, in `most` groups or fewer.
+std::vector<std::vector<int>> groups_of(const JointProblem& problem, int most) {
   std::vector<std::vector<int>> by_place(problem.place_count);
   for (int k = 0; k < problem.stop_count(); ++k)
     if (problem.cells.stop_begin[k + 1] > problem.cells.stop_begin[k])
       by_place[problem.stops[k].place].push_back(k);
   std::erase_if(by_place, [](const std::vector<int>& stops) { return stops.empty(); });
-  const std::size_t places = by_place.size(), count = std::min<std::size_t>(places, most_groups);
+  const std::size_t places = by_place.size(), count = std::min<std::size_t>(places, most);
   std::vector<std::vector<int>> groups(count);
   for (std::size_t p = 0; p < places; ++p) {
     std::vector<int>& group = groups[p * count / places];
     group.insert(group.end(), by_place[p].begin(), by_place[p].end());
   }
   return groups;
+}
+
+/// Whether a walk begins at one of the stops: they alone tie the landmarks to the frame.
+bool holds_a_beginning(const JointProblem& problem, const std::vector<int>& stops) {
+  return std::any_of(stops.begin(), stops.end(), [&](int k) {
+    return !problem.stops[k].chained && k + 1 < problem.stop_count() && problem.stops[k + 1].chained;
+  });
 }
 
 /// The problem of some stops alone, with all landmarks; measured distances between landmarks belong to no group.
@@ -71,14 +80,45 @@ struct Score {
   Eigen::MatrixXd hessian;
 };
 
-std::optional<Score> score_of(const JointProblem& problem, const JointState& state, bool sigma_s_free) {
+/// The stops move to their conditional optimum first, where they are not there already.
+std::optional<Score> score_of(const JointProblem& problem, JointState state, bool sigma_s_free,
+                              bool settled = true) {
   JointSystem system(problem, static_cast<int>(state.alpha.size()),
                      static_cast<int>(state.noise.parameters.size()), sigma_s_free);
-  if (!std::isfinite(system.assemble(state, HessianKind::exact)) || !system.eliminate()) return std::nullopt;
+  int evaluations = 0;
+  if (!settled && !std::isfinite(settle_stops(system, state, evaluations))) return std::nullopt;
+  if (settled && (!std::isfinite(system.assemble(state, HessianKind::exact)) || !system.eliminate()))
+    return std::nullopt;
   Score score{system.reduced_gradient() + system.log_det_gradient(state), system.schur()};
   const int sigmas = system.layout().sigma_count();
   score.hessian.bottomRightCorner(sigmas, sigmas) += system.log_det_sigma_hessian(state);
   return score;
+}
+
+/// The scores of the groups, which add up to that of all stops: each group's alone, or along a random walk what it adds to the
+/// groups before it.
+std::optional<std::vector<Score>> scores_of(const JointProblem& problem, const JointState& state,
+                                            bool sigma_s_free, const std::vector<std::vector<int>>& groups) {
+  const bool walk = is_walk(problem);
+  std::vector<Score> scores;
+  std::optional<Score> before;
+  std::vector<int> stops;
+  for (const std::vector<int>& group : groups) {
+    if (!walk) stops.clear();
+    stops.insert(stops.end(), group.begin(), group.end());
+    JointState part = state;
+    part.stops.clear();
+    for (const int k : stops) part.stops.push_back(state.stops[k]);
+    const std::optional<Score> score = score_of(part_of(problem, stops), part, sigma_s_free, !walk);
+    if (!score) return std::nullopt;
+    scores.push_back(*score);
+    if (before) {
+      scores.back().gradient -= before->gradient;
+      scores.back().hessian -= before->hessian;
+    }
+    if (walk) before = score;
+  }
+  return scores;
 }
 
 /// The difference between the alphas of the two halves, by one Newton step each.
@@ -112,10 +152,8 @@ void compare_halves(const std::vector<Score>& scores, const Eigen::VectorXd& mea
 
 std::optional<StopInfluence> stop_influence(const JointProblem& problem, const JointState& state,
                                             const Eigen::MatrixXd& covariance) {
-  for (const StopPrior& prior : problem.stops)
-    if (prior.chained) return std::nullopt;
   StopInfluence result;
-  result.stops = groups_of(problem);
+  result.stops = groups_of(problem, is_walk(problem) ? most_stretches : most_groups);
   if (result.groups() < fewest_groups) return std::nullopt;
   const int alphas = static_cast<int>(state.alpha.size());
   const JointLayout plain(problem, alphas, static_cast<int>(state.noise.parameters.size()), false);
@@ -131,24 +169,27 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
   const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(size, size)),
                         C = covariance(free, free);
 
-  std::vector<Score> scores;
+  std::optional<std::vector<Score>> scores = scores_of(problem, state, sigma_s_free, result.stops);
+  if (!scores) return std::nullopt;
+  const double all = result.groups();
+  for (std::size_t k = scores->size(); k-- > 0;)
+    if (holds_a_beginning(problem, result.stops[k])) {
+      result.stops.erase(result.stops.begin() + static_cast<std::ptrdiff_t>(k));
+      scores->erase(scores->begin() + static_cast<std::ptrdiff_t>(k));
+    }
+  if (result.groups() < fewest_groups) return std::nullopt;
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
-  for (const std::vector<int>& stops : result.stops) {
-    JointState part = state;
-    part.stops.clear();
-    for (const int k : stops) part.stops.push_back(state.stops[k]);
-    const JointProblem own = part_of(problem, stops);
-    const std::optional<Score> score = score_of(own, part, sigma_s_free);
-    if (!score) return std::nullopt;
-    scores.push_back({score->gradient(free), score->hessian(free, free)});
-    mean += scores.back().gradient / result.groups();
+  for (Score& score : *scores) {
+    score = {score.gradient(free).eval(), score.hessian(free, free).eval()};
+    mean += score.gradient / result.groups();
   }
   Eigen::MatrixXd steps(size, result.groups());
   for (int k = 0; k < result.groups(); ++k) {
-    const Eigen::MatrixXd kept = Eigen::MatrixXd::Identity(size, size) - scores[k].hessian * inverse;
+    const Score& score = (*scores)[static_cast<std::size_t>(k)];
+    const Eigen::MatrixXd kept = Eigen::MatrixXd::Identity(size, size) - score.hessian * inverse;
     const Eigen::PartialPivLU<Eigen::MatrixXd> left(kept);
     if (!(left.rcond() > 1e-10)) return std::nullopt;
-    steps.col(k) = C * left.solve(scores[k].gradient - mean);
+    steps.col(k) = C * left.solve(score.gradient - mean);
     Eigen::VectorXd whole_step = Eigen::VectorXd::Zero(covariance.rows());
     whole_step(free) = steps.col(k);
     result.left_out.push_back(whole_step);
@@ -156,9 +197,9 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
   const double K = result.groups();
   steps.colwise() -= steps.rowwise().mean().eval();
   result.covariance = Eigen::MatrixXd::Zero(covariance.rows(), covariance.rows());
-  result.covariance(free, free) = (K - 1.0) / K * steps * steps.transpose();
-  if (free.front() == 0 && size > alphas && free[alphas - 1] == alphas - 1)
-    compare_halves(scores, mean, inverse, C, alphas, result);
+  result.covariance(free, free) = all / K * (K - 1.0) / K * steps * steps.transpose();
+  if (!is_walk(problem) && free.front() == 0 && size > alphas && free[alphas - 1] == alphas - 1)
+    compare_halves(*scores, mean, inverse, C, alphas, result);
   return result;
 }
 

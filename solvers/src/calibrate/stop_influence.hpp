@@ -22,12 +22,17 @@ namespace rangecal {
 /// of a stop (jackknife form of the sandwich estimator, CR3: Bell and McCaffrey 2002):
 ///
 ///   V = (K - 1) / K sum_k (theta_(k) - mean) (theta_(k) - mean)^T.
+///
+/// Along a random walk, whose stops depend on each other, the groups are stretches of the walk, and l_k is what stretch k adds to
+/// the NLL of the stretches before it: -log p(its readings | theirs). The scores g_k of these are uncorrelated where the model
+/// holds (prediction-error decomposition: Schweppe 1965). The stretch in which the walk begins, which alone ties the landmarks to
+/// the frame, is not left out; V is that of the others times the number of all over theirs.
 struct StopInfluence {
   std::vector<std::vector<int>> stops;    ///< of each group
   std::vector<Eigen::VectorXd> left_out;  ///< theta_(k) - theta
   Eigen::MatrixXd covariance;             ///< V
-  /// alpha from the first half of the groups less that from the second, and its covariance by the model; empty if one
-  /// half alone does not determine alpha.
+  /// alpha from the first half of the groups less that from the second, and its covariance by the model; empty along a random
+  /// walk, and if one half alone does not determine alpha.
   Eigen::VectorXd halves_difference;
   Eigen::MatrixXd halves_covariance;
 
@@ -35,9 +40,9 @@ struct StopInfluence {
 };
 
 /// `problem`: the one that `state` is the optimum of (weighted_problem if there is a noise shape); `covariance`: that of theta
-/// as the fit states it, zero for what was held. At most 500 groups, of consecutive places. None along a random walk, whose
-/// stops depend on each other; for fewer than 4 places; and if some direction is determined by one group alone.
-/// Cost: linear in the cells, and groups times theta cubed.
+/// as the fit states it, zero for what was held. At most 500 groups, of consecutive places; along a random walk 20. None for fewer
+/// than 4 groups, and if some direction is determined by one group alone. Cost: linear in the cells, along a walk times groups; and
+/// groups times theta cubed.
 std::optional<StopInfluence> stop_influence(const JointProblem& problem, const JointState& state,
                                             const Eigen::MatrixXd& covariance);
 

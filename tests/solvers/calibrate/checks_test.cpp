@@ -10,6 +10,7 @@
 #include "calibrate/landmarks_job.hpp"
 #include "calibrate/left_out_check.hpp"
 #include "calibrate/stop_influence.hpp"
+#include "calibrate/walk_seed.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
@@ -161,8 +162,75 @@ TEST(LeftOut, IsNotJudgedAlongARandomWalkAndTheReportSaysSo) {
   options.methods = {Method::marginal};
   const CalibrationReport report = calibrate_report({&recording, 1}, options);
   EXPECT_FALSE(report.calibrations.at(0).left_out);
-  EXPECT_FALSE(report.calibrations.at(0).alpha_covariance_by_stops);
-  EXPECT_THAT(report.notes, ::testing::Contains(HasSubstr("along a random walk")));
+  EXPECT_TRUE(report.calibrations.at(0).alpha_covariance_by_stops);
+  EXPECT_THAT(report.notes, ::testing::Contains(HasSubstr("not judged along a random walk")));
+}
+
+/// 40 stops on a circle among the landmarks; every stop adds an error of its own to its ranges [m].
+Recording walk(double own_error_m, int repeats, std::uint64_t repeat) {
+  Scene scene = field();
+  scene.stop_error = StopErrorModel::random_walk;
+  scene.sigma_heading_rad = 0.01;
+  scene.repeats = repeats;
+  scene.stops.clear();
+  for (int k = 0; k < 40; ++k) {
+    Stop stop;
+    stop.label = stop.place = std::to_string(k);
+    const double at = 0.157 * k;
+    stop.commanded = {1.5 + 0.7 * std::cos(at), 0.5 + 0.7 * std::sin(at), wrap_angle(at)};
+    scene.stops.push_back(stop);
+  }
+  Recording recording = simulate(scene, seed_from("by stretches", {repeat}));
+  Random random(seed_from("of stops of a walk", {repeat}));
+  std::vector<double> own;
+  for (int k = 0; k < 40; ++k) own.push_back(own_error_m * random.normal());
+  for (std::size_t i = 0; i < recording.readings.size(); ++i)
+    recording.readings.range_m[i] += own[static_cast<std::size_t>(recording.readings.stop[i])];
+  return recording;
+}
+
+TEST(StopInfluence, AlongAWalkDeviationsAreTheModelsWhereItHolds) {
+  // 40 worlds of 19 stretches: each variance has 18 degrees of freedom or fewer, their mean ratio a deviation of some 5 %. The
+  // misfit is said in 2 of 100 worlds; more than 4 of 40 are so in 1 of 1000 runs.
+  double ratio = 0.0;
+  int said = 0, groups = 0;
+  constexpr int worlds = 40;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    const Recording recording = walk(0.0, 2, repeat);
+    const JointProblem problem = make_joint_problem({&recording, 1});
+    const MarginalFit fit = solve_marginal(problem, walk_seed(problem, 2, NoiseLaw::f_squared));
+    ASSERT_EQ(fit.outcome, Outcome::converged);
+    const auto influence = stop_influence(problem, fit.state, *fit.covariance);
+    ASSERT_TRUE(influence);
+    groups += influence->groups();
+    EXPECT_EQ(influence->halves_difference.size(), 0);
+    const Eigen::Vector3d row(1.0, 2.0, 4.0);
+    ratio += row.dot(influence->covariance.topLeftCorner(3, 3) * row) /
+             row.dot(fit.covariance->topLeftCorner(3, 3) * row) / worlds;
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    options.order = 2;
+    options.noise = NoiseLaw::f_squared;
+    const Calibration c = calibrate({&recording, 1}, options)[0];
+    said += c.misfit && !c.misfit->holds();
+  }
+  EXPECT_EQ(groups, 19 * worlds);  // of 20 stretches, without the first
+  EXPECT_GT(ratio, 0.85);
+  EXPECT_LT(ratio, 1.4);
+  EXPECT_LE(said, 4);
+}
+
+TEST(Misfit, OfStopsAlongAWalkThatShareAnErrorIsSaid) {
+  int said = 0;
+  constexpr int worlds = 10;
+  for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
+    const Recording recording = walk(0.06, 10, repeat);
+    CalibrateOptions options;
+    options.methods = {Method::marginal};
+    const Calibration c = calibrate({&recording, 1}, options)[0];
+    said += c.misfit && !c.misfit->holds();
+  }
+  EXPECT_GE(said, 6);
 }
 
 TEST(Outliers, AreListedWithWhatTheyAre) {

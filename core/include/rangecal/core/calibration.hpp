@@ -108,7 +108,8 @@ struct Calibration {
   std::optional<Eigen::MatrixXd>
       alpha_covariance;  ///< given order, scale, noise law and the effects' parameters
   /// The same from how the answer changes when each stop is left out (jackknife, clustered by stop): holds where the noise
-  /// law is wrong or readings of a stop depend on each other. None along a random walk or with fewer than 4 stops.
+  /// law is wrong or readings of a stop depend on each other. Along a random walk from stretches
+  /// of stops. None with fewer than 4 stops.
   std::optional<Eigen::MatrixXd> alpha_covariance_by_stops;
   std::optional<MisfitOfDeviations> misfit;  ///< of these two
   std::optional<LeftOutCheck> left_out;      ///< none where it was not asked or cannot be judged
