@@ -15,14 +15,16 @@ namespace {
 
 constexpr int most_groups = 500, most_stretches = 20, fewest_groups = 4;
 
-/// The stops of consecutive places, in `most` groups or fewer.
-std::vector<std::vector<int>> groups_of(const JointProblem& problem, int most) {
+/// The stops of consecutive places; those that read nothing belong to a walk alone.
+std::vector<std::vector<int>> groups_of(const JointProblem& problem) {
+  const bool walk = is_walk(problem);
   std::vector<std::vector<int>> by_place(problem.place_count);
   for (int k = 0; k < problem.stop_count(); ++k)
-    if (problem.cells.stop_begin[k + 1] > problem.cells.stop_begin[k])
+    if (walk || problem.cells.stop_begin[k + 1] > problem.cells.stop_begin[k])
       by_place[problem.stops[k].place].push_back(k);
   std::erase_if(by_place, [](const std::vector<int>& stops) { return stops.empty(); });
-  const std::size_t places = by_place.size(), count = std::min<std::size_t>(places, most);
+  const std::size_t places = by_place.size(),
+                    count = std::min<std::size_t>(places, walk ? most_stretches : most_groups);
   std::vector<std::vector<int>> groups(count);
   for (std::size_t p = 0; p < places; ++p) {
     std::vector<int>& group = groups[p * count / places];
@@ -153,7 +155,7 @@ void compare_halves(const std::vector<Score>& scores, const Eigen::VectorXd& mea
 std::optional<StopInfluence> stop_influence(const JointProblem& problem, const JointState& state,
                                             const Eigen::MatrixXd& covariance) {
   StopInfluence result;
-  result.stops = groups_of(problem, is_walk(problem) ? most_stretches : most_groups);
+  result.stops = groups_of(problem);
   if (result.groups() < fewest_groups) return std::nullopt;
   const int alphas = static_cast<int>(state.alpha.size());
   const JointLayout plain(problem, alphas, static_cast<int>(state.noise.parameters.size()), false);
