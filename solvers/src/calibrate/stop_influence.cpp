@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "calibrate/walk_seed.hpp"
 #include "marginal/laplace.hpp"
@@ -40,7 +41,8 @@ bool holds_a_beginning(const JointProblem& problem, const std::vector<int>& stop
   });
 }
 
-/// The problem of some stops alone, with all landmarks; measured distances between landmarks belong to no group.
+/// The problem of some stops alone, those of a place together, with all landmarks; measured distances between landmarks belong to
+/// no group.
 JointProblem part_of(const JointProblem& problem, const std::vector<int>& stops) {
   JointProblem part;
   part.landmark_radius_m = problem.landmark_radius_m;
@@ -49,12 +51,11 @@ JointProblem part_of(const JointProblem& problem, const std::vector<int>& stops)
   const Cells& all = problem.cells;
   Cells& c = part.cells;
   c.stop_begin.push_back(0);
-  std::vector<int> places;
+  int last_place = -1;
   for (const int k : stops) {
     StopPrior prior = problem.stops[k];
-    auto place = std::find(places.begin(), places.end(), prior.place);
-    if (place == places.end()) place = places.insert(place, prior.place);
-    prior.place = static_cast<int>(place - places.begin());
+    if (prior.place != std::exchange(last_place, prior.place)) ++part.place_count;
+    prior.place = part.place_count - 1;
     part.stops.push_back(prior);
     part.sigma_s_shared.push_back(problem.sigma_s_shared[k]);
     for (int i = all.stop_begin[k]; i < all.stop_begin[k + 1]; ++i) {
@@ -72,7 +73,6 @@ JointProblem part_of(const JointProblem& problem, const std::vector<int>& stops)
     }
     c.stop_begin.push_back(static_cast<int>(c.size()));
   }
-  part.place_count = static_cast<int>(places.size());
   return part;
 }
 
