@@ -60,6 +60,7 @@ py::object left_out(const Calibration& c) {
   const LeftOutCheck& check = *c.left_out;
   py::dict entry;
   entry["groups"] = check.groups;
+  entry["what"] = check.what;
   entry["rms_raw_m"] = check.rms_raw_m;
   entry["rms_raw_std_m"] = check.rms_raw_std_m;
   entry["rms_corrected_m"] = check.rms_corrected_m;

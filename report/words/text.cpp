@@ -88,16 +88,21 @@ std::string describe_choice(const Calibration& calibration, const CalibrationRep
     return criterion_of(m, report.criterion, calibration.counts.used);
   };
   std::sort(models.begin(), models.end(), [&](const auto& a, const auto& b) { return value(a) < value(b); });
-  text += fmt::format(" (lowest {} of {} models", name, models.size());
-  const auto next = std::find_if(models.begin(), models.end(), [&](const ModelScore& m) {
-    return m.order != calibration.order() || m.law != calibration.noise.law ||
-           m.family != calibration.scale.family;
-  });
-  if (next != models.end() && std::isfinite(value(*next)) && std::isfinite(value(models[0])))
-    text += fmt::format("; next: {}order {}, {}, {} {:+.1f}",
-                        calibration.scale.is_distance() ? family_in_words(next->family)
-                                                        : std::string(to_string(next->family)) + " of ",
-                        next->order, law_in_words(next->law), name, value(*next) - value(models[0]));
+  const auto is_chosen = [&](const ModelScore& m) {
+    return m.order == calibration.order() && m.law == calibration.noise.law &&
+           m.family == calibration.scale.family;
+  };
+  const auto chosen = std::find_if(models.begin(), models.end(), is_chosen),
+             other = std::find_if_not(models.begin(), models.end(), is_chosen);
+  const bool lowest = chosen == models.begin() || chosen == models.end();
+  text += lowest ? fmt::format(" (lowest {} of {} models", name, models.size())
+                 : fmt::format(" (of {} models", models.size());
+  const double base = lowest ? value(models[0]) : value(*chosen);
+  if (other != models.end() && std::isfinite(value(*other)) && std::isfinite(base))
+    text += fmt::format("; {}: {}order {}, {}, {} {:+.1f}", lowest ? "next" : "lowest",
+                        calibration.scale.is_distance() ? family_in_words(other->family)
+                                                        : std::string(to_string(other->family)) + " of ",
+                        other->order, law_in_words(other->law), name, value(*other) - base);
   return text + ")";
 }
 
@@ -122,10 +127,9 @@ std::string not_usable_in_words(const Calibration& calibration, std::span<const 
 std::string left_out_in_words(const Calibration& calibration) {
   if (!calibration.left_out) return {};
   const LeftOutCheck& check = *calibration.left_out;
-  const char* what = calibration.kind == RecordingKind::pairs ? "stretches of distance" : "stops";
   std::string text =
-      fmt::format("readings of {} {} left out in turn: raw {} mm RMS, corrected {} mm", check.groups, what,
-                  with_std(1e3 * check.rms_raw_m, 1e3 * check.rms_raw_std_m),
+      fmt::format("readings of {} {} left out in turn: raw {} mm RMS, corrected {} mm", check.groups,
+                  check.what, with_std(1e3 * check.rms_raw_m, 1e3 * check.rms_raw_std_m),
                   with_std(1e3 * check.rms_corrected_m, 1e3 * check.rms_corrected_std_m));
   if (check.halves_p_value) {
     constexpr double level = 0.01;

@@ -115,6 +115,7 @@ static void fields(JsonFields& json, ShapeEstimate& shape) {
 
 static void fields(JsonFields& json, LeftOutCheck& check) {
   json.optional("groups", check.groups);
+  json.optional("what", check.what);
   json.optional("rms_raw_m", check.rms_raw_m);
   json.optional("rms_raw_std_m", check.rms_raw_std_m);
   json.optional("rms_corrected_m", check.rms_corrected_m);

@@ -196,7 +196,7 @@ CheckReport checked(const LandmarksJob& job, const JointState& seed, const Joint
 /// effect of another variable, and AIC, which takes readings for independent, lets it.
 std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const SearchedModels& searched,
                                       CalibrationReport& report) {
-  if (job.options.order || run.order < 2 || is_walk(job.problem)) return std::nullopt;
+  if (job.options.order || run.order < 2) return std::nullopt;
   const MarginalOptions marginal = job.marginal_options();
   const RobustMarginalFit* shaped = run.shaped();
   struct AtOrder {
@@ -220,14 +220,18 @@ std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const S
   });
   const Judged& highest = at.back().judged;
   if (!highest.influence) return std::nullopt;
+  const JointProblem judge =
+      shaped ? weighted_problem(*job.rows, shaped->fit.state, shaped->shapes.range, shaped->shapes.bearing)
+             : job.agreeing;
+  const ReferenceDistances reference(judge, highest.fit.state);
   LeftOutErrors of_best =
-      left_out_errors(job.agreeing, highest.fit.state, *highest.influence, highest.fit.state);
+      left_out_errors(judge, reference, highest.fit.state, *highest.influence, highest.fit.state);
   std::optional<int> best;
   for (int n = run.order - 1; n >= 1; --n) {
     const Judged& lower = at[static_cast<std::size_t>(n) - 1].judged;
     if (!lower.influence) continue;
     const LeftOutErrors errors =
-        left_out_errors(job.agreeing, lower.fit.state, *lower.influence, highest.fit.state);
+        left_out_errors(judge, reference, lower.fit.state, *lower.influence, highest.fit.state);
     if (!predicts_better(errors, of_best)) continue;
     best = n;
     of_best = errors;
@@ -262,9 +266,11 @@ void add_deviations_by_stops(const StopInfluence& influence, Calibration& calibr
 void add_checks(const LandmarksJob& job, const Judged& at, Calibration& calibration) {
   if (calibration.outcome != Outcome::converged || !at.influence) return;
   add_deviations_by_stops(*at.influence, calibration);
+  const JointState& state = at.fit.state;
+  const LeftOutErrors errors =
+      left_out_errors(job.agreeing, ReferenceDistances(job.agreeing, state), state, *at.influence, state);
   calibration.left_out =
-      left_out_check(left_out_errors(job.agreeing, at.fit.state, *at.influence, at.fit.state), &*at.influence,
-                     "stops left out");
+      left_out_check(errors, &*at.influence, is_walk(job.problem) ? "stretches of the walk" : "stops");
 }
 
 /// What the shapes that were tried cost against the ones kept.
@@ -310,13 +316,15 @@ void mark_unobservable_curves(const LandmarksJob& job, const std::optional<Joint
 /// AIC: these bend the curve after an effect that the model lacks. Where standard deviations by stops say that the model does not
 /// hold, AIC is no reason for a shape, and Gaussian noise may be worse by the standard error.
 bool gaussian_predicts_better(const LandmarksJob& job, Run& gaussian, const RobustMarginalFit& shaped) {
-  if (job.consensus.left_out > 0 || is_walk(job.problem)) return false;
+  if (job.consensus.left_out > 0) return false;
   const Judged& plain = gaussian.judgement();
   const Judged other = judged(job, shaped.fit, &shaped.shapes);
   if (!plain.influence || !other.influence) return false;
+  const JointState &of_plain = plain.fit.state, &of_other = other.fit.state;
+  const ReferenceDistances reference(job.agreeing, of_plain);
   const std::optional<Gain> gain =
-      gain_of(left_out_errors(job.agreeing, plain.fit.state, *plain.influence, plain.fit.state),
-              left_out_errors(job.agreeing, other.fit.state, *other.influence, plain.fit.state));
+      gain_of(left_out_errors(job.agreeing, reference, of_plain, *plain.influence, of_plain),
+              left_out_errors(job.agreeing, reference, of_other, *other.influence, of_plain));
   if (!gain) return false;
   Calibration with_shapes = calibration_from_robust(job, shaped);
   add_deviations_by_stops(*other.influence, with_shapes);
@@ -414,10 +422,6 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
     if (calibration.method != Method::marginal) continue;
     if (run->shaped()) list_outliers(job, *run->shaped(), calibration);
     add_checks(job, run->judgement(), calibration);
-    if (calibration.outcome == Outcome::converged && is_walk(job.problem))
-      report.notes.push_back(
-          "whether correcting helps is not judged along a random walk: without its own ranges the place of a stop "
-          "is not known well enough");
   }
   report_shapes(report);
   if (run->shapes()) note_tried(*run->shapes(), report);

@@ -10,11 +10,8 @@
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 
-#include "calibrate/walk_seed.hpp"
-#include "closed_form/stop_variance.hpp"
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
-#include "rangecal/solvers/closed_form/landmarks_from_bearings.hpp"
 
 namespace rangecal {
 namespace {
@@ -35,71 +32,36 @@ std::optional<double> inverted(const Eigen::VectorXd& alpha, double y, double ne
   return std::nullopt;
 }
 
-/// Normal equations A x = b of a landmark's position x from its weighted lines of sight.
-struct LineSums {
-  Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
-  Eigen::Vector2d b = Eigen::Vector2d::Zero();
-  void add(const Eigen::Vector2d& across, const Eigen::Vector2d& from, double weight) {
-    A += weight * across * across.transpose();
-    b += weight * across * across.dot(from);
-  }
-  LineSums without(const LineSums& other) const { return {A - other.A, b - other.b}; }
-};
-
 }  // namespace
 
-LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& state,
-                              const StopInfluence& influence, const JointState& weighed_by) {
-  if (is_walk(agreeing)) return {};
-  const Cells& c = agreeing.cells;
-  BearingOptions options;
-  if (state.sigma_s_m && *state.sigma_s_m > 0.0) options.sigma_s_m = state.sigma_s_m;
-  const LandmarksFromBearings found = landmarks_from_bearings(agreeing, options);
-  const std::vector<StopVariance> stops = stop_variances(agreeing, options.sigma_s_m);
-  const std::size_t landmarks = agreeing.landmark_radius_m.size();
-  const auto line = [&](std::size_t i, LineSums& sums) {
-    const Pose2& pose = agreeing.stops[c.stop[i]].commanded;
-    const double phi = pose.heading_rad + c.bearing_mean[i];
-    const Eigen::Vector2d from(pose.x_m, pose.y_m);
-    sums.add({std::sin(phi), -std::cos(phi)}, from - state.landmarks[c.landmark[i]], found.cell_weights[i]);
-  };
-  std::vector<LineSums> all(landmarks);
-  for (std::size_t i = 0; i < c.size(); ++i) line(i, all[c.landmark[i]]);
-
+LeftOutErrors left_out_errors(const JointProblem& problem, const ReferenceDistances& reference,
+                              const JointState& state, const StopInfluence& influence,
+                              const JointState& weighed_by) {
+  const Cells& c = problem.cells;
   LeftOutErrors errors;
-  const Eigen::Index alphas = state.alpha.size();
+  std::vector<double> by_distance(c.size(), 0.0);  // derivative of raw less corrected weighted squares in d
   for (std::size_t k = 0; k < influence.stops.size(); ++k) {
-    std::vector<LineSums> own(landmarks);
-    for (const int stop : influence.stops[k])
-      for (int i = c.stop_begin[stop]; i < c.stop_begin[stop + 1]; ++i)
-        line(static_cast<std::size_t>(i), own[c.landmark[i]]);
-    const Eigen::VectorXd alpha = state.alpha + influence.left_out[k].head(alphas);
+    const Eigen::VectorXd alpha = state.alpha + influence.left_out[k].head(state.alpha.size());
     double raw = 0.0, corrected = 0.0, readings = 0.0, raw_weighted = 0.0, corrected_weighted = 0.0;
     for (const int stop : influence.stops[k])
       for (int cell = c.stop_begin[stop]; cell < c.stop_begin[stop + 1]; ++cell) {
         const std::size_t i = static_cast<std::size_t>(cell);
-        const int l = c.landmark[i];
-        if (found.landmarks[l].outcome != Outcome::converged) continue;
-        const LineSums others = all[l].without(own[l]);
-        const double trace = others.A.trace();
-        if (!(others.A.determinant() > 1e-3 * trace * trace)) continue;  // lines within some two degrees
-        const Eigen::Matrix2d covariance = others.A.inverse();
-        const Eigen::Vector2d landmark = state.landmarks[l] + covariance * others.b;
-        const Pose2& pose = agreeing.stops[stop].commanded;
-        const Eigen::Vector2d sight = landmark - Eigen::Vector2d(pose.x_m, pose.y_m), u = sight.normalized();
-        const double d = sight.norm() - c.radius_m[i], y = c.range_mean[i], R = c.count[i];
-        if (!(d > 0.0)) continue;
+        const auto known = reference.at(i);
+        const double y = c.range_mean[i], W = c.range_weight[i];
+        if (!known || !(W > 0.0)) continue;
+        const double d = known->d_m;
         const auto root = inverted(alpha, y, d);
         const double slope = root ? evaluate_derivative(alpha, *root) : 1.0, S_sq = c.range_mean_square[i],
                      s = weighed_by.noise.spread(d, evaluate_polynomial(weighed_by.alpha, d));
-        const double variance = s * s / R + stops[stop].along(u) + u.dot(covariance * u);
+        const double variance = s * s / W + known->variance_m2;
         const double off = y - d, left = root.value_or(y) - d;
         const double raw_sq = off * off + S_sq, corrected_sq = left * left + S_sq / (slope * slope);
-        raw += R * raw_sq;
-        corrected += R * corrected_sq;
-        readings += R;
+        raw += W * raw_sq;
+        corrected += W * corrected_sq;
+        readings += W;
         raw_weighted += raw_sq / variance;
         corrected_weighted += corrected_sq / variance;
+        by_distance[i] = 2.0 * (left - off) / variance;
       }
     if (!(readings > 0.0)) continue;
     errors.raw_sq.push_back(raw);
@@ -108,6 +70,7 @@ LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& st
     errors.raw_weighted.push_back(raw_weighted);
     errors.corrected_weighted.push_back(corrected_weighted);
   }
+  errors.reference_variance = reference.variance_of_sum(by_distance);
   return errors;
 }
 
@@ -191,7 +154,7 @@ std::optional<Gain> gain_of(const LeftOutErrors& simpler, const LeftOutErrors& o
 }
 
 std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const StopInfluence* influence,
-                                           const std::string& what_was_left_out) {
+                                           const std::string& what) {
   constexpr std::size_t fewest = 4;
   const std::size_t groups = errors.readings.size();
   const auto judged =
@@ -200,6 +163,7 @@ std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const St
   const double K = static_cast<double>(groups);
   LeftOutCheck check;
   check.groups = static_cast<int>(groups);
+  check.what = what;
   double readings = 0.0;
   for (const double n : errors.readings) readings += n;
   const auto root_mean = [&](const std::vector<double>& squares, double& rms, double& std_dev) {
@@ -217,7 +181,8 @@ std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const St
     mean += (errors.raw_weighted[k] - errors.corrected_weighted[k]) / K;
   for (std::size_t k = 0; k < groups; ++k)
     square += std::pow(errors.raw_weighted[k] - errors.corrected_weighted[k] - mean, 2);
-  const double deviation = std::sqrt(square / (K - 1.0) / K);
+  // Chance is what differs from group to group, and what the reference has in common for all.
+  const double deviation = std::sqrt(square / (K - 1.0) / K + errors.reference_variance / (K * K));
   const double needed = boost::math::quantile(boost::math::students_t(K - 1.0), 0.975);
   double raw = 0.0, corrected = 0.0;
   for (std::size_t k = 0; k < groups; ++k) {
@@ -230,13 +195,12 @@ std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const St
              smaller = check.rms_corrected_m <= check.rms_raw_m;
   check.usable = beyond_chance && enough && smaller;
   if (!check.usable)
-    check.reason =
-        fmt::format("corrected readings are {} ({:.3g} +- {:.1g} against {:.3g} +- {:.1g} m RMS at {})",
-                    !smaller         ? "no better than raw ones"
-                    : !beyond_chance ? "not better than raw ones by more than chance"
-                                     : "hardly better than raw ones",
-                    check.rms_corrected_m, check.rms_corrected_std_m, check.rms_raw_m, check.rms_raw_std_m,
-                    what_was_left_out);
+    check.reason = fmt::format(
+        "corrected readings are {} ({:.3g} +- {:.1g} against {:.3g} +- {:.1g} m RMS at {} left out)",
+        !smaller         ? "no better than raw ones"
+        : !beyond_chance ? "not better than raw ones by more than chance"
+                         : "hardly better than raw ones",
+        check.rms_corrected_m, check.rms_corrected_std_m, check.rms_raw_m, check.rms_raw_std_m, what);
   if (influence && influence->halves_difference.size() > 0) {
     const Eigen::LLT<Eigen::MatrixXd> factor(influence->halves_covariance);
     if (factor.info() == Eigen::Success) {

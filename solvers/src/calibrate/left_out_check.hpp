@@ -6,15 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/reference_distances.hpp"
 #include "calibrate/stop_influence.hpp"
 #include "rangecal/core/calibration.hpp"
 #include "rangecal/problems/landmarks/joint_problem.hpp"
 
 namespace rangecal {
 
-/// Errors of the readings of held-out stops, against reference distances d that use no range: from the commanded stop to the
-/// landmark as located by the bearings of the other stops (2021, eq. 18-23). For a cell of R readings with mean y and mean
-/// square deviation S^2, the squares per reading are
+/// Errors of the readings of held-out stops, against reference distances d that use no range (reference_distances.hpp). For a
+/// cell of W readings (the sum of their weights) with mean y and mean square deviation S^2, the squares per reading are
 ///
 ///   raw        (y - d)^2 + S^2
 ///   corrected  (f^-1(y) - d)^2 + S^2 / f'^2,      f from the readings of the other stops; the raw one if f has no
@@ -22,15 +22,18 @@ namespace rangecal {
 struct LeftOutErrors {
   /// Per group of stops: sums over its readings of raw and corrected squares, and their number.
   std::vector<double> raw_sq, corrected_sq, readings;
-  /// The same, each reading weighted by 1 / (s^2 / R + var d), so that the noise of far readings does not dominate.
+  /// The same, each reading weighted by 1 / (s^2 / W + var d), so that the noise of far readings does not dominate.
   std::vector<double> raw_weighted, corrected_weighted;
+  /// Variance of the sum of raw less corrected weighted squares that is the reference's: its errors are common to the groups,
+  /// and the curve follows them, since both know the same bearings.
+  double reference_variance = 0.0;
 };
 
-/// `agreeing`: cells of readings that are no gross outliers; their weights use the curve and noise of `weighed_by`. Cells of
-/// landmarks whose position bearings do not determine without the group count in neither sum. Empty along a random walk, whose
-/// stops have no known places.
-LeftOutErrors left_out_errors(const JointProblem& agreeing, const JointState& state,
-                              const StopInfluence& influence, const JointState& weighed_by);
+/// `problem`: without gross outliers, or as the noise shapes weigh the readings (weighted_problem). The squares' weights use the
+/// curve and noise of `weighed_by`. Cells whose distance bearings do not determine count in neither sum.
+LeftOutErrors left_out_errors(const JointProblem& problem, const ReferenceDistances& reference,
+                              const JointState& state, const StopInfluence& influence,
+                              const JointState& weighed_by);
 
 /// Readings at known distances d [m], in the order of the recordings.
 struct KnownReadings {
@@ -59,9 +62,9 @@ inline bool predicts_better(const LeftOutErrors& simpler, const LeftOutErrors& o
 }
 
 /// The verdict. Usable if the correction reduces the weighted squares by more than chance (one-sided t test over the groups,
-/// 2.5 %) and by at least a tenth, and does not increase the unweighted ones. None with fewer than four groups.
+/// 2.5 %) and by at least a tenth, and does not increase the unweighted ones. None with fewer than four groups. `what`: the groups are ("stops").
 std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const StopInfluence* influence,
-                                           const std::string& what_was_left_out);
+                                           const std::string& what);
 
 /// Standard deviations by stops relative to the model's; none if the calibration lacks either.
 std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, int groups);

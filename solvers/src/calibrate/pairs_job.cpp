@@ -335,7 +335,7 @@ void judge(const Recording& all, std::span<const Recording> recordings, Calibrat
   const LeftOutErrors errors =
       left_out_errors({all.pairs.true_m, all.pairs.reading_m, about.weight, about.judged, blocks.of},
                       calibration, calibration, halves);
-  calibration.left_out = left_out_check(errors, &halves, blocks.words + " left out");
+  calibration.left_out = left_out_check(errors, &halves, blocks.words);
 }
 
 /// The lowest order that is nearly as likely as AIC's choice and predicts blocks left out no worse than within its

@@ -47,12 +47,13 @@ struct LandmarkEstimate {
       std::nullopt;  ///< see Calibration::alpha_covariance_by_stops [m^2]
 };
 
-/// Is the curve better than none? Readings of stops (pairs: of stretches of distance) that were left out whole, raw and
-/// corrected by the curve of the others, against distances that no range told: to landmarks placed by the bearings of the
-/// other stops (pairs: the known ones). The reference's own error is in both.
+/// Is the curve better than none? Readings of groups that were left out whole, raw and corrected by the curve of the others,
+/// against distances that no range told: where bearings and commanded stops alone put stops and landmarks (pairs: the known
+/// ones). The reference's own error is in both.
 struct LeftOutCheck {
-  int groups = 0;                                           ///< left out in turn
-  double rms_raw_m = 0.0, rms_raw_std_m = 0.0;              ///< of raw readings, and its standard error [m]
+  int groups = 0;                               ///< left out in turn
+  std::string what = "stops";                   ///< the groups are: "stretches of the walk", "batches"
+  double rms_raw_m = 0.0, rms_raw_std_m = 0.0;  ///< of raw readings, and its standard error [m]
   double rms_corrected_m = 0.0, rms_corrected_std_m = 0.0;  ///< of corrected ones [m]
   /// Of the difference between the curves of both halves of the recording, if the model held; none where a half alone
   /// does not determine one.
@@ -107,9 +108,8 @@ struct Calibration {
                           ///< on the scale of distance, of a reciprocal in m^(1+i)
   std::optional<Eigen::MatrixXd>
       alpha_covariance;  ///< given order, scale, noise law and the effects' parameters
-  /// The same from how the answer changes when each stop is left out (jackknife, clustered by stop): holds where the noise
-  /// law is wrong or readings of a stop depend on each other. Along a random walk from stretches
-  /// of stops. None with fewer than 4 stops.
+  /// The same from how the answer changes when each stop (along a random walk: each stretch of it) is left out (jackknife,
+  /// clustered by stop): holds where the noise law is wrong or readings of a stop depend on each other. None with fewer than 4.
   std::optional<Eigen::MatrixXd> alpha_covariance_by_stops;
   std::optional<MisfitOfDeviations> misfit;  ///< of these two
   std::optional<LeftOutCheck> left_out;      ///< none where it was not asked or cannot be judged
