@@ -7,6 +7,8 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -268,7 +270,9 @@ Json pose_of(const Pose2& pose, double z = 0.0) {
 Json plain_pose(const Pose2& pose) {
   return {{"x_m", pose.x_m}, {"y_m", pose.y_m}, {"heading_rad", pose.heading_rad}};
 }
-Json colour(double r, double g, double b) { return {{"r", r}, {"g", g}, {"b", b}, {"a", 0.9}}; }
+Json colour(double r, double g, double b, double opacity = 1.0) {
+  return {{"r", r}, {"g", g}, {"b", b}, {"a", opacity}};
+}
 
 std::string base64(const std::string& bytes) {
   static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -317,6 +321,8 @@ class DiagnosisMcap {
         before_(model_residuals(recordings_, diagnosis.baseline)),
         after_(completed_ ? model_residuals(recordings_, model_, {}, diagnosis.simulation.added) : before_),
         writer_(file, "", "rangecal " + std::string(version()), "zstd") {
+    for (Recording& recording : recordings_)  // whoever gets the file need not know where it was kept
+      recording.path = (std::filesystem::path(recording.path) / "").parent_path().filename().string();
     set_times();
   }
 
@@ -339,8 +345,17 @@ class DiagnosisMcap {
     const double begin = order_.empty() ? 0.0 : times_[order_.front()];
     if (!pairs) write_scene(begin);
     write_finding(begin);
-    write_log(begin);
+    const std::vector<LogLine> lines = log_lines();
+    std::size_t said = 0;  // a millisecond apart: of several at one time a viewer shows the last
+    const auto say_until = [&](double time_s) {
+      for (; said < lines.size(); ++said) {
+        const double at = begin + 1e-3 * static_cast<double>(said + 1);
+        if (at > time_s) return;
+        write_log(lines[said], at);
+      }
+    };
     for (const std::size_t i : order_) {
+      say_until(times_[i]);
       const ReadingResidual& x = after_.readings[i];
       if (const auto stop = at_stop_.find({x.recording, x.stop}); stop != at_stop_.end()) {
         write_stop(x.recording, x.stop, stop->second, times_[i]);
@@ -348,6 +363,7 @@ class DiagnosisMcap {
       }
       write_residual(i);
     }
+    say_until(std::numeric_limits<double>::infinity());
     writer_.finish();
   }
 
@@ -438,13 +454,14 @@ class DiagnosisMcap {
         const auto place = estimated_place(model_, r, landmark.label);
         if (!place) continue;
         constexpr double height = 0.3, least_diameter = 0.02;  // a point would not be seen
+        constexpr double see_through = 0.35;                   // readings lie on the surface and behind it
         const double diameter = std::max(2.0 * landmark.radius_m, least_diameter);
         const Pose2 at{place->x(), place->y(), 0.0};
         const Json cylinder = {{"pose", pose_of(at, height / 2)},
                                {"size", xyz(diameter, diameter, height)},
                                {"bottom_scale", 1.0},
                                {"top_scale", 1.0},
-                               {"color", colour(0.3, 0.6, 0.4)}};
+                               {"color", colour(0.3, 0.6, 0.4, see_through)}};
         add(r, fmt::format("{} landmark {}", frame(r), landmark.label),
             Json::array({{{"key", "radius_m"}, {"value", fmt::format("{}", landmark.radius_m)}}}),
             Json::array(), Json::array({cylinder}), at, height + 0.05, landmark.label);
@@ -589,21 +606,28 @@ class DiagnosisMcap {
     send(finding_, time_s, message);
   }
 
-  void write_log(double time_s) {
+  struct LogLine {
+    int level;
+    std::string words;
+  };
+  /// The verdict last: after a jump in time a viewer shows the last line alone.
+  std::vector<LogLine> log_lines() const {
     constexpr int info = 2, warning = 3;
-    const auto say = [&](int level, const std::string& words) {
-      send(log_, time_s,
-           {{"timestamp", stamp(time_s)},
-            {"level", level},
-            {"message", words},
-            {"name", "rangecal diagnose"},
-            {"file", ""},
-            {"line", 0}});
-    };
-    say(info, app::describe(recordings_));
-    say(diagnosis_.verdict == Verdict::no_mismatch ? info : warning, sentence());
-    for (const Finding& f : diagnosis_.location) say(warning, app::finding_in_words(f));
-    for (const std::string& note : diagnosis_.notes) say(info, note);
+    std::vector<LogLine> lines{{info, app::describe(recordings_)}};
+    for (const std::string& note : diagnosis_.notes) lines.push_back({info, note});
+    for (const Finding& f : diagnosis_.location) lines.push_back({warning, app::finding_in_words(f)});
+    lines.push_back({diagnosis_.verdict == Verdict::no_mismatch ? info : warning, sentence()});
+    return lines;
+  }
+
+  void write_log(const LogLine& line, double time_s) {
+    send(log_, time_s,
+         {{"timestamp", stamp(time_s)},
+          {"level", line.level},
+          {"message", line.words},
+          {"name", "rangecal diagnose"},
+          {"file", ""},
+          {"line", 0}});
   }
 
   const Diagnosis& diagnosis_;

@@ -160,7 +160,8 @@ std::vector<std::vector<double>> points_of(const Json& cloud) {
 
 TEST(DiagnosisMcap, HoldsWhatWasFoundAndEveryReading) {
   const TemporaryFolder folder;
-  const std::vector<Recording> recordings{eccentric("run")};
+  std::vector<Recording> recordings{eccentric("run")};
+  recordings[0].path = "/home/somebody/run";
   const Recording& recording = recordings[0];
   const Diagnosis diagnosis = diagnose(recordings, quick());
   ASSERT_EQ(diagnosis.verdict, Verdict::explained);
@@ -174,8 +175,11 @@ TEST(DiagnosisMcap, HoldsWhatWasFoundAndEveryReading) {
   EXPECT_EQ(finding.at("explanations")[0].at("parameters").size(),
             diagnosis.explanations[0].parameters.size());
   EXPECT_EQ(finding.at("after").at("nll"), diagnosis.after.nll);
-  EXPECT_EQ(written.messages("/log")[1].json.at("message"), diagnosis.sentence);
-  EXPECT_EQ(written.messages("/log")[1].json.at("level"), 3);
+  const auto& lines = written.messages("/log");
+  EXPECT_EQ(lines.back().json.at("message"), diagnosis.sentence);  // what a viewer shows after a jump
+  EXPECT_EQ(lines.back().json.at("level"), 3);
+  EXPECT_THAT(lines.front().json.at("message").get<std::string>(), ::testing::StartsWith("run, "));
+  for (std::size_t i = 1; i < lines.size(); ++i) EXPECT_GT(lines[i].time_s, lines[i - 1].time_s);
 
   const ModelResiduals before = model_residuals(recordings, diagnosis.baseline);
   const ModelResiduals after =
