@@ -102,8 +102,9 @@ _DOCS = {
         does not hold.
     left_out : dict or None
         Readings of stops (along a random walk: of stretches of it; pairs: of batches or stretches of distance) left out in
-        turn: ``rms_raw_m`` and ``rms_corrected_m`` with ``..._std_m``, ``groups``, ``what`` they are, ``halves_p_value`` (do the curves of both halves agree?), ``better_than_raw`` and, where
-        that is False, the ``reason``: such a curve makes readings no better.
+        turn: ``rms_raw_m`` and ``rms_corrected_m`` with ``..._std_m``, ``groups``, ``what`` they are, ``halves_p_value``
+        (do the curves of both halves agree?), ``better_than_raw`` and, where that is False, the ``reason``: such a curve
+        makes readings no better.
     bound_alpha_std : ndarray (order + 1,) or None
         The Cramer-Rao bound of alpha at the estimate, as standard deviations; set by `calibrate` and `compare`.
     covariance_reason : str
