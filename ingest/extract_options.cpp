@@ -12,6 +12,7 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -20,7 +21,6 @@
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/stops_io.hpp"
 #include "rangecal/solvers/extract/extract.hpp"
-#include "rangecal/solvers/statistics/median.hpp"
 #include "scan_files.hpp"
 
 namespace rangecal::ingest {
@@ -113,31 +113,22 @@ ExtractOptions options_from(const Given& given) {
   return options;
 }
 
-std::string source_of(const std::vector<ScanLog>& logs) {
-  const std::string first = std::filesystem::path(logs.front().path).filename().string();
-  return logs.size() == 1 ? first : fmt::format("{} and {} more", first, logs.size() - 1);
+std::string source_of(const std::vector<ScanSource*>& sources) {
+  const std::string first = std::filesystem::path(sources.front()->log().path).filename().string();
+  return sources.size() == 1 ? first : fmt::format("{} and {} more", first, sources.size() - 1);
 }
 
 /// A question about the unit of the ranges, where no room is as large as they say; else empty.
-std::string unit_warning(const std::vector<ScanLog>& logs) {
+std::string unit_warning(const Extraction& extraction) {
   constexpr double largest_m = 100.0;
-  constexpr std::size_t enough = 100000;  // ranges, of which every k-th is looked at
-  std::size_t beams = 0, seen = 0;
-  for (const ScanLog& log : logs)
-    for (const Scan& scan : log.scans) beams += scan.size();
-  const std::size_t step = 1 + beams / enough;
-  std::vector<double> ranges;
-  for (const ScanLog& log : logs)
-    for (const Scan& scan : log.scans)
-      for (const double range : scan.range_m)
-        if (Scan::returned(range) && seen++ % step == 0) ranges.push_back(range);
-  const double middle = upper_median(std::move(ranges));
-  return middle > largest_m
-             ? fmt::format("half of the ranges are above {:.0f} m: are they in metres?", middle)
+  return extraction.median_return_m > largest_m
+             ? fmt::format("half of the ranges are above {:.0f} m: are they in metres?",
+                           extraction.median_return_m)
              : std::string();
 }
 
 Extracted extract(const Given& given, const ReadProgress& progress) {
+  static constexpr std::string_view again = " again";  // long bags are read several times
   Extracted out;
   require_distinct(files_behind(given.scans));
   if (!given.bag.frames.empty() && given.bag.odometry.empty())
@@ -146,21 +137,27 @@ Extracted extract(const Given& given, const ReadProgress& progress) {
   std::vector<Stop> stops;
   if (!given.stops.empty())
     stops = stops_of(CsvTable::read(given.stops), out.options.association.sigma_heading_rad);
-  std::vector<ScanLog> logs;
+  std::vector<std::unique_ptr<ScanSource>> files;
+  std::vector<ScanSource*> sources;
   for (const std::string& path : given.scans) {
     BagChoice choice = given.bag;
-    if (progress) choice.progress = [&](double share) { progress(path, share); };
-    logs.push_back(read_scan_file(path, choice));
-    if (progress) progress(path, 1.0);
-    if (!logs.back().warning.empty()) out.warnings.push_back(logs.back().warning);
+    if (progress)
+      choice.progress = [&progress, name = path](double share) mutable {
+        progress(name, share);
+        if (share >= 1.0 && !name.ends_with(again)) name += again;
+      };
+    files.push_back(open_scan_file(path, choice, 1'000'000 / given.scans.size()));
+    sources.push_back(files.back().get());
   }
-  out.extraction = extract_recording(logs, stops, out.options);
+  out.extraction = extract_recording(sources, stops, out.options);
+  for (const ScanSource* source : sources)
+    if (!source->log().warning.empty()) out.warnings.push_back(source->log().warning);
   if (out.extraction.recording.landmarks.empty())
-    if (std::string warning = unit_warning(logs); !warning.empty())
+    if (std::string warning = unit_warning(out.extraction); !warning.empty())
       out.warnings.push_back(std::move(warning));
   out.extraction.recording.sensor.name = given.sensor,
   out.extraction.recording.sensor.principle = given.principle;
-  out.source = source_of(logs), out.format = logs.front().format;
+  out.source = source_of(sources), out.format = sources.front()->log().format;
   note_extraction(out.extraction, out.options, out.source);
   return out;
 }

@@ -183,7 +183,7 @@ Imported import_lego(const Given& given) {
   options.cylinder.range_min_m = 0.02, options.cylinder.range_max_m = 2.5;
   state_errors(given, options.association);
   options.association.bearing_offset_rad = kMount;
-  Extraction extraction = extract_recording({log}, stops, options);
+  Extraction extraction = extract_recording(std::vector{log}, stops, options);
   Recording& recording = extraction.recording;
   recording.sensor.name = "lego-scanner", recording.sensor.principle = "phase";
   if (given.radius_m)

@@ -10,12 +10,13 @@
 
 namespace rangecal::ingest {
 
-ScanLog read_scan_file(const std::string& path, const BagChoice& choice) {
-  if (path != "-" && is_bag(path)) return read_bag_scans(path, choice);
+std::unique_ptr<ScanSource> open_scan_file(const std::string& path, const BagChoice& choice,
+                                           std::size_t beams_kept) {
+  if (path != "-" && is_bag(path)) return std::make_unique<BagScans>(path, choice, beams_kept);
   for (const auto& [option, topic] : {std::pair{"--scan", choice.scan}, {"--odom", choice.odometry}})
     if (!topic.empty())
       throw InputError((path == "-" ? "stdin" : path) + ": is no bag, which " + option + " is for");
-  return read_scans(path);
+  return std::make_unique<ScansInMemory>(read_scans(path));
 }
 
 std::vector<std::string> files_behind(const std::vector<std::string>& names) {

@@ -10,6 +10,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -25,7 +26,6 @@ namespace {
 constexpr const char *kLaserScan = "sensor_msgs/LaserScan", *kRange = "sensor_msgs/Range",
                      *kOdometry = "nav_msgs/Odometry", *kPoseStamped = "geometry_msgs/PoseStamped",
                      *kTransforms = "tf2_msgs/TFMessage", *kTransformsOfRos1 = "tf/tfMessage";
-constexpr std::size_t kMostBeams = 100'000'000;
 constexpr double kOdometryWithin_s = 1.0;
 
 /// "/odom (nav_msgs/Odometry), /scan (sensor_msgs/LaserScan)"; of many, the first.
@@ -53,32 +53,70 @@ struct LeftOut {
   }
 };
 
-class BagScanReader {
- public:
-  BagScanReader(std::string path, const BagChoice& choice)
-      : path_(std::move(path)), choice_(choice), source_(open_bag(path_)) {}
+}  // namespace
 
-  ScanLog read() {
-    const std::string scan = choice_.scan.empty() ? only_scan() : choice_.scan;
+class BagScans::Reader {
+ public:
+  Reader(std::string path, BagChoice choice, std::size_t beams_kept)
+      : path_(std::move(path)), choice_(std::move(choice)), beams_kept_(beams_kept) {}
+
+  const ScanLog& log() const { return log_; }
+
+  void survey(const Look& look) {
     log_.path = path_;
-    std::vector<std::string> names{scan};
-    if (!choice_.odometry.empty() && choice_.odometry != scan) names.push_back(choice_.odometry);
-    source_->read(
-        names,
-        [&](const BagMessage& message) {
-          message.topic.name == scan ? take_scan(message) : take_poses(message);
-        },
-        choice_.progress);
+    read_messages([&](const BagMessage& message) {
+      message.topic.name == topic_ ? survey_scan(message, look) : take_poses(message);
+    });
     log_.format = source_->format();
     note(source_->losses());
-    if (log_.scans.empty()) fail_without(scan, scans_left_out_, "--scan");
-    note_left_out(scans_left_out_, scan);
+    if (log_.scans.empty()) fail_without(topic_, scans_left_out_, "--scan");
+    note_left_out(scans_left_out_, topic_);
     if (!choice_.odometry.empty()) attach_odometry();
     if (!log_.warning.empty()) log_.warning = InputError(path_, 0, "", log_.warning).what();
-    return std::move(log_);
+    source_.reset();
+  }
+
+  void read(const Take& take) {
+    std::size_t next = 0;  // of the log's scans
+    const auto give = [&](Scan& scan) {
+      scan.odometry = log_.scans[next].odometry;
+      take(next++, scan);
+    };
+    const auto is_next = [&](const Scan& scan) {
+      return next < log_.scans.size() && scan.row == log_.scans[next].row;
+    };
+    if (all_kept_) {
+      for (Scan& scan : kept_)
+        if (is_next(scan)) give(scan);
+      return;
+    }
+    number_ = 0;
+    read_messages([&](const BagMessage& message) {
+      if (message.topic.name != topic_ || next >= log_.scans.size() || ++number_ != log_.scans[next].row)
+        return;
+      std::optional<Scan> scan;
+      try {
+        scan = decoded(message);
+      } catch (const InputError&) {
+      }
+      if (!scan || scan->stamp_s != log_.scans[next].stamp_s) fail("has changed while it was read");
+      give(*scan);
+    });
+    if (next < log_.scans.size()) fail("has changed while it was read");
+    source_.reset();
   }
 
  private:
+  /// Opens the bag and reads both topics, each time in the same way, so that the same messages come.
+  void read_messages(const MessageSource::Take& take) {
+    source_ = open_bag(path_);
+    topic_ = choice_.scan.empty() ? only_scan() : choice_.scan;
+    std::vector<std::string> names{topic_};
+    if (!choice_.odometry.empty() && choice_.odometry != topic_) names.push_back(choice_.odometry);
+    source_->read(names, take, choice_.progress);
+    if (choice_.progress) choice_.progress(1.0);
+  }
+
   std::string only_scan() {
     std::vector<BagTopic> topics = source_->topics();
     std::vector<std::string> scans;
@@ -99,31 +137,39 @@ class BagScanReader {
                      topic.encoding));
   }
 
-  void take_scan(const BagMessage& message) {
+  void survey_scan(const BagMessage& message, const Look& look) {
     if (message.topic.type == kRange)
       fail(fmt::format("topic {} is of {}: single distances, in which there is no cylinder to find",
                        message.topic.name, kRange));
     if (message.topic.type != kLaserScan)
       fail(fmt::format("topic {} is of {}, not of {}", message.topic.name, message.topic.type, kLaserScan));
     ++number_;
+    Scan scan;
     try {
-      LaserScanMessage found = read_laser_scan(message.bytes, wire_of(message.topic));
-      Scan scan;
-      scan.stamp_s = stamp(found.stamp_s, message), scan.row = number_;
-      std::vector<double> ranges(found.range_m.begin(), found.range_m.end());
-      for (double& range : ranges)
-        if (range < found.range_min_m || range > found.range_max_m)
-          range = std::numeric_limits<double>::infinity();
-      if (!std::isfinite(found.angle_min_rad)) throw InputError("its angle_min is not finite");
-      set_beams(scan, found.angle_min_rad, found.angle_increment_rad, std::move(ranges), path_);
-      beams_ += scan.size();
-      log_.scans.push_back(std::move(scan));
+      scan = decoded(message);
     } catch (const InputError& error) {
       scans_left_out_.add(error);
+      return;
     }
-    if (beams_ > kMostBeams)
-      fail(fmt::format("holds more than {} beams on topic {}: cut it into parts first", kMostBeams,
-                       message.topic.name));
+    look(scan);
+    log_.scans.push_back(head_of(scan));
+    beams_ += scan.size();
+    if (beams_ > beams_kept_ && all_kept_) all_kept_ = false, kept_ = {};
+    if (all_kept_) kept_.push_back(std::move(scan));
+  }
+
+  /// The scan with the number of its message in place of a row.
+  Scan decoded(const BagMessage& message) const {
+    LaserScanMessage found = read_laser_scan(message.bytes, wire_of(message.topic));
+    Scan scan;
+    scan.stamp_s = stamp(found.stamp_s, message), scan.row = number_;
+    std::vector<double> ranges(found.range_m.begin(), found.range_m.end());
+    for (double& range : ranges)
+      if (range < found.range_min_m || range > found.range_max_m)
+        range = std::numeric_limits<double>::infinity();
+    if (!std::isfinite(found.angle_min_rad)) throw InputError("its angle_min is not finite");
+    set_beams(scan, found.angle_min_rad, found.angle_increment_rad, std::move(ranges), path_);
+    return scan;
   }
 
   void take_poses(const BagMessage& message) {
@@ -236,22 +282,27 @@ class BagScanReader {
   [[noreturn]] void fail(const std::string& what) const { throw InputError(path_, 0, "", what); }
 
   std::string path_;
-  const BagChoice& choice_;
+  BagChoice choice_;
+  std::size_t beams_kept_;
   std::unique_ptr<MessageSource> source_;
-  ScanLog log_;
+  std::string topic_;       ///< of the scans
+  ScanLog log_;             ///< their heads
+  std::vector<Scan> kept_;  ///< the scans of the log and of those that had no odometry, if all are
+  bool all_kept_ = true;
   std::size_t beams_ = 0;
-  int number_ = 0;
+  int number_ = 0;  ///< of the message, from 1
   std::map<std::string, std::vector<std::pair<double, Pose2>>>
       poses_;                           ///< by "PARENT,CHILD" of transforms, else by ""
   std::map<std::string, bool> others_;  ///< frames that were not chosen
   LeftOut scans_left_out_, poses_left_out_;
 };
 
-}  // namespace
-
-ScanLog read_bag_scans(const std::string& path, const BagChoice& choice) {
-  return BagScanReader(path, choice).read();
-}
+BagScans::BagScans(std::string path, BagChoice choice, std::size_t beams_kept)
+    : reader_(std::make_unique<Reader>(std::move(path), std::move(choice), beams_kept)) {}
+BagScans::~BagScans() = default;
+void BagScans::survey(const Look& look) { reader_->survey(look); }
+const ScanLog& BagScans::log() const { return reader_->log(); }
+void BagScans::read(const Take& take) { reader_->read(take); }
 
 std::string describe_topics(const std::string& path) {
   const std::unique_ptr<MessageSource> source = open_bag(path);

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
+#include <memory>
 #include <string>
 
-#include "rangecal/core/scan.hpp"
+#include "rangecal/solvers/extract/scan_source.hpp"
 
 namespace rangecal::ingest {
 
@@ -21,9 +23,22 @@ struct BagChoice {
 /// The scans of a bag of any kind (message_source.hpp), with the odometry at the time of each: between the messages before and after,
 /// both within a second, linear in x, y and the shorter turn. A scan that has none is left out. Times are header.stamp, or the
 /// time of recording where nobody set it. Readings outside a message's own limits are no returns. ScanLog::warning says in one line what
-/// was lost and left out. Throws InputError: one that names the topics where the choice among them is not clear, also for more than 10^8
-/// beams. Memory: that of the scans, and of one chunk or message of the bag.
-ScanLog read_bag_scans(const std::string& path, const BagChoice& choice);
+/// was lost and left out. The survey throws InputError: one that names the topics where the choice among them is not clear. Memory:
+/// times and poses, and one chunk or message of the bag; beams where there are few of them, else the bag is read again for each
+/// read().
+class BagScans final : public ScanSource {
+ public:
+  /// `beams_kept`: up to so many beams stay in memory, of 16 bytes each.
+  BagScans(std::string path, BagChoice choice, std::size_t beams_kept);
+  ~BagScans() override;
+  void survey(const Look& look) override;
+  const ScanLog& log() const override;
+  void read(const Take& take) override;
+
+ private:
+  class Reader;
+  std::unique_ptr<Reader> reader_;
+};
 
 /// The topics of a bag with type and number of messages, one a line, and a line about what could not be read.
 std::string describe_topics(const std::string& path);

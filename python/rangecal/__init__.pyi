@@ -106,6 +106,7 @@ class Calibration:
     covariance: Optional[Floats]  # (order + 1, order + 1)
     covariance_with_choice: Optional[Floats]  # (n, n), n - 1 the highest order that may hold
     covariance_by_stops: Optional[Floats]  # (order + 1, order + 1)
+    covariance_by_landmarks: Optional[Floats]  # (order + 1, order + 1)
     misfit: Optional[dict[str, Any]]
     left_out: Optional[dict[str, Any]]
     bound_alpha_std: Optional[Floats]  # (order + 1,)

@@ -97,9 +97,12 @@ _DOCS = {
         Of alpha, from how the answer changes when each stop is left out: holds where the noise law is wrong or readings of
         a stop depend on each other; along a random walk from stretches of stops. None for pairs and of other methods than
         ``"marginal"``.
+    covariance_by_landmarks : ndarray (order + 1, order + 1) or None
+        The same from landmarks left out in turn: holds where readings of a landmark have an error in common. None where
+        there are no more landmarks than stops, or fewer than 4.
     misfit : dict or None
-        ``factor``: the largest of standard deviations by stops over those stated, ``where``; above ``threshold`` the model
-        does not hold.
+        ``factor``: standard deviations by stops or landmarks (``clusters``: which) over those stated, ``where`` it is
+        furthest above its ``threshold``; above that the model does not hold.
     left_out : dict or None
         Readings of stops (along a random walk: of stretches of it; pairs: of batches or stretches of distance) left out in
         turn: ``rms_raw_m`` and ``rms_corrected_m`` with ``..._std_m``, ``groups``, ``what`` they are, ``halves_p_value``

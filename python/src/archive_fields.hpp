@@ -94,8 +94,8 @@ inline void archive_fields(python::Archive& a, LeftOutCheck& s) {
   a(groups, what, raw, raw_std, corrected, corrected_std, halves, usable, reason);
 }
 inline void archive_fields(python::Archive& a, MisfitOfDeviations& s) {
-  auto& [factor, threshold, where] = s;
-  a(factor, threshold, where);
+  auto& [factor, threshold, clusters, where] = s;
+  a(factor, threshold, clusters, where);
 }
 inline void archive_fields(python::Archive& a, OutlierReading& s) {
   auto& [recording, row, channel, sigmas, reason] = s;
@@ -114,14 +114,14 @@ inline void archive_fields(python::Archive& a, CurveScale& s) {
   a(family, offset, offset_std);
 }
 inline void archive_fields(python::Archive& a, Calibration& s) {
-  auto& [method, kind, outcome, reason, scale, alpha, covariance, by_stops, misfit, left_out, with_choice,
-         bound, why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper,
-         lowest, highest, effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic,
-         weakest, iterations, seconds] = s;
-  a(method, kind, outcome, reason, scale, alpha, covariance, by_stops, misfit, left_out, with_choice, bound,
-    why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s, upper, lowest,
-    highest, effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic, weakest,
-    iterations, seconds);
+  auto& [method, kind, outcome, reason, scale, alpha, covariance, by_stops, by_landmarks, misfit, left_out,
+         with_choice, bound, why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta,
+         sigma_s, upper, lowest, highest, effects, known, ranges, labels, landmarks, stops, counts, joint,
+         marginal, aic, weakest, iterations, seconds] = s;
+  a(method, kind, outcome, reason, scale, alpha, covariance, by_stops, by_landmarks, misfit, left_out,
+    with_choice, bound, why, noise, noise_estimates, shapes, outlier_count, outliers, sigma_theta, sigma_s,
+    upper, lowest, highest, effects, known, ranges, labels, landmarks, stops, counts, joint, marginal, aic,
+    weakest, iterations, seconds);
 }
 inline void archive_fields(python::Archive& a, ModelScore& s) {
   auto& [order, law, nll, aic, family] = s;

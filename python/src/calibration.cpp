@@ -77,6 +77,7 @@ py::object misfit(const Calibration& c) {
   entry["factor"] = c.misfit->factor;
   entry["threshold"] = c.misfit->threshold;
   entry["where"] = c.misfit->where;
+  entry["clusters"] = c.misfit->clusters;
   return entry;
 }
 
@@ -170,6 +171,9 @@ void bind_calibration(py::module_& module) {
       .def_property_readonly(
           "covariance_by_stops",
           [](const py::object& self) { return view(of(self).alpha_covariance_by_stops, self); })
+      .def_property_readonly(
+          "covariance_by_landmarks",
+          [](const py::object& self) { return view(of(self).alpha_covariance_by_landmarks, self); })
       .def_property_readonly("misfit", &misfit)
       .def_property_readonly("left_out", &left_out)
       .def_property_readonly("bound_alpha_std",

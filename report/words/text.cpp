@@ -141,10 +141,12 @@ std::string left_out_in_words(const Calibration& calibration) {
 
 std::string misfit_in_words(const Calibration& calibration) {
   if (!calibration.misfit || calibration.misfit->holds()) return {};
+  const std::string& clusters = calibration.misfit->clusters;
   return fmt::format(
-      "the model does not hold: standard deviations by stops (how far the answer moves when a stop is left out) are {:.1f} "
+      "the model does not hold: standard deviations by {} (how far the answer moves when a {} is left out) are {:.1f} "
       "times those stated for {}",
-      calibration.misfit->factor, calibration.misfit->where);
+      clusters, clusters.substr(0, clusters.size() - 1), calibration.misfit->factor,
+      calibration.misfit->where);
 }
 
 std::string outlier_count_in_words(const Calibration& calibration) {

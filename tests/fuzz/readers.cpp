@@ -32,6 +32,7 @@
 #include "rangecal/solvers/recursive/recursive_calibrator.hpp"
 #include "rangecal/solvers/study/study.hpp"
 #include "study/journal.hpp"
+#include "support/scan_logs.hpp"
 #include "track/tracking.hpp"
 
 namespace rangecal::fuzz {
@@ -185,7 +186,8 @@ void feed_track(std::string_view bytes) {
 }
 
 void feed_scans(std::string_view bytes) {
-  for (const Scan& scan : ingest::read_scan_file(folder().write("scans", bytes), {}).scans)
+  const auto source = ingest::open_scan_file(folder().write("scans", bytes), {}, 1000);
+  for (const Scan& scan : test::whole_log(*source).scans)
     promise(scan.bearing_rad.size() == scan.range_m.size(), "bearings and ranges differ");
 }
 
@@ -246,7 +248,7 @@ void feed_bag(std::string_view bytes, const char* name) {
     refusal = error.what();
   }
   for (const char* odometry : {"/odom", "/tf"})
-    for (const Scan& scan : ingest::read_bag_scans(file, {"/scan", odometry, "", {}}).scans) {
+    for (const Scan& scan : test::read_bag_scans(file, {"/scan", odometry, "", {}}).scans) {
       promise(scan.bearing_rad.size() == scan.range_m.size(), "bearings and ranges differ");
       promise(scan.odometry.has_value(), "a scan without odometry");
     }

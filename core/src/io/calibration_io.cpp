@@ -127,6 +127,7 @@ static void fields(JsonFields& json, MisfitOfDeviations& misfit) {
   json.optional("factor", misfit.factor);
   json.optional("threshold", misfit.threshold);
   json.optional("where", misfit.where);
+  json.optional("clusters", misfit.clusters);
 }
 
 static void fields(JsonFields& json, OutlierReading& outlier) {
@@ -197,6 +198,7 @@ static void check_fields(JsonFields& json, Calibration& c) {
     c.left_out->reason = reason;
   }
   json.square("covariance_by_stops", c.alpha_covariance_by_stops, c.alpha.size());
+  json.square("covariance_by_landmarks", c.alpha_covariance_by_landmarks, c.alpha.size());
   json.optional("misfit", c.misfit);
 }
 

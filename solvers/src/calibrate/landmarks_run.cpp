@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "calibrate/landmark_influence.hpp"
 #include "calibrate/left_out_check.hpp"
 #include "calibrate/noise_shapes.hpp"
 #include "calibrate/observability.hpp"
@@ -23,16 +24,17 @@ struct Judged {
   std::optional<StopInfluence> influence;
 };
 
+/// The readings as the noise shapes of a fit weigh them.
+JointProblem weighed(const LandmarksJob& job, const JointState& state, const RobustShapes* shapes) {
+  return shapes ? weighted_problem(*job.rows, state, shapes->range, shapes->bearing) : job.problem;
+}
+
 Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes) {
   Judged result{fit, std::nullopt};
   JointState& state = result.fit.state;
   if (fit.outcome != Outcome::converged || !fit.covariance) return result;
   if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(job.problem));
-  if (shapes)
-    result.influence = stop_influence(weighted_problem(*job.rows, state, shapes->range, shapes->bearing),
-                                      state, *fit.covariance);
-  else
-    result.influence = stop_influence(job.problem, state, *fit.covariance);
+  result.influence = stop_influence(weighed(job, state, shapes), state, *fit.covariance);
   return result;
 }
 
@@ -251,21 +253,30 @@ std::optional<Run> run_of_lower_order(const LandmarksJob& job, Run& run, const S
                             searched.at(*best, run.law));
 }
 
-/// Standard deviations by stops, and how much larger than the model's they are.
-void add_deviations_by_stops(const StopInfluence& influence, Calibration& calibration) {
+/// Standard deviations by stops, and by how much the model's fall short of them and of those by landmarks.
+void add_deviations(const StopInfluence* by_stops, const LandmarkInfluence* by_landmarks,
+                    Calibration& calibration) {
   const Eigen::Index alphas = calibration.alpha.size();
-  calibration.alpha_covariance_by_stops = influence.covariance.topLeftCorner(alphas, alphas);
-  for (std::size_t l = 0; l < calibration.landmarks.size(); ++l) {
-    const Eigen::Index at = alphas + 2 * static_cast<Eigen::Index>(l);
-    calibration.landmarks[l].covariance_by_stops = influence.covariance.block<2, 2>(at, at);
+  if (by_stops) {
+    calibration.alpha_covariance_by_stops = by_stops->covariance.topLeftCorner(alphas, alphas);
+    for (std::size_t l = 0; l < calibration.landmarks.size(); ++l) {
+      const Eigen::Index at = alphas + 2 * static_cast<Eigen::Index>(l);
+      calibration.landmarks[l].covariance_by_stops = by_stops->covariance.block<2, 2>(at, at);
+    }
   }
-  calibration.misfit = misfit_of(calibration, influence.groups());
+  if (by_landmarks) calibration.alpha_covariance_by_landmarks = by_landmarks->covariance();
+  calibration.misfit = misfit_of(calibration, by_stops, by_landmarks);
 }
 
 /// Those, and whether the curve is better than none.
-void add_checks(const LandmarksJob& job, const Judged& at, Calibration& calibration) {
-  if (calibration.outcome != Outcome::converged || !at.influence) return;
-  add_deviations_by_stops(*at.influence, calibration);
+void add_checks(const LandmarksJob& job, const Judged& at, const RobustShapes* shapes,
+                Calibration& calibration) {
+  if (calibration.outcome != Outcome::converged || !at.fit.covariance) return;
+  const auto by_landmarks = landmark_influence(weighed(job, at.fit.state, shapes), job.landmark_labels,
+                                               at.fit.state, *at.fit.covariance);
+  add_deviations(at.influence ? &*at.influence : nullptr, by_landmarks ? &*by_landmarks : nullptr,
+                 calibration);
+  if (!at.influence) return;
   const JointState& state = at.fit.state;
   const LeftOutErrors errors =
       left_out_errors(job.agreeing, ReferenceDistances(job.agreeing, state), state, *at.influence, state);
@@ -327,7 +338,7 @@ bool gaussian_predicts_better(const LandmarksJob& job, Run& gaussian, const Robu
               left_out_errors(job.agreeing, reference, of_other, *other.influence, of_plain));
   if (!gain) return false;
   Calibration with_shapes = calibration_from_robust(job, shaped);
-  add_deviations_by_stops(*other.influence, with_shapes);
+  add_deviations(&*other.influence, nullptr, with_shapes);
   const bool holds = !with_shapes.misfit || with_shapes.misfit->holds();
   return gain->mean > (holds ? 0.0 : -gain->std_dev);
 }
@@ -421,7 +432,7 @@ void calibrate_landmarks(std::span<const Recording> recordings, const CalibrateO
   for (Calibration& calibration : report.calibrations) {
     if (calibration.method != Method::marginal) continue;
     if (run->shaped()) list_outliers(job, *run->shaped(), calibration);
-    add_checks(job, run->judgement(), calibration);
+    add_checks(job, run->judgement(), run->shapes(), calibration);
   }
   report_shapes(report);
   if (run->shapes()) note_tried(*run->shapes(), report);

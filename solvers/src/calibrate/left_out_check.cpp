@@ -9,6 +9,7 @@
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
+#include <utility>
 
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/solvers/calibrate/curve.hpp"
@@ -30,6 +31,83 @@ std::optional<double> inverted(const Eigen::VectorXd& alpha, double y, double ne
     if (std::abs(move) < 1e-9 * near) return d;
   }
   return std::nullopt;
+}
+
+/// The variance of a quantity, or the mean of several, by K groups left out, relative to the model's.
+struct GroupedVariance {
+  double stated = 0.0;    ///< by the model
+  double measured = 0.0;  ///< by the groups
+  double unseen = 0.0;    ///< the part of it that the groups do not see and the model states
+  int groups = 0;         ///< K
+  double per_group = 1.0;
+  /// By the model, of what leaving a group out changes: sums over the groups of v_k, and of half its variance. 0: not known, m is
+  /// taken to be what the model states, and all groups to count the same.
+  double sum = 0.0, squares = 0.0;
+};
+
+/// Where the model holds, the part that the groups see has the mean m = c sum_k v_k, c `per_group`, and varies like a chi-square of
+/// n = (K - 1) / K (sum v)^2 / sum v^2 degrees of freedom over n (Satterthwaite 1946; one degree is that of the groups' mean);
+/// 3 / sqrt(2 n) are three standard deviations of its root. Groups may determine the quantity so unevenly that m is far above the
+/// stated variance.
+MisfitOfDeviations misfit_in(const GroupedVariance& of, const std::string& clusters, std::string where) {
+  MisfitOfDeviations misfit;
+  misfit.clusters = clusters;
+  misfit.where = std::move(where);
+  misfit.factor = std::sqrt(of.measured / of.stated);
+  const bool known = of.sum > 0.0;
+  const double evenly = of.groups - 1.0,
+               degrees = known ? evenly / of.groups * of.sum * of.sum / of.squares : evenly,
+               most = 1.0 + 3.0 / std::sqrt(2.0 * degrees), mean = known ? of.per_group * of.sum : of.stated;
+  misfit.threshold = std::max(misfit.threshold, std::sqrt((mean * most * most + of.unseen) / of.stated));
+  return misfit;
+}
+
+/// Keeps the one that exceeds its threshold by the larger factor.
+void keep_worse(std::optional<MisfitOfDeviations>& kept, const MisfitOfDeviations& other) {
+  if (!std::isfinite(other.factor)) return;
+  if (!kept || other.factor / other.threshold > kept->factor / kept->threshold) kept = other;
+}
+
+/// The curve's variance at scale u.
+GroupedVariance at_scale(double u, const Eigen::MatrixXd& stated, const Eigen::MatrixXd& measured, int groups,
+                         const std::vector<Eigen::MatrixXd>& expected, double per_group) {
+  GroupedVariance of;
+  of.stated = evaluate_form(stated, u);
+  of.measured = evaluate_form(measured, u);
+  of.groups = groups;
+  of.per_group = per_group;
+  for (const Eigen::MatrixXd& one : expected) {
+    const double v = std::max(0.0, evaluate_form(one, u));
+    of.sum += v;
+    of.squares += v * v;
+  }
+  return of;
+}
+
+/// Of the landmarks' places, the mean of their ratios: that of a single one has few degrees of freedom. The one that is most off is
+/// named.
+std::optional<MisfitOfDeviations> misfit_of_places(const Calibration& calibration,
+                                                   const StopInfluence& influence) {
+  GroupedVariance mean;
+  mean.stated = 1.0;
+  mean.groups = influence.groups();
+  mean.per_group = influence.per_group;
+  for (const double v : influence.expected_of_places) mean.sum += std::max(0.0, v);
+  for (const double v : influence.squares_of_places) mean.squares += v;
+  double worst = 0.0;
+  std::string label;
+  for (const LandmarkEstimate& landmark : calibration.landmarks) {
+    if (!landmark.covariance || !landmark.covariance_by_stops) continue;
+    const double stated = landmark.covariance->trace();
+    if (!(stated > 0.0)) continue;
+    const double ratio = landmark.covariance_by_stops->trace() / stated;
+    mean.measured += ratio / static_cast<double>(calibration.landmarks.size());
+    if (ratio <= worst) continue;
+    worst = ratio;
+    label = landmark.label;
+  }
+  if (label.empty()) return std::nullopt;
+  return misfit_in(mean, "stops", fmt::format("the landmarks, most of all {}", label));
 }
 
 }  // namespace
@@ -213,42 +291,29 @@ std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const St
   return check;
 }
 
-std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, int groups) {
-  if (!calibration.alpha_covariance || !calibration.alpha_covariance_by_stops || groups < 2)
-    return std::nullopt;
-  MisfitOfDeviations misfit;
-  misfit.threshold = std::max(1.5, 1.0 + 3.0 / std::sqrt(2.0 * (groups - 1.0)));
-  misfit.factor = 0.0;
-  Calibration by_stops = calibration;
-  by_stops.alpha_covariance = calibration.alpha_covariance_by_stops;
-  Calibration by_model = calibration;
-  for (Calibration* one : {&by_stops, &by_model}) one->covariance_with_choice.reset();
-  const std::vector<CurvePoint> wide = curve_points(by_stops), narrow = curve_points(by_model);
-  for (std::size_t i = 0; i < wide.size() && i < narrow.size(); ++i) {
-    if (!wide[i].std_dev_m || !narrow[i].std_dev_m || !(*narrow[i].std_dev_m > 0.0)) continue;
-    const double factor = *wide[i].std_dev_m / *narrow[i].std_dev_m;
-    if (factor <= misfit.factor) continue;
-    misfit.factor = factor;
-    misfit.where = fmt::format("the curve at {:.2f} m", wide[i].distance_m);
+std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, const StopInfluence* by_stops,
+                                            const LandmarkInfluence* by_landmarks) {
+  std::optional<MisfitOfDeviations> worst;
+  if (!calibration.alpha_covariance) return worst;
+  const Eigen::MatrixXd& stated = *calibration.alpha_covariance;
+  const Eigen::Index alphas = stated.rows();
+  for (const CurvePoint& point : curve_points(calibration)) {
+    const double u = calibration.scale.of(point.distance_m);
+    const std::string where = fmt::format("the curve at {:.2f} m", point.distance_m);
+    if (by_stops)
+      keep_worse(worst, misfit_in(at_scale(u, stated, by_stops->covariance.topLeftCorner(alphas, alphas),
+                                           by_stops->groups(), by_stops->expected, by_stops->per_group),
+                                  "stops", where));
+    if (by_landmarks) {
+      GroupedVariance of = at_scale(u, stated, by_landmarks->covariance(), by_landmarks->groups,
+                                    by_landmarks->expected, by_landmarks->per_group);
+      of.unseen = evaluate_form(by_landmarks->of_poses, u);
+      keep_worse(worst, misfit_in(of, "landmarks", where));
+    }
   }
-  // The ratio of a single landmark has few degrees of freedom: judge their mean, and name the one that is most off.
-  double sum = 0.0, worst = 0.0;
-  int counted = 0;
-  std::string label;
-  for (const LandmarkEstimate& landmark : calibration.landmarks) {
-    if (!landmark.covariance || !landmark.covariance_by_stops) continue;
-    const double ratio = landmark.covariance_by_stops->trace() / landmark.covariance->trace();
-    sum += ratio;
-    ++counted;
-    if (ratio <= worst) continue;
-    worst = ratio;
-    label = landmark.label;
-  }
-  if (const double factor = counted > 0 ? std::sqrt(sum / counted) : 0.0; factor > misfit.factor) {
-    misfit.factor = factor;
-    misfit.where = fmt::format("the landmarks, most of all {}", label);
-  }
-  return misfit;
+  if (by_stops)
+    if (const auto of_places = misfit_of_places(calibration, *by_stops)) keep_worse(worst, *of_places);
+  return worst;
 }
 
 }  // namespace rangecal

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/landmark_influence.hpp"
 #include "calibrate/reference_distances.hpp"
 #include "calibrate/stop_influence.hpp"
 #include "rangecal/core/calibration.hpp"
@@ -66,7 +67,10 @@ inline bool predicts_better(const LeftOutErrors& simpler, const LeftOutErrors& o
 std::optional<LeftOutCheck> left_out_check(const LeftOutErrors& errors, const StopInfluence* influence,
                                            const std::string& what);
 
-/// Standard deviations by stops relative to the model's; none if the calibration lacks either.
-std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, int groups);
+/// Standard deviations by stops and by landmarks relative to the model's, of the curve at five distances and of the landmarks' places:
+/// those that are furthest above their threshold. `calibration` has the covariances by stops already. None where there are
+/// neither, or none of the model.
+std::optional<MisfitOfDeviations> misfit_of(const Calibration& calibration, const StopInfluence* by_stops,
+                                            const LandmarkInfluence* by_landmarks);
 
 }  // namespace rangecal

@@ -5,10 +5,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
+#include "calibrate/marginal_score.hpp"
 #include "calibrate/walk_seed.hpp"
-#include "marginal/laplace.hpp"
 #include "rangecal/solvers/joint_ml/joint_system.hpp"
 
 namespace rangecal {
@@ -41,69 +40,14 @@ bool holds_a_beginning(const JointProblem& problem, const std::vector<int>& stop
   });
 }
 
-/// The problem of some stops alone, those of a place together, with all landmarks; measured distances between landmarks belong to
-/// no group.
-JointProblem part_of(const JointProblem& problem, const std::vector<int>& stops) {
-  JointProblem part;
-  part.landmark_radius_m = problem.landmark_radius_m;
-  part.landmark_recording = problem.landmark_recording;
-  part.estimate_sigma_s = problem.estimate_sigma_s;
-  const Cells& all = problem.cells;
-  Cells& c = part.cells;
-  c.stop_begin.push_back(0);
-  int last_place = -1;
-  for (const int k : stops) {
-    StopPrior prior = problem.stops[k];
-    if (prior.place != std::exchange(last_place, prior.place)) ++part.place_count;
-    prior.place = part.place_count - 1;
-    part.stops.push_back(prior);
-    part.sigma_s_shared.push_back(problem.sigma_s_shared[k]);
-    for (int i = all.stop_begin[k]; i < all.stop_begin[k + 1]; ++i) {
-      c.stop.push_back(static_cast<int>(part.stops.size()) - 1);
-      c.landmark.push_back(all.landmark[i]);
-      c.count.push_back(all.count[i]);
-      c.range_weight.push_back(all.range_weight[i]);
-      c.bearing_weight.push_back(all.bearing_weight[i]);
-      c.range_mean.push_back(all.range_mean[i]);
-      c.range_mean_square.push_back(all.range_mean_square[i]);
-      c.bearing_mean.push_back(all.bearing_mean[i]);
-      c.bearing_mean_square.push_back(all.bearing_mean_square[i]);
-      c.radius_m.push_back(all.radius_m[i]);
-      part.readings += all.count[i];
-    }
-    c.stop_begin.push_back(static_cast<int>(c.size()));
-  }
-  return part;
-}
-
-/// Gradient and Hessian of the marginal NLL in the globals.
-struct Score {
-  Eigen::VectorXd gradient;
-  Eigen::MatrixXd hessian;
-};
-
-/// The stops move to their conditional optimum first, where they are not there already.
-std::optional<Score> score_of(const JointProblem& problem, JointState state, bool sigma_s_free,
-                              bool settled = true) {
-  JointSystem system(problem, static_cast<int>(state.alpha.size()),
-                     static_cast<int>(state.noise.parameters.size()), sigma_s_free);
-  int evaluations = 0;
-  if (!settled && !std::isfinite(settle_stops(system, state, evaluations))) return std::nullopt;
-  if (settled && (!std::isfinite(system.assemble(state, HessianKind::exact)) || !system.eliminate()))
-    return std::nullopt;
-  Score score{system.reduced_gradient() + system.log_det_gradient(state), system.schur()};
-  const int sigmas = system.layout().sigma_count();
-  score.hessian.bottomRightCorner(sigmas, sigmas) += system.log_det_sigma_hessian(state);
-  return score;
-}
-
 /// The scores of the groups, which add up to that of all stops: each group's alone, or along a random walk what it adds to the
 /// groups before it.
-std::optional<std::vector<Score>> scores_of(const JointProblem& problem, const JointState& state,
-                                            bool sigma_s_free, const std::vector<std::vector<int>>& groups) {
+std::optional<std::vector<MarginalScore>> scores_of(const JointProblem& problem, const JointState& state,
+                                                    bool sigma_s_free,
+                                                    const std::vector<std::vector<int>>& groups) {
   const bool walk = is_walk(problem);
-  std::vector<Score> scores;
-  std::optional<Score> before;
+  std::vector<MarginalScore> scores;
+  std::optional<MarginalScore> before;
   std::vector<int> stops;
   for (const std::vector<int>& group : groups) {
     if (!walk) stops.clear();
@@ -111,7 +55,8 @@ std::optional<std::vector<Score>> scores_of(const JointProblem& problem, const J
     JointState part = state;
     part.stops.clear();
     for (const int k : stops) part.stops.push_back(state.stops[k]);
-    const std::optional<Score> score = score_of(part_of(problem, stops), part, sigma_s_free, !walk);
+    const std::optional<MarginalScore> score =
+        marginal_score(part_of(problem, stops), part, sigma_s_free, !walk);
     if (!score) return std::nullopt;
     scores.push_back(*score);
     if (before) {
@@ -124,7 +69,7 @@ std::optional<std::vector<Score>> scores_of(const JointProblem& problem, const J
 }
 
 /// The difference between the alphas of the two halves, by one Newton step each.
-void compare_halves(const std::vector<Score>& scores, const Eigen::VectorXd& mean,
+void compare_halves(const std::vector<MarginalScore>& scores, const Eigen::VectorXd& mean,
                     const Eigen::MatrixXd& inverse, const Eigen::MatrixXd& covariance, Eigen::Index alphas,
                     StopInfluence& result) {
   const Eigen::Index size = mean.size();
@@ -160,7 +105,7 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
   const int alphas = static_cast<int>(state.alpha.size());
   const JointLayout plain(problem, alphas, static_cast<int>(state.noise.parameters.size()), false);
   const bool sigma_s_free = covariance.rows() > plain.global_count;
-  const std::optional<Score> whole = score_of(problem, state, sigma_s_free);
+  const std::optional<MarginalScore> whole = marginal_score(problem, state, sigma_s_free, true);
   if (!whole) return std::nullopt;
   std::vector<int> free;
   for (Eigen::Index i = 0; i < covariance.rows(); ++i)
@@ -171,7 +116,7 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
   const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(size, size)),
                         C = covariance(free, free);
 
-  std::optional<std::vector<Score>> scores = scores_of(problem, state, sigma_s_free, result.stops);
+  std::optional<std::vector<MarginalScore>> scores = scores_of(problem, state, sigma_s_free, result.stops);
   if (!scores) return std::nullopt;
   const double all = result.groups();
   for (std::size_t k = scores->size(); k-- > 0;)
@@ -181,25 +126,41 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
     }
   if (result.groups() < fewest_groups) return std::nullopt;
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(size);
-  for (Score& score : *scores) {
+  for (MarginalScore& score : *scores) {
     score = {score.gradient(free).eval(), score.hessian(free, free).eval()};
     mean += score.gradient / result.groups();
   }
+  const int places = plain.landmark_begin, L = problem.landmark_count();
+  Eigen::VectorXd per_place = Eigen::VectorXd::Zero(2 * L);  // root of A
+  for (int l = 0; l < L; ++l)
+    if (const double stated = covariance.block<2, 2>(places + 2 * l, places + 2 * l).trace(); stated > 0.0)
+      per_place.segment<2>(2 * l).setConstant(1.0 / std::sqrt(L * stated));
   Eigen::MatrixXd steps(size, result.groups());
   for (int k = 0; k < result.groups(); ++k) {
-    const Score& score = (*scores)[static_cast<std::size_t>(k)];
-    const Eigen::MatrixXd kept = Eigen::MatrixXd::Identity(size, size) - score.hessian * inverse;
+    const MarginalScore& score = (*scores)[static_cast<std::size_t>(k)];
+    const Eigen::MatrixXd share = score.hessian * inverse,
+                          kept = Eigen::MatrixXd::Identity(size, size) - share;
     const Eigen::PartialPivLU<Eigen::MatrixXd> left(kept);
     if (!(left.rcond() > 1e-10)) return std::nullopt;
     steps.col(k) = C * left.solve(score.gradient - mean);
     Eigen::VectorXd whole_step = Eigen::VectorXd::Zero(covariance.rows());
     whole_step(free) = steps.col(k);
     result.left_out.push_back(whole_step);
+    if (is_walk(problem)) continue;
+    Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(covariance.rows(), covariance.rows());
+    expected(free, free) = C * left.solve(share);
+    result.expected.push_back(expected.topLeftCorner(alphas, alphas));
+    const Eigen::MatrixXd of_places = per_place.asDiagonal() *
+                                      expected.block(places, places, per_place.size(), per_place.size()) *
+                                      per_place.asDiagonal();
+    result.expected_of_places.push_back(of_places.trace());
+    result.squares_of_places.push_back(of_places.squaredNorm());
   }
   const double K = result.groups();
   steps.colwise() -= steps.rowwise().mean().eval();
   result.covariance = Eigen::MatrixXd::Zero(covariance.rows(), covariance.rows());
-  result.covariance(free, free) = all / K * (K - 1.0) / K * steps * steps.transpose();
+  result.per_group = all / K * (K - 1.0) / K;
+  result.covariance(free, free) = result.per_group * steps * steps.transpose();
   if (!is_walk(problem) && free.front() == 0 && size > alphas && free[alphas - 1] == alphas - 1)
     compare_halves(*scores, mean, inverse, C, alphas, result);
   return result;

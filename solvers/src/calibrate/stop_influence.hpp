@@ -31,6 +31,13 @@ struct StopInfluence {
   std::vector<std::vector<int>> stops;    ///< of each group
   std::vector<Eigen::VectorXd> left_out;  ///< theta_(k) - theta
   Eigen::MatrixXd covariance;             ///< V
+  /// Covariance of alpha_(k) - alpha, of each group, if the model holds: D_k, the block of C_(k) - C. That of V then is `per_group`
+  /// times their sum. Empty along a random walk, where differences of Hessians say too little of it.
+  std::vector<Eigen::MatrixXd> expected;
+  /// Of the landmarks' places together tr(A D_k) and tr((A D_k)^2) of each group, A the diagonal matrix of 1 / (L trace of C_l), L
+  /// the number of landmarks: mean and variance of the ratio of V to C, the mean over the landmarks.
+  std::vector<double> expected_of_places, squares_of_places;
+  double per_group = 1.0;
   /// alpha from the first half of the groups less that from the second, and its covariance by the model; empty along a random
   /// walk, and if one half alone does not determine alpha.
   Eigen::VectorXd halves_difference;

@@ -77,28 +77,36 @@ Sighting sighting_of(const Growing& cluster, int stop, const Cylinders& found) {
 
 }  // namespace
 
-Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise,
+Cylinders find_cylinders(const AllScans& scans, const std::vector<StopGroup>& groups, const ScanNoise& noise,
                          const ExtractOptions& options) {
-  Cylinders found;
+  std::vector<std::pair<int, int>> place(scans.size(), {-1, -1});  // stop, scan within it
   for (std::size_t k = 0; k < groups.size(); ++k)
     for (std::size_t q = 0; q < groups[k].scans.size(); ++q)
-      for (Segment& segment : split_scan(*groups[k].scans[q], noise, options.cylinder, found.beams)) {
-        const SegmentVerdict finding = judge_segment(segment, noise, options.cylinder);
-        const auto hits = static_cast<long>(segment.beams.size());
-        ++found.segments["all"];
-        if (finding.kind != FindingKind::cylinder) {
-          const bool wall = finding.kind == FindingKind::wall;
-          ++found.segments[wall ? "wall" : std::string("clutter: ") + finding.reason];
-          found.beams[wall ? "on walls" : "on clutter"] += hits;
-          continue;
-        }
-        ++found.segments["cylinder"];
-        found.beams["fitted"] += finding.fit.used;
-        found.beams["dropped at a cylinder's edge"] += finding.fit.edge_beams;
-        found.beams["mixed pixel behind a cylinder's edge"] += finding.mixed_pixels;
-        found.list.push_back(
-            {static_cast<int>(k), static_cast<int>(q), std::move(segment), finding.fit, finding.flat_nats});
+      place[groups[k].scans[q]] = {static_cast<int>(k), static_cast<int>(q)};
+  Cylinders found;
+  scans.read([&](std::size_t i, const Scan& scan) {
+    const auto [stop, within] = place[i];
+    if (stop < 0) return;
+    for (Segment& segment : split_scan(scan, noise, options.cylinder, found.beams)) {
+      const SegmentVerdict finding = judge_segment(segment, noise, options.cylinder);
+      const auto hits = static_cast<long>(segment.beams.size());
+      ++found.segments["all"];
+      if (finding.kind != FindingKind::cylinder) {
+        const bool wall = finding.kind == FindingKind::wall;
+        ++found.segments[wall ? "wall" : std::string("clutter: ") + finding.reason];
+        found.beams[wall ? "on walls" : "on clutter"] += hits;
+        continue;
       }
+      ++found.segments["cylinder"];
+      found.beams["fitted"] += finding.fit.used;
+      found.beams["dropped at a cylinder's edge"] += finding.fit.edge_beams;
+      found.beams["mixed pixel behind a cylinder's edge"] += finding.mixed_pixels;
+      found.list.push_back({stop, within, std::move(segment), finding.fit, finding.flat_nats});
+    }
+  });
+  std::stable_sort(found.list.begin(), found.list.end(), [](const Cylinder& a, const Cylinder& b) {
+    return std::pair(a.stop, a.scan) < std::pair(b.stop, b.scan);
+  });
   return found;
 }
 

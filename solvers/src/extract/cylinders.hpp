@@ -22,8 +22,9 @@ struct Cylinders {
   Tally beams, segments;
 };
 
-/// Segments and circles of all scans. Cost: linear in the beams.
-Cylinders find_cylinders(const std::vector<StopGroup>& groups, const ScanNoise& noise,
+/// Segments and circles of all scans of stops, which are read for it; by stop and scan. Cost: linear in the beams; memory: that of the
+/// cylinders' hits.
+Cylinders find_cylinders(const AllScans& scans, const std::vector<StopGroup>& groups, const ScanNoise& noise,
                          const ExtractOptions& options);
 
 /// The noise law that the residuals of the circles state; nothing where they have fewer than 200 degrees of freedom.

@@ -3,13 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
+#include "extract/all_scans.hpp"
 #include "extract/cylinders.hpp"
 #include "extract/stop_groups.hpp"
+#include "extract/thinned.hpp"
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"
+#include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
 namespace {
@@ -27,14 +31,14 @@ constexpr auto stop_split_names =
 
 using namespace extract;
 
-std::vector<ScanLog> turned(std::vector<ScanLog> logs) {
-  for (ScanLog& log : logs)
-    for (Scan& scan : log.scans) {
-      for (double& bearing : scan.bearing_rad) bearing = -bearing;
-      std::reverse(scan.bearing_rad.begin(), scan.bearing_rad.end());
-      std::reverse(scan.range_m.begin(), scan.range_m.end());
-    }
-  return logs;
+void add_returns(const Scan& scan, Thinned<double>& returns) {
+  for (const double range : scan.range_m) {
+    if (!Scan::returned(range)) continue;
+    if (returns.wants_next())
+      returns.add(range);
+    else
+      returns.pass();
+  }
 }
 
 /// How badly an association explains the sightings: distances, and a gate for each landmark and each one left over.
@@ -156,28 +160,39 @@ const char* to_string(StopSplit split) { return stop_split_names.name_of(split);
 
 StopSplit stop_split_from_string(const std::string& text) { return stop_split_names.value_of(text); }
 
-Extraction extract_recording(const std::vector<ScanLog>& given, const std::vector<Stop>& stops,
+Extraction extract_recording(std::vector<ScanLog> logs, const std::vector<Stop>& stops,
                              const ExtractOptions& options) {
-  if (given.empty()) throw InputError("no file of scans is given");
-  std::vector<ScanLog> reversed;
-  if (options.clockwise) reversed = turned(given);
-  const std::vector<ScanLog>& logs = options.clockwise ? reversed : given;  // long bags: no copy without need
-  Extraction out;
-  std::vector<Scan> joined;
-  const std::span<const Scan> all = scans_of(logs, joined);
-  if (all.empty()) throw InputError(logs.front().path, 0, "", "holds no scan");
-  out.noise = options.noise ? *options.noise : estimate_scan_noise(all);
-  out.noise_origin = options.noise ? "given" : "from walls";
-  out.split = resolved_split(logs, stops, options.split);
-  out.scans["read"] = static_cast<long>(all.size());
-  const std::vector<StopGroup> groups = group_by_stop(logs, stops, out.noise, options, out.split, out.scans);
+  std::vector<ScansInMemory> in_memory(std::move_iterator(logs.begin()), std::move_iterator(logs.end()));
+  std::vector<ScanSource*> sources;
+  for (ScansInMemory& one : in_memory) sources.push_back(&one);
+  return extract_recording(sources, stops, options);
+}
 
-  Cylinders found = find_cylinders(groups, out.noise, options);
+Extraction extract_recording(std::span<ScanSource* const> sources, const std::vector<Stop>& stops,
+                             const ExtractOptions& options) {
+  if (sources.empty()) throw InputError("no file of scans is given");
+  Extraction out;
+  AllScans scans(sources, options.clockwise);
+  ScanNoiseEstimator from_walls;
+  Thinned<double> returns{100'000};
+  scans.survey([&](const Scan& scan) {
+    if (!options.noise) from_walls.add(scan);
+    add_returns(scan, returns);
+  });
+  if (scans.size() == 0) throw InputError(scans.logs().front()->path, 0, "", "holds no scan");
+  if (!returns.kept().empty()) out.median_return_m = upper_median(returns.kept());
+  out.noise = options.noise ? *options.noise : from_walls.estimate();
+  out.noise_origin = options.noise ? "given" : "from walls";
+  out.split = resolved_split(scans, stops, options.split);
+  out.scans["read"] = static_cast<long>(scans.size());
+  const std::vector<StopGroup> groups = group_by_stop(scans, stops, out.noise, options, out.split, out.scans);
+
+  Cylinders found = find_cylinders(scans, groups, out.noise, options);
   if (!options.noise) {
     const auto refined = noise_of_fits(found);
     if (refined && is_below(*refined, out.noise, found)) {
       out.noise = *refined, out.noise_origin = "from the circles";
-      found = find_cylinders(groups, out.noise, options);
+      found = find_cylinders(scans, groups, out.noise, options);
     }
   }
   out.beams = found.beams, out.segments = found.segments;
@@ -198,8 +213,8 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
   const std::vector<RadiusEstimate> radii = radii_of(clusters, association, found, out.noise, options);
   set_up(out.recording, groups, options);
   const std::vector<int> index = name_landmarks(clusters, association, radii, options, out);
-  double start = all.front().stamp_s;
-  for (const Scan& scan : all) start = std::min(start, scan.stamp_s);
+  double start = scans.head(0).stamp_s;
+  for (std::size_t i = 1; i < scans.size(); ++i) start = std::min(start, scans.head(i).stamp_s);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     if (association.landmark[c] < 0) {
       out.cylinders[association.reason[c]] += static_cast<long>(clusters[c].members.size());
@@ -213,8 +228,8 @@ Extraction extract_recording(const std::vector<ScanLog>& given, const std::vecto
         ++out.cylinders["no circle of its landmark's radius"];
         continue;
       }
-      const Scan& scan =
-          *groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)];
+      const Scan& scan = scans.head(
+          groups[static_cast<std::size_t>(cylinder.stop)].scans[static_cast<std::size_t>(cylinder.scan)]);
       add_reading(out.recording, cylinder.stop, index[j], cylinder.scan, scan.stamp_s - start, *fit,
                   options.arc, out.noise.spread(fit->range_m));
       ++out.cylinders["used"];

@@ -7,19 +7,29 @@
 #include <utility>
 #include <vector>
 
+#include "extract/thinned.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal {
-namespace {
+namespace extract {
 
-constexpr double kMadToSigma = 1.482602218505602;  // 1 / Phi^-1(3/4)
-
+/// Three neighbouring beams on a wall.
 struct Triple {
-  double range_m, error_m;  // error_m is scaled to the sigma of one beam
+  double range_m, error_m;  ///< error_m is scaled to the sigma of one beam
 };
 
-void add_triples(const Scan& scan, std::vector<Triple>& triples) {
+}  // namespace extract
+
+namespace {
+
+using extract::Triple;
+
+constexpr double coarsest_m = 0.01;                ///< of the resolutions that an output may have
+constexpr double kMadToSigma = 1.482602218505602;  // 1 / Phi^-1(3/4)
+
+std::vector<Triple> triples_of(const Scan& scan) {
+  std::vector<Triple> triples;
   for (std::size_t i = 1; i + 1 < scan.size(); ++i) {
     const double before = scan.range_m[i - 1], here = scan.range_m[i], after = scan.range_m[i + 1];
     if (!Scan::returned(before) || !Scan::returned(here) || !Scan::returned(after)) continue;
@@ -30,17 +40,16 @@ void add_triples(const Scan& scan, std::vector<Triple>& triples) {
     const double error = here * here * (1.0 / before + 1.0 / after - 2.0 * c / here);
     triples.push_back({here, error / std::sqrt(2.0 + 4.0 * c * c)});
   }
+  return triples;
 }
 
-/// The resolution of the output [m]: the smallest difference between readings that differ.
-double resolution_m(std::span<const Scan> scans) {
-  double least = 0.01;
-  for (const Scan& scan : scans)
-    for (std::size_t i = 1; i < scan.size(); ++i) {
-      const double step = std::abs(scan.range_m[i] - scan.range_m[i - 1]);
-      if (step > 1e-6 && step < least) least = step;
-    }
-  return least < 0.01 ? least : 0.0;
+/// The smallest difference [m] between neighbouring readings of the scan that differ, or `least`.
+double resolution_m(const Scan& scan, double least) {
+  for (std::size_t i = 1; i < scan.size(); ++i) {
+    const double step = std::abs(scan.range_m[i] - scan.range_m[i - 1]);
+    if (step > 1e-6 && step < least) least = step;
+  }
+  return least;
 }
 
 }  // namespace
@@ -67,10 +76,26 @@ ScanNoise fit_scan_noise(std::span<const SpreadSample> samples, double floor_m) 
   return {std::max(std::sqrt(a), floor_m), std::sqrt(b)};
 }
 
-ScanNoise estimate_scan_noise(std::span<const Scan> scans) {
+struct ScanNoiseEstimator::State {
+  Thinned<std::vector<Triple>> by_scan{400};  // so many scans tell enough
+  double resolution_m = coarsest_m;
+};
+
+ScanNoiseEstimator::ScanNoiseEstimator() : state_(std::make_unique<State>()) {}
+ScanNoiseEstimator::~ScanNoiseEstimator() = default;
+
+void ScanNoiseEstimator::add(const Scan& scan) {
+  state_->resolution_m = resolution_m(scan, state_->resolution_m);
+  if (state_->by_scan.wants_next())
+    state_->by_scan.add(triples_of(scan));
+  else
+    state_->by_scan.pass();
+}
+
+ScanNoise ScanNoiseEstimator::estimate() const {
   std::vector<Triple> triples;
-  const std::size_t step = std::max<std::size_t>(1, scans.size() / 200);  // 200 scans tell enough
-  for (std::size_t k = 0; k < scans.size(); k += step) add_triples(scans[k], triples);
+  for (const std::vector<Triple>& of_scan : state_->by_scan.kept())
+    triples.insert(triples.end(), of_scan.begin(), of_scan.end());
   if (triples.size() < 30)
     throw InputError("the scans hold too few neighbouring returns to estimate the noise from; state it");
   std::sort(triples.begin(), triples.end(),
@@ -87,7 +112,8 @@ ScanNoise estimate_scan_noise(std::span<const Scan> scans) {
     const double sigma = kMadToSigma * upper_median(std::move(sizes));
     samples.push_back({upper_median(std::move(ranges)), sigma * sigma, static_cast<double>(to - from)});
   }
-  return fit_scan_noise(samples, std::max(1e-4, 0.5 * resolution_m(scans)));
+  const double resolution = state_->resolution_m < coarsest_m ? state_->resolution_m : 0.0;
+  return fit_scan_noise(samples, std::max(1e-4, 0.5 * resolution));
 }
 
 }  // namespace rangecal

@@ -70,22 +70,25 @@ bool same_place(const Scan& scan, const Scan& other, const ScanNoise& noise, con
 
 }  // namespace
 
-std::vector<std::vector<std::size_t>> find_stands(std::span<const Scan> scans, const ScanNoise& noise,
-                                                  const StandOptions& options) {
-  std::vector<std::vector<std::size_t>> stands;
-  std::vector<std::size_t> current;
-  const auto close = [&] {
-    if (static_cast<int>(current.size()) >= options.scans_min) stands.push_back(current);
-    current.clear();
-  };
-  for (std::size_t k = 0; k < scans.size(); ++k) {
-    const bool stays = !current.empty() && same_place(scans[k], scans[current.back()], noise, options) &&
-                       same_place(scans[k], scans[current.front()], noise, options);
-    if (!stays) close();
-    current.push_back(k);
+void StandFinder::add(const Scan& scan) {
+  const bool stays = !current_.empty() && same_place(scan, last_, noise_, options_) &&
+                     same_place(scan, first_, noise_, options_);
+  if (!stays) {
+    close();
+    first_ = scan;
   }
+  current_.push_back(count_++);
+  last_ = scan;
+}
+
+void StandFinder::close() {
+  if (static_cast<int>(current_.size()) >= options_.scans_min) stands_.push_back(current_);
+  current_.clear();
+}
+
+std::vector<std::vector<std::size_t>> StandFinder::stands() && {
   close();
-  return stands;
+  return std::move(stands_);
 }
 
 }  // namespace rangecal

@@ -4,58 +4,72 @@
 #include <algorithm>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "rangecal/core/errors.hpp"
 
 namespace rangecal::extract {
 namespace {
 
-using Groups = std::vector<std::vector<const Scan*>>;
+using Groups = std::vector<std::vector<std::size_t>>;
 
-Groups by_label(const std::vector<ScanLog>& logs, std::vector<std::string>& labels, Tally& tally) {
+Groups by_label(const AllScans& scans, std::vector<std::string>& labels, Tally& tally) {
   Groups groups;
   std::map<std::string, std::size_t> index;
-  for (const ScanLog& log : logs)
-    for (const Scan& scan : log.scans) {
-      if (scan.stop.empty()) {
-        ++tally["without a stop"];
-        continue;
-      }
-      const auto [found, is_new] = index.emplace(scan.stop, groups.size());
-      if (is_new) groups.emplace_back(), labels.push_back(scan.stop);
-      groups[found->second].push_back(&scan);
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    const std::string& label = scans.head(i).stop;
+    if (label.empty()) {
+      ++tally["without a stop"];
+      continue;
     }
+    const auto [found, is_new] = index.emplace(label, groups.size());
+    if (is_new) groups.emplace_back(), labels.push_back(label);
+    groups[found->second].push_back(i);
+  }
   return groups;
 }
 
-Groups by_standing(const std::vector<ScanLog>& logs, const ScanNoise& noise, const StandOptions& options,
-                   Tally& tally) {
+Groups by_file(const AllScans& scans) {
   Groups groups;
-  std::vector<Scan> joined;
-  const std::span<const Scan> scans = scans_of(logs, joined);
-  std::vector<const Scan*> own;  // as they stand in their logs
-  for (const ScanLog& log : logs)
-    for (const Scan& scan : log.scans) own.push_back(&scan);
-  long used = 0;
-  for (const auto& stand : find_stands(scans, noise, options)) {
+  std::size_t next = 0;
+  for (const ScanLog* log : scans.logs()) {
     groups.emplace_back();
-    for (const std::size_t k : stand) groups.back().push_back(own[k]);
-    used += static_cast<long>(stand.size());
+    for (std::size_t i = 0; i < log->scans.size(); ++i) groups.back().push_back(next++);
   }
-  const long moving = static_cast<long>(scans.size()) - used;
-  if (moving > 0) tally["moving"] = moving;
+  return groups;
+}
+
+Groups by_scan(const AllScans& scans) {
+  Groups groups;
+  for (std::size_t i = 0; i < scans.size(); ++i) groups.push_back({i});
+  return groups;
+}
+
+Groups by_standing(const AllScans& scans, const ScanNoise& noise, const StandOptions& options, Tally& tally) {
+  StandFinder finder(noise, options);
+  bool all_have_odometry = true;
+  for (std::size_t i = 0; i < scans.size(); ++i)
+    all_have_odometry = all_have_odometry && scans.head(i).odometry.has_value();
+  if (all_have_odometry)
+    for (std::size_t i = 0; i < scans.size(); ++i) finder.add(scans.head(i));
+  else
+    scans.read([&](std::size_t, const Scan& scan) { finder.add(scan); });
+  Groups groups = std::move(finder).stands();
+  std::size_t used = 0;
+  for (const auto& group : groups) used += group.size();
+  if (used < scans.size()) tally["moving"] = static_cast<long>(scans.size() - used);
   return groups;
 }
 
 /// Poses for groups that have no stops file: the log's odometry, or the origin for a single stop.
-std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>& labels,
-                            const std::string& file) {
+std::vector<Stop> own_stops(const AllScans& scans, const Groups& groups,
+                            const std::vector<std::string>& labels, const std::string& file) {
   std::vector<Stop> stops;
   for (std::size_t k = 0; k < groups.size(); ++k) {
     Stop stop;
     stop.label = labels.empty() ? std::to_string(k + 1) : labels[k];
-    if (groups[k].front()->odometry) {
-      stop.commanded = *groups[k].front()->odometry;
+    if (const auto& odometry = scans.head(groups[k].front()).odometry) {
+      stop.commanded = *odometry;
     } else if (groups.size() > 1) {
       throw InputError(
           file, 0, "",
@@ -69,39 +83,23 @@ std::vector<Stop> own_stops(const Groups& groups, const std::vector<std::string>
 
 }  // namespace
 
-std::span<const Scan> scans_of(const std::vector<ScanLog>& logs, std::vector<Scan>& joined) {
-  if (logs.size() == 1) return logs.front().scans;
-  for (const ScanLog& log : logs) joined.insert(joined.end(), log.scans.begin(), log.scans.end());
-  return joined;
-}
-
-StopSplit resolved_split(const std::vector<ScanLog>& logs, const std::vector<Stop>& stops, StopSplit split) {
+StopSplit resolved_split(const AllScans& scans, const std::vector<Stop>& stops, StopSplit split) {
   if (split != StopSplit::automatic) return split;
-  for (const ScanLog& log : logs)
-    for (const Scan& scan : log.scans)
-      if (!scan.stop.empty()) return StopSplit::label;
-  return logs.size() > 1 && logs.size() == stops.size() ? StopSplit::file : StopSplit::standing;
+  for (std::size_t i = 0; i < scans.size(); ++i)
+    if (!scans.head(i).stop.empty()) return StopSplit::label;
+  const std::size_t files = scans.logs().size();
+  return files > 1 && files == stops.size() ? StopSplit::file : StopSplit::standing;
 }
 
-std::vector<StopGroup> group_by_stop(const std::vector<ScanLog>& logs, const std::vector<Stop>& stops,
+std::vector<StopGroup> group_by_stop(const AllScans& scans, const std::vector<Stop>& stops,
                                      const ScanNoise& noise, const ExtractOptions& options, StopSplit split,
                                      Tally& tally) {
-  Groups groups;
   std::vector<std::string> labels;
-  if (split == StopSplit::label) {
-    groups = by_label(logs, labels, tally);
-  } else if (split == StopSplit::file) {
-    for (const ScanLog& log : logs) {
-      groups.emplace_back();
-      for (const Scan& scan : log.scans) groups.back().push_back(&scan);
-    }
-  } else if (split == StopSplit::scan) {
-    for (const ScanLog& log : logs)
-      for (const Scan& scan : log.scans) groups.push_back({&scan});
-  } else {
-    groups = by_standing(logs, noise, options.stand, tally);
-  }
-  const std::string& file = logs.front().path;
+  Groups groups = split == StopSplit::label  ? by_label(scans, labels, tally)
+                  : split == StopSplit::file ? by_file(scans)
+                  : split == StopSplit::scan ? by_scan(scans)
+                                             : by_standing(scans, noise, options.stand, tally);
+  const std::string& file = scans.logs().front()->path;
   if (groups.empty())
     throw InputError(
         file, 0, "",
@@ -110,14 +108,14 @@ std::vector<StopGroup> group_by_stop(const std::vector<ScanLog>& logs, const std
 
   std::vector<Stop> poses = stops;
   if (stops.empty()) {
-    poses = own_stops(groups, labels, file);
+    poses = own_stops(scans, groups, labels, file);
   } else if (split == StopSplit::label) {
     poses.clear();
     for (std::size_t k = 0; k < groups.size(); ++k) {
       const auto same = [&](const Stop& stop) { return stop.label == labels[k]; };
       const auto found = std::find_if(stops.begin(), stops.end(), same);
       if (found == stops.end())
-        throw InputError(file, groups[k].front()->row, "stop",
+        throw InputError(file, scans.head(groups[k].front()).row, "stop",
                          "'" + labels[k] + "' is not in the stops file");
       poses.push_back(*found);
     }

@@ -14,6 +14,7 @@
 #include "rangecal/core/errors.hpp"
 #include "support/bag_writers.hpp"
 #include "support/recordings.hpp"
+#include "support/scan_logs.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace rangecal::ingest {
@@ -21,6 +22,7 @@ namespace {
 
 using test::Form;
 using test::MessageWriter;
+using test::read_bag_scans;
 using test::TemporaryFolder;
 using test::WrittenMessage;
 using test::WrittenTopic;
@@ -65,7 +67,7 @@ BagChoice chosen(const std::string& scan, const std::string& odometry = "", cons
   return {scan, odometry, frames, {}};
 }
 
-class BagScans : public ::testing::Test {
+class ScansOfBags : public ::testing::Test {
  protected:
   std::string write_mcap(const std::vector<WrittenMessage>& messages, const test::McapForm& form = {}) {
     folder_.write("run.mcap", test::mcap_file(kRobot, messages, form));
@@ -82,7 +84,7 @@ class BagScans : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(BagScans, AreTheSameOfEveryContainerAndByteOrder) {
+TEST_F(ScansOfBags, AreTheSameOfEveryContainerAndByteOrder) {
   for (const Form form : {Form::little, Form::big}) {
     const auto messages = five_scans(form);
     test::write_db3(folder_.file("run.db3"), kRobot, messages);
@@ -105,7 +107,7 @@ TEST_F(BagScans, AreTheSameOfEveryContainerAndByteOrder) {
 
 // At 11 s the odometry of 10.25 s and 11.25 s counts 1/4 and 3/4: x = 0.75; at 13 s the heading runs over from pi + 0 to pi + 0.2,
 // of which it is pi + 0.15 = -pi + 0.15. The scan of 10 s has none before it.
-TEST_F(BagScans, OdometryIsReadBetweenItsMessages) {
+TEST_F(ScansOfBags, OdometryIsReadBetweenItsMessages) {
   const std::string path = write_mcap(five_scans());
   for (const auto& [topic, frames] : {std::pair{"/odom", ""}, {"/pose", ""}, {"/tf", "odom,base"}}) {
     SCOPED_TRACE(topic);
@@ -118,7 +120,7 @@ TEST_F(BagScans, OdometryIsReadBetweenItsMessages) {
   }
 }
 
-TEST_F(BagScans, ScansFarFromOdometryAreLeftOut) {
+TEST_F(ScansOfBags, ScansFarFromOdometryAreLeftOut) {
   std::vector<WrittenMessage> messages;
   for (const double t : {0.0, 3.0, 3.5})
     messages.push_back({1, nanoseconds(t), test::odometry(100 + t, t, 0, 0)});
@@ -133,13 +135,13 @@ TEST_F(BagScans, ScansFarFromOdometryAreLeftOut) {
                  "no scan lies between two messages of /odom");
 }
 
-TEST_F(BagScans, AStampThatNobodySetIsTheTimeOfRecording) {
+TEST_F(ScansOfBags, AStampThatNobodySetIsTheTimeOfRecording) {
   const ScanLog log = read_bag_scans(
       write_mcap({{0, nanoseconds(5.5), test::laser_scan(0.0, 0, 0.1f, {1, 2})}}), chosen("/scan"));
   EXPECT_EQ(log.scans.at(0).stamp_s, 5.5);
 }
 
-TEST_F(BagScans, WhatIsNotClearIsAskedFor) {
+TEST_F(ScansOfBags, WhatIsNotClearIsAskedFor) {
   const std::string path = write_mcap(five_scans());
   expect_refused(path, chosen("/scam"), "its topics: /odom (nav_msgs/Odometry, 5 messages), /pose");
   expect_refused(path, chosen("/odom"), "topic /odom is of nav_msgs/Odometry, not of sensor_msgs/LaserScan");
@@ -163,7 +165,7 @@ TEST_F(BagScans, WhatIsNotClearIsAskedFor) {
   expect_refused(folder_.file("packed.zstd"), chosen(""), "zstd -d");
 }
 
-TEST_F(BagScans, MessagesThatCannotBeUsedAreCounted) {
+TEST_F(ScansOfBags, MessagesThatCannotBeUsedAreCounted) {
   auto messages = five_scans();
   messages[5].bytes.resize(30);                                        // the second scan ends early
   messages[10].bytes = test::laser_scan(12.0, 0.0f, 2.0f, {1, 2, 3});  // degrees
@@ -173,14 +175,14 @@ TEST_F(BagScans, MessagesThatCannotBeUsedAreCounted) {
               HasSubstr("2 messages of /scan cannot be used and are left out (the first: it ends within"));
 }
 
-TEST_F(BagScans, MessagesOfRos1InAnMcapAreRead) {
+TEST_F(ScansOfBags, MessagesOfRos1InAnMcapAreRead) {
   folder_.write("run.mcap",
                 test::mcap_file({{"/scan", "sensor_msgs/LaserScan", "ros1"}},
                                 {{0, 1, test::laser_scan(1.5, 0, 0.1f, {1, 2}, Form::ros1)}}, {}));
   EXPECT_EQ(read_bag_scans(folder_.file("run.mcap"), chosen("")).scans.at(0).stamp_s, 1.5);
 }
 
-TEST_F(BagScans, AFolderIsReadByItsMetadata) {
+TEST_F(ScansOfBags, AFolderIsReadByItsMetadata) {
   const auto messages = five_scans();
   const auto part = [&](const std::string& name, std::size_t from, std::size_t to) {
     folder_.write(name, test::mcap_file(kRobot,
@@ -213,7 +215,7 @@ TEST_F(BagScans, AFolderIsReadByItsMetadata) {
   expect_refused(empty.path(), chosen(""), "a folder without metadata.yaml");
 }
 
-TEST_F(BagScans, TopicsAreListed) {
+TEST_F(ScansOfBags, TopicsAreListed) {
   EXPECT_EQ(describe_topics(write_mcap(five_scans())),
             "/odom: nav_msgs/Odometry, 5 messages\n/pose: geometry_msgs/PoseStamped, 5 messages\n"
             "/scan: sensor_msgs/LaserScan, 5 messages\n/sonar: sensor_msgs/Range, 5 messages\n"
@@ -222,7 +224,7 @@ TEST_F(BagScans, TopicsAreListed) {
 
 // Recorded by rosbag2 with libmcap 1.3.1; the number of messages is that of metadata.yaml. The first and last scans were decoded by
 // Python's struct.
-TEST_F(BagScans, OfARealRecordingAreThoseOfAnotherDecoder) {
+TEST_F(ScansOfBags, OfARealRecordingAreThoseOfAnotherDecoder) {
   const std::string folder = testing::recordings() + "/ros2-bags";
   RANGECAL_REQUIRE_RECORDING(folder);
   struct Expected {

@@ -19,6 +19,7 @@
 #include "support/outside_programs.hpp"
 #include "support/read_mcap.hpp"
 #include "support/recordings.hpp"
+#include "support/scan_logs.hpp"
 
 namespace rangecal::ingest {
 namespace {
@@ -105,7 +106,7 @@ TEST_F(OutsideWriter, ItsScansAreThoseOfTheTable) {
     for (const OutsideForm& form : {kForms[0], kForms[1]})
       for (const char* poses : {"/odom", "/tf"}) {
         SCOPED_TRACE(fmt::format("{}, {}, {}", recording, form.name, poses));
-        const ScanLog log = read_bag_scans(write(recording, form, 30), {"/scan", poses, "", {}});
+        const ScanLog log = test::read_bag_scans(write(recording, form, 30), {"/scan", poses, "", {}});
         EXPECT_EQ(log.warning, "");
         ASSERT_EQ(log.scans.size(), 30u);
         std::ifstream lines(table(recording));

@@ -62,12 +62,13 @@ struct LeftOutCheck {
   std::string reason;  ///< why it is not usable
 };
 
-/// How much larger standard deviations by stops are than the model's.
+/// How much larger standard deviations by stops, or by landmarks, are than the model's.
 struct MisfitOfDeviations {
-  double factor = 1.0;  ///< the largest, of the curve and of the landmarks
-  double threshold =
-      1.5;            ///< above this, max(1.5, 1 + 3 / sqrt(2 (K - 1))) of K stops, the model does not hold
-  std::string where;  ///< "the curve at 3.1 m", "landmark T4"
+  double factor = 1.0;  ///< of the curve or of the landmarks, whichever is furthest above its threshold
+  /// Above this the model does not hold: 1.5, or what chance does with so few groups (solvers/src/calibrate/left_out_check.cpp).
+  double threshold = 1.5;
+  std::string clusters = "stops";  ///< left out in turn: "stops" or "landmarks"
+  std::string where;               ///< "the curve at 3.1 m", "landmark T4"
 
   bool holds() const { return factor <= threshold; }
 };
@@ -111,7 +112,10 @@ struct Calibration {
   /// The same from how the answer changes when each stop (along a random walk: each stretch of it) is left out (jackknife,
   /// clustered by stop): holds where the noise law is wrong or readings of a stop depend on each other. None with fewer than 4.
   std::optional<Eigen::MatrixXd> alpha_covariance_by_stops;
-  std::optional<MisfitOfDeviations> misfit;  ///< of these two
+  /// The same from landmarks left out in turn, where there are more landmarks than stops: holds where readings of a landmark have
+  /// an error in common. None with fewer than 4.
+  std::optional<Eigen::MatrixXd> alpha_covariance_by_landmarks;
+  std::optional<MisfitOfDeviations> misfit;  ///< of these to the model's
   std::optional<LeftOutCheck> left_out;      ///< none where it was not asked or cannot be judged
   /// Where order, noise law or the scale's offset were chosen by the data: with that choice in it, padded with zeros to the
   /// highest order that may hold; alpha is padded likewise. An offset c moves f by f'(u) u^2, a polynomial in u of one order

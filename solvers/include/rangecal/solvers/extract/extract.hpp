@@ -2,12 +2,14 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "rangecal/core/recording.hpp"
 #include "rangecal/core/scan.hpp"
 #include "rangecal/solvers/extract/association.hpp"
+#include "rangecal/solvers/extract/scan_source.hpp"
 #include "rangecal/solvers/extract/segments.hpp"
 #include "rangecal/solvers/extract/stands.hpp"
 
@@ -62,6 +64,7 @@ struct Extraction {
       corrected_stops;  ///< where the landmarks put the stops (not in the recording: nothing is corrected)
   std::vector<Eigen::Vector2d> landmark_positions;
   std::vector<double> radius_sd_m;  ///< of each landmark's radius, where it was estimated; else 0
+  double median_return_m = 0.0;     ///< of all ranges (of many, of an even choice); 0 where nothing returned
   bool runs_clockwise = false;      ///< the other sense of rotation fits the stops clearly better
 };
 
@@ -70,7 +73,13 @@ struct Extraction {
 /// labelled by the map or in the order of first sight; with several or no known radii each landmark gets the one that
 /// its sightings speak for, and all of them are fitted again with it. Throws InputError where stops and scans do not
 /// agree. Cost: linear in the beams, for the association see there.
-Extraction extract_recording(const std::vector<ScanLog>& logs, const std::vector<Stop>& stops,
+///
+/// The sources, which nobody has read yet, are read two to four times: for the noise, for stands (not where all scans have odometry),
+/// and for cylinders, again where these tell the noise better. Memory: heads of the scans and the hits of cylinders.
+Extraction extract_recording(std::span<ScanSource* const> sources, const std::vector<Stop>& stops,
+                             const ExtractOptions& options);
+/// The same of logs in memory.
+Extraction extract_recording(std::vector<ScanLog> logs, const std::vector<Stop>& stops,
                              const ExtractOptions& options);
 
 }  // namespace rangecal

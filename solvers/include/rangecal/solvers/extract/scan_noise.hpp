@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <span>
 
 #include "rangecal/core/scan.hpp"
@@ -28,7 +29,18 @@ ScanNoise fit_scan_noise(std::span<const SpreadSample> samples, double floor_m =
 ///   e = r^2 (u(-) + u(+) - 2 cos(step) u(0)),   var e = sigma^2 (2 + 4 cos^2(step))
 /// over three neighbouring beams of even step; robust (median of |e|) in bins of range, so that edges and corners do
 /// not count. Curved faces make it too large, never too small. Half of the smallest step between readings that differ
-/// bounds the floor. Throws InputError where fewer than 30 triples can be used.
-ScanNoise estimate_scan_noise(std::span<const Scan> scans);
+/// bounds the floor. Of more than 400 scans 200 to 400 are used, evenly spread, and all for the floor.
+class ScanNoiseEstimator {
+ public:
+  ScanNoiseEstimator();
+  ~ScanNoiseEstimator();
+  void add(const Scan& scan);
+  /// Throws InputError where fewer than 30 triples can be used.
+  ScanNoise estimate() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace rangecal
