@@ -141,7 +141,9 @@ std::vector<std::vector<std::string>> comparison_rows(const CalibrationReport& r
   table.row("time [ms]",
             [](const Calibration& c, std::size_t) { return fmt::format("{:.2f}", 1e3 * c.seconds); });
   table.row("std by stops / std", [](const Calibration& c, std::size_t) {
-    return c.misfit && has_answer(c) ? fmt::format("{:.2f}", c.misfit->factor) : "-";
+    if (!c.misfit || !has_answer(c)) return std::string("-");
+    return fmt::format("{:.2f}{}", c.misfit->factor,
+                       c.misfit->clusters == "stops" ? "" : " by " + c.misfit->clusters);
   });
   table.row("left out, RMS [mm]", [](const Calibration& c, std::size_t) {
     if (!c.left_out || !has_answer(c)) return std::string("-");
