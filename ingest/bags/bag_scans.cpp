@@ -82,18 +82,15 @@ class BagScans::Reader {
       scan.odometry = log_.scans[next].odometry;
       take(next++, scan);
     };
-    const auto is_next = [&](const Scan& scan) {
-      return next < log_.scans.size() && scan.row == log_.scans[next].row;
-    };
+    const auto is_next = [&](int row) { return next < log_.scans.size() && row == log_.scans[next].row; };
     if (all_kept_) {
       for (Scan& scan : kept_)
-        if (is_next(scan)) give(scan);
+        if (is_next(scan.row)) give(scan);
       return;
     }
     number_ = 0;
     read_messages([&](const BagMessage& message) {
-      if (message.topic.name != topic_ || next >= log_.scans.size() || ++number_ != log_.scans[next].row)
-        return;
+      if (message.topic.name != topic_ || !is_next(++number_)) return;
       std::optional<Scan> scan;
       try {
         scan = decoded(message);

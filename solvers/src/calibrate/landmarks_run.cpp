@@ -24,9 +24,11 @@ struct Judged {
   std::optional<StopInfluence> influence;
 };
 
-/// The readings as the noise shapes of a fit weigh them.
-JointProblem weighed(const LandmarksJob& job, const JointState& state, const RobustShapes* shapes) {
-  return shapes ? weighted_problem(*job.rows, state, shapes->range, shapes->bearing) : job.problem;
+/// What `use` makes of the readings as the noise shapes of a fit weigh them.
+template <typename Use>
+auto of_weighed(const LandmarksJob& job, const JointState& state, const RobustShapes* shapes,
+                const Use& use) {
+  return shapes ? use(weighted_problem(*job.rows, state, shapes->range, shapes->bearing)) : use(job.problem);
 }
 
 Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShapes* shapes) {
@@ -34,7 +36,9 @@ Judged judged(const LandmarksJob& job, const MarginalFit& fit, const RobustShape
   JointState& state = result.fit.state;
   if (fit.outcome != Outcome::converged || !fit.covariance) return result;
   if (state.sigma_s_m) state.sigma_s_m = std::max(*state.sigma_s_m, no_sigma_s(job.problem));
-  result.influence = stop_influence(weighed(job, state, shapes), state, *fit.covariance);
+  result.influence = of_weighed(job, state, shapes, [&](const JointProblem& problem) {
+    return stop_influence(problem, state, *fit.covariance);
+  });
   return result;
 }
 
@@ -272,12 +276,13 @@ void add_deviations(const StopInfluence* by_stops, const LandmarkInfluence* by_l
 void add_checks(const LandmarksJob& job, const Judged& at, const RobustShapes* shapes,
                 Calibration& calibration) {
   if (calibration.outcome != Outcome::converged || !at.fit.covariance) return;
-  const auto by_landmarks = landmark_influence(weighed(job, at.fit.state, shapes), job.landmark_labels,
-                                               at.fit.state, *at.fit.covariance);
+  const JointState& state = at.fit.state;
+  const auto by_landmarks = of_weighed(job, state, shapes, [&](const JointProblem& problem) {
+    return landmark_influence(problem, job.landmark_labels, state, *at.fit.covariance);
+  });
   add_deviations(at.influence ? &*at.influence : nullptr, by_landmarks ? &*by_landmarks : nullptr,
                  calibration);
   if (!at.influence) return;
-  const JointState& state = at.fit.state;
   const LeftOutErrors errors =
       left_out_errors(job.agreeing, ReferenceDistances(job.agreeing, state), state, *at.influence, state);
   calibration.left_out =

@@ -99,6 +99,7 @@ void compare_halves(const std::vector<MarginalScore>& scores, const Eigen::Vecto
 
 std::optional<StopInfluence> stop_influence(const JointProblem& problem, const JointState& state,
                                             const Eigen::MatrixXd& covariance) {
+  const bool walk = is_walk(problem);
   StopInfluence result;
   result.stops = groups_of(problem);
   if (result.groups() < fewest_groups) return std::nullopt;
@@ -146,7 +147,7 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
     Eigen::VectorXd whole_step = Eigen::VectorXd::Zero(covariance.rows());
     whole_step(free) = steps.col(k);
     result.left_out.push_back(whole_step);
-    if (is_walk(problem)) continue;
+    if (walk) continue;
     Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(covariance.rows(), covariance.rows());
     expected(free, free) = C * left.solve(share);
     result.expected.push_back(expected.topLeftCorner(alphas, alphas));
@@ -161,7 +162,7 @@ std::optional<StopInfluence> stop_influence(const JointProblem& problem, const J
   result.covariance = Eigen::MatrixXd::Zero(covariance.rows(), covariance.rows());
   result.per_group = all / K * (K - 1.0) / K;
   result.covariance(free, free) = result.per_group * steps * steps.transpose();
-  if (!is_walk(problem) && free.front() == 0 && size > alphas && free[alphas - 1] == alphas - 1)
+  if (!walk && free.front() == 0 && size > alphas && free[alphas - 1] == alphas - 1)
     compare_halves(*scores, mean, inverse, C, alphas, result);
   return result;
 }

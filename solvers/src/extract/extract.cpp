@@ -32,13 +32,8 @@ constexpr auto stop_split_names =
 using namespace extract;
 
 void add_returns(const Scan& scan, Thinned<double>& returns) {
-  for (const double range : scan.range_m) {
-    if (!Scan::returned(range)) continue;
-    if (returns.wants_next())
-      returns.add(range);
-    else
-      returns.pass();
-  }
+  for (const double range : scan.range_m)
+    if (Scan::returned(range) && returns.next()) returns.keep(range);
 }
 
 /// How badly an association explains the sightings: distances, and a gate for each landmark and each one left over.

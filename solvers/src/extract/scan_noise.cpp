@@ -86,10 +86,7 @@ ScanNoiseEstimator::~ScanNoiseEstimator() = default;
 
 void ScanNoiseEstimator::add(const Scan& scan) {
   state_->resolution_m = resolution_m(scan, state_->resolution_m);
-  if (state_->by_scan.wants_next())
-    state_->by_scan.add(triples_of(scan));
-  else
-    state_->by_scan.pass();
+  if (state_->by_scan.next()) state_->by_scan.keep(triples_of(scan));
 }
 
 ScanNoise ScanNoiseEstimator::estimate() const {

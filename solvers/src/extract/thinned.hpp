@@ -15,12 +15,10 @@ class Thinned {
   /// `most`: even.
   explicit Thinned(std::size_t most) : most_(most) {}
 
-  /// True if the next one is among those that are kept: `add` it, else `pass` it over.
-  bool wants_next() const { return seen_ % stride_ == 0; }
-  void pass() { ++seen_; }
-  void add(T one) {
+  /// Counts the next one; true if it is to be kept: `keep` it then.
+  bool next() { return seen_++ % stride_ == 0; }
+  void keep(T one) {
     kept_.push_back(std::move(one));
-    ++seen_;
     if (kept_.size() < most_) return;
     for (std::size_t i = 1; 2 * i < kept_.size(); ++i) kept_[i] = std::move(kept_[2 * i]);
     kept_.resize(kept_.size() / 2);

@@ -18,6 +18,7 @@
 #include "rangecal/core/polynomial.hpp"
 #include "rangecal/core/random.hpp"
 #include "rangecal/core/recording_io.hpp"
+#include "rangecal/core/seen_landmarks.hpp"
 #include "rangecal/problems/world/polynomial_world.hpp"
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/marginal/marginal.hpp"
@@ -30,12 +31,21 @@ using ::testing::HasSubstr;
 
 Scene field() { return load_scene(RANGECAL_SOURCE_DIR "/notebooks_data/scenes/field-layout.yaml"); }
 
-Recording without_stop(const Recording& recording, int stop) {
+Calibration by_order_two(const Recording& recording) {
+  CalibrateOptions options;
+  options.methods = {Method::marginal};
+  options.order = 2;
+  options.noise = NoiseLaw::f_squared;
+  return calibrate({&recording, 1}, options)[0];
+}
+
+/// Without the readings whose `indices` (of stops or landmarks) are this one.
+Recording without_readings(const Recording& recording, const std::vector<int>& indices, int left_out) {
   Recording rest = recording;
   Readings& r = rest.readings;
   r = Readings{};
   for (std::size_t i = 0; i < recording.readings.size(); ++i) {
-    if (recording.readings.stop[i] == stop) continue;
+    if (indices[i] == left_out) continue;
     r.stop.push_back(recording.readings.stop[i]);
     r.landmark.push_back(recording.readings.landmark[i]);
     r.repeat.push_back(recording.readings.repeat[i]);
@@ -54,7 +64,7 @@ TEST(StopInfluence, OneStepEndsWhereTheFitWithoutTheStopDoes) {
   ASSERT_TRUE(influence);
   ASSERT_EQ(influence->groups(), 10);
   for (const int k : {0, 4, 9}) {
-    const Recording rest = without_stop(recording, k);
+    const Recording rest = without_readings(recording, recording.readings.stop, k);
     const JointProblem others = make_joint_problem({&rest, 1});
     const MarginalFit refit = solve_marginal(others, fit.state);
     ASSERT_EQ(refit.outcome, Outcome::converged);
@@ -75,11 +85,7 @@ TEST(StopInfluence, DeviationsByStopsAreTheModelsWhereItHolds) {
   constexpr int worlds = 40;
   for (std::uint64_t repeat = 0; repeat < worlds; ++repeat) {
     const Recording recording = simulate(field(), seed_from("by stops", {repeat}));
-    CalibrateOptions options;
-    options.methods = {Method::marginal};
-    options.order = 2;
-    options.noise = NoiseLaw::f_squared;
-    const Calibration c = calibrate({&recording, 1}, options)[0];
+    const Calibration c = by_order_two(recording);
     ASSERT_TRUE(c.alpha_covariance_by_stops);
     const Eigen::Vector3d row(1.0, 2.0, 4.0);
     ratio += row.dot(*c.alpha_covariance_by_stops * row) / row.dot(*c.alpha_covariance * row) / worlds;
@@ -123,14 +129,6 @@ std::vector<std::string> labels_of(const Recording& recording) {
   return labels;
 }
 
-Calibration by_order_two(const Recording& recording) {
-  CalibrateOptions options;
-  options.methods = {Method::marginal};
-  options.order = 2;
-  options.noise = NoiseLaw::f_squared;
-  return calibrate({&recording, 1}, options)[0];
-}
-
 TEST(LandmarkInfluence, OneStepEndsWhereTheFitWithoutTheLandmarkDoes) {
   const Recording recording = simulate(many_landmarks(), seed_from("influence of landmarks"));
   const JointProblem problem = make_joint_problem({&recording, 1});
@@ -141,21 +139,8 @@ TEST(LandmarkInfluence, OneStepEndsWhereTheFitWithoutTheLandmarkDoes) {
   ASSERT_EQ(influence->groups, 16);
   Eigen::MatrixXd ends(3, 16);
   for (int l = 0; l < 16; ++l) {
-    std::vector<char> left_out(16, 0);
-    left_out[static_cast<std::size_t>(l)] = 1;
-    Recording rest = recording;
-    Readings& r = rest.readings;
-    r = Readings{};
-    for (std::size_t i = 0; i < recording.readings.size(); ++i) {
-      if (recording.readings.landmark[i] == l) continue;
-      r.stop.push_back(recording.readings.stop[i]);
-      r.landmark.push_back(recording.readings.landmark[i] - (recording.readings.landmark[i] > l));
-      r.repeat.push_back(recording.readings.repeat[i]);
-      r.range_m.push_back(recording.readings.range_m[i]);
-      r.bearing_rad.push_back(recording.readings.bearing_rad[i]);
-    }
-    rest.landmarks.erase(rest.landmarks.begin() + l);
-    const JointProblem others = make_joint_problem({&rest, 1});
+    const Recording unread = without_readings(recording, recording.readings.landmark, l);
+    const JointProblem others = make_joint_problem(with_seen_landmarks({&unread, 1}));
     JointState from = fit.state;
     from.landmarks.erase(from.landmarks.begin() + l);
     const MarginalFit refit = solve_marginal(others, from);
@@ -423,11 +408,7 @@ TEST(StopInfluence, AlongAWalkDeviationsAreTheModelsWhereItHolds) {
     const Eigen::Vector3d row(1.0, 2.0, 4.0);
     ratio += row.dot(influence->covariance.topLeftCorner(3, 3) * row) /
              row.dot(fit.covariance->topLeftCorner(3, 3) * row) / worlds;
-    CalibrateOptions options;
-    options.methods = {Method::marginal};
-    options.order = 2;
-    options.noise = NoiseLaw::f_squared;
-    const Calibration c = calibrate({&recording, 1}, options)[0];
+    const Calibration c = by_order_two(recording);
     said += c.misfit && !c.misfit->holds();
   }
   EXPECT_EQ(groups, 19 * worlds);  // of 20 stretches, without the first

@@ -8,12 +8,8 @@ namespace {
 
 std::vector<int> kept_of(int count) {
   Thinned<int> thinned(400);
-  for (int i = 0; i < count; ++i) {
-    if (thinned.wants_next())
-      thinned.add(i);
-    else
-      thinned.pass();
-  }
+  for (int i = 0; i < count; ++i)
+    if (thinned.next()) thinned.keep(i);
   return thinned.kept();
 }
 
