@@ -50,10 +50,16 @@ void Battery::ask(Of catalogue) {
   ask_scalars();
 }
 
-Battery::Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,
-                 const Effect& effect)
-    : Battery(Unasked{}, rows, model, state, known) {
-  for (Asked& asked : asked_of_effect(effect)) add(std::move(asked));
+Battery Battery::of_nothing(const Rows& rows, const Model& model, const JointState& state,
+                            const Rates& known) {
+  return {Unasked{}, rows, model, state, known};
+}
+
+std::vector<Question> Battery::questions_of(const Effect& effect) const {
+  std::vector<Question> answered;
+  for (Asked& asked : asked_of_effect(effect))
+    if (asked.question.dof > 0) answered.push_back(std::move(asked.question));
+  return answered;
 }
 
 void Battery::score_rows(const Model& model) {

@@ -40,9 +40,12 @@ class Battery {
   Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known = {});
   /// Asks about all but the catalogue's effects on the means.
   static Battery of_shapes(const Rows& rows, const Model& model, const JointState& state, const Rates& known);
-  /// Asks about one effect of the catalogue alone, at every point of its start grid in turn.
-  Battery(const Rows& rows, const Model& model, const JointState& state, const Rates& known,
-          const Effect& effect);
+  /// Asks about nothing by itself.
+  static Battery of_nothing(const Rows& rows, const Model& model, const JointState& state,
+                            const Rates& known);
+
+  /// About one effect, at every point of its start grid in turn; none of them is kept.
+  std::vector<Question> questions_of(const Effect& effect) const;
 
   std::vector<Question> questions;
   Rates rates;  ///< what the questions' p-values are worth together; `calibrate` finds it

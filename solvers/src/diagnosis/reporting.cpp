@@ -87,9 +87,16 @@ class Reporting {
       settle_what_is_open();  // of the model that is delivered now
       write();
     }
-    if (options_.laws && generic_ && generic_->effect) {
+    if (options_.laws && found_.verdict != Verdict::no_mismatch && !unobservable()) {
       say("looking for laws", 0.7);
-      result_.laws = find_laws(rows_, found_, *generic_, RefitOptions{});
+      LawSearchResult laws = find_laws(rows_, found_, generic_ && generic_->effect ? &*generic_ : nullptr,
+                                       options_, RefitOptions{});
+      result_.laws = std::move(laws.laws);
+      if (laws.over_names > 0.0)
+        result_.notes.push_back(fmt::format(
+            "{} without any of these names is likelier than they are, by {:.1f} nats: they may be what the "
+            "catalogue makes of a law that it does not hold",
+            result_.laws.front().id, laws.over_names));
     }
     add_residual_bins(rows_, found_, completed_, result_);
     place_by_residuals(rows_, result_.location);

@@ -56,9 +56,9 @@ Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOption
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
     const Fit without = refit(part, others, fitted.state, held);
     if (!without.ok) continue;
-    const Battery battery(part, without.model, without.state, rates, effect);
+    const Battery battery = Battery::of_nothing(part, without.model, without.state, rates);
     std::vector<Height> heights;
-    for (const Question& q : battery.questions) heights.emplace_back(q.gain, q.start);
+    for (const Question& q : battery.questions_of(effect)) heights.emplace_back(q.gain, q.start);
     heights = peaks_of(heights);
     heights.resize(std::min(heights.size(), most_peaks));
     for (auto& [height, start] : heights) {

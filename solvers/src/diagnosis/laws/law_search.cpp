@@ -23,6 +23,7 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr std::size_t kept_at_a_time = 3;   ///< laws that are extended further
+constexpr double within_reach = 15.0;       ///< nats below the likeliest down to which they are
 constexpr std::size_t fitted_of_terms = 8;  ///< candidate terms of a law that are fitted
 constexpr std::size_t peaks_of_term = 2;    ///< starting points of each fit
 constexpr std::size_t listed = 5;
@@ -57,7 +58,8 @@ class LawSearch {
     base_volume_ = log_calibration_volume(rows, base);
   }
 
-  std::vector<Growing> run() {
+  /// `to_beat`: evidence below which no law is of use.
+  std::vector<Growing> run(double to_beat = -std::numeric_limits<double>::infinity()) const {
     std::vector<Growing> all, front{{{}, {}, base_, 0.0}};
     for (int number = 1; number <= most_terms && !front.empty(); ++number) {
       std::vector<Growing> next;
@@ -67,6 +69,8 @@ class LawSearch {
       std::stable_sort(next.begin(), next.end(),
                        [](const Growing& a, const Growing& b) { return a.log_evidence > b.log_evidence; });
       all.insert(all.end(), next.begin(), next.end());
+      const double best = std::max(to_beat, next.empty() ? to_beat : next.front().log_evidence);
+      std::erase_if(next, [&](const Growing& law) { return law.log_evidence < best - within_reach; });
       if (next.size() > kept_at_a_time) next.resize(kept_at_a_time);
       front = std::move(next);
     }
@@ -86,8 +90,9 @@ class LawSearch {
     const std::vector<LawPiece> pieces = law_pieces(rows_, channel_, number);
     const double choice = std::log(static_cast<double>(std::max<std::size_t>(1, pieces.size())));
     std::vector<CandidateTerm> terms(pieces.size());
+    const Battery battery = Battery::of_nothing(rows_, law.fit.model, law.fit.state, rates_);
     in_parallel(
-        pieces.size(), [&](std::size_t i) { terms[i] = candidate_term(law, pieces[i], number, i); },
+        pieces.size(), [&](std::size_t i) { terms[i] = candidate_term(battery, pieces[i], number, i); },
         jobs_at_once(rows_.size()));
     std::stable_sort(terms.begin(), terms.end(),
                      [](const CandidateTerm& a, const CandidateTerm& b) { return a.worth > b.worth; });
@@ -103,15 +108,14 @@ class LawSearch {
     return larger;
   }
 
-  CandidateTerm candidate_term(const Growing& law, const LawPiece& piece, int number,
+  CandidateTerm candidate_term(const Battery& battery, const LawPiece& piece, int number,
                                std::size_t index) const {
     CandidateTerm term;
     term.piece = index;
     const std::string id = "law_" + std::to_string(number) + "_" + std::to_string(index);
     term.effect = effect_from_formula(law_text({piece}, id, channel_), id);
-    const Battery battery(rows_, law.fit.model, law.fit.state, rates_, *term.effect);
     std::vector<Height> heights;
-    for (const Question& q : battery.questions) heights.emplace_back(q.gain, q.start);
+    for (const Question& q : battery.questions_of(*term.effect)) heights.emplace_back(q.gain, q.start);
     if (heights.empty()) return term;
     term.peaks = peaks_of(heights);
     if (term.peaks.size() > peaks_of_term) term.peaks.resize(peaks_of_term);
@@ -197,39 +201,113 @@ std::set<std::string> words_of(const Growing& law) {
   return words;
 }
 
-}  // namespace
+/// A law beside a model, and its evidence over the seed model [nats]: that of the model's names included.
+struct Found {
+  Growing law;
+  std::string channel;
+  double log_evidence = 0.0;
+};
 
-std::vector<Law> find_laws(const Rows& rows, const SearchResult& found, const GenericModel& curve,
-                           const RefitOptions& options) {
-  const EffectInfo& info = curve.effect->info();
-  const Fit& base = found.partly() ? found.best.fit : found.baseline;
-  LawSearch search(rows, base, info.channel, found.rates, options);
-  const std::vector<Growing> laws = search.run();
+/// The channel of laws for what a finding is about: errors that the readings of a cell share may be a mean that no question of the battery
+/// is about. Empty: there is none.
+std::string channel_of_laws(const Question& finding) {
+  if (finding.channel == "range_dependence") return "range";
+  if (finding.channel == "bearing_dependence") return "bearing";
+  for (const char* const channel : {"range", "bearing", "range_noise", "bearing_noise"})
+    if (finding.channel == channel) return channel;
+  return {};
+}
+
+/// That of the curve; without one those of the findings.
+std::vector<std::string> channels_of_laws(const SearchResult& found, const GenericModel* curve) {
+  if (curve) return {curve->effect->info().channel};
+  std::vector<std::string> channels;
+  for (const Question& finding : found.left.empty() ? found.shapes : found.left) {
+    const std::string channel = channel_of_laws(finding);
+    if (!channel.empty() && std::find(channels.begin(), channels.end(), channel) == channels.end())
+      channels.push_back(channel);
+  }
+  return channels;
+}
+
+/// ln of the number of variables that laws of a channel may follow.
+double log_choice_of_variable(const Rows& rows, const std::string& channel) {
   std::set<std::string> variables;
-  for (const LawPiece& piece : law_pieces(rows, info.channel, 1))
+  for (const LawPiece& piece : law_pieces(rows, channel, 1))
     variables.insert(piece.variables.begin(), piece.variables.end());
-  const double of_curve = search.log_evidence_of(curve.fit) -
-                          std::log(static_cast<double>(std::max<std::size_t>(1, variables.size())));
+  return std::log(static_cast<double>(std::max<std::size_t>(1, variables.size())));
+}
+
+bool is_likelier(const Found& a, const Found& b) { return a.log_evidence > b.log_evidence; }
+
+/// Laws as they are reported, the likeliest first; what describes the mismatch without them has the evidence `of_rest`.
+std::vector<Law> listed_laws(const Rows& rows, const std::vector<Found>& all, double of_rest) {
   std::vector<Law> list;
   std::vector<std::set<std::string>> listed_terms;
   Eigen::VectorXd best;
-  for (const Growing& one : laws) {
+  for (const Found& one : all) {
     if (list.size() == listed) break;
     // A law that only adds terms to a likelier one is not listed again.
-    const std::set<std::string> terms = words_of(one);
+    const std::set<std::string> terms = words_of(one.law);
     if (std::any_of(listed_terms.begin(), listed_terms.end(), [&](const std::set<std::string>& likelier) {
           return std::includes(terms.begin(), terms.end(), likelier.begin(), likelier.end());
         }))
       continue;
     listed_terms.push_back(terms);
-    Law law = law_of(rows, one, info.channel, list.size() + 1);
-    const Eigen::VectorXd change = change_by(rows, one, info.channel);
+    Law law = law_of(rows, one.law, one.channel, list.size() + 1);
+    const Eigen::VectorXd change = change_by(rows, one.law, one.channel);
     if (list.empty()) best = change;
-    law.log_evidence_over_curve = one.log_evidence - of_curve;
-    law.agrees_with_first = (change - best).squaredNorm() < (1.0 - alike) * best.squaredNorm();
+    law.log_evidence_over_curve = one.log_evidence - of_rest;
+    law.agrees_with_first = one.channel == all.front().channel &&
+                            (change - best).squaredNorm() < (1.0 - alike) * best.squaredNorm();
     list.push_back(std::move(law));
   }
   return list;
+}
+
+}  // namespace
+
+LawSearchResult find_laws(const Rows& rows, const SearchResult& found, const GenericModel* curve,
+                          const DiagnoseOptions& options, const RefitOptions& refit_options) {
+  const std::vector<std::string> channels = channels_of_laws(found, curve);
+  if (channels.empty()) return {};
+  const Fit root = fit_root(rows, found.known, found.baseline, refit_options);
+  const auto search = [&](const Fit& base, const std::string& channel) {
+    return LawSearch(rows, base, channel, found.rates, refit_options);
+  };
+  const LawSearch any = search(root, channels.front());
+  const double cost_of_names = found.named()
+                                   ? static_cast<double>(found.best.fit.model.size() - root.model.size()) *
+                                         std::log(count_members(rows, 1.0).names)
+                                   : 0.0;
+  const double of_names = found.named() ? any.log_evidence_of(found.best.fit) - cost_of_names : 0.0;
+  LawSearchResult result;
+  std::vector<Found> all;
+  if (found.partly())
+    for (const std::string& channel : channels)
+      for (Growing& law : search(found.best.fit, channel).run()) {
+        const double total = of_names + law.log_evidence;
+        all.push_back({std::move(law), channel, total});
+      }
+  std::stable_sort(all.begin(), all.end(), is_likelier);
+  const double to_beat = std::max(of_names, all.empty() ? of_names : all.front().log_evidence);
+  std::vector<Found> alone;
+  for (const std::string& channel : channels)
+    for (Growing& law : search(root, channel).run(to_beat)) {
+      const double evidence = law.log_evidence;
+      if (!found.named() || evidence > to_beat + options.naming_gap_nats)
+        alone.push_back({std::move(law), channel, evidence});
+    }
+  std::stable_sort(alone.begin(), alone.end(), is_likelier);
+  if (!alone.empty()) {
+    if (found.named()) result.over_names = alone.front().log_evidence - to_beat;
+    all = std::move(alone);
+  }
+  result.laws = listed_laws(
+      rows, all,
+      curve ? any.log_evidence_of(curve->fit) - cost_of_names - log_choice_of_variable(rows, channels.front())
+            : of_names);
+  return result;
 }
 
 }  // namespace rangecal::diagnosis

@@ -8,6 +8,14 @@
 
 namespace rangecal::diagnosis {
 
+/// Laws, the likeliest first.
+struct LawSearchResult {
+  std::vector<Law> laws;
+  /// Nats by which the first, without any name, is likelier than the names of the answer with the likeliest law beside them; 0 where it
+  /// stands beside them, or there are none.
+  double over_names = 0.0;
+};
+
 /// Laws for a mismatch without a name: sums of terms (pieces.hpp) on the channel of the smooth curve that describes it.
 ///
 /// A law's evidence over the model without it is that of a set of causes (select/evidence.hpp):
@@ -17,7 +25,11 @@ namespace rangecal::diagnosis {
 /// with T the number of terms to choose from: saying which one takes ln T nats. Terms are added as long as E grows, keeping the
 /// best three laws at a time. The curve's evidence is computed in the same way, with its knots' prior, and ln V for the choice of
 /// its covariate among the V that laws are made of.
-std::vector<Law> find_laws(const Rows& rows, const SearchResult& found, const GenericModel& curve,
-                           const RefitOptions& options);
+///
+/// Names may be what the catalogue makes of a law that it does not hold. Where some were given, laws are also looked for without them,
+/// and compared with names of evidence gain + ln(volume) - ln(number of names) each; one is listed that is likelier by the gap at which
+/// a rival is no twin. Without a curve (everything has a name) these alone are.
+LawSearchResult find_laws(const Rows& rows, const SearchResult& found, const GenericModel* curve,
+                          const DiagnoseOptions& options, const RefitOptions& refit_options);
 
 }  // namespace rangecal::diagnosis

@@ -19,7 +19,7 @@ namespace {
 /// What readings vary in, and over which values.
 struct LawVariable {
   std::string name, unit;
-  double low = 0.0, high = 0.0;
+  double low = 0.0, high = 0.0, mean = 0.0;
   bool is_angle = false;
   double span() const { return high - low; }
 };
@@ -30,8 +30,10 @@ std::optional<LawVariable> variable_of(const std::string& name, const std::strin
   LawVariable v{name, unit, std::numeric_limits<double>::infinity(),
                 -std::numeric_limits<double>::infinity()};
   std::set<double> distinct;
+  double count = 0.0;
   for (const double x : values) {
     if (!std::isfinite(x)) continue;
+    v.mean += (x - v.mean) / ++count;
     v.low = std::min(v.low, x);
     v.high = std::max(v.high, x);
     if (distinct.size() < 5) distinct.insert(x);
@@ -88,15 +90,17 @@ class Pieces {
       over(x);
   }
 
-  /// x y; what of it is x alone, or y, are terms of their own.
+  /// (x - x0)(y - y0), about the means: x alone, and y, are terms of their own.
   void product(const LawVariable& x, const LawVariable& y, const std::string& factor, const std::string& per,
                double factor_size) {
-    const double size = typical_ / (factor_size * std::max(std::abs(x.low), std::abs(x.high)) *
-                                    std::max(std::abs(y.low), std::abs(y.high)));
+    const double size = typical_ / (factor_size * std::max(x.mean - x.low, x.high - x.mean) *
+                                    std::max(y.mean - y.low, y.high - y.mean));
     const std::string unit = unit_ + "/" + x.unit + "/" + y.unit + per;
     LawPiece piece;
-    piece.formula = fmt::format("{}{}*{}*{}", factor, named("a"), x.name, y.name);
-    piece.parameters = {{named("a"), unit, size, -1e3 * size, 1e3 * size}};
+    const std::string a = named("a"), x0 = named("x"), y0 = named("y");
+    piece.formula = fmt::format("{}{}*({} - {})*({} - {})", factor, a, x.name, x0, y.name, y0);
+    piece.parameters = {{a, unit, size, -1e3 * size, 1e3 * size}};
+    piece.constants = {{x0, x.unit, x.mean}, {y0, y.unit, y.mean}};
     finish(std::move(piece), {&x, &y}, factor, "the product of " + x.name + " and " + y.name);
   }
 
@@ -162,11 +166,11 @@ class Pieces {
     constexpr double pi = std::numbers::pi;
     add(b, fmt::format("({}*cos({}*b) + {}*sin({}*b))", a, n, c, n),
         {amplitude("a"), amplitude("c"), {n, "1", 1.0, 1.0, 32.0, 0, true}}, {}, "a ripple");
-    const LawParameter middle{m, "rad", 0.5, -pi, pi, 20};
+    const LawParameter middle{m, "rad", 0.5, -pi, pi, 20}, fine{m, "rad", 0.5, -pi, pi, 40};
     add(b, fmt::format("{}*exp((cos(b - {}) - 1)/{}^2)", a, m, w),
         {amplitude("a"), middle, {w, "rad", 0.4, 0.08, 1.6, 4}}, {}, "a bump");
     add(b, fmt::format("{}*exp(-((1 - cos(b - {}))/{})^4)", a, m, w),
-        {amplitude("a"), middle, {w, "1", 0.1, 0.005, 1.2, 4}}, {}, "a sector");
+        {amplitude("a"), fine, {w, "1", 0.1, 0.005, 1.2, 8}}, {}, "a sector");
   }
 
   static double nonzero(double value, double span) {

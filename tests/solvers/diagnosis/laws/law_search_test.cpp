@@ -39,12 +39,14 @@ double ripple(double b) { return amplitude * std::sin(7.0 * b + 0.4); }
 double no_change(double, double) { return 0.0; }
 double trefoil(double, double b) { return amplitude * std::cos(3.0 * b - 1.0); }
 
-std::vector<Law> laws_of(const Recording& recording) {
+Diagnosis diagnosed(const Recording& recording) {
   DiagnoseOptions options;
   options.laws = true;
   options.held_out = options.unseen = options.next_experiments = false;
-  return diagnose(std::span(&recording, 1), options).laws;
+  return diagnose(std::span(&recording, 1), options);
 }
+
+std::vector<Law> laws_of(const Recording& recording) { return diagnosed(recording).laws; }
 
 /// Share of the squares of a change over all directions that a law of the direction leaves.
 double left_by(const Law& law, const std::function<double(double)>& change) {
@@ -107,6 +109,29 @@ TEST(Laws, ATrefoilOfTheRangeIsFoundAndPredictsAnotherRoom) {
   ahead.fan_rad = 0.05;
   const LawPrediction blind = of(recording_of(ahead, "Laws.Blind", 1));
   EXPECT_EQ(blind.verdict, LawVerdict::not_tested) << blind.size << " +- " << blind.size_std;
+}
+
+TEST(Laws, WhatStandsForABumpInTheCatalogueIsCalledLessLikelyThanTheBump) {
+  const double middle = 1.8, width = 0.2;
+  const Diagnosis diagnosis = diagnosed(changed("Laws.Bump", 5, nothing, [&](double y, double) {
+    return 0.015 * std::exp(-std::pow((y - middle) / width, 2));
+  }));
+  ASSERT_FALSE(diagnosis.final_effects.empty());
+  EXPECT_NE(diagnosis.final_effects.front(), "generic") << "without a name there is nothing to doubt";
+  ASSERT_FALSE(diagnosis.laws.empty());
+  EXPECT_EQ(diagnosis.laws[0].variables, std::vector<std::string>{"d"});
+  EXPECT_NEAR(diagnosis.laws[0].parameters[1].estimate, middle, 0.1) << diagnosis.laws[0].formula;
+  EXPECT_TRUE(std::any_of(diagnosis.notes.begin(), diagnosis.notes.end(), [](const std::string& note) {
+    return note.starts_with("law_1 without any of these names is likelier than they are, by ");
+  }));
+}
+
+TEST(Laws, TheRightNameIsNotDoubted) {
+  // An eccentric ring is a ripple of order 1: a law says the same of it, and no more.
+  const Diagnosis diagnosis = diagnosed(
+      changed("Laws.Ring", 1, nothing, [](double, double b) { return amplitude * std::cos(b - 1.0); }));
+  EXPECT_EQ(diagnosis.final_effects, std::vector<std::string>{"range_eccentricity"});
+  EXPECT_TRUE(diagnosis.laws.empty());
 }
 
 TEST(Laws, OfACleanRecordingThereIsNone) {
