@@ -35,7 +35,15 @@ std::string sentence(const LawPrediction& p, const Effect& law) {
   std::string text = p.reason.empty()
                          ? "Not tested by this recording, which cannot tell it from nothing: " + size + "."
                          : "Not tested: " + p.reason + ".";
-  if (!law.info().visible_by.empty()) text += " It would show with " + law.info().visible_by + ".";
+  std::string test = p.would_test.empty() ? law.info().visible_by : p.would_test;
+  if (p.times_the_readings)
+    test += fmt::format("{}{:.2g} times as many readings like these", test.empty() ? "" : ", or ",
+                        *p.times_the_readings);
+  if (!test.empty()) text += " It would show with " + test + ".";
+  if (p.reason.empty() && !p.times_the_readings)
+    text += fmt::format(
+        " Where it was found its own size is known to +- {:.2g} only: more readings there would help too.",
+        p.found_std);
   return text;
 }
 
@@ -89,6 +97,8 @@ struct PredictCommand {
             {"verdict", to_string(p.verdict)},
             {"size", number(p.size)},
             {"size_std", number(p.size_std)},
+            {"would_test", p.would_test},
+            {"times_the_readings", number(p.times_the_readings)},
             {"found_std", number(p.found_std)},
             {"heldout_gain", number(p.heldout_gain)},
             {"heldout_gain_std", number(p.heldout_gain_std)},

@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/solvers/diagnosis/predict_law.hpp"
 
+#include <fmt/core.h>
+
+#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/generic.hpp"
@@ -96,6 +103,90 @@ double found_std_of(const Effect& law, const StatedValues& values, const diagnos
   return std::sqrt(variance);
 }
 
+/// Something that a law may depend on, as it is varied alone.
+struct Varied {
+  std::string name, unit;
+  double low = 0.0, high = 0.0;
+  std::function<double(std::size_t)> here;                         ///< of a row
+  std::function<void(ReadingView<double>&, double*, double)> set;  ///< view, its columns, value
+};
+
+std::vector<Varied> variables_of(const diagnosis::Rows& rows, const diagnosis::CellGeometry& geometry) {
+  const auto cell = [&](std::size_t i) { return static_cast<std::size_t>(rows.cell[i]); };
+  constexpr double pi = std::numbers::pi, beyond = 1.5;  // of the largest distance here
+  const double farthest = *std::max_element(geometry.d.begin(), geometry.d.end());
+  std::vector<Varied> all;
+  all.push_back({"d", "m", 0.0, beyond * farthest, [&, cell](std::size_t i) { return geometry.d[cell(i)]; },
+                 [](ReadingView<double>& view, double*, double x) { view.d = view.f = x; }});
+  if (!rows.pairs)
+    all.push_back({"b", "rad", -pi, pi, [&, cell](std::size_t i) { return geometry.bearing[cell(i)]; },
+                   [](ReadingView<double>& view, double*, double x) { view.bearing = x; }});
+  const std::size_t columns = rows.context.covariates.size();
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::string& name = rows.context.covariates[c];
+    if (!is_column_of_formulas(name)) continue;
+    const auto here = [&rows, columns, c](std::size_t i) { return rows.covariates[i * columns + c]; };
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (std::isfinite(here(i))) low = std::min(low, here(i)), high = std::max(high, here(i));
+    if (!(low <= high)) continue;
+    const double span = std::max(high - low, 0.1 * std::abs(high));
+    all.push_back({name, unit_of_column_in_formulas(name), low - span, high + span, here,
+                   [c](ReadingView<double>&, double* covariates, double x) { covariates[c] = x; }});
+  }
+  return all;
+}
+
+/// Readings that would show a law best, where it acts in less than a third of what it depends on; empty: it acts all over.
+std::string where_it_acts(const Effect& law, const Eigen::VectorXd& values, const diagnosis::Rows& rows,
+                          const JointState& state) {
+  using namespace diagnosis;
+  constexpr int points = 240;
+  constexpr std::size_t others = 24;  // readings at which the rest of what it depends on is held
+  const CellGeometry geometry = cell_geometry(rows, state);
+  const std::size_t columns = rows.context.covariates.size();
+  std::string words;
+  for (const Varied& v : variables_of(rows, geometry)) {
+    std::vector<double> size(points, 0.0);  // the largest change at each value
+    for (std::size_t k = 0; k < others; ++k) {
+      const std::size_t row = k * (rows.size() - 1) / (others - 1);
+      ReadingView<double> view = view_of(rows, geometry, row);
+      std::vector<double> covariates(
+          rows.covariates.begin() + static_cast<std::ptrdiff_t>(row * columns),
+          rows.covariates.begin() + static_cast<std::ptrdiff_t>((row + 1) * columns));
+      view.covariate = covariates.data();
+      for (int j = 0; j < points; ++j) {
+        v.set(view, covariates.data(), v.low + (j + 0.5) * (v.high - v.low) / points);
+        size[static_cast<std::size_t>(j)] = std::max(
+            size[static_cast<std::size_t>(j)], std::abs(of_any_channel(law.reading(view, values.data()))));
+      }
+    }
+    const auto most = std::max_element(size.begin(), size.end());
+    const auto acting = std::count_if(size.begin(), size.end(), [&](double x) { return x > 0.5 * *most; });
+    if (3 * acting >= points) continue;  // all over: lines, waves
+    auto begin = most, end = most;
+    while (begin != size.begin() && *(begin - 1) > 0.5 * *most) --begin;
+    while (end + 1 != size.end() && *(end + 1) > 0.5 * *most) ++end;
+    const double step = (v.high - v.low) / points;
+    const double low = v.low + static_cast<double>(begin - size.begin()) * step,
+                 high = v.low + static_cast<double>(end + 1 - size.begin()) * step;
+    int here = 0;
+    for (std::size_t i = 0; i < rows.size(); ++i) here += v.here(i) >= low && v.here(i) <= high;
+    words += fmt::format("{}{} from {:.3g} to {:.3g}{} ({} of {} here)",
+                         words.empty() ? "readings with " : " and ", v.name, low, high,
+                         v.unit == "1" ? "" : " " + v.unit, here, rows.size());
+  }
+  return words;
+}
+
+/// How many times as many readings, each independent of the others, leave a sixth as the standard deviation of s - 1.
+std::optional<double> times_the_readings(const LawPrediction& p) {
+  constexpr double wanted = 1.0 / (2.0 * surely);
+  const double of_readings_sq = wanted * wanted - p.found_std * p.found_std;
+  if (!(of_readings_sq > 0.0)) return std::nullopt;
+  return std::max(1.0, p.size_std * p.size_std / of_readings_sq);
+}
+
 }  // namespace
 
 const char* to_string(LawVerdict verdict) { return law_verdicts.name_of(verdict); }
@@ -125,12 +216,17 @@ LawPrediction predict_law(const Effect& law, const StatedValues& values,
   const Fit with_size = refit(rows, {{&sized, Eigen::VectorXd::Ones(1)}}, seed.baseline.state, refit_options);
   if (!with_size.ok || with_size.covariance.rows() != 1 || !(with_size.covariance(0, 0) > 0.0)) {
     prediction.reason = "these readings do not determine its size";
+    prediction.would_test = where_it_acts(law, values.value, rows, seed.baseline.state);
     return prediction;
   }
   prediction.size = with_size.model[0].parameters[0];
   prediction.size_std = std::sqrt(with_size.covariance(0, 0));
   prediction.found_std = found_std_of(law, values, rows, with_size.state);
   prediction.verdict = verdict_of(prediction);
+  if (prediction.verdict == LawVerdict::not_tested) {
+    prediction.would_test = where_it_acts(law, values.value, rows, with_size.state);
+    prediction.times_the_readings = times_the_readings(prediction);
+  }
 
   const Fit as_found = refit(rows, {{&held, Eigen::VectorXd(0)}}, seed.baseline.state, refit_options);
   if (!as_found.ok) return prediction;

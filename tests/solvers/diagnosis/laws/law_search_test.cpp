@@ -109,6 +109,29 @@ TEST(Laws, ATrefoilOfTheRangeIsFoundAndPredictsAnotherRoom) {
   ahead.fan_rad = 0.05;
   const LawPrediction blind = of(recording_of(ahead, "Laws.Blind", 1));
   EXPECT_EQ(blind.verdict, LawVerdict::not_tested) << blind.size << " +- " << blind.size_std;
+  EXPECT_TRUE(blind.would_test.empty()) << "it acts in every direction: " << blind.would_test;
+  ASSERT_TRUE(blind.times_the_readings);
+  // s is to be known to a sixth, of which the law's own uncertainty takes its part.
+  EXPECT_NEAR(*blind.times_the_readings,
+              std::pow(blind.size_std, 2) / (1.0 / 36.0 - std::pow(blind.found_std, 2)), 1e-9);
+}
+
+TEST(Laws, WhereALawIsNotTestedTheReadingsThatWouldAreSaid) {
+  const std::string text =
+      "effect: guard\nphysics: \"a cable guard\"\nsettled_by: \"take it off\"\nchannel: range\nformula: \"a*exp(-((b - m)/w)^2)\"\nparameters:\n"
+      "  a: {unit: m, from: -1, to: 1, typical: 0.01, value: 0.02, std: 0.002}\n"
+      "  m: {unit: rad, from: -4, to: 4, typical: 2, value: 2.0, std: 0.01}\n"
+      "  w: {unit: rad, from: 0.1, to: 1, typical: 0.3, value: 0.3, std: 0.01}\n";
+  const auto guard = effect_from_formula(text, "guard");
+  Sensor ahead{.sigma = 0.004};
+  ahead.looks_one_way = true;
+  ahead.fan_rad = 0.6;  // nothing is seen at 2 rad
+  const Recording recording = recording_of(ahead, "Laws.Elsewhere", 1);
+  const LawPrediction p = predict_law(*guard, stated_values(*guard), std::span(&recording, 1));
+  EXPECT_EQ(p.verdict, LawVerdict::not_tested) << p.size << " +- " << p.size_std;
+  // Half of its height: 2 +- 0.3 sqrt(ln 2) = 1.75 to 2.25.
+  EXPECT_EQ(p.would_test.substr(0, 29), "readings with b from 1.75 to ") << p.would_test;
+  EXPECT_NE(p.would_test.find("(0 of "), std::string::npos) << p.would_test;
 }
 
 TEST(Laws, WhatStandsForABumpInTheCatalogueIsCalledLessLikelyThanTheBump) {

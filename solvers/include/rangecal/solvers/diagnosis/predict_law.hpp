@@ -39,6 +39,12 @@ struct LawPrediction {
   /// The same, of the law over a smooth curve along its covariate that is fitted to this recording.
   std::optional<double> heldout_gain_over_curve, heldout_gain_over_curve_std;
   std::string reason;  ///< why it cannot be asked; empty where it was
+  /// Of `not_tested`: what would test it, "readings with b from 0.84 to 1.52 rad (3 of 1440 here)", where the law acts in a part of what
+  /// it depends on; else empty.
+  std::string would_test;
+  /// And how many times as many readings like these would tell 0 from 1 by 6 standard deviations, so that either answer has 3; none where no
+  /// number would, for the law's own uncertainty from where it was found.
+  std::optional<double> times_the_readings;
 };
 
 /// Throws InputError for recordings that cannot be diagnosed, and std::invalid_argument for an effect that changes no mean and no
