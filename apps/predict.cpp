@@ -37,10 +37,10 @@ std::string sentence(const LawPrediction& p, const Effect& law) {
                          : "Not tested: " + p.reason + ".";
   std::string test = p.would_test.empty() ? law.info().visible_by : p.would_test;
   if (p.times_the_readings)
-    test += fmt::format("{}{:.2g} times as many readings like these", test.empty() ? "" : ", or ",
-                        *p.times_the_readings);
+    test += fmt::format("{}{:.{}f} times as many readings like these", test.empty() ? "" : ", or ",
+                        *p.times_the_readings, *p.times_the_readings < 10.0 ? 1 : 0);
   if (!test.empty()) text += " It would show with " + test + ".";
-  if (p.reason.empty() && !p.times_the_readings)
+  if (p.reason.empty() && p.would_test.empty() && !p.times_the_readings)
     text += fmt::format(
         " Where it was found its own size is known to +- {:.2g} only: more readings there would help too.",
         p.found_std);
