@@ -25,11 +25,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <functional>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <numbers>
 #include <sstream>
 #include <string>
@@ -46,6 +43,7 @@
 #include "rangecal/problems/world/physical/simulate.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "rangecal/solvers/diagnosis/predict_law.hpp"
+#include "study.hpp"
 #include "threads.hpp"
 
 namespace {
@@ -64,7 +62,6 @@ struct Where {
 
 /// A law to be found: its change [m or rad] for an amplitude of 1.
 struct Planted {
-  std::string kind;
   bool of_bearing = false;
   std::vector<std::string> variables;
   std::function<double(const Where&)> shape;
@@ -78,28 +75,26 @@ Planted draw_law(const std::string& kind, const std::vector<Where>& seen, Random
   const double phase = r.uniform(-pi, pi);
   if (kind == "ripple") {
     const double n = 5.0 + static_cast<double>(r.index(8));
-    return {kind, true, {"b"}, [=](const Where& x) { return std::cos(n * x.b + phase); }};
+    return {true, {"b"}, [=](const Where& x) { return std::cos(n * x.b + phase); }};
   }
   if (kind == "sector") {
     const double half = r.uniform(0.3, 0.8);
-    return {kind, false, {"b"}, [=](const Where& x) {
-              return std::abs(wrap_angle(x.b - any.b)) < half ? 1.0 : 0.0;
-            }};
+    return {
+        false, {"b"}, [=](const Where& x) { return std::abs(wrap_angle(x.b - any.b)) < half ? 1.0 : 0.0; }};
   }
   if (kind == "hum") {
     const double period = seen.back().t / std::exp(r.uniform(std::log(2.0), std::log(40.0)));
-    return {kind, false, {"t"}, [=](const Where& x) { return std::cos(2.0 * pi * x.t / period + phase); }};
+    return {false, {"t"}, [=](const Where& x) { return std::cos(2.0 * pi * x.t / period + phase); }};
   }
   if (kind == "bump") {
     const double width = r.uniform(0.12, 0.25);
-    return {kind, false, {"d"}, [=](const Where& x) {
-              return std::exp(-0.5 * std::pow((x.d - any.d) / width, 2));
-            }};
+    return {
+        false, {"d"}, [=](const Where& x) { return std::exp(-0.5 * std::pow((x.d - any.d) / width, 2)); }};
   }
   std::array<double, 2> mean{};
   for (const Where& x : seen)
     for (std::size_t j = 0; j < 2; ++j) mean[j] += x.u[j] / static_cast<double>(seen.size());
-  return {kind, false, {columns[1], columns[0]}, [=](const Where& x) {
+  return {false, {columns[1], columns[0]}, [=](const Where& x) {
             return (x.u[0] - mean[0]) * (x.u[1] - mean[1]);
           }};
 }
@@ -225,14 +220,14 @@ world::World same_sensor_in(const world::World& surroundings, const world::World
 }
 
 /// What came out of one world, as it stands in the journal.
-struct OfWorld {
+struct WorldOutcome {
   int has_law = 0, beats_curve = 0, stands = 0, right_variables = 0, named = 0, right_name = 0;
   int predicted = 0, better = 0, better_than_curve = 0, confirmed = 0, refuted = 0, wrongly_confirmed = 0;
   double left = 1.0, seconds = 0.0;
   std::string answer = "-";
 };
 
-Diagnosis look_for_laws(const Recording& recording, OfWorld& outcome) {
+Diagnosis look_for_laws(const Recording& recording, WorldOutcome& outcome) {
   DiagnoseOptions options;
   options.laws = true;
   options.unseen = options.next_experiments = false;
@@ -247,7 +242,7 @@ Diagnosis look_for_laws(const Recording& recording, OfWorld& outcome) {
   return diagnosis;
 }
 
-OfWorld found_in(int number) {
+WorldOutcome found_in(int number) {
   Random r(seed_from("law study", {static_cast<std::uint64_t>(number)}));
   const std::string& kind = kinds[static_cast<std::size_t>(number) % kinds.size()];
   const bool line = number / static_cast<int>(kinds.size()) % 2 == 0;
@@ -264,7 +259,7 @@ OfWorld found_in(int number) {
   }
   if (r.uniform(0.0, 1.0) < 0.5) size = -size;
 
-  OfWorld outcome;
+  WorldOutcome outcome;
   const Diagnosis diagnosis = look_for_laws(record(first, &law, size, r.bits()), outcome);
   if (!outcome.has_law) return outcome;
   const Law& best = diagnosis.laws.front();
@@ -291,71 +286,57 @@ OfWorld found_in(int number) {
   return outcome;
 }
 
-OfWorld of_case(const std::string& row, int number) {
+WorldOutcome of_case(const std::string& row, int number) {
   const proof::Case c =
       proof::draw_case(row, seed_from("law study, " + row), number, number / 2 % 2 == 0 ? "line" : "turning");
-  OfWorld outcome;
+  WorldOutcome outcome;
   const Diagnosis diagnosis = look_for_laws(proof::record(c, c.planted), outcome);
   outcome.right_name = proof::names_of(proof::answer_sets(diagnosis), c.truth).found > 0;
   return outcome;
 }
 
-/// Outcomes of one part, kept in a file if one was given.
-class Journal {
- public:
-  explicit Journal(const std::string& path) : path_(path) {
-    std::ifstream in(path);
-    for (std::string line; std::getline(in, line);) {
-      std::istringstream words(line);
-      std::string part;
-      int number = 0;
-      OfWorld o;
-      if (words >> part >> number >> o.has_law >> o.beats_curve >> o.stands >> o.right_variables >> o.named >>
-              o.right_name >> o.predicted >> o.better >> o.better_than_curve >> o.confirmed >> o.refuted >>
-              o.wrongly_confirmed >> o.left >> o.seconds &&
-          std::getline(words >> std::ws, o.answer))
-        known_[{part, number}] = o;
-    }
-  }
-  const OfWorld* find(const std::string& part, int number) const {
-    const auto at = known_.find({part, number});
-    return at == known_.end() ? nullptr : &at->second;
-  }
-  void add(const std::string& part, int number, const OfWorld& o) const {
-    if (path_.empty()) return;
-    const std::lock_guard lock(mutex_);
-    std::ofstream(path_, std::ios::app)
-        << part << ' ' << number << ' ' << o.has_law << ' ' << o.beats_curve << ' ' << o.stands << ' '
-        << o.right_variables << ' ' << o.named << ' ' << o.right_name << ' ' << o.predicted << ' ' << o.better
-        << ' ' << o.better_than_curve << ' ' << o.confirmed << ' ' << o.refuted << ' ' << o.wrongly_confirmed
-        << ' ' << o.left << ' ' << o.seconds << ' ' << o.answer << '\n';
-  }
+constexpr std::array flags{
+    &WorldOutcome::has_law,         &WorldOutcome::beats_curve, &WorldOutcome::stands,
+    &WorldOutcome::right_variables, &WorldOutcome::named,       &WorldOutcome::right_name,
+    &WorldOutcome::predicted,       &WorldOutcome::better,      &WorldOutcome::better_than_curve,
+    &WorldOutcome::confirmed,       &WorldOutcome::refuted,     &WorldOutcome::wrongly_confirmed};
 
- private:
-  std::string path_;
-  std::map<std::pair<std::string, int>, OfWorld> known_;
-  mutable std::mutex mutex_;
-};
+std::string text_of(const WorldOutcome& outcome) {
+  std::ostringstream text;
+  for (int WorldOutcome::*const flag : flags) text << outcome.*flag << ' ';
+  text << outcome.left << ' ' << outcome.seconds << ' ' << outcome.answer;
+  return text.str();
+}
 
-std::vector<OfWorld> study(const std::string& part, int worlds, const Journal& journal,
-                           const std::function<OfWorld(int)>& outcome_of) {
-  std::vector<OfWorld> all(static_cast<std::size_t>(worlds));
+WorldOutcome outcome_of(const std::string& text) {
+  WorldOutcome outcome;
+  std::istringstream fields(text);
+  for (int WorldOutcome::*const flag : flags) fields >> outcome.*flag;
+  fields >> outcome.left >> outcome.seconds >> std::ws;
+  std::getline(fields, outcome.answer);
+  return outcome;
+}
+
+std::vector<WorldOutcome> study(const std::string& part, int worlds, StudyJournal& journal,
+                                const std::function<WorldOutcome(int)>& carry_out) {
+  std::vector<WorldOutcome> all(static_cast<std::size_t>(worlds));
   tbb::parallel_for(0, worlds, [&](int number) {
-    OfWorld& o = all[static_cast<std::size_t>(number)];
-    if (const OfWorld* known = journal.find(part, number)) {
-      o = *known;
+    WorldOutcome& outcome = all[static_cast<std::size_t>(number)];
+    const std::string key = part + " " + std::to_string(number);
+    if (const std::string* known = journal.find(key)) {
+      outcome = outcome_of(*known);
       return;
     }
-    o = outcome_of(number);
-    journal.add(part, number, o);
+    outcome = carry_out(number);
+    journal.add(key, text_of(outcome));
   });
   return all;
 }
 
-void print_share(const char* what, const std::vector<OfWorld>& all, int OfWorld::*member, int OfWorld::*of,
-                 const char* wanted) {
+void print_share(const char* what, const std::vector<WorldOutcome>& all, int WorldOutcome::*member,
+                 int WorldOutcome::*of, const char* wanted) {
   int count = 0, yes = 0;
-  for (const OfWorld& o : all) {
+  for (const WorldOutcome& o : all) {
     if (of && !(o.*of)) continue;
     ++count;
     yes += o.*member;
@@ -366,36 +347,38 @@ void print_share(const char* what, const std::vector<OfWorld>& all, int OfWorld:
               100.0 * high, wanted);
 }
 
-void print_times(const std::vector<OfWorld>& all) {
+void print_times(const std::vector<WorldOutcome>& all) {
   std::vector<double> seconds;
-  for (const OfWorld& o : all) seconds.push_back(o.seconds);
+  for (const WorldOutcome& o : all) seconds.push_back(o.seconds);
   std::sort(seconds.begin(), seconds.end());
   std::printf("%-58s %5zu %7.2f s  worst %.2f s\n", "a diagnosis with laws: median", seconds.size(),
               seconds[seconds.size() / 2], seconds.back());
 }
 
-void print_found(const std::vector<OfWorld>& all) {
-  print_share("outside the catalogue: a law within 5 % of what was planted", all, &OfWorld::stands, nullptr,
-              ">= 80 %");
-  print_share("the right variables in the formula", all, &OfWorld::right_variables, nullptr, ">= 90 %");
-  print_share("likelier than the free curve", all, &OfWorld::beats_curve, nullptr, "");
-  print_share("a name was given", all, &OfWorld::named, nullptr, "");
+void print_found(const std::vector<WorldOutcome>& all) {
+  print_share("outside the catalogue: a law within 5 % of what was planted", all, &WorldOutcome::stands,
+              nullptr, ">= 80 %");
+  print_share("the right variables in the formula", all, &WorldOutcome::right_variables, nullptr, ">= 90 %");
+  print_share("likelier than the free curve", all, &WorldOutcome::beats_curve, nullptr, "");
+  print_share("a name was given", all, &WorldOutcome::named, nullptr, "");
   for (std::size_t k = 0; k < kinds.size(); ++k) {
-    std::vector<OfWorld> own;
+    std::vector<WorldOutcome> own;
     for (std::size_t i = k; i < all.size(); i += kinds.size()) own.push_back(all[i]);
-    print_share(("  " + kinds[k] + ": within 5 %").c_str(), own, &OfWorld::stands, nullptr, "");
-    print_share(("  " + kinds[k] + ": right variables").c_str(), own, &OfWorld::right_variables, nullptr, "");
-    print_share(("  " + kinds[k] + ": elsewhere, better than the seed model").c_str(), own, &OfWorld::better,
-                &OfWorld::predicted, "");
+    print_share(("  " + kinds[k] + ": within 5 %").c_str(), own, &WorldOutcome::stands, nullptr, "");
+    print_share(("  " + kinds[k] + ": right variables").c_str(), own, &WorldOutcome::right_variables, nullptr,
+                "");
+    print_share(("  " + kinds[k] + ": elsewhere, better than the seed model").c_str(), own,
+                &WorldOutcome::better, &WorldOutcome::predicted, "");
   }
-  print_share("elsewhere: a law predicts better than the seed model", all, &OfWorld::better,
-              &OfWorld::predicted, ">= 95 %");
-  print_share("elsewhere: better than a free curve", all, &OfWorld::better_than_curve, &OfWorld::predicted,
-              ">= 80 %");
-  print_share("elsewhere: confirmed", all, &OfWorld::confirmed, &OfWorld::predicted, "");
-  print_share("elsewhere without the cause: refuted", all, &OfWorld::refuted, &OfWorld::predicted, ">= 95 %");
-  print_share("elsewhere without the cause: said to act", all, &OfWorld::wrongly_confirmed,
-              &OfWorld::predicted, "");
+  print_share("elsewhere: a law predicts better than the seed model", all, &WorldOutcome::better,
+              &WorldOutcome::predicted, ">= 95 %");
+  print_share("elsewhere: better than a free curve", all, &WorldOutcome::better_than_curve,
+              &WorldOutcome::predicted, ">= 80 %");
+  print_share("elsewhere: confirmed", all, &WorldOutcome::confirmed, &WorldOutcome::predicted, "");
+  print_share("elsewhere without the cause: refuted", all, &WorldOutcome::refuted, &WorldOutcome::predicted,
+              ">= 95 %");
+  print_share("elsewhere without the cause: said to act", all, &WorldOutcome::wrongly_confirmed,
+              &WorldOutcome::predicted, "");
   print_times(all);
 }
 
@@ -408,28 +391,21 @@ int main(int argc, char** argv) {
   }
   const int worlds = std::max(1, std::atoi(argv[1]));
   const auto limit = at_most(argc > 2 ? std::atoi(argv[2]) : 0);
-  std::vector<std::string> parts(argv + std::min(argc, 3), argv + argc);
-  std::string path;
-  for (const std::string& part : parts)
-    if (part.starts_with("journal=")) path = part.substr(8);
-  std::erase_if(parts, [](const std::string& part) { return part.starts_with("journal="); });
-  const Journal journal(path);
-  const auto wanted = [&](const char* part) {
-    return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end();
-  };
+  const StudyParts parts(argc, argv, 3);
+  StudyJournal journal(parts.journal);
   std::printf("%-58s %5s %9s  %-15s  %s\n", "what", "worlds", "figure", "95 % interval", "asked");
-  if (wanted("found")) print_found(study("found", worlds, journal, found_in));
-  if (wanted("named")) {
-    std::vector<OfWorld> all = study("named", worlds, journal, [](int number) {
+  if (parts.wants("found")) print_found(study("found", worlds, journal, found_in));
+  if (parts.wants("named")) {
+    std::vector<WorldOutcome> all = study("named", worlds, journal, [](int number) {
       return of_case(number % 2 == 0 ? "lambda-100" : "lambda-400", number);
     });
-    for (OfWorld& o : all) o.has_law = o.has_law && !o.right_name;
-    print_share("catalogued: a law and not the name", all, &OfWorld::has_law, nullptr, "<= 2 %");
-    print_share("catalogued: the name", all, &OfWorld::right_name, nullptr, "");
+    for (WorldOutcome& o : all) o.has_law = o.has_law && !o.right_name;
+    print_share("catalogued: a law and not the name", all, &WorldOutcome::has_law, nullptr, "<= 2 %");
+    print_share("catalogued: the name", all, &WorldOutcome::right_name, nullptr, "");
   }
-  if (wanted("clean"))
+  if (parts.wants("clean"))
     print_share("clean: a law",
                 study("clean", worlds, journal, [](int number) { return of_case("clean", number); }),
-                &OfWorld::has_law, nullptr, "<= 1 %");
+                &WorldOutcome::has_law, nullptr, "<= 1 %");
   return 0;
 }

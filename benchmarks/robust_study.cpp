@@ -21,8 +21,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <map>
 #include <mutex>
 #include <numbers>
 #include <sstream>
@@ -38,6 +36,7 @@
 #include "rangecal/solvers/calibrate.hpp"
 #include "rangecal/solvers/diagnosis/scene_simulation.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
+#include "study.hpp"
 #include "threads.hpp"
 
 namespace {
@@ -193,48 +192,25 @@ void print(const char* what, double share, const Tally& tally, const Tally& clea
 /// One calibration of clean readings without shapes, one with, and one for every kind of outliers; of one world.
 using AnswersOfWorld = std::vector<Answer>;
 
-/// The worlds of designs that are done, a line of numbers for each.
-class Journal {
- public:
-  explicit Journal(const std::string& path) : path_(path) {
-    std::ifstream file(path);
-    std::string line;
-    while (std::getline(file, line)) {
-      std::istringstream fields(line);
-      int design = 0, world = 0;
-      fields >> design >> world;
-      AnswersOfWorld answers;
-      for (Answer a;
-           fields >> a.ok >> a.curve_sq >> a.landmark_sq >> a.seconds >> a.order >> a.intervals >> a.held;)
-        answers.push_back(a);
-      if (answers.size() == answers_of_a_world)
-        done_[{design, world}] = answers;  // the last line may be half written
-    }
-  }
+std::string text_of(const AnswersOfWorld& answers) {
+  std::ostringstream text;
+  text.precision(17);
+  for (const Answer& a : answers)
+    text << a.ok << ' ' << a.curve_sq << ' ' << a.landmark_sq << ' ' << a.seconds << ' ' << a.order << ' '
+         << a.intervals << ' ' << a.held << ' ';
+  return text.str();
+}
 
-  const AnswersOfWorld* find(int design, int world) const {
-    const auto found = done_.find({design, world});
-    return found != done_.end() ? &found->second : nullptr;
-  }
-  void add(int design, int world, const AnswersOfWorld& answers) const {
-    if (path_.empty()) return;
-    std::ofstream file(path_, std::ios::app);
-    file.precision(17);
-    file << '\n' << design << ' ' << world;
-    for (const Answer& a : answers)
-      file << ' ' << a.ok << ' ' << a.curve_sq << ' ' << a.landmark_sq << ' ' << a.seconds << ' ' << a.order
-           << ' ' << a.intervals << ' ' << a.held;
-    file << std::flush;
-  }
+AnswersOfWorld answers_of(const std::string& text) {
+  AnswersOfWorld answers;
+  std::istringstream fields(text);
+  for (Answer a;
+       fields >> a.ok >> a.curve_sq >> a.landmark_sq >> a.seconds >> a.order >> a.intervals >> a.held;)
+    answers.push_back(a);
+  return answers;
+}
 
-  static constexpr std::size_t answers_of_a_world = 14;
-
- private:
-  std::string path_;
-  std::map<std::pair<int, int>, AnswersOfWorld> done_;
-};
-
-void study_design(int index, int worlds, const Scene& given, bool with_outliers, const Journal& journal) {
+void study_design(int index, int worlds, const Scene& given, bool with_outliers, StudyJournal& journal) {
   struct Case {
     Wrong wrong;
     double share;
@@ -251,9 +227,10 @@ void study_design(int index, int worlds, const Scene& given, bool with_outliers,
         seed_from("robust study", {static_cast<std::uint64_t>(index), static_cast<std::uint64_t>(number)}));
     const Scene scene = index == 0 ? given : draw_scene(designs[index], r);
     AnswersOfWorld answers;
-    const AnswersOfWorld* known = with_outliers ? journal.find(index, number) : nullptr;
+    const std::string key = std::to_string(index) + " " + std::to_string(number);
+    const std::string* known = with_outliers ? journal.find(key) : nullptr;
     if (known) {
-      answers = *known;
+      answers = answers_of(*known);
     } else {
       const Recording recording = simulate(scene, r.bits());
       for (const NoiseShape shape : {NoiseShape::gaussian, NoiseShape::automatic})
@@ -265,7 +242,7 @@ void study_design(int index, int worlds, const Scene& given, bool with_outliers,
       }
     }
     const std::lock_guard lock(mutex);
-    if (!known && with_outliers) journal.add(index, number, answers);
+    if (!known && with_outliers) journal.add(key, text_of(answers));
     add(answers[0], scene, gaussian);
     add(answers[1], scene, clean);
     for (std::size_t i = 0; i < cases.size(); ++i) add(answers[2 + i], scene, tallies[i]);
@@ -497,26 +474,19 @@ int main(int argc, char** argv) {
   const int worlds = std::atoi(argv[1]);
   const auto limit = at_most(argc > 3 ? std::atoi(argv[3]) : 0);
   const Scene field = load_scene(argv[2]);
-  std::vector<std::string> parts(argv + std::min(argc, 4), argv + argc);
-  std::string journal_path;
-  for (const std::string& part : parts)
-    if (part.starts_with("journal=")) journal_path = part.substr(8);
-  std::erase_if(parts, [](const std::string& part) { return part.starts_with("journal="); });
-  const Journal journal(journal_path);
-  const auto wanted = [&](const char* part) {
-    return parts.empty() || std::find(parts.begin(), parts.end(), part) != parts.end();
-  };
-  if (wanted("echoes")) study_echoes(worlds);
-  if (wanted("missing")) {
+  const StudyParts parts(argc, argv, 4);
+  StudyJournal journal(parts.journal);
+  if (parts.wants("echoes")) study_echoes(worlds);
+  if (parts.wants("missing")) {
     study_missing_effect("range_eccentricity", "cosine_m", worlds);
     study_missing_effect("cyclic_error", "sine_m", worlds);
   }
-  if (wanted("usable")) study_usable(worlds);
-  if (wanted("speed")) study_speed(worlds, field);
+  if (parts.wants("usable")) study_usable(worlds);
+  if (parts.wants("speed")) study_speed(worlds, field);
   for (int i = 0; i < design_count; ++i)
-    if (wanted("designs") || wanted(("design-" + std::to_string(i)).c_str()))
+    if (parts.wants("designs") || parts.wants("design-" + std::to_string(i)))
       study_design(i, worlds, field, true, journal);
-  for (int i = 0; !parts.empty() && wanted("clean") && i < design_count; ++i)
+  for (int i = 0; !parts.names.empty() && parts.wants("clean") && i < design_count; ++i)
     study_design(i, worlds, field, false, journal);
   return 0;
 }

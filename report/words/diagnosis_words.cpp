@@ -229,7 +229,7 @@ std::vector<LawRow> law_rows(const Diagnosis& d) {
   for (const Law& law : d.laws) {
     LawRow& row = rows.emplace_back();
     row.formula = law.channel + " + " + law.formula;
-    row.evidence = fmt::format("{:.1f} nats {} the free curve", std::abs(law.log_evidence_over_curve),
+    row.evidence = fmt::format("{:.1f} nats {} the answer without a law", std::abs(law.log_evidence_over_curve),
                                law.log_evidence_over_curve < 0.0 ? "below" : "above");
     for (const EffectEstimate& e : law.parameters) {
       const Shown unit = unit_of(e);

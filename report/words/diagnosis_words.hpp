@@ -48,7 +48,7 @@ std::string held_out_in_words(const Diagnosis& diagnosis);
 
 /// A law as a user reads it.
 struct LawRow {
-  std::string formula, evidence;        ///< "12.3 nats above the free curve"
+  std::string formula, evidence;        ///< "12.3 nats above the answer without a law"
   std::vector<std::string> parameters;  ///< "a1 = 15.9 +- 0.4 mm"
   bool agrees = false;                  ///< with the first, wherever there are readings
 };

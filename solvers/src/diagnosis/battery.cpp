@@ -57,8 +57,11 @@ Battery Battery::of_nothing(const Rows& rows, const Model& model, const JointSta
 
 std::vector<Question> Battery::questions_of(const Effect& effect) const {
   std::vector<Question> answered;
-  for (Asked& asked : asked_of_effect(effect))
-    if (asked.question.dof > 0) answered.push_back(std::move(asked.question));
+  for (Asked& asked : asked_of_effect(effect)) {
+    if (asked.question.dof == 0) continue;
+    asked.question.family = effect.info().id;
+    answered.push_back(std::move(asked.question));
+  }
   return answered;
 }
 

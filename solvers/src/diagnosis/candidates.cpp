@@ -42,6 +42,14 @@ std::vector<Height> peaks_of(const std::vector<Height>& heights) {
   return peaks;
 }
 
+std::vector<Height> peaks_of(const Battery& battery, const Effect& effect, std::size_t most) {
+  std::vector<Height> heights;
+  for (const Question& q : battery.questions_of(effect)) heights.emplace_back(q.gain, q.start);
+  std::vector<Height> peaks = peaks_of(heights);
+  if (peaks.size() > most) peaks.resize(most);
+  return peaks;
+}
+
 std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Model& model) {
   std::map<std::string, Proposal> best;
   std::map<std::string, std::vector<Height>> peaks;  // in the order of the grid

@@ -40,6 +40,8 @@ std::vector<Proposal> propose(const Rows& rows, const Battery& battery, const Mo
 using Height = std::pair<double, Eigen::VectorXd>;
 /// The local maxima of heights in the order of their grid, highest first.
 std::vector<Height> peaks_of(const std::vector<Height>& heights);
+/// Those of what a battery says of one effect, at most so many.
+std::vector<Height> peaks_of(const Battery& battery, const Effect& effect, std::size_t most);
 
 /// The most nats that a proposal can be believed to bring.
 double credible_gain(const Proposal& proposal);

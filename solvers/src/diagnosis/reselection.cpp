@@ -57,11 +57,7 @@ Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOption
     const Fit without = refit(part, others, fitted.state, held);
     if (!without.ok) continue;
     const Battery battery = Battery::of_nothing(part, without.model, without.state, rates);
-    std::vector<Height> heights;
-    for (const Question& q : battery.questions_of(effect)) heights.emplace_back(q.gain, q.start);
-    heights = peaks_of(heights);
-    heights.resize(std::min(heights.size(), most_peaks));
-    for (auto& [height, start] : heights) {
+    for (auto& [height, start] : peaks_of(battery, effect, most_peaks)) {
       Model model = without.model;
       model.insert(model.begin() + static_cast<std::ptrdiff_t>(e), {&effect, std::move(start)});
       Fit trial = refit(part, model, without.state, held);

@@ -33,6 +33,8 @@ constexpr double per_parameter =
 constexpr double grows = 1.0;   ///< nats of evidence that a further term must add
 constexpr double alike = 0.95;  ///< laws agree if one explains this part of the other's change, in squares
 
+constexpr auto is_likelier = [](const auto& a, const auto& b) { return a.log_evidence > b.log_evidence; };
+
 /// A law that the search may still extend.
 struct Growing {
   std::vector<LawPiece> pieces;
@@ -66,18 +68,18 @@ class LawSearch {
       for (const Growing& law : front)
         for (Growing& larger : grown(law, number))
           if (larger.log_evidence > law.log_evidence + grows) next.push_back(std::move(larger));
-      std::stable_sort(next.begin(), next.end(),
-                       [](const Growing& a, const Growing& b) { return a.log_evidence > b.log_evidence; });
+      std::stable_sort(next.begin(), next.end(), is_likelier);
       all.insert(all.end(), next.begin(), next.end());
       const double best = std::max(to_beat, next.empty() ? to_beat : next.front().log_evidence);
       std::erase_if(next, [&](const Growing& law) { return law.log_evidence < best - within_reach; });
       if (next.size() > kept_at_a_time) next.resize(kept_at_a_time);
       front = std::move(next);
     }
-    std::stable_sort(all.begin(), all.end(),
-                     [](const Growing& a, const Growing& b) { return a.log_evidence > b.log_evidence; });
+    std::stable_sort(all.begin(), all.end(), is_likelier);
     return all;
   }
+
+  const std::string& channel() const { return channel_; }
 
   /// Evidence of a fit over the base, without the cost of choosing its terms.
   double log_evidence_of(const Fit& fit) const {
@@ -114,11 +116,8 @@ class LawSearch {
     term.piece = index;
     const std::string id = "law_" + std::to_string(number) + "_" + std::to_string(index);
     term.effect = effect_from_formula(law_text({piece}, id, channel_), id);
-    std::vector<Height> heights;
-    for (const Question& q : battery.questions_of(*term.effect)) heights.emplace_back(q.gain, q.start);
-    if (heights.empty()) return term;
-    term.peaks = peaks_of(heights);
-    if (term.peaks.size() > peaks_of_term) term.peaks.resize(peaks_of_term);
+    term.peaks = peaks_of(battery, *term.effect, peaks_of_term);
+    if (term.peaks.empty()) return term;
     term.worth = term.peaks.front().first - per_parameter * static_cast<double>(piece.parameters.size());
     return term;
   }
@@ -238,8 +237,6 @@ double log_choice_of_variable(const Rows& rows, const std::string& channel) {
   return std::log(static_cast<double>(std::max<std::size_t>(1, variables.size())));
 }
 
-bool is_likelier(const Found& a, const Found& b) { return a.log_evidence > b.log_evidence; }
-
 /// Laws as they are reported, the likeliest first; what describes the mismatch without them has the evidence `of_rest`.
 std::vector<Law> listed_laws(const Rows& rows, const std::vector<Found>& all, double of_rest) {
   std::vector<Law> list;
@@ -272,41 +269,43 @@ LawSearchResult find_laws(const Rows& rows, const SearchResult& found, const Gen
   const std::vector<std::string> channels = channels_of_laws(found, curve);
   if (channels.empty()) return {};
   const Fit root = fit_root(rows, found.known, found.baseline, refit_options);
-  const auto search = [&](const Fit& base, const std::string& channel) {
-    return LawSearch(rows, base, channel, found.rates, refit_options);
-  };
-  const LawSearch any = search(root, channels.front());
-  const double cost_of_names = found.named()
-                                   ? static_cast<double>(found.best.fit.model.size() - root.model.size()) *
-                                         std::log(count_members(rows, 1.0).names)
-                                   : 0.0;
-  const double of_names = found.named() ? any.log_evidence_of(found.best.fit) - cost_of_names : 0.0;
-  LawSearchResult result;
-  std::vector<Found> all;
-  if (found.partly())
+  const auto searches_from = [&](const Fit& base) {
+    std::vector<LawSearch> searches;
     for (const std::string& channel : channels)
-      for (Growing& law : search(found.best.fit, channel).run()) {
-        const double total = of_names + law.log_evidence;
-        all.push_back({std::move(law), channel, total});
+      searches.emplace_back(rows, base, channel, found.rates, refit_options);
+    return searches;
+  };
+  const std::vector<LawSearch> from_root = searches_from(root);
+  double cost_of_names = 0.0, of_names = 0.0;
+  if (found.named()) {
+    const auto names = static_cast<double>(found.best.fit.model.size() - root.model.size());
+    cost_of_names = names * std::log(count_members(rows, 1.0).names);
+    of_names = from_root.front().log_evidence_of(found.best.fit) - cost_of_names;
+  }
+  std::vector<Found> all, alone;
+  double to_beat = of_names;
+  if (found.partly())
+    for (const LawSearch& search : searches_from(found.best.fit))
+      for (Growing& law : search.run()) {
+        const double evidence = of_names + law.log_evidence;
+        to_beat = std::max(to_beat, evidence);
+        all.push_back({std::move(law), search.channel(), evidence});
       }
-  std::stable_sort(all.begin(), all.end(), is_likelier);
-  const double to_beat = std::max(of_names, all.empty() ? of_names : all.front().log_evidence);
-  std::vector<Found> alone;
-  for (const std::string& channel : channels)
-    for (Growing& law : search(root, channel).run(to_beat)) {
+  for (const LawSearch& search : from_root)
+    for (Growing& law : search.run(to_beat)) {
       const double evidence = law.log_evidence;
       if (!found.named() || evidence > to_beat + options.naming_gap_nats)
-        alone.push_back({std::move(law), channel, evidence});
+        alone.push_back({std::move(law), search.channel(), evidence});
     }
-  std::stable_sort(alone.begin(), alone.end(), is_likelier);
-  if (!alone.empty()) {
-    if (found.named()) result.over_names = alone.front().log_evidence - to_beat;
-    all = std::move(alone);
-  }
-  result.laws = listed_laws(
-      rows, all,
-      curve ? any.log_evidence_of(curve->fit) - cost_of_names - log_choice_of_variable(rows, channels.front())
-            : of_names);
+  const bool in_place_of_names = found.named() && !alone.empty();
+  if (!alone.empty()) all = std::move(alone);
+  std::stable_sort(all.begin(), all.end(), is_likelier);
+  LawSearchResult result;
+  if (in_place_of_names) result.over_names = all.front().log_evidence - to_beat;
+  const double of_rest = curve ? from_root.front().log_evidence_of(curve->fit) - cost_of_names -
+                                     log_choice_of_variable(rows, channels.front())
+                               : of_names;
+  result.laws = listed_laws(rows, all, of_rest);
   return result;
 }
 

@@ -16,7 +16,8 @@ struct LawSearchResult {
   double over_names = 0.0;
 };
 
-/// Laws for a mismatch without a name: sums of terms (pieces.hpp) on the channel of the smooth curve that describes it.
+/// Laws for a mismatch: sums of terms (pieces.hpp) on the channel of the smooth curve that stands for what has no name, or,
+/// where there is none, on those of the findings.
 ///
 /// A law's evidence over the model without it is that of a set of causes (select/evidence.hpp):
 ///
@@ -27,8 +28,8 @@ struct LawSearchResult {
 /// its covariate among the V that laws are made of.
 ///
 /// Names may be what the catalogue makes of a law that it does not hold. Where some were given, laws are also looked for without them,
-/// and compared with names of evidence gain + ln(volume) - ln(number of names) each; one is listed that is likelier by the gap at which
-/// a rival is no twin. Without a curve (everything has a name) these alone are.
+/// and compared with the names, a name being a term out of as many as there are names. Those that are likelier than the names and the
+/// best law beside them, by the gap at which a rival is no twin, are the answer then; else the laws beside the names are.
 LawSearchResult find_laws(const Rows& rows, const SearchResult& found, const GenericModel* curve,
                           const DiagnoseOptions& options, const RefitOptions& refit_options);
 

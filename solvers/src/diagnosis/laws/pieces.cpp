@@ -8,61 +8,12 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <set>
 
 #include "rangecal/problems/effects/formula_effect.hpp"
 
 namespace rangecal::diagnosis {
 namespace {
-
-/// What readings vary in, and over which values.
-struct LawVariable {
-  std::string name, unit;
-  double low = 0.0, high = 0.0, mean = 0.0;
-  bool is_angle = false;
-  double span() const { return high - low; }
-};
-
-/// Of values that are there, five different ones or more; none otherwise.
-std::optional<LawVariable> variable_of(const std::string& name, const std::string& unit,
-                                       const std::vector<double>& values) {
-  LawVariable v{name, unit, std::numeric_limits<double>::infinity(),
-                -std::numeric_limits<double>::infinity()};
-  std::set<double> distinct;
-  double count = 0.0;
-  for (const double x : values) {
-    if (!std::isfinite(x)) continue;
-    v.mean += (x - v.mean) / ++count;
-    v.low = std::min(v.low, x);
-    v.high = std::max(v.high, x);
-    if (distinct.size() < 5) distinct.insert(x);
-  }
-  if (distinct.size() < 5) return std::nullopt;
-  return v;
-}
-
-std::vector<LawVariable> variables_of(const Rows& rows) {
-  std::vector<LawVariable> variables;
-  const auto add = [&](std::optional<LawVariable> v) {
-    if (v) variables.push_back(std::move(*v));
-  };
-  add(variable_of("d", "m", rows.range_m));  // the readings stand for the distances
-  if (rows.context.duration_s > 0.0) add(variable_of("t", "s", rows.time_s));
-  if (std::optional<LawVariable> b = variable_of("b", "rad", rows.bearing_rad)) {
-    b->is_angle = true;
-    add(b);
-  }
-  const std::size_t columns = rows.context.covariates.size();
-  for (std::size_t c = 0; c < columns; ++c) {
-    const std::string& name = rows.context.covariates[c];
-    if (!is_column_of_formulas(name)) continue;
-    std::vector<double> values;
-    for (std::size_t i = c; i < rows.covariates.size(); i += columns) values.push_back(rows.covariates[i]);
-    add(variable_of(name, unit_of_column_in_formulas(name), values));
-  }
-  return variables;
-}
 
 /// Makes terms of one channel.
 class Pieces {
@@ -186,8 +137,40 @@ class Pieces {
 
 }  // namespace
 
+std::vector<LawVariable> law_variables(const Rows& rows) {
+  std::vector<LawVariable> variables;
+  const auto add = [&](LawVariable v, const std::vector<double>& values) {
+    v.low = std::numeric_limits<double>::infinity();
+    v.high = -v.low;
+    std::set<double> distinct;
+    double count = 0.0;
+    for (const double x : values) {
+      if (!std::isfinite(x)) continue;
+      v.mean += (x - v.mean) / ++count;
+      v.low = std::min(v.low, x);
+      v.high = std::max(v.high, x);
+      if (distinct.size() < LawVariable::fewest_values) distinct.insert(x);
+    }
+    v.varies = distinct.size() == LawVariable::fewest_values;
+    if (count > 0.0) variables.push_back(std::move(v));
+  };
+  add({.name = "d", .unit = "m"}, rows.range_m);  // the readings stand for the distances
+  if (rows.context.duration_s > 0.0) add({.name = "t", .unit = "s"}, rows.time_s);
+  add({.name = "b", .unit = "rad", .is_angle = true}, rows.bearing_rad);
+  const std::size_t columns = rows.context.covariates.size();
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::string& name = rows.context.covariates[c];
+    if (!is_column_of_formulas(name)) continue;
+    std::vector<double> values;
+    for (std::size_t i = c; i < rows.covariates.size(); i += columns) values.push_back(rows.covariates[i]);
+    add({.name = name, .unit = unit_of_column_in_formulas(name), .column = static_cast<int>(c)}, values);
+  }
+  return variables;
+}
+
 std::vector<LawPiece> law_pieces(const Rows& rows, const std::string& channel, int number) {
-  const std::vector<LawVariable> variables = variables_of(rows);
+  std::vector<LawVariable> variables = law_variables(rows);
+  std::erase_if(variables, [](const LawVariable& v) { return !v.varies; });
   Pieces pieces(channel, number);
   double far = 1.0, near = 1.0;
   for (const LawVariable& v : variables)

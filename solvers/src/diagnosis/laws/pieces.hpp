@@ -24,6 +24,20 @@ struct LawConstant {
   double value = 0.0;
 };
 
+/// What the readings are at hand in, and over which values.
+struct LawVariable {
+  static constexpr std::size_t fewest_values = 5;
+  std::string name, unit;  ///< "d", "t", "b", or a column
+  double low = 0.0, high = 0.0, mean = 0.0;
+  bool is_angle = false;
+  bool varies = false;  ///< it has so many values or more: laws can be found along it
+  int column = -1;      ///< of EffectContext::covariates
+  double span() const { return high - low; }
+};
+
+/// All that have a value: d, t, b, and the columns that a formula can ask for.
+std::vector<LawVariable> law_variables(const Rows& rows);
+
 /// One term of a law: a formula of docs/effects-by-formula.md, of one channel, with what its names are.
 struct LawPiece {
   std::string formula;

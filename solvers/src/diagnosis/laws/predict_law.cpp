@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <limits>
 #include <numbers>
 #include <stdexcept>
 #include <utility>
@@ -15,6 +13,7 @@
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/held_out.hpp"
+#include "diagnosis/laws/pieces.hpp"
 #include "diagnosis/search.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/names.hpp"
@@ -103,75 +102,67 @@ double found_std_of(const Effect& law, const StatedValues& values, const diagnos
   return std::sqrt(variance);
 }
 
-/// Something that a law may depend on, as it is varied alone.
-struct Varied {
-  std::string name, unit;
-  double low = 0.0, high = 0.0;
-  std::function<double(std::size_t)> here;                         ///< of a row
-  std::function<void(ReadingView<double>&, double*, double)> set;  ///< view, its columns, value
-};
-
-std::vector<Varied> variables_of(const diagnosis::Rows& rows, const diagnosis::CellGeometry& geometry) {
-  const auto cell = [&](std::size_t i) { return static_cast<std::size_t>(rows.cell[i]); };
-  constexpr double pi = std::numbers::pi, beyond = 1.5;  // of the largest distance here
-  const double farthest = *std::max_element(geometry.d.begin(), geometry.d.end());
-  std::vector<Varied> all;
-  all.push_back({"d", "m", 0.0, beyond * farthest, [&, cell](std::size_t i) { return geometry.d[cell(i)]; },
-                 [](ReadingView<double>& view, double*, double x) { view.d = view.f = x; }});
-  if (!rows.pairs)
-    all.push_back({"b", "rad", -pi, pi, [&, cell](std::size_t i) { return geometry.bearing[cell(i)]; },
-                   [](ReadingView<double>& view, double*, double x) { view.bearing = x; }});
-  const std::size_t columns = rows.context.covariates.size();
-  for (std::size_t c = 0; c < columns; ++c) {
-    const std::string& name = rows.context.covariates[c];
-    if (!is_column_of_formulas(name)) continue;
-    const auto here = [&rows, columns, c](std::size_t i) { return rows.covariates[i * columns + c]; };
-    double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      if (std::isfinite(here(i))) low = std::min(low, here(i)), high = std::max(high, here(i));
-    if (!(low <= high)) continue;
-    const double span = std::max(high - low, 0.1 * std::abs(high));
-    all.push_back({name, unit_of_column_in_formulas(name), low - span, high + span, here,
-                   [c](ReadingView<double>&, double* covariates, double x) { covariates[c] = x; }});
-  }
-  return all;
+/// Where a variable of laws stands in a reading's view; `columns` are those that the view points to. Not of times: those of two
+/// recordings have nothing in common.
+double& value_in(ReadingView<double>& view, std::vector<double>& columns, const diagnosis::LawVariable& v) {
+  if (v.column >= 0) return columns[static_cast<std::size_t>(v.column)];
+  return v.is_angle ? view.bearing : view.d;
 }
 
 /// Readings that would show a law best, where it acts in less than a third of what it depends on; empty: it acts all over.
 std::string where_it_acts(const Effect& law, const Eigen::VectorXd& values, const diagnosis::Rows& rows,
                           const JointState& state) {
   using namespace diagnosis;
-  constexpr int points = 240;
+  constexpr std::size_t points = 240;
   constexpr std::size_t others = 24;  // readings at which the rest of what it depends on is held
+  constexpr double pi = std::numbers::pi;
   const CellGeometry geometry = cell_geometry(rows, state);
-  const std::size_t columns = rows.context.covariates.size();
+  std::vector<double> columns(rows.context.covariates.size());
+  const auto view_at = [&](std::size_t row) {
+    const auto begin = rows.covariates.begin() + static_cast<std::ptrdiff_t>(row * columns.size());
+    std::copy_n(begin, columns.size(), columns.begin());
+    ReadingView<double> view = view_of(rows, geometry, row);
+    view.covariate = columns.data();
+    return view;
+  };
   std::string words;
-  for (const Varied& v : variables_of(rows, geometry)) {
-    std::vector<double> size(points, 0.0);  // the largest change at each value
+  for (LawVariable v : law_variables(rows)) {
+    if (v.name == "t") continue;
+    // Beyond what was recorded: a law may act where nothing was.
+    const double margin = std::max(v.span(), 0.1 * std::abs(v.high));
+    if (v.is_angle)
+      v.low = -pi, v.high = pi;
+    else if (v.column < 0)
+      v.low = 0.0, v.high = 1.5 * *std::max_element(geometry.d.begin(), geometry.d.end());
+    else
+      v.low -= margin, v.high += margin;
+    const double step = v.span() / static_cast<double>(points);
+    std::vector<double> size(points, 0.0);  // the largest change about each value
     for (std::size_t k = 0; k < others; ++k) {
-      const std::size_t row = k * (rows.size() - 1) / (others - 1);
-      ReadingView<double> view = view_of(rows, geometry, row);
-      std::vector<double> covariates(
-          rows.covariates.begin() + static_cast<std::ptrdiff_t>(row * columns),
-          rows.covariates.begin() + static_cast<std::ptrdiff_t>((row + 1) * columns));
-      view.covariate = covariates.data();
-      for (int j = 0; j < points; ++j) {
-        v.set(view, covariates.data(), v.low + (j + 0.5) * (v.high - v.low) / points);
-        size[static_cast<std::size_t>(j)] = std::max(
-            size[static_cast<std::size_t>(j)], std::abs(of_any_channel(law.reading(view, values.data()))));
+      ReadingView<double> view = view_at(k * (rows.size() - 1) / (others - 1));
+      for (std::size_t j = 0; j < points; ++j) {
+        value_in(view, columns, v) = v.low + (static_cast<double>(j) + 0.5) * step;
+        size[j] = std::max(size[j], std::abs(of_any_channel(law.reading(view, values.data()))));
       }
     }
-    const auto most = std::max_element(size.begin(), size.end());
-    const auto acting = std::count_if(size.begin(), size.end(), [&](double x) { return x > 0.5 * *most; });
-    if (3 * acting >= points) continue;  // all over: lines, waves
-    auto begin = most, end = most;
-    while (begin != size.begin() && *(begin - 1) > 0.5 * *most) --begin;
-    while (end + 1 != size.end() && *(end + 1) > 0.5 * *most) ++end;
-    const double step = (v.high - v.low) / points;
-    const double low = v.low + static_cast<double>(begin - size.begin()) * step,
-                 high = v.low + static_cast<double>(end + 1 - size.begin()) * step;
+    const auto most = static_cast<std::size_t>(std::max_element(size.begin(), size.end()) - size.begin());
+    const auto acts = [&](std::size_t j) { return size[j] > 0.5 * size[most]; };
+    std::size_t acting = 0;
+    for (std::size_t j = 0; j < points; ++j) acting += acts(j);
+    if (acting == 0 || 3 * acting >= points) continue;  // nothing; lines and waves
+    // The stretch about the largest change; that of directions may lead through the one backwards.
+    const auto is_end = [&](std::size_t j, std::size_t edge) { return !v.is_angle && j == edge; };
+    std::size_t first = most, last = most;
+    while (!is_end(first, 0) && acts((first + points - 1) % points)) first = (first + points - 1) % points;
+    while (!is_end(last, points - 1) && acts((last + 1) % points)) last = (last + 1) % points;
+    const double low = v.low + static_cast<double>(first) * step,
+                 high = v.low + static_cast<double>(last + 1) * step;
     int here = 0;
-    for (std::size_t i = 0; i < rows.size(); ++i) here += v.here(i) >= low && v.here(i) <= high;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      ReadingView<double> view = view_at(i);
+      const double x = value_in(view, columns, v);
+      here += low <= high ? x >= low && x <= high : x >= low || x <= high;
+    }
     words += fmt::format("{}{} from {:.3g} to {:.3g}{} ({} of {} here)",
                          words.empty() ? "readings with " : " and ", v.name, low, high,
                          v.unit == "1" ? "" : " " + v.unit, here, rows.size());

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <string>
 #include <vector>
@@ -132,6 +133,18 @@ TEST(Laws, WhereALawIsNotTestedTheReadingsThatWouldAreSaid) {
   // Half of its height: 2 +- 0.3 sqrt(ln 2) = 1.75 to 2.25.
   EXPECT_EQ(p.would_test.substr(0, 29), "readings with b from 1.75 to ") << p.would_test;
   EXPECT_NE(p.would_test.find("(0 of "), std::string::npos) << p.would_test;
+
+  // About 3.1 rad the stretch leads through the direction backwards: 3.1 +- 0.354, by 1 - cos x = 0.09 ln 2.
+  std::string astern = text;
+  astern.replace(astern.find("exp("), std::string("exp(-((b - m)/w)^2)").size(), "exp((cos(b - m) - 1)/w^2)");
+  astern.replace(astern.find("value: 2.0"), std::string("value: 2.0").size(), "value: 3.1");
+  const auto behind = effect_from_formula(astern, "guard");
+  const LawPrediction q = predict_law(*behind, stated_values(*behind), std::span(&recording, 1));
+  double low = 0.0, high = 0.0;
+  ASSERT_EQ(std::sscanf(q.would_test.c_str(), "readings with b from %lf to %lf rad", &low, &high), 2)
+      << q.would_test;
+  EXPECT_NEAR(low, 3.1 - 0.354, 0.03);
+  EXPECT_NEAR(high, 3.1 + 0.354 - 2.0 * 3.14159265, 0.03);
 }
 
 TEST(Laws, WhatStandsForABumpInTheCatalogueIsCalledLessLikelyThanTheBump) {
