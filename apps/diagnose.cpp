@@ -30,7 +30,7 @@ namespace rangecal::app {
 namespace {
 
 struct DiagnoseCommand {
-  std::vector<std::string> recordings, force, group_by, effects;
+  std::vector<std::string> recordings, force, without, group_by, effects;
   std::string simulation, json, calibration, report, mcap, trace, laws, patch, curve = "auto";
   double alarm_rate = 0.02;
   EachJob each;
@@ -38,11 +38,11 @@ struct DiagnoseCommand {
   int run() const {
     if (!each.output.empty()) return run_each_apart();
     if (!each.page.empty() || each.threads != 0) throw InputError("--page and --threads are of --each");
-    if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
-      throw InputError(fmt::format("--alarm-rate is {}, not between 0 and 1", alarm_rate));
-    for (const std::string& id : force)
-      if (!find_effect(id))
-        throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
+    DiagnoseOptions options;
+    options.alarm_rate = alarm_rate;
+    if (!force.empty()) options.force = force;
+    options.without = without;
+    options.check();
     if (!trace.empty() && !force.empty())
       throw InputError("--trace: with --force nothing is searched, so there is nothing to trace");
     if (!report.empty()) report::require_available();
@@ -52,9 +52,6 @@ struct DiagnoseCommand {
     if (!patch.empty()) require_patchable();
     const std::vector<Recording> loaded = load_recordings(recordings, {group_by});
     require_columns_of_formulas(loaded);
-    DiagnoseOptions options;
-    options.alarm_rate = alarm_rate;
-    if (!force.empty()) options.force = force;
     if (curve != "auto") options.curve = curve_family_from_string(curve);
     std::vector<TriedSet> tried;
     options.laws = !laws.empty();
@@ -85,7 +82,7 @@ struct DiagnoseCommand {
       if (!given->empty())
         throw InputError(std::string(option) + " is of one diagnosis, and --each makes many");
     EachJob job = each;
-    job.inputs = recordings, job.group_by = group_by, job.force = force;
+    job.inputs = recordings, job.group_by = group_by, job.force = force, job.without = without;
     job.curve = curve, job.alarm_rate = alarm_rate;
     if (started_by_mpirun()) become_mpi_program(words_of(job), "run it without mpirun");
     job.check();
@@ -104,6 +101,7 @@ struct DiagnoseCommand {
                                "--curve", job.curve, "--threads", std::to_string(job.threads)});
     if (!job.page.empty()) words.insert(words.end(), {"--page", job.page});
     for (const std::string& id : job.force) words.insert(words.end(), {"--force", id});
+    for (const std::string& id : job.without) words.insert(words.end(), {"--without", id});
     for (const std::string& column : job.group_by) words.insert(words.end(), {"--group-by", column});
     for (const std::string& folder : effects) words.insert(words.end(), {"--effects", folder});
     return words;
@@ -223,6 +221,11 @@ void add_diagnose(CLI::App& app, Action& chosen) {
   command
       ->add_option("--force", state->force,
                    "fit exactly these effects, whatever the residuals say; several as a,b or a b")
+      ->delimiter(',');
+  command
+      ->add_option(
+          "--without", state->without,
+          "leave these effects out of the catalogue: what would be found without them? several as a,b or a b")
       ->delimiter(',');
   command
       ->add_option("--group-by", state->group_by,

@@ -118,12 +118,7 @@ DiagnosedUnit diagnosed(const std::string& name, const std::string& place, const
                         contents_of(place)};  // before the reading: a change meanwhile is one
     unit.recording = load_recordings({place}, {job.group_by}).front();
     require_columns_of_formulas({&*unit.recording, 1});
-    DiagnoseOptions options;
-    options.alarm_rate = job.alarm_rate;
-    options.unseen = options.next_experiments = false;  // of one recording, not of many
-    if (!job.force.empty()) options.force = job.force;
-    if (job.curve != "auto") options.curve = curve_family_from_string(job.curve);
-    unit.diagnosis = diagnose({&*unit.recording, 1}, options);
+    unit.diagnosis = diagnose({&*unit.recording, 1}, job.options());
   } catch (const std::exception& error) {
     unit.reason = reason_of(error);
   }
@@ -146,8 +141,9 @@ class Diagnoses {
         columns + ") WITHOUT ROWID");
     same("format", "rangecal-diagnoses/1");
     same("version", std::string(version()));
-    same("options", fmt::format("alarm-rate {}, curve {}, force {}, group-by {}", job.alarm_rate, job.curve,
-                                fmt::join(job.force, ","), fmt::join(job.group_by, ",")));
+    same("options",
+         fmt::format("alarm-rate {}, curve {}, force {}, without {}, group-by {}", job.alarm_rate, job.curve,
+                     fmt::join(job.force, ","), fmt::join(job.without, ","), fmt::join(job.group_by, ",")));
     database_.execute("DELETE FROM diagnoses WHERE readings IS NULL");  // a file that was missing may be back
     database_.execute("COMMIT");
     before_ = database_.count("SELECT count(*) FROM diagnoses");
@@ -299,13 +295,18 @@ void EachJob::add_to(CLI::App& command) {
       ->capture_default_str();
 }
 
+DiagnoseOptions EachJob::options() const {
+  DiagnoseOptions options;
+  options.alarm_rate = alarm_rate;
+  options.unseen = options.next_experiments = false;  // of one recording, not of many
+  if (!force.empty()) options.force = force;
+  options.without = without;
+  if (curve != "auto") options.curve = curve_family_from_string(curve);
+  return options;
+}
+
 void EachJob::check() const {
-  if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
-    throw InputError(fmt::format("--alarm-rate is {}, not between 0 and 1", alarm_rate));
-  if (curve != "auto") curve_family_from_string(curve);
-  for (const std::string& id : force)
-    if (!find_effect(id))
-      throw InputError("--force: no effect is called '" + id + "'; see 'rangecal effects'");
+  options().check();
   require_writable({output, page});
   require_apart({output, page}, recording_files(inputs));
 }

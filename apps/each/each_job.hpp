@@ -16,7 +16,7 @@ struct EachJob {
   std::vector<std::string> inputs;  ///< recordings, folders of recordings
   std::vector<std::string> merge;   ///< files of other shares, to be taken in
   std::string output, page;         ///< SQLite file; page of HTML, or empty
-  std::vector<std::string> group_by, force;
+  std::vector<std::string> group_by, force, without;
   std::string curve = "auto";
   double alarm_rate = 0.02;  ///< of each recording
   int threads = 0;           ///< recordings at a time; 0: as many as there are cores
@@ -25,6 +25,8 @@ struct EachJob {
 
   /// Declares what is only of --each.
   void add_to(CLI::App& command);
+  /// Of each diagnosis. Throws InputError for a curve that is none.
+  DiagnoseOptions options() const;
   /// Throws InputError for what was asked wrongly, before any work.
   void check() const;
 };

@@ -214,6 +214,7 @@ CLI::App* declare_each(CLI::App& app, EachJob& job) {
   command->add_option("--alarm-rate", job.alarm_rate);
   command->add_option("--curve", job.curve);
   command->add_option("--force", job.force)->delimiter(',');
+  command->add_option("--without", job.without)->delimiter(',');
   command->add_option("--group-by", job.group_by)->delimiter(',');
   command->add_option("--effects")->each([](const std::string& folder) { add_effects_by_formula(folder); });
   return command;

@@ -167,6 +167,9 @@ std::vector<const Effect*> effects_of(const EffectContext& context) {
     const Carrier needs = effect->info().carrier;
     if (needs != Carrier::not_known && context.carrier != Carrier::not_known && needs != context.carrier)
       continue;
+    if (std::find(context.left_out.begin(), context.left_out.end(), effect->info().id) !=
+        context.left_out.end())
+      continue;
     const std::size_t before = effects.size();
     for (std::size_t c = 0; c < context.columns.size(); ++c)
       if (const ColumnSummary& column = context.columns[c];

@@ -397,8 +397,8 @@ def simulate(scene: Union[Path, Mapping[str, Any], Diagnosis, Recording, Sequenc
              effects: Optional[Effects] = None) -> Union[Recording, list[Recording]]: ...
 def diagnose(recordings: Recordings,
              simulation: Optional[Union[Calibration, Recording, Path, Sequence[Recording]]] = None, *,
-             curve: Literal["auto", "polynomial", "reciprocal"] = "auto", alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None, held_out: bool = True,
-             unseen: bool = True, next_experiments: bool = True, laws: bool = False,
+             curve: Literal["auto", "polynomial", "reciprocal"] = "auto", alarm_rate: float = 0.02, force: Optional[Union[str, Sequence[str]]] = None,
+             without: Union[str, Sequence[str]] = (), held_out: bool = True, unseen: bool = True, next_experiments: bool = True, laws: bool = False,
              progress: Optional[Progress] = None) -> Diagnosis: ...
 def residuals(recordings: Recordings, calibration: Union[Calibration, Path],
               along: Union[str, Sequence[str]] = ()) -> Residuals: ...

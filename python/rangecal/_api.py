@@ -236,7 +236,7 @@ def simulate(scene, seed=1, *, calibration=None, effects=None):
     return made_by("rangecal simulate", drawn)
 
 
-def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, force=None, held_out=True, unseen=True,
+def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, force=None, without=(), held_out=True, unseen=True,
              next_experiments=True, laws=False, progress=None):
     """Find what the model leaves out, name the physics, complete the model.
 
@@ -251,6 +251,8 @@ def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, forc
         False alarms per recording of the seed model, all questions together.
     force : list of str, or one, optional
         Fit exactly these effects, whatever the residuals say.
+    without : list of str, or one
+        Effects to leave out of the catalogue: what would be found without them?
     held_out, unseen, next_experiments : bool
         Parts that can be left out to save time.
     laws : bool
@@ -278,7 +280,7 @@ def diagnose(recordings, simulation=None, *, curve="auto", alarm_rate=0.02, forc
     diagnosis = _native.diagnose_job(
         recordings, calibration, other, None if curve is None or curve == "auto" else str(curve),
         _take.number("alarm_rate", alarm_rate),
-        None if force is None else _take.texts(force), _take.flag("held_out", held_out), _take.flag("unseen", unseen),
+        None if force is None else _take.texts(force), _take.texts(without), _take.flag("held_out", held_out), _take.flag("unseen", unseen),
         _take.flag("next_experiments", next_experiments), _take.flag("laws", laws), _take.progress(progress))
     diagnosis._recordings = recordings
     return diagnosis

@@ -15,14 +15,15 @@ namespace rangecal::python {
 namespace {
 
 DiagnoseOptions options_from(const std::optional<std::string>& curve, double alarm_rate,
-                             const std::optional<std::vector<std::string>>& force, bool held_out, bool unseen,
-                             bool next_experiments, bool laws, const std::shared_ptr<Calibration>& simulation) {
-  if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
-    throw InputError(fmt::format("alarm_rate is {}, not between 0 and 1", alarm_rate));
+                             const std::optional<std::vector<std::string>>& force,
+                             const std::vector<std::string>& without, bool held_out, bool unseen,
+                             bool next_experiments, bool laws,
+                             const std::shared_ptr<Calibration>& simulation) {
   DiagnoseOptions options;
   options.alarm_rate = alarm_rate;
   if (curve) options.curve = curve_family_from_string(*curve);
   options.force = force;
+  options.without = without;
   options.held_out = held_out;
   options.unseen = unseen;
   options.next_experiments = next_experiments;
@@ -40,10 +41,11 @@ std::shared_ptr<Diagnosis> diagnose_job(const std::vector<std::shared_ptr<Record
                                         const std::shared_ptr<Calibration>& calibration,
                                         const std::vector<std::shared_ptr<Recording>>& simulation,
                                         const std::optional<std::string>& curve, double alarm_rate,
-                                        const std::optional<std::vector<std::string>>& force, bool held_out,
-                                        bool unseen, bool next_experiments, bool laws, const py::object& progress) {
+                                        const std::optional<std::vector<std::string>>& force,
+                                        const std::vector<std::string>& without, bool held_out, bool unseen,
+                                        bool next_experiments, bool laws, const py::object& progress) {
   DiagnoseOptions options =
-      options_from(curve, alarm_rate, force, held_out, unseen, next_experiments, laws, calibration);
+      options_from(curve, alarm_rate, force, without, held_out, unseen, next_experiments, laws, calibration);
   const Recordings job({recordings.begin(), recordings.end()});
   std::optional<Recordings> other;
   if (!simulation.empty())
@@ -201,7 +203,8 @@ void bind_diagnosis(py::module_& module) {
 
   module.def("diagnose_job", &diagnose_job, py::arg("recordings"), py::arg("calibration"),
              py::arg("simulation"), py::arg("curve"), py::arg("alarm_rate"), py::arg("force"),
-             py::arg("held_out"), py::arg("unseen"), py::arg("next_experiments"), py::arg("laws"), py::arg("progress"));
+             py::arg("without"), py::arg("held_out"), py::arg("unseen"), py::arg("next_experiments"),
+             py::arg("laws"), py::arg("progress"));
 }
 
 }  // namespace rangecal::python

@@ -118,6 +118,7 @@ TEST_F(EachCommand, WrongInputIsOneLineAndLeavesNothingBehind) {
   refused(folder.path() + "/nowhere" + out, "is no folder of a recording");
   refused(folder.file("many") + out + " --json " + folder.file("d.json"), "--json is of one diagnosis");
   refused(folder.file("many") + out + " --force no_such_effect", "no effect is called");
+ refused(folder.file("many") + out + " --without label_swap", "found before the search");
   refused(folder.file("many") + " --page " + folder.file("a.html"), "--page and --threads are of --each");
   folder.write("text.db", "this is no data base, but long enough to be looked at as one");
   refused(folder.file("many") + " --each " + folder.file("text.db"), "text.db");

@@ -132,3 +132,5 @@ def test_wrong_options(field):
         rangecal.diagnose(field, alarm_rate=2.0)
     with pytest.raises(rangecal.InputError, match="ghost"):
         rangecal.diagnose(field, force=["ghost"])
+    with pytest.raises(rangecal.InputError, match="without: no effect is called 'ghost'"):
+        rangecal.diagnose(field, without="ghost")

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -121,8 +124,31 @@ diagnosis::SearchResult looked_for(const diagnosis::Rows& rows, const diagnosis:
 
 }  // namespace
 
+void DiagnoseOptions::check() const {
+  if (!(alarm_rate > 0.0 && alarm_rate < 1.0))
+    throw InputError(fmt::format("alarm_rate is {}, not between 0 and 1", alarm_rate));
+  const auto known = [](const char* option, const std::string& id) {
+    const Effect* effect = find_effect(id);
+    if (effect == nullptr)
+      throw InputError(
+          fmt::format("{}: no effect is called '{}'; 'rangecal effects' lists them", option, id));
+    return effect->info().kind;
+  };
+  if (force) {
+    if (!without.empty())
+      throw InputError(
+          "without: where the effects are forced nothing is searched, so there is nothing to leave out");
+    for (const std::string& id : *force) known("force", id);
+  }
+  for (const std::string& id : without)
+    if (const EffectKind kind = known("without", id);
+        kind == EffectKind::label || kind == EffectKind::grid || kind == EffectKind::detection)
+      throw InputError(fmt::format("without: {} is found before the search, and cannot be left out", id));
+}
+
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   using namespace diagnosis;
+  options.check();
   if (std::optional<Preprocessed> preprocessed = preprocess(recordings)) {
     Diagnosis result = diagnose(preprocessed->recordings, options);
     result.notes.insert(result.notes.end(), preprocessed->notes.begin(), preprocessed->notes.end());
@@ -136,6 +162,7 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   std::vector<Recording> corrected(recordings.begin(), recordings.end());
   Bookkeeping known = correct_labels(corrected);
   Rows rows = make_rows(corrected, seed_curve(corrected, options));
+  rows.context.left_out = options.without;
   require_testable(rows, recordings);
   if (options.simulation) rows.alpha_prior = alpha_prior_of(*options.simulation);
   const Bookkeeping gaps = find_grids_and_gaps(rows);
@@ -177,6 +204,9 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
     }
   }
   Diagnosis result = diagnosis_of(rows, recordings, corrected, found, options);
+  if (!options.without.empty())
+    result.notes.push_back(
+        fmt::format("Left out of the catalogue, as asked: {}.", fmt::join(options.without, ", ")));
   if (options.progress) options.progress("done", 1.0);
   return result;
 }

@@ -89,6 +89,7 @@ std::optional<double> log_p_of(std::span<const Recording> recordings, const std:
                                const DiagnoseOptions& options, std::size_t parameters) {
   DiagnoseOptions with_given = options;
   with_given.force = effects;
+  with_given.without.clear();
   with_given.held_out = with_given.unseen = with_given.next_experiments = false;
   with_given.progress = nullptr;
   with_given.null_draws = 20;

@@ -118,6 +118,9 @@ TEST(Effects, OneStandsAlongEachColumnThatSuitsIt) {
                                               "covariate_drift:humidity_percent", "power_bias:rx_power_dbm",
                                               "temperature_coefficient:temperature_c"));
   EXPECT_EQ(effects_of(context).size(), catalogue.size() + 1);
+  context.left_out = {"power_bias"};
+  for (const Effect* effect : effects_of(context)) EXPECT_NE(id_without_column(effect->info().id), "power_bias");
+  context.left_out.clear();
   // The kind stands for a column that is lacking, and says so.
   context.covariates = {"rx_power_dbm"};
   context.columns = {{ColumnRole::received_power, -70.0, 4.0}};

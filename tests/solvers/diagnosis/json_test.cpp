@@ -252,6 +252,30 @@ TEST(Forced, WhatCannotBeFittedIsAnErrorOfOneLine) {
   EXPECT_THROW(of(clean(1), options), InputError);
 }
 
+TEST(LeftOut, AnEffectIsNotNamedNorUnseen) {
+  DiagnoseOptions options = quick();
+  ASSERT_EQ(of(eccentric(1), options).final_effects, std::vector<std::string>{"range_eccentricity"});
+  options.without = {"range_eccentricity"};
+  options.unseen = true;
+  const Diagnosis d = of(eccentric(1), options);
+  EXPECT_NE(d.verdict, Verdict::no_mismatch);
+  EXPECT_THAT(d.final_effects, ::testing::Not(::testing::Contains("range_eccentricity")));
+  for (const Unseen& u : d.unseen) EXPECT_NE(u.effect, "range_eccentricity");
+  EXPECT_THAT(d.notes, ::testing::Contains("Left out of the catalogue, as asked: range_eccentricity."));
+}
+
+TEST(LeftOut, WhatCannotBeIsAnErrorOfOneLine) {
+  DiagnoseOptions options;
+  for (const char* id : {"no_such_effect", "label_swap", "quantisation", "dropout"}) {
+    options.without = {id};
+    EXPECT_THROW(options.check(), InputError) << id;
+  }
+  options.without = {"range_eccentricity"};
+  EXPECT_NO_THROW(options.check());
+  options.force = {{"bearing_offset"}};  // nothing is searched
+  EXPECT_THROW(options.check(), InputError);
+}
+
 TEST(AgainstSimulation, NamesWhatTheSimulationLacks) {
   const Recording recording = eccentric(1), with = eccentric(2);
   Random random(seed_from("json test", {1}));

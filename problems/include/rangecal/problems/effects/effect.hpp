@@ -109,6 +109,7 @@ struct EffectContext {
   double largest_bearing_rad = 3.14159265358979;  ///< largest |direction in the sensor frame| of any reading
   std::vector<std::string> covariates;            ///< names of the covariate columns
   std::vector<ColumnSummary> columns;             ///< of each of them; empty: nothing is known but the names
+  std::vector<std::string> left_out;  ///< ids of effects that are not asked for, along columns or not
 };
 
 /// One reading as its effects see it; geometry under the current estimate.

@@ -178,8 +178,15 @@ struct DiagnoseOptions {
   std::optional<Calibration> simulation;          ///< alpha and noise are held at this calibration;
                                                   ///< one with effects is simulated, as diagnose_against
   std::optional<std::vector<std::string>> force;  ///< fit exactly these effects, whatever the battery says
+  /// Effects that are left out of the catalogue, along columns too. Exchanged labels, grids and missing readings are found before the
+  /// search and cannot be.
+  std::vector<std::string> without;
   std::function<void(const TriedSet&)> trace;  ///< every set of causes that was fitted, the likeliest first
   std::function<void(const std::string& stage, double fraction)> progress;
+
+  /// Throws InputError for what can be asked of no recording: a rate outside of (0, 1), an effect that is not known, or
+  /// cannot be left out.
+  void check() const;
 };
 
 /// Locates the mismatch between the seed model and the recordings, names the physics left out, models it and shows
