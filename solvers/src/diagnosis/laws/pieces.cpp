@@ -15,6 +15,12 @@
 namespace rangecal::diagnosis {
 namespace {
 
+/// "/m" of "m", "/m*s" of "m/s".
+std::string per_unit(std::string unit) {
+  for (char& sign : unit) sign = sign == '/' ? '*' : sign == '*' ? '/' : sign;
+  return "/" + unit;
+}
+
 /// Makes terms of one channel.
 class Pieces {
  public:
@@ -35,10 +41,8 @@ class Pieces {
     per_ = per;
     size_ = typical_ / factor_size;
     factor_words_ = factor.empty() ? "" : " times " + factor.substr(0, factor.size() - 1);
-    if (x.is_angle)
-      around(x);
-    else
-      over(x);
+    if (x.is_angle) around(x);
+    if (!x.goes_round()) over(x);
   }
 
   /// (x - x0)(y - y0), about the means: x alone, and y, are terms of their own.
@@ -46,7 +50,7 @@ class Pieces {
                double factor_size) {
     const double size = typical_ / (factor_size * std::max(x.mean - x.low, x.high - x.mean) *
                                     std::max(y.mean - y.low, y.high - y.mean));
-    const std::string unit = unit_ + "/" + x.unit + "/" + y.unit + per;
+    const std::string unit = unit_ + per_unit(x.unit) + per_unit(y.unit) + per;
     LawPiece piece;
     const std::string a = named("a"), x0 = named("x"), y0 = named("y");
     piece.formula = fmt::format("{}{}*({} - {})*({} - {})", factor, a, x.name, x0, y.name, y0);
@@ -84,7 +88,7 @@ class Pieces {
     const std::string a = named("a"), c = named("c"), k = named("k"), m = named("m"), w = named("w"),
                       T = named("T"), x0 = named("x");
     const double S = x.span(), most = std::max(std::abs(x.low), std::abs(x.high));
-    const std::string per = "/" + x.unit;
+    const std::string per = per_unit(x.unit);
     add(x, fmt::format("{}*{}", a, x.name), {amplitude("a", per, most)}, {}, "a line");
     add(x, fmt::format("{}*{}^2", a, x.name), {amplitude("a", per + per, most * most)}, {}, "a square");
     if (x.name == "d") {
@@ -115,12 +119,12 @@ class Pieces {
   void around(const LawVariable& b) {
     const std::string a = named("a"), c = named("c"), n = named("n"), m = named("m"), w = named("w");
     constexpr double pi = std::numbers::pi;
-    add(b, fmt::format("({}*cos({}*b) + {}*sin({}*b))", a, n, c, n),
+    add(b, fmt::format("({}*cos({}*{}) + {}*sin({}*{}))", a, n, b.name, c, n, b.name),
         {amplitude("a"), amplitude("c"), {n, "1", 1.0, 1.0, 32.0, 0, true}}, {}, "a ripple");
     const LawParameter middle{m, "rad", 0.5, -pi, pi, 20}, fine{m, "rad", 0.5, -pi, pi, 40};
-    add(b, fmt::format("{}*exp((cos(b - {}) - 1)/{}^2)", a, m, w),
+    add(b, fmt::format("{}*exp((cos({} - {}) - 1)/{}^2)", a, b.name, m, w),
         {amplitude("a"), middle, {w, "rad", 0.4, 0.08, 1.6, 4}}, {}, "a bump");
-    add(b, fmt::format("{}*exp(-((1 - cos(b - {}))/{})^4)", a, m, w),
+    add(b, fmt::format("{}*exp(-((1 - cos({} - {}))/{})^4)", a, b.name, m, w),
         {amplitude("a"), fine, {w, "1", 0.1, 0.005, 1.2, 8}}, {}, "a sector");
   }
 
@@ -163,7 +167,8 @@ std::vector<LawVariable> law_variables(const Rows& rows) {
     if (!is_column_of_formulas(name)) continue;
     std::vector<double> values;
     for (std::size_t i = c; i < rows.covariates.size(); i += columns) values.push_back(rows.covariates[i]);
-    add({.name = name, .unit = unit_of_column_in_formulas(name), .column = static_cast<int>(c)}, values);
+    const std::string unit = unit_of_column_in_formulas(name);
+    add({.name = name, .unit = unit, .is_angle = unit == "rad", .column = static_cast<int>(c)}, values);
   }
   return variables;
 }
@@ -188,7 +193,7 @@ std::vector<LawPiece> law_pieces(const Rows& rows, const std::string& channel, i
   for (std::size_t i = 0; i < variables.size(); ++i)
     for (std::size_t j = i + 1; j < variables.size(); ++j) {
       const LawVariable &x = variables[i], &y = variables[j];
-      if (x.name == "d" || x.is_angle || y.is_angle) continue;
+      if (x.name == "d" || x.goes_round() || y.goes_round() || x.name == "b" || y.name == "b") continue;
       for (const Factor& factor : factors) pieces.product(x, y, factor.text, factor.per, factor.size);
     }
   return std::move(pieces.made);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <numbers>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,10 +30,12 @@ struct LawVariable {
   static constexpr std::size_t fewest_values = 5;
   std::string name, unit;  ///< "d", "t", "b", or a column
   double low = 0.0, high = 0.0, mean = 0.0;
-  bool is_angle = false;
+  bool is_angle = false;  ///< the same after a whole turn
   bool varies = false;  ///< it has so many values or more: laws can be found along it
   int column = -1;      ///< of EffectContext::covariates
   double span() const { return high - low; }
+  /// Its values lie around more than half a turn: none of them is an end, and no power of it is a law.
+  bool goes_round() const { return is_angle && span() > std::numbers::pi; }
 };
 
 /// All that have a value: d, t, b, and the columns that a formula can ask for.
@@ -48,9 +51,9 @@ struct LawPiece {
 };
 
 /// Terms that a change of the channel ("range", "bearing", "range_noise", "bearing_noise") may be made of, over all that these readings
-/// vary in: powers, logarithm, decay, bump, edge, window and wave along d, t and every column; ripples and sectors of the
-/// direction; products of two of t and the columns; of ranges each times d and d^2 too, of bearings each over d. Names of
-/// parameters end in `number`.
+/// vary in: powers, logarithm, decay, bump, edge, window and wave along d, t, every column, and directions of less than half a turn;
+/// ripples, bumps and sectors of directions and columns of angles; products of two of t and the columns; of ranges each times d and d^2
+/// too, of bearings each over d. Names of parameters end in `number`.
 std::vector<LawPiece> law_pieces(const Rows& rows, const std::string& channel, int number);
 
 /// The sum of terms as the text of an effect by formula.

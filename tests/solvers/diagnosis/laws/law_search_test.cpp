@@ -175,17 +175,26 @@ TEST(Laws, OfACleanRecordingThereIsNone) {
 }
 
 TEST(Laws, EveryTermIsAFormulaThatCanBeRead) {
-  // Of each channel, over a recording with times and a column: names, units, starts and bounds hold.
+  // Of each channel, over a recording with times and columns of all kinds of units: names, units, starts and bounds hold.
   Recording recording = recording_of({.sigma = 0.004}, "Laws.Terms", 1);
-  recording.readings.covariates["temperature_c"];
   for (std::size_t i = 0; i < recording.readings.size(); ++i) {
+    const double x = 0.01 * static_cast<double>(i % 700);
     recording.readings.time_s.push_back(static_cast<double>(i));
-    recording.readings.covariates["temperature_c"].push_back(20.0 + 0.01 * static_cast<double>(i % 700));
+    recording.readings.covariates["temperature_c"].push_back(20.0 + x);
+    recording.readings.covariates["speed_mps"].push_back(0.05 * x);
+    recording.readings.covariates["rx_power_dbm"].push_back(x - 80.0);
+    recording.readings.covariates["elevation_rad"].push_back(0.1 * x);
+    recording.readings.covariates["anchor_azimuth_rad"].push_back(0.8 * x - 3.0);
   }
   const diagnosis::Rows rows = diagnosis::make_rows(std::span(&recording, 1));
   for (const char* channel : {"range", "bearing", "range_noise", "bearing_noise"}) {
     const std::vector<diagnosis::LawPiece> pieces = diagnosis::law_pieces(rows, channel, 3);
-    EXPECT_GT(pieces.size(), 20u) << channel;
+    EXPECT_GT(pieces.size(), 60u) << channel;
+    const auto along = [&](const std::string& words) {
+      return std::any_of(pieces.begin(), pieces.end(), [&](const auto& p) { return p.words == words; });
+    };
+    EXPECT_TRUE(along("a square along elevation_rad") && along("a ripple along elevation_rad"));
+    EXPECT_TRUE(along("a ripple along anchor_azimuth_rad") && !along("a square along anchor_azimuth_rad"));
     for (const diagnosis::LawPiece& piece : pieces) {
       const std::string text = diagnosis::law_text({piece}, "law", channel);
       std::unique_ptr<Effect> effect;
