@@ -30,8 +30,8 @@ constexpr std::size_t most_close = 4, most_close_of_many = 1;
 constexpr int many_cells = 500;
 /// How far below the likeliest these are [nats].
 constexpr double close_by = 4.0;
-/// Sets of the linearised problem that are fitted, and how far below the likeliest of them [nats].
-constexpr std::size_t most_of_sets = 10;
+/// Sets of the linearised problem that are fitted, so many at a time, and how far below the likeliest of them [nats].
+constexpr std::size_t most_of_sets = 10, sets_at_a_time = 4;
 constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
@@ -114,10 +114,18 @@ class SetSearch {
   struct Wanted {
     Model model;
     double predicted_gain = 0.0;              ///< gain [nats]
+    double log_posterior = 0.0;               ///< of a set of the linearised problem, as predicted [nats]
     std::shared_ptr<Effect> curve = nullptr;  ///< asked for by residuals, in the model
     bool refine = false;                      ///< other optima are looked for
     std::optional<Fit> fit = std::nullopt;    ///< where it is fitted already
+    double shortfall = 0.0;                   ///< of sets with some of its members [nats]
+    double expected() const { return log_posterior - shortfall; }
   };
+
+  /// True if a set of that predicted posterior and gain may be as likely as one of log posterior `top`.
+  static bool may_reach(double top, double log_posterior, double gain) {
+    return log_posterior + refining_adds + refining_share * gain > top;
+  }
 
   bool many() const { return rows_.cell_count > many_cells; }
   std::size_t known_count() const { return known_.model.size(); }
@@ -168,10 +176,58 @@ class SetSearch {
   void look_around(Hypothesis& here) {
     here.scanned = true;
     fit_all(here, asked_of_residuals(here));
-    std::vector<Wanted> wanted = sets_linearised_at(here);
-    for (std::vector<Wanted> smaller : {sets_without_one(here, most_fits), names_alone(here)})
-      wanted.insert(wanted.end(), smaller.begin(), smaller.end());
+    fit_likeliest_of(here, sets_linearised_at(here));
+    std::vector<Wanted> wanted = sets_without_one(here, most_fits);
+    std::vector<Wanted> alone = names_alone(here);
+    wanted.insert(wanted.end(), alone.begin(), alone.end());
     fit_all(here, std::move(wanted));
+  }
+
+  /// Nats by which fits fell short of what was predicted of sets with some of these members, beside `here` others: along what these change
+  /// the problem is not linear, and sets that hold more will fall short too.
+  double shortfall_of(const Names& names, const Names& here) const {
+    double most = 0.0;
+    for (const auto& h : table_) {
+      const Names own = names_of(*h);
+      if (std::includes(names.begin(), names.end(), own.begin(), own.end()) &&
+          !std::includes(here.begin(), here.end(), own.begin(), own.end()))
+        most = std::max(most, h->predicted_gain - h->gain);
+    }
+    return most > fell_short ? most : 0.0;
+  }
+
+  /// Fits sets of the linearised problem, a few at a time: those that are likeliest after what fits have fallen short by then, as long as
+  /// they may come near the likeliest.
+  void fit_likeliest_of(Hypothesis& here, std::vector<Wanted> open) {
+    const Names mine = names_of(here);
+    for (std::size_t left = most_of_sets; left > 0;) {
+      const double top = likeliest().log_posterior;
+      for (Wanted& w : open) w.shortfall = shortfall_of(member_names(w.model, known_count()), mine);
+      std::stable_sort(open.begin(), open.end(),
+                       [](const Wanted& a, const Wanted& b) { return a.expected() > b.expected(); });
+      const auto hopeless = std::find_if(open.begin(), open.end(), [&](const Wanted& w) {
+        return !may_reach(top, w.expected(), w.predicted_gain);
+      });
+      const auto count = std::min({sets_at_a_time, left, static_cast<std::size_t>(hopeless - open.begin())});
+      if (count == 0) break;
+      const auto end = open.begin() + static_cast<std::ptrdiff_t>(count);
+      std::vector<Wanted> next(open.begin(), end);
+      open.erase(open.begin(), end);
+      left -= count;
+      for (const Wanted& w : next)
+        for (TriedSet::Proposal& p : here.proposals)
+          if (p.members == member_names(w.model, known_count())) p.fitted = true;
+      fit_all(here, std::move(next));
+    }
+    for (const Wanted& w : open)
+      if (tells_outcomes())
+        tell_of_refused(
+            member_names(w.model, known_count()), mine,
+            fmt::format(
+                "not fitted: predicted log posterior {:.2f}{}, and enough sets are likelier", w.log_posterior,
+                w.shortfall > 0.0
+                    ? fmt::format(", of which sets with some of its members lacked {:.2f}", w.shortfall)
+                    : ""));
   }
 
   /// Of a set with several names on means, each of these alone beside all else: what its formula is off by may be what the
@@ -309,12 +365,12 @@ class SetSearch {
     for (const LinearSet& set : sets) {
       // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
       const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
-      const double predicted_gain =
+      const double log_posterior =
           here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
       const double gain = here.gain + rescaled;
       const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
                            sizes.insert(set.model.size()).second) &&
-                          predicted_gain + refining_adds + refining_share * gain > top;
+                          may_reach(top, log_posterior, gain);
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
@@ -324,14 +380,14 @@ class SetSearch {
       // One member more that is not worth its price changes no name and next to no probability.
       const bool idle = std::includes(names.begin(), names.end(), mine.begin(), mine.end()) &&
                         set.log_posterior < own.log_posterior;
-      const bool fit = likely && wanted.size() < most_of_sets && !again && !idle;
-      if (likely) here.proposals.push_back({names, gain, predicted_gain, fit || known});
-      if (likely && !fit && !again && tells_outcomes())
+      if (!likely) continue;
+      here.proposals.push_back({names, gain, log_posterior, known != nullptr});
+      if (idle && !again && tells_outcomes())
         tell_of_refused(
             names, mine,
-            fmt::format("not fitted: predicted log posterior {:.2f}, {}", predicted_gain,
-                        idle ? "what it has more is not worth its prior" : "and enough sets are likelier"));
-      if (fit) wanted.push_back({std::move(model), gain});
+            fmt::format("not fitted: predicted log posterior {:.2f}, what it has more is not worth its prior",
+                        log_posterior));
+      if (!again && !idle) wanted.push_back({std::move(model), gain, log_posterior});
     }
     return wanted;
   }
@@ -357,7 +413,7 @@ class SetSearch {
         jobs_at_once(rows_.size()));
     for (std::size_t i = 0; i < asked.size(); ++i) {
       if (!curves[i]) continue;
-      Wanted w{curves[i]->fit.model, here.gain + asked[i]->gain, std::move(curves[i]->effect)};
+      Wanted w{curves[i]->fit.model, here.gain + asked[i]->gain, 0.0, std::move(curves[i]->effect)};
       w.fit = std::move(curves[i]->fit);
       wanted.push_back(std::move(w));
     }
