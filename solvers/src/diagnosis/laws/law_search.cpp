@@ -25,7 +25,9 @@ namespace {
 constexpr std::size_t kept_at_a_time = 3;   ///< laws that are extended further
 constexpr double within_reach = 15.0;       ///< nats below the likeliest down to which they are
 constexpr std::size_t fitted_of_terms = 8;  ///< candidate terms of a law that are fitted
-constexpr std::size_t peaks_of_term = 2;    ///< starting points of each fit
+constexpr double fits_add = 0.3;          ///< share of the best predicted gain that a fit may add to another
+constexpr std::size_t peaks_of_term = 2;  ///< starting points of each fit
+constexpr double low_peak = 0.6;          ///< a start of less than this share of the best is none
 constexpr std::size_t listed = 5;
 constexpr int most_terms = 6;  ///< the evidence stops growing long before
 constexpr double per_parameter =
@@ -98,7 +100,9 @@ class LawSearch {
         jobs_at_once(rows_.size()));
     std::stable_sort(terms.begin(), terms.end(),
                      [](const CandidateTerm& a, const CandidateTerm& b) { return a.worth > b.worth; });
-    std::erase_if(terms, [](const CandidateTerm& t) { return !(t.worth > 0.0); });
+    const double best = terms.empty() ? 0.0 : terms.front().worth;
+    const double least = std::max(0.0, (1.0 - fits_add) * best - within_reach);
+    std::erase_if(terms, [&](const CandidateTerm& t) { return !(t.worth > least); });
     if (terms.size() > fitted_of_terms) terms.resize(fitted_of_terms);
     std::vector<std::optional<Growing>> made(terms.size());
     in_parallel(
@@ -118,6 +122,9 @@ class LawSearch {
     term.effect = effect_from_formula(law_text({piece}, id, channel_), id);
     term.peaks = peaks_of(battery, *term.effect, peaks_of_term);
     if (term.peaks.empty()) return term;
+    std::erase_if(term.peaks, [low = low_peak * term.peaks.front().first](const Height& peak) {
+      return peak.first < low;
+    });
     term.worth = term.peaks.front().first - per_parameter * static_cast<double>(piece.parameters.size());
     return term;
   }
