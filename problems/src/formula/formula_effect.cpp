@@ -156,14 +156,16 @@ class FormulaEffect final : public Effect {
     for (std::size_t i = 0; i < parameters.size(); ++i) {
       const EffectParameter& p = parameters[i];
       std::vector<double>& axis = axes.emplace_back();
+      const StatedParameter& own = stated_.parameters[i];
       if (p.linear) {
         axis.push_back(0.0);
+      } else if (own.value && own.starts == 0) {
+        axis.push_back(std::clamp(*own.value, p.low, p.high));
       } else if (p.discrete) {
         for (double value = p.low; value <= p.high; value += 1.0) axis.push_back(value);
       } else {
         const int by_default = nonlinear == 1 ? 24 : nonlinear == 2 ? 8 : 4;
-        axis = spaced(p.low, p.high,
-                      stated_.parameters[i].starts > 0 ? stated_.parameters[i].starts : by_default);
+        axis = spaced(p.low, p.high, own.starts > 0 ? own.starts : by_default);
       }
     }
     return grid_of(axes);
@@ -682,8 +684,10 @@ std::unique_ptr<FormulaEffect> formula_effect(const std::string& yaml, const std
   auto effect = std::make_unique<FormulaEffect>(std::move(stated), std::move(*expression));
   constexpr std::size_t most_starts = 5000;
   std::size_t starts = 1;
-  for (const EffectParameter& p : effect->info().parameters)
-    if (p.discrete) starts *= static_cast<std::size_t>(p.high - p.low) + 1;
+  for (std::size_t i = 0; i < effect->info().parameters.size(); ++i)
+    if (const EffectParameter& p = effect->info().parameters[i];
+        p.discrete && !effect->stated().parameters[i].value)
+      starts *= static_cast<std::size_t>(p.high - p.low) + 1;
   if (starts > most_starts || effect->start_grid({}).size() > most_starts)
     top.at("parameters")
         .fail(fmt::format("a fit would have more than {} starts: fewer integers, or fewer 'starts'",

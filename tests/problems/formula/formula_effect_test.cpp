@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "rangecal/problems/effects/formula_effect.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -103,6 +104,26 @@ TEST(FormulaEffect, ParametersThatItIsLinearInAreFound) {
   EXPECT_EQ(grid.size(), 7u * 4u * 4u * 4u);
   EXPECT_DOUBLE_EQ(grid.front()[2], 1.0);
   EXPECT_NEAR(grid.back()[2], 100.0, 1e-9);
+}
+
+TEST(FormulaEffect, FitsOfALawWithValuesStartThere) {
+  std::string formula, parameters;
+  for (int i = 1; i <= 8; ++i) {  // 8 periods from 16 starts each are more than any fit could try
+    formula += fmt::format("{}a{}*cos(k{}*d)", i == 1 ? "" : " + ", i, i);
+    parameters += fmt::format(
+        "  a{}: {{unit: m, typical: 0.01, from: -1, to: 1, value: 0.02}}\n"
+        "  k{}: {{unit: 1/m, typical: 2, from: 1, to: 90, value: {}}}\n",
+        i, i, 10 * i);
+  }
+  const auto law =
+      effect_from_formula("effect: law\nphysics: p\nsettled_by: s\nchannel: range\nformula: " + formula +
+                              "\nparameters:\n" + parameters,
+                          "law");
+  const auto grid = law->start_grid({});
+  ASSERT_EQ(grid.size(), 1u);
+  EXPECT_EQ(grid[0][0], 0.0);   // a1: linear
+  EXPECT_EQ(grid[0][1], 10.0);  // k1
+  EXPECT_EQ(grid[0][15], 80.0);
 }
 
 TEST(FormulaEffect, ItsSlopeIsThatOfDifferences) {

@@ -211,7 +211,7 @@ std::string law_text(const std::vector<LawPiece>& pieces, const std::string& id,
         parameters += ", integer: true";
       else
         parameters += fmt::format(", typical: {:.6g}", p.typical);
-      if (p.starts > 0) parameters += fmt::format(", starts: {}", p.starts);
+      if (p.starts > 0 && !p.value) parameters += fmt::format(", starts: {}", p.starts);
       if (p.value) parameters += fmt::format(", value: {:.9g}", *p.value);
       if (p.std_dev) parameters += fmt::format(", std: {:.3g}", *p.std_dev);
       parameters += "}\n";
