@@ -4,9 +4,13 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <numbers>
+#include <optional>
+#include <sstream>
 #include <string_view>
 
 #include "rangecal/problems/effects/effect.hpp"
@@ -17,30 +21,54 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
 
-/// How a parameter's name ends, and the unit in which people read it; the longest ending first.
+/// The end of a parameter's name that says its unit, and the unit in which people read it.
 struct UnitEnding {
-  const char* ending;
+  std::string ending;
   Shown shown;
 };
-const UnitEnding unit_endings[] = {{"_m_per_k", {1e3, "mm/K"}},
-                                   {"_m_per_db", {1e3, "mm/dB"}},
-                                   {"_per_k", {1.0, "1/K"}},
-                                   {"_per_m", {1.0, "1/m"}},
-                                   {"_rad", {1.0 / degree, "deg"}},
-                                   {"_m2", {1.0, "m^2"}},
-                                   {"_m", {1e3, "mm"}},
-                                   {"_s", {1.0, "s"}}};
 
-const UnitEnding* unit_ending_of(const std::string& name) {
-  const auto found = std::find_if(std::begin(unit_endings), std::end(unit_endings),
-                                  [&](const UnitEnding& one) { return ends_with(name, one.ending); });
-  return found == std::end(unit_endings) ? nullptr : found;
+/// "m" of "m", "K" of "k", "m^2" of "m2", "m s" of "m_s"; empty where one is no unit.
+std::string units_in_words(const std::string& names) {
+  static const std::map<std::string, std::string> known = {
+      {"m", "m"}, {"rad", "rad"}, {"s", "s"}, {"k", "K"}, {"db", "dB"}, {"v", "V"}, {"a", "A"}};
+  std::string words, name;
+  std::istringstream all(names);
+  while (std::getline(all, name, '_')) {
+    std::string power;
+    while (!name.empty() && std::isdigit(static_cast<unsigned char>(name.back())) != 0)
+      power = name.back() + power, name.pop_back();
+    const auto unit = known.find(name);
+    if (unit == known.end()) return {};
+    words += (words.empty() ? "" : " ") + unit->second + (power.empty() ? "" : "^" + power);
+  }
+  return words;
+}
+
+/// "slope_m_per_k" is in mm/K, "wavenumber_per_m" in 1/m, "axis_rad" in degrees.
+std::optional<UnitEnding> unit_ending_of(const std::string& full_name) {
+  const std::string name = full_name.substr(full_name.rfind('.') + 1);
+  const auto last_of = [](const std::string& text) { return text.substr(text.rfind('_') + 1); };
+  const std::size_t per = name.find("_per_");
+  if (per == std::string::npos) {
+    const std::string own = last_of(name);
+    if (own.size() == name.size()) return std::nullopt;
+    if (own == "rad") return UnitEnding{"_rad", {1.0 / degree, "deg"}};
+    if (own == "m") return UnitEnding{"_m", {1e3, "mm"}};
+    if (own == "m2" || own == "s") return UnitEnding{"_" + own, {1.0, units_in_words(own)}};
+    return std::nullopt;
+  }
+  const std::string below = units_in_words(name.substr(per + 5)), before = name.substr(0, per);
+  if (below.empty()) return std::nullopt;
+  std::string above = units_in_words(last_of(before));
+  if (before.find('_') == std::string::npos) above.clear();
+  const std::string ending = (above.empty() ? "" : "_" + last_of(before)) + name.substr(per);
+  if (above == "m") return UnitEnding{ending, {1e3, "mm/" + below}};
+  return UnitEnding{ending, {1.0, (above.empty() ? "1" : above) + "/" + below}};
 }
 
 /// A parameter's name where its unit is said behind the value.
 std::string without_unit(std::string name) {
-  if (const UnitEnding* unit = unit_ending_of(name))
-    name.resize(name.size() - std::string(unit->ending).size());
+  if (const auto unit = unit_ending_of(name)) name.resize(name.size() - unit->ending.size());
   return name;
 }
 
@@ -63,9 +91,9 @@ Shown shown(const std::string& si) {
 }
 
 Shown unit_of(const EffectEstimate& e) {
-  const UnitEnding* unit = unit_ending_of(e.name);
+  const std::optional<UnitEnding> unit = unit_ending_of(e.name);
   if (!unit) return {1.0, ""};
-  const bool of_metres = std::string_view(unit->ending) == "_m" && !(std::abs(e.estimate) < 0.5);
+  const bool of_metres = unit->ending == "_m" && !(std::abs(e.estimate) < 0.5);
   return of_metres ? Shown{1.0, "m"} : unit->shown;
 }
 
@@ -229,8 +257,9 @@ std::vector<LawRow> law_rows(const Diagnosis& d) {
   for (const Law& law : d.laws) {
     LawRow& row = rows.emplace_back();
     row.formula = law.channel + " + " + law.formula;
-    row.evidence = fmt::format("{:.1f} nats {} the answer without a law", std::abs(law.log_evidence_over_curve),
-                               law.log_evidence_over_curve < 0.0 ? "below" : "above");
+    row.evidence =
+        fmt::format("{:.1f} nats {} the answer without a law", std::abs(law.log_evidence_over_curve),
+                    law.log_evidence_over_curve < 0.0 ? "below" : "above");
     for (const EffectEstimate& e : law.parameters) {
       const Shown unit = unit_of(e);
       const std::string text =

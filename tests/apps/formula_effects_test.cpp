@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <string>
 #include <utility>
 
@@ -45,6 +46,20 @@ class FormulaEffects : public ::testing::Test {
   }
   TemporaryFolder folder;
 };
+
+TEST_F(FormulaEffects, ParametersArePrintedInTheirUnits) {
+  folder.write("cone.yaml",
+               "effect: cone\nphysics: p\nsettled_by: s\nchannel: range\nformula: a*b + c*b^2 + k*d^2\n"
+               "parameters:\n  a: {unit: m/rad, typical: 0.01, from: -1, to: 1}\n"
+               "  c: {unit: m/rad^2, typical: 0.01, from: -1, to: 1}\n"
+               "  k: {unit: 1/m, typical: 0.01, from: -1, to: 1}\n");
+  const RunResult result =
+      run("diagnose " + shipped("concealed/world-11") + " --effects " + folder.path() + " --force cone");
+  ASSERT_EQ(result.code, 0) << result.err;
+  for (const char* line :
+       {R"(cone\.a +\S.* mm/rad\n)", R"(cone\.c +\S.* mm/rad\^2\n)", R"(cone\.k +\S.* 1/m\n)"})
+    EXPECT_TRUE(std::regex_search(result.out, std::regex(line))) << line << "\n" << result.out;
+}
 
 TEST_F(FormulaEffects, ARippleIsNamedWithItsNumberOfTeethAndUndone) {
   const std::string rec = rippled();
