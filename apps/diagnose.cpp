@@ -19,7 +19,6 @@
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/files.hpp"
 #include "rangecal/core/recording_io.hpp"
-#include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/problems/effects/formula_effect.hpp"
 #include "rangecal/solvers/diagnosis/diagnosis.hpp"
 #include "report/report.hpp"

@@ -22,7 +22,6 @@
 #include "rangecal/core/recording_io.hpp"
 #include "rangecal/core/version.hpp"
 #include "rangecal/core/write_lock.hpp"
-#include "rangecal/problems/effects/effect.hpp"
 #include "rangecal/problems/effects/formula_effect.hpp"
 #include "report/report.hpp"
 #include "text.hpp"

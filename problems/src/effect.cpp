@@ -167,9 +167,6 @@ std::vector<const Effect*> effects_of(const EffectContext& context) {
     const Carrier needs = effect->info().carrier;
     if (needs != Carrier::not_known && context.carrier != Carrier::not_known && needs != context.carrier)
       continue;
-    if (std::find(context.left_out.begin(), context.left_out.end(), effect->info().id) !=
-        context.left_out.end())
-      continue;
     const std::size_t before = effects.size();
     for (std::size_t c = 0; c < context.columns.size(); ++c)
       if (const ColumnSummary& column = context.columns[c];
@@ -178,6 +175,12 @@ std::vector<const Effect*> effects_of(const EffectContext& context) {
     // The kind itself where it needs no column, or for a column that is lacking.
     if (effects.size() == before || effect->missing(context).empty()) effects.push_back(effect);
   }
+  std::erase_if(effects, [&](const Effect* effect) {
+    const std::string& id = effect->info().id;
+    return std::any_of(context.left_out.begin(), context.left_out.end(), [&](const std::string& left_out) {
+      return left_out == id || left_out == id_without_column(id);
+    });
+  });
   return effects;
 }
 

@@ -4,73 +4,18 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <iterator>
-#include <map>
 #include <numbers>
 #include <optional>
-#include <sstream>
-#include <string_view>
 
 #include "rangecal/problems/effects/effect.hpp"
+#include "rangecal/problems/effects/formula_effect.hpp"
 #include "text.hpp"
 
 namespace rangecal::app {
 namespace {
 
 constexpr double degree = std::numbers::pi / 180.0;
-
-/// The end of a parameter's name that says its unit, and the unit in which people read it.
-struct UnitEnding {
-  std::string ending;
-  Shown shown;
-};
-
-/// "m" of "m", "K" of "k", "m^2" of "m2", "m s" of "m_s"; empty where one is no unit.
-std::string units_in_words(const std::string& names) {
-  static const std::map<std::string, std::string> known = {
-      {"m", "m"}, {"rad", "rad"}, {"s", "s"}, {"k", "K"}, {"db", "dB"}, {"v", "V"}, {"a", "A"}};
-  std::string words, name;
-  std::istringstream all(names);
-  while (std::getline(all, name, '_')) {
-    std::string power;
-    while (!name.empty() && std::isdigit(static_cast<unsigned char>(name.back())) != 0)
-      power = name.back() + power, name.pop_back();
-    const auto unit = known.find(name);
-    if (unit == known.end()) return {};
-    words += (words.empty() ? "" : " ") + unit->second + (power.empty() ? "" : "^" + power);
-  }
-  return words;
-}
-
-/// "slope_m_per_k" is in mm/K, "wavenumber_per_m" in 1/m, "axis_rad" in degrees.
-std::optional<UnitEnding> unit_ending_of(const std::string& full_name) {
-  const std::string name = full_name.substr(full_name.rfind('.') + 1);
-  const auto last_of = [](const std::string& text) { return text.substr(text.rfind('_') + 1); };
-  const std::size_t per = name.find("_per_");
-  if (per == std::string::npos) {
-    const std::string own = last_of(name);
-    if (own.size() == name.size()) return std::nullopt;
-    if (own == "rad") return UnitEnding{"_rad", {1.0 / degree, "deg"}};
-    if (own == "m") return UnitEnding{"_m", {1e3, "mm"}};
-    if (own == "m2" || own == "s") return UnitEnding{"_" + own, {1.0, units_in_words(own)}};
-    return std::nullopt;
-  }
-  const std::string below = units_in_words(name.substr(per + 5)), before = name.substr(0, per);
-  if (below.empty()) return std::nullopt;
-  std::string above = units_in_words(last_of(before));
-  if (before.find('_') == std::string::npos) above.clear();
-  const std::string ending = (above.empty() ? "" : "_" + last_of(before)) + name.substr(per);
-  if (above == "m") return UnitEnding{ending, {1e3, "mm/" + below}};
-  return UnitEnding{ending, {1.0, (above.empty() ? "1" : above) + "/" + below}};
-}
-
-/// A parameter's name where its unit is said behind the value.
-std::string without_unit(std::string name) {
-  if (const auto unit = unit_ending_of(name)) name.resize(name.size() - unit->ending.size());
-  return name;
-}
 
 /// "0.3 mm", "5 deg", "0.01": a parameter's value in the unit that suits `like`, a value of the same parameter.
 std::string value_in_words(const std::string& name, double value, double like) {
@@ -91,16 +36,17 @@ Shown shown(const std::string& si) {
 }
 
 Shown unit_of(const EffectEstimate& e) {
-  const std::optional<UnitEnding> unit = unit_ending_of(e.name);
-  if (!unit) return {1.0, ""};
-  const bool of_metres = unit->ending == "_m" && !(std::abs(e.estimate) < 0.5);
-  return of_metres ? Shown{1.0, "m"} : unit->shown;
+  const ParameterName own = parameter_name(e.name);
+  if (own.name == e.name) return {1.0, ""};
+  if (own.unit.starts_with("m/")) return {1e3, "m" + own.unit};
+  const Shown unit = shown(own.unit);
+  return unit.unit == "mm" && !(std::abs(e.estimate) < 0.5) ? Shown{1.0, "m"} : unit;
 }
 
 std::string typical_in_words(const Unseen& unseen) {
   std::string text;
   for (const auto& [name, value] : unseen.typical)
-    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", without_unit(name),
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", parameter_name(name).name,
                         value_in_words(name, value, value));
   return text;
 }
@@ -263,7 +209,7 @@ std::vector<LawRow> law_rows(const Diagnosis& d) {
     for (const EffectEstimate& e : law.parameters) {
       const Shown unit = unit_of(e);
       const std::string text =
-          fmt::format("{} = {}{}{}", without_unit(e.name), estimate_in_words(e, unit.factor),
+          fmt::format("{} = {}{}{}", parameter_name(e.name).name, estimate_in_words(e, unit.factor),
                       unit.unit.empty() ? "" : " ", unit.unit);
       row.parameters.push_back(text);
     }
@@ -280,7 +226,7 @@ std::vector<ParameterRow> parameter_rows(const Diagnosis& d) {
     for (const EffectEstimate& e : d.explanations[0].parameters) {
       if (e.name.rfind("generic.", 0) == 0) continue;
       const Shown unit = unit_of(e);
-      rows.push_back({without_unit(e.name), estimate_in_words(e, unit.factor), unit.unit});
+      rows.push_back({parameter_name(e.name).name, estimate_in_words(e, unit.factor), unit.unit});
     }
   const Calibration& c = d.corrected;
   for (Eigen::Index i = 0; i < c.alpha.size(); ++i) {

@@ -13,6 +13,7 @@
 #include <numbers>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
@@ -108,6 +109,8 @@ struct StatedParameter {
   int starts = 0;                    ///< how many a fit may start from; 0: by default
   std::optional<double> value = {};  ///< what was found
   double std_dev = 0.0;              ///< of that, 0 where it is not stated
+  /// A fit starts at what was found alone.
+  bool starts_at_value() const { return value && starts == 0; }
 };
 
 /// All that a text states.
@@ -159,7 +162,7 @@ class FormulaEffect final : public Effect {
       const StatedParameter& own = stated_.parameters[i];
       if (p.linear) {
         axis.push_back(0.0);
-      } else if (own.value && own.starts == 0) {
+      } else if (own.starts_at_value()) {
         axis.push_back(std::clamp(*own.value, p.low, p.high));
       } else if (p.discrete) {
         for (double value = p.low; value <= p.high; value += 1.0) axis.push_back(value);
@@ -686,7 +689,7 @@ std::unique_ptr<FormulaEffect> formula_effect(const std::string& yaml, const std
   std::size_t starts = 1;
   for (std::size_t i = 0; i < effect->info().parameters.size(); ++i)
     if (const EffectParameter& p = effect->info().parameters[i];
-        p.discrete && !effect->stated().parameters[i].value)
+        p.discrete && !effect->stated().parameters[i].starts_at_value())
       starts *= static_cast<std::size_t>(p.high - p.low) + 1;
   if (starts > most_starts || effect->start_grid({}).size() > most_starts)
     top.at("parameters")
@@ -794,13 +797,46 @@ void require_columns_of_formulas(std::span<const Recording> recordings) {
   }
 }
 
+namespace {
+
+/// The unit of each of the words, "m^2" of "m2", with a sign before each but the first; empty where one is no unit.
+std::string units_of_words(const std::string& words, char sign) {
+  static const std::map<std::string, std::string> known = {
+      {"m", "m"}, {"rad", "rad"}, {"s", "s"}, {"k", "K"}, {"db", "dB"}, {"v", "V"}, {"a", "A"}};
+  std::string units, word;
+  std::istringstream all(words);
+  while (std::getline(all, word, '_')) {
+    std::string power;
+    while (!word.empty() && std::isdigit(static_cast<unsigned char>(word.back())) != 0)
+      power = word.back() + power, word.pop_back();
+    const auto unit = known.find(word);
+    if (unit == known.end()) return {};
+    if (!units.empty()) units += sign;
+    units += unit->second + (power.empty() ? "" : "^" + power);
+  }
+  return units;
+}
+
+}  // namespace
+
 ParameterName parameter_name(const std::string& full) {
-  static constexpr std::pair<const char*, const char*> endings[] = {
-      {"_m_per_k", "m/K"}, {"_m_per_db", "m/dB"}, {"_per_k", "1/K"}, {"_per_m", "1/m"}, {"_rad2", "rad^2"},
-      {"_rad", "rad"},     {"_m2", "m^2"},        {"_m", "m"},       {"_s", "s"}};
-  for (const auto& [ending, unit] : endings)
-    if (full.ends_with(ending)) return {full.substr(0, full.size() - std::string_view(ending).size()), unit};
-  return {full, "1"};
+  // Its last word, where that is a unit and not all of it.
+  const auto split = [](const std::string& text) -> ParameterName {
+    const std::size_t at = text.rfind('_');
+    if (at == std::string::npos) return {text, ""};
+    const std::string unit = units_of_words(text.substr(at + 1), '*');
+    return unit.empty() ? ParameterName{text, ""} : ParameterName{text.substr(0, at), unit};
+  };
+  static const std::string per = "_per_";
+  if (const std::size_t at = full.rfind(per); at != std::string::npos) {
+    const std::string below = units_of_words(full.substr(at + per.size()), '/');
+    const auto [name, above] = split(full.substr(0, at));
+    if (!below.empty()) return {name, (above.empty() ? "1" : above) + "/" + below};
+  }
+  // A last k, db, v or a alone may be a word.
+  const ParameterName own = split(full);
+  const std::string first = own.unit.substr(0, own.unit.find('^'));
+  return first == "m" || first == "rad" || first == "s" ? own : ParameterName{full, "1"};
 }
 
 std::string as_formula(const Effect& effect) {

@@ -119,7 +119,13 @@ TEST(Effects, OneStandsAlongEachColumnThatSuitsIt) {
                                               "temperature_coefficient:temperature_c"));
   EXPECT_EQ(effects_of(context).size(), catalogue.size() + 1);
   context.left_out = {"power_bias"};
-  for (const Effect* effect : effects_of(context)) EXPECT_NE(id_without_column(effect->info().id), "power_bias");
+  for (const Effect* effect : effects_of(context))
+    EXPECT_NE(id_without_column(effect->info().id), "power_bias");
+  context.left_out = {"covariate_drift:intensity"};  // along that column alone
+  std::vector<std::string> kept;
+  for (const Effect* effect : effects_of(context)) kept.push_back(effect->info().id);
+  EXPECT_THAT(kept, ::testing::Not(::testing::Contains("covariate_drift:intensity")));
+  EXPECT_THAT(kept, ::testing::Contains("covariate_drift:humidity_percent"));
   context.left_out.clear();
   // The kind stands for a column that is lacking, and says so.
   context.covariates = {"rx_power_dbm"};

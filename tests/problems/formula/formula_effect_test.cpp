@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "rangecal/core/errors.hpp"
@@ -104,6 +105,29 @@ TEST(FormulaEffect, ParametersThatItIsLinearInAreFound) {
   EXPECT_EQ(grid.size(), 7u * 4u * 4u * 4u);
   EXPECT_DOUBLE_EQ(grid.front()[2], 1.0);
   EXPECT_NEAR(grid.back()[2], 100.0, 1e-9);
+}
+
+TEST(FormulaEffect, UnitsOfParametersAreReadOffTheirNames) {
+  for (const auto& [full, name, unit] :
+       {std::tuple{"amplitude_m", "amplitude", "m"},
+        {"axis_rad", "axis", "rad"},
+        {"cosine_rad2", "cosine", "rad^2"},
+        {"inverse_m2", "inverse", "m^2"},
+        {"delay_s", "delay", "s"},
+        {"slope_m_per_k", "slope", "m/K"},
+        {"curvature_per_m", "curvature", "1/m"},
+        {"a1_m_per_rad", "a1", "m/rad"},
+        {"a1_per_rad2", "a1", "1/rad^2"},
+        {"k1_per_db", "k1", "1/dB"},
+        {"a_m_per_k_s", "a", "m/K/s"},
+        {"kappa", "kappa", "1"},
+        {"m", "m", "1"},
+        {"part_a", "part_a", "1"},
+        {"drift_per_door", "drift_per_door", "1"},
+        {"power_bias:rx_power_dbm.slope_m_per_db", "power_bias:rx_power_dbm.slope", "m/dB"}}) {
+    EXPECT_EQ(parameter_name(full).name, name) << full;
+    EXPECT_EQ(parameter_name(full).unit, unit) << full;
+  }
 }
 
 TEST(FormulaEffect, FitsOfALawWithValuesStartThere) {
