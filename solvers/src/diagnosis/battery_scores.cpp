@@ -10,14 +10,6 @@
 
 namespace rangecal::diagnosis {
 
-namespace {
-
-/// Of a change's information, what the calibration has to leave to be asked. A change of the stops is linear in them but for
-/// some (sigma_s / distance)^2 = 1e-5 to 1e-4 of it: what is left of less, of a path longer by one factor say, is not the change's.
-double least_share(const Signature& x) { return x.moves_stops ? 1e-4 : 1e-5; }
-
-}  // namespace
-
 Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> block) const {
   Asked asked;
   Question& question = asked.question = std::move(about);
@@ -31,15 +23,14 @@ Battery::Asked Battery::asked_of_mean(Question about, std::vector<Signature> blo
   Signature fitted;  // what a fit takes from the residuals
   fitted.range = fitted.bearing = Eigen::VectorXd::Zero(n);
   for (Signature& x : block) {
-    const double raw = projector_.raw_information(x);
-    if (!(raw > 0.0)) continue;
+    const double least = projector_.least_information(x);
     for (std::size_t a = 0; a < active_.size(); ++a)
       x.take_out(projector_.inner(x, active_projected_[a], active_[a]), active_[a]);
     for (std::size_t a = 0; a < kept.size(); ++a)
       x.take_out(projector_.inner(x, kept_projected[a], kept[a]), kept[a]);
     Eigen::VectorXd projected = projector_.project(x);
     const double information = projector_.inner(x, projected, x);
-    if (information < least_share(x) * raw) continue;  // the calibration absorbs it
+    if (!(information > least)) continue;  // the calibration absorbs it
     x.see_whether_it_turns(information);
     const double scale = 1.0 / std::sqrt(information);
     projected *= scale;

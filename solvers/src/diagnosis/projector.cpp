@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "diagnosis/projector.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "rangecal/core/angles.hpp"
@@ -92,6 +94,7 @@ Projector::Projector(const Rows& rows, const WorkingProblem& working, const Join
   }
   system_.assemble(with_unit_noise(state), HessianKind::fisher);
   system_.eliminate();
+  if (!rows.pairs) beside_known_stops_.compute(information_beside_known_stops());  // of its lower half
   // Pseudo-inverse on phi: a direction the recording does not determine is left alone, not divided by zero.
   const int phi = rows.pairs ? system_.layout().alpha_count : system_.layout().phi_count;
   phi_factor_ = Eigen::MatrixXd::Zero(system_.layout().global_count, system_.layout().global_count);
@@ -160,6 +163,27 @@ Eigen::VectorXd Projector::unweighted(const Eigen::VectorXd& range) const {
   if (serial_.independent()) return range.cwiseQuotient(range_information.cwiseMax(1e-300));
   const Eigen::VectorXd scaled = range.cwiseQuotient(range_information.cwiseMax(1e-300).cwiseSqrt());
   return coloured(serial_.transpose_coloured(scaled));
+}
+
+/// J^T W J of (alpha, landmarks).
+Eigen::MatrixXd Projector::information_beside_known_stops() const {
+  const JointLayout& layout = system_.layout();
+  const int alphas = layout.alpha_count;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(layout.phi_count, layout.phi_count);
+  Eigen::VectorXd curve(alphas);
+  for (int i = 0; i < cells(); ++i) {
+    double power = 1.0;
+    for (double& slope : curve) slope = std::exchange(power, power * geometry_.u[i]);
+    const int at = layout.landmark_begin + 2 * problem_.cells.landmark[i];
+    const Eigen::Vector2d along = slope_[i] * geometry_.n[i],
+                          across = geometry_.t[i] / geometry_.axis_distance[i];
+    information.topLeftCorner(alphas, alphas) += range_information[i] * curve * curve.transpose();
+    information.block(at, 0, 2, alphas) += range_information[i] * along * curve.transpose();
+    information.block<2, 2>(at, at) += range_information[i] * along * along.transpose() +
+                                       bearing_information[i] * across * across.transpose();
+  }
+  information.diagonal() *= 1.0 + 1e-12;
+  return information;
 }
 
 /// J^T W J of alpha.
@@ -256,6 +280,24 @@ double Projector::score(const Signature& x) const {
 }
 
 double Projector::raw_information(const Signature& x) const { return raw_inner(x, x); }
+
+double Projector::beside_stops(const Signature& x) const {
+  const Eigen::VectorXd pull = pulls(x).stops;
+  return raw_information(x) - pull.dot(system_.solve_stops(pull));
+}
+
+double Projector::beside_known_stops(const Signature& x) const {
+  const Eigen::VectorXd pull = pulls(x).globals.head(beside_known_stops_.rows());
+  return raw_information(x) - pull.dot(beside_known_stops_.solve(pull));
+}
+
+double Projector::least_information(const Signature& x) const {
+  constexpr double rounding = 1e-9, absorbed = 1e-4;
+  const double raw = raw_information(x);
+  if (!x.moves_stops) return 1e-5 * raw;
+  if (beside_known_stops(x) < absorbed * raw) return std::numeric_limits<double>::infinity();
+  return std::max(rounding * raw, absorbed * beside_stops(x));
+}
 
 double Projector::raw_inner(const Signature& x, const Signature& y) const {
   double sum = (serial_.independent() ? x.range.cwiseProduct(range_information).dot(y.range)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <vector>
 
@@ -49,6 +50,16 @@ class Projector {
   double score(const Signature& x) const;
   /// x^T W x: the information before projection.
   double raw_information(const Signature& x) const;
+  /// x^T V^-1 x, V the covariance of the readings where alpha and landmarks are known and the stops as well as they are stated: how
+  /// precisely a change of the stops could be seen at best.
+  double beside_stops(const Signature& x) const;
+  /// What alpha and landmarks leave of x^T W x where the stops are known.
+  double beside_known_stops(const Signature& x) const;
+  /// The information that the calibration has to leave of x, or it absorbs x: 1e-5 of all that x does to the readings. Of a change of
+  /// the stops the estimated stops may take up more, for it is seen as well as they are stated; of that alpha and landmarks have to leave
+  /// 1e-4, beside known stops (else nothing is enough) and beside stated ones. A change of the stops is linear in them but for some
+  /// (sigma_s / distance)^2 = 1e-5 to 1e-4, and what is left of less (of a path longer by one factor, say) is not the change's.
+  double least_information(const Signature& x) const;
   /// x^T W y before projection.
   double raw_inner(const Signature& x, const Signature& y) const;
   /// W x of the ranges of the cells, and its inverse: of a projected signature what is left of the readings' change [m].
@@ -99,6 +110,7 @@ class Projector {
   };
   Pulls pulls(const Signature& x) const;
   Eigen::MatrixXd serial_information() const;
+  Eigen::MatrixXd information_beside_known_stops() const;
   Eigen::VectorXd expect_scores();
 
   const Rows& rows_;
@@ -109,7 +121,8 @@ class Projector {
   JointProblem problem_;   ///< with its spreads held
   JointSystem system_;
   Eigen::VectorXd alpha_gradient_;
-  Eigen::MatrixXd phi_factor_;  ///< inverse of the Schur complement on phi
+  Eigen::MatrixXd phi_factor_;                       ///< inverse of the Schur complement on phi
+  Eigen::LDLT<Eigen::MatrixXd> beside_known_stops_;  ///< of the information of (alpha, landmarks) there
   double log_phi_volume_ = 0.0;
   std::vector<Eigen::Vector3d> stop_errors_;
   Signature expected_;                           ///< m: the residuals that are expected

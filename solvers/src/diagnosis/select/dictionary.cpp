@@ -11,9 +11,6 @@
 namespace rangecal::diagnosis {
 namespace {
 
-/// Part of a column's information that the calibration has to leave of it.
-constexpr double least_left = 1e-5;
-
 /// Parameters that the readings are linear in; where there are none, all that move.
 std::vector<int> columns_of(const Effect& effect) {
   std::vector<int> linear, moving;
@@ -53,10 +50,8 @@ Dictionary::Made Dictionary::made_of(const Effect& effect, const Eigen::VectorXd
   std::vector<Eigen::VectorXd> projected;
   for (const int j : parameters) {
     Signature x = effect_signature(rows_, projector_, {&effect, start}, j);
-    const double raw = projector_.raw_information(x);
-    if (!(raw > 0.0)) continue;
     Eigen::VectorXd px = projector_.project(x);
-    if (!(projector_.inner(x, px, x) > least_left * raw)) continue;
+    if (!(projector_.inner(x, px, x) > projector_.least_information(x))) continue;
     const auto c = static_cast<Eigen::Index>(signatures.size());
     columns.col(c).head(rows_.cell_count) = x.range;
     if (!rows_.pairs) columns.col(c).tail(rows_.cell_count) = x.bearing;

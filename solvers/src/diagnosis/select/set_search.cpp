@@ -30,7 +30,7 @@ constexpr std::size_t most_close = 4, most_close_of_many = 1;
 constexpr int many_cells = 500;
 /// How far below the likeliest these are [nats].
 constexpr double close_by = 4.0;
-/// Sets of the linearised problem that are fitted, so many at a time, and how far below the likeliest of them [nats].
+/// Sets of the linearised problem that are fitted, so many at a time, and how far below the likeliest of their size [nats].
 constexpr std::size_t most_of_sets = 10, sets_at_a_time = 4;
 constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
@@ -360,23 +360,21 @@ class SetSearch {
     for (const LinearSet& set : sets)
       if (member_names(with_others(set), known_count()) == mine) own = set;
     std::vector<Wanted> wanted;
-    std::set<std::size_t> sizes;
+    std::map<std::size_t, double> likeliest_of_size;
     const double top = likeliest().log_posterior;
     for (const LinearSet& set : sets) {
-      // Far from the truth only the next few steps can be believed: the likeliest set of every size, too.
+      // Far from the truth only the next few steps can be believed: the likeliest sets of every size, too.
       const double more = set.gain - own.gain, rescaled = gain_with_its_own_noise(more);
       const double log_posterior =
           here.log_posterior + set.log_posterior - own.log_posterior + rescaled - more;
       const double gain = here.gain + rescaled;
-      const bool likely = (set.log_posterior > sets.front().log_posterior - fitted_window ||
-                           sizes.insert(set.model.size()).second) &&
-                          may_reach(top, log_posterior, gain);
+      const double best = likeliest_of_size.try_emplace(set.model.size(), set.log_posterior).first->second;
+      const bool likely = set.log_posterior > best - fitted_window && may_reach(top, log_posterior, gain);
       Model model = with_others(set);
       const Names names = member_names(model, known_count());
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again =
           known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
-      sizes.insert(set.model.size());
       // One member more that is not worth its price changes no name and next to no probability.
       const bool idle = std::includes(names.begin(), names.end(), mine.begin(), mine.end()) &&
                         set.log_posterior < own.log_posterior;
