@@ -44,8 +44,8 @@ std::vector<LandmarkSummary> summarise(const Recording& recording) {
     one.nearest_m = std::min(one.nearest_m, readings.range_m[i]);
     one.farthest_m = std::max(one.farthest_m, readings.range_m[i]);
     one.beams += readings.covariates.at("beams")[i];
-    one.range_sd_m += readings.covariates.at("range_sd_m")[i];
-    one.bearing_sd_rad += readings.covariates.at("bearing_sd_rad")[i];
+    one.range_sd_m += readings.covariates.at(range_sd_column)[i];
+    one.bearing_sd_rad += readings.covariates.at(bearing_sd_column)[i];
   }
   for (LandmarkSummary& one : out)
     for (double* sum : {&one.beams, &one.range_sd_m, &one.bearing_sd_rad}) *sum /= std::max(1, one.readings);

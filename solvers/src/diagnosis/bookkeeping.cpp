@@ -4,7 +4,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <boost/math/distributions/hypergeometric.hpp>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -12,11 +11,10 @@
 #include <numeric>
 #include <optional>
 
+#include "diagnosis/gaps.hpp"
 #include "diagnosis/grids.hpp"
-#include "rangecal/core/errors.hpp"
-#include "rangecal/core/polynomial.hpp"
+#include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
-#include "rangecal/solvers/joint_ml/joint_ml.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
@@ -26,6 +24,7 @@ constexpr double certain = -200.0;  ///< ln p of what cannot happen under the se
 constexpr double step_that_matters =
     1.0 / 15.0;                           ///< of the spread: less adds four ten-thousandths to the variance
 constexpr double many_alike = 1.0 / 6.0;  ///< of the neighbours among a cell's values
+constexpr int enough_repeats = 5;         ///< of a cell, to show its grid
 
 Question question(const char* channel, const char* covariate, const char* shape, double log_p) {
   Question q;
@@ -110,25 +109,27 @@ struct GridEvidence {
   double disparity_scatter = 1.0, step_scatter = 1.0;  ///< relative scatter of the steps in 1/r and in r
 };
 
-/// The step h of which all values are multiples: found from the smallest gap g between two of them, g / h = 1 .. 8, and fitted
-/// to one value after the other, the smallest first. None where they are multiples of nothing: values that know no grid lie
+/// The step h by whole numbers of which all values differ: found from the smallest gap g between two of them, g / h = 1 .. 8,
+/// and fitted to one value after the other, the smallest first. None where they lie on no such grid: values that know none lie
 /// within a twentieth of h of a multiple once in ten.
 std::optional<double> common_step(std::vector<double> values) {
   constexpr std::size_t enough = 30;
   constexpr int most_gaps_apart = 8;
   constexpr double near = 0.05;  // of the step
   std::sort(values.begin(), values.end());
-  values.erase(std::unique(values.begin(), values.end()), values.end());
-  if (values.size() < enough || !(values.front() > 0.0)) return std::nullopt;
+  if (values.empty()) return std::nullopt;
+  const double rounding = 1e-9 * (values.back() - values.front());
+  const auto same = [&](double a, double b) { return b - a <= rounding; };
+  values.erase(std::unique(values.begin(), values.end(), same), values.end());
+  if (values.size() < enough) return std::nullopt;
   double gap = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < values.size(); ++i) gap = std::min(gap, values[i] - values[i - 1]);
-  if (!(gap > 1e-9 * values.back())) return std::nullopt;
   for (int parts = 1; parts <= most_gaps_apart; ++parts) {
     double step = gap / parts, products = 0.0, squares = 0.0;
     const bool all = std::all_of(values.begin(), values.end(), [&](double value) {
-      const double multiple = std::round(value / step);
-      if (std::abs(value - multiple * step) > near * step) return false;
-      products += value * multiple;
+      const double above = value - values.front(), multiple = std::round(above / step);
+      if (std::abs(above - multiple * step) > near * step) return false;
+      products += above * multiple;
       squares += multiple * multiple;
       if (squares > 0.0) step = products / squares;
       return true;
@@ -157,20 +158,50 @@ double spread_about_neighbours(const Rows& rows) {
   return sizes.empty() ? 0.0 : upper_median(std::move(sizes)) / median_of_normal_size;
 }
 
-/// The grid of ranges of pairs without repeats, whose values are all multiples of one step, in range or in 1/r.
+/// Spread of the repeats of a cell, by all cells together; 0 without repeats. `less`: difference of two values.
+template <typename Less>
+double spread_of_repeats(const Rows& rows, const std::vector<double>& values, Less less) {
+  double squares = 0.0;
+  for (int c = 0; c < rows.cell_count; ++c) {
+    const int begin = rows.cell_begin[c], count = rows.cell_begin[c + 1] - begin;
+    Eigen::ArrayXd of_cell(count);
+    for (int i = 0; i < count; ++i) of_cell[i] = less(values[begin + i], values[begin]);
+    squares += (of_cell - of_cell.mean()).square().sum();
+  }
+  const int dof = static_cast<int>(rows.size()) - rows.cell_count;
+  return dof > 0 ? std::sqrt(squares / dof) : 0.0;
+}
+
+/// The grid of ranges that repeat too little to show it within a cell: all of them lie on one, in range or in 1/r.
 GridEvidence grid_without_repeats(const Rows& rows) {
   GridEvidence evidence;
-  const double spread = spread_about_neighbours(rows);
+  const double spread =
+      rows.pairs ? spread_about_neighbours(rows) : spread_of_repeats(rows, rows.range_m, std::minus<>());
+  if (rows.size() == 0 || !(*std::min_element(rows.range_m.begin(), rows.range_m.end()) > 0.0))
+    return evidence;
   std::vector<double> inverse = rows.range_m;
   for (double& value : inverse) value = 1.0 / value;
   const std::optional<double> step = common_step(rows.range_m), of_inverse = common_step(inverse);
-  if (!(spread > 0.0) || (!step && !of_inverse)) return evidence;
+  if ((rows.pairs && !(spread > 0.0)) || (!step && !of_inverse)) return evidence;
   const double middle = upper_median(rows.range_m);
   evidence.repeated = 1.0;
   evidence.step = step ? *step : *of_inverse * middle * middle;
   evidence.disparity_step = step ? 0.0 : *of_inverse;
   evidence.step_scatter = step ? 0.0 : 1.0;
+  evidence.disparity_scatter = 1.0 - evidence.step_scatter;
   evidence.step_over_spread = evidence.step / spread;
+  return evidence;
+}
+
+/// The same of bearings, on either side of the direction behind the sensor.
+GridEvidence bearing_grid_without_repeats(const Rows& rows) {
+  GridEvidence evidence;
+  const std::optional<double> step = common_step(rows.bearing_rad);
+  if (!step) return evidence;
+  evidence.repeated = 1.0;
+  evidence.step = *step;
+  evidence.step_over_spread =
+      *step / spread_of_repeats(rows, rows.bearing_rad, [](double a, double b) { return wrap_angle(a - b); });
   return evidence;
 }
 
@@ -180,7 +211,7 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   std::vector<double> steps, inverse_steps, ratios;
   for (int c = 0; c < rows.cell_count; ++c) {
     std::vector<double> v(values.begin() + rows.cell_begin[c], values.begin() + rows.cell_begin[c + 1]);
-    if (v.size() < 5) continue;
+    if (v.size() < enough_repeats) continue;
     std::sort(v.begin(), v.end());
     double smallest = 1e9, smallest_inverse = 1e9, mean = 0.0, square = 0.0;
     for (std::size_t i = 1; i < v.size(); ++i) {
@@ -220,110 +251,6 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   evidence.step_scatter = scatter(steps, evidence.step);
   evidence.disparity_scatter = scatter(inverse_steps, evidence.disparity_step);
   return evidence;
-}
-
-/// Readings that cells lack of the fullest one's number, cells without any included, and the limit beyond
-/// which they are missing. A stop that reads all it sees equally often lasted for that many sweeps.
-struct Gaps {
-  double missing = 0.0, expected = 0.0;
-  double from_m = 0.0;  ///< mean reading of the nearest cell beyond the limit
-  double gain = 0.0;  ///< nats of two rates, below and beyond it, against one, less the price of choosing it
-  /// That so many of the cells with gaps lie beyond it if gaps know no distance; the least over the limits
-  /// tried.
-  double chance = 1.0;
-};
-
-/// Landmarks that a stop does not see at all, where stops see nearly all of them: the readings [m] that were
-/// to be expected, by the seed's curve and geometry, with their stops. Empty where seeing few is the rule.
-std::vector<std::pair<double, std::size_t>> readings_of_unseen(const Rows& rows) {
-  constexpr double nearly_all = 0.8;
-  const JointProblem& problem = rows.problem;
-  const Cells& cells = problem.cells;
-  const std::size_t landmarks = problem.landmark_recording.size();
-  std::vector<char> seen(problem.stops.size() * landmarks, 0), landmark_seen(landmarks, 0),
-      stop_sees(problem.stops.size(), 0);
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const auto stop = static_cast<std::size_t>(cells.stop[i]),
-               l = static_cast<std::size_t>(cells.landmark[i]);
-    seen[stop * landmarks + l] = landmark_seen[l] = stop_sees[stop] = 1;
-  }
-  std::vector<std::pair<std::size_t, std::size_t>> unseen;
-  for (std::size_t k = 0; k < problem.stops.size(); ++k)
-    for (std::size_t l = 0; l < landmarks; ++l)
-      if (stop_sees[k] && landmark_seen[l] && !seen[k * landmarks + l] &&
-          problem.landmark_recording[l] == problem.stops[k].recording)
-        unseen.emplace_back(k, l);
-  const auto count = static_cast<double>(cells.size() + unseen.size());
-  if (unseen.empty() || static_cast<double>(cells.size()) < nearly_all * count) return {};
-  std::vector<std::pair<double, std::size_t>> readings;
-  try {
-    const JointState seed = position_seed(problem, 1, NoiseLaw::f_squared);
-    for (const auto& [k, l] : unseen) {
-      const Pose2& pose = seed.stops[k];
-      const double axis = (seed.landmarks[l] - Eigen::Vector2d(pose.x_m, pose.y_m)).norm();
-      readings.emplace_back(evaluate_polynomial(seed.alpha, axis - problem.landmark_radius_m[l]), k);
-    }
-  } catch (const InputError&) {  // too few cells to say where anything is
-    readings.clear();
-  }
-  return readings;
-}
-
-Gaps gaps_of(const Rows& rows) {
-  constexpr double enough = 12.5;  // nats
-  // Close to the limit that the sensor states readings are missing by that limit, and cells were left out for it.
-  constexpr double close = 0.85;
-  Gaps gaps;
-  if (rows.pairs || rows.context.largest_cell < 3) return gaps;
-  const std::vector<int>& stop = rows.problem.cells.stop;
-  const auto count_of = [&](int c) -> double { return rows.cell_begin[c + 1] - rows.cell_begin[c]; };
-  std::vector<double> full(rows.problem.stops.size(), 0.0), emptiest = full;
-  for (int c = 0; c < rows.cell_count; ++c) {
-    emptiest[stop[c]] = full[stop[c]] > 0.0 ? std::min(emptiest[stop[c]], count_of(c)) : count_of(c);
-    full[stop[c]] = std::max(full[stop[c]], count_of(c));
-  }
-  for (std::size_t k = 0; k < full.size(); ++k)
-    if (emptiest[k] < full[k]) full[k] = rows.context.largest_cell;
-  struct Cell {
-    double reading, missing, full;
-  };
-  std::vector<Cell> cells;
-  const auto add = [&](double reading, double missing, double all) {
-    if (missing == 0.0 || reading < close * rows.range_max_m) cells.push_back({reading, missing, all});
-  };
-  for (int c = 0; c < rows.cell_count; ++c)
-    add(rows.problem.cells.range_mean[c], full[stop[c]] - count_of(c), full[stop[c]]);
-  for (const auto& [reading, k] : readings_of_unseen(rows)) add(reading, full[k], full[k]);
-  unsigned with_gaps = 0;
-  for (const Cell& cell : cells) {
-    gaps.missing += cell.missing;
-    gaps.expected += cell.full;
-    if (cell.missing > 0.0) ++with_gaps;
-  }
-  std::sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) { return a.reading > b.reading; });
-  const auto log_likelihood = [](double missing, double all) {
-    const auto part = [&](double k) { return k > 0.0 ? k * std::log(k / all) : 0.0; };
-    return part(missing) + part(all - missing);
-  };
-  const auto count = static_cast<unsigned>(cells.size());
-  const double one_rate = log_likelihood(gaps.missing, gaps.expected) + std::log(static_cast<double>(count));
-  double beyond = 0.0, far = 0.0;
-  unsigned gaps_beyond = 0;
-  for (unsigned k = 1; k < count; ++k) {  // the k farthest cells
-    beyond += cells[k - 1].missing;
-    far += cells[k - 1].full;
-    if (!(cells[k - 1].missing > 0.0)) continue;  // a limit just beyond this cell is likelier
-    ++gaps_beyond;
-    const unsigned fewest = with_gaps + k > count ? with_gaps + k - count : 0;
-    const double near = gaps.expected - far;
-    const double gain = log_likelihood(beyond, far) + log_likelihood(gaps.missing - beyond, near) - one_rate;
-    if (gaps_beyond <= fewest || gain < enough || beyond * near <= (gaps.missing - beyond) * far) continue;
-    // A landmark that somebody stood in front of loses many readings at once: cells count, not readings.
-    const boost::math::hypergeometric law(with_gaps, k, count);
-    const double chance = boost::math::cdf(boost::math::complement(law, gaps_beyond - 1.0));
-    if (chance < gaps.chance) gaps.chance = chance, gaps.gain = gain, gaps.from_m = cells[k - 1].reading;
-  }
-  return gaps;
 }
 
 void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
@@ -394,9 +321,11 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
 
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
-  const GridEvidence range =
-                         has_repeats(rows) ? grid_of_values(rows, rows.range_m) : grid_without_repeats(rows),
-                     bearing = grid_of_values(rows, rows.bearing_rad);
+  const bool repeated = rows.context.largest_cell >= enough_repeats;
+  const GridEvidence range = repeated ? grid_of_values(rows, rows.range_m) : grid_without_repeats(rows),
+                     bearing = repeated     ? grid_of_values(rows, rows.bearing_rad)
+                               : rows.pairs ? GridEvidence()
+                                            : bearing_grid_without_repeats(rows);
   // Rounding far below the spread repeats a value now and then and can be ignored: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {

@@ -69,8 +69,8 @@ void add_reading(Recording& recording, int stop, int landmark, int repeat, doubl
   readings.bearing_rad.push_back(wrap_angle(fit.bearing_rad));
   readings.row.push_back(static_cast<int>(readings.size()) + 1);
   readings.covariates["beams"].push_back(fit.used);
-  readings.covariates["range_sd_m"].push_back(reading_sd_of(fit, arc, sigma));
-  readings.covariates["bearing_sd_rad"].push_back(fit.bearing_sd_rad);
+  readings.covariates[range_sd_column].push_back(reading_sd_of(fit, arc, sigma));
+  readings.covariates[bearing_sd_column].push_back(fit.bearing_sd_rad);
 }
 
 /// The landmarks of the recording in the order of their first reading, and the new index of each.

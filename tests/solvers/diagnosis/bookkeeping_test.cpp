@@ -15,11 +15,13 @@ namespace {
 /// Ten stops on the x axis, two landmarks, eight readings of each, distances 1.4 to 6.3 m; `lost(stop,
 /// landmark)` of them are missing.
 template <typename Lost>
-Rows rows_with_gaps(const Lost& lost, const std::array<Eigen::Vector2d, 2>& axes = {
-                                          Eigen::Vector2d(-1.0, 1.0), Eigen::Vector2d(6.2, -1.0)}) {
+Rows rows_with_gaps(const Lost& lost,
+                    const std::array<Eigen::Vector2d, 2>& axes = {Eigen::Vector2d(-1.0, 1.0),
+                                                                  Eigen::Vector2d(6.2, -1.0)},
+                    double radius_m = 0.0) {
   Recording recording;
   recording.kind = RecordingKind::landmarks;
-  recording.landmarks = {{"a", 0.0, {}}, {"b", 0.0, {}}};
+  recording.landmarks = {{"a", radius_m, {}}, {"b", radius_m, {}}};
   Random random(seed_from("rows_with_gaps", {1}));
   for (int k = 0; k < 10; ++k) {
     Stop stop;
@@ -30,7 +32,7 @@ Rows rows_with_gaps(const Lost& lost, const std::array<Eigen::Vector2d, 2>& axes
     for (std::size_t l = 0; l < axes.size(); ++l)
       for (int j = 0; j < 8 - lost(k, l); ++j) {
         const Eigen::Vector2d v = axes[l] - Eigen::Vector2d(0.5 * k, 0.0);
-        const double range = v.norm() + random.normal(0.0, 1e-3);
+        const double range = v.norm() - radius_m + random.normal(0.0, 1e-3);
         testing::add_reading(recording, k, static_cast<int>(l), j, range,
                              std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3));
       }
@@ -65,6 +67,15 @@ TEST(Gaps, CloseToTheSensorsStatedLimitAreItsOwn) {
   EXPECT_TRUE(names_dropout(rows));
   rows.range_max_m = 6.0;
   EXPECT_FALSE(names_dropout(rows));
+}
+
+TEST(Gaps, BehindAnotherLandmarkAreNoDropout) {
+  // a stands a metre before b, on the line to it from the start: from the stops 0 to 2, the farthest from b, their discs of
+  // 15 cm overlap (half-widths 0.030 + 0.025 rad at 5 and 6.1 m, 0 to 0.017 rad apart), from stop 6 on they do not.
+  const std::array<Eigen::Vector2d, 2> axes{Eigen::Vector2d(4.98, -0.8), Eigen::Vector2d(6.2, -1.0)};
+  const auto behind = [](int k, int l) { return l == 1 && k < 3 ? 8 : 0; };
+  EXPECT_FALSE(names_dropout(rows_with_gaps(behind, axes, 0.15)));
+  EXPECT_TRUE(names_dropout(rows_with_gaps(behind, axes))) << "points hide nothing";
 }
 
 TEST(Gaps, CellsThatAreMissingAltogetherCount) {
@@ -110,6 +121,65 @@ TEST(Gaps, StopsOfFewerSweepsAreNoDropout) {
 
 TEST(Gaps, EverywhereAreNoDropout) {
   EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return (k + l) % 2; })));
+}
+
+/// Ten stops on the x axis, two landmarks, three readings of each; `rounded` makes of a range what the sensor says. Bearings lie on a
+/// grid of that step and 1 mrad, or on none.
+template <typename Rounded>
+Bookkeeping found_in_few_repeats(const Rounded& rounded, double bearing_step_rad = 0.0) {
+  Recording recording;
+  recording.kind = RecordingKind::landmarks;
+  recording.landmarks = {{"a", 0.0, {}}, {"b", 0.0, {}}};
+  const std::array<Eigen::Vector2d, 2> axes{Eigen::Vector2d(-1.0, 1.0), Eigen::Vector2d(6.2, -1.0)};
+  Random random(seed_from("found_in_few_repeats", {1}));
+  for (int k = 0; k < 10; ++k) {
+    Stop stop;
+    stop.label = std::to_string(k);
+    stop.commanded = {0.5 * k, 0.0, 0.0};
+    stop.sigma_xy_m = 0.01;
+    recording.stops.push_back(stop);
+    for (int l = 0; l < 2; ++l)
+      for (int j = 0; j < 3; ++j) {
+        const Eigen::Vector2d v = axes[static_cast<std::size_t>(l)] - Eigen::Vector2d(0.5 * k, 0.0);
+        const double range = v.norm() * (1.0 + random.normal(0.0, 1e-2));
+        double bearing = std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3);
+        if (bearing_step_rad > 0.0)
+          bearing = 1e-3 + bearing_step_rad * std::round((bearing - 1e-3) / bearing_step_rad);
+        testing::add_reading(recording, k, l, j, rounded(range), bearing);
+      }
+  }
+  return find_grids_and_gaps(make_rows({&recording, 1}));
+}
+
+TEST(Grids, OfFewRepeatsAreSeenByAllReadingsTogether) {
+  // Pixels of a spot: 1/r = 0.003 (n + 0.3), so that no reading is a multiple of a step; written to 0.1 mm.
+  const Bookkeeping found = found_in_few_repeats([](double range) {
+    const double reading = 1.0 / (0.003 * (std::round(1.0 / range / 0.003 - 0.3) + 0.3));
+    return 1e-4 * std::round(1e4 * reading);
+  });
+  ASSERT_EQ(found.model.size(), 1u);
+  EXPECT_EQ(found.model[0].effect->info().id, "quantisation");
+  EXPECT_NEAR(found.model[0].parameters[0], 0.003, 1e-5);
+  EXPECT_EQ(found.model[0].parameters[1], 0.0);
+}
+
+TEST(Grids, OfFewRepeatsOfBearings) {
+  const auto as_it_is = [](double range) { return range; };
+  const Bookkeeping found = found_in_few_repeats(as_it_is, 0.002);
+  ASSERT_EQ(found.model.size(), 1u);
+  EXPECT_EQ(found.model[0].effect->info().id, "bearing_quantisation");
+  EXPECT_NEAR(found.model[0].parameters[0], 0.002, 1e-9);
+}
+
+TEST(Grids, OfFewRepeatsInMetres) {
+  const Bookkeeping found =
+      found_in_few_repeats([](double range) { return 0.01 * std::round(100.0 * range); });
+  ASSERT_EQ(found.model.size(), 1u);
+  EXPECT_NEAR(found.model[0].parameters[1], 0.01, 1e-9);
+  // Digits that are far below the noise are no grid, nor is what lies on none.
+  EXPECT_TRUE(
+      found_in_few_repeats([](double range) { return 1e-4 * std::round(1e4 * range); }).model.empty());
+  EXPECT_TRUE(found_in_few_repeats([](double range) { return range; }).model.empty());
 }
 
 }  // namespace

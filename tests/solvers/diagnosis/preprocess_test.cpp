@@ -125,5 +125,25 @@ TEST(Preprocessed, AColumnComputedFromTheReadingIsNoCovariate) {
   EXPECT_FALSE(diagnosis::preprocess({&recording, 1}));
 }
 
+TEST(Preprocessed, HowUncertainAReadingIsMadeNoReading) {
+  Recording recording = scattered_stops(0.0, 1);
+  recording.sigma_xy_m = 0.005;
+  for (const double range : recording.readings.range_m) {
+    recording.readings.covariates["range_sd_m"].push_back(1e-3 * range * range);
+    recording.readings.covariates["bearing_sd_rad"].push_back(5e-4 * range);
+    recording.readings.covariates["beams"].push_back(
+        static_cast<double>(7 + recording.readings.covariates["beams"].size() % 5));
+  }
+  const std::optional<diagnosis::Preprocessed> preprocessed = diagnosis::preprocess({&recording, 1});
+  ASSERT_TRUE(preprocessed);
+  const Covariates& left = preprocessed->recordings[0].readings.covariates;
+  EXPECT_EQ(left.size(), 1u);
+  EXPECT_EQ(left.count("beams"), 1u);
+  ASSERT_EQ(preprocessed->notes.size(), 2u);
+  EXPECT_EQ(
+      preprocessed->notes[0],
+      "column range_sd_m was not used: it says how uncertain a reading is, and nothing of what made it");
+}
+
 }  // namespace
 }  // namespace rangecal

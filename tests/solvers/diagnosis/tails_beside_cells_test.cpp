@@ -9,6 +9,7 @@
 
 #include "diagnosis/subset.hpp"
 #include "diagnosis/working.hpp"
+#include "rangecal/core/quantiles.hpp"
 #include "rangecal/problems/tail_law.hpp"
 #include "solvers/diagnosis/select/made_worlds.hpp"
 

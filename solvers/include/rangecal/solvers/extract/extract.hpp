@@ -54,8 +54,12 @@ struct ExtractOptions {
   std::vector<MappedLandmark> map;  ///< known landmarks; empty: found, named L1, L2, ...
 };
 
+/// Columns of the recording: how uncertain the fitted circle has a reading, no physics of its own.
+inline constexpr const char* range_sd_column = "range_sd_m";
+inline constexpr const char* bearing_sd_column = "bearing_sd_rad";
+
 struct Extraction {
-  Recording recording;  ///< kind landmarks; covariates beams, range_sd_m, bearing_sd_rad
+  Recording recording;  ///< kind landmarks; covariates beams, range_sd_column, bearing_sd_column
   ScanNoise noise;
   std::string noise_origin;  ///< "given", "from walls", "from the circles"
   StopSplit split = StopSplit::automatic;
