@@ -5,7 +5,7 @@
 //   position  s_k = s_(k-1) + Rot(kappa (l_(k-1) + l_k) / 2) (c_k - c_(k-1))     [m]
 //     l_k path length driven [m]; c_k commanded positions
 //
-// The chord of an arc has its mean direction; a lateral shift of kappa l^2 / 2 on a straight line. kappa =
+// A gyro that creeps evenly does the same to a robot that drives evenly. The chord of an arc has its mean direction; a lateral shift of kappa l^2 / 2 on a straight line. kappa =
 // (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: derived: wheels of unequal diameter;
 // UMBmark (Borenstein and Feng).
 #include <cmath>
@@ -25,13 +25,16 @@ class PathCurvature final : public Effect {
         .kind = EffectKind::mean,
         .channel = "stop",
         .covariate = "stop",
-        .physics = "The straight path is an arc: one wheel is larger than the other.",
+        .physics =
+            "The straight path is an arc: one wheel is larger than the other, or the gyro that holds the course creeps.",
         .formula =
             "phi_k += kappa l_k [rad], steps turned by kappa (l_(k-1) + l_k) / 2; kappa = (E_d - 1) / w_b "
             "[1/m], l path length [m]",
         .source = "derived: wheels of unequal diameter; UMBmark (Borenstein and Feng)",
         .visible_by = "several stops along a path",
-        .settled_by = "drive the same path forwards and backwards",
+        .settled_by =
+            "drive the same path forwards and backwards; at half the speed a gyro that creeps bends it twice as much, "
+            "wheels as before",
         .parameters = {{.name = "curvature_per_m", .typical = 0.02, .low = -3.0, .high = 3.0}}};
     return value;
   }

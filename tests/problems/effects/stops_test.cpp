@@ -205,11 +205,30 @@ TEST(EffectStops, LeverArmTurnsWithTheRobot) {
   expect_pose(stops[4], 2.0 - 0.01, 1.0 + 0.02, quarter);
 }
 
-TEST(EffectStops, WheelSlipMovesAllLaterStopsAlongTheHeading) {
+TEST(EffectStops, WheelSlipMovesAllLaterStopsAlongTheStep) {
   const auto stops = changed("wheel_slip", {0.05, 4.0});
   expect_pose(stops[3], 2.0, 0.0, quarter);
   expect_pose(stops[4], 2.0, 1.05, quarter);
   expect_pose(stops[5], 2.0, 2.05, quarter);
+}
+
+TEST(EffectStops, WheelSlipKnowsTheStepFromTheHeading) {
+  // The robot drove to stop 1 along x and turned there; at stop 2 it only turned on.
+  std::vector<StopPrior> stops(4);
+  for (int k = 0; k < 4; ++k)
+    stops[k].commanded = {k < 1 ? 0.0 : k < 3 ? 1.0 : 2.0, 0.0, k < 1 ? 0.0 : 1.0 + k};
+  const auto slipped = [&](int from) {
+    std::vector<StopPrior> moved = stops;
+    const double p[] = {0.05, static_cast<double>(from)};
+    find_effect("wheel_slip")->stops({}, p, moved);
+    return moved;
+  };
+  EXPECT_EQ(slipped(1)[0].commanded.x_m, 0.0);
+  EXPECT_NEAR(slipped(1)[1].commanded.x_m, 1.05, 1e-15);
+  EXPECT_NEAR(slipped(1)[3].commanded.x_m, 2.05, 1e-15);
+  EXPECT_NEAR(slipped(1)[3].commanded.y_m, 0.0, 1e-15);
+  EXPECT_NEAR(slipped(2)[2].commanded.x_m, 1.0 + 0.05 * std::cos(3.0), 1e-15);  // no step: its heading
+  EXPECT_NEAR(slipped(2)[2].commanded.y_m, 0.05 * std::sin(3.0), 1e-15);
 }
 
 TEST(EffectStops, RandomWalkChainsEveryPlaceButTheFirst) {
