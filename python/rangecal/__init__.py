@@ -14,11 +14,11 @@ Everything is SI: metres, radians, seconds. Results have attributes, ``to_frame(
 from . import _api, _docs, _html, _native, _plots, _recording, _results
 from ._api import (calibrate, compare, compare_curves, correct, diagnose, effects, load, load_effects, residuals,
                    simulate, study)
-from ._ingest import extract, import_dataset, import_lego, import_mrclam
+from ._ingest import correct_bag, extract, import_dataset, import_lego, import_mrclam
 from ._native import (Calibration, CheckReport, CurveChange, Diagnosis, Effect, EffectEstimate, EffectParameter,
                       Explanation, Finding, FitSummary, InputError, Law, Member, ModelScore, NextExperiment, Recording, Residuals,
                       Sensor, TruthScore, Unseen, __version__)
-from ._results import Comparison, Corrected, Extraction, Study
+from ._results import Comparison, Corrected, CorrectedBag, Extraction, Study
 
 
 def _repr_of(name, text):
@@ -51,8 +51,8 @@ _attach(Residuals, to_frame=_results.residuals_to_frame, plot=_plots.residuals, 
         __repr__=_repr_of("Residuals", lambda r: f"{len(r)} readings"))
 _attach(Effect, __repr__=_repr_of("Effect", lambda e: f"{e.id}, {e.channel} along {e.covariate}"))
 
-__all__ = ["Calibration", "CheckReport", "Comparison", "Corrected", "CurveChange", "Diagnosis", "Effect", "EffectEstimate",
+__all__ = ["Calibration", "CheckReport", "Comparison", "Corrected", "CorrectedBag", "CurveChange", "Diagnosis", "Effect", "EffectEstimate",
            "EffectParameter", "Explanation", "Extraction", "Finding", "FitSummary", "InputError", "Law", "Member", "ModelScore", "NextExperiment",
            "Recording", "Residuals", "Sensor", "Study", "TruthScore", "Unseen", "calibrate", "compare", "compare_curves",
-           "correct", "diagnose", "effects", "extract", "import_dataset", "import_lego", "import_mrclam", "load", "load_effects", "residuals",
+           "correct", "correct_bag", "diagnose", "effects", "extract", "import_dataset", "import_lego", "import_mrclam", "load", "load_effects", "residuals",
            "simulate", "study"]

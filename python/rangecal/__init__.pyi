@@ -338,6 +338,21 @@ class Residuals:
              ax: Optional[Axes] = None) -> Axes: ...
     def _repr_html_(self) -> str: ...
 
+class CorrectedBag:
+    topic: str
+    type: str
+    format: str
+    messages: int
+    left_out: int
+    readings: int
+    corrected: int
+    kept: int
+    without_distance: int
+    ambiguous: int
+    out_of_range: int
+    extrapolated: int
+    extrapolated_column: int
+
 class Extraction:
     recording: Optional[Recording]
     counts: dict[str, dict[str, int]]
@@ -406,6 +421,8 @@ def study(path: Path, *, repeats: Optional[int] = None, threads: int = 0,
           progress: Optional[Progress] = None) -> Study: ...
 def effects() -> list[Effect]: ...
 def load_effects(folder: Path) -> list[str]: ...
+def correct_bag(calibration: Union[Calibration, Path], bag: Path, out: Path, *, topic: str = "", keep_raw: str = "",
+                clockwise: bool = False, progress: Optional[Progress] = None) -> CorrectedBag: ...
 def extract(scans: Union[Path, Table, Sequence[Path]], stops: Optional[Union[Path, Table]] = None, *,
             radius_m: Optional[Union[float, Sequence[float]]] = None, landmarks: Optional[Union[Path, Table]] = None,
             arc: Arc = "nearest", beams_min: int = 4, edge_cut: float = 0.9, support: float = 0.5,

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _native, _take
 from ._recording import columns_of, made_by
-from ._results import Extraction
+from ._results import CorrectedBag, Extraction
 
 
 def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", beams_min=4, edge_cut=0.9, support=0.5,
@@ -94,6 +94,50 @@ def extract(scans, stops=None, *, radius_m=None, landmarks=None, arc="nearest", 
         files = [_file(f"scans{i or ''}", one, folder) for i, one in enumerate(paths)]
         recording, facts, text = _native.extract_job([*words, "--", *files])
     return Extraction(made_by("rangecal extract", recording), json.loads(facts), text)
+
+
+def correct_bag(calibration, bag, out, *, topic="", keep_raw="", clockwise=False, progress=None):
+    """Copy a bag with the readings of one topic turned into distances (``docs/bags.md``).
+
+    Every reading becomes the most likely distance behind it, NaN where none explains it; effects of the calibration are
+    undone. All other messages are copied as they are.
+
+    Parameters
+    ----------
+    calibration : Calibration or path
+    bag : path
+        MCAP, SQLite or rosbag2 folder; of ROS 1 where the build reads them.
+    out : path
+        The copy, of the container of `bag`; it is there whole or not at all.
+    topic : str
+        Of ``sensor_msgs/LaserScan`` or ``sensor_msgs/Range``; may be left out where the bag has one.
+    keep_raw : str
+        Topic for the messages as they were; empty: they are not kept.
+    clockwise : bool
+        Bearings of the scans run clockwise: as where `extract` was told so.
+    progress : callable, optional
+        ``progress(stage, fraction)``; what it raises ends the work.
+
+    Returns
+    -------
+    CorrectedBag
+        How many readings became what.
+
+    Raises
+    ------
+    InputError
+        Where an effect needs what a scan does not hold, the topic is not clear, nothing can be used, or `out` cannot be
+        written.
+
+    Warns
+    -----
+    UserWarning
+        The bag was cut off or is damaged, and what could not be read is left out.
+    """
+    name = _take.path("calibration", calibration) if isinstance(calibration, (str, os.PathLike)) else "calibration"
+    return CorrectedBag(**_native.correct_bag(
+        _take.calibration("calibration", calibration), name, _take.path("bag", bag), _take.path("out", out), str(topic),
+        str(keep_raw), _take.flag("clockwise", clockwise), _take.progress(progress)))
 
 
 def import_lego(path, *, poses="odometry", track_m=0.150, radius_m=None, arc="nearest"):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Results as tables: what the C++ classes show of themselves as data frames, and the corrected readings."""
+import dataclasses
 import html
 
 import numpy as np
@@ -58,6 +59,47 @@ class Corrected:
         """Corrected minus raw over the raw reading, with one standard deviation."""
         from . import _plots
         return _plots.corrected(self, ax)
+
+
+@dataclasses.dataclass(frozen=True)
+class CorrectedBag:
+    """What became of the readings of a bag.
+
+    Attributes
+    ----------
+    topic, type : str
+        Whose readings were corrected, and of which message.
+    format : str
+        The container in words, and whether checksums stand behind its messages.
+    messages, left_out : int
+        Messages of the topic, and those of them that could not be decoded.
+    readings, corrected : int
+        All of them, and those that have a distance in their place.
+    kept : int
+        Are no readings (not finite, not positive, outside the message's limits), and what they were.
+    without_distance : int
+        No distance explains them: NaN in their place.
+    ambiguous, out_of_range, extrapolated, extrapolated_column : int
+        Have that flag of `correct`; of ``out_of_range`` also those without a distance.
+    """
+
+    topic: str
+    type: str
+    format: str
+    messages: int
+    left_out: int
+    readings: int
+    corrected: int
+    kept: int
+    without_distance: int
+    ambiguous: int
+    out_of_range: int
+    extrapolated: int
+    extrapolated_column: int
+
+    def __repr__(self):
+        return (f"<rangecal.CorrectedBag: {self.topic}, {self.readings} readings, {self.corrected} corrected, {self.kept} kept, "
+                f"{self.without_distance} without a distance>")
 
 
 class Comparison:

@@ -3,11 +3,13 @@
 #include <pybind11/stl.h>
 
 #include "columns.hpp"
+#include "ingest/bags/bag_correction.hpp"
 #include "ingest/bags/message_source.hpp"
 #include "ingest/extract_options.hpp"
 #include "ingest/importer.hpp"
 #include "module.hpp"
 #include "rangecal/core/errors.hpp"
+#include "rangecal/core/files.hpp"
 #include "work.hpp"
 
 namespace rangecal::python {
@@ -72,9 +74,42 @@ py::tuple import_job(const std::string& name, const std::vector<std::string>& wo
   throw InputError("no importer is called '" + name + "'; known: " + known);
 }
 
+py::dict correct_bag(const Calibration& calibration, const std::string& name, const std::string& in,
+                     const std::string& out, const std::string& topic, const std::string& keep_raw,
+                     bool clockwise, const py::object& progress) {
+  require_apart({out}, {in});
+  require_place_for_file(out);
+  const auto found = run_interruptible<ingest::BagCorrected>(
+      [=](const StageHook& hook) {
+        return ingest::correct_bag(
+            calibration, name, in, out,
+            {.topic = topic, .keep_raw = keep_raw, .clockwise = clockwise, .progress = [&](double share) {
+               hook("correct", share);
+             }});
+      },
+      progress);
+  if (!found.warning.empty()) warn({found.warning});
+  py::dict result;
+  result["topic"] = found.topic;
+  result["type"] = found.type;
+  result["format"] = found.format;
+  result["messages"] = found.messages;
+  result["left_out"] = found.left_out;
+  result["readings"] = found.readings;
+  result["corrected"] = found.corrected;
+  result["kept"] = found.kept;
+  result["without_distance"] = found.without_distance;
+  result["ambiguous"] = found.ambiguous;
+  result["out_of_range"] = found.out_of_range;
+  result["extrapolated"] = found.extrapolated;
+  result["extrapolated_column"] = found.extrapolated_column;
+  return result;
+}
+
 }  // namespace
 
 void bind_ingest(py::module_& module) {
+  module.def("correct_bag", &correct_bag);
   module.def("is_bag", &ingest::is_bag);
   module.def("extract_job", &extract_job);
   module.def("import_job", &import_job);

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reports, raw scans, published data sets, pickling."""
 import copy
+import dataclasses
 import locale
 import multiprocessing
 import os
@@ -245,3 +246,28 @@ def test_load_reads_a_bag_as_extract_does(tmp_path):
 def test_load_takes_no_options_of_a_bag_for_a_recording(source):
     with pytest.raises(TypeError, match="topic: of a bag"):
         rangecal.load(source / "notebooks_data/field-layout", topic="/scan")
+
+
+def test_a_bag_is_corrected_as_the_program_does(calibration, command, tmp_path):
+    scans = scans_of([(1.2, 1.5), (-1.0, 0.8), (0.3, -1.4)], [(0.0, 0.0)] * 3, beams=720)
+    bag, saved = tmp_path / "run.mcap", tmp_path / "cal.json"
+    bag.write_bytes(mcap_of(scans))
+    calibration.save(saved)
+    command("correct", saved, bag, "-o", tmp_path / "theirs.mcap", "--keep-raw", "/raw")
+    stages = []
+    done = rangecal.correct_bag(saved, bag, tmp_path / "ours.mcap", keep_raw="/raw", progress=lambda *told: stages.append(told))
+    assert (tmp_path / "ours.mcap").read_bytes() == (tmp_path / "theirs.mcap").read_bytes()
+    assert done.topic == "/scan" and done.messages == 3 and done.readings == 3 * 720
+    assert done.corrected + done.kept + done.without_distance == done.readings and done.corrected > 0
+    assert "corrected" in repr(done) and stages[-1][1] <= 1.0
+    again = rangecal.correct_bag(calibration, str(bag), tmp_path / "object.mcap")
+    assert again == dataclasses.replace(done, format=again.format)
+    for wrong, words in (((tmp_path / "none.mcap", tmp_path / "out.mcap"), "none.mcap"), ((bag, bag), "run.mcap"),
+                         ((bag, tmp_path / "no/folder.mcap"), "no")):
+        with pytest.raises(rangecal.InputError, match=words):
+            rangecal.correct_bag(calibration, *wrong)
+    with pytest.raises(rangecal.InputError, match="/none"):
+        rangecal.correct_bag(calibration, bag, tmp_path / "out.mcap", topic="/none")
+    with pytest.raises(TypeError, match="calibration"):
+        rangecal.correct_bag(3.0, bag, tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()

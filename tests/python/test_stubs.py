@@ -24,9 +24,10 @@ def test_every_public_name_is_in_the_stubs():
 
 
 def test_every_member_is_in_the_stubs(source, field, calibration, diagnosis, eccentric):
+    scan = rangecal.CorrectedBag(*[""] * 3, *[0] * 10)
     comparison = rangecal.compare(field, methods=["closed-form", "marginal"], check=True)
     examples = [field, field.sensor, calibration, comparison, comparison.scores[0], comparison.models[0],
-                rangecal.compare_curves(calibration, calibration), rangecal.correct(calibration, 1.0), diagnosis,
+                rangecal.compare_curves(calibration, calibration), rangecal.correct(calibration, 1.0), scan, diagnosis,
                 diagnosis.before, diagnosis.location[0], diagnosis.explanations[0], diagnosis.members[0],
                 diagnosis.explanations[0].parameters[0], diagnosis.next_experiments[0], diagnosis.unseen[0],
                 rangecal.study(source / "notebooks_data/studies/quick.yaml", repeats=2),
