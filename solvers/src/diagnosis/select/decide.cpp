@@ -125,6 +125,23 @@ double margin_over_curve(const ActiveEffect& name, const Hypotheses& table, std:
   return std::numeric_limits<double>::infinity();
 }
 
+/// Nats by which the likeliest set, its formulas as they stand, is likelier than the set that has in place of one of its names a curve
+/// of its channel and covariate. Where it is not, it is the allowance for a formula that is off that keeps the name: the shape is another.
+double margin_as_it_stands(const ActiveEffect& name, const Hypotheses& table, std::size_t known) {
+  const auto as_it_stands = [](const Hypothesis& h) { return h.log_posterior - h.formula_allowance; };
+  std::vector<std::string> rest = member_names(table.front()->fit.model, known);
+  std::erase(rest, member_name(*name.effect));
+  double margin = std::numeric_limits<double>::infinity();
+  for (const auto& h : table) {
+    Model others = h->fit.model;
+    if (std::erase_if(others,
+                      [&](const ActiveEffect& a) { return is_curve_along(a, name.effect->info()); }) == 1 &&
+        member_names(others, known) == rest)
+      margin = std::min(margin, as_it_stands(*table.front()) - as_it_stands(*h));
+  }
+  return margin;
+}
+
 /// Probability of sets that the linearised problem makes likely and that were not fitted, over these and those that were.
 double omitted_probability(const Hypotheses& table, std::size_t known) {
   std::set<std::vector<std::string>> fitted;
@@ -219,6 +236,8 @@ Named named_of(const Rows& rows, const Hypotheses& table, const std::vector<doub
         probability < 0.5 ? "refused, another name is as probable"
         : margin_over_curve(member, table, known) < priors.over_curve
             ? "refused, a curve without a name is hardly less likely in its place"
+        : margin_as_it_stands(member, table, known) < -priors.formula_misses * worth
+            ? "refused, a curve of its own covariate is likelier than its formula as it stands"
         : worth < least ? "refused, worth too little beside the others"
         : worth < share * curve_along(*member.effect, table, known)
             ? "refused, worth too little beside a curve of its own channel and covariate"

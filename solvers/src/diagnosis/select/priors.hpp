@@ -22,6 +22,9 @@ struct SelectionPriors {
   /// The same of what the strongest of them is worth: a formula that is a tenth off leaves a hundredth of its own worth to others,
   /// whatever the shape.
   double formula_leaves = 0.01;
+  /// Of what a name is worth: by so much a curve of its channel and covariate may be likelier than its formula as it stands, the
+  /// allowance for formulas that are off not counted. A tenth leaves a hundredth; beyond that the shape is another one.
+  double formula_misses = 0.04;
   /// Probability that the formulas of names are not exact, and by how much of the change that an effect makes its shape is off
   /// then (RMS).
   double formula_is_off = 0.2, formula_error = 0.1;

@@ -42,12 +42,13 @@ class Decide : public ::testing::Test {
   }
 
   /// One set of the table.
-  void add(const Model& model, double log_posterior) {
+  void add(const Model& model, double log_posterior, double formula_allowance = 0.0) {
     auto h = std::make_unique<Hypothesis>();
     h->fit = seed().fit;
     if (!model.empty()) h->fit = refit(seed().rows, model, seed().fit.state, seed().options);
     ASSERT_TRUE(h->fit.ok);
     h->log_posterior = log_posterior;
+    h->formula_allowance = formula_allowance;
     table_.push_back(std::move(h));
   }
 
@@ -137,6 +138,16 @@ TEST_F(Decide, ANameThatACurveMayReplaceIsNotGiven) {
     const std::vector<std::string> names = names_of(decided());
     EXPECT_EQ(names.size(), margin < 1.5 ? 1u : 2u);
     EXPECT_EQ(std::count(names.begin(), names.end(), "beam_offset"), 1);
+  }
+}
+
+TEST_F(Decide, ANameWhoseShapeIsAnotherIsNotGiven) {
+  // Its formula as it stands is likelier than a curve of its own place by 5 nats less the allowance: below -4 of its 100 it is another.
+  for (const double allowance : {8.0, 12.0}) {
+    add({name("bearing_drift")}, 100.0, allowance);
+    add({curve(CurveChannel::bearing, "bearing", "time")}, 95.0);
+    add({}, 0.0);
+    EXPECT_EQ(decided().verdict, allowance < 9.0 ? Verdict::explained : Verdict::unexplained);
   }
 }
 
