@@ -25,6 +25,7 @@ constexpr double step_that_matters =
     1.0 / 15.0;                           ///< of the spread: less adds four ten-thousandths to the variance
 constexpr double many_alike = 1.0 / 6.0;  ///< of the neighbours among a cell's values
 constexpr int enough_repeats = 5;         ///< of a cell, to show its grid
+constexpr int fewest_repeats = 20;        ///< of all cells, each but its first, to tell the spread
 
 Question question(const char* channel, const char* covariate, const char* shape, double log_p) {
   Question q;
@@ -158,7 +159,7 @@ double spread_about_neighbours(const Rows& rows) {
   return sizes.empty() ? 0.0 : upper_median(std::move(sizes)) / median_of_normal_size;
 }
 
-/// Spread of the repeats of a cell, by all cells together; 0 without repeats. `less`: difference of two values.
+/// Spread of the repeats of a cell, by all cells together; NaN of too few. `less`: difference of two values.
 template <typename Less>
 double spread_of_repeats(const Rows& rows, const std::vector<double>& values, Less less) {
   double squares = 0.0;
@@ -169,7 +170,7 @@ double spread_of_repeats(const Rows& rows, const std::vector<double>& values, Le
     squares += (of_cell - of_cell.mean()).square().sum();
   }
   const int dof = static_cast<int>(rows.size()) - rows.cell_count;
-  return dof > 0 ? std::sqrt(squares / dof) : 0.0;
+  return dof >= fewest_repeats ? std::sqrt(squares / dof) : std::numeric_limits<double>::quiet_NaN();
 }
 
 /// The grid of ranges that repeat too little to show it within a cell: all of them lie on one, in range or in 1/r.
@@ -182,7 +183,8 @@ GridEvidence grid_without_repeats(const Rows& rows) {
   std::vector<double> inverse = rows.range_m;
   for (double& value : inverse) value = 1.0 / value;
   const std::optional<double> step = common_step(rows.range_m), of_inverse = common_step(inverse);
-  if ((rows.pairs && !(spread > 0.0)) || (!step && !of_inverse)) return evidence;
+  const bool told = rows.pairs ? spread > 0.0 : spread >= 0.0;
+  if (!told || (!step && !of_inverse)) return evidence;
   const double middle = upper_median(rows.range_m);
   evidence.repeated = 1.0;
   evidence.step = step ? *step : *of_inverse * middle * middle;
@@ -197,11 +199,12 @@ GridEvidence grid_without_repeats(const Rows& rows) {
 GridEvidence bearing_grid_without_repeats(const Rows& rows) {
   GridEvidence evidence;
   const std::optional<double> step = common_step(rows.bearing_rad);
-  if (!step) return evidence;
+  const double spread =
+      spread_of_repeats(rows, rows.bearing_rad, [](double a, double b) { return wrap_angle(a - b); });
+  if (!step || !(spread >= 0.0)) return evidence;
   evidence.repeated = 1.0;
   evidence.step = *step;
-  evidence.step_over_spread =
-      *step / spread_of_repeats(rows, rows.bearing_rad, [](double a, double b) { return wrap_angle(a - b); });
+  evidence.step_over_spread = *step / spread;
   return evidence;
 }
 

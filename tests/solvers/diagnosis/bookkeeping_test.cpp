@@ -123,24 +123,25 @@ TEST(Gaps, EverywhereAreNoDropout) {
   EXPECT_FALSE(names_dropout(rows_with_gaps([](int k, int l) { return (k + l) % 2; })));
 }
 
-/// Ten stops on the x axis, two landmarks, three readings of each; `rounded` makes of a range what the sensor says. Bearings lie on a
+/// Ten stops along the x axis, two landmarks, three readings of each; `rounded` makes of a range what the sensor says. Bearings lie on a
 /// grid of that step and 1 mrad, or on none.
 template <typename Rounded>
-Bookkeeping found_in_few_repeats(const Rounded& rounded, double bearing_step_rad = 0.0) {
+Bookkeeping found_in_few_repeats(const Rounded& rounded, double bearing_step_rad = 0.0, int stops = 10,
+                                 int repeats = 3) {
   Recording recording;
   recording.kind = RecordingKind::landmarks;
   recording.landmarks = {{"a", 0.0, {}}, {"b", 0.0, {}}};
   const std::array<Eigen::Vector2d, 2> axes{Eigen::Vector2d(-1.0, 1.0), Eigen::Vector2d(6.2, -1.0)};
   Random random(seed_from("found_in_few_repeats", {1}));
-  for (int k = 0; k < 10; ++k) {
+  for (int k = 0; k < stops; ++k) {
     Stop stop;
     stop.label = std::to_string(k);
-    stop.commanded = {0.5 * k, 0.0, 0.0};
+    stop.commanded = {5.0 * k / stops, 0.0, 0.0};
     stop.sigma_xy_m = 0.01;
     recording.stops.push_back(stop);
     for (int l = 0; l < 2; ++l)
-      for (int j = 0; j < 3; ++j) {
-        const Eigen::Vector2d v = axes[static_cast<std::size_t>(l)] - Eigen::Vector2d(0.5 * k, 0.0);
+      for (int j = 0; j < repeats; ++j) {
+        const Eigen::Vector2d v = axes[static_cast<std::size_t>(l)] - Eigen::Vector2d(5.0 * k / stops, 0.0);
         const double range = v.norm() * (1.0 + random.normal(0.0, 1e-2));
         double bearing = std::atan2(v.y(), v.x()) + random.normal(0.0, 1e-3);
         if (bearing_step_rad > 0.0)
@@ -169,6 +170,11 @@ TEST(Grids, OfFewRepeatsOfBearings) {
   ASSERT_EQ(found.model.size(), 1u);
   EXPECT_EQ(found.model[0].effect->info().id, "bearing_quantisation");
   EXPECT_NEAR(found.model[0].parameters[0], 0.002, 1e-9);
+}
+
+TEST(Grids, OfBearingsThatNeverRepeatAreNotJudged) {
+  // Against what spread?
+  EXPECT_TRUE(found_in_few_repeats([](double range) { return range; }, 0.002, 60, 1).model.empty());
 }
 
 TEST(Grids, OfFewRepeatsInMetres) {
