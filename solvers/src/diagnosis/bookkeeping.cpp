@@ -256,6 +256,26 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   return evidence;
 }
 
+/// The grid of ranges, by the cells with repeats enough. Values of landmarks that few cells repeat have the step that all of them have:
+/// the smallest gap of a cell is one of its noise.
+GridEvidence grid_of_ranges(const Rows& rows) {
+  if (rows.context.largest_cell < enough_repeats) return grid_without_repeats(rows);
+  const GridEvidence of_cells = grid_of_values(rows, rows.range_m);
+  if (rows.pairs || of_cells.share > many_alike) return of_cells;
+  const GridEvidence of_all = grid_without_repeats(rows);
+  return of_all.step > 0.0 ? of_all : of_cells;
+}
+
+/// The same of bearings.
+GridEvidence grid_of_bearings(const Rows& rows) {
+  if (rows.pairs) return {};
+  if (rows.context.largest_cell < enough_repeats) return bearing_grid_without_repeats(rows);
+  const GridEvidence of_cells = grid_of_values(rows, rows.bearing_rad);
+  if (of_cells.share > many_alike) return of_cells;
+  const GridEvidence of_all = bearing_grid_without_repeats(rows);
+  return of_all.step > 0.0 ? of_all : of_cells;
+}
+
 void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
   Eigen::VectorXd p = Eigen::VectorXd::Zero(2);
   if (range.disparity_scatter < range.step_scatter)
@@ -324,11 +344,7 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
 
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
-  const bool repeated = rows.context.largest_cell >= enough_repeats;
-  const GridEvidence range = repeated ? grid_of_values(rows, rows.range_m) : grid_without_repeats(rows),
-                     bearing = repeated     ? grid_of_values(rows, rows.bearing_rad)
-                               : rows.pairs ? GridEvidence()
-                                            : bearing_grid_without_repeats(rows);
+  const GridEvidence range = grid_of_ranges(rows), bearing = grid_of_bearings(rows);
   // Rounding far below the spread repeats a value now and then and can be ignored: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {
@@ -338,7 +354,7 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   const auto coarse = [](const GridEvidence& e) {
     return !(e.step_over_spread > 0.0) || e.step_over_spread > 1.0;
   };
-  const bool on_range = matters(range), on_bearing = !rows.pairs && matters(bearing);
+  const bool on_range = matters(range), on_bearing = matters(bearing);
   // Of readings without repeats only a sequence is judged beside a grid: errors that wander have a name there.
   const bool coarse_range = coarse(range) || (!has_repeats(rows) && rows.sequence.empty());
   found.coarse = (on_range && coarse_range) || (on_bearing && coarse(bearing));

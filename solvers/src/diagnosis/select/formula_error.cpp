@@ -70,8 +70,8 @@ std::pair<Eigen::VectorXd, Eigen::VectorXd> change_of(const Rows& rows, const Pr
   return u;
 }
 
-/// u g_j of one member, each of the size of u where u is taken out of it; of a member that moves stops, of what the calibration leaves of
-/// u: it takes up nearly all of a path that is longer by one factor, and a tenth of that is no error of a formula.
+/// u g_j of one member, each of the size of u where u is taken out of it; of a change of the stops that curve and landmarks take up nearly
+/// whole, of what the calibration leaves of it: a tenth of a path that is longer by one factor is no error of a formula.
 void add_changes_of_shape(const Rows& rows, const Projector& projector, const ActiveEffect& active,
                           std::vector<Signature>& shapes, std::vector<double>& prior_variances, double size) {
   const Eigen::MatrixXd g = shapes_along_covariate(rows, projector.geometry(), active.effect->info());
@@ -79,7 +79,9 @@ void add_changes_of_shape(const Rows& rows, const Projector& projector, const Ac
   const auto [range, bearing] = change_of(rows, projector, active);
   if (!range.allFinite() || !bearing.allFinite()) return;
   const Signature u = projector.of_rows(range, bearing);
-  const bool is_left = active.effect->acts_on_stops();
+  constexpr double nearly_all = 0.99;
+  const bool is_left = active.effect->acts_on_stops() &&
+                       projector.beside_known_stops(u) < (1.0 - nearly_all) * projector.raw_information(u);
   const Eigen::VectorXd projected = is_left ? projector.project(u) : Eigen::VectorXd();
   const auto beside_u = [&](const Signature& x) {
     return is_left ? projector.inner(x, projected, u) : projector.raw_inner(x, u);
