@@ -48,10 +48,9 @@ def header(stamp, frame):
     return (("i", int(stamp)), ("I", round(1e9 * (stamp % 1.0))), ("I", len(name)), (f"{len(name)}s", name))
 
 
-def laser_scan(stamp, first, ranges):
-    step = 2 * np.pi / BEAMS
-    return cdr(*header(stamp, "laser"), ("f", first), ("f", first + step * (BEAMS - 1)), ("f", step), ("f", 0.0), ("f", 0.1), ("f", 0.1), ("f", 8.0),
-               ("I", len(ranges)), (f"{len(ranges)}f", *ranges), ("I", 0))
+def laser_scan(stamp, first, step, ranges):
+    return cdr(*header(stamp, "laser"), ("f", first), ("f", first + step * (len(ranges) - 1)), ("f", step), ("f", 0.0), ("f", 0.1),
+               ("f", 0.05), ("f", 30.0), ("I", len(ranges)), (f"{len(ranges)}f", *ranges), ("I", 0))
 
 
 def odometry(stamp, x, y, heading):
@@ -59,28 +58,35 @@ def odometry(stamp, x, y, heading):
                ("7d", x, y, 0.0, 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)), ("78d", *[0.0] * 78))
 
 
-def write(path, seed=1):
-    """A robot drives, stands at twelve places and scans seven pipes: /scan and /odom, an MCAP file of ROS 2."""
+def mcap(topics, messages):
+    """An MCAP file of ROS 2 without chunks and index: topics by name, each its type; messages (topic, stamp [s], bytes)."""
     def text(words):
         return struct.pack("<I", len(words)) + words.encode()
 
     def record(opcode, content):
         return struct.pack("<BQ", opcode, len(content)) + content
 
-    rng = np.random.default_rng(seed)
-    out = b"\x89MCAP0\r\n" + record(1, text("ros2") + text("rangecal, stand_in_bag.py"))
-    for number, (topic, kind) in enumerate((("/scan", "sensor_msgs/msg/LaserScan"), ("/odom", "nav_msgs/msg/Odometry")), 1):
+    magic = b"\x89MCAP0\r\n"
+    out = magic + record(1, text("ros2") + text("rangecal, stand_in_bag.py"))
+    for number, (topic, kind) in enumerate(topics.items(), 1):
         out += record(3, struct.pack("<H", number) + text(kind) + text("ros2msg") + text(""))
         out += record(4, struct.pack("<HH", number, number) + text(topic) + text("cdr") + text(""))
-    stamp, sequence = 100.0, 0
+    for sequence, (topic, stamp, message) in enumerate(messages):
+        time = int(1e9 * stamp)
+        out += record(5, struct.pack("<HIQQ", 1 + list(topics).index(topic), sequence, time, time) + message)
+    return out + record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + magic
+
+
+def write(path, seed=1):
+    """A robot drives, stands at twelve places and scans seven pipes: /scan and /odom, an MCAP file of ROS 2."""
+    rng = np.random.default_rng(seed)
+    stamp, messages = 100.0, []
     for x, y, heading in STOPS:
         there = (x + ODOMETRY * rng.standard_normal(), y + ODOMETRY * rng.standard_normal(), heading)
         for _ in range(SCANS):
-            for channel, message in ((2, odometry(stamp, x, y, heading)), (1, laser_scan(stamp, *scan_at(*there, stamp - 100.0, rng)))):
-                time = int(1e9 * stamp)
-                out += record(5, struct.pack("<HIQQ", channel, sequence, time, time) + message)
-                sequence += 1
+            first, ranges = scan_at(*there, stamp - 100.0, rng)
+            messages.append(("/odom", stamp, odometry(stamp, x, y, heading)))
+            messages.append(("/scan", stamp, laser_scan(stamp, first, 2 * np.pi / BEAMS, ranges)))
             stamp += 0.2
         stamp += 3.0
-    out += record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + b"\x89MCAP0\r\n"
-    path.write_bytes(out)
+    path.write_bytes(mcap({"/scan": "sensor_msgs/msg/LaserScan", "/odom": "nav_msgs/msg/Odometry"}, messages))

@@ -5,9 +5,9 @@
 //   position  s_k = s_(k-1) + Rot(kappa (l_(k-1) + l_k) / 2) (c_k - c_(k-1))     [m]
 //     l_k path length driven [m]; c_k commanded positions
 //
-// A gyro that creeps evenly does the same to a robot that drives evenly. The chord of an arc has its mean direction; a lateral shift of kappa l^2 / 2 on a straight line. kappa =
-// (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track. Source: derived: wheels of unequal diameter;
-// UMBmark (Borenstein and Feng).
+// A gyro that creeps evenly does the same to a robot that drives evenly. The chord of an arc has its mean direction; a lateral
+// shift of kappa l^2 / 2 on a straight line. kappa = (E_d - 1) / w_b [1/m], E_d ratio of the wheels' diameters, w_b track.
+// Source: derived: wheels of unequal diameter; UMBmark (Borenstein and Feng).
 #include <cmath>
 
 #include "rangecal/problems/effects/effect.hpp"

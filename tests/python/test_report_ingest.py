@@ -7,8 +7,8 @@ import multiprocessing
 import os
 import pathlib
 import pickle
-import struct
 import subprocess
+import sys
 
 import numpy as np
 import pandas
@@ -16,6 +16,9 @@ import pytest
 from conftest import scans_of
 
 import rangecal
+
+sys.path.append(str(pathlib.Path(__file__).parents[2] / "notebooks_data"))
+import stand_in_bag  # noqa: E402
 
 
 def write(result, path):
@@ -197,26 +200,12 @@ def test_damaged_bytes_are_refused(field):
 
 
 def mcap_of(scans):
-    """A table of scans as an MCAP file: no chunks, no index, LaserScan messages of ROS 2 in little-endian CDR."""
-    def text(words):
-        return struct.pack("<I", len(words)) + words.encode()
-
-    def record(opcode, content):
-        return struct.pack("<BQ", opcode, len(content)) + content
-
-    magic = b"\x89MCAP0\r\n"
-    out = magic + record(1, text("ros2") + text("tests"))
-    out += record(3, struct.pack("<H", 1) + text("sensor_msgs/msg/LaserScan") + text("ros2msg") + text(""))
-    out += record(4, struct.pack("<HH", 1, 1) + text("/scan") + text("cdr") + text(""))
-    table = pandas.DataFrame(scans)
-    for number, (stamp, one) in enumerate(table.groupby("stamp")):
-        angles, ranges = one.angle_rad.to_numpy(), one.range_m.to_numpy()
-        cdr = struct.pack("<iI", int(stamp), 0) + struct.pack("<I", 6) + b"laser\0" + b"\0\0"
-        cdr += struct.pack("<7f", angles[0], angles[-1], angles[1] - angles[0], 0.0, 0.1, 0.05, 30.0)
-        cdr += struct.pack("<I", len(ranges)) + struct.pack(f"<{len(ranges)}f", *ranges) + struct.pack("<I", 0)
-        time = int(1e9 * stamp)
-        out += record(5, struct.pack("<HIQQ", 1, number, time, time) + b"\0\1\0\0" + cdr)
-    return out + record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + magic
+    """A table of scans as an MCAP file."""
+    messages = []
+    for stamp, one in pandas.DataFrame(scans).groupby("stamp"):
+        angles = one.angle_rad.to_numpy()
+        messages.append(("/scan", stamp, stand_in_bag.laser_scan(stamp, angles[0], angles[1] - angles[0], one.range_m.to_numpy())))
+    return stand_in_bag.mcap({"/scan": "sensor_msgs/msg/LaserScan"}, messages)
 
 
 def test_load_reads_a_bag_as_extract_does(tmp_path):

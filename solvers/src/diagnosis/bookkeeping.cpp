@@ -256,24 +256,15 @@ GridEvidence grid_of_values(const Rows& rows, const std::vector<double>& values)
   return evidence;
 }
 
-/// The grid of ranges, by the cells with repeats enough. Values of landmarks that few cells repeat have the step that all of them have:
-/// the smallest gap of a cell is one of its noise.
-GridEvidence grid_of_ranges(const Rows& rows) {
-  if (rows.context.largest_cell < enough_repeats) return grid_without_repeats(rows);
-  const GridEvidence of_cells = grid_of_values(rows, rows.range_m);
+/// The grid of values by the cells with repeats enough, or by all of them, as `of_all` has it. Where few neighbours in the cells of landmarks
+/// are alike it is that of all: the smallest gap of a cell is one of its noise.
+GridEvidence grid_of(const Rows& rows, const std::vector<double>& values,
+                     GridEvidence (*of_all)(const Rows&)) {
+  if (rows.context.largest_cell < enough_repeats) return of_all(rows);
+  const GridEvidence of_cells = grid_of_values(rows, values);
   if (rows.pairs || of_cells.share > many_alike) return of_cells;
-  const GridEvidence of_all = grid_without_repeats(rows);
-  return of_all.step > 0.0 ? of_all : of_cells;
-}
-
-/// The same of bearings.
-GridEvidence grid_of_bearings(const Rows& rows) {
-  if (rows.pairs) return {};
-  if (rows.context.largest_cell < enough_repeats) return bearing_grid_without_repeats(rows);
-  const GridEvidence of_cells = grid_of_values(rows, rows.bearing_rad);
-  if (of_cells.share > many_alike) return of_cells;
-  const GridEvidence of_all = bearing_grid_without_repeats(rows);
-  return of_all.step > 0.0 ? of_all : of_cells;
+  const GridEvidence found = of_all(rows);
+  return found.step > 0.0 ? found : of_cells;
 }
 
 void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
@@ -344,7 +335,9 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
 
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
-  const GridEvidence range = grid_of_ranges(rows), bearing = grid_of_bearings(rows);
+  const GridEvidence range = grid_of(rows, rows.range_m, grid_without_repeats),
+                     bearing = rows.pairs ? GridEvidence()
+                                          : grid_of(rows, rows.bearing_rad, bearing_grid_without_repeats);
   // Rounding far below the spread repeats a value now and then and can be ignored: steps of a fifteenth of the
   // spread, or a sixth of all neighbours alike, are a grid that matters.
   const auto matters = [](const GridEvidence& e) {

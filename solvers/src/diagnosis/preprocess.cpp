@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "diagnosis/bookkeeping.hpp"
 #include "rangecal/core/errors.hpp"
@@ -69,13 +70,21 @@ std::vector<std::string> derived_covariates(const Recording& recording) {
   return names;
 }
 
-/// Names of the covariates that say how uncertain a reading is.
-std::vector<std::string> uncertainties(const Recording& recording) {
-  std::vector<std::string> names;
+/// Covariates from which no physics can be read, and why.
+std::vector<std::pair<std::string, const char*>> unused_covariates(const Recording& recording) {
+  std::vector<std::pair<std::string, const char*>> unused;
   for (const char* name : {range_sd_column, bearing_sd_column})
-    if (recording.readings.covariates.count(name) > 0 || recording.pairs.covariates.count(name) > 0)
-      names.push_back(name);
-  return names;
+    unused.emplace_back(name, "it says how uncertain a reading is, and nothing of what made it");
+  for (const std::string& name : derived_covariates(recording))
+    unused.emplace_back(
+        name,
+        "it follows the reading's own error from repeat to repeat, so that it was computed from the reading");
+  std::erase_if(unused, [&](const auto& column) {
+    return recording.readings.covariates.count(column.first) +
+               recording.pairs.covariates.count(column.first) ==
+           0;
+  });
+  return unused;
 }
 
 /// sigma_xy by `marginal`; half its upper limit where the estimate is 0. None where nothing can be said.
@@ -97,34 +106,22 @@ std::optional<double> estimated_sigma_xy(std::vector<Recording> recordings) {
 std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
   Preprocessed result;
   const std::vector<std::string> unseen = unseen_landmarks(recordings);
-  struct Columns {
-    std::vector<std::string> uncertain, derived;
-  };
-  std::vector<Columns> unused;
-  for (const Recording& recording : recordings)
-    unused.push_back({uncertainties(recording), derived_covariates(recording)});
+  std::vector<std::vector<std::pair<std::string, const char*>>> unused;
+  for (const Recording& recording : recordings) unused.push_back(unused_covariates(recording));
   const bool estimate = std::any_of(recordings.begin(), recordings.end(),
                                     [](const Recording& r) { return r.estimate_sigma_xy; });
-  const bool drops = std::any_of(unused.begin(), unused.end(), [](const Columns& columns) {
-    return !columns.uncertain.empty() || !columns.derived.empty();
-  });
+  const bool drops =
+      std::any_of(unused.begin(), unused.end(), [](const auto& columns) { return !columns.empty(); });
   if (unseen.empty() && !drops && !estimate) return std::nullopt;
   result.recordings = with_seen_landmarks(recordings);
   if (!unseen.empty())
     result.notes.push_back(fmt::format("left out, never seen: landmark {}", fmt::join(unseen, ", ")));
-  for (std::size_t i = 0; i < unused.size(); ++i) {
-    const auto leave_out = [&](const std::string& name, const char* because) {
+  for (std::size_t i = 0; i < unused.size(); ++i)
+    for (const auto& [name, because] : unused[i]) {
       Recording& recording = result.recordings[i];
       if (recording.readings.covariates.erase(name) + recording.pairs.covariates.erase(name) > 0)
         result.notes.push_back(fmt::format("column {} was not used: {}", name, because));
-    };
-    for (const std::string& name : unused[i].uncertain)
-      leave_out(name, "it says how uncertain a reading is, and nothing of what made it");
-    for (const std::string& name : unused[i].derived)
-      leave_out(
-          name,
-          "it follows the reading's own error from repeat to repeat, so that it was computed from the reading");
-  }
+    }
   if (estimate) {
     const std::optional<double> sigma = estimated_sigma_xy(result.recordings);
     for (Recording& recording : result.recordings) {
