@@ -75,8 +75,12 @@ TEST(PreciseReadings, ShowASlipOfTenStandardDeviationsOfAStop) {
   ASSERT_EQ(diagnosis.final_effects, std::vector<std::string>{"wheel_slip"}) << diagnosis.sentence;
   const std::vector<EffectEstimate>& parameters = diagnosis.explanations.at(0).parameters;
   for (const EffectEstimate& p : parameters) {
-    if (p.name == "wheel_slip.distance_m") EXPECT_NEAR(p.estimate, 0.05, 3.0 * p.std_dev);
-    if (p.name == "wheel_slip.stop") EXPECT_EQ(p.estimate, 7.0);
+    if (p.name == "wheel_slip.distance_m") {
+      EXPECT_NEAR(p.estimate, 0.05, 3.0 * p.std_dev);
+    }
+    if (p.name == "wheel_slip.stop") {
+      EXPECT_EQ(p.estimate, 7.0);
+    }
   }
 }
 
