@@ -20,88 +20,11 @@
 namespace rangecal::diagnosis {
 namespace {
 
-constexpr double certain = -200.0;  ///< ln p of what cannot happen under the seed model
 constexpr double step_that_matters =
     1.0 / 15.0;                           ///< of the spread: less adds four ten-thousandths to the variance
 constexpr double many_alike = 1.0 / 6.0;  ///< of the neighbours among a cell's values
 constexpr int enough_repeats = 5;         ///< of a cell, to show its grid
 constexpr int fewest_repeats = 20;        ///< of all cells, each but its first, to tell the spread
-
-Question question(const char* channel, const char* covariate, const char* shape, double log_p) {
-  Question q;
-  q.channel = channel;
-  q.covariate = covariate;
-  q.shape = shape;
-  q.of = Question::Of::scalar;
-  q.log_p = log_p;
-  q.statistic = -2.0 * log_p;
-  q.gain = -log_p;
-  return q;
-}
-
-void correct_labels(Recording& recording, Bookkeeping& found) {
-  Readings& r = recording.readings;
-  if (r.size() == 0) return;
-  const int landmarks = static_cast<int>(recording.landmarks.size());
-  std::vector<Eigen::Vector2d> at(r.size());
-  std::vector<std::vector<double>> xs(landmarks), ys(landmarks);
-  for (std::size_t i = 0; i < r.size(); ++i) {
-    const Pose2& pose = recording.stops[r.stop[i]].commanded;
-    const double reach = r.range_m[i] + recording.landmarks[r.landmark[i]].radius_m;
-    const double direction = pose.heading_rad + r.bearing_rad[i];
-    at[i] = {pose.x_m + reach * std::cos(direction), pose.y_m + reach * std::sin(direction)};
-    xs[r.landmark[i]].push_back(at[i].x());
-    ys[r.landmark[i]].push_back(at[i].y());
-  }
-  std::vector<Eigen::Vector2d> centre(landmarks, Eigen::Vector2d::Constant(1e9));
-  for (int l = 0; l < landmarks; ++l)
-    if (xs[l].size() > 2) centre[l] = {upper_median(xs[l]), upper_median(ys[l])};
-  std::vector<double> scatter;
-  for (std::size_t i = 0; i < r.size(); ++i) scatter.push_back((at[i] - centre[r.landmark[i]]).norm());
-  const double usual = std::max(0.05, upper_median(scatter));
-
-  // Mean position of each cell.
-  std::map<std::pair<int, int>, std::pair<Eigen::Vector2d, int>> cells;
-  for (std::size_t i = 0; i < r.size(); ++i) {
-    auto& [sum, count] =
-        cells.try_emplace({r.stop[i], r.landmark[i]}, Eigen::Vector2d::Zero(), 0).first->second;
-    sum += at[i];
-    ++count;
-  }
-  const auto misplaced = [&](int stop, int own, int other) {
-    const auto cell = cells.find({stop, own});
-    if (cell == cells.end()) return false;
-    const Eigen::Vector2d mean = cell->second.first / cell->second.second;
-    const double away = (mean - centre[own]).norm(), near = (mean - centre[other]).norm();
-    return away > 5.0 * usual && near < away / 3.0;
-  };
-  std::map<std::pair<int, int>, std::vector<int>> swaps;
-  for (int k = 0; k < static_cast<int>(recording.stops.size()); ++k)
-    for (int a = 0; a < landmarks; ++a)
-      for (int b = a + 1; b < landmarks; ++b)
-        if (misplaced(k, a, b) && misplaced(k, b, a)) swaps[{a, b}].push_back(k);
-  for (const auto& [pair, stops] : swaps) {
-    for (std::size_t i = 0; i < r.size(); ++i) {
-      if (std::find(stops.begin(), stops.end(), r.stop[i]) == stops.end()) continue;
-      if (r.landmark[i] == pair.first)
-        r.landmark[i] = pair.second;
-      else if (r.landmark[i] == pair.second)
-        r.landmark[i] = pair.first;
-    }
-    const Effect* effect = find_effect("label_swap");
-    Eigen::VectorXd p(4);
-    p << pair.first, pair.second, stops.front(), stops.back();
-    found.model.push_back({effect, p});
-    Question q = question("label", "landmark", "one group", certain);
-    q.from = stops.front();
-    q.to = stops.back();
-    q.group = recording.landmarks[pair.first].label + ", " + recording.landmarks[pair.second].label;
-    found.findings.push_back(q);
-    found.notes.push_back(
-        fmt::format("the labels {} were exchanged at {} stop(s); they were put back before fitting", q.group,
-                    stops.size()));
-  }
-}
 
 /// Share of values of the cells that repeat another of the same cell to the last digit, and the median step.
 struct GridEvidence {
@@ -274,7 +197,7 @@ void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
   else
     p[1] = range.step;
   found.model.push_back({find_effect("quantisation"), p});
-  Question q = question("grid", "range", "steps", certain);
+  Question q = bookkeeping_question("grid", "range", "steps", certain);
   q.size = range.step;
   found.findings.push_back(q);
 }
@@ -282,6 +205,18 @@ void add_range_grid(const GridEvidence& range, Bookkeeping& found) {
 bool has_repeats(const Rows& rows) { return !rows.pairs || rows.context.largest_cell >= 2; }
 
 }  // namespace
+
+Question bookkeeping_question(const char* channel, const char* covariate, const char* shape, double log_p) {
+  Question q;
+  q.channel = channel;
+  q.covariate = covariate;
+  q.shape = shape;
+  q.of = Question::Of::scalar;
+  q.log_p = log_p;
+  q.statistic = -2.0 * log_p;
+  q.gain = -log_p;
+  return q;
+}
 
 bool add_grid_beside(const Rows& rows, const JointState& state, Bookkeeping& known) {
   if (has_grid(known.model) || has_repeats(rows)) return false;
@@ -326,13 +261,6 @@ bool drop_fine_grids(const Rows& rows, const JointState& state, Bookkeeping& kno
   return any;
 }
 
-Bookkeeping correct_labels(std::vector<Recording>& recordings) {
-  Bookkeeping found;
-  for (Recording& recording : recordings)
-    if (recording.kind == RecordingKind::landmarks) correct_labels(recording, found);
-  return found;
-}
-
 Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Bookkeeping found;
   const GridEvidence range = grid_of(rows, rows.range_m, grid_without_repeats),
@@ -358,7 +286,7 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
     Eigen::VectorXd p = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parameters.size()));
     p[0] = bearing.step;
     found.model.push_back({effect, p});
-    Question q = question("grid", "sensor_bearing", "steps", certain);
+    Question q = bookkeeping_question("grid", "sensor_bearing", "steps", certain);
     q.size = bearing.step;
     found.findings.push_back(q);
   }
@@ -375,7 +303,7 @@ Bookkeeping find_grids_and_gaps(const Rows& rows) {
   Eigen::VectorXd p(1);
   p[0] = *std::max_element(rows.range_m.begin(), rows.range_m.end());
   found.model.push_back({effect, p});
-  Question q = question("detection", "range", "linear", std::log(gaps.chance));
+  Question q = bookkeeping_question("detection", "range", "linear", std::log(gaps.chance));
   q.from = gaps.from_m;
   q.size = gaps.missing / gaps.expected;
   found.findings.push_back(q);

@@ -18,10 +18,10 @@ struct Bookkeeping {
   double step_beyond_noise_m = 0.0;  ///< of a grid so coarse that repeats are alike (grids.hpp), else 0
 };
 
-/// Landmarks whose cells at some stops lie where another landmark is, and the other way round: the labels are
-/// put back in `recordings`. Positions are compared by medians over the stops, so fewer than half may be
-/// wrong.
-Bookkeeping correct_labels(std::vector<Recording>& recordings);
+constexpr double certain = -200.0;  ///< ln p of what cannot happen under the seed model
+
+/// The finding of a mistake in labels, a grid or missing readings, of which chance makes one with probability exp(log_p).
+Question bookkeeping_question(const char* channel, const char* covariate, const char* shape, double log_p);
 
 /// Readings that sit on a grid coarse against their spread, and readings that are missing in dependence on
 /// distance.

@@ -284,7 +284,7 @@ double calibrate_under(const Rows& rows, const Model& model, JointState& state, 
   marginal.held = options.held;
   marginal.held.alpha = marginal.held.alpha || rows.alpha_prior.has_value();
   marginal.held.landmarks = marginal.held.landmarks || rows.pairs;
-  marginal.gradient_tolerance = 1e-4;
+  marginal.gradient_tolerance = options.gradient_tolerance;
   if (detail) marginal.begin = detail->reml;
   if (rows.pairs || model.empty()) return solve_in_turn(rows, model, state, marginal, detail);
   return Descent(rows, model, options, state).run(marginal, state, detail);

@@ -13,6 +13,7 @@
 #include "calibrate/too_few.hpp"
 #include "diagnosis/bookkeeping.hpp"
 #include "diagnosis/fit_given.hpp"
+#include "diagnosis/labels.hpp"
 #include "diagnosis/preprocess.hpp"
 #include "diagnosis/profile_limits.hpp"
 #include "diagnosis/reporting.hpp"

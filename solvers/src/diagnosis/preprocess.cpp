@@ -9,7 +9,7 @@
 #include <map>
 #include <utility>
 
-#include "diagnosis/bookkeeping.hpp"
+#include "diagnosis/labels.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/seen_landmarks.hpp"
 #include "rangecal/solvers/calibrate.hpp"
@@ -110,10 +110,25 @@ std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
   for (const Recording& recording : recordings) unused.push_back(unused_covariates(recording));
   const bool estimate = std::any_of(recordings.begin(), recordings.end(),
                                     [](const Recording& r) { return r.estimate_sigma_xy; });
+  // Labels that were exchanged are put right later on, and are no misreadings.
+  std::vector<Recording> labelled(recordings.begin(), recordings.end());
+  correct_labels(labelled);
+  std::vector<std::vector<MisreadLabel>> misread;
+  for (const Recording& recording : labelled) misread.push_back(misread_labels(recording));
+  const bool misreads = std::any_of(misread.begin(), misread.end(), [](const auto& m) { return !m.empty(); });
   const bool drops =
       std::any_of(unused.begin(), unused.end(), [](const auto& columns) { return !columns.empty(); });
-  if (unseen.empty() && !drops && !estimate) return std::nullopt;
-  result.recordings = with_seen_landmarks(recordings);
+  if (unseen.empty() && !drops && !misreads && !estimate) return std::nullopt;
+  for (std::size_t i = 0; i < misread.size(); ++i) {
+    result.recordings.push_back(without_misread(recordings[i], misread[i]));
+    if (misread[i].empty()) continue;
+    std::size_t readings = 0;
+    for (const MisreadLabel& m : misread[i]) readings += m.readings.size();
+    result.notes.push_back(fmt::format(
+        "left out, {} reading(s) in a direction in which the landmark is not (a label misread?): {}",
+        readings, in_words(misread[i], labelled[i])));
+  }
+  result.recordings = with_seen_landmarks(result.recordings);
   if (!unseen.empty())
     result.notes.push_back(fmt::format("left out, never seen: landmark {}", fmt::join(unseen, ", ")));
   for (std::size_t i = 0; i < unused.size(); ++i)

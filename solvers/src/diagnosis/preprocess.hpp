@@ -16,7 +16,7 @@ struct Preprocessed {
   std::vector<std::string> notes;
 };
 
-/// Leaves out landmarks that no reading sees, covariates that say how uncertain a reading is (`extract` writes them) and those that
+/// Leaves out readings whose label was misread, landmarks that no reading sees, covariates that say how uncertain a reading is (`extract` writes them) and those that
 /// were computed from the reading (they know its error: within the repeats of a cell they move with it), and states the sigma_xy that recordings ask to be
 /// estimated, by `marginal` with labels put right: the search needs a scale for what is too far. None where there
 /// is nothing to do.

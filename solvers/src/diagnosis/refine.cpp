@@ -42,6 +42,13 @@ RefitOptions as_they_are(const Fit& fit, RefitOptions options) {
   return options;
 }
 
+/// The same, by a few steps of the other parameters: of many places close by only the best one is fitted to the end.
+RefitOptions roughly(const Fit& fit, const RefitOptions& options) {
+  RefitOptions rough = as_they_are(fit, options);
+  rough.max_iterations = 2;
+  return rough;
+}
+
 /// Scans such parameters of a member finely around the fit. Their likelihood has steps, one
 /// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
 void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {
@@ -60,7 +67,7 @@ void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& option
         [&](std::size_t i) {
           Model model = fit.model;
           model[member].parameters[index] += (static_cast<double>(i) - reach) * step;
-          scan[i] = refit(rows, model, fit.state, as_they_are(fit, options));
+          scan[i] = refit(rows, model, fit.state, roughly(fit, options));
         },
         jobs_at_once(rows.size()));
     std::erase_if(scan, [](const Fit& moved) { return !moved.ok; });

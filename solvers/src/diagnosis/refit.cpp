@@ -52,14 +52,24 @@ bool search_lines(const Rows& rows, const RefitOptions& options, Fit& fit) {
   return kinds > 0;
 }
 
-/// Where the calibration is expected when the parameters move by `damping` of the step, to `to`.
+/// Where the calibration is expected under the parameters of `to`: it takes up what the means lose by them.
 JointState follow_parameters(const Rows& rows, const Projector& projector, const Fit& fit,
-                             const ParameterStep& step, double damping, const Model& to) {
+                             const ParameterStep& step, const Model& to) {
   if (rows.pairs) return fit.state;
+  Signature lost;  // by the means
+  lost.range.setZero(projector.cells());
+  lost.bearing.setZero(projector.cells());
+  for (std::size_t a = 0; a < fit.free.size(); ++a) {
+    const FreeParameter& p = fit.free[a];
+    if (p.acts == FreeParameter::Acts::mean)
+      lost.take_out(to[p.effect].parameters[p.index] - fit.model[p.effect].parameters[p.index],
+                    step.signatures[a]);
+  }
   const JointSystem& system = projector.system();
-  Eigen::VectorXd globals = Eigen::VectorXd::Zero(system.layout().global_count);
-  globals.head(step.phi.size()) = damping * step.phi;
-  JointState state = step_state(system.problem(), system.layout(), fit.state, globals, damping * step.stops);
+  Eigen::VectorXd globals = Eigen::VectorXd::Zero(system.layout().global_count), phi, stops;
+  projector.absorbed(lost, phi, stops);
+  globals.head(phi.size()) = phi;
+  JointState state = step_state(system.problem(), system.layout(), fit.state, globals, stops);
   const std::vector<StopPrior> before = commanded_under(rows, fit.model), after = commanded_under(rows, to);
   for (std::size_t k = 0; k < state.stops.size(); ++k) {
     const Pose2 &from = before[k].commanded, &there = after[k].commanded;
@@ -124,7 +134,7 @@ bool step_parameters(const Rows& rows, const RefitOptions& options, Fit& fit, Ma
       const double length = next.length;
       Model trial = fit.model;
       move_parameters(rows, fit.free, step->parameters, length, trial);
-      JointState state = follow_parameters(rows, projector, fit, *step, length, trial);
+      JointState state = follow_parameters(rows, projector, fit, *step, trial);
       MarginalFit trial_detail;
       trial_detail.reml = detail.reml;
       const double value = calibrate_under(rows, trial, state, options, &trial_detail);

@@ -50,6 +50,8 @@ struct RefitOptions {
   /// Places stay on the side of a switching distance, and in the mode of an oscillating effect, in which the state
   /// has them.
   bool places_stay = false;
+  /// Of the calibration's solves: Newton's decrement, in standard deviations; half its square is what is left to gain [nats].
+  double gradient_tolerance = 1e-4;
 };
 
 /// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings,

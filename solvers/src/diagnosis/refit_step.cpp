@@ -106,27 +106,27 @@ std::optional<ParameterStep> newton_parameters(const Rows& rows, const WorkingPr
                                                const Projector& projector, const Model& model,
                                                const std::vector<FreeParameter>& free) {
   const Eigen::Index n = static_cast<Eigen::Index>(free.size());
-  const ParameterSlopes slopes = parameter_slopes(rows, working, projector, model, free);
-  const Eigen::VectorXd& score = slopes.score;
+  ParameterSlopes slopes = parameter_slopes(rows, working, projector, model, free);
   const Eigen::MatrixXd information = information_of(projector, model, free, slopes);
   const Eigen::VectorXd diagonal = information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled =
-      diagonal.asDiagonal() * information * diagonal.asDiagonal() + 1e-9 * Eigen::MatrixXd::Identity(n, n);
-  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(n, n);
+  Eigen::MatrixXd scaled = diagonal.asDiagonal() * information * diagonal.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled + 1e-9 * one);
   if (factor.info() != Eigen::Success) return std::nullopt;
   ParameterStep step;
-  step.parameters = diagonal.cwiseProduct(factor.solve(diagonal.cwiseProduct(score)));
+  step.covariance = diagonal.asDiagonal() * factor.solve(one) * diagonal.asDiagonal();
+  for (Eigen::Index a = 0; a < n; ++a) {
+    if (!is_stuck(rows, model, free[a], slopes.score[a])) continue;
+    slopes.score[a] = 0.0;
+    scaled.row(a).setZero();
+    scaled.col(a).setZero();
+    scaled(a, a) = 1.0;
+  }
+  step.parameters = diagonal.cwiseProduct(
+      Eigen::LLT<Eigen::MatrixXd>(scaled + 1e-9 * one).solve(diagonal.cwiseProduct(slopes.score)));
   if (!step.parameters.allFinite()) return std::nullopt;
-  step.covariance =
-      diagonal.asDiagonal() * factor.solve(Eigen::MatrixXd::Identity(n, n)) * diagonal.asDiagonal();
-  step.predicted_gain = 0.5 * score.dot(step.parameters);
-  if (rows.pairs) return step;
-  Signature lost;  // by the means
-  lost.range.setZero(projector.cells());
-  lost.bearing.setZero(projector.cells());
-  for (Eigen::Index a = 0; a < n; ++a)
-    if (free[a].acts == FreeParameter::Acts::mean) lost.take_out(step.parameters[a], slopes.signatures[a]);
-  projector.absorbed(lost, step.phi, step.stops);
+  step.predicted_gain = 0.5 * slopes.score.dot(step.parameters);
+  step.signatures = std::move(slopes.signatures);
   return step;
 }
 

@@ -5,13 +5,12 @@
 
 namespace rangecal::diagnosis {
 
-/// One Gauss-Newton step of all mean and variance parameters.
+/// One Gauss-Newton step of all mean and variance parameters; those at a bound beyond which the likelihood rises stay there.
 struct ParameterStep {
   Eigen::VectorXd parameters;
   Eigen::MatrixXd covariance;
-  double predicted_gain = 0.0;  ///< [nats]
-  /// Of the calibration, (alpha, landmarks) and stop coordinates: they take up what the means lose by it. Empty of known distances.
-  Eigen::VectorXd phi, stops;
+  double predicted_gain = 0.0;        ///< [nats]
+  std::vector<Signature> signatures;  ///< of the parameters; empty ones of those that move no mean
 };
 
 /// That at the state of `projector`; none where nothing can move.

@@ -2,8 +2,11 @@
 // One pass over the cells: value, gradient and Hessian blocks of the joint NLL. Each cell depends on its place only
 // through (d, bearing), so that the place's own blocks are sums of the landmark's with the sign turned.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "in_parallel.hpp"
 #include "joint_ml/blocks.hpp"
@@ -219,34 +222,92 @@ void JointSystem::assemble_part(const JointState& state, HessianKind kind, std::
     sum.nll += assemble_node<NA>(state, kind, static_cast<int>(j), sum);
 }
 
+template <typename Function>
+void JointSystem::with_alpha_count(const JointState& state, int alpha_count, const Function& f) {
+  const int fixed = is_power_of_f(state.noise.law) ? alpha_count : 0;
+  if (fixed == 2)
+    f.template operator()<2>();
+  else if (fixed == 3)
+    f.template operator()<3>();
+  else if (fixed == 4)
+    f.template operator()<4>();
+  else
+    f.template operator()<0>();
+}
+
 double JointSystem::assemble(const JointState& state, HessianKind kind) {
   inverse_valid_ = false;
   const std::size_t nodes = layout_.nodes.size();
   const int parts = part_count(nodes);
   if (sums_.empty()) sums_.assign(parts, Accumulator(layout_, problem_.landmark_count()));
   if (!(state.sigma_theta_rad > 0.0)) return infinity;
-  const NoiseLaw law = state.noise.law;
-  const int fixed = !is_power_of_f(law) ? 0 : layout_.alpha_count;
-  const auto run = [&](int part) {
-    Accumulator& sum = sums_[part];
-    sum.clear();
-    const std::size_t begin = nodes * part / parts, end = nodes * (part + 1) / parts;
-    if (fixed == 2)
-      assemble_part<2>(state, kind, begin, end, sum);
-    else if (fixed == 3)
-      assemble_part<3>(state, kind, begin, end, sum);
-    else if (fixed == 4)
-      assemble_part<4>(state, kind, begin, end, sum);
-    else
-      assemble_part<0>(state, kind, begin, end, sum);
-  };
-  in_parallel(parts, run);
+  with_alpha_count(state, layout_.alpha_count, [&]<int NA>() {
+    in_parallel(parts, [&](int part) {
+      sums_[part].clear();
+      assemble_part<NA>(state, kind, nodes * part / parts, nodes * (part + 1) / parts, sums_[part]);
+    });
+  });
   for (int part = 1; part < parts; ++part) sums_[0].add(sums_[part]);
   collect(sums_);
   nll_ = sums_[0].nll;
   if (layout_.chained) nll_ += assemble_chain_links(state, kind);
   nll_ += assemble_taped(state, kind);
   return std::isnan(nll_) ? infinity : nll_;
+}
+
+template <int NA>
+bool JointSystem::settle_node(JointState& state, int index, Accumulator& unused) {
+  constexpr int most = 100;
+  constexpr double settled = 1e-12, least_damping = 1e-4, most_damping = 1e8;
+  const JointLayout::Node& node = layout_.nodes[index];
+  if (node.dim == 0) return true;
+  NodeBlocks<Eigen::Dynamic> b(node, arena_.data(), stop_gradient_.data());
+  HessianKind kind = HessianKind::exact;
+  double nll = assemble_node<NA>(state, kind, index, unused), damping = 0.0, log_det = 0.0;
+  Eigen::VectorXd step(node.dim);
+  for (int iteration = 0; iteration < most && std::isfinite(nll) && damping < most_damping; ++iteration) {
+    if (!factor_node(b, damping, log_det)) {
+      if (kind == HessianKind::fisher) damping = std::max(10.0 * damping, least_damping);
+      kind = HessianKind::fisher;
+      nll = assemble_node<NA>(state, kind, index, unused);
+      continue;
+    }
+    step = -b.g;
+    solve_factored(b.L.data(), node.dim, step.data());
+    const double decrement_sq = -b.g.dot(step);
+    if (decrement_sq < settled && kind == HessianKind::exact && damping == 0.0) return true;
+    move_node(node, step, state);
+    const HessianKind next_kind = decrement_sq < 1.0 + 0.1 * node.dim ? HessianKind::exact : kind;
+    const double there = assemble_node<NA>(state, next_kind, index, unused);
+    if (there <= nll + 1e-12 * (1.0 + std::abs(nll))) {
+      nll = there;
+      kind = next_kind;
+      damping = damping > least_damping ? 0.1 * damping : 0.0;
+    } else {
+      move_node(node, -step, state);
+      damping = std::max(10.0 * damping, least_damping);
+      kind = HessianKind::fisher;
+      nll = assemble_node<NA>(state, kind, index, unused);
+    }
+  }
+  return false;
+}
+
+bool JointSystem::settle_nodes(JointState& state) {
+  const std::size_t nodes = layout_.nodes.size();
+  const int parts = part_count(nodes);
+  if (sums_.empty()) sums_.assign(parts, Accumulator(layout_, problem_.landmark_count()));
+  JointState settled = state;
+  std::vector<char> good(static_cast<std::size_t>(parts), 1);
+  with_alpha_count(state, layout_.alpha_count, [&]<int NA>() {
+    in_parallel(parts, [&](int part) {
+      for (std::size_t j = nodes * part / parts; j < nodes * (part + 1) / parts && good[part]; ++j)
+        good[part] = settle_node<NA>(settled, static_cast<int>(j), sums_[part]);
+    });
+  });
+  if (std::find(good.begin(), good.end(), 0) != good.end()) return false;
+  state = std::move(settled);
+  return true;
 }
 
 }  // namespace rangecal

@@ -100,15 +100,20 @@ JointState step_state(const JointProblem& problem, const JointLayout& layout, co
   next.sigma_theta_rad *= std::exp(globals[layout.sigma_theta]);
   if (layout.sigma_s >= 0) *next.sigma_s_m *= std::exp(globals[layout.sigma_s]);
   for (const JointLayout::Node& node : layout.nodes)
-    for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
-      Pose2& pose = next.stops[node.stops[slot]];
-      if (node.free_position) {
-        pose.x_m += stops[node.coordinate];
-        pose.y_m += stops[node.coordinate + 1];
-      }
-      if (node.heading[slot] >= 0) pose.heading_rad += stops[node.coordinate + node.heading[slot]];
-    }
+    move_node(node, stops.segment(node.coordinate, node.dim), next);
   return next;
+}
+
+void move_node(const JointLayout::Node& node, const Eigen::Ref<const Eigen::VectorXd>& step,
+               JointState& state) {
+  for (std::size_t slot = 0; slot < node.stops.size(); ++slot) {
+    Pose2& pose = state.stops[node.stops[slot]];
+    if (node.free_position) {
+      pose.x_m += step[0];
+      pose.y_m += step[1];
+    }
+    if (node.heading[slot] >= 0) pose.heading_rad += step[node.heading[slot]];
+  }
 }
 
 Eigen::VectorXd sigma_coordinates(const JointState& state, bool with_sigma_s) {

@@ -24,13 +24,26 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
   double nll = system.assemble(state, kind), damping = 0.0;
   ++evaluations;
   if (!std::isfinite(nll)) return infinity;
+  // Stops that do not depend on one another are taken each by itself as soon as a step of all of them fails.
+  bool together = true;
+  const auto each_by_itself = [&] {
+    together = false;
+    if (!system.settle_nodes(state)) return false;
+    nll = system.assemble(state, kind = HessianKind::exact);
+    ++evaluations;
+    return std::isfinite(nll);
+  };
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     if (!system.eliminate(damping)) {
+      log.iteration(iteration + 1, nll, 0.0, not_known, {"lambda", damping});
+      if (!system.layout().chained && together) {
+        if (!each_by_itself()) return infinity;
+        continue;
+      }
       if (kind == HessianKind::exact)
         kind = HessianKind::fisher;
       else
         damping = std::max(10.0 * damping, 1e-10);
-      log.iteration(iteration + 1, nll, 0.0, not_known, {"lambda", damping});
       if (damping > 1e8) return infinity;
       system.assemble(state, kind);
       ++evaluations;
@@ -57,14 +70,18 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
         if (!system.eliminate()) return infinity;
         return nll;
       }
-    } else {
-      log.iteration(iteration + 1, nll, 0.0, std::sqrt(decrement_sq), {"lambda", damping});
-      damping = std::max(10.0 * damping, 1e-4);
-      kind = HessianKind::fisher;
-      if (damping > 1e8) return infinity;
-      system.assemble(state, kind);
-      ++evaluations;
+      continue;
     }
+    log.iteration(iteration + 1, nll, 0.0, std::sqrt(decrement_sq), {"lambda", damping});
+    if (!system.layout().chained && together) {
+      if (!each_by_itself()) return infinity;
+      continue;
+    }
+    damping = std::max(10.0 * damping, 1e-4);
+    kind = HessianKind::fisher;
+    if (damping > 1e8) return infinity;
+    system.assemble(state, kind);
+    ++evaluations;
   }
   return infinity;
 }

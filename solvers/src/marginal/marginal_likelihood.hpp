@@ -78,7 +78,8 @@ class Marginal {
   };
   /// A free sigma_s may be weakly determined and needs more accurate slopes.
   static Renewal renewal_for(const MarginalOptions& options) {
-    return options.estimate_sigma_s ? Renewal{1e-5, 0.0} : Renewal{};
+    if (options.estimate_sigma_s) return {1e-5, 0.0};
+    return {std::max(1e-4, options.gradient_tolerance), 1e-3};
   }
 
   /// Indices of the globals that may move.
@@ -113,10 +114,13 @@ class Marginal {
     double close = near_optimum;  // how close to their optimum the stops are where values are compared
     for (int iteration = 0; iteration < options_.max_iterations; ++iteration, ++iterations) {
       Eigen::VectorXd gradient = system_.reduced_gradient() + system_.log_det_gradient(state);
-      if (!settled) {
+      const Eigen::MatrixXd curvature = hessian(state);
+      const bool near = iteration > 0 ? gradient_norm < near_norm
+                                      : polished_ && decrement(curvature, gradient, free) < near_norm;
+      // Far from the optimum slopes of a solve before are as good as those of a state that is left at once.
+      if (!settled && (near || !polished_)) {
         if (++renewals > options_.max_outer) return false;
-        const bool near = gradient_norm < near_norm && iteration > 0,
-                   polish = near && (!polished_ || change > renewal->polish_above);
+        const bool polish = near && (!polished_ || change > renewal->polish_above);
         const Eigen::VectorXd before = slopes_;
         const bool renewed = renew_slopes(state, held, gradient, polish);
         if (!renewed && near) return false;  // far from the optimum the old slopes are kept
@@ -127,7 +131,6 @@ class Marginal {
       }
       const double current = objective(state);
       gradient.tail(layout().sigma_count()) += slopes_;
-      const Eigen::MatrixXd curvature = hessian(state);
       std::erase_if(free, [&](int i) {
         const bool gone = i >= layout().phi_count && is_logarithm(state, i) && gradient[i] > 0.0 &&
                           gradient[i] < vanishing_gradient && curvature(i, i) < vanishing_curvature;
@@ -246,6 +249,14 @@ class Marginal {
   /// l_s + slopes . (logs of) sigma, after value(state).
   double objective(const JointState& state) const {
     return marginal_nll + slopes_.dot(sigma_coordinates(state, layout().sigma_s >= 0));
+  }
+
+  /// Newton decrement of the objective with the slopes as they are; infinite where there is no step. `gradient`: that of l_s.
+  double decrement(const Eigen::MatrixXd& curvature, Eigen::VectorXd gradient,
+                   const std::vector<int>& free) const {
+    gradient.tail(layout().sigma_count()) += slopes_;
+    const std::optional<Eigen::VectorXd> step = newton_step(curvature, gradient, free);
+    return step ? std::sqrt(std::max(0.0, -gradient.dot(*step))) : infinity;
   }
 
   bool is_logarithm(const JointState& state, int global) const {

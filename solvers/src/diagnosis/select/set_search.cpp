@@ -3,8 +3,10 @@
 
 #include <fmt/core.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -12,6 +14,7 @@
 
 #include "diagnosis/candidates.hpp"
 #include "diagnosis/findings.hpp"
+#include "diagnosis/free_parameters.hpp"
 #include "diagnosis/generic.hpp"
 #include "diagnosis/refine.hpp"
 #include "diagnosis/select/decide.hpp"
@@ -36,6 +39,8 @@ constexpr double fitted_window = 8.0;
 /// Nats by which a fit may fall short of what the linearised problem says: it is elsewhere than where it belongs.
 constexpr double fell_short = 2.0;
 constexpr int most_fits = 3;  ///< of one set
+/// Nats that a member may be worth for the set without it to be fitted on the way: dropping it may pay.
+constexpr double most_lost = 60.0;
 /// Times that the likeliest set is completed by its subsets, one of which may become the likeliest.
 constexpr int most_completions = 3;
 /// What an exact fit and refining have added to a gain at most: nats, and a share of the gain.
@@ -43,6 +48,8 @@ constexpr double refining_adds = 5.0, refining_share = 0.2;
 /// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
 constexpr double near_the_top = 15.0;
 constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
+/// Newton's decrement at which a calibration counts as solved, in standard deviations: within 5e-5 nats.
+constexpr double close_enough = 1e-2;
 
 using Names = std::vector<std::string>;
 
@@ -70,6 +77,24 @@ void tell_of_fitted(const TriedSet& set, double before, const std::string& what_
 /// A line of a set that was refused without a comparison.
 void tell_of_refused(const Names& set, const Names& from, const std::string& why) {
   tell(fmt::format("hypothesis {}: refused, {}", step_in_words(set, from), why));
+}
+
+/// Nats that a fit would lose without a member, as its covariance has it: t^T C^-1 t / 2 of its linear parameters t. 0 where it has none
+/// that move means or spreads.
+double loss_without(const Fit& fit, std::size_t member) {
+  std::vector<Eigen::Index> own;
+  for (std::size_t a = 0; a < fit.free.size(); ++a)
+    if (fit.free[a].effect == static_cast<int>(member) && fit.free[a].acts != FreeParameter::Acts::numeric &&
+        info_of(fit.model, fit.free[a]).linear)
+      own.push_back(static_cast<Eigen::Index>(a));
+  if (own.empty() || fit.covariance.rows() != static_cast<Eigen::Index>(fit.free.size())) return 0.0;
+  Eigen::VectorXd t(static_cast<Eigen::Index>(own.size()));
+  for (std::size_t a = 0; a < own.size(); ++a) {
+    const FreeParameter& p = fit.free[static_cast<std::size_t>(own[a])];
+    t[static_cast<Eigen::Index>(a)] = fit.model[static_cast<std::size_t>(p.effect)].parameters[p.index];
+  }
+  const Eigen::LLT<Eigen::MatrixXd> factor(fit.covariance(own, own));
+  return factor.info() == Eigen::Success ? 0.5 * t.dot(factor.solve(t)) : 0.0;
 }
 
 class SetSearch {
@@ -177,7 +202,7 @@ class SetSearch {
     here.scanned = true;
     fit_all(here, asked_of_residuals(here));
     fit_likeliest_of(here, sets_linearised_at(here));
-    std::vector<Wanted> wanted = sets_without_one(here, most_fits);
+    std::vector<Wanted> wanted = sets_without_one(here, most_fits, most_lost);
     std::vector<Wanted> alone = names_alone(here);
     wanted.insert(wanted.end(), alone.begin(), alone.end());
     fit_all(here, std::move(wanted));
@@ -247,10 +272,12 @@ class SetSearch {
     return alone;
   }
 
-  /// The set without each of its members, but those that were fitted so often.
-  std::vector<Wanted> sets_without_one(const Hypothesis& here, int often) {
+  /// The set without each of its members, but those that were fitted so often, and those that would lose more than that [nats] by what
+  /// the fit says.
+  std::vector<Wanted> sets_without_one(const Hypothesis& here, int often, double most_lost) {
     std::vector<Wanted> smaller;
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
+      if (!may_hold_fast(*here.fit.model[i].effect) && loss_without(here.fit, i) > most_lost) continue;
       Model rest = without(here.fit.model, i);
       const Hypothesis* known = find(member_names(rest, known_count()));
       if (rest.size() > known_count() && (!known || known->fits < often))
@@ -263,7 +290,7 @@ class SetSearch {
   /// is worth. False if nothing was left to fit.
   bool complete_likeliest() {
     const Hypothesis& top = likeliest();
-    std::vector<Wanted> smaller = sets_without_one(top, 1);
+    std::vector<Wanted> smaller = sets_without_one(top, 1, std::numeric_limits<double>::infinity());
     if (smaller.empty()) return false;
     fit_all(top, std::move(smaller));
     return true;
@@ -605,6 +632,7 @@ SearchedSets searched(const Rows& rows, const Bookkeeping& known, const Diagnose
   }
   all.root = fit_root(rows, known, all.result.baseline, all.refit_options);
   all.refit_options.settled = static_cast<int>(known.model.size());
+  all.refit_options.gradient_tolerance = close_enough;
   if (options.progress) options.progress("searching for causes", 0.3);
   SetSearch search(rows, all.root, known, all.result.rates, all.refit_options, priors);
   all.table = search.run(without_law(start.fit.model), start.curves);

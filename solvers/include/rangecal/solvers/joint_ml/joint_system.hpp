@@ -76,6 +76,11 @@ class JointSystem {
   /// Fills all blocks at `state`. Returns the NLL, constants included; +infinity outside the model's domain.
   double assemble(const JointState& state, HessianKind kind);
 
+  /// Moves the stops of every node by itself to the optimum of what the node adds to the NLL, the globals held, by damped Newton steps
+  /// of its own: one that is far off keeps no other from its place. False if a node has no positive definite optimum; nothing is moved
+  /// then. Nodes have to be independent (not chained). Leaves no blocks that go with `state`: assemble anew.
+  bool settle_nodes(JointState& state);
+
   /// Scales the spread of the ranges and sigma_theta of `state` to where they minimise the joint NLL, all else held:
   /// sigma^2 = sum W (e^2 + S^2) / u^2 / N with u = s / sigma, and likewise for the bearings.
   void profile_spreads(JointState& state) const;
@@ -128,6 +133,11 @@ class JointSystem {
   template <int NA>
   void assemble_part(const JointState& state, HessianKind kind, std::size_t begin, std::size_t end,
                      Accumulator& sum);
+  template <int NA>
+  bool settle_node(JointState& state, int node, Accumulator& unused);
+  /// f<NA>: with the number of coefficients of alpha where that is known when compiled, else 0.
+  template <typename Function>
+  static void with_alpha_count(const JointState& state, int alpha_count, const Function& f);
   double assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node,
                          Accumulator& sum);
   void collect(const std::vector<Accumulator>& parts);
@@ -171,6 +181,10 @@ class JointSystem {
 /// state + step, where step = (globals, stop coordinates) in the layout's order; log-sigmas are exponentiated.
 JointState step_state(const JointProblem& problem, const JointLayout& layout, const JointState& state,
                       const Eigen::VectorXd& globals, const Eigen::VectorXd& stops);
+
+/// Moves the stops of a node by a step in its coordinates.
+void move_node(const JointLayout::Node& node, const Eigen::Ref<const Eigen::VectorXd>& step,
+               JointState& state);
 
 /// The sigmas of a state in the layout's coordinates: logarithms, or the betas of a polynomial; the log of sigma_s, which the state
 /// must have then, last where asked for.
