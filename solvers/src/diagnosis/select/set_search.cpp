@@ -48,6 +48,8 @@ constexpr double refining_adds = 5.0, refining_share = 0.2;
 /// Nats below the likeliest set down to which the sets that lack one of its members are refined too.
 constexpr double near_the_top = 15.0;
 constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
+/// Of the alarm rate, the share below which the questions raise the alarm alone; above it some set has to be likelier than none, too.
+constexpr double beyond_chance = 0.1;
 /// Newton's decrement at which a calibration counts as solved, in standard deviations: within 5e-5 nats.
 constexpr double close_enough = 1e-2;
 
@@ -327,8 +329,8 @@ class SetSearch {
     for (const auto& [effect, w] : most) w->refine = true;
   }
 
-  /// Looks for other optima of the likeliest set, and of those that lack one of its members and come near it. False if all had
-  /// been looked for, or none is better.
+  /// Looks for other optima of the likeliest set, of those that lack one of its members and come near it, and of the next likeliest, if
+  /// that may then be the likeliest. False if all had been looked for, or none is better.
   bool refine_likeliest() {
     Hypothesis& top = likeliest();
     std::vector<Hypothesis*> open;
@@ -340,6 +342,12 @@ class SetSearch {
     take(&top);
     for (std::size_t i = known_count(); i < top.fit.model.size(); ++i)
       take(find(member_names(without(top.fit.model, i), known_count())));
+    Hypothesis* runner_up = nullptr;
+    for (const auto& h : table_)
+      if (!h->refined && h.get() != &top && h->log_posterior > top.log_posterior - refining_adds &&
+          (!runner_up || h->log_posterior > runner_up->log_posterior))
+        runner_up = h.get();
+    if (std::find(open.begin(), open.end(), runner_up) == open.end()) take(runner_up);
     std::vector<std::unique_ptr<Hypothesis>> made(open.size());
     in_parallel(
         open.size(),
@@ -369,6 +377,13 @@ class SetSearch {
     const double readings = static_cast<double>(rows_.size() * (rows_.pairs ? 1 : 2));
     const double share = 2.0 * gain / readings;
     return share > 0.0 ? -0.5 * readings * std::log1p(-std::min(share, most)) : gain;
+  }
+
+  /// True if a set has a member with many optima that another one lacks.
+  static bool has_new_optima(const Model& model, const Model& other) {
+    return std::any_of(model.begin(), model.end(), [&](const ActiveEffect& a) {
+      return has_many_optima(*a.effect) && !contains(other, a.effect);
+    });
   }
 
   std::vector<Wanted> sets_linearised_at(Hypothesis& here) {
@@ -402,9 +417,12 @@ class SetSearch {
       const Hypothesis* known = names.empty() ? table_.front().get() : find(names);
       const bool again =
           known && (names.empty() || known->gain > gain - fell_short || known->fits >= most_fits);
-      // One member more that is not worth its price changes no name and next to no probability.
-      const bool idle = std::includes(names.begin(), names.end(), mine.begin(), mine.end()) &&
-                        set.log_posterior < own.log_posterior;
+      // One member more that is not worth its price changes no name and next to no probability. Of one whose place or period was
+      // tried on a grid the fit is worth more.
+      const bool larger = std::includes(names.begin(), names.end(), mine.begin(), mine.end());
+      const double may_add =
+          has_new_optima(model, here.fit.model) ? refining_adds + refining_share * more : 0.0;
+      const bool idle = larger && set.log_posterior + may_add < own.log_posterior;
       if (!likely) continue;
       here.proposals.push_back({names, gain, log_posterior, known != nullptr});
       if (idle && !again && tells_outcomes())
@@ -636,6 +654,14 @@ SearchedSets searched(const Rows& rows, const Bookkeeping& known, const Diagnose
   if (options.progress) options.progress("searching for causes", 0.3);
   SetSearch search(rows, all.root, known, all.result.rates, all.refit_options, priors);
   all.table = search.run(without_law(start.fit.model), start.curves);
+  const bool weak = all.result.alarm_p >= beyond_chance * options.alarm_rate && known.model.empty();
+  if (weak && all.table.front()->fit.model.empty()) {
+    all.result.known.notes.push_back(fmt::format(
+        "the questions asked of the residuals have p = {:.2g}, but no set of causes, named or not, is likelier than none",
+        all.result.alarm_p));
+    if (tells_outcomes()) tell("search: " + all.result.known.notes.back());
+    all.table.clear();
+  }
   return all;
 }
 
