@@ -31,6 +31,14 @@ inline bool is_stuck(const Rows& rows, const Model& model, const FreeParameter& 
   return slope > 0.0 ? value >= high : value <= low;
 }
 
+/// Keeps a parameter where it is in a step of score and information: others take no part of it, and it none of theirs.
+inline void hold(Eigen::Index place, Eigen::VectorXd& score, Eigen::MatrixXd& information) {
+  score[place] = 0.0;
+  information.row(place).setZero();
+  information.col(place).setZero();
+  information(place, place) = 1.0;
+}
+
 /// True if it ended at one of them, to a millionth of what lies between.
 inline bool ended_at_bound(const Rows& rows, const Model& model, const FreeParameter& p) {
   const auto [low, high] = bounds_of(rows, model, p);

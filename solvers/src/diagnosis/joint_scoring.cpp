@@ -156,12 +156,7 @@ ScoringSlopes Scoring::at(const Point& point) const {
 }
 
 void Scoring::hold(const Point& point, ScoringSlopes& slopes) const {
-  const auto stays = [&](Eigen::Index a) {
-    slopes.score[a] = 0.0;
-    slopes.information.row(a).setZero();
-    slopes.information.col(a).setZero();
-    slopes.information(a, a) = 1.0;
-  };
+  const auto stays = [&](Eigen::Index a) { diagnosis::hold(a, slopes.score, slopes.information); };
   for (Eigen::Index a = 0; options_.held.alpha && a < alphas_; ++a) stays(a);
   if (options_.held.sigmas) stays(alphas_);
   for (std::size_t a = 0; a < own_.size(); ++a)

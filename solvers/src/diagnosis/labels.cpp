@@ -15,6 +15,7 @@
 
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/quantiles.hpp"
+#include "rangecal/core/without_readings.hpp"
 #include "rangecal/solvers/statistics/median.hpp"
 
 namespace rangecal::diagnosis {
@@ -189,11 +190,14 @@ Bookkeeping correct_labels(std::vector<Recording>& recordings) {
   return found;
 }
 
-std::vector<MisreadLabel> misread_labels(const Recording& recording) {
+std::vector<MisreadLabel> misread_labels(const Recording& recorded) {
   constexpr double far = 12.0;  // robust standard deviations
   constexpr double part_of_spacing = 0.8, most_of_cells = 0.02;
+  if (recorded.kind != RecordingKind::landmarks || recorded.readings.size() == 0) return {};
+  Recording recording = recorded;
+  Bookkeeping unused;
+  correct_labels(recording, unused);
   const Readings& r = recording.readings;
-  if (recording.kind != RecordingKind::landmarks || r.size() == 0) return {};
   const Map map = map_of(recording);
   const Turns turns = turns_of(recording, map);
   const double spread_rad = robust_spread(turns.angle_rad), spread_m = robust_spread(turns.across_m);
@@ -252,23 +256,7 @@ Recording without_misread(const Recording& recording, const std::vector<MisreadL
   for (const MisreadLabel& m : misread)
     for (const std::size_t i : m.readings) out[i] = 1;
   Recording part = recording;
-  const auto take_out = [&](auto& values) {
-    if (values.empty()) return;
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < out.size(); ++i)
-      if (!out[i]) values[kept++] = values[i];
-    values.resize(kept);
-  };
-  Readings& r = part.readings;
-  take_out(r.stop);
-  take_out(r.landmark);
-  take_out(r.repeat);
-  take_out(r.time_s);
-  take_out(r.range_m);
-  take_out(r.bearing_rad);
-  take_out(r.row);
-  for (auto& [name, values] : r.covariates) take_out(values);
-  take_out(part.groups.of);
+  leave_out_readings(out, part);
   return part;
 }
 

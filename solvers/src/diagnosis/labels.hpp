@@ -24,11 +24,11 @@ struct MisreadLabel {
   int seen = -1;            ///< the landmark that stands where they lie, -1 where none does
 };
 
-/// Those of a recording of landmarks. A reading counts where its bearing, less what the stop itself is turned by, is off by 12 robust standard
+/// Those of a recording of landmarks, after labels that were exchanged are put back. A reading counts where its bearing, less what the stop itself is turned by, is off by 12 robust standard
 /// deviations of the bearings and across by 0.8 of the distance from the landmark to the next one. None of a landmark that is elsewhere from
 /// some stop on: it was moved. None at all where more than a fiftieth of the cells count: then it is no misreading, and the search is
 /// to tell.
-std::vector<MisreadLabel> misread_labels(const Recording& recording);
+std::vector<MisreadLabel> misread_labels(const Recording& recorded);
 
 /// "T20 at stop 249, turned by 150 deg, where T6 stands": the misread labels of a recording, the first few of them.
 std::string in_words(const std::vector<MisreadLabel>& misread, const Recording& recording);

@@ -110,11 +110,8 @@ std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
   for (const Recording& recording : recordings) unused.push_back(unused_covariates(recording));
   const bool estimate = std::any_of(recordings.begin(), recordings.end(),
                                     [](const Recording& r) { return r.estimate_sigma_xy; });
-  // Labels that were exchanged are put right later on, and are no misreadings.
-  std::vector<Recording> labelled(recordings.begin(), recordings.end());
-  correct_labels(labelled);
   std::vector<std::vector<MisreadLabel>> misread;
-  for (const Recording& recording : labelled) misread.push_back(misread_labels(recording));
+  for (const Recording& recording : recordings) misread.push_back(misread_labels(recording));
   const bool misreads = std::any_of(misread.begin(), misread.end(), [](const auto& m) { return !m.empty(); });
   const bool drops =
       std::any_of(unused.begin(), unused.end(), [](const auto& columns) { return !columns.empty(); });
@@ -126,7 +123,7 @@ std::optional<Preprocessed> preprocess(std::span<const Recording> recordings) {
     for (const MisreadLabel& m : misread[i]) readings += m.readings.size();
     result.notes.push_back(fmt::format(
         "left out, {} reading(s) in a direction in which the landmark is not (a label misread?): {}",
-        readings, in_words(misread[i], labelled[i])));
+        readings, in_words(misread[i], recordings[i])));
   }
   result.recordings = with_seen_landmarks(result.recordings);
   if (!unseen.empty())

@@ -115,13 +115,8 @@ std::optional<ParameterStep> newton_parameters(const Rows& rows, const WorkingPr
   if (factor.info() != Eigen::Success) return std::nullopt;
   ParameterStep step;
   step.covariance = diagonal.asDiagonal() * factor.solve(one) * diagonal.asDiagonal();
-  for (Eigen::Index a = 0; a < n; ++a) {
-    if (!is_stuck(rows, model, free[a], slopes.score[a])) continue;
-    slopes.score[a] = 0.0;
-    scaled.row(a).setZero();
-    scaled.col(a).setZero();
-    scaled(a, a) = 1.0;
-  }
+  for (Eigen::Index a = 0; a < n; ++a)
+    if (is_stuck(rows, model, free[a], slopes.score[a])) hold(a, slopes.score, scaled);
   step.parameters = diagonal.cwiseProduct(
       Eigen::LLT<Eigen::MatrixXd>(scaled + 1e-9 * one).solve(diagonal.cwiseProduct(slopes.score)));
   if (!step.parameters.allFinite()) return std::nullopt;

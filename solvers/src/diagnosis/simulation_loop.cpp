@@ -13,6 +13,7 @@
 #include "rangecal/core/angles.hpp"
 #include "rangecal/core/errors.hpp"
 #include "rangecal/core/random.hpp"
+#include "rangecal/core/without_readings.hpp"
 #include "rangecal/solvers/covariance/cramer_rao.hpp"
 #include "rangecal/solvers/diagnosis/simulation_model.hpp"
 
@@ -99,24 +100,15 @@ void set_ranges(const CellGeometry& geometry, const VisibleRange& visible, Effec
 
 /// Leaves out the readings whose range is not positive or not finite.
 void keep_real(Recording& recording) {
-  Readings& r = recording.readings;
-  Pairs& p = recording.pairs;
   const bool pairs = recording.kind == RecordingKind::pairs;
-  const std::vector<double> read = pairs ? p.reading_m : r.range_m;
-  const auto keep = [&](auto& column) {
-    if (column.size() != read.size()) return;
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < read.size(); ++i)
-      if (std::isfinite(read[i]) && read[i] > 0.0) column[kept++] = column[i];
-    column.resize(kept);
-  };
-  keep(r.stop), keep(r.landmark), keep(r.repeat), keep(r.time_s), keep(r.bearing_rad), keep(r.row);
-  keep(p.true_m), keep(p.batch), keep(p.landmark), keep(p.time_s), keep(p.bearing_rad), keep(p.row);
-  for (auto& [name, values] : pairs ? p.covariates : r.covariates) keep(values);
-  keep(r.range_m), keep(p.reading_m);
+  std::vector<char> out;
+  for (const double read : pairs ? recording.pairs.reading_m : recording.readings.range_m)
+    out.push_back(!(std::isfinite(read) && read > 0.0));
+  leave_out_readings(out, recording);
   recording.notes.clear();  // of the readings that these stand for
   recording.counts = Counts{};
-  recording.counts.read = recording.counts.used = static_cast<int>(pairs ? p.size() : r.size());
+  recording.counts.read = recording.counts.used =
+      static_cast<int>(pairs ? recording.pairs.size() : recording.readings.size());
 }
 
 }  // namespace

@@ -122,9 +122,7 @@ class TailsAtErrors {
     out.score[n] -= score_of_level_;
     for (Eigen::Index a = 0; a < n; ++a) {
       if (!is_stuck(rows_, point.model, tails_[static_cast<std::size_t>(a)], out.score[a])) continue;
-      out.score[a] = 0.0;
-      out.information.row(a).setZero();
-      out.information.col(a).setZero();
+      hold(a, out.score, out.information);
     }
     out.information.diagonal().array() += 1e-6 * (1.0 + out.information.diagonal().array());
     return out;

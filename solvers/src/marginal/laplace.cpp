@@ -24,10 +24,10 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
   double nll = system.assemble(state, kind), damping = 0.0;
   ++evaluations;
   if (!std::isfinite(nll)) return infinity;
-  // Stops that do not depend on one another are taken each by itself as soon as a step of all of them fails.
-  bool together = true;
+  // Stops that do not depend on one another are taken each by itself, once, as soon as a step of all of them fails.
+  bool to_be_taken = !system.layout().chained;
   const auto each_by_itself = [&] {
-    together = false;
+    to_be_taken = false;
     if (!system.settle_nodes(state)) return false;
     nll = system.assemble(state, kind = HessianKind::exact);
     ++evaluations;
@@ -36,7 +36,7 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     if (!system.eliminate(damping)) {
       log.iteration(iteration + 1, nll, 0.0, not_known, {"lambda", damping});
-      if (!system.layout().chained && together) {
+      if (to_be_taken) {
         if (!each_by_itself()) return infinity;
         continue;
       }
@@ -73,7 +73,7 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
       continue;
     }
     log.iteration(iteration + 1, nll, 0.0, std::sqrt(decrement_sq), {"lambda", damping});
-    if (!system.layout().chained && together) {
+    if (to_be_taken) {
       if (!each_by_itself()) return infinity;
       continue;
     }

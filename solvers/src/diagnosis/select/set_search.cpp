@@ -274,12 +274,12 @@ class SetSearch {
     return alone;
   }
 
-  /// The set without each of its members, but those that were fitted so often, and those that would lose more than that [nats] by what
-  /// the fit says.
-  std::vector<Wanted> sets_without_one(const Hypothesis& here, int often, double most_lost) {
+  /// The set without each of its members, but those that were fitted so often, and those that would lose more than `bearable` nats by
+  /// what the fit says.
+  std::vector<Wanted> sets_without_one(const Hypothesis& here, int often, double bearable) {
     std::vector<Wanted> smaller;
     for (std::size_t i = known_count(); i < here.fit.model.size(); ++i) {
-      if (!may_hold_fast(*here.fit.model[i].effect) && loss_without(here.fit, i) > most_lost) continue;
+      if (!may_hold_fast(*here.fit.model[i].effect) && loss_without(here.fit, i) > bearable) continue;
       Model rest = without(here.fit.model, i);
       const Hypothesis* known = find(member_names(rest, known_count()));
       if (rest.size() > known_count() && (!known || known->fits < often))
