@@ -199,7 +199,8 @@ std::vector<Fit> fits_without(const Rows& rows, const Fit& fit, const std::vecto
 
 /// By whole recordings, else by the blocks of the rows.
 Predictions predict_all(const Rows& rows, const SearchResult& found, const std::vector<const Fit*>& fits) {
-  const RefitOptions refit_options;
+  RefitOptions refit_options;
+  refit_options.gradient_tolerance = close_enough;
   Predictions all;
   all.of_fit.resize(fits.size());
   if (predict_by_recordings(rows, found, fits, all)) return all;

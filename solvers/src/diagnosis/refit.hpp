@@ -41,6 +41,9 @@ struct Fit {
   double sigma_theta_std = 0.0, noise_std = 0.0;
 };
 
+/// Newton's decrement at which a calibration beside effects counts as solved, in standard deviations: within 5e-5 nats.
+inline constexpr double close_enough = 1e-2;
+
 struct RefitOptions {
   Held held;  ///< alpha and noise of a given simulation
   int max_iterations = 12;

@@ -14,6 +14,7 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr std::size_t most_peaks = 4;  ///< as many as the search refits of a proposal
+constexpr int few_steps = 2;           ///< of fits that are compared before the best one is fitted to the end
 
 /// True if scores over a grid found some parameter of the effect.
 bool was_chosen(const Rows& rows, const Effect& effect) {
@@ -49,20 +50,26 @@ Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOption
              OwnedCurves& curves) {
   RefitOptions held = options;
   held.settled = static_cast<int>(fitted.model.size());
+  RefitOptions roughly = held;
+  roughly.max_iterations = few_steps;
   for (std::size_t e = 0; e < fitted.model.size(); ++e) {
     const Effect& effect = *fitted.model[e].effect;
     if (!was_chosen(part, effect)) continue;
     Model others = fitted.model;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
-    const Fit without = refit(part, others, fitted.state, held);
+    const Fit without = refit(part, others, fitted.state, roughly);
     if (!without.ok) continue;
     const Battery battery = Battery::of_nothing(part, without.model, without.state, rates);
+    Fit best;
     for (auto& [height, start] : peaks_of(battery, effect, most_peaks)) {
       Model model = without.model;
       model.insert(model.begin() + static_cast<std::ptrdiff_t>(e), {&effect, std::move(start)});
-      Fit trial = refit(part, model, without.state, held);
-      if (trial.ok && trial.nll < fitted.nll) fitted = std::move(trial);
+      Fit trial = refit(part, model, without.state, roughly);
+      if (trial.ok && (!best.ok || trial.nll < best.nll)) best = std::move(trial);
     }
+    if (!best.ok || !(best.nll < fitted.nll)) continue;
+    Fit trial = refit(part, best.model, best.state, held);
+    if (trial.ok && trial.nll < fitted.nll) fitted = std::move(trial);
   }
   const Model chosen = fitted.model;
   for (const ActiveEffect& active : chosen)

@@ -68,6 +68,14 @@ struct NodeView {
   Eigen::Map<const Eigen::MatrixXd> H, L, G;
 };
 
+/// f<D>(), D the dimension of a node where that is known when compiled.
+template <typename Function>
+auto with_dimension(int dim, const Function& f) {
+  return dim == 2   ? f.template operator()<2>()
+         : dim == 3 ? f.template operator()<3>()
+                    : f.template operator()<Eigen::Dynamic>();
+}
+
 /// L L^T = H with its diagonal scaled by (1 + damping); adds log det H. False if H is not positive definite.
 template <int D>
 bool factor_node(NodeBlocks<D>& b, double damping, double& log_det) {

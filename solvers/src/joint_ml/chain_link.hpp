@@ -77,6 +77,31 @@ struct ChainLink {
     return h;
   }
 
+  /// d/dx tr(C H), H the exact Hessian of the cost, C symmetric and held.
+  Vector6 trace_gradient(const Matrix6& C, const Eigen::Matrix3d& W) const {
+    Vector6 slope = Vector6::Zero();
+    if (!turns) return slope;
+    const Eigen::Matrix<double, 3, 6> J = jacobian(), JC = J * C;
+    const Eigen::Vector2d pull = (W * error()).head<2>();
+    const Eigen::RowVector2d to_landing = 2.0 * (C.block<1, 2>(2, 3) - C.block<1, 2>(2, 0));
+    Eigen::Matrix2d turned;  // d back / dh0; turned once more it is -back
+    turned << back.row(1), -back.row(0);
+    for (int a = 0; a < 6; ++a) {
+      const Eigen::Vector2d seen_slope = J.col(a).head<2>(), pull_slope = (W * J.col(a)).head<2>();
+      Eigen::Matrix<double, 3, 6> J_slope = Eigen::Matrix<double, 3, 6>::Zero();
+      J_slope.block<2, 1>(0, 2) = Eigen::Vector2d(seen_slope.y(), -seen_slope.x());
+      Eigen::RowVector2d cross_slope = pull_slope.transpose() * turned;
+      if (a == 2) {
+        J_slope.topLeftCorner<2, 2>() = -turned;
+        J_slope.block<2, 2>(0, 3) = turned;
+        cross_slope -= pull.transpose() * back;
+      }
+      slope[a] = 2.0 * (W * J_slope).cwiseProduct(JC).sum()  // tr(C J^T W J)
+                 - C(2, 2) * (pull_slope.dot(seen) + pull.dot(seen_slope)) + cross_slope.dot(to_landing);
+    }
+    return slope;
+  }
+
   Eigen::Matrix2d back;
   Eigen::Vector2d seen, residual;
   double turn;

@@ -222,8 +222,9 @@ void JointSystem::assemble_part(const JointState& state, HessianKind kind, std::
     sum.nll += assemble_node<NA>(state, kind, static_cast<int>(j), sum);
 }
 
+/// f<NA>: with the number of coefficients of alpha where that is known when compiled, else 0.
 template <typename Function>
-void JointSystem::with_alpha_count(const JointState& state, int alpha_count, const Function& f) {
+void with_alpha_count(const JointState& state, int alpha_count, const Function& f) {
   const int fixed = is_power_of_f(state.noise.law) ? alpha_count : 0;
   if (fixed == 2)
     f.template operator()<2>();

@@ -54,43 +54,109 @@ double JointSystem::assemble_chain_links(const JointState& state, HessianKind ki
   return nll;
 }
 
-bool JointSystem::eliminate_chain(double damping) {
-  const int p = layout_.global_count;
-  Eigen::MatrixXd schur = Eigen::MatrixXd::Zero(p, p);
-  Eigen::VectorXd reduced = Eigen::VectorXd::Zero(p);
-  log_det_stops_ = 0.0;
-  for (std::size_t j = 0; j < layout_.nodes.size(); ++j) {
-    const JointLayout::Node& node = layout_.nodes[j];
-    NodeBlocks<Eigen::Dynamic> b(node, arena_.data(), stop_gradient_.data());
-    Eigen::MatrixXd& coupling = chain_coupling_[j];
-    Eigen::VectorXd& gradient = chain_gradient_[j];
-    coupling.setZero(node.dim, p);
-    for (int e = 0; e < node.columns; ++e) coupling.col(b.global_of(e, layout_)) += b.G.col(e);
-    gradient = b.g;
-    const Eigen::MatrixXd own = b.H;
-    b.H.diagonal() *= 1.0 + damping;
-    if (node.chained) {  // H' = H - O H'_before^-1 O^T, and the same for coupling and gradient
-      const JointLayout::Node& before = layout_.nodes[j - 1];
-      const NodeView a(before, arena_.data());
-      const auto lower = a.L.triangularView<Eigen::Lower>();
-      const Eigen::MatrixXd half = lower.solve(link_[j].transpose());
-      b.H -= half.transpose() * half;
-      coupling -= half.transpose() * lower.solve(chain_coupling_[j - 1]);
-      gradient -= half.transpose() * lower.solve(chain_gradient_[j - 1]);
-    }
-    const bool good = factor_node(b, 0.0, log_det_stops_);
-    b.H = own;
-    if (!good) return false;
-    const auto lower = b.L.triangularView<Eigen::Lower>();
-    const Eigen::MatrixXd half = lower.solve(coupling);
-    schur.selfadjointView<Eigen::Upper>().rankUpdate(half.transpose(), -1.0);
-    reduced -= half.transpose() * lower.solve(gradient);
+/// The dimension of a node and of the one before it, where they agree and are known when compiled.
+template <typename Function>
+auto with_link_dimension(const JointLayout& layout, std::size_t j, const Function& f) {
+  const JointLayout::Node& node = layout.nodes[j];
+  const bool alike = !node.chained || layout.nodes[j - 1].dim == node.dim;
+  return with_dimension(alike ? node.dim : -1, f);
+}
+
+// The Hessian of a chain is L L^T, L block-bidiagonal: L_j the factor of H_j - B_j B_j^T, B_j = O_j L_{j-1}^-T the block to
+// the left of it, O_j = H_{j,j-1}.
+
+template <int D>
+bool JointSystem::factor_link(std::size_t j, double damping) {
+  using Square = Eigen::Matrix<double, D, D>;
+  const JointLayout::Node& node = layout_.nodes[j];
+  NodeBlocks<D> b(node, arena_.data(), stop_gradient_.data());
+  const Square own = b.H;
+  b.H.diagonal() *= 1.0 + damping;
+  if (node.chained) {
+    const JointLayout::Node& before = layout_.nodes[j - 1];
+    const NodeBlocks<D> a(before, arena_.data(), stop_gradient_.data());
+    const Eigen::Map<const Square> link(link_[j].data(), node.dim, before.dim);
+    const Square half = a.L.template triangularView<Eigen::Lower>().solve(link.transpose());
+    b.H -= half.transpose() * half;
+    link_half_[j] = half;
   }
+  const bool good = factor_node(b, 0.0, log_det_stops_);
+  b.H = own;
+  return good;
+}
+
+bool JointSystem::factor_chain(double damping) {
+  log_det_stops_ = 0.0;
+  for (std::size_t j = 0; j < layout_.nodes.size(); ++j)
+    if (!with_link_dimension(layout_, j, [&]<int D>() { return factor_link<D>(j, damping); })) return false;
+  return true;
+}
+
+/// The columns of (L^-1 (G, g))^T that are the node's.
+template <int D>
+void JointSystem::eliminate_link(std::size_t j) {
+  const JointLayout::Node& node = layout_.nodes[j];
+  const int p = layout_.global_count;
+  const NodeBlocks<D> b(node, arena_.data(), stop_gradient_.data());
+  auto own = chain_half_.middleCols<D>(node.coordinate, node.dim);
+  own.setZero();
+  for (int e = 0; e < node.columns; ++e) own.row(b.global_of(e, layout_)) += b.G.col(e).transpose();
+  own.row(p) = b.g.transpose();
+  if (node.chained) {
+    const JointLayout::Node& before = layout_.nodes[j - 1];
+    const Eigen::Map<const Eigen::Matrix<double, D, D>> half(link_half_[j].data(), before.dim, node.dim);
+    own -= chain_half_.middleCols<D>(before.coordinate, before.dim).lazyProduct(half);
+  }
+  for (int i = 0; i < node.dim; ++i) {
+    for (int k = 0; k < i; ++k) own.col(i) -= b.L(i, k) * own.col(k);
+    own.col(i) /= b.L(i, i);
+  }
+}
+
+void JointSystem::eliminate_chain(double damping) {
+  const int p = layout_.global_count;
+  chain_half_.resize(p + 1, static_cast<Eigen::Index>(layout_.coordinates));
+  for (std::size_t j = 0; j < layout_.nodes.size(); ++j)
+    with_link_dimension(layout_, j, [&]<int D>() { eliminate_link<D>(j); });
+  Eigen::MatrixXd schur = Eigen::MatrixXd::Zero(p, p);
+  schur.selfadjointView<Eigen::Upper>().rankUpdate(chain_half_.topRows(p), -1.0);
   schur.diagonal() += (1.0 + damping) * hessian_.diagonal();
   schur.triangularView<Eigen::StrictlyUpper>() += hessian_;
   schur_ = schur.selfadjointView<Eigen::Upper>();
-  reduced_gradient_ = gradient_ + reduced;
-  return true;
+  reduced_gradient_ = gradient_ - chain_half_.topRows(p) * chain_half_.row(p).transpose();
+}
+
+/// After eliminate, chained: U^T = (H^-1 G)^T over phi.
+Eigen::MatrixXd JointSystem::coupling_solved() const {
+  Eigen::MatrixXd U = chain_half_.topRows(layout_.phi_count);
+  for (std::size_t j = layout_.nodes.size(); j-- > 0;)
+    with_link_dimension(layout_, j, [&]<int D>() {
+      const JointLayout::Node& node = layout_.nodes[j];
+      const Eigen::Map<const Eigen::Matrix<double, D, D>> L(
+          arena_.data() + node.block + static_cast<std::ptrdiff_t>(node.dim) * node.dim, node.dim, node.dim);
+      auto own = U.middleCols<D>(node.coordinate, node.dim);
+      for (int i = node.dim; i-- > 0;) {
+        for (int k = i + 1; k < node.dim; ++k) own.col(i) -= L(k, i) * own.col(k);
+        own.col(i) /= L(i, i);
+      }
+      if (!node.chained) return;
+      const JointLayout::Node& before = layout_.nodes[j - 1];
+      const Eigen::Map<const Eigen::Matrix<double, D, D>> half(link_half_[j].data(), before.dim, node.dim);
+      U.middleCols<D>(before.coordinate, before.dim) -= own.lazyProduct(half.transpose());
+    });
+  return U;
+}
+
+/// Takes from the stops before a node what its own, solved for, pull.
+template <int D>
+void JointSystem::substitute_link(std::size_t j, double* u) const {
+  using Column = Eigen::Matrix<double, D, 1>;
+  const JointLayout::Node &node = layout_.nodes[j], &before = layout_.nodes[j - 1];
+  const Eigen::Map<const Eigen::Matrix<double, D, D>> link(link_[j].data(), node.dim, before.dim);
+  Column pull = link.transpose() * Eigen::Map<const Column>(u + node.coordinate, node.dim);
+  solve_factored(arena_.data() + before.block + static_cast<std::ptrdiff_t>(before.dim) * before.dim,
+                 before.dim, pull.data());
+  Eigen::Map<Column>(u + before.coordinate, before.dim) -= pull;
 }
 
 Eigen::VectorXd JointSystem::solve_stops(Eigen::VectorXd rhs) const {
@@ -98,21 +164,37 @@ Eigen::VectorXd JointSystem::solve_stops(Eigen::VectorXd rhs) const {
   const std::size_t nodes = layout_.nodes.size();
   for (std::size_t j = 0; j < nodes; ++j) {
     const JointLayout::Node& node = layout_.nodes[j];
-    auto own = u.segment(node.coordinate, node.dim);
-    if (node.chained) own -= link_[j] * u.segment(layout_.nodes[j - 1].coordinate, layout_.nodes[j - 1].dim);
-    solve_factored(arena_.data() + node.block + node.dim * node.dim, node.dim, u.data() + node.coordinate);
+    if (node.chained)
+      with_link_dimension(layout_, j, [&]<int D>() {
+        using Column = Eigen::Matrix<double, D, 1>;
+        const JointLayout::Node& before = layout_.nodes[j - 1];
+        const Eigen::Map<const Eigen::Matrix<double, D, D>> link(link_[j].data(), node.dim, before.dim);
+        Eigen::Map<Column>(u.data() + node.coordinate, node.dim) -=
+            link * Eigen::Map<const Column>(u.data() + before.coordinate, before.dim);
+      });
+    solve_factored(arena_.data() + node.block + static_cast<std::ptrdiff_t>(node.dim) * node.dim, node.dim,
+                   u.data() + node.coordinate);
   }
   if (!layout_.chained) return u;
-  for (std::size_t j = nodes - 1; j > 0; --j) {
-    const JointLayout::Node &node = layout_.nodes[j], &before = layout_.nodes[j - 1];
-    if (!node.chained) continue;
-    const NodeView a(before, arena_.data());
-    Eigen::VectorXd pull = link_[j].transpose() * u.segment(node.coordinate, node.dim);
-    a.L.triangularView<Eigen::Lower>().solveInPlace(pull);
-    a.L.transpose().triangularView<Eigen::Upper>().solveInPlace(pull);
-    u.segment(before.coordinate, before.dim) -= pull;
-  }
+  for (std::size_t j = nodes - 1; j > 0; --j)
+    if (layout_.nodes[j].chained)
+      with_link_dimension(layout_, j, [&]<int D>() { substitute_link<D>(j, u.data()); });
   return u;
+}
+
+/// The diagonal block of H^-1 of a node, from that of the next one, and the block below it.
+template <int D>
+void JointSystem::invert_link(std::size_t j) const {
+  using Square = Eigen::Matrix<double, D, D>;
+  const JointLayout::Node &node = layout_.nodes[j], &next = layout_.nodes[j + 1];
+  Eigen::Map<Square> own(inverse_diagonal_.data() + inverse_begin_[j], node.dim, node.dim);
+  const Eigen::Map<const Square> link(link_[j + 1].data(), next.dim, node.dim);
+  const Eigen::Map<const Square> following(inverse_of_node(next), next.dim, next.dim);
+  // C_jj = H'^-1 + H'^-1 O^T C_next O H'^-1
+  const Square pull = link * own;
+  const Square below = -following * pull;  // C_{j+1,j}
+  inverse_below_[j + 1] = below;
+  own -= pull.transpose() * below;
 }
 
 void JointSystem::selected_inverse() const {
@@ -136,12 +218,8 @@ void JointSystem::selected_inverse() const {
       inverse[i * dim + i] = 1.0;
       solve_factored(arena_.data() + node.block + dim * dim, dim, inverse + i * dim);
     }
-    if (j + 1 < nodes && layout_.nodes[j + 1].chained) {  // C_jj = H'^-1 + H'^-1 O^T C_next O H'^-1
-      Eigen::Map<Eigen::MatrixXd> own(inverse, dim, dim);
-      const Eigen::MatrixXd pull = link_[j + 1] * own;
-      inverse_below_[j + 1] = -inverse_of(layout_.nodes[j + 1]) * pull;  // C_{j+1,j}
-      own -= pull.transpose() * inverse_below_[j + 1];
-    }
+    if (j + 1 < nodes && layout_.nodes[j + 1].chained)
+      with_link_dimension(layout_, j + 1, [&]<int D>() { invert_link<D>(j); });
   }
   inverse_valid_ = true;
 }

@@ -20,6 +20,7 @@ class PhiCovariance {
         arena_(arena),
         P_(P),
         chain_U_(std::move(chain_U)),
+        chain_Q_(layout.chained ? Eigen::MatrixXd(P * chain_U_) : Eigen::MatrixXd()),
         na_(layout.alpha_count),
         alpha_alpha_(na_ * na_),
         alpha_x_(na_),
@@ -37,13 +38,18 @@ class PhiCovariance {
     set_columns(node);
     // Q = U P, UPU = U P U^T; all row by row.
     Q_.assign(static_cast<std::size_t>(dim_) * columns_, 0.0);
-    for (int r = 0; r < dim_; ++r)
-      for (int i = 0; i < columns_; ++i) {
-        const double u = U_[r * columns_ + i];
-        const double* row = own_.data() + static_cast<std::size_t>(i) * columns_;
-        double* const to = Q_.data() + r * columns_;
-        for (int j = 0; j < columns_; ++j) to[j] += u * row[j];
-      }
+    if (layout_.chained) {
+      std::copy_n(chain_Q_.data() + static_cast<std::size_t>(node.coordinate) * columns_, Q_.size(),
+                  Q_.data());
+    } else {
+      for (int r = 0; r < dim_; ++r)
+        for (int i = 0; i < columns_; ++i) {
+          const double u = U_[r * columns_ + i];
+          const double* row = own_.data() + static_cast<std::size_t>(i) * columns_;
+          double* const to = Q_.data() + r * columns_;
+          for (int j = 0; j < columns_; ++j) to[j] += u * row[j];
+        }
+    }
     UPU_.resize(static_cast<std::size_t>(dim_) * dim_);
     for (int r = 0; r < dim_; ++r)
       for (int e = 0; e <= r; ++e) {
@@ -80,10 +86,8 @@ class PhiCovariance {
     c.hh = heading < 0 ? 0.0 : UPU_[heading * dim_ + heading];
   }
   double between(int node_a, int p, int node_b, int q) const {
-    const auto row = [&](int node, int coordinate) {
-      return chain_U_.row(static_cast<Eigen::Index>(layout_.nodes[node].coordinate) + coordinate);
-    };
-    return row(node_a, p).dot(P_ * row(node_b, q).transpose());
+    return chain_U_.col(layout_.nodes[node_a].coordinate + p)
+        .dot(chain_Q_.col(layout_.nodes[node_b].coordinate + q));
   }
   double landmarks(int i, int j) const { return P_(i, j); }
 
@@ -103,9 +107,8 @@ class PhiCovariance {
     }
     U_.resize(static_cast<std::size_t>(dim_) * columns_);
     if (layout_.chained) {
-      for (int r = 0; r < dim_; ++r)
-        for (int i = 0; i < columns_; ++i)
-          U_[r * columns_ + i] = chain_U_(static_cast<Eigen::Index>(node.coordinate) + r, i);
+      std::copy_n(chain_U_.data() + static_cast<std::size_t>(node.coordinate) * columns_, U_.size(),
+                  U_.data());
       return;
     }
     const double *L = arena_.data() + node.block + dim_ * dim_, *G = L + dim_ * dim_;
@@ -127,7 +130,7 @@ class PhiCovariance {
   const JointLayout& layout_;
   const std::vector<double>& arena_;
   const Eigen::MatrixXd& P_;
-  Eigen::MatrixXd chain_U_;
+  Eigen::MatrixXd chain_U_, chain_Q_;  ///< transposed: a column for each stop coordinate
   int na_, dim_ = 0, columns_ = 0;
   bool moves_ = false;
   std::vector<int> seen_;
@@ -138,18 +141,8 @@ class PhiCovariance {
 
 Eigen::VectorXd JointSystem::log_det_phi_gradient(const JointState& state,
                                                   const Eigen::MatrixXd& phi_covariance) const {
-  Eigen::MatrixXd U;
-  if (layout_.chained) {
-    U = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(layout_.coordinates), layout_.phi_count);
-    for (const JointLayout::Node& node : layout_.nodes) {
-      const NodeView b(node, arena_.data());
-      for (int e = 0; e < node.columns; ++e)
-        if (const int global = b.global_of(e, layout_); global < layout_.phi_count)
-          U.block(static_cast<Eigen::Index>(node.coordinate), global, node.dim, 1) = b.G.col(e);
-    }
-    for (int i = 0; i < layout_.phi_count; ++i) U.col(i) = solve_stops(U.col(i));
-  }
-  PhiCovariance covariance(layout_, arena_, phi_covariance, std::move(U));
+  PhiCovariance covariance(layout_, arena_, phi_covariance,
+                           layout_.chained ? coupling_solved() : Eigen::MatrixXd());
   return trace_gradient(state, covariance);
 }
 

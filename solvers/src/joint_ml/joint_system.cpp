@@ -28,8 +28,7 @@ JointSystem::JointSystem(const JointProblem& problem, int alpha_count, int tau_c
   }
   if (layout_.chained) {
     link_.resize(layout_.nodes.size());
-    chain_coupling_.resize(layout_.nodes.size());
-    chain_gradient_.resize(layout_.nodes.size());
+    link_half_.resize(layout_.nodes.size());
   }
 }
 
@@ -112,7 +111,11 @@ void JointSystem::flush(Elimination& sum, std::span<const int> next) const {
 
 bool JointSystem::eliminate(double damping) {
   inverse_valid_ = false;
-  if (layout_.chained) return eliminate_chain(damping);
+  if (layout_.chained) {
+    if (!factor_chain(damping)) return false;
+    eliminate_chain(damping);
+    return true;
+  }
   const std::size_t nodes = layout_.nodes.size();
   const int parts = part_count(nodes), p = layout_.global_count;
   if (eliminations_.empty()) {
@@ -140,9 +143,7 @@ bool JointSystem::eliminate(double damping) {
     for (std::size_t j = nodes * part / parts; j < end && sum.ok; ++j) {
       const JointLayout::Node& node = layout_.nodes[j];
       if (node.dim == 0) continue;
-      sum.ok = node.dim == 2   ? eliminate_node<2>(node, damping, sum)
-               : node.dim == 3 ? eliminate_node<3>(node, damping, sum)
-                               : eliminate_node<Eigen::Dynamic>(node, damping, sum);
+      sum.ok = with_dimension(node.dim, [&]<int D>() { return eliminate_node<D>(node, damping, sum); });
     }
     flush(sum, {});
   };
@@ -166,6 +167,27 @@ bool JointSystem::eliminate(double damping) {
   }
   reduced_gradient_ = gradient_ + total.reduced;
   return true;
+}
+
+bool JointSystem::factor_stops(double damping) {
+  inverse_valid_ = false;
+  if (layout_.chained) return factor_chain(damping);
+  const std::size_t nodes = layout_.nodes.size();
+  const int parts = part_count(nodes);
+  std::vector<char> good(static_cast<std::size_t>(parts), 1);
+  in_parallel(parts, [&](int part) {
+    double unused = 0.0;
+    const std::size_t end = nodes * (part + 1) / parts;
+    for (std::size_t j = nodes * part / parts; j < end && good[part]; ++j) {
+      const JointLayout::Node& node = layout_.nodes[j];
+      const auto factored = [&]<int D>() {
+        NodeBlocks<D> b(node, arena_.data(), stop_gradient_.data());
+        return factor_node(b, damping, unused);
+      };
+      good[part] = with_dimension(node.dim, factored);
+    }
+  });
+  return std::find(good.begin(), good.end(), 0) == good.end();
 }
 
 Eigen::VectorXd JointSystem::couple(const Eigen::VectorXd& u) const {

@@ -22,21 +22,6 @@ struct SightCovariance {
   const double *alpha_x = nullptr, *alpha_y = nullptr;
 };
 
-/// tr(C hessian) of one link as a function of its six coordinates; `covariance` holds C for them.
-inline double link_trace(const JointProblem& problem, const JointState& state, int k,
-                         const ChainLink::Matrix6& covariance, const Eigen::Matrix3d& W,
-                         const ChainLink::Vector6& moved) {
-  Pose2 from = state.stops[k - 1], to = state.stops[k];
-  from.x_m += moved[0];
-  from.y_m += moved[1];
-  from.heading_rad += moved[2];
-  to.x_m += moved[3];
-  to.y_m += moved[4];
-  to.heading_rad += moved[5];
-  const ChainLink link(problem.stops[k - 1], problem.stops[k], from, to);
-  return (covariance * link.hessian(W, true)).trace();
-}
-
 /// What the taped distances between landmarks add.
 template <typename Covariance>
 void JointSystem::add_taped_trace(const JointState& state, const Covariance& covariance,
@@ -149,23 +134,17 @@ Eigen::VectorXd JointSystem::trace_gradient(const JointState& state, Covariance&
         if (at.coordinate[a] >= 0 && at.coordinate[e] >= 0)
           C(a, e) = covariance.between(at.node_of(a), at.coordinate[a], at.node_of(e), at.coordinate[e]);
     const StopInformation information(prior, sigma_xy_of(problem_, state, k));
+    const ChainLink link(problem_.stops[k - 1], prior, state.stops[k - 1], state.stops[k]);
     if (layout_.sigma_s >= 0 && problem_.sigma_s_shared[k]) {
       Eigen::Matrix3d of_position = information.W;
       of_position(2, 2) = 0.0;
-      by_global[layout_.sigma_s] -=
-          2.0 * link_trace(problem_, state, k, C, of_position, ChainLink::Vector6::Zero());
+      by_global[layout_.sigma_s] -= 2.0 * (C * link.hessian(of_position, true)).trace();
     }
     if (at.coordinate[2] < 0 || !prior.turns_add_up) continue;  // the link is linear
-    for (int a = 0; a < 6; ++a) {
-      if (at.coordinate[a] < 0) continue;
-      const double step = 1e-5;  // the trace is a smooth function of order one: error of order step^2
-      ChainLink::Vector6 moved = ChainLink::Vector6::Zero();
-      moved[a] = step;
-      const double up = link_trace(problem_, state, k, C, information.W, moved);
-      moved[a] = -step;
-      const double down = link_trace(problem_, state, k, C, information.W, moved);
-      by_stop[layout_.nodes[at.node_of(a)].coordinate + at.coordinate[a]] += (up - down) / (2.0 * step);
-    }
+    const ChainLink::Vector6 slope = link.trace_gradient(C, information.W);
+    for (int a = 0; a < 6; ++a)
+      if (at.coordinate[a] >= 0)
+        by_stop[layout_.nodes[at.node_of(a)].coordinate + at.coordinate[a]] += slope[a];
   }
   return 0.5 * (by_global - couple(solve_stops(by_stop)));
 }

@@ -18,11 +18,13 @@ namespace {
 double settled_stops(JointSystem& system, JointState& state, int& evaluations, double enough,
                      const SolverLog& log) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
-  constexpr int max_iterations = 100;
+  constexpr int max_iterations = 40;
+  constexpr double least_damping = 1e-4;  // after a step that failed, where none was damped before
   const Eigen::VectorXd still = Eigen::VectorXd::Zero(system.layout().global_count);
   HessianKind kind = HessianKind::exact;
-  double nll = system.assemble(state, kind), damping = 0.0;
+  double nll = system.assemble(state, kind), damping = 0.0, last_damping = 0.0;
   ++evaluations;
+  const auto settled = [&] { return system.eliminate() ? nll : infinity; };
   if (!std::isfinite(nll)) return infinity;
   // Stops that do not depend on one another are taken each by itself, once, as soon as a step of all of them fails.
   bool to_be_taken = !system.layout().chained;
@@ -34,7 +36,7 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
     return std::isfinite(nll);
   };
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    if (!system.eliminate(damping)) {
+    if (!system.factor_stops(damping)) {
       log.iteration(iteration + 1, nll, 0.0, not_known, {"lambda", damping});
       if (to_be_taken) {
         if (!each_by_itself()) return infinity;
@@ -49,11 +51,11 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
       ++evaluations;
       continue;
     }
-    const Eigen::VectorXd step = system.back_substitute(still, true);
+    const Eigen::VectorXd step = system.solve_stops(-system.stop_gradient());
     const double decrement_sq = -system.stop_gradient().dot(step);
     if (decrement_sq < std::max(enough, 1e-18 * (1.0 + step.size())) && kind == HessianKind::exact &&
         damping == 0.0)
-      return nll;
+      return settled();
     const JointState trial = step_state(system.problem(), system.layout(), state, still, step);
     const HessianKind next_kind = decrement_sq < 1.0 + 0.1 * step.size() ? HessianKind::exact : kind;
     const double trial_nll = system.assemble(trial, next_kind);
@@ -64,12 +66,11 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
       kind = next_kind;
       log.iteration(iteration + 1, nll, std::sqrt(decrement_sq), std::sqrt(decrement_sq),
                     {"lambda", damping});
+      last_damping = damping;
       damping = damping < 1e-8 ? 0.0 : 0.1 * damping;
       if (decrement_sq < 1e-11 &&
-          kind == HessianKind::exact) {  // Newton's last step: its square is below rounding
-        if (!system.eliminate()) return infinity;
-        return nll;
-      }
+          kind == HessianKind::exact)  // Newton's last step: its square is below rounding
+        return settled();
       continue;
     }
     log.iteration(iteration + 1, nll, 0.0, std::sqrt(decrement_sq), {"lambda", damping});
@@ -77,7 +78,7 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
       if (!each_by_itself()) return infinity;
       continue;
     }
-    damping = std::max(10.0 * damping, 1e-4);
+    damping = 10.0 * std::max(damping, last_damping > 0.0 ? last_damping : 0.1 * least_damping);
     kind = HessianKind::fisher;
     if (damping > 1e8) return infinity;
     system.assemble(state, kind);

@@ -133,6 +133,10 @@ TEST_P(JointSystemTest, SchurComplementAndStepMatchTheDenseHessian) {
   const Eigen::VectorXd expected =
       -stops.ldlt().solve(system.stop_gradient() + dense.bottomLeftCorner(q, p) * globals);
   EXPECT_LT((system.back_substitute(globals, true) - expected).norm(), 1e-6 * (1e-3 + expected.norm()));
+  const Eigen::VectorXd solved = system.solve_stops(system.stop_gradient());
+  ASSERT_TRUE(system.factor_stops());  // without the globals: the same factors
+  EXPECT_EQ(system.solve_stops(system.stop_gradient()), solved);
+  ASSERT_TRUE(system.eliminate());
   const Eigen::MatrixXd inverse = stops.inverse();
   for (std::size_t j = 0; j < layout.nodes.size(); ++j) {
     const auto& node = layout.nodes[j];

@@ -50,8 +50,6 @@ constexpr double near_the_top = 15.0;
 constexpr double likelier = 0.01;  ///< nats by which a fit replaces another of the same set
 /// Of the alarm rate, the share below which the questions raise the alarm alone; above it some set has to be likelier than none, too.
 constexpr double beyond_chance = 0.1;
-/// Newton's decrement at which a calibration counts as solved, in standard deviations: within 5e-5 nats.
-constexpr double close_enough = 1e-2;
 
 using Names = std::vector<std::string>;
 

@@ -88,6 +88,8 @@ class JointSystem {
   /// Eliminates the stops from the assembled blocks with their diagonals scaled by (1 + damping). False if a node's
   /// Hessian is not positive definite.
   bool eliminate(double damping = 0.0);
+  /// The part of eliminate() that solve_stops() needs: the factors of the stops' own blocks.
+  bool factor_stops(double damping = 0.0);
 
   /// After eliminate: Schur complement on the globals, gradient reduced to them, log det H_ss.
   const Eigen::MatrixXd& schur() const { return schur_; }
@@ -100,7 +102,7 @@ class JointSystem {
   /// After eliminate: the stop coordinates that go with a change of the globals: u = -H^-1 (g + G gamma) with
   /// `with_gradient`, else u = -H^-1 G gamma.
   Eigen::VectorXd back_substitute(const Eigen::VectorXd& globals, bool with_gradient) const;
-  /// After eliminate: H^-1 rhs over the stop coordinates alone.
+  /// After eliminate or factor_stops: H^-1 rhs over the stop coordinates alone.
   Eigen::VectorXd solve_stops(Eigen::VectorXd rhs) const;
   /// G^T u: the globals' share of a vector over the stop coordinates.
   Eigen::VectorXd couple(const Eigen::VectorXd& stop_vector) const;
@@ -135,9 +137,6 @@ class JointSystem {
                      Accumulator& sum);
   template <int NA>
   bool settle_node(JointState& state, int node, Accumulator& unused);
-  /// f<NA>: with the number of coefficients of alpha where that is known when compiled, else 0.
-  template <typename Function>
-  static void with_alpha_count(const JointState& state, int alpha_count, const Function& f);
   double assemble_priors(const JointState& state, bool exact, const JointLayout::Node& node,
                          Accumulator& sum);
   void collect(const std::vector<Accumulator>& parts);
@@ -146,7 +145,17 @@ class JointSystem {
   template <int D>
   bool eliminate_node(const JointLayout::Node& node, double damping, Elimination& sum);
   void flush(Elimination& sum, std::span<const int> next) const;
-  bool eliminate_chain(double damping);
+  bool factor_chain(double damping);
+  template <int D>
+  bool factor_link(std::size_t node, double damping);
+  void eliminate_chain(double damping);
+  template <int D>
+  void eliminate_link(std::size_t node);
+  template <int D>
+  void substitute_link(std::size_t node, double* u) const;
+  template <int D>
+  void invert_link(std::size_t node) const;
+  Eigen::MatrixXd coupling_solved() const;
   void selected_inverse() const;
   template <typename Covariance>
   Eigen::VectorXd trace_gradient(const JointState& state, Covariance& covariance) const;
@@ -165,13 +174,13 @@ class JointSystem {
   double nll_ = 0.0, log_det_stops_ = 0.0;
   Eigen::VectorXd gradient_, stop_gradient_, reduced_gradient_;
   Eigen::MatrixXd hessian_, schur_;
-  std::vector<double> arena_;                    ///< per node: H, factor of H, G
-  std::vector<double> bearing_direction_;        ///< per cell: cos, sin of the mean bearing
-  std::vector<Accumulator> sums_;                ///< work space of assemble, one per part
-  std::vector<Elimination> eliminations_;        ///< work space of eliminate
-  std::vector<Eigen::MatrixXd> link_;            ///< chained: coupling block H_{k,k-1}
-  std::vector<Eigen::MatrixXd> chain_coupling_;  ///< chained: G after elimination, dense over the globals
-  std::vector<Eigen::VectorXd> chain_gradient_;
+  std::vector<double> arena_;               ///< per node: H, factor of H, G
+  std::vector<double> bearing_direction_;   ///< per cell: cos, sin of the mean bearing
+  std::vector<Accumulator> sums_;           ///< work space of assemble, one per part
+  std::vector<Elimination> eliminations_;   ///< work space of eliminate
+  std::vector<Eigen::MatrixXd> link_;       ///< chained: coupling block H_{k,k-1}
+  std::vector<Eigen::MatrixXd> link_half_;  ///< chained: L_{k-1}^-1 H_{k,k-1}^T
+  Eigen::MatrixXd chain_half_;              ///< chained: (L^-1 (G, g))^T, L the factor of the whole chain
   mutable std::vector<double> inverse_diagonal_;    ///< blocks of H_ss^-1
   mutable std::vector<std::size_t> inverse_begin_;  ///< where each node's begins
   mutable std::vector<Eigen::MatrixXd> inverse_below_;
