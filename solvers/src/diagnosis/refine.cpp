@@ -36,19 +36,6 @@ Fit refit_from_sides(const Rows& rows, const Model& model, JointState state, con
   return refit(rows, model, state, options);
 }
 
-/// What is tried around a fit is compared with its dependence, tails and errors of stops as they are.
-RefitOptions as_they_are(const Fit& fit, RefitOptions options) {
-  options.settled = static_cast<int>(fit.model.size());
-  return options;
-}
-
-/// The same, by a few steps of the other parameters: of many places close by only the best one is fitted to the end.
-RefitOptions roughly(const Fit& fit, const RefitOptions& options) {
-  RefitOptions rough = as_they_are(fit, options);
-  rough.max_iterations = 2;
-  return rough;
-}
-
 /// Scans such parameters of a member finely around the fit. Their likelihood has steps, one
 /// where a reading changes sides; the middle of the highest one is taken, where no reading is about to.
 void scan_steps(const Rows& rows, std::size_t member, const RefitOptions& options, Fit& fit) {

@@ -233,6 +233,17 @@ Fit fit_beside(const Rows& rows, const Model& start_model, const JointState& sta
 
 }  // namespace
 
+RefitOptions as_they_are(const Fit& fit, RefitOptions options) {
+  options.settled = static_cast<int>(fit.model.size());
+  return options;
+}
+
+RefitOptions roughly(const Fit& fit, const RefitOptions& options) {
+  RefitOptions rough = as_they_are(fit, options);
+  rough.max_iterations = 2;
+  return rough;
+}
+
 Fit refit(const Rows& rows, const Model& start_model, const JointState& start, const RefitOptions& options) {
   SolverLog log("refit");
   if (log.on()) log.of(set_in_words(member_names(start_model, 0)));

@@ -57,6 +57,11 @@ struct RefitOptions {
   double gradient_tolerance = 1e-4;
 };
 
+/// For what is tried around a fit: its dependence, tails and errors of stops stay as they are.
+RefitOptions as_they_are(const Fit& fit, RefitOptions options);
+/// The same, by a few steps of the other parameters: of many places close by only the best one is fitted to the end.
+RefitOptions roughly(const Fit& fit, const RefitOptions& options);
+
 /// Fits `model` from its parameters and `start`: the calibration by marginal ML on the corrected readings,
 /// the effects' parameters by damped Gauss-Newton on their projected signatures (variance: Fisher scoring;
 /// dependence and tails: line searches on the exact value), in alternation until neither gains.

@@ -14,7 +14,6 @@ namespace rangecal::diagnosis {
 namespace {
 
 constexpr std::size_t most_peaks = 4;  ///< as many as the search refits of a proposal
-constexpr int few_steps = 2;           ///< of fits that are compared before the best one is fitted to the end
 
 /// True if scores over a grid found some parameter of the effect.
 bool was_chosen(const Rows& rows, const Effect& effect) {
@@ -48,23 +47,20 @@ Fit with_reselected_curve(const Rows& part, Fit fitted, const GenericEffect& cur
 
 Fit reselect(const Rows& part, Fit fitted, const Rates& rates, const RefitOptions& options,
              OwnedCurves& curves) {
-  RefitOptions held = options;
-  held.settled = static_cast<int>(fitted.model.size());
-  RefitOptions roughly = held;
-  roughly.max_iterations = few_steps;
+  const RefitOptions held = as_they_are(fitted, options), rough = roughly(fitted, options);
   for (std::size_t e = 0; e < fitted.model.size(); ++e) {
     const Effect& effect = *fitted.model[e].effect;
     if (!was_chosen(part, effect)) continue;
     Model others = fitted.model;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(e));
-    const Fit without = refit(part, others, fitted.state, roughly);
+    const Fit without = refit(part, others, fitted.state, rough);
     if (!without.ok) continue;
     const Battery battery = Battery::of_nothing(part, without.model, without.state, rates);
     Fit best;
     for (auto& [height, start] : peaks_of(battery, effect, most_peaks)) {
       Model model = without.model;
       model.insert(model.begin() + static_cast<std::ptrdiff_t>(e), {&effect, std::move(start)});
-      Fit trial = refit(part, model, without.state, roughly);
+      Fit trial = refit(part, model, without.state, rough);
       if (trial.ok && (!best.ok || trial.nll < best.nll)) best = std::move(trial);
     }
     if (!best.ok || !(best.nll < fitted.nll)) continue;

@@ -92,10 +92,7 @@ Fit fit_part(const Rows& rest, const Fit& full, RefitOptions options, int iterat
   const bool others = std::any_of(full.free.begin(), full.free.end(), [](const FreeParameter& p) {
     return p.acts != FreeParameter::Acts::numeric;
   });
-  if (others) {
-    options.settled = static_cast<int>(fit.model.size());
-    return refit(rest, fit.model, fit.state, options);
-  }
+  if (others) return refit(rest, fit.model, fit.state, as_they_are(fit, options));
   fit.nll = calibrate_under(rest, fit.model, fit.state, options);
   fit.ok = std::isfinite(fit.nll);
   return fit;

@@ -222,6 +222,8 @@ void JointSystem::assemble_part(const JointState& state, HessianKind kind, std::
     sum.nll += assemble_node<NA>(state, kind, static_cast<int>(j), sum);
 }
 
+namespace {
+
 /// f<NA>: with the number of coefficients of alpha where that is known when compiled, else 0.
 template <typename Function>
 void with_alpha_count(const JointState& state, int alpha_count, const Function& f) {
@@ -235,6 +237,8 @@ void with_alpha_count(const JointState& state, int alpha_count, const Function& 
   else
     f.template operator()<0>();
 }
+
+}  // namespace
 
 double JointSystem::assemble(const JointState& state, HessianKind kind) {
   inverse_valid_ = false;

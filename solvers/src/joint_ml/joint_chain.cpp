@@ -54,13 +54,17 @@ double JointSystem::assemble_chain_links(const JointState& state, HessianKind ki
   return nll;
 }
 
-/// The dimension of a node and of the one before it, where they agree and are known when compiled.
+namespace {
+
+/// f<D>(), D the dimension of a node and of the one before it, where they agree and are known when compiled.
 template <typename Function>
 auto with_link_dimension(const JointLayout& layout, std::size_t j, const Function& f) {
   const JointLayout::Node& node = layout.nodes[j];
   const bool alike = !node.chained || layout.nodes[j - 1].dim == node.dim;
-  return with_dimension(alike ? node.dim : -1, f);
+  return with_dimension(alike ? node.dim : Eigen::Dynamic, f);
 }
+
+}  // namespace
 
 // The Hessian of a chain is L L^T, L block-bidiagonal: L_j the factor of H_j - B_j B_j^T, B_j = O_j L_{j-1}^-T the block to
 // the left of it, O_j = H_{j,j-1}.
@@ -132,8 +136,7 @@ Eigen::MatrixXd JointSystem::coupling_solved() const {
   for (std::size_t j = layout_.nodes.size(); j-- > 0;)
     with_link_dimension(layout_, j, [&]<int D>() {
       const JointLayout::Node& node = layout_.nodes[j];
-      const Eigen::Map<const Eigen::Matrix<double, D, D>> L(
-          arena_.data() + node.block + static_cast<std::ptrdiff_t>(node.dim) * node.dim, node.dim, node.dim);
+      const auto L = NodeView(node, arena_.data()).L;
       auto own = U.middleCols<D>(node.coordinate, node.dim);
       for (int i = node.dim; i-- > 0;) {
         for (int k = i + 1; k < node.dim; ++k) own.col(i) -= L(k, i) * own.col(k);
@@ -154,8 +157,7 @@ void JointSystem::substitute_link(std::size_t j, double* u) const {
   const JointLayout::Node &node = layout_.nodes[j], &before = layout_.nodes[j - 1];
   const Eigen::Map<const Eigen::Matrix<double, D, D>> link(link_[j].data(), node.dim, before.dim);
   Column pull = link.transpose() * Eigen::Map<const Column>(u + node.coordinate, node.dim);
-  solve_factored(arena_.data() + before.block + static_cast<std::ptrdiff_t>(before.dim) * before.dim,
-                 before.dim, pull.data());
+  solve_factored(NodeView(before, arena_.data()).L.data(), before.dim, pull.data());
   Eigen::Map<Column>(u + before.coordinate, before.dim) -= pull;
 }
 
@@ -172,8 +174,7 @@ Eigen::VectorXd JointSystem::solve_stops(Eigen::VectorXd rhs) const {
         Eigen::Map<Column>(u.data() + node.coordinate, node.dim) -=
             link * Eigen::Map<const Column>(u.data() + before.coordinate, before.dim);
       });
-    solve_factored(arena_.data() + node.block + static_cast<std::ptrdiff_t>(node.dim) * node.dim, node.dim,
-                   u.data() + node.coordinate);
+    solve_factored(NodeView(node, arena_.data()).L.data(), node.dim, u.data() + node.coordinate);
   }
   if (!layout_.chained) return u;
   for (std::size_t j = nodes - 1; j > 0; --j)
@@ -216,7 +217,7 @@ void JointSystem::selected_inverse() const {
     std::fill_n(inverse, dim * dim, 0.0);
     for (int i = 0; i < dim; ++i) {
       inverse[i * dim + i] = 1.0;
-      solve_factored(arena_.data() + node.block + dim * dim, dim, inverse + i * dim);
+      solve_factored(NodeView(node, arena_.data()).L.data(), dim, inverse + i * dim);
     }
     if (j + 1 < nodes && layout_.nodes[j + 1].chained)
       with_link_dimension(layout_, j + 1, [&]<int D>() { invert_link<D>(j); });

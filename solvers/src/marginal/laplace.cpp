@@ -24,6 +24,7 @@ double settled_stops(JointSystem& system, JointState& state, int& evaluations, d
   HessianKind kind = HessianKind::exact;
   double nll = system.assemble(state, kind), damping = 0.0, last_damping = 0.0;
   ++evaluations;
+  // Steps of the stops need no globals; who asked does.
   const auto settled = [&] { return system.eliminate() ? nll : infinity; };
   if (!std::isfinite(nll)) return infinity;
   // Stops that do not depend on one another are taken each by itself, once, as soon as a step of all of them fails.

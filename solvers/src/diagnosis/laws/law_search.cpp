@@ -57,8 +57,7 @@ class LawSearch {
  public:
   LawSearch(const Rows& rows, const Fit& base, const std::string& channel, const Rates& rates,
             const RefitOptions& options)
-      : rows_(rows), base_(base), channel_(channel), rates_(rates), options_(options) {
-    options_.settled = static_cast<int>(base.model.size());
+      : rows_(rows), base_(base), channel_(channel), rates_(rates), options_(as_they_are(base, options)) {
     base_volume_ = log_calibration_volume(rows, base);
   }
 
